@@ -40,8 +40,8 @@ class BinariesHook(BuildHookInterface[Any]):
             folder = Path(self._folder.name) / name
             folder.mkdir()
             file = binaries.build(name, folder, portable=True)
-            place = f"mbsvib_export/fmu_/binaries/{binaries.source_hash()}/{name}/{file.name}"
-            build_data["force_include"][str(file)] = place
+            path_in_wheel = f"mbsvib_export/fmu_/binaries/{binaries.source_hash()}/{name}/{file.name}"
+            build_data["force_include"][str(file)] = path_in_wheel
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
         """Remove what was compiled."""

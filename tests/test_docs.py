@@ -10,6 +10,7 @@ import matplotlib as mpl
 import pytest
 from typer.testing import CliRunner
 
+import mbsvib as mv
 from mbsvib.cli._app import app
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -53,8 +54,8 @@ def test_every_page_is_in_the_table_of_contents():
 
 
 def test_what_the_reference_names_exists():
-    whole = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
-    named = re.findall(r"^::: (\S+)$", whole, re.MULTILINE)
+    full = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
+    named = re.findall(r"^::: (\S+)$", full, re.MULTILINE)
     assert len(named) > 15
     for name in named:
         home, _, last = name.rpartition(".")
@@ -102,7 +103,15 @@ def test_the_site_is_built(tmp_path):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-3000:]
     assert (tmp_path / "pictures" / "mechanism.png").exists()
-    assert "add_bushing" in (tmp_path / "reference" / "models" / "index.html").read_text(encoding="utf-8")
+    pages = (tmp_path / "reference").glob("*/index.html")
+    rendered = {name.rpartition(".")[2] for page in pages
+                for name in re.findall(r'id="(mbsvib[^"]*)"', page.read_text(encoding="utf-8"))}  # fmt: skip
+    for package in ("mbsvib", "mbsvib.plots", "mbsvib.isolation", "mbsvib.studies", "mbsvib.library", "mbsvib_export"):
+        public = set(import_module(package).__all__) - {"__version__", "studies", "library", "plots", "isolation"}
+        assert public <= rendered, f"{package}: not in the reference: {sorted(public - rendered)}"
+    for face in (mv.Model, mv.System, mv.StateSpace):
+        members = {name for name in dir(face) if not name.startswith("_")} - {"kind"}
+        assert members <= rendered, f"{face.__name__}: not in the reference: {sorted(members - rendered)}"
 
 
 def test_the_architecture_page_lists_the_layers_of_the_contract():
@@ -111,7 +120,7 @@ def test_the_architecture_page_lists_the_layers_of_the_contract():
     faces = {"__main__", "beams", "campbell", "superelements"}
     stated = [name for line in contract["contracts"][0]["layers"] for name in line.split(" | ") if name not in faces]
     page = (DOCS / "pages" / "architecture.md").read_text(encoding="utf-8")
-    told = [name for row in re.findall(r"^\| (`[^|]*) \|", page, re.MULTILINE) for name in re.findall(r"`(\w+)`", row)]
-    assert told == stated
+    rows = re.findall(r"^\| (`[^|]*) \|", page, re.MULTILINE)
+    assert [name for row in rows for name in re.findall(r"`(\w+)`", row)] == stated
     for name in re.findall(r"`((?:\w+/)+\w+\.py)`", page):
         assert any((DOCS.parent / base / name).exists() for base in ("mbsvib", "export/mbsvib_export", "")), name

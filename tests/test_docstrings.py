@@ -136,8 +136,8 @@ def test_what_is_raised_is_said():
 def test_lists_of_shared_functions_are_whole():
     for name in SHARED:
         function = FUNCTIONS[name]
-        found = sections(inspect.getdoc(function))
-        if "Parameters" in found:
-            assert list(entries(found["Parameters"])) == names(function), name
+        result = sections(inspect.getdoc(function))
+        if "Parameters" in result:
+            assert list(entries(result["Parameters"])) == names(function), name
             if inspect.signature(function).return_annotation not in (None, "None"):
-                assert found.get("Returns", "").strip(), name
+                assert result.get("Returns", "").strip(), name

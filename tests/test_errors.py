@@ -15,18 +15,19 @@ def body(**words):
 
 
 def joint(**words):
-    given = {"name": "pin", "kind": "revolute", "first": "arm", "second": "hand", "position": (0, 0, 1)} | words
-    return "add_joint", given
+    arguments = {"name": "pin", "kind": "revolute", "first": "arm", "second": "hand", "position": (0, 0, 1)} | words
+    return "add_joint", arguments
 
 
 def bushing(**words):
-    given = {"name": "pad", "first": "arm", "second": "hand", "position": (0, 0, 1), "stiffness": (1.0,) * 6}
-    return "add_bushing", given | words
+    arguments = {"name": "pad", "first": "arm", "second": "hand", "position": (0, 0, 1), "stiffness": (1.0,) * 6}
+    return "add_bushing", arguments | words
 
 
 def spring(**words):
-    given = {"name": "coil", "first": "arm", "second": "hand", "start": (0, 0, 0), "end": (0, 0, 1), "stiffness": 1.0}
-    return "add_spring", given | words
+    arguments = {"name": "coil", "first": "arm", "second": "hand", "start": (0, 0, 0), "end": (0, 0, 1),
+                 "stiffness": 1.0}  # fmt: skip
+    return "add_spring", arguments | words
 
 
 def source(**words):
@@ -270,5 +271,5 @@ def test_a_part_of_another_model_is_no_part_of_this_one():
     other = mv.Model("other")
     stranger = other.add_body("stranger", 1.0, BOX)
     adder, words = joint(second=stranger)
-    with pytest.raises(mv.ModelError, match="'stranger' is no body of model 'robot'"):
+    with pytest.raises(mv.ModelError, match="'stranger' is not a body of model 'robot'"):
         getattr(arm(), adder)(**words)

@@ -63,9 +63,9 @@ def test_the_table_shown_is_the_one_printed(names):
 
 
 def test_the_lamp_hangs_as_shown(names):
-    found, held = names["found"], names["held"]
-    frequency = [model.linearize().modes().frequencies[0] for model in (found.model, held)]
-    shown = f"{found.displacements['arm'][4]:+.4f} rad, {frequency[0]:.4f} Hz\n" \
+    result, held = names["found"], names["held"]
+    frequency = [model.linearize().modes().frequencies[0] for model in (result.model, held)]
+    shown = f"{result.displacements['arm'][4]:+.4f} rad, {frequency[0]:.4f} Hz\n" \
             f"{held.springs['spring'].preload:.3f} N, {frequency[1]:.4f} Hz\n"  # fmt: skip
     assert shown in blocks("text")
     with pytest.raises(mv.EquilibriumError, match=r"on body 'arm', .* missing"):
@@ -73,9 +73,9 @@ def test_the_lamp_hangs_as_shown(names):
 
 
 def test_the_isolation_is_as_shown(names):
-    found = names["design"].optimum
-    assert found.success
-    assert f"{found.began:.3f} m/s^2 before, {found.objective:.3f} m/s^2 after\n" in blocks("text")
+    result = names["design"].optimum
+    assert result.success
+    assert f"{result.began:.3f} m/s^2 before, {result.objective:.3f} m/s^2 after\n" in blocks("text")
     assert names["loop"].stable
 
 

@@ -45,9 +45,9 @@ def counting(monkeypatch, module, name):
     return calls
 
 
-def assert_same(one, other, rtol=0.0):
+def assert_same(first, second, rtol=0.0):
     for key in MATRICES:
-        a, b = getattr(one, key), getattr(other, key)
+        a, b = getattr(first, key), getattr(second, key)
         assert_allclose(a, b, rtol=0, atol=rtol * np.abs(b).max(initial=0.0), err_msg=key)
 
 
@@ -57,18 +57,18 @@ def test_no_loop_no_second_transformation(monkeypatch):
     reduced = draft.reduce
 
     def forced(*args):
-        found = reduced(*args)
-        assert found.matrix is None
-        return replace(found, matrix=np.eye(len(found.independent)))
+        result = reduced(*args)
+        assert result.matrix is None
+        return replace(result, matrix=np.eye(len(result.independent)))
 
     with monkeypatch.context() as patch:
         never(patch, loops, "_solve", "pivoted_qr")
         plain = model.linearize()
     with monkeypatch.context() as patch:
         patch.setattr(draft, "reduce", forced)
-        whole = model.linearize()
+        full = model.linearize()
     for key in MATRICES:
-        assert_array_equal(getattr(plain, key), getattr(whole, key), err_msg=key)
+        assert_array_equal(getattr(plain, key), getattr(full, key), err_msg=key)
     assert "no loop with constraints: second-order terms B'' were not formed" in plain.explain()
 
 
@@ -86,14 +86,14 @@ def test_no_redundant_row_no_look_at_the_poses_nearby(monkeypatch):
         check(topology, coordinates, cuts, replace(reduction, groups=groups), position)
 
     monkeypatch.setattr(assembly, "check_mobility", forced)
-    whole = model.linearize()
+    full = model.linearize()
     assert looked
     for key in MATRICES:
-        assert_array_equal(getattr(plain, key), getattr(whole, key), err_msg=key)
+        assert_array_equal(getattr(plain, key), getattr(full, key), err_msg=key)
 
 
 def test_redundant_rows_get_names_when_these_are_asked_for(monkeypatch):
-    named = counting(monkeypatch, loops, "_redundant")
+    named = counting(monkeypatch, loops, "redundant_rows")
     system = mv.library.four_bar().linearize()
     system.modes()
     assert not named
@@ -127,9 +127,9 @@ def test_loops_of_fixed_joints_change_nothing():
         model.add_output("y", "b3", "y")
         return model
 
-    plain, whole = welded(False).linearize(), welded(True).linearize()
-    assert whole.redundant == tuple(f"{w}.{d}" for w in whole.cut_joints for d in ("x", "y", "z", "rx", "ry", "rz"))
-    assert_same(plain, whole, 1e-15)
+    plain, full = welded(False).linearize(), welded(True).linearize()
+    assert full.redundant == tuple(f"{w}.{d}" for w in full.cut_joints for d in ("x", "y", "z", "rx", "ry", "rz"))
+    assert_same(plain, full, 1e-15)
 
 
 def test_springs_that_nothing_moves_are_left_out():
@@ -147,10 +147,10 @@ def test_springs_that_nothing_moves_are_left_out():
     scene = assembly.scene(model)
     relative = scene.relative()
     reduction = draft.reduce(scene.coordinates, scene.cuts, relative.dense(0, scene.locked))
-    whole = draft.matrices(scene, relative, reduction)
-    assert len(whole.stiffness) == 12
+    full = draft.matrices(scene, relative, reduction)
+    assert len(full.stiffness) == 12
     for key in MATRICES:
-        assert_array_equal(getattr(system, key), getattr(whole, key), err_msg=key)
+        assert_array_equal(getattr(system, key), getattr(full, key), err_msg=key)
 
 
 @pytest.mark.parametrize("kind", ["undamped", "proportional", "commuting"])
@@ -179,11 +179,11 @@ def test_classical_damping_takes_no_problem_of_twice_the_size(monkeypatch, kind)
 
     monkeypatch.setattr(damped, "classical_damping", forced)
     monkeypatch.setattr(modal, "proportional", lambda system: False, raising=False)
-    whole = model.linearize()
-    assert_same_eigenvalues(whole.modes(rtol=1e-12).eigenvalues, values, rtol=4e-15 if kind != "commuting" else 1e-14)
+    full = model.linearize()
+    assert_same_eigenvalues(full.modes(rtol=1e-12).eigenvalues, values, rtol=4e-15 if kind != "commuting" else 1e-14)
     assert calls
     if response is not None:
-        assert_allclose(whole.frequency_response(OMEGA), response, rtol=1e-12)
+        assert_allclose(full.frequency_response(OMEGA), response, rtol=1e-12)
 
 
 def test_a_damper_that_couples_takes_it(monkeypatch):
@@ -203,19 +203,19 @@ def test_higher_rungs_of_the_ladder_are_not_climbed(monkeypatch, name):
         plain = model.linearize()
         plain.modes()
     assert "no singular values of the factors, no Jacobi rotations" in plain.explain()
-    whole = model.linearize()
+    full = model.linearize()
     calls = counting(monkeypatch, undamped, "by_factors") + counting(monkeypatch, undamped, "by_jacobi")
-    climbed = undamped.undamped(whole, 0.0)
+    climbed = undamped.undamped(full, 0.0)
     del calls
     assert climbed.method in ("products", "factors", "jacobi")
-    found = plain.modes()
-    assert_allclose(climbed.omega, np.sort(found.natural), rtol=float(found.errors.max() + climbed.errors.max()))
+    result = plain.modes()
+    assert_allclose(climbed.omega, np.sort(result.natural), rtol=float(result.errors.max() + climbed.errors.max()))
 
 
 def test_the_ladder_is_climbed_where_it_has_to_be():
     """Stiffness over twelve and mass over eight decades."""
-    rungs = {wide(seed, bodies=8).linearize().modes(rtol=1e-13).rung for seed in range(4)}
-    assert rungs - {"products"}
+    solvers = {wide(seed, bodies=8).linearize().modes(rtol=1e-13).rung for seed in range(4)}
+    assert solvers - {"products"}
 
 
 def test_responses_of_separate_modes_solve_nothing_frequency_by_frequency(monkeypatch):
@@ -266,18 +266,18 @@ def test_outputs_that_are_not_asked_for_change_nothing(model):
     lean = mv.Model(model.name)
     for part in (*model.bodies.values(), *model.joints.values(), *model.springs.values(), *model.inputs.values()):
         getattr(lean, mv.api.model.ADDERS[type(part)])(**part.words())
-    kept = [name for i, name in enumerate(model.outputs) if i % 3 == 0]
-    for name in kept:
+    retained = [name for i, name in enumerate(model.outputs) if i % 3 == 0]
+    for name in retained:
         part = model.outputs[name]
         getattr(lean, mv.api.model.ADDERS[type(part)])(**part.words())
-    whole, part = model.linearize(), lean.linearize()
-    rows = [whole.outputs.index(name) for name in kept]
+    full, part = model.linearize(), lean.linearize()
+    rows = [full.outputs.index(name) for name in retained]
     for key in ("M", "C", "K", "B"):
-        assert_array_equal(getattr(part, key), getattr(whole, key))
+        assert_array_equal(getattr(part, key), getattr(full, key))
     for key in ("Cq", "Cv", "Ca", "D"):
-        assert_array_equal(getattr(part, key), getattr(whole, key)[rows])
-    assert_allclose(part.frequency_response(OMEGA), whole.frequency_response(OMEGA)[rows], rtol=1e-13,
-                    atol=1e-15 * np.abs(whole.frequency_response(OMEGA)).max())  # fmt: skip
+        assert_array_equal(getattr(part, key), getattr(full, key)[rows])
+    assert_allclose(part.frequency_response(OMEGA), full.frequency_response(OMEGA)[rows], rtol=1e-13,
+                    atol=1e-15 * np.abs(full.frequency_response(OMEGA)).max())  # fmt: skip
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -1,6 +1,6 @@
 """What parameters do to the equations, where they do it affinely: stiffness, damping, mass, inertia.
 
-The derivatives are differences of whole linearizations, which are exact but for rounding where a matrix is affine; that
+The derivatives are differences of linearizations, which are exact except for rounding where a matrix is affine; that
 it is so is tested, for each parameter alone and for all together, and what is not is refused by its name.
 """
 
@@ -72,7 +72,7 @@ def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
     """
     origin = system.provenance.origin
     if origin is None or system.provenance.dropped is not None:
-        raise ExportError(f"{caller}: '{system.name}' is no system as model.linearize() returns it, so that nothing "
+        raise ExportError(f"{caller}: '{system.name}' is not a system that model.linearize() returned, so that nothing "
                           f"tells what parameters do to it; give that one, or leave them out.")  # fmt: skip
     known = origin.parameters
     names = tuple(dict.fromkeys(name for pattern in parameters for name in known.matching(pattern)))
@@ -125,10 +125,10 @@ def _slope(
 ) -> tuple[float, Matrices] | None:
     """Step and derivatives, or None where no step shows the equations affine."""
     for factor in _STEPS:
-        step = factor * scale
-        step = (value + step) - value
-        end = build(value + step)
-        middle = None if end is None else build(value + step / 2)
+        change_of_value = factor * scale
+        change_of_value = (value + change_of_value) - value
+        end = build(value + change_of_value)
+        middle = None if end is None else build(value + change_of_value / 2)
         if end is None or middle is None:
             continue
         slopes = {}
@@ -140,8 +140,8 @@ def _slope(
             bend = np.abs(middle[label] - base[label] - change / 2).max(initial=0.0)
             if bend > 1e-9 * np.abs(change).max(initial=0.0) + _ROUNDING * size:
                 return None
-            slopes[label] = change / step
-        return step, slopes
+            slopes[label] = change / change_of_value
+        return change_of_value, slopes
     return None
 
 
@@ -151,8 +151,8 @@ def _refusal(known: Parameters, name: str, caller: str, failure: MbsvibError | N
                 f"export a file for each value, of a model that has all else that goes with it.")  # fmt: skip
     part = known.entry(name).part
     same = [key for key in known if key.startswith(f"{part}.") and known.entry(key).field in _AFFINE]
-    others = same or [key for key in known if known.entry(key).field in ("mass", "stiffness", "damping")]
+    options = same or [key for key in known if known.entry(key).field in ("mass", "stiffness", "damping")]
     return (f"{caller}: '{name}' cannot be tuned, as the equations are not affine in it. They would be in stiffness, "
             f"damping, mass and inertia where nothing is condensed and no free length makes loads of them: "
-            f"{', '.join(others[:6]) or 'of which there are none'}{', ...' if len(others) > 6 else ''}. For others "
+            f"{', '.join(options[:6]) or 'of which there are none'}{', ...' if len(options) > 6 else ''}. For others "
             f"export a file for each value, of model.with_values({{'{name}': ...}}).linearize().")  # fmt: skip

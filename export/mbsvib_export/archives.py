@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from io import BytesIO
 from typing import TYPE_CHECKING
 
-from mbsvib.common.file_content import MOST_ENTRIES, ContentError, said
+from mbsvib.common.file_content import MOST_ENTRIES, ContentError, shortened
 from mbsvib.errors import MbsvibError
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def archive_of(raw: bytes) -> Iterator[zipfile.ZipFile]:
         raise
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, LookupError, RuntimeError, NotImplementedError,
             ValueError, OverflowError) as error:  # fmt: skip
-        raise ContentError(f"the archive is damaged ({said(error)})") from error
+        raise ContentError(f"the archive is damaged ({shortened(error)})") from error
 
 
 def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:

@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.expected import a_path
-from mbsvib.common.file_content import said
+from mbsvib.common.file_content import content_of
 from mbsvib.errors import ExportError
+from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.neutral import SECOND_ORDER, SystemData, first_order
 from mbsvib_export.npz_ import KEYS, STATE_TEXTS, TEXTS, system_data_from
 from mbsvib_export.npz_reading import arrays_in
-from mbsvib_export.whole_file import write_whole
+from mbsvib_export.read_errors import read_errors
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -53,14 +54,14 @@ class BatchData:
 
 
 def to_npz_batch(batch: Batch, path: str | os.PathLike[str], realization: str = "physical") -> Path:
-    """Write all variants of a batch to one .npz file of numpy: whole or not at all.
+    """Write all variants of a batch to one .npz file of numpy, completely or not at all.
 
     Parameters
     ----------
     batch : Batch
         Variants of one model, ``model.linearize(values=...)``.
     path : str or path
-        File to write, taken as it is: no suffix is added.
+        File to write; no suffix is added.
     realization : str
         States of the state spaces: "physical" or "modal".
 
@@ -105,7 +106,7 @@ def to_npz_batch(batch: Batch, path: str | os.PathLike[str], realization: str = 
         **{f"state_space.{key}": np.stack([first_order(space)[key] for space in spaces])
            for key in first_order(spaces[0])},
     }  # fmt: skip
-    return write_whole(path, lambda stream: np.savez(stream, **arrays))
+    return write_atomic(path, lambda stream: np.savez(stream, **arrays))
 
 
 def from_npz_batch(path: str | os.PathLike[str]) -> BatchData:
@@ -126,9 +127,10 @@ def from_npz_batch(path: str | os.PathLike[str]) -> BatchData:
     ExportError
         If the file cannot be read, is damaged, holds a single system, or is of a later version of the format.
     """
-    where = os.fspath(a_path(path, "from_npz_batch", ExportError))
-    try:
-        arrays = arrays_in(where, (*KEYS, "parameters", "values"), "a file of to_npz_batch")
+    file = a_path(path, "from_npz_batch", ExportError)
+    content = content_of(file, ExportError, "a file of to_npz_batch")
+    with read_errors(file, ".npz file", "to_npz_batch"):
+        arrays = arrays_in(content, (*KEYS, "parameters", "values"))
         kind, version = str(arrays.pop("format")), int(arrays.pop("version"))
         if (kind, version) != (FORMAT, VERSION):
             raise ExportError(f"format = {kind!r}, version {version}; expected {FORMAT!r}, version {VERSION}. A single "
@@ -143,8 +145,3 @@ def from_npz_batch(path: str | os.PathLike[str]) -> BatchData:
         systems = tuple(system_data_from(shared | {key: array[i].copy() for key, array in arrays.items()})
                         for i in range(values.shape[1]))  # fmt: skip
         return BatchData(str(shared["name"]), systems, dict(zip(names, values, strict=True)))
-    except ExportError as error:
-        raise ExportError(str(error) if str(error).startswith(where) else f"{where}: {error}") from error
-    except (ValueError, TypeError, LookupError) as error:  # arrays of other kinds and shapes
-        raise ExportError(f"{where}: no .npz file of to_npz_batch, or a damaged one ({said(error)}); write it "
-                          f"again.") from error  # fmt: skip

@@ -12,11 +12,11 @@ import numpy as np
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
 from mbsvib.isolation.controller import Controller
+from mbsvib_export.atomic_file import check_companion, write_atomic
 from mbsvib_export.c_text import MARK, Plan, ascii_text, header, source, test_program
 from mbsvib_export.fmu_.names import identifier
 from mbsvib_export.neutral import state_space_of
 from mbsvib_export.sampling import discretised
-from mbsvib_export.whole_file import check_companion, write_whole
 
 if TYPE_CHECKING:
     import os
@@ -106,7 +106,7 @@ def to_c(
     for path in texts:
         check_companion(path, lambda file: mark in file.read_text("utf-8", "replace")[:400],
                         f"one that to_c has written for '{space.name}'", "Give another folder or another name.")
-    one, two, three = (write_whole(path, lambda file, text=text: file.write(text.encode("ascii")))  # type: ignore[misc]
+    one, two, three = (write_atomic(path, lambda file, text=text: file.write(text.encode("ascii")))  # type: ignore[misc]
                        for path, text in texts.items())  # fmt: skip
     return CFiles(one, two, three)
 

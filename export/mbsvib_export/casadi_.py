@@ -30,7 +30,7 @@ INSTALL = "mbsvib[casadi]"
 
 @dataclass(frozen=True, repr=False, eq=False)
 class CasadiModel:
-    """A system as functions of CasADi, with the names and units of what goes in and comes out.
+    """A system as functions of CasADi, with the names and units of inputs and outputs.
 
     ``rates``: (x, u, p) -> (xdot, y);  ``step``: (x, u, p) -> (x_next, y), exact over ``dt`` [s] for inputs that are
     held, None without a step;  ``matrices``: p -> (M, C, K, B, Cq, Cv, Ca, D), None without parameters. ``values`` are
@@ -88,7 +88,7 @@ def to_casadi(
     Raises
     ------
     ExportError
-        If CasADi is not installed, the step is no positive number, or the equations are not affine in a parameter.
+        If CasADi is not installed, the step is not a positive number, or the equations are not affine in a parameter.
     ModelError
         If a parameter is unknown.
     ResponseError
@@ -98,12 +98,12 @@ def to_casadi(
     if parameters is not None:
         return _with_parameters(casadi, system, step, parameters, realization)
     space = state_space_of(system, realization, "to_casadi")
-    made = None if step is None else step_of(space, step, "to_casadi")
+    sampling = None if step is None else step_of(space, step, "to_casadi")
     x, u, p = _symbols(casadi, len(space.states), len(space.inputs), 0)
     y = _dm(casadi, space.C) @ x + _dm(casadi, space.D) @ u
     rates = _function(casadi, "rates", (x, u, p), (_dm(casadi, space.A) @ x + _dm(casadi, space.B) @ u, y))
-    sampled = None if made is None else _function(
-        casadi, "step", (x, u, p), (_dm(casadi, made.phi) @ x + _dm(casadi, made.gamma) @ u, y))  # fmt: skip
+    sampled = None if sampling is None else _function(
+        casadi, "step", (x, u, p), (_dm(casadi, sampling.phi) @ x + _dm(casadi, sampling.gamma) @ u, y))  # fmt: skip
     return _model(space, rates, sampled, None, step, None)
 
 

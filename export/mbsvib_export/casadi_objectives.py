@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.api.system import System
-from mbsvib.equilibrium.at_equilibrium import settled
+from mbsvib.equilibrium.at_equilibrium import at_equilibrium
 from mbsvib.errors import ExportError, MbsvibError
 from mbsvib_export.casadi_ import INSTALL
 from mbsvib_export.neutral import refuse_many
@@ -121,7 +121,7 @@ def _names(system: System, parameters: str | Sequence[str], caller: str) -> tupl
         raise ExportError(f"{caller}: system = {type(system).__name__}; expected a System (model.linearize()).")
     origin = system.provenance.origin
     if origin is None or system.provenance.dropped is not None:
-        raise ExportError(f"{caller}: '{system.name}' is no system as model.linearize() returns it, so that nothing "
+        raise ExportError(f"{caller}: '{system.name}' is not a system that model.linearize() returned, so that nothing "
                           f"tells what parameters do to it; give that one.")  # fmt: skip
     patterns = (parameters,) if isinstance(parameters, str) else tuple(parameters)
     return tuple(dict.fromkeys(name for pattern in patterns for name in origin.parameters.matching(pattern)))
@@ -147,12 +147,12 @@ def _callback(name: str, system: System, names: tuple[str, ...], value: Ask, der
     last: dict[bytes, System | None] = {}
 
     def at(p: Array) -> System | None:
-        """The system at p; a solver asks for values and derivatives at one place."""
+        """The system at p; a solver requests values and derivatives at the same point."""
         key = p.tobytes()
         if key not in last:
             try:
                 changed = origin.with_values(dict(zip(names, p.tolist(), strict=True)))
-                variant: Any = settled(changed, system.coordinates, system.cut_joints, "dense", System)[1]
+                variant: Any = at_equilibrium(changed, system.coordinates, system.cut_joints, "dense", System)[1]
             except MbsvibError:
                 variant = None
             last.clear()

@@ -254,9 +254,9 @@ def _poles(model: System | SystemData) -> Complex:
 
 def _same_names(data: SystemData | StateSpace | Measurement, model: System | SystemData) -> None:
     for what in ("inputs", "outputs"):
-        there, here = getattr(data, what), getattr(model, what)
-        if there != here:
-            missing = sorted(set(here) ^ set(there)) or list(there)
+        exported, expected = getattr(data, what), getattr(model, what)
+        if exported != expected:
+            missing = sorted(set(expected) ^ set(exported)) or list(exported)
             raise ExportError(f"the {what} of the file are not those of '{model.name}': {', '.join(missing[:6])}; it "
                               f"is the file of another model, or the model has changed. Export it again.")  # fmt: skip
 

@@ -66,7 +66,7 @@ def to_control(
     Raises
     ------
     ExportError
-        If python-control is not installed or cannot hold the system, or the step is no positive number.
+        If python-control is not installed or cannot hold the system, or the step is not a positive number.
     ResponseError
         If the realization is unknown.
 

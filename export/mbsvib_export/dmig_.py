@@ -16,8 +16,8 @@ from mbsvib.common.dmig_cards import read_dmig_cards
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.errors import ExportError
+from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.neutral import SystemData, system_data_of
-from mbsvib_export.whole_file import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -68,7 +68,7 @@ def to_dmig(system: System | SystemData, path: str | os.PathLike[str]) -> Path:
     lines.append(f"SPOINT  {1:>8}{'THRU':>8}{count:>8}" if count > 1 else f"SPOINT  {1:>8}")
     lines += [card for listed in cards.values() for card in listed]
     text = "\n".join(lines) + "\n"
-    return write_whole(path, lambda stream: stream.write(text.encode("ascii")))
+    return write_atomic(path, lambda stream: stream.write(text.encode("ascii")))
 
 
 def _comment(text: str) -> str:

@@ -103,19 +103,19 @@ class _Scene:
         self.frames: dict[str, tuple[Array, Array]] = {"ground": (np.zeros(3), np.eye(3))}
         gravity = [0.0, 0.0, 0.0] if model.gravity is None else list(model.gravity)
         for name, body in model.bodies.items():
-            place, axes = np.array(body.position), np.array(body.orientation)
-            self.frames[name] = place, axes
+            origin, axes = np.array(body.position), np.array(body.orientation)
+            self.frames[name] = origin, axes
             self.numbers[name] = self.mbs.CreateRigidBody(
-                name=name, referencePosition=place, referenceRotationMatrix=axes, gravity=gravity,
+                name=name, referencePosition=origin, referenceRotationMatrix=axes, gravity=gravity,
                 inertia=inertia(mass=body.mass, inertiaTensor=_tensor(body)),
             )  # fmt: skip
 
     def marker(self, body: str, point: Any, axes: Array | None = None) -> int:
         """A marker on a body at a point, with axes, both in the world."""
-        place, own = self.frames[body]
+        origin, own = self.frames[body]
         local = np.eye(4)
         local[:3, :3] = own.T @ (own if axes is None else axes)
-        local[:3, 3] = own.T @ (np.array(point) - place)
+        local[:3, 3] = own.T @ (np.array(point) - origin)
         return int(self.mbs.AddMarker(self.items.MarkerBodyRigid(bodyNumber=self.numbers[body], localHT=local)))
 
     def add_joint(self, joint: Joint) -> None:
@@ -153,10 +153,10 @@ class _Scene:
         point = self.frames[load.body][0] if load.position is None else load.position
         for kind, vector in (("force", load.force), ("torque", load.torque)):
             if any(vector):
-                carried = axes.T @ np.array(vector) if load.follower else np.array(vector)
+                load_vector = axes.T @ np.array(vector) if load.follower else np.array(vector)
                 item = self.loads[kind]
                 self.mbs.AddLoad(item(
-                    name=f"{load.name}.{kind}", markerNumber=self.marker(load.body, point), loadVector=carried,
+                    name=f"{load.name}.{kind}", markerNumber=self.marker(load.body, point), loadVector=load_vector,
                     bodyFixed=load.follower))  # fmt: skip
 
     def add_input(self, port: Input, signal: Signal) -> None:
@@ -186,8 +186,8 @@ class _Scene:
         for body, sign in ((port.body, 1.0), (port.relative_to, -1.0)):
             if body == "ground":
                 continue
-            place, axes = self.frames[body]
-            local = axes.T @ (np.array(point) - place)
+            origin, axes = self.frames[body]
+            local = axes.T @ (np.array(point) - origin)
             for kind, along in ((linear, port.wrench[:3]), (angular, port.wrench[3:])):
                 if any(along):
                     sensors.append(self.mbs.AddSensor(self.items.SensorBody(

@@ -24,7 +24,7 @@ def check_version(name: Any, version: Any) -> None:
         If the format is another one or the version is not known.
     """
     if name != FORMAT:
-        raise ExportError(f"format = {name!r}; expected {FORMAT!r}. This is no system written by mbsvib.")
+        raise ExportError(f"format = {name!r}; expected {FORMAT!r}. This is not a system written by mbsvib.")
     if version != VERSION or isinstance(version, bool):
         raise ExportError(f"version = {version!r}; this release of mbsvib reads version {VERSION}. A later release "
                           f"wrote it: upgrade mbsvib (pip install -U mbsvib), or export it again.")  # fmt: skip

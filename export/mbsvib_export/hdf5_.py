@@ -15,13 +15,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.expected import a_path
-from mbsvib.common.file_content import check_shape, content_of, said
+from mbsvib.common.file_content import check_shape, content_of
 from mbsvib.errors import ExportError
+from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.format_version import check_version
 from mbsvib_export.neutral import system_data_of
 from mbsvib_export.npz_ import KEYS, arrays_of, system_data_from
 from mbsvib_export.packages import need
-from mbsvib_export.whole_file import write_whole
+from mbsvib_export.read_errors import read_errors
 
 if TYPE_CHECKING:
     from mbsvib.api.system import System
@@ -31,12 +32,12 @@ _INSTALL = "mbsvib[hdf5]"
 HEAD = 512  # bytes before the file itself, which HDF5 leaves to others
 
 
-def head(rest: bytes) -> bytes:
+def head(content: bytes) -> bytes:
     """Return a line with a checksum of what follows: the HDF5 library does not survive some damaged files.
 
     Parameters
     ----------
-    rest : bytes
+    content : bytes
         The file without its head.
 
     Returns
@@ -44,18 +45,18 @@ def head(rest: bytes) -> bytes:
     bytes
         The head, which HDF5 skips.
     """
-    return f"mbsvib system in HDF5, crc32 {zlib.crc32(rest):08x}\n".encode().ljust(HEAD, b"\0")
+    return f"mbsvib system in HDF5, crc32 {zlib.crc32(content):08x}\n".encode().ljust(HEAD, b"\0")
 
 
 def to_hdf5(system: System | SystemData, path: str | os.PathLike[str], realization: str = "physical") -> Path:
-    """Write a system to an HDF5 file: whole or not at all.
+    """Write a system to an HDF5 file, completely or not at all.
 
     Parameters
     ----------
     system : System or SystemData
         The equations of motion.
     path : str or path
-        File to write, taken as it is: no suffix is added.
+        File to write; no suffix is added.
     realization : str
         States of the state space: "physical", "modal" or "balanced".
 
@@ -79,8 +80,8 @@ def to_hdf5(system: System | SystemData, path: str | os.PathLike[str], realizati
             is_text = array.dtype.kind == "U"
             value = array.astype(object) if is_text else array
             file.create_dataset(key.replace(".", "/"), data=value, dtype=h5py.string_dtype() if is_text else None)
-    rest = stream.getvalue()[HEAD:]
-    return write_whole(path, lambda target: target.write(head(rest) + rest))
+    content = stream.getvalue()[HEAD:]
+    return write_atomic(path, lambda target: target.write(head(content) + content))
 
 
 def from_hdf5(path: str | os.PathLike[str]) -> SystemData:
@@ -102,20 +103,15 @@ def from_hdf5(path: str | os.PathLike[str]) -> SystemData:
         If h5py is not installed, or the file cannot be read, is damaged, or is of a later version of the format.
     """
     h5py = need("h5py", "from_hdf5", _INSTALL)
-    where = os.fspath(a_path(path, "from_hdf5", ExportError))
-    raw = content_of(where, ExportError, "a file of to_hdf5")
-    try:
+    file = a_path(path, "from_hdf5", ExportError)
+    raw = content_of(file, ExportError, "a file of to_hdf5")
+    with read_errors(file, "HDF5 file", "to_hdf5"):
         if raw[:HEAD] != head(raw[HEAD:]):
             raise ExportError("no HDF5 file as to_hdf5 wrote it: damaged, or saved by another program; write it again.")
-        with h5py.File(BytesIO(raw), "r") as file:
-            entries = _entries(h5py, file, len(raw))
+        with h5py.File(BytesIO(raw), "r") as datasets:
+            entries = _entries(h5py, datasets, len(raw))
         check_version(str(entries.get("format")), int(entries.get("version", 0)))
         return system_data_from(entries)
-    except ExportError as error:
-        raise ExportError(f"{where}: {error}") from error
-    except Exception as error:  # h5py turns damage into errors of every kind
-        raise ExportError(f"{where}: no HDF5 file of to_hdf5, or a damaged one ({said(error)}); write it "
-                          f"again.") from error  # fmt: skip
 
 
 def _entries(h5py: Any, file: Any, size: int) -> dict[str, Any]:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from mbsvib.common.file_content import content_of
 from mbsvib.errors import ExportError
+from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.format_version import FORMAT, VERSION
 from mbsvib_export.json_reading import system_data
 from mbsvib_export.neutral import SECOND_ORDER, first_order, system_data_of
-from mbsvib_export.whole_file import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -52,7 +52,7 @@ def to_json(
     """
     text = _text(_words(system_data_of(system, realization, "to_json"))) + "\n"
     if path is not None:
-        write_whole(path, lambda stream: stream.write(text.encode()))
+        write_atomic(path, lambda stream: stream.write(text.encode()))
     return text
 
 

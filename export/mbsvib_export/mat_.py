@@ -25,15 +25,16 @@ import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.common.expected import a_path
-from mbsvib.common.file_content import content_of, said
+from mbsvib.common.file_content import content_of
 from mbsvib.common.mat_file import read_mat_file
 from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
+from mbsvib_export.atomic_file import check_companion, write_atomic
 from mbsvib_export.format_version import FORMAT, VERSION, check_version
 from mbsvib_export.mat_script import is_script_of, script
 from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, system_data_of
+from mbsvib_export.read_errors import read_errors
 from mbsvib_export.responses import check_points, poles, response_scale, second_order_response
-from mbsvib_export.whole_file import check_companion, write_whole
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -95,11 +96,11 @@ def to_mat(
         check_companion(companion, lambda file: is_script_of(goal.name, file.read_bytes()),
                         f"the script of '{goal.name}'", "Move it, take another name for the .mat file, or say "
                         "loader=False.")  # fmt: skip
-    result = write_whole(path, lambda file: file.write(document))
+    result = write_atomic(path, lambda file: file.write(document))
     if loader:
         text = script(name, result.name, data.name)
         try:
-            write_whole(companion, lambda file: file.write(text.encode("ascii")))
+            write_atomic(companion, lambda file: file.write(text.encode("ascii")))
         except ExportError:
             if is_new:
                 result.unlink(missing_ok=True)
@@ -125,25 +126,20 @@ def from_mat(path: str | os.PathLike[str]) -> SystemData:
     ExportError
         If the file cannot be read, is damaged, or is of a later version of the format.
     """
-    where = os.fspath(a_path(path, "from_mat", ExportError))
-    raw = content_of(where, ExportError, "a file of to_mat")
-    try:
+    file = a_path(path, "from_mat", ExportError)
+    raw = content_of(file, ExportError, "a file of to_mat")
+    with read_errors(file, ".mat file", "to_mat"):
         if raw[:TITLE] != title(raw[TITLE:]):
             raise ExportError("no .mat file as to_mat wrote it: damaged, or saved by another program; write it again.")
         arrays = read_mat_file(raw)
         own = arrays["mbsvib"]
         check_version(own["format"], int(own["version"].item()))
         return _data(arrays, own, arrays["mech"])
-    except ExportError as error:
-        raise ExportError(f"{where}: {error}") from error
-    except (ValueError, LookupError, TypeError, AttributeError) as error:  # arrays of other kinds and shapes
-        raise ExportError(f"{where}: no .mat file of to_mat, or a damaged one ({said(error)}); write it "
-                          f"again.") from error  # fmt: skip
 
 
-def title(rest: bytes) -> bytes:
+def title(content: bytes) -> bytes:
     """The free text at the beginning, with a checksum of all that follows."""
-    return f"MATLAB 5.0 MAT-file, written by mbsvib, crc32 {zlib.crc32(rest):08x}".encode().ljust(TITLE)
+    return f"MATLAB 5.0 MAT-file, written by mbsvib, crc32 {zlib.crc32(content):08x}".encode().ljust(TITLE)
 
 
 def _content(data: SystemData, system: System | None) -> dict[str, Any]:

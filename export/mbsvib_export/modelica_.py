@@ -12,9 +12,9 @@ import numpy as np
 from mbsvib.errors import ExportError
 from mbsvib.isolation.controller import Controller
 from mbsvib.version import __version__
+from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.fmu_.names import base_unit, identifier
 from mbsvib_export.neutral import state_space_of
-from mbsvib_export.whole_file import write_whole
 
 if TYPE_CHECKING:
     import os
@@ -86,7 +86,7 @@ def to_modelica(
         if not np.isfinite(getattr(space, label)).all():
             raise ExportError(f"{caller}: {label} of '{space.name}' holds NaN or infinity; expected finite numbers.")
     text = _model(space, model, connectors)
-    return write_whole(path, lambda file: file.write(text.encode("utf-8")))
+    return write_atomic(path, lambda file: file.write(text.encode("utf-8")))
 
 
 def _model(space: StateSpace, model: str, connectors: bool) -> str:
@@ -114,8 +114,8 @@ def _declared(
     kind: str, variables: Sequence[str], units: Sequence[str], names: Sequence[str], more: str = ""
 ) -> Iterable[str]:
     for variable, unit, name in zip(variables, units, names, strict=True):
-        said = [f'unit = "{modelica_unit(unit)}"'] if base_unit(unit) else []
-        changes = ", ".join([*said, *([more] if more else [])])
+        attributes = [f'unit = "{modelica_unit(unit)}"'] if base_unit(unit) else []
+        changes = ", ".join([*attributes, *([more] if more else [])])
         yield f"  {kind} {variable}{f'({changes})' if changes else ''} {_text(name)};"
 
 

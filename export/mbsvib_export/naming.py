@@ -51,9 +51,9 @@ def named(
     plants = list(like) if isinstance(like, (list, tuple)) else [like]
     for system in (result, *plants):
         if not hasattr(system, "input_labels"):
-            raise ExportError(f"named: {type(system).__name__} is no system of python-control; expected a StateSpace, "
-                              f"TransferFunction or FrequencyResponseData (of h2syn and hinfsyn: the first thing they "
-                              f"return).")  # fmt: skip
+            raise ExportError(f"named: {type(system).__name__} is not a system of python-control; expected a "
+                              f"StateSpace, TransferFunction or FrequencyResponseData (of h2syn and hinfsyn: the first "
+                              f"thing they return).")  # fmt: skip
     made: Any = deepcopy(result)
     if controller:
         inputs = _last(plants[-1].output_labels, made.ninputs, "inputs", "outputs")
@@ -138,8 +138,8 @@ def with_names(function: Callable[..., Any], *arguments: Any, **options: Any) ->
     if name in _OF_FIRST:
         many = isinstance(result, list)  # balred of several orders
         return [named(item, plant) for item in result] if many else named(result, plant)
-    controller, *rest = result if isinstance(result, tuple) else (result,)
-    loops = (_loop(item, plant, controller) if hasattr(item, "input_labels") else item for item in rest)
+    controller, *other_results = result if isinstance(result, tuple) else (result,)
+    loops = (_loop(item, plant, controller) if hasattr(item, "input_labels") else item for item in other_results)
     made = [named(controller, plant, controller=True), *loops]
     return tuple(made) if isinstance(result, tuple) else made[0]
 

@@ -20,13 +20,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.expected import a_path
-from mbsvib.common.file_content import said
+from mbsvib.common.file_content import content_of
 from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
+from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.format_version import FORMAT, VERSION, check_version
 from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, first_order, system_data_of
 from mbsvib_export.npz_reading import arrays_in
-from mbsvib_export.whole_file import write_whole
+from mbsvib_export.read_errors import read_errors
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -41,14 +42,14 @@ KEYS = ("format", "version", "name", "realization", *TEXTS, *STATE_TEXTS, *SECON
 
 
 def to_npz(system: System | SystemData, path: str | os.PathLike[str], realization: str = "physical") -> Path:
-    """Write a system to a .npz file of numpy: whole or not at all.
+    """Write a system to a .npz file of numpy, completely or not at all.
 
     Parameters
     ----------
     system : System or SystemData
         The equations of motion.
     path : str or path
-        File to write, taken as it is: no suffix is added.
+        File to write; no suffix is added.
     realization : str
         States of the state space: "physical", "modal" or "balanced".
 
@@ -65,7 +66,7 @@ def to_npz(system: System | SystemData, path: str | os.PathLike[str], realizatio
         If the realization is unknown.
     """
     arrays = arrays_of(system_data_of(system, realization, "to_npz"))
-    return write_whole(path, lambda stream: np.savez(stream, **arrays))
+    return write_atomic(path, lambda stream: np.savez(stream, **arrays))
 
 
 def arrays_of(data: SystemData) -> dict[str, Any]:
@@ -112,16 +113,12 @@ def from_npz(path: str | os.PathLike[str]) -> SystemData:
     ExportError
         If the file cannot be read, is damaged, or is of a later version of the format.
     """
-    where = os.fspath(a_path(path, "from_npz", ExportError))
-    try:
-        entries = arrays_in(where, KEYS, "a file of to_npz")
+    file = a_path(path, "from_npz", ExportError)
+    content = content_of(file, ExportError, "a file of to_npz")
+    with read_errors(file, ".npz file", "to_npz"):
+        entries = arrays_in(content, KEYS)
         check_version(str(entries.get("format")), int(entries.get("version", 0)))
         return system_data_from(entries)
-    except ExportError as error:
-        raise ExportError(str(error) if str(error).startswith(where) else f"{where}: {error}") from error
-    except (ValueError, TypeError, LookupError) as error:  # arrays of other kinds and shapes
-        raise ExportError(f"{where}: no .npz file of to_npz, or a damaged one ({said(error)}); write it "
-                          f"again.") from error  # fmt: skip
 
 
 def system_data_from(arrays: dict[str, Any]) -> SystemData:

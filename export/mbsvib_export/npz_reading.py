@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.common.file_content import LARGEST_UNPACKED, ContentError, check_shape, content_of
-from mbsvib.errors import ExportError
+from mbsvib.common.file_content import LARGEST_UNPACKED, ContentError, check_shape
 from mbsvib_export.archives import archive_of, unpacked
 
 if TYPE_CHECKING:
-    import os
     from collections.abc import Collection
 
 _SUFFIX = ".npy"
@@ -24,17 +22,15 @@ _HEADER = re.compile(rb"\{'descr': '([<>=|]?(?:[iu][1248]|f[248]|U[0-9]{1,9}))',
                      rb"'shape': \(([0-9]{0,18}(?:, ?[0-9]{1,18})*,?)\),? ?\}\s*")  # fmt: skip
 
 
-def arrays_in(path: str | os.PathLike[str], wanted: Collection[str], expected: str) -> dict[str, Any]:
+def arrays_in(content: bytes, wanted: Collection[str]) -> dict[str, Any]:
     """Return arrays of a .npz file by their names.
 
     Parameters
     ----------
-    path : str or path
+    content : bytes
         The file.
     wanted : collection of str
         Names of arrays to read, those that are there; others are left packed.
-    expected : str
-        What the file should be, for messages.
 
     Returns
     -------
@@ -43,12 +39,10 @@ def arrays_in(path: str | os.PathLike[str], wanted: Collection[str], expected: s
 
     Raises
     ------
-    ExportError
-        If the file cannot be read.
     ContentError
         If it is no archive of arrays, or a damaged one.
     """
-    with archive_of(content_of(path, ExportError, expected)) as archive:
+    with archive_of(content) as archive:
         taken = [entry for entry in archive.infolist() if entry.filename.removesuffix(_SUFFIX) in wanted]
         packed = sum(entry.file_size for entry in taken if entry.compress_type != zipfile.ZIP_STORED)
         if packed > LARGEST_UNPACKED:

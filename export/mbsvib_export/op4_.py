@@ -17,8 +17,8 @@ from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.common.op4_file import read_op4_file
 from mbsvib.errors import ExportError
+from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.neutral import SystemData, system_data_of
-from mbsvib_export.whole_file import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -65,7 +65,7 @@ def to_op4(system: System | SystemData, path: str | os.PathLike[str], binary: bo
         raise ExportError(f"to_op4: '{data.name}' has no degree of freedom and no ports; there is nothing to write.")
     write = _binary if binary else _text
     content = b"".join(write(name, array) for name, array in arrays.items())
-    return write_whole(path, lambda stream: stream.write(content))
+    return write_atomic(path, lambda stream: stream.write(content))
 
 
 def read_op4(path: str | os.PathLike[str]) -> dict[str, Array]:

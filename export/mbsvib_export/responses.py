@@ -144,9 +144,9 @@ def _terms(model: System | SystemData, omega: Array) -> Array:
         q = np.abs(np.linalg.solve(model.K + 1j * w * model.C - w * w * model.M, model.B))
         size = np.sqrt(stiff + w * w * heavy)[:, None]
         size[size == 0.0] = 1.0
-        most = (q * size).max(axis=0, initial=0.0) / size
+        largest = (q * size).max(axis=0, initial=0.0) / size
         weights = np.abs(model.Cq) + w * np.abs(model.Cv) + w * w * np.abs(model.Ca)
-        result[:, :, k] = weights @ most + np.abs(model.D)
+        result[:, :, k] = weights @ largest + np.abs(model.D)
     return result
 
 

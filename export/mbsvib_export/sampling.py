@@ -55,7 +55,7 @@ def step_of(space: StateSpace, dt: float, caller: str = "step_of") -> Step:
     Raises
     ------
     ExportError
-        If the step is no positive number.
+        If the step is not a positive number.
     """
     from scipy.sparse.csgraph import connected_components
 

@@ -102,14 +102,14 @@ def _grid(system: System, source: str, target: str) -> Array:
 
 
 def _without_common(poles: Complex, zeros: Complex) -> tuple[Complex, Complex]:
-    remaining, left = list(poles), []
+    remaining, kept_zeros = list(poles), []
     for zero in zeros:
-        near = int(np.argmin(np.abs(np.array(remaining) - zero))) if remaining else -1
-        if near >= 0 and abs(remaining[near] - zero) <= SAME * abs(zero):
-            remaining.pop(near)
+        nearest_pole = int(np.argmin(np.abs(np.array(remaining) - zero))) if remaining else -1
+        if nearest_pole >= 0 and abs(remaining[nearest_pole] - zero) <= SAME * abs(zero):
+            remaining.pop(nearest_pole)
         else:
-            left.append(zero)
-    return np.array(remaining, dtype=complex), np.array(left, dtype=complex)
+            kept_zeros.append(zero)
+    return np.array(remaining, dtype=complex), np.array(kept_zeros, dtype=complex)
 
 
 def _polynomials(poles: Complex, zeros: Complex, omega: Array, exact: Complex) -> tuple[Array, Array]:

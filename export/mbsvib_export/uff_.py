@@ -17,13 +17,13 @@ from mbsvib.api.system import System
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.errors import ExportError
+from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.neutral import SystemData, refuse_many
 from mbsvib_export.responses import second_order_response
 from mbsvib_export.uff_functions import MARK
 from mbsvib_export.uff_geometry import geometry_sets, mode_sets
 from mbsvib_export.uff_points import geometry_of
 from mbsvib_export.uff_reading import measurement_of
-from mbsvib_export.whole_file import write_whole
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -100,7 +100,7 @@ def to_uff(
              for j, source in enumerate(geometry.inputs) for i, output in enumerate(geometry.outputs)]  # fmt: skip
     if modes and isinstance(system, System):
         sets += [item.encode("ascii", "replace") for item in mode_sets(system, geometry)]
-    return write_whole(path, lambda stream: stream.write(b"".join(sets)))
+    return write_atomic(path, lambda stream: stream.write(b"".join(sets)))
 
 
 def _grid(system: System | SystemData) -> Array:

@@ -199,14 +199,14 @@ def _mode(data: DataSet, content: _Content) -> None:
         frequency, damping = size / (2 * pi), -float(numbers[0]) / size if size else 0.0
     width = per_node * (2 if values == 5 else 1)
     step = 1 + -(-width // 6)
-    found, shapes = [], []
+    numbered, shapes = [], []
     for k in range(at, len(data.lines), step):
-        found.append(data.integers(k, 10)[0])
-        shapes.append(_displacement(data.table(k + 1, width, (13,) * 6), values == 5, found[-1], content))
-    if len(set(found)) < len(found):
+        numbered.append(data.integers(k, 10)[0])
+        shapes.append(_displacement(data.table(k + 1, width, (13,) * 6), values == 5, numbered[-1], content))
+    if len(set(numbered)) < len(numbered):
         raise ContentError(f"data set 55 at line {data.start} has a node twice")
-    shape: Array | Complex = np.asarray(shapes, dtype=complex if values == 5 else float).reshape(len(found), 6)
-    content.modes.append(MeasuredMode(data.line(0).strip(), frequency, damping, tuple(found), shape))
+    shape: Array | Complex = np.asarray(shapes, dtype=complex if values == 5 else float).reshape(len(numbered), 6)
+    content.modes.append(MeasuredMode(data.line(0).strip(), frequency, damping, tuple(numbered), shape))
 
 
 def _displacement(numbers: Array, is_complex: bool, node: int, content: _Content) -> Array | Complex:

@@ -128,8 +128,8 @@ class Posed(Mechanism):
         if not preload:
             result = equilibrium(self, snap, cut)
         else:
-            from mbsvib.equilibrium.articulation import held_as, stiffened
+            from mbsvib.equilibrium.articulation import with_preloads_of, with_rigid_parts
             from mbsvib.equilibrium.preloads import preloaded
 
-            result = held_as(self, equilibrium(preloaded(stiffened(self), preload), snap, cut))
+            result = with_preloads_of(self, equilibrium(preloaded(with_rigid_parts(self), preload), snap, cut))
         return result if report else result.model

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from mbsvib.api.sparse_system import SparseSystem
 from mbsvib.api.system import System
-from mbsvib.equilibrium.at_equilibrium import settled as at_equilibrium
+from mbsvib.equilibrium.at_equilibrium import at_equilibrium
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

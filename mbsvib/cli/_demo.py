@@ -30,7 +30,7 @@ def demo(
     from mbsvib.common import tables
     from mbsvib.files import save
     from mbsvib_export import to_json, to_npz
-    from mbsvib_export.whole_file import write_whole
+    from mbsvib_export.atomic_file import write_atomic
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -47,8 +47,8 @@ def demo(
         files.append((name, words))
         return folder / name
 
-    table = csv_text(modes).encode()
-    write_whole(wrote("modes.csv", "the table above, with every digit"), lambda stream: stream.write(table))
+    content = csv_text(modes).encode()
+    write_atomic(wrote("modes.csv", "the table above, with every digit"), lambda stream: stream.write(content))
     write_figure(plots.modes(system), wrote("modes.png", "natural frequencies and damping ratios"))
     force = plots.bode(system, "Fx", "x")
     write_figure(force, wrote("bode-force.png", "Bode plot, force on the platform to its displacement"))

@@ -19,16 +19,14 @@ ViewOption = Annotated[str, typer.Option("--view", metavar="VIEW", help="From wh
 FileOption = Annotated[
     Path | None, typer.Option("--file", "-f", metavar="FILE", help=f"Where to: {', '.join(FORMATS)}.")
 ]
+FirstOption = Annotated[float | None, typer.Option("--from", metavar="HZ", help="First frequency [Hz].")]
+LastOption = Annotated[float | None, typer.Option("--to", metavar="HZ", help="Last frequency [Hz].")]
 
 
 def bode(
-    model: ModelArgument,
-    inputs: InputOption = None,
-    outputs: OutputOption = None,
-    first: Annotated[float | None, typer.Option("--from", metavar="HZ", help="First frequency [Hz].")] = None,
-    last: Annotated[float | None, typer.Option("--to", metavar="HZ", help="Last frequency [Hz].")] = None,
-    file: FileOption = None,
-) -> None:
+    model: ModelArgument, inputs: InputOption = None, outputs: OutputOption = None, first: FirstOption = None,
+    last: LastOption = None, file: FileOption = None,
+) -> None:  # fmt: skip
     """Draw a Bode plot into a file (default: NAME-bode.png)."""
     _check_format(file)
     system = system_of(model)
@@ -37,6 +35,33 @@ def bode(
 
     figure = plots.bode(system, sources, results, span=(first, last))
     _deliver(figure, file, f"{system.name}-bode.png", remark)
+
+
+def nyquist(
+    model: ModelArgument, inputs: InputOption = None, outputs: OutputOption = None, first: FirstOption = None,
+    last: LastOption = None, file: FileOption = None,
+) -> None:  # fmt: skip
+    """Draw frequency responses in the complex plane into a file (default: NAME-nyquist.png)."""
+    _check_format(file)
+    system = system_of(model)
+    sources, results, remark = ports(system, inputs, outputs)
+    from mbsvib import plots
+
+    figure = plots.nyquist(system, sources, results, span=(first, last))
+    _deliver(figure, file, f"{system.name}-nyquist.png", remark)
+
+
+def sigma(
+    model: ModelArgument, inputs: InputOption = None, outputs: OutputOption = None, first: FirstOption = None,
+    last: LastOption = None, file: FileOption = None,
+) -> None:  # fmt: skip
+    """Draw the singular values of the frequency response into a file (default: NAME-sigma.png)."""
+    _check_format(file)
+    system = system_of(model)
+    from mbsvib import plots
+
+    figure = plots.singular_values(system, inputs or None, outputs or None, span=(first, last))
+    _deliver(figure, file, f"{system.name}-sigma.png", "")
 
 
 def step(
@@ -83,7 +108,7 @@ def animate(
 
 
 def write_figure(figure: Figure, path: Path) -> Path:
-    """Write a figure in the format of the path's suffix, whole or not at all.
+    """Write a figure in the format of the path's suffix, completely or not at all.
 
     Parameters
     ----------
@@ -104,10 +129,10 @@ def write_figure(figure: Figure, path: Path) -> Path:
     ExportError
         If the file cannot be written.
     """
-    from mbsvib_export.whole_file import write_whole
+    from mbsvib_export.atomic_file import write_atomic
 
     _check_format(path)
-    return write_whole(path, lambda stream: figure.savefig(stream, format=path.suffix[1:].lower()))
+    return write_atomic(path, lambda stream: figure.savefig(stream, format=path.suffix[1:].lower()))
 
 
 def _check_format(path: Path | None) -> None:

@@ -35,6 +35,10 @@ def export(
     realization: Annotated[
         str | None, typer.Option("--states", metavar="KIND", help="States: physical (of .c: modal), modal or balanced.")
     ] = None,
+    fmi: Annotated[str, typer.Option("--fmi", metavar="VERSION", help="Of an FMU: 2.0 or 3.0.")] = "3.0",
+    platforms: Annotated[
+        str | None, typer.Option("--platforms", metavar="NAMES", help="Of an FMU: all, or names with commas between.")
+    ] = None,
     dt: Annotated[float | None, typer.Option("--dt", metavar="SECONDS", help="Time between samples, for .c.")] = None,
 ) -> None:
     """Write the linear system, frequency responses or the model (.yaml), by the suffix of the file."""
@@ -45,6 +49,8 @@ def export(
         raise shell.UsageProblem(f"'{file}': no format goes by the suffix '{suffix}'.{hint} Known: {known}.")
     if dt is not None and suffix != ".c":
         raise shell.UsageProblem(f"--dt {dt:g}: '{file}' is continuous in time; give --dt with a file that ends in .c.")
+    if suffix != ".fmu" and (fmi != "3.0" or platforms is not None):
+        raise shell.UsageProblem(f"--fmi and --platforms: '{file}' is no FMU; give them with a file that ends in .fmu.")
     source = model_of(model)
     if file.exists() and Path(model).exists() and file.samefile(model):
         raise shell.UsageProblem(f"'{file}' is the model itself, which would be overwritten; give another file by -o.")
@@ -58,17 +64,20 @@ def export(
 
         system = source.linearize()
         with_states: dict[str, Callable[..., object]] = {
-            ".json": mx.to_json, ".npz": mx.to_npz, ".mat": mx.to_mat, ".h5": mx.to_hdf5, ".fmu": mx.to_fmu,
-            ".mo": mx.to_modelica,
+            ".json": mx.to_json, ".npz": mx.to_npz, ".mat": mx.to_mat, ".h5": mx.to_hdf5, ".mo": mx.to_modelica,
         }  # fmt: skip
         states = {} if realization is None else {"realization": realization}
         if suffix == ".c":
             mx.to_c(system, file.parent, name=file.stem, **states, **({} if dt is None else {"step": dt}))  # type: ignore[arg-type]
+        elif suffix == ".fmu":
+            asked = platforms if platforms in (None, "all") else tuple(platforms.split(","))
+            written = mx.to_fmu(system, file, fmi, platforms=asked, **states)
+            content = f"an FMU (FMI {fmi}) that runs on {', '.join(written.platforms)}"
+            if written.other_platforms:
+                content += "; others by --platforms all"
         elif suffix in with_states:
-            written = with_states[suffix](system, file, **states)
-            if isinstance(written, mx.FmuFile):
-                content += f"; it runs on {', '.join(written.platforms)}"
+            with_states[suffix](system, file, **states)
         else:
-            others: dict[str, Callable[..., object]] = {".uff": mx.to_uff, ".op4": mx.to_op4, ".pch": mx.to_dmig}
-            others[suffix](system, file)
+            exporters: dict[str, Callable[..., object]] = {".uff": mx.to_uff, ".op4": mx.to_op4, ".pch": mx.to_dmig}
+            exporters[suffix](system, file)
     shell.say(f"Written: {shell.shown(file)} ({content})")

@@ -9,12 +9,17 @@ import typer
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._lookup import ModelArgument, system_of
 
+JsonOption = Annotated[bool, typer.Option("--json", help="JSON with every digit.")]
 
-def models() -> None:
+
+def models(as_json: JsonOption = False) -> None:
     """List the built-in models."""
     from mbsvib import library
     from mbsvib.common import tables
 
+    if as_json:
+        shell.say_json([{"name": name, "what": words} for name, (_, words) in library.models().items()])
+        return
     rows = [(name, words) for name, (_, words) in library.models().items()]
     note = "Members of the families by the chapter's names too: C50RF1, T5PF1, L20SF1 (size and joint)."
     tables.show(shell.console(), "Built-in models", [("name", "left"), ("what it is", "left")], rows, [note])
@@ -23,7 +28,7 @@ def models() -> None:
 def modes(
     model: ModelArgument,
     as_csv: Annotated[bool, typer.Option("--csv", help="Comma-separated values with every digit.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="JSON with every digit.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Print natural frequencies, damping ratios and what moves most in each mode."""
     if as_csv and as_json:
@@ -39,9 +44,17 @@ def modes(
     tables.show(shell.console(), **result.table())
 
 
-def check(model: ModelArgument) -> None:
+def check(model: ModelArgument, as_json: JsonOption = False) -> None:
     """Load and linearize a model and explain what was found; exit status 1 if it is faulty."""
     system = system_of(model)
+    if as_json:
+        modes = system.modes()
+        shell.say_json({
+            "name": system.name, "dof": system.dof, "coordinates": system.coordinates, "inputs": system.inputs,
+            "outputs": system.outputs, "cut_joints": system.cut_joints, "redundant": system.redundant,
+            "natural_hz": modes.frequencies.tolist(), "remarks": list(modes.remarks()),
+        })  # fmt: skip
+        return
     shell.say(system.explain())
     modes = system.modes()
     shell.say("modes")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -67,6 +68,21 @@ def console() -> Console:
 def say(words: str) -> None:
     """Print lines without colours or wrapping, in ASCII if standard output supports nothing else."""
     typer.echo(words if tables.encodable(words) else tables.to_ascii(words))
+
+
+def say_json(content: Any) -> None:
+    """Print a value as JSON with every digit; numbers that JSON does not have become null."""
+    import json
+
+    typer.echo(json.dumps(_finite(content), indent=1, allow_nan=False))
+
+
+def _finite(content: Any) -> Any:
+    if isinstance(content, dict):
+        return {key: _finite(value) for key, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [_finite(value) for value in content]
+    return None if isinstance(content, float) and not isfinite(content) else content
 
 
 def complain(words: str) -> None:

@@ -1,1 +1,1 @@
-"""Shared by all: checks of arguments, text tables, files that are written whole or not at all."""
+"""Used by all folders: checks of arguments, text tables, atomic writing of files, types of arrays."""

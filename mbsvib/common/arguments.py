@@ -1,7 +1,7 @@
-"""Checks at the door: plain values in, tuples of finite floats out, or a ModelError that names the element.
+"""Checks of arguments: they return finite floats and tuples, or raise a ModelError that names the element.
 
-Pure Python on purpose: a three-vector is checked in a third of the time that one numpy call takes, and a model
-has hundreds of them.
+They are pure Python, as one numpy call takes three times as long as the check of a three-vector, of which a model has
+hundreds.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ UNIT6 = tuple(tuple(1.0 if i == j else 0.0 for j in range(6)) for i in range(6))
 # A rotation matrix computed in double precision is orthonormal to 1e-15; one typed with ten digits to 1e-10.
 # Beyond 1e-9 the axes would scale stiffness by more than the accuracy this toolbox promises.
 ROTATION_TOLERANCE = 1e-9
-# Columns off by more than rounding leave a joint's free directions a share of its locked ones, by which a second joint
-# on the same axes would lock it.
+# Columns off by more than rounding give a joint's free directions components along its locked ones, by which a second
+# joint on the same axes would lock it.
 ROUNDED = 1e-14
 TINY = 1e-150
-# A vector that was divided by its length has length 1 to this; it stays as it is, so that files give it back exactly.
+# The length of a normalised vector differs from 1 by at most this; it is not normalised again, so that files restore it
+# exactly.
 UNIT_LENGTH = 4.0 * 2.0**-52
-# Nobody needs to turn by more, but 90 degrees taken for radians do.
+# Largest accepted rotation; larger ones are probably in degrees.
 ONCE_AROUND = 2.0 * pi * (1.0 + ROTATION_TOLERANCE)
 
 
@@ -87,7 +88,7 @@ def vector(value: Any, who: str, field: str, expected: str = "three finite numbe
     """Return ``value`` as three finite floats."""
     if type(value) is tuple and len(value) == 3:
         x, y, z = value
-        # most calls give floats already; a sum that is not finite goes the long way, which tells why
+        # a fast path for floats; where the sum is not finite, the general check finds the reason
         if type(x) is type(y) is type(z) is float and isfinite(x + y + z):
             return value
     return numbers(value, (3,), who, field, expected)  # type: ignore[return-value]
@@ -99,7 +100,7 @@ def axis(value: Any, who: str, field: str) -> Vector:
     length = hypot(x, y, z)
     if length == 0.0 or length == inf:
         raise refuse(who, field, value, "a direction (x, y, z) that is not zero")
-    if length < TINY:  # up, to where lengths keep all their digits
+    if length < TINY:  # lengths of subnormal numbers lose digits
         return axis((x / TINY, y / TINY, z / TINY), who, field)
     if abs(length - 1.0) <= UNIT_LENGTH:
         return (x, y, z)
@@ -142,7 +143,7 @@ def orientation(value: Any, who: str, field: str = "orientation") -> Matrix3:
 
 
 def _skewness(axes: Matrix3) -> float:
-    """Return by how much products of columns are off those of orthonormal ones."""
+    """Return the largest error of products of columns from those of orthonormal ones."""
     (a, b, c), (d, e, f), (g, h, i) = axes
     return max(
         abs(a * a + d * d + g * g - 1.0), abs(b * b + e * e + h * h - 1.0), abs(c * c + f * f + i * i - 1.0),
@@ -151,7 +152,7 @@ def _skewness(axes: Matrix3) -> float:
 
 
 def orthonormal(axes: Matrix3) -> Matrix3:
-    """Return right-handed axes that were given to some digits as orthonormal ones; the third keeps its direction."""
+    """Return right-handed axes with rounded digits as orthonormal ones; the third keeps its direction."""
     if axes is IDENTITY or _skewness(axes) <= ROUNDED:
         return axes
     x, y, z = zip(*axes, strict=True)

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all."""
+"""Atomic writing of files: completely or not at all."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from uuid import uuid4
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-# Drafts are named after their file, eight digits, and this.
+# Temporary files have the name of their file, eight digits, and this ending.
 DRAFT = ".part"
 
 
-def write_whole(path: str | os.PathLike[str], write: Callable[[IO[bytes]], object]) -> Path:
-    """Write a file beside its place, then put it there in one step.
+def write_atomic(path: str | os.PathLike[str], write: Callable[[IO[bytes]], object]) -> Path:
+    """Write a temporary file in the same folder, then rename it to the path.
 
     Parameters
     ----------
     path : str or path-like
-        Where the file goes; one that is there is replaced and keeps its permissions, a link stays a link.
+        Path of the file; an existing file is replaced and keeps its permissions, a link stays a link.
     write : callable
         Writes the content to the binary stream it is given.
 
     Returns
     -------
     Path
-        The path. Where an OSError is raised instead, what was there is still there, untouched.
+        The path. If an OSError is raised, an existing file is unchanged.
     """
     target = Path(os.path.realpath(path))
     start = f".{target.name[:60]}."
@@ -52,7 +52,7 @@ def write_whole(path: str | os.PathLike[str], write: Callable[[IO[bytes]], objec
 
 
 def _remove_abandoned(folder: Path, start: str) -> None:
-    """Remove drafts of a file that writers have left behind who were stopped; those being written are locked."""
+    """Remove temporary files of interrupted writers; those of active writers are locked."""
     try:
         drafts = [draft for draft in folder.iterdir() if draft.name.startswith(start) and draft.name.endswith(DRAFT)
                   and len(draft.name) == len(start) + 8 + len(DRAFT)]  # fmt: skip
@@ -63,7 +63,7 @@ def _remove_abandoned(folder: Path, start: str) -> None:
             with open(draft, "rb") as stream:
                 _lock(stream)
             draft.unlink(missing_ok=True)
-        except OSError:  # somebody writes it, or it is not ours
+        except OSError:  # it is being written, or belongs to another user
             continue
 
 

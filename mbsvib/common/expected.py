@@ -1,4 +1,4 @@
-"""Models where models are asked for, systems where systems are: whoever hands over the other one is told the way."""
+"""Checks of arguments of responses and exports: models, systems, names, real numbers, mode numbers and paths."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def a_system(value: T, caller: str, field: str = "system") -> T:
 
 
 def way_to_system(value: Any) -> str:
-    """Say what to do with something else than a system."""
+    """Return advice on how to obtain a system from another object."""
     if kind_of(value) == "model":
         return "Give model.linearize()."
     if kind_of(value) == "batch":
@@ -58,20 +58,20 @@ def _refuse(
     error: Callable[..., MbsvibError], value: Any, caller: str, field: str, expected: str, hint: str
 ) -> MbsvibError:
     name = getattr(value, "name", None)
-    given = repr(value) if isinstance(value, (str, type(None))) else \
+    text = repr(value) if isinstance(value, (str, type(None))) else \
         f"{type(value).__name__} '{name}'" if isinstance(name, str) else type(value).__name__  # fmt: skip
-    return error(f"{caller}: {field} = {given}; expected {expected}. {hint}".rstrip())
+    return error(f"{caller}: {field} = {text}; expected {expected}. {hint}".rstrip())
 
 
-def names(given: Any, caller: str, field: str, error: Callable[..., MbsvibError] = ResponseError) -> list[str]:
-    """Return names as a list: a text, a part that ``add_...`` returned, or several of either."""
-    several = [given] if isinstance(given, str) or hasattr(given, "name") else given
+def names(value: Any, caller: str, field: str, error: Callable[..., MbsvibError] = ResponseError) -> list[str]:
+    """Return names as a list, from a text, a part that ``add_...`` returned, or several of either."""
+    several = [value] if isinstance(value, str) or hasattr(value, "name") else value
     try:
-        listed = [each if isinstance(each, str) else each.name for each in several]
+        listed = [item if isinstance(item, str) else item.name for item in several]
     except (TypeError, AttributeError):
         listed = [None]
-    if not all(isinstance(each, str) for each in listed):
-        text = f"{caller}: {field} = {shown(given)}; expected a name, or a list of names."
+    if not all(isinstance(item, str) for item in listed):
+        text = f"{caller}: {field} = {shown(value)}; expected a name, or a list of names."
         raise error(text, field=field) if error is ModelError else error(text)
     return listed
 
@@ -114,7 +114,7 @@ def mode_index(
 
 
 def angular(omega: Any, caller: str = "frequency_response") -> NDArray[np.float64]:
-    """Return angular frequencies [rad/s] as a vector whose squares can be held."""
+    """Return angular frequencies [rad/s] as a vector whose squares neither overflow nor underflow."""
     w = np.atleast_1d(reals(omega, caller, "omega", "a vector of numbers [rad/s]"))
     if w.ndim != 1 or not np.isfinite(w).all():
         raise ResponseError(f"{caller}: omega has shape {np.shape(omega)}; expected a finite vector [rad/s].")
@@ -126,7 +126,7 @@ def angular(omega: Any, caller: str = "frequency_response") -> NDArray[np.float6
 
 
 def a_path(value: Any, caller: str, error: Callable[[str], MbsvibError]) -> Path:
-    """Return ``value`` as a path; a number would be taken for an open file, whatever that is."""
+    """Return ``value`` as a path; a number is refused, as ``open`` would take it for a file descriptor."""
     if isinstance(value, (str, os.PathLike)):
         return Path(value)
     hint = " It comes after the model or system." if hasattr(value, "linearize") or hasattr(value, "modes") else ""

@@ -20,7 +20,7 @@ MOST_ENTRIES = 10_000
 # Rows of an array without columns, which takes no bytes, but the time of whoever counts them.
 _MOST_EMPTY = 1_000_000
 # Characters of a message of another library.
-_LONGEST_SAID = 160
+_LONGEST_MESSAGE = 160
 
 
 class ContentError(ValueError):
@@ -60,8 +60,8 @@ def content_of(path: str | os.PathLike[str], error: Callable[[str], MbsvibError]
     except FileNotFoundError as reason:
         raise error(f"{name}: cannot be read: there is no such file; expected {expected}.") from reason
     except (OSError, ValueError, MemoryError) as reason:  # ValueError: a zero byte in the path
-        said = getattr(reason, "strerror", None) or str(reason) or "not enough memory"
-        raise error(f"{name}: cannot be read: {said}; expected {expected}.") from reason
+        message = getattr(reason, "strerror", None) or str(reason) or "not enough memory"
+        raise error(f"{name}: cannot be read: {message}; expected {expected}.") from reason
 
 
 def check_shape(shape: Sequence[int], itemsize: int, available: int, what: str) -> int:
@@ -121,10 +121,10 @@ def check_dense(rows: int, columns: int, available: int, what: str) -> None:
                            f"{max(LARGEST_DENSE, available) / 1e9:.3g} GB")  # fmt: skip
 
 
-def said(error: BaseException) -> str:
+def shortened(error: BaseException) -> str:
     """Return what another library says of a file, shortened: it may repeat all of the file's bytes."""
     text = " ".join(str(error).split())
-    return text if len(text) <= _LONGEST_SAID else f"{text[:_LONGEST_SAID]} ..."
+    return text if len(text) <= _LONGEST_MESSAGE else f"{text[:_LONGEST_MESSAGE]} ..."
 
 
 def _product(shape: Sequence[int]) -> str:

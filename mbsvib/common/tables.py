@@ -38,7 +38,7 @@ def text(
     columns : sequence of (str, str)
         Header of each column, and ``left``, ``center`` or ``right``.
     rows : iterable of sequences
-        One entry a column; what is no string is shown by ``str``.
+        One entry a column; other types are shown by ``str``.
     notes : sequence of str
         Lines below the table.
     ascii_only : bool, optional

@@ -57,7 +57,8 @@ class PlainParts:
 @dataclass(frozen=True, slots=True)
 class Pieces:
     """Rows of a model that more than two bodies share: ``mass``, W of M = W^T W, and ``elastic`` ones; ``nodes`` are
-    the bodies whose mass these rows are. ``owners`` are the parts that have become others, ``made`` the names of these.
+    the bodies whose mass these rows are. ``owners`` are the parts that have become others, ``made`` the names of these,
+    ``order`` the names of all parts that the user gave.
     """
 
     mass: tuple[Piece, ...]
@@ -65,7 +66,10 @@ class Pieces:
     nodes: frozenset[str]
     owners: tuple[Part, ...] = ()
     made: frozenset[str] = frozenset()
+    order: tuple[str, ...] = ()
 
     def declared(self, parts: tuple[Part, ...]) -> tuple[Part, ...]:
-        """Return parts as the user knows them: the owners in place of what they have become."""
-        return (*[part for part in parts if part.name not in self.made], *self.owners)
+        """Return parts as the user knows them, the owners in place of what they have become, in the ``order``."""
+        known = {part.name: part for part in parts if part.name not in self.made}
+        known |= {part.name: part for part in self.owners}
+        return tuple([known[name] for name in self.order if name in known])

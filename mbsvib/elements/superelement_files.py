@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.dmig_cards import read_dmig_cards
-from mbsvib.common.file_content import ContentError, check_dense, content_of, said
+from mbsvib.common.file_content import ContentError, check_dense, content_of, shortened
 from mbsvib.common.mat_file import read_mat_file
 from mbsvib.common.op4_file import read_op4_file
 from mbsvib.errors import ModelError
@@ -109,7 +109,7 @@ def _level_4(raw: bytes) -> dict[str, Any]:
     except ContentError:
         raise
     except Exception as error:  # the reader has no errors of its own
-        raise ContentError(said(error)) from error
+        raise ContentError(shortened(error)) from error
     return content
 
 

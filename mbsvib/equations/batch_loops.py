@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.scene import Scene
-    from mbsvib.kinematics.loops import Cuts, LoopGroup
+    from mbsvib.kinematics.loop_group import LoopGroup
+    from mbsvib.kinematics.loops import Cuts
     from mbsvib.kinematics.relative_motion import Twists
 
     Mask = NDArray[np.bool_]

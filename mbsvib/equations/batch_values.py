@@ -14,7 +14,7 @@ from mbsvib.elements import Body, Bushing, Spring
 from mbsvib.elements.body import TRIANGLE_SLACK
 from mbsvib.elements.coupler import Coupling
 from mbsvib.errors import ModelError
-from mbsvib.mechanism.changes import resolved, variant, whole_fields
+from mbsvib.mechanism.changes import changed_fields, resolved, variant
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -105,7 +105,7 @@ def checked(parameters: Parameters, values: Mapping[str, Any]) -> Values:
                     "; expected at least one variant."), element=name, field="values",
             )  # fmt: skip
     by_name = {name: np.broadcast_to(array, (count,)) for name, array in given.items()}
-    result = Values(count, by_name, whole_fields(parameters, by_name), parameters)
+    result = Values(count, by_name, changed_fields(parameters, by_name), parameters)
     for part, whole in result.fields.items():
         _check_part(result, part, whole)
     return result
@@ -128,7 +128,7 @@ def refused(parameters: Parameters, values: Mapping[str, Any]) -> Mask:
     """
     given = {name: np.asarray(value, dtype=float) for name, value in resolved(parameters, values).items()}
     result = np.zeros(len(next(iter(given.values()))), dtype=bool)
-    for name, whole in whole_fields(parameters, given).items():
+    for name, whole in changed_fields(parameters, given).items():
         part = parameters.parts[name]
         for i in np.flatnonzero(_suspects(part, whole) & ~result).tolist():
             try:

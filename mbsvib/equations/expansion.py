@@ -61,7 +61,8 @@ def expanded(model: M) -> M:
         mass += plain.mass
         elastic += plain.elastic
     nodes = frozenset(groups["bodies"]) - frozenset(model.bodies)
-    pieces = Pieces(tuple(mass), tuple(elastic), nodes, owners, frozenset(made))
+    pieces = Pieces(tuple(mass), tuple(elastic), nodes, owners, frozenset(made),
+                    tuple([part.name for part in model.declared_parts]))  # fmt: skip
     result = model.with_parts(**groups, composed={}, pieces=pieces)
     bent = any(beam.displacements is not None for beam in model.beams.values()) or any(
         part.displacements is not None for part in model.superelements.values())  # fmt: skip

@@ -18,7 +18,7 @@ from mbsvib.equations.massless_null_motion import cleaned, null_space, possible,
 from mbsvib.equations.terms import Terms
 from mbsvib.equations.unresisted_motion import largest, unmoved
 from mbsvib.errors import ModelError, SingularPoseError
-from mbsvib.linalg.products import product
+from mbsvib.linalg.products import weighted_gram
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import CANCELLING_SPRINGS, CERTAIN_MASS, RANK_FACTOR, ZERO_FEEDTHROUGH, ZERO_PRODUCT
 
@@ -180,7 +180,8 @@ def _condensed(terms: Terms, condensation: Condensation) -> Terms:
                                for matrix in (terms.gyroscopic, terms.circulatory))  # fmt: skip
     b = t.T @ terms.B
     return Terms(
-        factor.T @ factor, product(rows, c), product(rows, k), b if circulatory is None else b - t.T @ terms.K @ s,
+        factor.T @ factor, weighted_gram(rows, c), weighted_gram(rows, k),
+        b if circulatory is None else b - t.T @ terms.K @ s,
         terms.Cq @ t, terms.Cv @ t, terms.Ca @ t, terms.D + terms.Cq @ s, factor, rows, k, c, terms.row_owner[stays],
         terms.body_motion @ t,
     ).with_antisymmetric(gyroscopic, circulatory)  # fmt: skip

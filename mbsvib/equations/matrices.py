@@ -8,8 +8,8 @@ import numpy as np
 
 from mbsvib.equations.ports import port_matrices
 from mbsvib.equations.terms import Terms
-from mbsvib.kinematics.relative_motion import body_motion
-from mbsvib.linalg.products import gram, product
+from mbsvib.kinematics.body_motion import body_motion
+from mbsvib.linalg.products import gram_matrix, weighted_gram
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -72,6 +72,6 @@ def matrices(
         inertial = springs.inertance.nonzero()[0]
         factor = np.concatenate((factor, np.sqrt(springs.inertance[inertial])[:, None] * elastic[inertial]))
     return Terms(
-        gram(factor), product(rows, c), product(rows, k), **seen_by_ports,
+        gram_matrix(factor), weighted_gram(rows, c), weighted_gram(rows, k), **seen_by_ports,
         inertia_factor=factor, elastic_rows=rows, stiffness=k, damping=c, row_owner=owner, body_motion=motion,
     )  # fmt: skip

@@ -15,7 +15,7 @@ from mbsvib.elements.elastic_part import rotation_rows, stiffness_rows, wrenches
 from mbsvib.elements.shared_rows import Pieces
 from mbsvib.equations.beam_prestress import weights
 from mbsvib.equations.expansion import expanded
-from mbsvib.equilibrium.flexible_parts import flexible, held, root_of
+from mbsvib.equilibrium.flexible_parts import attachment_points, flexible, root_of
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.rebuilding import changed
 
@@ -34,18 +34,9 @@ M = TypeVar("M", bound=Mechanism)
 def articulated(model: M) -> M:
     """Return the same mechanism with free joints between the nodes of beams and superelements, which bend.
 
-    Nodes and internal coordinates are among its bodies, and the parts are still there to tell what they do by their
-    displacements; the weight of beams is that of loads on the nodes, as linearize has it.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-
-    Returns
-    -------
-    Mechanism
-        The same model if nothing in it bends.
+    Nodes and internal coordinates become bodies. The parts stay in the model, as their forces depend on displacements.
+    The weight of beams acts as loads on their nodes, as in ``linearize``. Without flexible parts the model is returned
+    as it is.
     """
     if not model.composed:
         return model
@@ -61,18 +52,11 @@ def articulated(model: M) -> M:
     return model.with_parts(bodies=bodies, joints=joints, loads=dict(model.loads) | _weights(model))
 
 
-def plain(model: M) -> M:
-    """Return an articulated mechanism in plain parts, with what beams and superelements do in this pose.
+def expanded_articulation(model: M) -> M:
+    """Return an articulated mechanism in plain parts, with the forces and stiffness of beams and superelements in its
+    pose.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism, moved to some pose.
-
-    Returns
-    -------
-    Mechanism
-        Preloaded bushings, loads, and stiffness that more than two bodies share.
+    These are preloaded bushings, loads, and stiffness between more than two bodies.
     """
     result = expanded(model.with_parts(composed={}) if model.composed else model)
     if not model.composed:
@@ -92,7 +76,7 @@ def plain(model: M) -> M:
 
 
 def elastic_scale(model: Mechanism, names: Sequence[str], energy: Array) -> Array:
-    """Return factors (m,) by which coordinates within beams and superelements become as soft as the others.
+    """Return factors (m,) that scale coordinates of beams and superelements to a stiffness like that of the others.
 
     Parameters
     ----------
@@ -101,12 +85,12 @@ def elastic_scale(model: Mechanism, names: Sequence[str], energy: Array) -> Arra
     names : sequence of str
         Names of its minimal coordinates.
     energy : array, shape (m,)
-        Their own stiffness in units of like size.
+        Stiffness of each coordinate in units of equal size.
 
     Returns
     -------
     array, shape (m,)
-        sqrt(least stiffness of all / own) where that is less than one, and one of all other coordinates.
+        sqrt(smallest stiffness / own stiffness), at most one; one for all other coordinates.
     """
     if not model.composed:
         return np.ones(len(names))
@@ -137,21 +121,11 @@ def _weights(model: Mechanism) -> dict[str, Load]:
     return {load.name: load for beam in model.beams.values() for load in weights(beam, model.gravity)}
 
 
-def stiffened(model: M) -> M:
-    """Return the same mechanism with fixed joints in place of beams and superelements, their nodes among its bodies.
+def with_rigid_parts(model: M) -> M:
+    """Return the same mechanism with fixed joints in place of beams and superelements, and their nodes as bodies.
 
-    The weight of beams is that of loads on the nodes, as linearize has it; inputs and outputs, which may refer to
-    elements of beams, are left out.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-
-    Returns
-    -------
-    Mechanism
-        The same model if nothing in it bends.
+    The weight of beams acts as loads on their nodes, as in ``linearize``. Inputs and outputs, which may refer to
+    elements of beams, are left out. Without flexible parts the model is returned as it is.
     """
     if not model.composed:
         return model
@@ -162,33 +136,23 @@ def stiffened(model: M) -> M:
         for node, point in part.node_names.items():
             bodies[node] = _body.make(node, 0.0, (0.0, 0.0, 0.0), point, None)
     for part in parts:
-        places = held(part)
+        points = attachment_points(part)
         root = root_of(part)
-        for k, (body, point) in enumerate(places.items()):
+        for k, (body, point) in enumerate(points.items()):
             if body != root:
                 name = f"{part.name} holds {k}"
                 joints[name] = _joint.make(name, "fixed", root, body, point, None, None, None, None, None)
     return model.with_parts(bodies=bodies, composed={}, joints=joints, loads=loads, inputs={}, outputs={})
 
 
-def held_as(model: M, found: Equilibrium[M]) -> Equilibrium[M]:
-    """Return what holds a mechanism, found for the stiffened one.
+def with_preloads_of(model: M, held: Equilibrium[M]) -> Equilibrium[M]:
+    """Return the equilibrium of a mechanism from that of the same mechanism with rigid parts.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    found : Equilibrium
-        What preloads hold the stiffened one.
-
-    Returns
-    -------
-    Equilibrium
-        The same for the mechanism itself.
+    ``held`` is the equilibrium of ``with_rigid_parts(model)``; its preloads become those of the mechanism itself.
     """
     if not model.composed:
-        return found
+        return held
 
     changes = {name: {word: value for word, value in part.words().items() if word in ("preload", "free_length")}
-               for name, part in found.model.springs.items()}  # fmt: skip
-    return replace(found, model=changed(model, changes))
+               for name, part in held.model.springs.items()}  # fmt: skip
+    return replace(held, model=changed(model, changes))

@@ -1,4 +1,4 @@
-"""Variants of a model in balance: where a value that has changed shifts the equilibrium, the pose follows."""
+"""Variants of a model in equilibrium: the new equilibrium after a change of values, and its equations."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ E = TypeVar("E", bound=Equations)
 S = TypeVar("S", bound=SparseEquations)
 
 
-def settled(
+def at_equilibrium(
     model: M, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None, method: str | None = None,
     dense: type[E] = Equations, sparse: type[S] = SparseEquations,  # type: ignore[assignment]
 ) -> tuple[M, E | S]:  # fmt: skip
@@ -31,9 +31,9 @@ def settled(
     Parameters
     ----------
     model : Mechanism
-        A model that has been in balance before its values changed.
+        A model that was in equilibrium before its values changed.
     independent, cut : sequence of str, optional
-        Minimal coordinates and cut joints that are asked for.
+        Requested minimal coordinates and cut joints.
     method : str, optional
         "dense" or "sparse"; default: by size.
     dense, sparse : type
@@ -42,7 +42,7 @@ def settled(
     Returns
     -------
     Mechanism
-        In its pose of equilibrium.
+        The model in its pose of equilibrium.
     Equations or SparseEquations
         Its equations.
 
@@ -55,8 +55,8 @@ def settled(
         check_displacements(model)
         return model, linearized(model, independent, cut, method, dense, sparse)
     except EquilibriumError:
-        there = equilibrium(model).model
-        found = linearized(there, independent, cut, method, dense, sparse)
-    if isinstance(found, Equations):  # what its parameters do is what they do to the model that was given
-        found = replace(found, provenance=replace(found.provenance, origin=copy(model), settled=True))
-    return there, found
+        balanced = equilibrium(model).model
+        equations = linearized(balanced, independent, cut, method, dense, sparse)
+    if isinstance(equations, Equations):  # parameters act on the model before the motion
+        equations = replace(equations, provenance=replace(equations.provenance, origin=copy(model), settled=True))
+    return balanced, equations

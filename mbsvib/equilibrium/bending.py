@@ -1,7 +1,7 @@
-"""Poses that a mechanism reaches only if its beams and superelements bend: they bend with the least energy.
+"""Poses that a mechanism reaches only if its beams and superelements bend: those of least elastic energy.
 
-Coordinates that are asked for have their values; all others, those within the parts included, minimise the elastic
-energy of the parts with loops closed: the residual along free coordinates is none, by Newton's method.
+The requested coordinates have their values. All others, those within the parts included, minimise the elastic energy of
+the parts with loops closed: Newton's method takes the residual along free coordinates to zero.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 from mbsvib.equilibrium.articulation import articulated
 from mbsvib.equilibrium.balance import balance
 from mbsvib.equilibrium.flexible_parts import flexible
-from mbsvib.equilibrium.motion import close, stance
-from mbsvib.equilibrium.path import CLOSED, FOUND, NEWTON_STEPS, newton_step
+from mbsvib.equilibrium.motion import close, posed_model
+from mbsvib.equilibrium.path import BALANCED, CLOSED, NEWTON_STEPS, newton_step
 from mbsvib.equilibrium.pose import start
 from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.mechanism.mechanism import Mechanism
@@ -25,29 +25,31 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.equilibrium.balance import Balance
-    from mbsvib.equilibrium.motion import Stance
+    from mbsvib.equilibrium.motion import PosedModel
 
 M = TypeVar("M", bound=Mechanism)
 
-# The longest step [rad, mechanism sizes] of the coordinates that are asked for, and the shortest that is still tried.
+# The longest step [rad, mechanism sizes] of the requested coordinates, and the shortest that is still tried.
 LONGEST, SHORTEST = 0.1, 1e-5
-# So many steps are tried on the way, shorter ones included.
+# The number of steps that are tried, shorter ones included, beyond those of the longest length.
 STEPS = 80
 
 
-def alone(model: M) -> M:
-    """Return a mechanism whose beams and superelements, without forces in their pose, are all that resists."""
+def elastic_mechanism(model: M) -> M:
+    """Return a mechanism in which only beams and superelements resist motion; these carry no forces in its pose."""
     parts = {part.name: replace(part, displacements=None) for part in flexible(model)}
     return articulated(model.with_parts(composed=parts, springs={}, loads={}, inputs={}, outputs={}, gravity=None))
 
 
-def bent(mechanism: Mechanism, values: Mapping[str, float], cut: Sequence[str]) -> tuple[Stance, Balance] | None:
-    """Return the pose in which joint coordinates have moved and flexible parts bend least, or None if there is none.
+def pose_of_least_energy(
+    mechanism: Mechanism, values: Mapping[str, float], cut: Sequence[str]
+) -> tuple[PosedModel, Balance] | None:
+    """Return the pose of least elastic energy for values of some joint coordinates, or None if there is none.
 
     Parameters
     ----------
     mechanism : Mechanism
-        What ``alone`` makes of the model.
+        What ``elastic_mechanism`` makes of the model.
     values : mapping of str to float
         How far coordinates of its tree move [m, rad].
     cut : sequence of str
@@ -55,10 +57,10 @@ def bent(mechanism: Mechanism, values: Mapping[str, float], cut: Sequence[str]) 
 
     Returns
     -------
-    tuple of Stance and Balance
+    tuple of PosedModel and Balance
         The pose and the forces there.
     """
-    here = stance(mechanism, start(mechanism), cut)
+    here = posed_model(mechanism, start(mechanism), cut)
     names = list(values)
     if not set(names) <= set(here.coordinates.names):
         return None
@@ -85,43 +87,39 @@ def bent(mechanism: Mechanism, values: Mapping[str, float], cut: Sequence[str]) 
     return None
 
 
-def _follow(here: Stance, forces: Balance, names: list[str], by: Array) -> tuple[Stance, Balance] | None:
-    """One step of the coordinates that are asked for, and Newton's method for the others."""
+def _follow(here: PosedModel, forces: Balance, names: list[str], by: Array) -> tuple[PosedModel, Balance] | None:
+    """One step of the requested coordinates, and Newton's method for the others."""
     motion = np.zeros(len(forces.names))
     motion[[forces.names.index(name) for name in names]] = by
-    held = _held(forces, names)
-    # along the tangent, the others follow such that their forces stay as they are
-    against = np.where(_free(forces, names), forces.tangent @ motion, 0.0)
+    held = _along_free(forces, names)
+    # along the tangent, the others follow such that their forces do not change
+    against = np.where(_free(forces.names, names), forces.tangent @ motion, 0.0)
     follow = newton_step(replace(held, residual=held.residual - against))
     step = forces.all_joints(motion) + follow
     for _ in range(NEWTON_STEPS):
         if np.abs(step / here.scale).max(initial=0.0) > 5.0 * LONGEST:
             return None
         try:
-            there, left = close(here.moved(step), _others(here, names))
+            there, left = close(here.moved(step), _free(here.coordinates.names, names))
             after = None if left > max(CLOSED, there.rounding) else balance(there, names)
         except (ModelError, SingularPoseError):
             return None
         if after is None:
             return None
-        here, held = there, _held(after, names)
-        if held.share <= FOUND:
+        here, held = there, _along_free(after, names)
+        if held.share <= BALANCED:
             return here, after
         step = newton_step(held)
     return None
 
 
-def _others(here: Stance, names: list[str]) -> Any:
-    """Joint coordinates that may close loops."""
-    return np.array([name not in names for name in here.coordinates.names])
+def _free(coordinates: Sequence[str], names: list[str]) -> Any:
+    """Which coordinates are not among the named ones."""
+    return np.array([name not in names for name in coordinates])
 
 
-def _free(forces: Balance, names: list[str]) -> Any:
-    return np.array([name not in names for name in forces.names])
-
-
-def _held(forces: Balance, names: list[str]) -> Balance:
-    """The forces along all coordinates but some, which neither move nor resist."""
-    free = _free(forces, names)
+def _along_free(forces: Balance, names: list[str]) -> Balance:
+    """The forces along the free coordinates; zero along the named ones, which therefore do not move."""
+    free = _free(forces.names, names)
     return replace(forces, residual=np.where(free, forces.residual, 0.0),
                    tangent=np.where(np.logical_and.outer(free, free), forces.tangent, 0.0))  # fmt: skip

@@ -1,4 +1,4 @@
-"""Couplers in finite motion: how far the joint coordinates that they couple have gone since the model's pose."""
+"""Couplers in finite motion: displacements of the coupled joint coordinates from the reference pose."""
 
 from __future__ import annotations
 
@@ -21,37 +21,37 @@ if TYPE_CHECKING:
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.mechanism import Mechanism
 
-# Rotation vectors shorter than this [rad] are rounding of a pose that Newton's method has found.
+# Rotation vectors shorter than this [rad] are rounding of a pose from Newton's method.
 TURNED = 1e-9
 
 
 def point_of(joint: Joint, model: Mechanism, pose: Pose) -> tuple[float, float, float]:
-    """Return a joint's point as described, of one that has none the centre of mass of its first body in number."""
+    """Return a joint's point in the reference pose; the centre of mass of its first body where a joint has none."""
     inner = min(joint.first, joint.second, key=pose.number.__getitem__)
     return joint.point or model.bodies[inner].position
 
 
-def terms(couplings: Couplings, coordinates: Twists) -> Array:
+def coupled_coordinates(couplings: Couplings, coordinates: Twists) -> Array:
     """Return the coupled coordinates (terms, n) per unit joint coordinate."""
-    moved = relative_motion(coordinates, couplings.measured).dense(0, len(couplings.measured.first))
+    measured = relative_motion(coordinates, couplings.measured).dense(0, len(couplings.measured.first))
     result = np.zeros((len(couplings.column), len(coordinates.names)))
     tree = couplings.column >= 0
     result[np.flatnonzero(tree), couplings.column[tree]] = 1.0
-    result[~tree] = moved
+    result[~tree] = measured
     return result
 
 
-def travelled(model: Mechanism, pose: Pose, near: Array | None) -> Array:
-    """Return how far coupled coordinates have gone in a pose, one for each term of each coupler.
+def coupler_travel(model: Mechanism, pose: Pose, near: Array | None) -> Array:
+    """Return the displacements of coupled coordinates in a pose, one for each term of each coupler.
 
     Parameters
     ----------
     model : Mechanism
-        The model as described.
+        The model in its reference pose.
     pose : Pose
         The pose.
     near : array, shape (terms,), optional
-        About how far that is, to count whole turns.
+        Approximate displacements, from which full turns are counted.
 
     Returns
     -------
@@ -63,25 +63,21 @@ def travelled(model: Mechanism, pose: Pose, near: Array | None) -> Array:
         for name, _ in part.terms:
             owner, _, direction = name.rpartition(".")
             joint = model.joints[owner]
-            result.append(gone(joint, direction, pose, point_of(joint, model, pose)))
+            result.append(joint_travel(joint, direction, pose, point_of(joint, model, pose)))
     values = np.array(result)
     if near is None:
         return values
     turns = np.array([name.rpartition(".")[2][0] == "r" for part in model.couplers.values() for name, _ in part.terms])
-    whole = 2.0 * np.pi * np.round((near - values) / (2.0 * np.pi))
-    return np.where(turns, values + whole, values)
+    full_turns = 2.0 * np.pi * np.round((near - values) / (2.0 * np.pi))
+    return np.where(turns, values + full_turns, values)
 
 
 def check_couplers(model: Mechanism, there: Mechanism) -> None:
-    """Refuse another pose in which couplers on homokinetic joints are no linear relation of coordinates any more.
+    """Refuse a pose in which couplers on homokinetic joints are no longer linear relations of joint coordinates.
 
-    The components of a rotation vector w since the model's pose change by e . J(w) omega, with J of
-    ``rotations.inverse_jacobian``: where the joint has turned by a finite w, not as its coordinates in that pose do.
-
-    Parameters
-    ----------
-    model, there : Mechanism
-        The model as described, and in the other pose.
+    ``there`` is the model in the new pose. The components of a rotation vector w from the reference pose change by
+    e . J(w) omega, with J of ``rotations.inverse_jacobian``; after a finite w that differs from the coordinates of the
+    joint in the new pose.
 
     Raises
     ------
@@ -90,7 +86,7 @@ def check_couplers(model: Mechanism, there: Mechanism) -> None:
     """
     if not model.couplers:
         return
-    before, after = (expanded(each).bodies for each in (model, there))
+    before, after = (expanded(mechanism).bodies for mechanism in (model, there))
     for part in model.couplers.values():
         for name, _ in part.terms:
             owner = name.rpartition(".")[0]
@@ -103,14 +99,14 @@ def check_couplers(model: Mechanism, there: Mechanism) -> None:
             if angle > TURNED:
                 raise ModelError(
                     f"coupler '{part.name}': '{name}' is a component of the rotation vector of the homokinetic joint "
-                    f"'{owner}', which has turned by {angle:.3g} rad; the coupler is no linear relation of its "
+                    f"'{owner}', which has turned by {angle:.3g} rad; the coupler is not a linear relation of its "
                     f"coordinates in another pose. Couple joints with one free rotation, or universal ones.",
                     element=part.name,
                 )  # fmt: skip
 
 
-def gone(joint: Joint, direction: str, pose: Pose, at: tuple[float, float, float]) -> float:
-    """Return how far one coordinate of a joint has gone, angles of a single turn within half a turn."""
+def joint_travel(joint: Joint, direction: str, pose: Pose, at: tuple[float, float, float]) -> float:
+    """Return the displacement of one coordinate of a joint [m, rad], angles within half a turn."""
     k = DIRECTIONS.index(direction)
     first, second = pose.turned(joint.first, joint.axes), pose.turned(joint.second, joint.axes)
     if k < 3:
@@ -120,10 +116,10 @@ def gone(joint: Joint, direction: str, pose: Pose, at: tuple[float, float, float
         i, j = (k - 2) % 3, (k - 1) % 3
         return float(np.arctan2(relative[j, i] - relative[i, j], relative[i, i] + relative[j, j]))
     if joint.successive:
-        one, two = (np.array(joint.axes).T @ axis for axis in two_axes(joint))
-        # E = exp(a one) exp(b two): the first turns ``two`` about ``one``, the second ``one`` about ``two``
-        leads = k == free[0] + 3
-        axis, arm, where = (one, two, relative @ two) if leads else (two, one, relative.T @ one)
-        angle = np.arctan2(axis @ np.cross(arm, where), arm @ where - (axis @ arm) * (axis @ where))
-        return float(angle if leads else -angle)
+        e1, e2 = (np.array(joint.axes).T @ axis for axis in two_axes(joint))
+        # relative = exp(a e1) exp(b e2): the angle a turns e2 about e1, the angle -b turns e1 about e2
+        about_first = k == free[0] + 3
+        axis, arm, turned = (e1, e2, relative @ e2) if about_first else (e2, e1, relative.T @ e1)
+        angle = np.arctan2(axis @ np.cross(arm, turned), arm @ turned - (axis @ arm) * (axis @ turned))
+        return float(angle if about_first else -angle)
     return float(logarithm(relative)[k - 3])

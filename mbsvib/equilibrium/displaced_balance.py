@@ -1,4 +1,4 @@
-"""Do the displacements that are stated for beams and superelements balance the loads?"""
+"""Check that stated displacements of beams and superelements balance the loads."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from mbsvib.equilibrium.articulation import articulated
 from mbsvib.equilibrium.balance import balance
 from mbsvib.equilibrium.flexible_parts import flexible
-from mbsvib.equilibrium.messages import lacking
-from mbsvib.equilibrium.motion import stance
-from mbsvib.equilibrium.moved_parts import bare
+from mbsvib.equilibrium.messages import unbalanced_force
+from mbsvib.equilibrium.motion import posed_model
+from mbsvib.equilibrium.moved_parts import static_model
 from mbsvib.equilibrium.pose import start
 from mbsvib.errors import EquilibriumError
 from mbsvib.linalg.rank import BALANCE
@@ -21,23 +21,20 @@ if TYPE_CHECKING:
 def check_displacements(model: Mechanism) -> None:
     """Refuse a model whose beams and superelements state displacements that do not balance its loads.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The model; without stated displacements nothing is checked, as forces then follow from statics.
+    Without stated displacements nothing is checked, as forces then follow from statics.
 
     Raises
     ------
     EquilibriumError
-        If more is left over than ``BALANCE`` of the forces that should cancel.
+        If the residual is more than ``BALANCE`` of the forces that should cancel.
     """
     if all(part.displacements is None for part in flexible(model)):
         return
-    jointed = bare(articulated(model))
-    at = stance(jointed, start(jointed))
+    articulated_model = static_model(articulated(model))
+    at = posed_model(articulated_model, start(articulated_model))
     forces = balance(at)
     if forces.share > BALANCE:
-        what, where = lacking(at, forces)
+        what, where = unbalanced_force(at, forces)
         raise EquilibriumError(
             f"model '{model.name}' is not in balance in the given pose: {what}, by the "
             f"displacements of its beams and superelements. Find the pose with model.equilibrium(), or leave "

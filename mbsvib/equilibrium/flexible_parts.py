@@ -1,6 +1,6 @@
-"""Beams and superelements on their way to another pose: they bend, or go along as rigid bodies would.
+"""Beams and superelements in another pose: bent, or moved as rigid bodies.
 
-In the frame of the body that carries them they are linear: ``elements.elastic_part`` says what they do there.
+They are linear in the frame of the body that carries them; ``elements.elastic_part`` has their forces there.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ def flexible(model: Mechanism) -> list[Flexible]:
     return cast("list[Flexible]", list(model.composed.values()))
 
 
-def held(part: Flexible) -> dict[str, Any]:
-    """Return the bodies that a beam or superelement holds together, nodes and ground included, and a point of each.
+def attachment_points(part: Flexible) -> dict[str, Any]:
+    """Return the bodies that a beam or superelement connects, nodes and ground included, with a point of each.
 
     Parameters
     ----------
@@ -51,31 +51,19 @@ def held(part: Flexible) -> dict[str, Any]:
 
 
 def root_of(part: Flexible) -> str:
-    """Return the body that carries a beam or superelement: ground if it holds that, else the first body it holds."""
+    """Return the body that carries a beam or superelement: ground if it is attached there, else its first body."""
     if isinstance(part, Beam):
         return part.root
     return GROUND if part.root is None else part.body_of(part.root)
 
 
-def words_at(part: Flexible, pose: Pose) -> dict[str, Any] | Part:
-    """Return a beam or superelement in another pose, or its words if it goes there as a rigid body.
-
-    Parameters
-    ----------
-    part : Beam or Superelement
-        The part.
-    pose : Pose
-        The pose of all bodies and nodes.
-
-    Returns
-    -------
-    dict or Part
-        Words of its adder, or the bent part.
+def part_in_pose(part: Flexible, pose: Pose) -> dict[str, Any] | Part:
+    """Return a beam or superelement in another pose, or its arguments if it moved there as a rigid body.
 
     Raises
     ------
     ModelError
-        If no single direction says where the y axes of its elements have gone.
+        If one direction cannot describe the y axes of its elements in the pose.
     """
     bodies = [part.node(i) for i in range(len(part.points))] if isinstance(part, Beam) else \
         [part.body_of(i) for i in range(len(part.nodes))]  # fmt: skip
@@ -86,10 +74,10 @@ def words_at(part: Flexible, pose: Pose) -> dict[str, Any] | Part:
 
 
 def _bent(root: str, bodies: list[str], points: Array, before: Array, pose: Pose) -> tuple[Array, Array, bool]:
-    """Points (n, 3) of nodes, their displacements (n, 6) in the frame of the root, both in the pose, and whether these
-    have changed by more than rounding in the axes of the root.
+    """Points (n, 3) of nodes and their displacements (n, 6) against the root in a pose, and whether the displacements
+    have changed by more than rounding.
 
-    ``before`` (n, 6) are the displacements as described, ``points`` (n, 3) the points.
+    ``before`` (n, 6) are the displacements in the reference pose, ``points`` (n, 3) the points there.
     """
     which, frame = np.array([pose.number[body] for body in bodies]), np.full(len(bodies), pose.number[root])
     there, turn = pose.points(which, points), pose.turn[pose.number[root]]
@@ -120,7 +108,7 @@ def _superelement(part: Superelement, bodies: list[str], pose: Pose) -> Part:
     internal = before[6 * count :].copy()
     for i, name in enumerate(part.carriers):
         k = pose.number.get(name)
-        if k is not None:  # not where the part goes along as a rigid body
+        if k is not None:  # otherwise the part moves as a rigid body
             own = internal[3 * i : 3 * i + 3]
             own += (pose.centre[k] - pose.origin[k])[: len(own)]
     state = np.concatenate(((after.reshape(-1, 3) @ turned).reshape(-1), internal))
@@ -133,7 +121,7 @@ def _superelement(part: Superelement, bodies: list[str], pose: Pose) -> Part:
 
 
 def _rigid_words(part: Beam, root: str, pose: Pose) -> dict[str, Any]:
-    """Words of a beam that goes along as a rigid body."""
+    """Arguments of a beam that moves as a rigid body."""
     words = part.words()
     for key in ("start", "end"):
         if words.get(key) is not None:

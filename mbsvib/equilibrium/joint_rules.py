@@ -1,10 +1,10 @@
-"""Kinds of joints in finite motion: with what the axes of a joint turn, and how far it is open.
+"""Kinds of joints in finite motion: how the axes of a joint turn, and how far its constraints are violated.
 
-With the rotations A of the first and B of the second body since they were described, the joint's point p in both, and
-d = p_b - p_a: locked translations are zero in d, in axes that turn with the first body. Where one rotation is free both
-bodies keep its axis; where two successive ones are (see ``elements.joint``), the one named first (``axis`` of a
-universal joint) stays in the first body and the other (``axis2``) in the second, at their angle; other two, and three,
-are the components of one rotation vector log(A^T B). The rod of a distance joint, from p_a to p_b, keeps its length.
+A and B are the rotations of the first and the second body from the reference pose, p_a and p_b the joint's point on
+each, and d = p_b - p_a. Locked translations require d = 0 along axes that turn with the first body. One free rotation:
+its axis is fixed in both bodies. Two successive free rotations (see ``elements.joint``): the first axis (``axis`` of a
+universal joint) is fixed in the first body, the other (``axis2``) in the second, and their angle is constant. Any other
+two, or three: components of the rotation vector log(A^T B). A distance joint: the length of d is constant.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Joints:
-    """Joints (k) of one rule as described.
+    """Joints (k) of one rule in the reference pose.
 
     ``first``, ``second`` (k,) are their bodies, ``start`` and ``end`` (k, 3) their points as the first and the second
-    body carry them [m], ``one`` and ``two`` (k, 3) the axes of their first and last free rotation, ``pitch`` (k,) that
-    of screws [m].
+    body carry them [m], ``first_axis`` and ``last_axis`` (k, 3) the axes of their first and last free rotation,
+    ``pitch`` (k,) that of screws [m].
     """
 
     first: Index
     second: Index
     start: Array
     end: Array
-    one: Array
-    two: Array
+    first_axis: Array
+    last_axis: Array
     pitch: Array
 
     def gap(self, pose: Pose) -> Array:
@@ -55,12 +55,12 @@ Opening = Callable[[Joints, "Pose", "Array"], tuple["Array", "Array"]]
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """What a kind of joint does in finite motion.
+    """The finite motion of a kind of joint.
 
-    ``axes`` returns axes (k, 3, 3) with which all of its directions turn; None: they turn with the first body.
-    ``opening`` takes p_b - p_a and returns the translation [m] and the small rotation [rad] (k, 3) of the second body
-    against the first that should be none; None: all rotations are free. Only what these have along locked directions
-    counts: that is exactly zero where the joint is assembled, and to first order the displacement that opened it.
+    ``axes`` returns axes (k, 3, 3) with which all directions of the joint turn; None: they turn with the first body.
+    ``opening`` takes p_b - p_a and returns the violation of the constraints, translation [m] and small rotation [rad]
+    (k, 3) of the second body against the first; None: all rotations are free. Only the components along locked
+    directions count. They are zero where the joint is assembled, and to first order equal the relative displacement.
     """
 
     axes: Axes | None = None
@@ -72,26 +72,22 @@ def _cross(a: Array, b: Array) -> Array:
     return np.asarray((skew(a) @ b[..., None])[..., 0])
 
 
-def _normal(joints: Joints, pose: Pose) -> Array:
-    """The cross product of the axis in the first and that in the second body."""
-    return _cross(pose.vectors(joints.first, joints.one), pose.vectors(joints.second, joints.two))
-
-
 def _turned_apart(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
     first, second = pose.turn[joints.first], pose.turn[joints.second]
     return gap, logarithm(second @ first.swapaxes(-1, -2))
 
 
 def _tilted(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
-    return gap, _normal(joints, pose)
+    """The cross product of the axis in the first and that in the second body."""
+    return gap, _cross(pose.vectors(joints.first, joints.first_axis), pose.vectors(joints.second, joints.last_axis))
 
 
 def _off_thread(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
-    """The angle that the screw has turned by, whole turns as its advance tells them, on top of the tilt."""
-    axis, (_, tilt) = pose.vectors(joints.first, joints.one), _tilted(joints, pose, gap)
+    """The tilt plus the angle of the screw about its axis, with full turns counted by its advance."""
+    axis, (_, tilt) = pose.vectors(joints.first, joints.first_axis), _tilted(joints, pose, gap)
     relative = pose.turn[joints.first].swapaxes(-1, -2) @ pose.turn[joints.second]
-    along = (joints.one * np.einsum("kij,kj->ki", relative, joints.one)).sum(axis=-1)
-    sine, cosine = 2.0 * (joints.one * axial(relative)).sum(axis=-1), np.einsum("kii->k", relative) - along
+    along = (joints.first_axis * np.einsum("kij,kj->ki", relative, joints.first_axis)).sum(axis=-1)
+    sine, cosine = 2.0 * (joints.first_axis * axial(relative)).sum(axis=-1), np.einsum("kii->k", relative) - along
     angle = np.arctan2(sine, cosine)
     advance = (axis * gap).sum(axis=-1) / joints.pitch
     angle += 2.0 * np.pi * np.round((advance - angle) / (2.0 * np.pi))
@@ -99,19 +95,19 @@ def _off_thread(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
 
 
 def _between_axes(joints: Joints, pose: Pose) -> Array:
-    """Axes along the one in the first body, along the normal of both, and across."""
-    one = pose.vectors(joints.first, joints.one)
-    normal = _cross(one, pose.vectors(joints.second, joints.two))
+    """Axes along the first axis, along the normal of both axes, and perpendicular to these."""
+    first_axis = pose.vectors(joints.first, joints.first_axis)
+    normal = _cross(first_axis, pose.vectors(joints.second, joints.last_axis))
     normal /= np.sqrt((normal * normal).sum(axis=-1, keepdims=True))
-    result = np.empty((*one.shape, 3))
-    result[..., 0], result[..., 1], result[..., 2] = one, normal, _cross(normal, one)
+    result = np.empty((*first_axis.shape, 3))
+    result[..., 0], result[..., 1], result[..., 2] = first_axis, normal, _cross(normal, first_axis)
     return result
 
 
 def _off_angle(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
-    one, two = pose.vectors(joints.first, joints.one), pose.vectors(joints.second, joints.two)
-    normal = _cross(one, two)
-    change = (joints.one * joints.two).sum(axis=-1) - (one * two).sum(axis=-1)
+    first_axis, last_axis = pose.vectors(joints.first, joints.first_axis), pose.vectors(joints.second, joints.last_axis)
+    normal = _cross(first_axis, last_axis)
+    change = (joints.first_axis * joints.last_axis).sum(axis=-1) - (first_axis * last_axis).sum(axis=-1)
     return gap, (change / (normal * normal).sum(axis=-1))[:, None] * normal
 
 
@@ -161,16 +157,16 @@ def in_groups(joints: Sequence[Joint], number: Mapping[str, int], origin: Array)
     Parameters
     ----------
     joints : sequence of Joint
-        Joints as described.
+        Joints in the reference pose.
     number : mapping
         Number of each body, ground included.
     origin : array, shape (bodies + 1, 3)
-        Centres of mass as described [m], the points of joints that have none.
+        Centres of mass in the reference pose [m], used as the points of joints that have none.
 
     Returns
     -------
     list of (Rule, array, Joints)
-        Each rule, the numbers (k,) of the joints that follow it, and these joints.
+        For each rule, the numbers (k,) of its joints, and these joints.
     """
     members: dict[int, list[int]] = {}
     rules = [rule_of(joint) for joint in joints]
@@ -188,6 +184,6 @@ def _stack(joints: Sequence[Joint], number: Mapping[str, int], origin: Array) ->
     start = np.array([point if joint.end is None else joint.position or (0.0, 0.0, 0.0)
                       for point, joint in zip(end, joints, strict=True)])  # fmt: skip
     turns = [[six[3:] for name, six in joint.freedom if name[0] == "r"] or [(0.0,) * 3] for joint in joints]
-    one, two = np.array([axes[0] for axes in turns]), np.array([axes[-1] for axes in turns])
-    return Joints(first, second, start, end, one, two,
+    first_axis, last_axis = np.array([axes[0] for axes in turns]), np.array([axes[-1] for axes in turns])
+    return Joints(first, second, start, end, first_axis, last_axis,
                   np.array([joint.pitch or 0.0 for joint in joints]))  # fmt: skip

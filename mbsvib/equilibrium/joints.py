@@ -1,4 +1,4 @@
-"""Joints in finite motion: a joint in another pose; what it does there, ``joint_rules`` tells."""
+"""Joints in another pose; ``joint_rules`` has their finite motion."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 ALONG_AXIS = frozenset({"revolute", "prismatic", "cylindrical", "screw"})
 ORIGIN = (0.0, 0.0, 0.0)
-# sin of the angle by which the frame of a custom joint may have left the one that its locked translations need
+# Sine of the largest angle between the frame of a custom joint and the one that its locked translations need.
 SKEWED = 1e-12
 
 
@@ -30,29 +30,28 @@ def rotations(joint: Joint) -> tuple[int, ...]:
 
 
 def two_axes(joint: Joint) -> tuple[Six, Six]:
-    """Return the axes of a joint with two successive rotations: the one in the first and the one in the second body."""
-    one, two = (six[3:] for name, six in joint.freedom if name[0] == "r")
-    return one, two
+    """Return the axes of a joint with two successive rotations, that of the first and that of the second body."""
+    first, second = (six[3:] for name, six in joint.freedom if name[0] == "r")
+    return first, second
 
 
 def in_pose(joint: Joint, pose: Pose) -> Joint:
-    """Return a joint in another pose, where it holds its bodies to the same relative motions.
+    """Return a joint in another pose, with the same free relative motions of its bodies.
 
     Raises
     ------
     ModelError
-        If it has two successive rotations and locked translations whose axes no longer go with them.
+        If it has two successive rotations, and its locked translations are no longer along axes of one frame with them.
     """
     if joint.kind == "distance":
         begin, end = joint.position or ORIGIN, joint.end or ORIGIN
         return elsewhere(joint, pose.point(joint.first, begin), pose.point(joint.second, end))
     position = None if joint.position is None else pose.point(joint.second, joint.position)
     if joint.successive:
-        one, two = (pose.direction(body, axis) for body, axis in zip((joint.first, joint.second), two_axes(joint),
-                                                                     strict=True))  # fmt: skip
+        axis, axis2 = map(pose.direction, (joint.first, joint.second), two_axes(joint))
         if joint.kind == "universal":
-            return elsewhere(joint, position, axis=one, axis2=two)
-        axes = as_matrix(_frame(joint, np.array(one), np.array(two), rotations(joint), pose))
+            return elsewhere(joint, position, axis=axis, axis2=axis2)
+        axes = as_matrix(_frame(joint, np.array(axis), np.array(axis2), rotations(joint), pose))
     elif joint.axis is not None and joint.kind in ALONG_AXIS:
         return elsewhere(joint, position, axis=pose.direction(joint.first, joint.axis))
     elif joint.kind != "spherical" and len(rotations(joint)) == 2:
@@ -64,20 +63,20 @@ def in_pose(joint: Joint, pose: Pose) -> Joint:
 
 def as_matrix(axes: Array) -> Matrix3:
     """Return axes as tuples of numbers."""
-    one, two, three = axes.tolist()
-    return tuple(one), tuple(two), tuple(three)
+    x, y, z = axes.tolist()
+    return tuple(x), tuple(y), tuple(z)
 
 
 def halfway(joint: Joint, pose: Pose) -> Array:
-    """Return the axes of a joint as the first body carries them, turned by half the way to those of the second."""
+    """Return the axes of a joint on the first body, turned halfway to those on the second."""
     first, second = pose.turned(joint.first, joint.axes), pose.turned(joint.second, joint.axes)
     return np.asarray(first @ exponential(0.5 * logarithm(first.T @ second)))
 
 
-def _frame(joint: Joint, one: Array, two: Array, free: tuple[int, ...], pose: Pose) -> Array:
-    """Axes of a custom joint with two successive rotations, from the axes that its bodies keep."""
+def _frame(joint: Joint, first_axis: Array, second_axis: Array, free: tuple[int, ...], pose: Pose) -> Array:
+    """Axes of a custom joint with two successive rotations, from the axes that are fixed in its bodies."""
     columns = [np.zeros(3)] * 3
-    columns[free[0]], columns[free[1]] = one, two
+    columns[free[0]], columns[free[1]] = first_axis, second_axis
     third = 3 - sum(free)
     columns[third] = np.cross(columns[(third + 1) % 3], columns[(third + 2) % 3])
     axes = np.array(columns).T

@@ -1,4 +1,4 @@
-"""How far beams and superelements may bend: warnings where the linear theory of small displacements ends."""
+"""Warnings where beams and superelements bend beyond the range of small displacements."""
 
 from __future__ import annotations
 
@@ -16,31 +16,22 @@ from mbsvib.kinematics.relative_motion import relative_motion
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-    from mbsvib.equilibrium.motion import Stance
+    from mbsvib.equilibrium.motion import PosedModel
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.mechanism.mechanism import Mechanism
 
-# Nodes that have turned by this angle [rad] against what carries the part: displacements are off by about its square
-# over two.
+# Rotation of a node [rad] against the body that carries the part; the relative error of displacements is about half its
+# square.
 TURNED = 0.15
-# A sag w of a beam whose ends stay apart makes it stiffer by the share w^2 / (16 i^2), i its radius of gyration, which
-# is 0.75 (w / t)^2 of a thickness t: less than one percent up to this share of the thickness.
+# A sag w of a beam whose ends cannot approach each other makes it stiffer by the share w^2 / (16 i^2), i its radius of
+# gyration, which is 0.75 (w / t)^2 for a thickness t: less than one percent up to this share of the thickness.
 SAG = 0.1
-# What ends move along the line between them by less than this is rounding.
+# Smaller relative motion of the ends along the line between them is rounding.
 APART = 1e-9
 
 
-def warn_beyond(there: Mechanism, at: Stance, reduction: Reduction) -> None:
-    """Warn of parts that bend further than linear theory holds.
-
-    Parameters
-    ----------
-    there : Mechanism
-        The model in its new pose.
-    at : Stance
-        The pose.
-    reduction : Reduction
-        Its minimal coordinates.
+def warn_beyond(there: Mechanism, at: PosedModel, reduction: Reduction) -> None:
+    """Warn of parts that bend beyond the range of linear theory; ``there`` is the model in the pose ``at``.
 
     Warns
     -----
@@ -55,13 +46,13 @@ def warn_beyond(there: Mechanism, at: Stance, reduction: Reduction) -> None:
         six = np.array(part.displacements).reshape(-1)[: 6 * nodes].reshape(-1, 6)
         angle = float(np.sqrt(np.square(six[:, 3:]).sum(axis=1)).max())
         if angle > TURNED:
-            _warn(f"{kind} '{part.name}' bends by {angle:.2g} rad; its displacements are small ones in the frame of "
-                  f"the body that carries it, good to about {0.5 * angle**2:.0%} there. Make several parts of it, with "
-                  f"a body between them, or lower the load.")  # fmt: skip
+            _warn(f"{kind} '{part.name}' bends by {angle:.2g} rad; displacements in the frame of the body that "
+                  f"carries it are assumed to be small, which is accurate to about {0.5 * angle**2:.0%} there. Divide "
+                  f"it into several parts with a body between them, or lower the load.")  # fmt: skip
         elif isinstance(part, Beam) and (share := _sag(part, six)) > SAG and _held_apart(part, at, reduction):
             _warn(f"beam '{part.name}' sags by {share:.2g} of its thickness between ends that are held apart, which "
-                  f"would stretch it and make it stiffer by about {0.75 * share**2:.0%}; small displacements know no "
-                  f"such tension.")  # fmt: skip
+                  f"would stretch it and make it stiffer by about {0.75 * share**2:.0%}; the linear theory of "
+                  f"small displacements neglects this tension.")  # fmt: skip
 
 
 def _warn(message: str) -> None:
@@ -79,7 +70,7 @@ def _sag(beam: Beam, six: Array) -> float:
     return float((np.abs(local[:, 1:]) / thick).max())
 
 
-def _held_apart(beam: Beam, at: Stance, reduction: Reduction) -> bool:
+def _held_apart(beam: Beam, at: PosedModel, reduction: Reduction) -> bool:
     """Whether no coordinate changes the distance between the ends of a beam."""
     first, last = beam.node(0), beam.node(len(beam.points) - 1)
     if first == last:

@@ -13,20 +13,7 @@ if TYPE_CHECKING:
 M = TypeVar("M", bound=Mechanism)
 
 def with_share(model: M, share: float) -> M:
-    """Return a model with a share of its gravity and of its loads; preloads of springs stay.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The model.
-    share : float
-        1 for the model as it is, 0 for one on which neither gravity nor a load acts.
-
-    Returns
-    -------
-    Mechanism
-        The model with these loads.
-    """
+    """Return a model with a share of its gravity and of its loads; preloads of springs stay."""
     if share == 1.0:
         return model
 

@@ -1,4 +1,4 @@
-"""What a pose lacks, in words."""
+"""The unbalanced force of a pose, for messages."""
 
 from __future__ import annotations
 
@@ -8,32 +8,20 @@ import numpy as np
 
 if TYPE_CHECKING:
     from mbsvib.equilibrium.balance import Balance
-    from mbsvib.equilibrium.motion import Stance
+    from mbsvib.equilibrium.motion import PosedModel
 
 
-def lacking(at: Stance, forces: Balance) -> tuple[str, dict[str, Any]]:
-    """Return what a pose lacks: a sentence, and the fields of an ``EquilibriumError``.
+def unbalanced_force(at: PosedModel, forces: Balance) -> tuple[str, dict[str, Any]]:
+    """Return the largest unbalanced force of a pose: a sentence, and the fields of an ``EquilibriumError``.
 
-    Parameters
-    ----------
-    at : Stance
-        The pose.
-    forces : Balance
-        The forces there.
-
-    Returns
-    -------
-    str
-        Body, coordinate and missing force.
-    dict
-        The same as keywords.
+    Both name the body, the coordinate and the missing force.
     """
-    share = np.abs(forces.residual / np.where(forces.acting > 0.0, forces.acting, 1.0))
+    share = np.abs(forces.residual / np.where(forces.balanced_forces > 0.0, forces.balanced_forces, 1.0))
     worst = int(np.argmax(np.abs(forces.residual) / np.where(forces.size > 0.0, forces.size, 1.0)))
     coordinate = int(forces.reduction.independent[worst])
     name = at.coordinates.names[coordinate]
     owner = name.rpartition(".")[0]
-    joint = at.described.joints.get(owner)
+    joint = at.reference.joints.get(owner)
     body = owner if joint is None else joint.first if joint.second == "ground" else joint.second
     unit = "N m" if at.coordinates.turns[coordinate] else "N"
     missing = -float(forces.residual[worst])

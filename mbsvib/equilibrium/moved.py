@@ -10,11 +10,11 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import names
-from mbsvib.equilibrium.articulation import stiffened
-from mbsvib.equilibrium.bending import alone, bent
+from mbsvib.equilibrium.articulation import with_rigid_parts
+from mbsvib.equilibrium.bending import elastic_mechanism, pose_of_least_energy
 from mbsvib.equilibrium.linear_range import warn_beyond
-from mbsvib.equilibrium.motion import close, same_side, smallest, stance
-from mbsvib.equilibrium.moved_parts import carried
+from mbsvib.equilibrium.motion import close, minimum_norm_solution, posed_model, same_branch
+from mbsvib.equilibrium.moved_parts import model_in_pose
 from mbsvib.equilibrium.pose import start
 from mbsvib.errors import ModelError, nearest
 from mbsvib.kinematics.loops import reduce
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
-    from mbsvib.equilibrium.motion import Stance
+    from mbsvib.equilibrium.motion import PosedModel
     from mbsvib.equilibrium.pose import Pose
 
 M = TypeVar("M", bound=Mechanism)
 
-# The longest step [rad, mechanism sizes] along which loops are followed, and the shortest that is still tried.
+# The longest step [rad, mechanism sizes] in which loops are kept closed, and the shortest that is still tried.
 LONGEST, SHORTEST = 0.2, 1e-5
 # Loops count as closed in the end when they are open by less than this share of the mechanism's size, or by rounding.
 TOLERANCE = 1e-12
@@ -47,92 +47,71 @@ def moved(
     Parameters
     ----------
     model : Mechanism
-        The model as described.
+        The model in its reference pose.
     values : mapping of str to float
-        How far joint coordinates move [m, rad].
+        Displacements of joint coordinates [m, rad].
     relaxed : bool
-        Whether springs keep the forces that they have as described.
+        Whether springs keep the forces of the reference pose.
     cut : sequence of str, optional
         Joints at which loops are to be cut.
 
     Returns
     -------
     Mechanism
-        The model there.
+        The model in the new pose.
 
     Raises
     ------
     ModelError
-        If a coordinate is unknown or tied to the others, or loops cannot be closed there.
+        If a coordinate is unknown or depends on the others, or loops cannot be closed there.
     """
     if not isinstance(values, Mapping):
         raise check.refuse("moved", "values", values, "a mapping of joint coordinates to values, {'hinge.rz': 0.1}")
-    given = {str(name): check.number(value, "moved", str(name)) for name, value in values.items()}
-    stiff = stiffened(model)
-    asked = None if cut is None else tuple(names(cut, "moved", "cut", ModelError))
+    displacements = {str(name): check.number(value, "moved", str(name)) for name, value in values.items()}
+    stiff = with_rigid_parts(model)
+    cut_joints = None if cut is None else tuple(names(cut, "moved", "cut", ModelError))
     try:
-        return carried(model, _rigidly(stiff, given, asked), relaxed)
+        return model_in_pose(model, _rigid_pose(stiff, displacements, cut_joints), relaxed)
     except ModelError:
-        if relaxed or not model.composed or not set(given) <= _all_coordinates(stiff):
+        if relaxed or not model.composed or not set(displacements) <= _all_coordinates(stiff):
             raise
-        there = _bending(model, given, asked)
+        there = _bent_model(model, displacements, cut_joints)
         if there is None:
             raise
         return there
 
 
-def _rigidly(stiff: Mechanism, given: Mapping[str, float], cut: tuple[str, ...] | None) -> Pose:
-    """The pose that a mechanism reaches without bending."""
-    here = stance(stiff, start(stiff), _cut_elsewhere(stiff, given) if cut is None else cut)
+def _rigid_pose(stiff: Mechanism, displacements: Mapping[str, float], cut: tuple[str, ...] | None) -> Pose:
+    """The pose of a mechanism whose parts are rigid."""
+    here = posed_model(stiff, start(stiff), _cut_elsewhere(stiff, displacements) if cut is None else cut)
     target = np.zeros(len(here.coordinates.names))
-    for name, value in given.items():
+    for name, value in displacements.items():
         if name not in here.coordinates.names:
             known = here.coordinates.names
-            raise ModelError(f"moved: '{name}' is no joint coordinate of model '{stiff.name}'.{nearest(name, known)} "
-                             f"It has {', '.join(known[:8])}{', ...' if len(known) > 8 else ''}.",
-                             element=name, field="values")  # fmt: skip
+            raise ModelError(f"moved: '{name}' is not a joint coordinate of model '{stiff.name}'."
+                             f"{nearest(name, known)} It has {', '.join(known[:8])}"
+                             f"{', ...' if len(known) > 8 else ''}.", element=name, field="values")  # fmt: skip
         target[here.coordinates.names.index(name)] = value
-    return here.moved(target).pose if here.cuts is None else _follow(here, target, list(given)).pose
+    return here.moved(target).pose if here.cuts is None else _follow(here, target, list(displacements)).pose
 
 
 def _all_coordinates(model: Mechanism) -> set[str]:
     return {f"{joint.name}.{name}" for joint in model.joints.values() for name, _ in joint.freedom}
 
 
-def _bending(model: M, given: Mapping[str, float], cut: tuple[str, ...] | None) -> M | None:
-    """The model where its beams and superelements bend, or None if that does not lead to the pose either."""
-    mechanism = alone(model)
-    found = bent(mechanism, given, _cut_elsewhere(mechanism, given) if cut is None else cut)
-    if found is None:
+def _bent_model(model: M, displacements: Mapping[str, float], cut: tuple[str, ...] | None) -> M | None:
+    """The model in the pose with its beams and superelements bent, or None if that pose cannot be reached either."""
+    mechanism = elastic_mechanism(model)
+    cut = _cut_elsewhere(mechanism, displacements) if cut is None else cut
+    reached = pose_of_least_energy(mechanism, displacements, cut)
+    if reached is None:
         return None
-    there = carried(model, found[0].pose)
-    warn_beyond(there, found[0], found[1].reduction)
+    there = model_in_pose(model, reached[0].pose)
+    warn_beyond(there, reached[0], reached[1].reduction)
     return there
 
 
-def coordinates_of(model: Mechanism, cut: Sequence[str]) -> tuple[float, dict[str, bool]]:
-    """Return the size of a mechanism, and which joint coordinates it can be moved by.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The model as described.
-    cut : sequence of str
-        Joints at which loops are to be cut.
-
-    Returns
-    -------
-    float
-        Size [m].
-    dict of str to bool
-        Coordinates by name; whether each is a rotation.
-    """
-    stiff = stiffened(model)
-    here = stance(stiff, start(stiff), cut)
-    return here.size, dict(zip(here.coordinates.names, here.coordinates.turns.tolist(), strict=True))
-
-
-def _follow(here: Stance, target: Array, names: list[str]) -> Stance:
+def _follow(here: PosedModel, target: Array, names: list[str]) -> PosedModel:
     """Take the independent coordinates to their values in steps along which the loops stay closed."""
     assert here.cuts is not None
     phi = here.closure / here.cuts.row_scale(here.size)[:, None]
@@ -149,10 +128,10 @@ def _follow(here: Stance, target: Array, names: list[str]) -> Stance:
         q = np.zeros(len(target))
         q[~depends] = independent
         q[depends] = _dependent(here, depends, independent)
-        # a motion of the others that is many times the one asked for is a jump, or a dead point
+        # dependent motions many times larger than the step indicate a jump or a dead point
         small = np.abs(q / here.scale).max(initial=0.0) <= 10.0 * LONGEST
         there, left = close(here.moved(q), depends) if small else (here, np.inf)
-        if left <= max(TOLERANCE, there.rounding) and _near(here, there) and same_side(here, there, depends):
+        if left <= max(TOLERANCE, there.rounding) and _near(here, there) and same_branch(here, there, depends):
             here, done, step = there, done + share, min(2.0 * step, LONGEST / max(longest, LONGEST))
             continue
         step = 0.5 * share
@@ -161,34 +140,34 @@ def _follow(here: Stance, target: Array, names: list[str]) -> Stance:
     return here
 
 
-def _dependent(here: Stance, depends: NDArray[np.bool_], independent: Array) -> Array:
+def _dependent(here: PosedModel, depends: NDArray[np.bool_], independent: Array) -> Array:
     """First guess of the dependent coordinates for a step of the independent ones."""
     phi = here.closure * here.scale
     right = phi[:, ~depends] @ (independent / here.scale[~depends])
-    return smallest(phi[:, depends], -right) * here.scale[depends]
+    return minimum_norm_solution(phi[:, depends], -right) * here.scale[depends]
 
 
-def _near(here: Stance, there: Stance) -> bool:
-    """Tell whether no body went or turned so far in one step that it may have jumped to another way of closing."""
+def _near(here: PosedModel, there: PosedModel) -> bool:
+    """Tell whether no body moved so far in one step that loops may have jumped to another branch."""
     turned = np.einsum("kij,kij->k", here.pose.turn, there.pose.turn)
     went = np.abs(there.pose.centre - here.pose.centre).max()
     return bool(turned.min() > 1.0 + 2.0 * np.cos(5.0 * LONGEST) and went < 5.0 * LONGEST * here.size)
 
 
-def _unreachable(here: Stance, target: Array, names: list[str], done: float, left: float) -> ModelError:
+def _unreachable(here: PosedModel, target: Array, names: list[str], done: float, left: float) -> ModelError:
     reached = ", ".join(f"{name} = {done * target[here.coordinates.names.index(name)]:.6g}" for name in names)
     loops = ", ".join(here.cuts.joints if here.cuts else ())
     open_by = f" beyond it they stay open by {left:.1e} of the mechanism's size" if np.isfinite(left) else \
         " there the other joints would have to jump"  # fmt: skip
     return ModelError(
-        f"moved: the loops closed by {loops} can be followed up to {reached} and no further;{open_by}. Ask for a pose "
+        f"moved: the loops closed by {loops} can be closed up to {reached} and no further;{open_by}. Ask for a pose "
         f"short of it, or name another coordinate.", element=names[0] if names else None, field="values",
     )  # fmt: skip
 
 
-def _cut_elsewhere(model: Mechanism, given: Mapping[str, float]) -> tuple[str, ...]:
-    """Return joints to cut so that the joints of the coordinates asked for are part of the tree."""
-    wanted = {name.rsplit(".", 1)[0] for name in given} & set(model.joints)
+def _cut_elsewhere(model: Mechanism, displacements: Mapping[str, float]) -> tuple[str, ...]:
+    """Return joints to cut such that the joints of the requested coordinates are part of the tree."""
+    wanted = {name.rsplit(".", 1)[0] for name in displacements} & set(model.joints)
     cut: list[str] = []
     for _ in range(len(model.joints)):
         topology = span(model, cut)
@@ -198,19 +177,19 @@ def _cut_elsewhere(model: Mechanism, given: Mapping[str, float]) -> tuple[str, .
         up = {topology.bodies[b.body]: b for b in topology.branches}
         sides: list[list[str]] = []
         for body in (missing[0].first, missing[0].second):
-            way: list[str] = []
+            path: list[str] = []
             while body in up:
                 branch = up[body]
-                way.append(topology.joints[branch.joint].name if branch.joint >= 0 else "")
+                path.append(topology.joints[branch.joint].name if branch.joint >= 0 else "")
                 body = topology.bodies[branch.parent] if branch.parent < len(topology.bodies) else "ground"
-            sides.append(way)
+            sides.append(path)
         loop = [name for name in sides[0] + sides[1] if name and (name in sides[0]) != (name in sides[1])]
-        other = [name for name in loop if name not in wanted]
-        if not other:
+        candidates = [name for name in loop if name not in wanted]
+        if not candidates:
             name = missing[0].name
             raise ModelError(f"moved: all joints of the loop that '{name}' closes have a value; leave one of them to "
                              f"follow from the others.", element=name, field="values")  # fmt: skip
-        cut.append(max(other, key=lambda name: len(model.joints[name].freedom)))
+        cut.append(max(candidates, key=lambda name: len(model.joints[name].freedom)))
     return tuple(cut)
 
 

@@ -1,8 +1,9 @@
-"""Newton's method for the pose of equilibrium, along the way that the mechanism itself would go.
+"""Newton's method for the pose of equilibrium, along the path that the mechanism itself would take.
 
-A mechanism whose springs hold it follows its loads: they are applied in steps, and each step is taken only if Newton's
-method contracts and the tangent K + K_g stays positive. Where it does not, the branch ends and the mechanism would snap
-through. A mechanism that hangs goes downhill: steps |K + K_g|^-1 r of limited length, which become Newton steps.
+Load steps, for a mechanism that its springs hold: the loads are applied in steps, and a step is accepted only if
+Newton's method contracts and the tangent K + K_g stays positive definite. Otherwise the branch ends there, and the
+mechanism would snap through. Descent, for other mechanisms: steps |K + K_g|^-1 r of limited length, which become Newton
+steps near the equilibrium.
 
 Source: Crisfield, Non-linear Finite Element Analysis of Solids and Structures (1991), chapter 9, for steps along a
 load; Dauphin et al., Advances in Neural Information Processing Systems 27 (2014), for steps with |K + K_g|.
@@ -17,38 +18,38 @@ import numpy as np
 
 from mbsvib.equilibrium.balance import Balance, balance
 from mbsvib.equilibrium.load_steps import with_share
-from mbsvib.equilibrium.motion import Stance, close, same_side
+from mbsvib.equilibrium.motion import PosedModel, close, same_branch
 from mbsvib.errors import ModelError, NoWordsError, SingularPoseError
 from mbsvib.linalg.rank import EPS, ZERO_STIFFNESS
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
 
-# A pose counts as found when less than this share of the forces is left over, and no step makes it less.
-FOUND = 1e-10
-# Longest step downhill [rad, mechanism sizes], and how often one is cut in half.
+# A pose is one of equilibrium if the residual is below this share of the forces.
+BALANCED = 1e-10
+# Longest step of the descent [rad, mechanism sizes], and how often a step is halved.
 LONGEST, HALVINGS = 0.3, 30
 STEPS = 200
-# Newton's method must make its own steps shorter by this factor, and takes at most so many.
+# Newton steps must become shorter by this factor from one to the next; at most so many are taken.
 CONTRACTION, NEWTON_STEPS = 0.5, 12
 SMALLEST_SHARE = 1e-3
 # Loops are closed when they are open by less than this share of the mechanism's size, or by rounding.
 CLOSED = 1e-11
-# Motions without stiffness are left alone if no more than this share of the forces acts along them; otherwise they are
-# taken to be as soft as this share of the stiffest.
-LEFT_ALONE, SOFTEST = 1e-12, 1e-6
+# Motions without stiffness get no step if no more than this share of the forces acts along them; otherwise their
+# stiffness is assumed to be this share of the largest one.
+NEGLIGIBLE_SHARE, SOFTEST = 1e-12, 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
-    """Where the search ended: the last stance with its forces, whether that is in balance, and the way there.
+class SearchResult:
+    """The last pose of a search, as ``at``, the ``balance`` of forces there, and the steps that led to it.
 
-    ``residuals`` are the shares of the forces left over after each step under the whole load, ``steps`` counts all
-    steps, ``shares`` are the shares of the load at which the mechanism was in balance on the way; ``stopped`` says in
-    words why the search ended short of balance.
+    ``residuals`` are the shares of the forces left over after each step under the full load, ``steps`` counts all
+    steps, ``shares`` are the shares of the load at which an equilibrium was computed; ``stopped`` is the reason why no
+    equilibrium was reached, and empty if one was.
     """
 
-    stance: Stance
+    at: PosedModel
     balance: Balance
     residuals: tuple[float, ...]
     steps: int
@@ -56,27 +57,17 @@ class Found:
     stopped: str = ""
 
 
-def step_from(at: Stance, step: Array, forces: Balance) -> Stance | None:
-    """Return the stance after a motion of all joints with loops closed, or None where there is none, or none on the
-    same side of a dead point of the coordinates that the forces in the first pose are stated in.
+def _after_step(at: PosedModel, step: Array, forces: Balance) -> tuple[PosedModel, Balance] | None:
+    """The pose after a motion of all joints with loops closed and the forces there; None if loops cannot be closed
+    before a dead point of the coordinates of ``forces``, or the forces are not defined.
     """
     try:
-        there, left = close(at.moved(step))
-    except NoWordsError:
-        raise
-    except (ModelError, SingularPoseError):
-        return None
-    if left > max(CLOSED, there.rounding):
-        return None
-    depends = np.ones(len(step), dtype=bool)
-    depends[forces.reduction.independent] = False
-    return there if at.cuts is None or same_side(at, there, depends) else None
-
-
-def forces_at(at: Stance) -> Balance | None:
-    """Return the forces in a pose, or None where they are not defined."""
-    try:
-        return balance(at)
+        there, opening = close(at.moved(step))
+        if opening > max(CLOSED, there.rounding):
+            return None
+        depends = np.ones(len(step), dtype=bool)
+        depends[forces.reduction.independent] = False
+        return (there, balance(there)) if at.cuts is None or same_branch(at, there, depends) else None
     except NoWordsError:
         raise
     except (ModelError, SingularPoseError):
@@ -96,9 +87,9 @@ def is_stable(values: Array) -> bool:
 
 
 def newton_step(forces: Balance) -> Array:
-    """Return the motion of all joints that the tangent asks for: to balance where it is positive, downhill elsewhere.
+    """Return the step of all joints: of Newton's method where the tangent is positive definite, of descent elsewhere.
 
-    Motions without stiffness and without force are left alone.
+    It has no part along motions without stiffness and without force.
     """
     scale, residual = forces.scale, forces.scale * forces.residual
     values, vectors = stiffness(forces)
@@ -109,51 +100,41 @@ def newton_step(forces: Balance) -> Array:
     soft = size <= ZERO_STIFFNESS * size.max()
     along = vectors.T @ residual
     noise = float(np.linalg.norm(scale * forces.size))
-    along[soft & (np.abs(along) <= LEFT_ALONE * noise)] = 0.0
+    along[soft & (np.abs(along) <= NEGLIGIBLE_SHARE * noise)] = 0.0
     size = np.maximum(size, SOFTEST * (float(size.max()) or noise))
     return forces.all_joints(scale * (vectors @ (along / size)))
 
 
-def polished(at: Stance, forces: Balance) -> tuple[Stance, Balance, list[float]]:
-    """Take Newton steps for as long as they leave less of the forces over; near a pose that is stable."""
+def refined(at: PosedModel, forces: Balance) -> tuple[PosedModel, Balance, list[float]]:
+    """Take Newton steps near a stable pose while they reduce the residual."""
     residuals: list[float] = []
     for _ in range(NEWTON_STEPS):
         values, _ = stiffness(forces)
         if forces.share <= EPS or values[0] < -ZERO_STIFFNESS * np.abs(values).max():
             break
-        there = step_from(at, newton_step(forces), forces)
-        after = None if there is None else forces_at(there)
-        if there is None or after is None or not after.share < forces.share:
+        following = _after_step(at, newton_step(forces), forces)
+        if following is None or not following[1].share < forces.share:
             break
-        gained = after.share < 0.5 * forces.share
-        at, forces = there, after
+        previous, (at, forces) = forces.share, following
         residuals.append(forces.share)
-        if not gained:
+        if not forces.share < 0.5 * previous:
             break
     return at, forces, residuals
 
 
-def follow(first: Stance) -> Found:
+def follow(first: PosedModel) -> SearchResult:
     """Return the pose that a mechanism held by springs takes as its loads are applied.
 
-    Parameters
-    ----------
-    first : Stance
-        The pose as described.
-
-    Returns
-    -------
-    Found
-        The pose under the whole load, or the last one on the branch.
+    It is the pose under the full load, or the last one on the branch.
     """
-    done, share, steps, model = 0.0, 1.0, 0, first.described
+    done, share, steps, model = 0.0, 1.0, 0, first.reference
     here, shares = first, [0.0]
     residuals: list[float] = []
     while True:
-        tried, arrived = _contracting(here.under(with_share(model, share)))
-        steps += len(tried.residuals) - 1
-        if arrived:
-            here, done, residuals = tried.stance, share, list(tried.residuals)
+        attempt, converged = _newton_steps(here.under(with_share(model, share)))
+        steps += len(attempt.residuals) - 1
+        if converged:
+            here, done, residuals = attempt.at, share, list(attempt.residuals)
             shares.append(done)
             if done == 1.0:
                 break
@@ -161,40 +142,39 @@ def follow(first: Stance) -> Found:
             continue
         if share - done < SMALLEST_SHARE:
             last = balance(here.under(with_share(model, done)))
-            stopped = f"under {done:.1%} of the load {tried.stopped or _softened(first, last)}"
-            whole = here.under(model)
-            forces = balance(whole)
-            return Found(whole, forces, (*residuals, forces.share), steps, tuple(shares), stopped)
+            stopped = f"under {done:.1%} of the load {attempt.stopped or _lost_stiffness(first, last)}"
+            under_load = here.under(model)
+            forces = balance(under_load)
+            return SearchResult(under_load, forces, (*residuals, forces.share), steps, tuple(shares), stopped)
         share = done + 0.5 * (share - done)
-    at, forces, more = polished(here, balance(here))
-    return Found(at, forces, (*residuals, *more), steps + len(more), tuple(shares))
+    at, forces, more = refined(here, balance(here))
+    return SearchResult(at, forces, (*residuals, *more), steps + len(more), tuple(shares))
 
 
-def _contracting(at: Stance) -> tuple[Found, bool]:
-    """Newton's method with whole steps, given up as soon as it does not contract on a stable branch; did it arrive?"""
+def _newton_steps(at: PosedModel) -> tuple[SearchResult, bool]:
+    """Newton's method with full steps until it does not contract or the pose is not stable; whether it converged."""
     forces = balance(at)
     residuals = [forces.share]
     length = np.inf
     stopped = ""
-    while is_stable(stiffness(forces)[0]) and forces.share > FOUND:
+    while is_stable(stiffness(forces)[0]) and forces.share > BALANCED:
         step = newton_step(forces)
         before, length = length, float(np.abs(step / at.scale).max(initial=0.0))
         if length > CONTRACTION * before or length > LONGEST or len(residuals) > NEWTON_STEPS:
             break
-        there = step_from(at, step, forces)
-        after = None if there is None else forces_at(there)
-        if there is None or after is None:
+        following = _after_step(at, step, forces)
+        if following is None:
             stopped = "its loops cannot be closed any further"
             break
-        at, forces = there, after
+        at, forces = following
         residuals.append(forces.share)
-    reached = forces.share <= FOUND and is_stable(stiffness(forces)[0])
-    return Found(at, forces, tuple(residuals), 0, (), stopped), reached
+    reached = forces.share <= BALANCED and is_stable(stiffness(forces)[0])
+    return SearchResult(at, forces, tuple(residuals), 0, (), stopped), reached
 
 
-def _softened(first: Stance, last: Balance) -> str:
-    """Say how soft a mechanism has become at the end of its branch."""
-    before, _ = stiffness(balance(first.under(with_share(first.described, 0.0))))
+def _lost_stiffness(first: PosedModel, last: Balance) -> str:
+    """The stiffness that a mechanism has left at the end of its branch, in words."""
+    before, _ = stiffness(balance(first.under(with_share(first.reference, 0.0))))
     values, vectors = stiffness(last)
     name = last.names[int(np.argmax(np.abs(vectors[:, 0])))]
     left = float(values[0] / before[0])
@@ -203,61 +183,52 @@ def _softened(first: Stance, last: Balance) -> str:
     return f"its stiffness is down to {left:.1%}, mostly along '{name}': it would snap through to a pose elsewhere"
 
 
-def descend(first: Stance) -> Found:
-    """Return the pose to which a mechanism goes downhill.
+def descend(first: PosedModel) -> SearchResult:
+    """Return the pose to which a mechanism descends.
 
-    Parameters
-    ----------
-    first : Stance
-        The pose as described.
-
-    Returns
-    -------
-    Found
-        The pose of equilibrium, or the last one that was reached.
+    It is the pose of equilibrium, or the last one that was reached.
     """
     at, forces = first, balance(first)
     residuals = [forces.share]
-    stopped = f"{STEPS} steps downhill do not reach one"
+    stopped = f"{STEPS} steps of descent do not reach one"
     for _ in range(STEPS):
-        if forces.share <= FOUND:
+        if forces.share <= BALANCED:
             stopped = ""
             break
         reached = _downhill(at, forces)
         if reached is None:
-            stopped = "no motion leads any further"
+            stopped = "no step reduces the residual any further"
             break
         at, forces = reached
         residuals.append(forces.share)
         if np.abs(at.pose.centre - first.pose.centre).max() > 50.0 * first.size:
-            stopped = "it goes away without end"
+            stopped = "it moves away without limit"
             break
     else:
-        stopped = "" if forces.share <= FOUND else stopped
+        stopped = "" if forces.share <= BALANCED else stopped
     if not stopped:
-        at, forces, more = polished(at, forces)
+        at, forces, more = refined(at, forces)
         residuals += more
-    return Found(at, forces, tuple(residuals), len(residuals) - 1, (), stopped)
+    return SearchResult(at, forces, tuple(residuals), len(residuals) - 1, (), stopped)
 
 
-def _downhill(at: Stance, forces: Balance) -> tuple[Stance, Balance] | None:
-    """One step of limited length, cut in half until the forces still point along it or have become less."""
+def _downhill(at: PosedModel, forces: Balance) -> tuple[PosedModel, Balance] | None:
+    """One step of limited length, halved until the forces do work along it at its end or have become smaller."""
     step = newton_step(forces)
     if not step.any():
         return None
     step = step * min(1.0, LONGEST / float(np.abs(step / at.scale).max()))
     along = _work(forces, step)
     for _ in range(HALVINGS):
-        there = step_from(at, step, forces)
-        after = None if there is None else forces_at(there)
-        if there is not None and after is not None:
-            less = after.share < 0.5 * forces.share
-            if less or _work(after, step) > -0.2 * along:
-                return there, after
+        following = _after_step(at, step, forces)
+        if following is not None:
+            _, after = following
+            if after.share < 0.5 * forces.share or _work(after, step) > -0.2 * along:
+                return following
         step, along = 0.5 * step, 0.5 * along
     return None
 
 
 def _work(forces: Balance, step: Array) -> float:
-    """The work of the forces left over along a motion of all joints, for the part of it that loops allow."""
+    """The work of the residual along the independent coordinates of a motion of all joints."""
     return float(forces.residual @ step[forces.reduction.independent])

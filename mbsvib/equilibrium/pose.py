@@ -1,4 +1,4 @@
-"""Poses: where the bodies of a model are and how they have turned since the pose in which it was described."""
+"""Poses: positions of the bodies of a model and their rotations from the reference pose."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ IDENTITY = np.eye(3)
 class Pose:
     """A pose of all bodies, ground last.
 
-    ``number`` of each body by name; ``origin`` (bodies + 1, 3) are the centres of mass as described, ``centre`` the
-    same now [m], ``turn`` (bodies + 1, 3, 3) the rotations since then.
+    ``number`` of each body by name; ``origin`` (bodies + 1, 3) are the centres of mass in the reference pose,
+    ``centre`` in this pose [m], ``turn`` (bodies + 1, 3, 3) the rotations between them.
     """
 
     number: Mapping[str, int]
@@ -40,16 +40,16 @@ class Pose:
 
     @cached_property
     def _change(self) -> tuple[Array, Array]:
-        """How far centres went (bodies + 1, 3), and what rotations change about them (bodies + 1, 3, 3)."""
+        """Translations of centres (bodies + 1, 3), and rotations less the identity (bodies + 1, 3, 3)."""
         return self.centre - self.origin, self.turn - IDENTITY
 
     @property
     def as_described(self) -> bool:
-        """Whether this is the pose from which motions start."""
+        """Whether this is the reference pose."""
         return self.centre is self.origin
 
     def points(self, body: Index, at: Array) -> Array:
-        """Return where points (n, 3) of bodies (n,) are that were ``at`` [m] as described; exact if none has moved."""
+        """Return points (n, 3) of bodies (n,) that are ``at`` [m] in the reference pose; exact if none has moved."""
         shift, change = self._change
         arm = at - self.origin.take(body, axis=0)
         return np.asarray(at + (shift.take(body, axis=0) + (change.take(body, axis=0) @ arm[..., None])[..., 0]))
@@ -59,7 +59,7 @@ class Pose:
         return np.asarray((self.turn.take(body, axis=0) @ what[..., None])[..., 0])
 
     def point(self, body: str, at: Sequence[float]) -> Vector:
-        """Return where the point of a body is that was ``at`` [m] as described."""
+        """Return the point of a body that is ``at`` [m] in the reference pose."""
         origin, centre = self._numbers[0][self.number[body]]
         x, y, z = self.direction(body, (at[0] - origin[0], at[1] - origin[1], at[2] - origin[2]))
         return x + centre[0], y + centre[1], z + centre[2]
@@ -79,7 +79,7 @@ class Pose:
 
     @cached_property
     def _numbers(self) -> tuple[Any, Any]:
-        """Origin and centre, and the rotation of each body as numbers, which single points are faster with."""
+        """Origin and centre, and rotation of each body as lists, which is faster for single points."""
         return np.stack((self.origin, self.centre), axis=1).tolist(), self.turn.tolist()
 
     def turned(self, body: str, what: Sequence[float] | Sequence[Sequence[float]] | Array) -> Array:
@@ -92,17 +92,17 @@ class Pose:
         return x, y, z
 
     def stays(self, body: str) -> bool:
-        """Tell whether a body is exactly where it was described."""
+        """Tell whether a body is exactly in its reference pose."""
         return self._still[self.number[body]]
 
     def moved_to(self, centre: Array, turn: Array) -> Pose:
-        """Return the pose after displacements: the new centres, and the rotations that come on top of those before."""
+        """Return the pose with new centres and further rotations."""
         same = (turn == IDENTITY).all(axis=(1, 2), keepdims=True)
         return Pose(self.number, self.origin, centre, np.where(same, self.turn, orthonormal(turn @ self.turn)))
 
 
 def start(model: Mechanism) -> Pose:
-    """Return the pose in which a model is described."""
+    """Return the reference pose of a model."""
     number = {name: k for k, name in enumerate(model.bodies)}
     number["ground"] = len(number)
     origin = np.array([*(body.position for body in model.bodies.values()), (0.0, 0.0, 0.0)])

@@ -1,12 +1,11 @@
 """Kinematics in any pose: the joint coordinates and loops of a mechanism, and its finite motion along the tree.
 
-What follows from the mechanism as described is prepared once. All six-vectors of a joint turn with its axes, its point
-goes with its second body; so a pose takes a few operations on arrays over all joints, whatever their kinds.
+Arrays that follow from the reference pose are computed once. All six-vectors of a joint turn with its axes, and its
+point moves with its second body; a pose therefore takes a few array operations over all joints of all kinds.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
@@ -16,11 +15,11 @@ import numpy as np
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.scene import cut_rows
 from mbsvib.equilibrium.joint_rules import in_groups
-from mbsvib.equilibrium.pose import IDENTITY, start
+from mbsvib.equilibrium.pose import start
+from mbsvib.equilibrium.tree_motion import tree_of
 from mbsvib.kinematics.characteristic_length import length_of
 from mbsvib.kinematics.couplers import with_couplers
 from mbsvib.kinematics.relative_motion import Twists, relative_motion, twists
-from mbsvib.linalg.rotations import exponential
 from mbsvib.mechanism.topology import FLOATS, span
 
 if TYPE_CHECKING:
@@ -29,22 +28,21 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equilibrium.joint_rules import Joints, Rule
     from mbsvib.equilibrium.pose import Pose
+    from mbsvib.equilibrium.tree_motion import Tree
     from mbsvib.kinematics.loops import Cuts
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology
 
-ORIGIN = (0.0, 0.0, 0.0)
-
 
 @dataclass(frozen=True)
 class PoseKinematics:
-    """What the kinematics of a mechanism need in all of its poses; ``size`` [m] is the size of the mechanism.
+    """Kinematic data of a mechanism for all of its poses; ``size`` [m] is the size of the mechanism.
 
-    ``coordinates`` and ``cuts`` are those of the pose as described. Their six-vectors (s), twists first, then locked
-    rows, then what couplers measure, are ``vectors`` (s, 3, 2), each a linear and an angular part, that turn with
-    ``turner`` (s,): a body, or behind the bodies a joint of ``own_axes``. They are at ``point`` (s, 3) of body
-    ``holder`` (s,). ``own_axes`` are functions of the pose that return axes of joints, with the transpose of what they
-    return as described; ``loops`` are the cut joints in groups of one rule.
+    ``coordinates`` and ``cuts`` are those of the reference pose. Their six-vectors (s), twists first, then locked rows,
+    then the motions that couplers measure, are ``vectors`` (s, 3, 2), a linear and an angular part each. They turn with
+    ``turner`` (s,), the number of a body, or beyond the bodies of a joint in ``own_axes``, and are at ``point`` (s, 3)
+    of body ``holder`` (s,). ``own_axes`` are functions that return the axes of joints in a pose, with the transpose of
+    these axes in the reference pose; ``loops`` are the cut joints in groups of one rule.
     """
 
     topology: Topology
@@ -84,11 +82,11 @@ class PoseKinematics:
 
     @cached_property
     def closure(self) -> Array:
-        """What cut joints and couplers lock in the pose as described, (locked rows, n); see ``locked``."""
+        """The constraints of cut joints and couplers in the reference pose (locked rows, n); see ``locked``."""
         return np.zeros((0, len(self.coordinates.names))) if self.cuts is None else locked(self.coordinates, self.cuts)
 
     def openings(self, pose: Pose, cuts: Cuts) -> Array:
-        """Return how far cut joints are open, one value [m, rad] for each of their locked rows in this pose."""
+        """Return the violation of the constraints of cut joints in a pose, one value [m, rad] for each locked row."""
         gap, turn = np.zeros((2, len(self.topology.cut), 3))
         for rule, which, joints in self.loops:
             gap[which] = joints.gap(pose)
@@ -100,99 +98,13 @@ class PoseKinematics:
 
 
 def locked(coordinates: Twists, cuts: Cuts) -> Array:
-    """Return what cut joints and couplers lock, relative displacements [m, rad] (locked rows, n)."""
+    """Return the relative displacements [m, rad] (locked rows, n) that cut joints and couplers lock."""
     phi = relative_motion(coordinates, cuts.rows).dense(0, len(cuts.rows.first))
     return phi if cuts.couplings is None else np.concatenate((phi, cuts.couplings.dense(coordinates)))
 
 
-@dataclass(frozen=True, slots=True)
-class Tree:
-    """The finite motion of a spanning tree, arrays over bodies having ground last.
-
-    Coordinates are summed up in groups from ``start`` (g,) on, one for each joint of the tree, and one more for the
-    second of two successive rotations: ``group`` (j,) is the first of each joint that moves, ``body`` (j,) the body
-    behind it, ``then`` (2, k) lists the joints (of these) with a second one and the number of that, ``back`` (k,) those
-    whose second body is the one nearer to ground. ``rod`` (k,) and ``length`` (k, 1) list distance joints (of these),
-    ``levels`` the bodies and their parents that do not hang on ground, from there outwards.
-    """
-
-    start: Index
-    group: Index
-    body: Index
-    then: Index
-    back: Index
-    rod: Index
-    length: Array
-    levels: tuple[tuple[Index, Index], ...]
-
-    def moved(self, pose: Pose, coordinates: Twists, q: Array) -> Pose:
-        """Return the pose after finite joint motions, one coordinate after the other along the tree.
-
-        Parameters
-        ----------
-        pose : Pose
-            Where the motion starts; loops are not looked at.
-        coordinates : Twists
-            The joint coordinates there.
-        q : array, shape (n,)
-            Their values [m, rad].
-
-        Returns
-        -------
-        Pose
-            The pose after it.
-        """
-        here = pose.centre
-        sums = np.add.reduceat(np.concatenate((coordinates.linear, coordinates.angular)) * q, self.start, axis=1).T
-        rotations, shifts = exponential(sums[:, 3:]), sums.take(self.group, axis=0)[:, :3]
-        own = rotations.take(self.group, axis=0)
-        if self.then.size:
-            own[self.then[0]] = own[self.then[0]] @ rotations[self.then[1]]
-        if len(self.rod):
-            shifts[self.rod] = self._swing(pose, coordinates, shifts[self.rod])
-        # the second body goes from x to p + shift + rotation (x - p), the first one the other way round
-        arm = here.take(self.body, axis=0) - coordinates.point.take(self.start[self.group], axis=1).T
-        if len(self.back):
-            arm[self.back] -= shifts[self.back]
-            shifts[self.back] *= -1.0
-            own[self.back] = own[self.back].swapaxes(-1, -2)
-        centre, turn = here.copy(), np.empty((len(here), 3, 3))
-        centre[self.body] += shifts + ((own - IDENTITY) @ arm[..., None])[..., 0]
-        turn[:] = IDENTITY
-        turn[self.body] = own
-        for body, parent in self.levels:
-            # with the parent: x goes on by how far it went, and by its rotation less 1 times the arm
-            hung, before, there = turn.take(parent, axis=0), here.take(parent, axis=0), centre.take(body, axis=0)
-            turn[body] = hung @ turn.take(body, axis=0)
-            went = centre.take(parent, axis=0) - before
-            centre[body] = there + went + ((hung - IDENTITY) @ (there - before)[..., None])[..., 0]
-        return pose.moved_to(centre, turn)
-
-    def _swing(self, pose: Pose, coordinates: Twists, across: Array) -> Array:
-        """How far the ends of rods go on their spheres: as far along an arc as their coordinates across say."""
-        first = self.start[self.group[self.rod]]
-        x, y = coordinates.linear[:, first], coordinates.linear[:, first + 1]
-        line = np.cross(x, y, axis=0).T
-        angle = np.sqrt((across * across).sum(axis=1, keepdims=True)) / self.length
-        back = 0.5 * self.length * angle**2 * np.sinc(0.5 * angle / np.pi) ** 2
-        return np.asarray(np.sinc(angle / np.pi) * across - back * line)
-
-
 def pose_kinematics(model: Mechanism, cut: Sequence[str] = ()) -> PoseKinematics:
-    """Return what the kinematics of a mechanism need in all of its poses.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism as described.
-    cut : sequence of str
-        Joints at which loops are to be cut.
-
-    Returns
-    -------
-    PoseKinematics
-        Tree, coordinates and loops.
-    """
+    """Return the kinematic data of a mechanism for all of its poses."""
     return _prepared(model, cut) if cut else model.derived(_prepared)
 
 
@@ -220,12 +132,12 @@ def _prepared(model: Mechanism, cut: Sequence[str] = ()) -> PoseKinematics:
     linear, angular, point = (np.concatenate([part[i] for part in parts], axis=1).T for i in range(3))
     return PoseKinematics(
         topology, size_of(model), coordinates, cuts, np.stack((linear, angular), axis=-1), turner[owner], point,
-        holder[owner], tuple(own_axes), tuple(loops), _tree(topology),
+        holder[owner], tuple(own_axes), tuple(loops), tree_of(topology),
     )  # fmt: skip
 
 
 def _carriers(topology: Topology, number: Mapping[str, int]) -> tuple[Index, Index]:
-    """The bodies with which the axes and the points of all joints go, and behind them of all floating bodies."""
+    """The bodies that carry the axes and the points of all joints, followed by those of all floating bodies."""
     ground = len(topology.bodies)
     turner = [number[joint.first] for joint in topology.joints] + [ground] * len(topology.floating)
     # where a joint has no point, the centre of mass of one of its bodies is taken
@@ -238,60 +150,23 @@ def _carriers(topology: Topology, number: Mapping[str, int]) -> tuple[Index, Ind
 
 
 def _owners(topology: Topology, cuts: Cuts | None, model: Mechanism) -> Index:
-    """The joints of all six-vectors (s,), floating bodies counting as joints behind all others."""
+    """The joints of all six-vectors (s,); floating bodies count as joints after all others."""
     joints = topology.joints
     owner = [k for k in sorted({branch.joint for branch in topology.branches} - {FLOATS}) for _ in joints[k].freedom]
     owner += [len(joints) + k for k in range(len(topology.floating)) for _ in range(6)]
     owner += [k for k in topology.cut for _ in joints[k].locked]
     if cuts is not None and cuts.couplings is not None:
-        place = {joint.name: k for k, joint in enumerate(joints)}
+        index_of = {joint.name: k for k, joint in enumerate(joints)}
         names = [name.rpartition(".")[0] for part in model.couplers.values() for name, _ in part.terms]
-        owner += [place[name] for name, column in zip(names, cuts.couplings.column.tolist(), strict=True) if column < 0]
+        owner += [index_of[name] for name, column in zip(names, cuts.couplings.column, strict=True) if column < 0]
     return np.array(owner, dtype=np.intp)
 
 
-def _tree(topology: Topology) -> Tree:
-    joints, ground = topology.joints, len(topology.bodies)
-    start: list[int] = []
-    group: list[int] = []
-    body: list[int] = []
-    then: list[tuple[int, int]] = []
-    rods: list[tuple[int, float]] = []
-    back: list[int] = []
-    levels: dict[int, list[tuple[int, int]]] = {}
-    depth = {ground: -1}
-    for branch in topology.branches:
-        depth[branch.body] = depth[branch.parent] + 1
-        levels.setdefault(depth[branch.body], []).append((branch.body, branch.parent))
-    column = 0
-    floats = [branch for branch in topology.branches if branch.joint == FLOATS]
-    for branch in sorted(topology.branches, key=lambda branch: branch.joint)[len(floats) :] + floats:
-        joint = None if branch.joint == FLOATS else joints[branch.joint]
-        count = 6 if joint is None else len(joint.freedom)
-        if not count:
-            continue
-        back += [len(group)] if branch.sign < 0 else []
-        group.append(len(start))
-        body.append(branch.body)
-        start.append(column)
-        if joint is not None and joint.successive:
-            then.append((len(group) - 1, len(start)))
-            start.append(column + count - 1)
-        if joint is not None and joint.kind == "distance":
-            rods.append((len(group) - 1, math.dist(joint.position or ORIGIN, joint.end or ORIGIN)))
-        column += count
-    return Tree(
-        np.array(start, dtype=np.intp), np.array(group, dtype=np.intp), np.array(body, dtype=np.intp),
-        np.array(then, dtype=np.intp).reshape(-1, 2).T, np.array(back, dtype=np.intp),
-        np.array([k for k, _ in rods], dtype=np.intp), np.array([[length] for _, length in rods]),
-        tuple([(bodies, parents) for bodies, parents in (np.array(levels[k], dtype=np.intp).T
-                                                         for k in range(1, len(levels)))]),
-    )  # fmt: skip
-
-
 def size_of(model: Mechanism) -> float:
-    """Return the size [m] of a mechanism as described: the root mean square distance from their mean of the centres of
-    mass, the points of joints and bushings, and the ends of springs; 1 m if all are one point.
+    """Return the size [m] of a mechanism in its reference pose, 1 m if all of its points coincide.
+
+    It is the root mean square distance from their mean of the centres of mass, the points of joints and bushings, and
+    the ends of springs.
     """
     points = [body.position for body in model.bodies.values()]
     points += [joint.point for joint in model.joints.values() if joint.point is not None]

@@ -10,9 +10,9 @@ import numpy as np
 from mbsvib.elements import Bushing, Spring
 from mbsvib.elements.rows import Rows
 from mbsvib.equilibrium.balance import balance
-from mbsvib.equilibrium.messages import lacking
-from mbsvib.equilibrium.motion import stance
-from mbsvib.equilibrium.moved_parts import bare
+from mbsvib.equilibrium.messages import unbalanced_force
+from mbsvib.equilibrium.motion import posed_model
+from mbsvib.equilibrium.moved_parts import static_model
 from mbsvib.equilibrium.pose import start
 from mbsvib.errors import EquilibriumError, ModelError, nearest
 from mbsvib.kinematics.relative_motion import relative_motion
@@ -26,51 +26,41 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.equilibrium.balance import Balance
-    from mbsvib.equilibrium.motion import Stance
+    from mbsvib.equilibrium.motion import PosedModel
 
 M = TypeVar("M", bound=Mechanism)
 
-# Poses of equilibrium are settled to this share of the forces; corrections larger than so many roundings are none.
-SETTLED, MOST_ROUNDING = 1e-12, 1e4
+# Accepted residual of an equilibrium as a share of the forces, and the largest correction in units of rounding.
+RESIDUAL, MOST_ROUNDING = 1e-12, 1e4
 
 
-def preloaded(model: M, chosen: Sequence[Any] | str | bool) -> M:
+def preloaded(model: M, selection: Sequence[Any] | str | bool) -> M:
     """Return the model with the preloads that hold it; see ``Model.equilibrium``.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The model in the pose to be held.
-    chosen : sequence of str, or True
-        Names or patterns of springs and bushings, or all of them.
-
-    Returns
-    -------
-    Mechanism
-        The model in the same pose, with the preloads of least norm that hold it (moments divided by its size).
+    The preloads have the least norm, with moments divided by the size of the model.
 
     Raises
     ------
     ModelError
-        If a name or pattern picks no spring, or only some without stiffness.
+        If a name or pattern selects no spring, or only springs without stiffness.
     EquilibriumError
         If no preload of these holds the pose.
     """
-    springs = _chosen(model, chosen)
+    springs = _selected(model, selection)
     none: dict[str, dict[str, Any]] = {
         spring.name: {"preload": None} | ({"free_length": None} if isinstance(spring, Spring) else {})
         for spring in springs
     }
-    at = stance(bare(changed(model, none)), start(model))
+    at = posed_model(static_model(changed(model, none)), start(model))
     wrenches = _balancing(at, balance(at), springs, [1.0] * len(springs))
     result = changed(model, {
         spring.name: none[spring.name] | {"preload": _as_preload(spring, wrench)}
         for spring, wrench in zip(springs, wrenches, strict=True)
     })  # fmt: skip
-    held = balance(stance(bare(result), at.pose))
+    held = balance(posed_model(static_model(result), at.pose))
     if held.strict_share > BALANCE and held.share > BALANCE:  # forces that are rounding balance as well
         names = ", ".join(f"'{spring.name}'" for spring in springs[:6]) + (", ..." if len(springs) > 6 else "")
-        what, where = lacking(at, held)
+        what, where = unbalanced_force(at, held)
         raise EquilibriumError(
             f"model '{model.name}': no preload of {names} holds the given pose; {what}. Choose springs that act along "
             f"it as well, or let model.equilibrium() find another pose.", **where,
@@ -79,29 +69,19 @@ def preloaded(model: M, chosen: Sequence[Any] | str | bool) -> M:
 
 
 def without_rounding(model: M) -> M:
-    """Return a model in equilibrium with what the rounding of its positions costs taken out of its springs' forces.
+    """Return a model in equilibrium with preloads that correct the rounding of its positions.
 
-    A spring of stiffness k and length L cannot tell forces below eps k L by its length; where that is more than statics
-    allow, its force is a preload, which can.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The model, in balance but for rounding.
-
-    Returns
-    -------
-    Mechanism
-        The same, with other preloads if need be.
+    The length L of a spring of stiffness k resolves no force below eps k L. Where that is more than the check of
+    statics accepts, the spring is given its force as a preload.
     """
-    at = stance(bare(model), start(model))
+    at = posed_model(static_model(model), start(model))
     forces = balance(at)
-    if forces.strict_share <= SETTLED:
+    if forces.strict_share <= RESIDUAL:
         return model
-    springs = _chosen(model, True) if any(map(_is_stiff, model.springs.values())) else []
-    told = [_told(spring, at.size) for spring in springs]
+    springs = _selected(model, True) if any(map(_is_stiff, model.springs.values())) else []
+    resolutions = [_resolution(spring, at.size) for spring in springs]
     changes: dict[str, dict[str, Any]] = {}
-    for spring, least, wrench in zip(springs, told, _balancing(at, forces, springs, told), strict=True):
+    for spring, least, wrench in zip(springs, resolutions, _balancing(at, forces, springs, resolutions), strict=True):
         if np.abs(wrench * (1.0, 1.0, 1.0, 1 / at.size, 1 / at.size, 1 / at.size)).max() > MOST_ROUNDING * least:
             return model
         before = np.array(spring.preload or np.zeros(6)) if isinstance(spring, Bushing) else \
@@ -111,8 +91,8 @@ def without_rounding(model: M) -> M:
     return changed(model, changes)
 
 
-def _told(spring: Spring | Bushing, size: float) -> float:
-    """The least force that the position of a spring's ends can tell [N]."""
+def _resolution(spring: Spring | Bushing, size: float) -> float:
+    """The smallest force that the rounded positions of a spring's ends resolve [N]."""
     if isinstance(spring, Spring):
         return EPS * abs(spring.stiffness) * size
     stiffness = np.abs(np.array(spring.stiffness))
@@ -125,33 +105,33 @@ def _as_preload(spring: Spring | Bushing, wrench: Array) -> float | list[float]:
 
 
 def _balancing(
-    at: Stance, forces: Balance, springs: Sequence[Spring | Bushing], weight: Sequence[float]
+    at: PosedModel, forces: Balance, springs: Sequence[Spring | Bushing], weight: Sequence[float]
 ) -> list[Array]:
-    """The smallest wrenches on the second bodies (6,) that take away what is left over, each over its weight."""
+    """The wrenches (6,) on the second bodies that balance the residual, of least norm relative to the weights."""
     if not springs:
         return []
     bases = [_directions(spring, at.size) for spring in springs]
     rows = _rows(at, springs, bases)
-    each = np.repeat(weight, [len(basis) for basis in bases])
-    acting = forces.scale * (rows if forces.reduction.matrix is None else rows @ forces.reduction.matrix)
-    size = each * np.linalg.lstsq((each[:, None] * acting).T, -forces.scale * forces.residual, rcond=HOLDS_NOTHING)[0]
-    parts = np.split(size, np.cumsum([len(basis) for basis in bases])[:-1])
+    weights = np.repeat(weight, [len(basis) for basis in bases])
+    along = forces.scale * (rows if forces.reduction.matrix is None else rows @ forces.reduction.matrix)
+    size = np.linalg.lstsq((weights[:, None] * along).T, -forces.scale * forces.residual, rcond=HOLDS_NOTHING)[0]
+    parts = np.split(weights * size, np.cumsum([len(basis) for basis in bases])[:-1])
     return [basis.T @ part for basis, part in zip(bases, parts, strict=True)]
 
 
-def _chosen(model: Mechanism, chosen: Sequence[Any] | str | bool) -> list[Spring | Bushing]:
-    """The springs that are named or picked, without those that have no stiffness to be stretched."""
-    if isinstance(chosen, bool):
-        patterns = ["*"] if chosen else []
+def _selected(model: Mechanism, selection: Sequence[Any] | str | bool) -> list[Spring | Bushing]:
+    """The springs that are named or match a pattern, without those that have no stiffness."""
+    if isinstance(selection, bool):
+        patterns = ["*"] if selection else []
     else:
-        given = [chosen] if isinstance(chosen, str) or not hasattr(chosen, "__iter__") else list(chosen)
-        patterns = [item if isinstance(item, str) else getattr(item, "name", str(item)) for item in given]
+        items = [selection] if isinstance(selection, str) or not hasattr(selection, "__iter__") else list(selection)
+        patterns = [item if isinstance(item, str) else getattr(item, "name", str(item)) for item in items]
     names: dict[str, None] = {}
     for pattern in patterns:
         picked = [name for name in model.springs if name == pattern or fnmatchcase(name, pattern)]
         stiff = [name for name in picked if _is_stiff(model.springs[name])]
         if not stiff:
-            why = "is no spring or bushing" if not picked else "has no stiffness to be stretched"
+            why = "is not a spring or bushing" if not picked else "has no stiffness"
             raise ModelError(f"equilibrium: preload = {pattern!r} {why} of model '{model.name}'."
                              f"{'' if picked else nearest(pattern, model.springs)}",
                              element=pattern, field="preload")  # fmt: skip
@@ -179,8 +159,8 @@ def _directions(spring: Spring | Bushing, size: float) -> Array:
     return np.asarray(np.linalg.qr((units * scale).T)[0].T / scale)
 
 
-def _rows(at: Stance, springs: Sequence[Spring | Bushing], bases: list[Array]) -> Array:
-    """What such a wrench of one unit does along each joint coordinate of the tree, one row each."""
+def _rows(at: PosedModel, springs: Sequence[Spring | Bushing], bases: list[Array]) -> Array:
+    """The generalized forces of unit wrenches along the joint coordinates of the tree (wrenches, n)."""
     tuples: list[tuple[float, ...]] = []
     for spring, basis in zip(springs, bases, strict=True):
         ends = at.pose.number[spring.first], at.pose.number[spring.second]

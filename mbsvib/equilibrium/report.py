@@ -1,4 +1,4 @@
-"""What the search for equilibrium found: the model there, and how it got there."""
+"""The result of a search for equilibrium: the model there, and the steps of the search."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
 
 M = TypeVar("M", bound=Mechanism)
 
-# Of large mechanisms, whose equations are sparse, so many of the lowest modes are looked at.
+# Number of the lowest modes that are checked where the equations are sparse.
 LOWEST = 10
 
 
 @dataclass(frozen=True)
 class Equilibrium(Generic[M]):
-    """A model in equilibrium and how it was found.
+    """A model in equilibrium and the steps of the search.
 
-    ``residuals`` are the shares of the forces that were left over before and after each step under the whole load,
-    ``iterations`` counts all steps, ``load_steps`` are the shares of the load on the way. ``displacements`` tells how
-    far each body moved: translation of its centre of mass [m] and rotation vector [rad], world axes. The search goes
-    downhill but does not look further: ``stable`` and ``unstable_modes`` tell whether the pose is held.
+    ``residuals`` are the residuals as shares of the forces, before and after each step under the full load,
+    ``iterations`` counts all steps, ``load_steps`` are the shares of the load that were applied in turn.
+    ``displacements`` are those of the bodies: translation of the centre of mass [m] and rotation vector [rad], world
+    axes. The search itself does not ensure stability: see ``stable`` and ``unstable_modes``.
     """
 
     model: M
@@ -102,7 +102,7 @@ class Equilibrium(Generic[M]):
 
 
 def displacements(pose: Pose) -> dict[str, Array]:
-    """Return how far each body is from where it was described."""
+    """Return the displacement of each body from the reference pose."""
     result = {}
     for name, k in pose.number.items():
         if name != "ground":

@@ -62,7 +62,7 @@ def explain(system: Equations, basis: Basis | None = None) -> str:
 
 def _topology(system: Equations) -> list[str]:
     topology = system.provenance.topology
-    held = {part for joint in topology.joints for part in (joint.first, joint.second)}
+    jointed = {part for joint in topology.joints for part in (joint.first, joint.second)}
     composed = [part for part in system.provenance.parts if isinstance(part, Composed)]
     owners = {part.name for part in composed}
     springs = [name for name in system.provenance.springs if name not in owners]
@@ -71,15 +71,15 @@ def _topology(system: Equations) -> list[str]:
     lines += [f"  {part.account}" for part in composed]
     for body in topology.floating:
         name = topology.bodies[body]
-        why = "no joint reaches it" if name not in held else "no chain of joints leads from ground to it"
+        why = "no joint reaches it" if name not in jointed else "no chain of joints leads from ground to it"
         lines.append(f"  body '{name}' is floating: {why}, so a free joint was added")
     if topology.joints:
         lines.append(f"  spanning tree: {listed(system.tree) or 'no joint'}")
-    acting = set(system.row_owner.tolist())
+    straining = set(system.row_owner.tolist())
     forces = () if system.provenance.statics is None else system.provenance.statics.applied.names
     inerters = {part.name for part in system.provenance.parts if isinstance(part, Inerter)}  # they are part of M
     idle = [name for i, name in enumerate(system.provenance.springs)
-            if i not in acting and name not in forces and name not in inerters]  # fmt: skip
+            if i not in straining and name not in forces and name not in inerters]  # fmt: skip
     if idle:
         left = "the mechanism" if system.provenance.dropped is None else "what is left"
         lines.append(f"  without effect, as no motion of {left} strains them: {listed(idle)}")
@@ -109,22 +109,22 @@ def _coordinates(system: Equations) -> list[str]:
     if not everything:
         return ["  none"]
     independent = set(system.coordinates)
-    gone = system.provenance.dropped
-    independent |= set(gone.names) if gone else set()
+    dropped_part = system.provenance.dropped
+    independent |= set(dropped_part.names) if dropped_part else set()
     dependent = [name for name in everything if name not in independent]
     lines = [f"  minimal: {listed(system.coordinates) or 'none'}"]
     if dependent:
         lines.append(f"  dependent: {listed(dependent)}")
-    return lines + _massless(system) + ([] if gone is None else [f"  {text}" for text in dropped(gone)])
+    return lines + _massless(system) + ([] if dropped_part is None else [f"  {text}" for text in dropped(dropped_part)])
 
 
-def dropped(gone: Dropped) -> list[str]:
+def dropped(part: Dropped) -> list[str]:
     """Return the uncontrollable and unobservable parts for the given ports, one sentence each."""
     result = []
-    if gone.unreached:
-        result.append(f"dropped, not controllable from {listed(gone.inputs)}: {listed(gone.unreached)}")
-    if gone.unseen:
-        result.append(f"dropped, not observable from {listed(gone.outputs)}: {listed(gone.unseen)}")
+    if part.unreached:
+        result.append(f"dropped, not controllable from {listed(part.inputs)}: {listed(part.unreached)}")
+    if part.unseen:
+        result.append(f"dropped, not observable from {listed(part.outputs)}: {listed(part.unseen)}")
     return result or ["nothing was dropped: every part is coupled to an input and to an output"]
 
 

@@ -131,7 +131,7 @@ def energies(system: Equations, shapes: Array | Complex) -> tuple[tuple[str, ...
     springs, statics = system.provenance.springs, system.provenance.statics
     rows = system.stiffness[:, None] * np.square(np.abs(system.elastic_rows @ shapes))
     owners = len(springs) + (len(statics.owners) if statics is not None else 0)
-    sums = _summed(rows, system.row_owner, owners)
+    sums = _sums_by_owner(rows, system.row_owner, owners)
     names, kinds = list(springs), [ELASTIC] * len(springs)
     if statics is not None:
         count = len(statics.pairs.first)
@@ -157,7 +157,7 @@ def _of_forms(statics: Statics, motion: Array, shapes: Array | Complex) -> Array
     return result
 
 
-def _summed(rows: Array, owner: Sequence[int] | NDArray[np.intp], count: int) -> Array:
+def _sums_by_owner(rows: Array, owner: Sequence[int] | NDArray[np.intp], count: int) -> Array:
     result = np.zeros((count, rows.shape[1]))
     np.add.at(result, np.asarray(owner), rows)
     return result

@@ -40,9 +40,9 @@ def explain(system: SparseEquations) -> str:
     if topology.floating:
         lines.append(f"  floating, with free joints added: {listed([topology.bodies[i] for i in topology.floating])}")
     lines.append(f"  spanning tree: {listed(system.tree) or 'no joint'}")
-    acting = np.zeros(len(system.springs) + len(system.loading), dtype=bool)
-    acting[system.row_owner] = True
-    idle = [name for name, acts in zip(system.springs, acting.tolist(), strict=False) if not acts]
+    straining = np.zeros(len(system.springs) + len(system.loading), dtype=bool)
+    straining[system.row_owner] = True
+    idle = [name for name, acts in zip(system.springs, straining.tolist(), strict=False) if not acts]
     if system.dropped is not None:
         lines += [f"  {text}" for text in dropped(system.dropped)]
     elif idle:
@@ -68,9 +68,9 @@ def _loops(system: SparseEquations) -> list[str]:
                      f"{pivots} dropped {group.dropped:.1e} (loop size {group.length:.3g} m)")  # fmt: skip
         if group.redundant:
             lines.append(f"    redundant: {listed(group.redundant)}")
-    rest = len(system.constraints.groups) - SHOWN
-    if rest > 0:
-        lines.append(f"  and {counted(rest, 'more group')} of loops")
+    remaining = len(system.constraints.groups) - SHOWN
+    if remaining > 0:
+        lines.append(f"  and {counted(remaining, 'more group')} of loops")
     return lines
 
 
@@ -87,12 +87,13 @@ def _tableau(system: SparseEquations) -> list[str]:
 
 
 def _forces(system: SparseEquations) -> list[str]:
-    wanted = [output for output in system.model.outputs.values()
+    force_outputs = [output for output in system.model.outputs.values()
               if isinstance(output, ForceOutput) and output.element not in system.model.springs]  # fmt: skip
-    if not wanted:
+    if not force_outputs:
         return []
-    what = counted(len(wanted), "output")
-    lines = [f"  {what} by virtual work, rows as long as what they sum: {listed([output.name for output in wanted])}"]
+    what = counted(len(force_outputs), "output")
+    names = listed([output.name for output in force_outputs])
+    lines = [f"  {what} by virtual work, rows as long as what they sum: {names}"]
     return [*lines, *(text for forces in system.undetermined for text in forces.explained())]
 
 

@@ -35,12 +35,12 @@ def fault(
     element: str | None = None, field: str | None = None,
 ) -> ModelError:  # fmt: skip
     """Build the error "FILE, line LINE[, column COLUMN][, PLACE]: MESSAGE"."""
-    where = [file, f"line {line}"]
+    location = [file, f"line {line}"]
     if column is not None:
-        where.append(f"column {column}")
+        location.append(f"column {column}")
     if key_path:
-        where.append(".".join(key_path))
-    return ModelError(f"{', '.join(where)}: {message}", element=element, field=field)
+        location.append(".".join(key_path))
+    return ModelError(f"{', '.join(location)}: {message}", element=element, field=field)
 
 
 def repeated(file: str, line: int, key_path: KeyPath, first: int) -> ModelError:

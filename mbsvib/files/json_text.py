@@ -22,7 +22,7 @@ def read_json(text: str, file: str) -> Document:
     try:
         data = json.loads(text, parse_int=_integer)
     except json.JSONDecodeError as error:
-        raise fault(file, error.lineno, (), f"this is no JSON: {error.msg}.", column=error.colno) from error
+        raise fault(file, error.lineno, (), f"this is not valid JSON: {error.msg}.", column=error.colno) from error
     except RecursionError as error:
         raise fault(file, 1, (), "lists and objects are nested too deep.") from error
     return Document(file, data, _lines(text, file))

@@ -66,29 +66,29 @@ def _nodes_first(items: list[tuple[str, str, Any]]) -> Iterable[tuple[str, str, 
     if not waiting:
         return items
     first = [item for item in items if item[0] == "bodies"]
-    rest = [item for item in items if item[0] not in ("bodies", *COMPOSED)]
+    others = [item for item in items if item[0] not in ("bodies", *COMPOSED)]
     ordered = []
     while waiting:
         owners = {name for _, name, _ in waiting}
-        ready = next((item for item in waiting if not _held_by(item[2]) & (owners - {item[1]})), waiting[0])
+        ready = next((item for item in waiting if not _attached_bodies(item[2]) & (owners - {item[1]})), waiting[0])
         waiting.remove(ready)
         ordered.append(ready)
-    return first + ordered + rest
+    return first + ordered + others
 
 
-def _held_by(entry: Any) -> set[str]:
+def _attached_bodies(entry: Any) -> set[str]:
     """Possible owners of the nodes to which a beam or superelement is connected."""
     if not isinstance(entry, dict):
         return set()
-    held = entry.get("bodies")
-    names = [entry.get("a"), entry.get("b"), *(held.values() if isinstance(held, dict) else ())]
+    attached = entry.get("bodies")
+    names = [entry.get("a"), entry.get("b"), *(attached.values() if isinstance(attached, dict) else ())]
     return {name[:i] for name in names if isinstance(name, str) for i, sign in enumerate(name) if sign == "."}
 
 
 def _check_version(document: Document, data: Mapping[str, Any]) -> None:
     version = data.get(MARK, VERSION)
     if type(version) is not int or version < 1:
-        raise document.error((MARK,), f"{version!r} is no format version; expected {VERSION}.")
+        raise document.error((MARK,), f"{version!r} is not a format version; expected {VERSION}.")
     if version > VERSION:
         raise document.error((MARK,), f"the file has format version {version}, and this mbsvib reads up to "
                                       f"{VERSION}; update mbsvib.")  # fmt: skip
@@ -164,7 +164,7 @@ def _kind(document: Document, key_path: KeyPath, entry: dict[str, Any]) -> str:
     kind = entry.pop("type")
     if kind not in kinds:
         expected = f"{', '.join(kinds[:-1])} or {kinds[-1]}"
-        raise document.error((*key_path, "type"), f"{kind!r} is no type of {key_path[0]}; expected {expected}."
+        raise document.error((*key_path, "type"), f"{kind!r} is not a type of {key_path[0]}; expected {expected}."
                              f"{nearest(str(kind), kinds)}", element=key_path[1], field="type")  # fmt: skip
     return str(kind)
 

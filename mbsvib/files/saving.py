@@ -1,4 +1,4 @@
-"""Models to model files: the words that made each part, written whole or not at all."""
+"""Models to model files: the arguments that made each part; files are written completely or not at all."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from mbsvib.api.model import ADDERS, Model
-from mbsvib.common.atomic_file import write_whole
+from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_model
 from mbsvib.errors import ModelError
 from mbsvib.files.reading import suffix_of
@@ -39,7 +39,7 @@ def save(model: Model, path: str | PathLike[str]) -> Path:
     write = json_text if suffix_of(path) == ".json" else yaml_text
     text = write(described(a_model(model, "save")))
     try:
-        return write_whole(path, lambda stream: stream.write(text.encode()))
+        return write_atomic(path, lambda stream: stream.write(text.encode()))
     except OSError as error:
         raise ModelError(f"{path}: cannot be written: {error.strerror}.") from error
 

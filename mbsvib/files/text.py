@@ -8,7 +8,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 HEADING = "# mbsvib model: SI units and radians; positions and axes in world coordinates"
-# A plain scalar starts with a letter, so that it is no number, and single blanks, so that ": " and " #" cannot occur.
+# A plain scalar starts with a letter, so that it is not a number. It has single blanks only, so that it has no ": " and
+# no " #".
 _PLAIN = re.compile(r"[^\W\d][\w./-]*(?: [\w./-]+)*")
 # text in YAML 1.2, but most of it has another type in YAML 1.1
 _RESERVED = frozenset({"null", "true", "false", "yes", "no", "on", "off"})

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from mbsvib.common.file_content import said
+from mbsvib.common.file_content import shortened
 from mbsvib.errors import ModelError
 from mbsvib.files.document import Document, KeyPath, fault, repeated
 
@@ -47,7 +47,7 @@ def read_yaml(text: str, file: str) -> Document:
         raise
     except Exception as error:  # numbers of characters past the last one, and what else the parser does not expect
         line = max(builder.lines.values())
-        raise fault(file, line, (), f"this is no YAML from here on: {said(error)}.") from error
+        raise fault(file, line, (), f"this is no YAML from here on: {shortened(error)}.") from error
 
 
 def scalar(text: str) -> Any:
@@ -135,23 +135,23 @@ class _Builder:
     def mapping(self, key_path: KeyPath | None, depth: int) -> dict[str, Any]:
         from ruamel.yaml.events import MappingEndEvent
 
-        own: dict[str, Any] = {}
+        entries: dict[str, Any] = {}
         merged: dict[str, Any] = {}
-        seen: dict[str, int] = {}
+        lines_of: dict[str, int] = {}
         while not isinstance(event := next(self.events), MappingEndEvent):
             line = event.start_mark.line + 1
             key = self.key(event, key_path, depth)
-            here = None if key_path is None else (*key_path, key)
-            if key in seen:
-                raise repeated(self.file, line, here or (key,), seen[key])
-            seen[key] = line
+            path = None if key_path is None else (*key_path, key)
+            if key in lines_of:
+                raise repeated(self.file, line, path or (key,), lines_of[key])
+            lines_of[key] = line
             if key == "<<" and not event.style:
                 merged = self.merged(next(self.events), key_path, depth)
                 continue
-            if here is not None:
-                self.lines[here] = line
-            own[key] = self.node(next(self.events), here, depth + 1)
-        return merged | own if merged else own
+            if path is not None:
+                self.lines[path] = line
+            entries[key] = self.node(next(self.events), path, depth + 1)
+        return merged | entries if merged else entries
 
     def key(self, event: Any, key_path: KeyPath | None, depth: int) -> str:
         key = self.node(event, None, depth + 1)
@@ -181,7 +181,7 @@ class _Builder:
 
 def _syntax(error: Any, file: str) -> ModelError:
     mark = error.problem_mark or error.context_mark
-    text = f"this is no YAML: {error.problem}"
+    text = f"this is not valid YAML: {error.problem}"
     if error.context:
         text += f", {error.context}"
         if error.context_mark is not None and error.context_mark.line != mark.line:

@@ -30,7 +30,8 @@ from mbsvib.isolation.sampled import SampledLoop
 from mbsvib.isolation.struts import Struts, ring, struts
 from mbsvib.isolation.synthesis import hinf, lqg
 from mbsvib.isolation.vibration import Vibration
-from mbsvib.responses.power_spectra import BaseNoise, Shaped, Table, shaped, table, white
+from mbsvib.responses.densities import Shaped, Table, shaped, table, white
+from mbsvib.responses.power_spectra import BaseNoise
 
 __all__ = [
     "Active", "BaseNoise", "ClosedLoop", "Collocation", "Controller", "Design", "Front", "Isolation", "Margins", "Pair",

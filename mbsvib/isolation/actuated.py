@@ -79,7 +79,7 @@ def actuated(
     Parameters
     ----------
     model : Model
-        The mechanism; it stays as it is.
+        The mechanism, which is not changed.
     body : str
         The isolated body.
     legs : sequence of str, optional
@@ -107,11 +107,12 @@ def actuated(
     leg_names = tuple(lines if legs is None else names(legs, "actuated", "legs", ModelError))
     for name in leg_names:
         if name not in lines:
-            raise ModelError(f"active: leg '{name}' is no line spring and no Maxwell element of model '{model.name}'."
+            raise ModelError(f"active: leg '{name}' is neither a line spring nor a Maxwell element of model "
+                             f"'{model.name}'."
                              f"{nearest(str(name), lines)} It has {', '.join(lines) or 'none'}.", element=str(name),
                              field="legs")  # fmt: skip
     if not leg_names:
-        raise ModelError(f"active: model '{model.name}' has no line spring beside which an actuator could act; add "
+        raise ModelError(f"active: model '{model.name}' has no line spring to which an actuator could be parallel; add "
                          f"legs by add_spring.", field="legs")  # fmt: skip
     made = scene(model, body, base, point, length, directions)
     changed = made.model
@@ -139,12 +140,12 @@ def actuated(
 
 def _attached_bodies(model: Model, body: str, legs: Sequence[str]) -> set[str]:
     """The bodies that are connected to the isolated one by elements other than legs, not through the ground."""
-    ties = [(part.first, part.second) for group in (model.joints, model.springs) for part in group.values()
+    pairs = [(part.first, part.second) for group in (model.joints, model.springs) for part in group.values()
             if part.name not in legs]  # fmt: skip
     attached, last = {body}, 0
     while len(attached) > last:
         last = len(attached)
-        for pair in ties:
+        for pair in pairs:
             if GROUND not in pair and not attached.isdisjoint(pair):
                 attached.update(pair)
     return attached

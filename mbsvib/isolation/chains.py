@@ -113,9 +113,9 @@ class Chain:
 
     def _end(self, at: str, who: str) -> Array:
         """The point at which a body, base or platform, is connected to it."""
-        every = [(part, _point(part, at)) for part in self.connections]
-        points = {part.name: np.array(point) for part, point in every if point is not None and not _slides(part)} or {
-            part.name: np.array(point) for part, point in every if point is not None}  # fmt: skip
+        located = [(part, _point(part, at)) for part in self.connections]
+        points = {part.name: np.array(point) for part, point in located if point is not None and not _slides(part)} or {
+            part.name: np.array(point) for part, point in located if point is not None}  # fmt: skip
         if not points:
             names = [part.name for part in self.connections if at in (part.first, part.second)]
             raise ModelError(f"{who}: joint '{names[0]}' has no position, so that the leg has no end at '{at}'; give "
@@ -156,17 +156,17 @@ class Chain:
     def _shares(self, model: Model, start: Array, per_length: Array, who: str) -> dict[str, float]:
         """The share of the leg's length that each body has."""
         slides = {frozenset((part.first, part.second)) for part in self.connections if _slides(part)}
-        held = [(part.first, part.second) for part in self.connections
+        rigid_pairs = [(part.first, part.second) for part in self.connections
                 if (isinstance(part, Joint) and not _slides(part))
                 or (isinstance(part, Bushing) and frozenset((part.first, part.second)) not in slides)]  # fmt: skip
-        below, above = (_reached([end], held, self.bodies) for end in (self.base, self.platform))
+        below, above = (_reached([end], rigid_pairs, self.bodies) for end in (self.base, self.platform))
         result: dict[str, float] = {}
         for name in self.bodies:
             if name in below and name in above:
                 raise ModelError(f"{who}: its body '{name}' goes with both ends, as nothing between them slides; "
                                  f"expected a joint along the leg that does.", element=name, field="legs")  # fmt: skip
             if name not in result:
-                group = _reached([name], held, self.bodies) - {self.base, self.platform}
+                group = _reached([name], rigid_pairs, self.bodies) - {self.base, self.platform}
                 centre = np.mean([model.bodies[member].position for member in group], axis=0)
                 share = 0.0 if name in below else 1.0 if name in above else float((centre - start) @ per_length)
                 result.update(dict.fromkeys(group, share))
@@ -175,35 +175,35 @@ class Chain:
 
 def chains_between(model: Model, body: str, base: str) -> list[Chain]:
     """Chains between two bodies: bodies that are connected without them, and line springs and rods between the two."""
-    every: list[Connection] = [*model.joints.values(), *model.springs.values()]
+    connections: list[Connection] = [*model.joints.values(), *model.springs.values()]
     ends = (base, body)
-    between = [part for part in every if part.first not in ends or part.second not in ends]
+    between = [part for part in connections if part.first not in ends or part.second not in ends]
     pairs = [(part.first, part.second) for part in between]
-    inner = dict.fromkeys(name for pair in pairs for name in pair if name not in ends)
-    result, seen = [], set[str]()
-    for name in inner:
-        if name not in seen:
-            group = _reached([name], pairs, inner)
-            seen |= group
-            members = tuple([member for member in inner if member in group])
+    bodies_between = dict.fromkeys(name for pair in pairs for name in pair if name not in ends)
+    result, visited = [], set[str]()
+    for name in bodies_between:
+        if name not in visited:
+            group = _reached([name], pairs, bodies_between)
+            visited |= group
+            members = tuple([member for member in bodies_between if member in group])
             those = tuple([part for part in between if part.first in members or part.second in members])
             result.append(Chain(members, those, base, body))
-    lines = [part for part in every if {part.first, part.second} == {base, body} and len(_fields(part)) == 2]
+    lines = [part for part in connections if {part.first, part.second} == {base, body} and len(_fields(part)) == 2]
     return [*result, *(Chain((), (part,), base, body) for part in lines)]
 
 
 def _reached(starts: list[str], pairs: Iterable[tuple[str, str]], through: Iterable[str]) -> set[str]:
     """Bodies that can be reached by pairs, through some bodies only."""
-    known, allowed, edges = set(starts), set(through), list(pairs)
+    reached, allowed, edges = set(starts), set(through), list(pairs)
     todo = list(starts)
     while todo:
-        here = todo.pop()
+        current = todo.pop()
         for first, second in edges:
-            for near, far in ((first, second), (second, first)):
-                if near == here and far not in known:
-                    known.add(far)
-                    todo += [far] if far in allowed else []
-    return known
+            for start, end in ((first, second), (second, first)):
+                if start == current and end not in reached:
+                    reached.add(end)
+                    todo += [end] if end in allowed else []
+    return reached
 
 
 def _slides(part: Connection) -> bool:

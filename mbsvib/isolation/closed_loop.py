@@ -47,17 +47,17 @@ class ClosedLoop(FeedbackLoop):
             raise ResponseError(f"closed loop: {law.name} makes an algebraic loop: its feedthrough times that of the "
                                 f"sensors is 1. Change the gain.")  # fmt: skip
         # y = seen (x, z) + direct w
-        seen = np.linalg.solve(loop, np.concatenate((space.C[y], space.D[np.ix_(y, u)] @ law.C), axis=1))
+        sensors = np.linalg.solve(loop, np.concatenate((space.C[y], space.D[np.ix_(y, u)] @ law.C), axis=1))
         direct = np.linalg.solve(loop, space.D[y])
-        push, push_w = law.D @ seen, law.D @ direct
-        push[:, n:] += law.C
-        a = np.concatenate((space.B[:, u] @ push, law.B @ seen))
+        forces, forces_w = law.D @ sensors, law.D @ direct
+        forces[:, n:] += law.C
+        a = np.concatenate((space.B[:, u] @ forces, law.B @ sensors))
         a[:n, :n] += space.A
         a[n:, n:] += law.A
-        b = np.concatenate((space.B + space.B[:, u] @ push_w, law.B @ direct))
-        c = space.D[:, u] @ push
+        b = np.concatenate((space.B + space.B[:, u] @ forces_w, law.B @ direct))
+        c = space.D[:, u] @ forces
         c[:, :n] += space.C
-        d = space.D + space.D[:, u] @ push_w
+        d = space.D + space.D[:, u] @ forces_w
         return a, b, c, d, space
 
     def state_space(self, realization: str = "modal") -> StateSpace:
@@ -150,7 +150,7 @@ def close(plant: Plant, *controllers: Controller) -> ClosedLoop:
     system = plant.system
     for law in controllers:
         if not isinstance(law, Controller):
-            raise ResponseError(f"closed loop: {type(law).__name__} is no controller; expected what force_feedback, "
+            raise ResponseError(f"closed loop: {type(law).__name__} is not a controller; expected what force_feedback, "
                                 f"skyhook, controller, ... return.")  # fmt: skip
         for what, names, known in (("sensor", law.inputs, system.outputs), ("actuator", law.outputs, system.inputs)):
             for name in names:

@@ -139,11 +139,11 @@ def removable(plant: Plant, legs: Sequence[str]) -> bool:
 
 def without(system: System, legs: Sequence[str]) -> System:
     """Return a system without the springs and dampers of some legs: its poles are the zeros of their tensions."""
-    gone = np.isin(system.row_owner, [system.provenance.springs.index(leg) for leg in legs])
-    k, c = np.where(gone, 0.0, system.stiffness), np.where(gone, 0.0, system.damping)
-    rows = system.elastic_rows[~gone]
+    removed = np.isin(system.row_owner, [system.provenance.springs.index(leg) for leg in legs])
+    k, c = np.where(removed, 0.0, system.stiffness), np.where(removed, 0.0, system.damping)
+    rows = system.elastic_rows[~removed]
     # summed again: a difference would leave rounding errors
-    stiffness, damping = (rows.T @ (values[~gone, None] * rows) for values in (k, c))
+    stiffness, damping = (rows.T @ (values[~removed, None] * rows) for values in (k, c))
     if system.circulatory is not None:
         stiffness += system.circulatory
     if system.gyroscopic is not None:
@@ -157,14 +157,14 @@ def _visible_frequencies(system: System, actuator: str, sensor: str, free: Syste
     zeros = system.transmission_zeros(actuator, sensor) if free is None else free.poles()
     unit = np.abs(poles).max(initial=0.0)
     up = np.sort(poles.imag[poles.imag > SAME * unit])
-    rest = zeros[np.abs(zeros) > SAME * unit]
-    minimum = bool((np.abs(rest.real) <= SAME * np.abs(rest)).all())
-    dips = np.sort(rest.imag[(rest.imag > 0.0) & (np.abs(rest.real) <= SAME * np.abs(rest))])
+    nonzero = zeros[np.abs(zeros) > SAME * unit]
+    minimum = bool((np.abs(nonzero.real) <= SAME * np.abs(nonzero)).all())
+    dips = np.sort(nonzero.imag[(nonzero.imag > 0.0) & (np.abs(nonzero.real) <= SAME * np.abs(nonzero))])
     visible = []
     for pole in up.tolist():
-        near = np.flatnonzero(np.abs(dips - pole) <= SAME * pole)
-        if len(near):
-            dips = np.delete(dips, near[0])
+        close_to_pole = np.flatnonzero(np.abs(dips - pole) <= SAME * pole)
+        if len(close_to_pole):
+            dips = np.delete(dips, close_to_pole[0])
         else:
             visible.append(pole)
     return np.array(visible) / (2.0 * np.pi), dips / (2.0 * np.pi), minimum

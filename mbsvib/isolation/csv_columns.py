@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.common.atomic_file import write_whole
+from mbsvib.common.atomic_file import write_atomic
 
 if TYPE_CHECKING:
     import os
@@ -19,4 +19,4 @@ if TYPE_CHECKING:
 def write_columns(path: str | os.PathLike[str], names: Sequence[str], columns: Sequence[Array]) -> Path:
     """Write columns under their names, numbers with all their digits; returns the path."""
     lines = [",".join(names), *(",".join(map(repr, row)) for row in np.stack(columns, axis=1).tolist())]
-    return write_whole(path, lambda stream: stream.write(("\n".join(lines) + "\n").encode()))
+    return write_atomic(path, lambda stream: stream.write(("\n".join(lines) + "\n").encode()))

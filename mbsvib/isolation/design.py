@@ -42,7 +42,7 @@ class Design:
         """
         table = self.optimum.table()
         both = zip(self.before.table()["rows"], self.after.table()["rows"], strict=True)
-        table["rows"] = [*table["rows"], *((name, old, new) for (name, old), (_, new) in both)]
+        table["rows"] = [*table["rows"], *((name, before, after) for (name, before), (_, after) in both)]
         table["title"] = f"Passive design of {self.model.name}"
         return table
 

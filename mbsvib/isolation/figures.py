@@ -10,7 +10,7 @@ import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.isolation.asymptote import Asymptote, asymptote
-from mbsvib.isolation.integrand import response as summed
+from mbsvib.isolation.integrand import response
 from mbsvib.isolation.linear import resolution
 from mbsvib.isolation.study_scene import ACCELERATIONS, Scene
 from mbsvib.responses import extrema
@@ -50,7 +50,7 @@ class Figures:
         return self._scaled(self.transmissibility)
 
     def _scaled(self, g: Complex) -> Complex:
-        left, right = self.scene.scale(), self.scene.scale(self.scene.moved)
+        left, right = self.scene.scale(), self.scene.scale(self.scene.base_directions)
         return np.asarray(left[:, None, None] * g / right[:, None])
 
     @cached_property
@@ -79,7 +79,7 @@ class Figures:
     def _index_at(self, frequencies: ArrayLike) -> Array:
         w = 2.0 * np.pi * np.asarray(frequencies, dtype=float)
         if isinstance(self.linear, System):
-            return _frobenius(self._scaled(summed(self.linear, w, ACCELERATIONS, self.scene.inputs)))
+            return _frobenius(self._scaled(response(self.linear, w, ACCELERATIONS, self.scene.inputs)))
         into = [self.linear.inputs.index(name) for name in self.scene.inputs]
         out = [self.linear.outputs.index(name) for name in ACCELERATIONS]
         return _frobenius(self._scaled(self.linear.frequency_response(w)[np.ix_(out, into)]))
@@ -133,7 +133,7 @@ class Figures:
         into = [far.inputs.index(name) for name in self.scene.inputs]
         out = [far.outputs.index(name) for name in ACCELERATIONS]
         left = self.scene.scale() / np.sqrt(len(into))
-        result = asymptote(far, into, out, left, 1.0 / self.scene.scale(self.scene.moved))
+        result = asymptote(far, into, out, left, 1.0 / self.scene.scale(self.scene.base_directions))
         # the response of a hold has ripples at high frequency, and decreases with the frequency
         return result if result is None or not self.sampled or not result.order else None
 

@@ -60,7 +60,7 @@ class Isolation(Figures):
         ResponseError
             If a spectrum is refused, or the system is unstable.
         """
-        return vibration(self, base_noise(spectra, self.scene.moved, correlation), band)
+        return vibration(self, base_noise(spectra, self.scene.base_directions, correlation), band)
 
     def table(self) -> dict[str, Any]:
         """Return the table of figures as arguments of ``mbsvib.common.tables.text`` and ``show``.

@@ -88,17 +88,18 @@ class Following:
         ModelError
             If a leg has no length, or is turned upside down.
         """
-        lines, own = self._lines(low, high, variables), self.owner
-        arm = self.points - self.start[own]
-        cross, cosine = lines.cross[..., own, :], lines.cosine[..., own, None]
+        lines, leg = self._lines(low, high, variables), self.owner
+        arm = self.points - self.start[leg]
+        cross, cosine = lines.cross[..., leg, :], lines.cosine[..., leg, None]
         once = np.cross(cross, arm)
-        longer = self.shares * (lines.length - np.linalg.norm(self.line, axis=-1))[..., own]
-        points = (self.points + low[..., own, :] + once + np.cross(cross, once) / (1.0 + cosine)
-                  + longer[..., None] * lines.along[..., own, :])  # fmt: skip
+        longer = self.shares * (lines.length - np.linalg.norm(self.line, axis=-1))[..., leg]
+        points = (self.points + low[..., leg, :] + once + np.cross(cross, once) / (1.0 + cosine)
+                  + longer[..., None] * lines.along[..., leg, :])  # fmt: skip
         turns = (lines.factor[..., None] * lines.cross)[..., self.turns, :]
         lead = low.shape[:-2]
-        every = np.concatenate([points.reshape(*lead, -1), turns.reshape(*lead, -1)], axis=-1)
-        return dict(zip(self.parameters, np.moveaxis(every, -1, 0) if lead else every.tolist(), strict=True))
+        coordinates = np.concatenate([points.reshape(*lead, -1), turns.reshape(*lead, -1)], axis=-1)
+        columns = np.moveaxis(coordinates, -1, 0) if lead else coordinates.tolist()
+        return dict(zip(self.parameters, columns, strict=True))
 
     def rates(self, low: Array, high: Array, slopes: Array, variables: Mapping[str, Any]) -> list[dict[str, float]]:
         """Return the derivatives of these parameters.
@@ -122,37 +123,37 @@ class Following:
         ModelError
             As ``values`` does.
         """
-        lines, own = self._lines(low, high, variables), self.owner
+        lines, leg = self._lines(low, high, variables), self.owner
         u, k, c = lines.along, lines.cross, lines.cosine[..., None]
-        old = self.line / np.linalg.norm(self.line, axis=-1)[:, None]
+        direction = self.line / np.linalg.norm(self.line, axis=-1)[:, None]
         d_low, d_line = slopes[:, 0], slopes[:, 1] - slopes[:, 0]
         d_length = (d_line * u).sum(axis=-1, keepdims=True)
         d_u = (d_line - d_length * u) / lines.length[:, None]
-        d_k, d_c = np.cross(old, d_u), (old * d_u).sum(axis=-1, keepdims=True)
+        d_k, d_c = np.cross(direction, d_u), (direction * d_u).sum(axis=-1, keepdims=True)
         square = (k * k).sum(axis=-1, keepdims=True)
         close = square < SMALL**2
         safe = np.where(close, 1.0, square)
         factor = lines.factor[:, None]
         d_factor = np.where(close, -1.0 / 3.0 - 2.0 / 15.0 * square, (c * factor - 1.0) / safe)
         d_turns = (factor * d_k + d_factor * d_c * k)[:, self.turns]
-        arm, k, c, d_k, d_c = self.points - self.start[own], k[own], 1.0 + c[own], d_k[:, own], d_c[:, own]
+        arm, k, c, d_k, d_c = self.points - self.start[leg], k[leg], 1.0 + c[leg], d_k[:, leg], d_c[:, leg]
         once, d_once = np.cross(k, arm), np.cross(d_k, arm)
-        d_points = (d_low[:, own] + d_once + (np.cross(d_k, once) + np.cross(k, d_once)) / c
+        d_points = (d_low[:, leg] + d_once + (np.cross(d_k, once) + np.cross(k, d_once)) / c
                     - np.cross(k, once) * d_c / c**2)  # fmt: skip
-        longer = (lines.length - np.linalg.norm(self.line, axis=-1))[own, None]
-        d_points += self.shares[:, None] * (d_length[:, own] * u[own] + longer * d_u[:, own])
-        every = np.concatenate([d_points.reshape(len(slopes), -1), d_turns.reshape(len(slopes), -1)], axis=-1)
-        return [{name: rate for name, rate in zip(self.parameters, row, strict=True) if rate} for row in every.tolist()]
+        longer = (lines.length - np.linalg.norm(self.line, axis=-1))[leg, None]
+        d_points += self.shares[:, None] * (d_length[:, leg] * u[leg] + longer * d_u[:, leg])
+        rows = np.concatenate([d_points.reshape(len(slopes), -1), d_turns.reshape(len(slopes), -1)], axis=-1)
+        return [{name: rate for name, rate in zip(self.parameters, row, strict=True) if rate} for row in rows.tolist()]
 
     def _lines(self, low: Array, high: Array, variables: Mapping[str, Any]) -> Lines:
         before = np.linalg.norm(self.line, axis=-1)
         line = self.line + high - low
         length = np.linalg.norm(line, axis=-1)
         self._refuse(~(length > SHORT * before), "no length", variables)
-        old, along = self.line / before[:, None], line / length[..., None]
-        cosine = (old * along).sum(axis=-1)
+        direction, along = self.line / before[:, None], line / length[..., None]
+        cosine = (direction * along).sum(axis=-1)
         self._refuse(1.0 + cosine <= FLIPPED, "been turned end for end", variables)
-        cross = np.cross(old, along)
+        cross = np.cross(direction, along)
         sine = np.linalg.norm(cross, axis=-1)
         angle = np.arctan2(sine, cosine)
         factor = np.divide(angle, sine, out=np.ones_like(sine), where=sine > 0.0)

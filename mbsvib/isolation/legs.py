@@ -25,7 +25,7 @@ def legs_between(model: Model, body: str, base: str, patterns: Sequence[str] | N
     model : Model
         The mechanism.
     body, base : str
-        The supported body, and the one on which the legs stand.
+        The supported body, and the body that carries the legs.
     patterns : sequence of str, optional
         Names or patterns of parts, one or more of each leg. Default: every chain between both.
 
@@ -53,7 +53,7 @@ def legs_between(model: Model, body: str, base: str, patterns: Sequence[str] | N
             result.append(leg)
     for chain in chains:
         if chain.complete and chain not in selected:
-            with suppress(ModelError):  # chains that are no legs are ignored
+            with suppress(ModelError):  # chains that are not legs are ignored
                 _joined(result, chain.leg(model))
     return tuple(result)
 

@@ -96,8 +96,8 @@ class Margins:
             Title, columns, rows and notes.
         """
         loops = zip(self.actuators, self.lower, self.gain, self.phase, self.delay, self.modulus_each, strict=True)
-        rows = [(name, f"{low:.3g} ... {high:.3g}", f"{phase:.3g}", f"{1e3 * late:.3g}", f"{modulus:.3g}")
-                for name, low, high, phase, late, modulus in loops]  # fmt: skip
+        rows = [(name, f"{low:.3g} ... {high:.3g}", f"{phase:.3g}", f"{1e3 * delay:.3g}", f"{modulus:.3g}")
+                for name, low, high, phase, delay, modulus in loops]  # fmt: skip
         low, high = self.all_gains
         rows.append(("disk margin (simultaneous)", f"{low:.3g} ... {high:.3g}", f"{self.all_phases:.3g}", "",
                      f"{self.modulus:.3g}"))  # fmt: skip
@@ -179,8 +179,8 @@ def _single(band: Band, limits: Complex, i: int) -> tuple[float, float, float, f
     factors = factors[factors > 0.0]
     unit = band.crossings(lambda s: s[:, i, i].real - 0.5)
     turn = np.angle(1.0 - 1.0 / band.response(unit)[:, i, i])
-    late = np.mod(turn, 2.0 * np.pi) / (2.0 * np.pi * unit)
+    delays = np.mod(turn, 2.0 * np.pi) / (2.0 * np.pi * unit)
     largest = band.highest(lambda s: np.abs(s[:, i, i]) ** 2)[1]
     return (float(factors[factors < 1.0].max(initial=0.0)), float(factors[factors >= 1.0].min(initial=np.inf)),
-            float(np.degrees(np.abs(turn).min(initial=np.inf))), float(late.min(initial=np.inf)),
+            float(np.degrees(np.abs(turn).min(initial=np.inf))), float(delays.min(initial=np.inf)),
             largest**-0.5)  # fmt: skip

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 def unfolded(model: Model) -> Model:
     """Return a model whose Maxwell elements are springs and dampers with a massless node between them.
 
-    It moves alike. Where a Maxwell element NAME was, there are the springs ``NAME.static`` (if it has such a stiffness)
-    and ``NAME.spring``, the damper ``NAME.damper``, and the body ``NAME.node`` that slides along the line on
+    Its motion is the same. A Maxwell element NAME becomes the springs ``NAME.static`` (if it has such a stiffness) and
+    ``NAME.spring``, the damper ``NAME.damper``, and the body ``NAME.node`` that slides along the line on
     ``NAME.guide``; stiffness and damping of these are variables of a passive design.
 
     Parameters
     ----------
     model : Model
-        The mechanism; it stays as it is.
+        The mechanism, which is not changed.
 
     Returns
     -------

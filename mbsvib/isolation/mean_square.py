@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.isolation.linear import Linear
-    from mbsvib.responses.power_spectra import BaseNoise, Shaped
+    from mbsvib.responses.densities import Shaped
+    from mbsvib.responses.power_spectra import BaseNoise
 
 
 POINTS = 12
@@ -87,23 +88,23 @@ def _lyapunov(name: str, a: Array, b: Array, c: Array, strength: Array) -> Array
     slow = 1e-13 * fastest
     upper, turn, stable = schur(a, sort=lambda x, y=0.0: x < -slow)
     b, c = turn.T @ b, c @ turn
-    seen = np.zeros(len(c), dtype=bool)
+    unbounded = np.zeros(len(c), dtype=bool)
     if stable < n:
-        rest = upper[stable:, stable:]
-        if np.linalg.eigvals(rest).real.max() > 1e4 * slow:
+        undamped = upper[stable:, stable:]
+        if np.linalg.eigvals(undamped).real.max() > 1e4 * slow:
             raise ResponseError(f"rms: '{name}' is not stable, so its rms value is unbounded. Add stiffness or damping "
                                 f"until no pole has a positive real part.")  # fmt: skip
         # block-diagonal: undamped states are permitted only if unobservable or not excited by noise
-        mix = solve_sylvester(upper[:stable, :stable], -rest, -upper[:stable, stable:])
+        mix = solve_sylvester(upper[:stable, :stable], -undamped, -upper[:stable, stable:])
         driven, shown = b[stable:], c[:, stable:] + c[:, :stable] @ mix
         b = np.concatenate((b[:stable] - mix @ driven, driven))
         floor = HIDDEN * np.abs(shown).max(initial=0.0) * np.abs(b).max(initial=0.0)
-        seen = (np.abs(shown) @ np.abs(driven) > max(floor, 1e-300)).any(axis=1)
+        unbounded = (np.abs(shown) @ np.abs(driven) > max(floor, 1e-300)).any(axis=1)
     part = b[:stable]
     moment = solve_continuous_lyapunov(upper[:stable, :stable], -part @ strength @ part.T)
     result = np.einsum("on,nm,om->o", c[:, :stable], moment, c[:, :stable])
     result = np.maximum(result, 0.0)
-    result[seen] = np.inf
+    result[unbounded] = np.inf
     return np.asarray(result)
 
 
@@ -134,8 +135,8 @@ def panels(linear: Linear, noise: BaseNoise, band: tuple[float, float], more: Ar
     low, high = band
     if not 0.0 <= low < high < np.inf:
         raise ResponseError(f"rms: band = ({low:g}, {high:g}) Hz; expected two ascending frequencies, from 0 Hz on.")
-    own, longest, period = resolution(linear)
-    poles = np.concatenate((own, noise.poles)) / (2.0 * np.pi)
+    poles_of_system, longest, period = resolution(linear)
+    poles = np.concatenate((poles_of_system, noise.poles)) / (2.0 * np.pi)
     grows = extrema.excited(lambda f: _largest(linear, noise, f), poles, low, high)
     if len(grows):
         raise ResponseError(f"rms: the mode at {grows[0]:.6g} Hz is not damped, and noise at its frequency drives it "

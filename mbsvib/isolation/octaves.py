@@ -77,7 +77,7 @@ def vc_curve(name: str, frequencies: ArrayLike) -> Array:
     ModelError
         If there is no such criterion.
     ResponseError
-        If frequencies are no numbers.
+        If frequencies are not numbers.
 
     Source: H. Amick et al., "Evolving criteria for research facilities: vibration", SPIE 5933 (2005); IEST-RP-CC012.
     """

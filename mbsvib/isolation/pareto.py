@@ -81,20 +81,20 @@ def front(
     ModelError
         If there are no bounds.
     """
-    wanted = np.asarray(bounds, dtype=float)
-    if wanted.ndim != 1 or not len(wanted) or not np.isfinite(wanted).all():
+    limits = np.asarray(bounds, dtype=float)
+    if limits.ndim != 1 or not len(limits) or not np.isfinite(limits).all():
         raise check.refuse("front", "bounds", bounds, "one or more finite numbers")
-    others = dict(words)
+    options = dict(words)
     designs: list[Design] = []
     price = []
-    for bound in wanted.tolist():
+    for bound in limits.tolist():
         limit = against <= bound
-        designs.append(designed(limit, others))
-        others["start"] = dict(designs[-1].values)
-        reached = designs[-1].optimum.constraints[limit.label]
-        if len(reached) != 1:
-            raise ModelError(f"front: '{against.label}' has {len(reached)} numbers; expected one, as largest() makes.",
+        designs.append(designed(limit, options))
+        options["start"] = dict(designs[-1].values)
+        values = designs[-1].optimum.constraints[limit.label]
+        if len(values) != 1:
+            raise ModelError(f"front: '{against.label}' has {len(values)} numbers; expected one, as largest() makes.",
                              field="against")  # fmt: skip
-        price.append(float(reached[0]))
+        price.append(float(values[0]))
     return Front(labels, np.array([design.optimum.objective for design in designs]),
-                 np.array(price), wanted, tuple(designs))  # fmt: skip
+                 np.array(price), limits, tuple(designs))  # fmt: skip

@@ -59,7 +59,7 @@ class Passive:
         Quantity
             max ||T||_F / sqrt(base directions).
         """
-        return Peak(self._ports(self._shaken, "transmissibility"), band_of(band))
+        return Peak(self._ports(self._base_weights, "transmissibility"), band_of(band))
 
     def index(self, frequencies: ArrayLike) -> Quantity:
         """Return the Frobenius index at frequencies.
@@ -74,7 +74,7 @@ class Passive:
         Quantity
             ||T||_F / sqrt(base directions) at each.
         """
-        f, ports = checked(frequencies), self._ports(self._shaken, "index")
+        f, ports = checked(frequencies), self._ports(self._base_weights, "index")
         span = f"{f[0]:g} Hz" if len(f) == 1 else f"{f[0]:g} to {f[-1]:g} Hz"
         return Leaf(f"index at {span}", lambda point: ports.size(point, 2.0 * np.pi * f))
 
@@ -113,7 +113,7 @@ class Passive:
         Quantity
             One number for each of ``legs`` [m].
         """
-        return self._rms_of_each("rms stroke [m]", [leg.stroke for leg in self.scene.legs], spectra, band)
+        return self._rms_by_leg("rms stroke [m]", [leg.stroke for leg in self.scene.legs], spectra, band)
 
     def force(self, spectra: Mapping[str, Any], band: tuple[float, float] | None = None) -> Quantity:
         """Return the root mean square forces in all legs and joints under base noise.
@@ -130,7 +130,7 @@ class Passive:
         Quantity
             One number for each of ``legs`` [N].
         """
-        return self._rms_of_each("rms force [N]", [leg.force for leg in self.scene.legs], spectra, band)
+        return self._rms_by_leg("rms force [N]", [leg.force for leg in self.scene.legs], spectra, band)
 
     def angle(self, spectra: Mapping[str, Any], band: tuple[float, float] | None = None) -> Quantity:
         """Return the root mean square angles by which joints turn under base noise, all axes together.
@@ -169,7 +169,7 @@ class Passive:
         direction : str
             x, y or z.
         load : float, optional
-            Force at the reference point [N]; default: the body's weight on earth, as heavy as it is now.
+            Force at the reference point [N]; default: the body's weight on earth, of its present mass.
 
         Returns
         -------
@@ -208,12 +208,12 @@ class Passive:
 
     @property
     def legs(self) -> tuple[str, ...]:
-        """Names of what strokes and forces are told of."""
+        """Names of the legs of strokes and forces."""
         return tuple([leg.name for leg in self.scene.legs])
 
     @cached_property
     def before(self) -> Isolation:
-        """Figures of the model as it is."""
+        """Figures of the present model."""
         return figures(self.scene, self.scene.system)
 
     def optimize(
@@ -245,7 +245,8 @@ class Passive:
         optimum = optimize(self.scene.model, variables, objective, constraints, **words)
         changed = {name: value for name, value in optimum.parameters.items() if name in self.model.parameters}
         model = settled(self.model.with_values(changed))[0]
-        made = scene(model, self.scene.body, self.scene.base, self.scene.point, self.scene.length, self.scene.moved)
+        old = self.scene
+        made = scene(model, old.body, old.base, old.point, old.length, old.base_directions)
         return Design(model, optimum, self.before, figures(made, made.system, self.before.frequencies))
 
     def front(
@@ -279,22 +280,22 @@ class Passive:
         ModelError
             If there are no bounds, or a variable is refused.
         """
-        wanted = (constraints,) if isinstance(constraints, Constraint) else tuple(constraints)
+        constraint_list = (constraints,) if isinstance(constraints, Constraint) else tuple(constraints)
 
-        def designed(limit: Constraint, others: Mapping[str, Any]) -> Design:
-            return self.optimize(variables, objective, (*wanted, limit), **others)
+        def designed(limit: Constraint, options: Mapping[str, Any]) -> Design:
+            return self.optimize(variables, objective, (*constraint_list, limit), **options)
 
         return front(designed, (objective.label, against.label), against, bounds, words)
 
     @property
-    def _shaken(self) -> dict[str, float]:
-        return dict(zip(self.scene.inputs, 1.0 / self.scene.scale(self.scene.moved), strict=True))
+    def _base_weights(self) -> dict[str, float]:
+        return dict(zip(self.scene.inputs, 1.0 / self.scene.scale(self.scene.base_directions), strict=True))
 
     def _ports(self, inputs: Mapping[str, float], label: str) -> Weighted:
-        root = float(np.sqrt(len(self.scene.moved)))
+        root = float(np.sqrt(len(self.scene.base_directions)))
         return Weighted(label, dict(zip(ACCELERATIONS, self.scene.scale() / root, strict=True)), inputs)
 
-    def _rms_of_each(self, label: str, outputs: list[str], spectra: Mapping[str, Any], band: Any) -> Quantity:
+    def _rms_by_leg(self, label: str, outputs: list[str], spectra: Mapping[str, Any], band: Any) -> Quantity:
         if not outputs:
             raise ModelError(f"passive: model '{self.model.name}' has no leg, spring or damper of which strokes and "
                              f"forces could be told.", field="legs")  # fmt: skip
@@ -303,7 +304,7 @@ class Passive:
         return result
 
     def _squares(self, label: str, outputs: Sequence[str], spectra: Mapping[str, Any], band: Any) -> Quantity:
-        noise, span = base_noise(spectra, self.scene.moved), band_of(band, lowest=0.0)
+        noise, span = base_noise(spectra, self.scene.base_directions), band_of(band, lowest=0.0)
         if span is not None or not noise.unbounded:
             # over a band all mean squares are finite, and computed together
             squares = self._shared.setdefault((repr(spectra), span), self._mean((), noise, span)).wanted(outputs)
@@ -334,7 +335,7 @@ def passive(
     Parameters
     ----------
     model : Model
-        The mechanism; it stays as it is.
+        The mechanism, which is not changed.
     body : str
         The isolated body.
     base : str

@@ -23,9 +23,9 @@ HELD = 1e-12  # stiffness in parts of the largest, below which a motion is not h
 class Plant:
     """A mechanism whose ``legs`` have actuators and sensors.
 
-    ``system`` has, beside the ports of an isolation study, the inputs ``LEG.actuator`` [N], which push the ends of the
-    leg apart, and the outputs ``LEG.tension`` [N], the force in the whole leg as a sensor in series with spring and
-    actuator feels it, ``LEG.stroke`` [m] and ``LEG.rate`` [m/s], its elongation, and ``LEG.acceleration`` [m/s^2], that
+    ``system`` has the ports of an isolation study, and the inputs ``LEG.actuator`` [N], which push the ends of the leg
+    apart, and the outputs ``LEG.tension`` [N], the force in the leg as measured by a sensor in series with spring and
+    actuator, ``LEG.stroke`` [m] and ``LEG.rate`` [m/s], its elongation, and ``LEG.acceleration`` [m/s^2], that
     of the isolated body where the leg ends, absolute, in the direction in which the actuator pushes this end.
     """
 

@@ -140,7 +140,7 @@ def platform(
 
     Variables are ``base.radius``, ``base.height`` [m], ``base.spread``, ``base.angle`` [rad] and those of ``platform``.
     Radius and height are means; where ends have others, they keep the difference. The spread is half the angle between
-    neighbours, paired so that they are nearest; the angle turns a ring as a whole. A leg is a line spring, a rod, or a
+    neighbours, paired so that they are nearest; the angle turns the complete ring. A leg is a line spring, a rod, or a
     chain of bodies with a joint that slides along it: what is below that goes with the base, what is above with the
     platform, and all turns with the leg. The platform's mass stays where it is, and so do inputs and outputs: a warning
     tells of those along legs.
@@ -148,11 +148,11 @@ def platform(
     Parameters
     ----------
     model : Model
-        The mechanism, as it is where the variables start.
+        The mechanism, for the initial values of the variables.
     body : str
         The platform.
     base : str
-        What the legs stand on.
+        The body or ground that carries the legs.
     legs : str or sequence of str, optional
         Names or patterns of parts, one or more of each leg. Default: every chain between base and platform.
     centre, axis : array-like, shape (3,)
@@ -194,7 +194,7 @@ def platform(
 
 
 def _left_behind(model: Model, legs: Sequence[Leg]) -> list[str]:
-    """Ports that lie on legs, or act on their bodies along a direction or at a point of their own."""
+    """Ports that lie on legs, or act on their bodies along a given direction or at a given point."""
     bodies = {name for leg in legs for name in leg.bodies}
     points = np.array([point for leg in legs for point in leg.points.values()])
     result = []

@@ -47,29 +47,29 @@ class Track:
         for low, high in pairwise(gains.tolist()):
             rows.append(followed(at, (low, rows[-1]), (high, at(high)), HALVINGS))
         self.poles: Complex = np.array(rows)
-        self._known = dict(zip(gains.tolist(), rows, strict=True))
+        self._poles = dict(zip(gains.tolist(), rows, strict=True))
         self._order = gains.tolist()
 
     def at(self, gain: float) -> Complex:
         """Return the poles at a gain between the first and the last one."""
-        poles: Complex | None = self._known.get(gain)
+        poles: Complex | None = self._poles.get(gain)
         if poles is None:
             low = self._order[bisect_right(self._order, gain) - 1]
-            poles = self._known[gain] = followed(self._at, (low, self._known[low]), (gain, self._at(gain)), HALVINGS)
+            poles = self._poles[gain] = followed(self._at, (low, self._poles[low]), (gain, self._at(gain)), HALVINGS)
             insort(self._order, gain)
         return poles
 
     @property
     def curves(self) -> Complex:
         """Poles at all computed gains, in ascending order, (more, poles)."""
-        return np.array([self._known[gain] for gain in self._order])
+        return np.array([self._poles[gain] for gain in self._order])
 
     def refine(self) -> None:
         """Add gains where poles change much from one to the next."""
         largest = float(np.abs(self.poles[0]).max(initial=0.0)) or 1.0
         for low, high in pairwise(tuple(self._order)):
-            far = float(np.abs(self._known[high] - self._known[low]).max(initial=0.0))
-            for gain in np.linspace(low, high, min(int(np.ceil(far / (SMOOTH * largest))), MOST) + 1)[1:-1].tolist():
+            width = float(np.abs(self._poles[high] - self._poles[low]).max(initial=0.0))
+            for gain in np.linspace(low, high, min(int(np.ceil(width / (SMOOTH * largest))), MOST) + 1)[1:-1].tolist():
                 self.at(gain)
 
     def highest(self, measure: Callable[[Complex], Array]) -> tuple[float, float, Complex]:
@@ -90,24 +90,24 @@ class Track:
             return np.where(stable(poles), measure(poles), -np.inf)
 
         order = list(self._order)
-        value = height(np.array([self._known[gain] for gain in order]))
+        value = height(np.array([self._poles[gain] for gain in order]))
         best = int(value.argmax())
         if np.isneginf(value[best]):
-            return order[0], -np.inf, self._known[order[0]]
+            return order[0], -np.inf, self._poles[order[0]]
         top = order[best], float(value[best])
         low, high = order[max(best - 1, 0)], order[min(best + 1, len(order) - 1)]
         gains = [low + GOLDEN * (high - low), high - GOLDEN * (high - low)]
         heights = [float(height(self.at(gain)[None])[0]) for gain in gains]
         for _ in range(SECTIONS):
-            left = heights[0] >= heights[1]
-            near = 0 if left else 1
-            if heights[near] > top[1] or (heights[near] == top[1] and gains[near] < top[0]):
-                top = gains[near], heights[near]
-            low, high = (low, gains[1]) if left else (gains[0], high)
-            new = low + GOLDEN * (high - low) if left else high - GOLDEN * (high - low)
-            new_height = float(height(self.at(new)[None])[0])
-            gains, heights = ([new, gains[0]], [new_height, heights[0]]) if left else (
-                [gains[1], new], [heights[1], new_height])  # fmt: skip
+            left_is_higher = heights[0] >= heights[1]
+            higher = 0 if left_is_higher else 1
+            if heights[higher] > top[1] or (heights[higher] == top[1] and gains[higher] < top[0]):
+                top = gains[higher], heights[higher]
+            low, high = (low, gains[1]) if left_is_higher else (gains[0], high)
+            trial = low + GOLDEN * (high - low) if left_is_higher else high - GOLDEN * (high - low)
+            trial_height = float(height(self.at(trial)[None])[0])
+            gains, heights = ([trial, gains[0]], [trial_height, heights[0]]) if left_is_higher else (
+                [gains[1], trial], [heights[1], trial_height])  # fmt: skip
         return *top, self.at(top[0])
 
 
@@ -117,7 +117,7 @@ def ratios(poles: Complex) -> Array:
     return np.divide(0.0 - poles.real, size, out=np.zeros_like(size), where=size > 0.0)
 
 
-def moved(poles: Complex) -> NDArray[np.bool_]:
+def has_moved(poles: Complex) -> NDArray[np.bool_]:
     """Return whether each column of poles (n, poles) leaves its first place by more than a hundredth of its size."""
     return np.asarray(np.abs(poles - poles[0]).max(axis=0) > MOVED * np.abs(poles[0]))
 

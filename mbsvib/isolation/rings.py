@@ -34,9 +34,9 @@ class Ring:
 
     @property
     def start(self) -> dict[str, float]:
-        """The ring as it is: means."""
-        spread = {"spread": self.half} if self.side.any() else {}
-        return {"radius": float(self.radius.mean()), "height": float(self.height.mean()), **spread, "angle": 0.0}
+        """The present ring: means."""
+        half_angle = {"spread": self.half} if self.side.any() else {}
+        return {"radius": float(self.radius.mean()), "height": float(self.height.mean()), **half_angle, "angle": 0.0}
 
     def at(self, off: Mapping[str, Any]) -> tuple[Array, Array]:
         """Return radius and angle of the ends (..., legs), for differences of the variables from their start."""
@@ -101,16 +101,16 @@ def ring_of(ends: Array, others: Array, legs: Sequence[str], which: str) -> Ring
 def _pairs(angle: Array, other_end: Array) -> tuple[Index, Index]:
     """Neighbours on a ring, the nearest ones: those at the lower and those at the upper angle."""
     towards = _turn(other_end - angle + np.pi)
-    places = np.round(_turn(angle + ALIKE) / ALIKE)
-    order = np.lexsort((towards, places))  # coinciding ends are sorted by the other ends of their legs
-    gaps = _turn(np.diff(angle[order], append=angle[order[0]]) + ALIKE) - ALIKE
-    even_gaps, odd_gaps = gaps[0::2].sum(), gaps[1::2].sum()
+    rounded = np.round(_turn(angle + ALIKE) / ALIKE)
+    order = np.lexsort((towards, rounded))  # coinciding ends are sorted by the other ends of their legs
+    distances = _turn(np.diff(angle[order], append=angle[order[0]]) + ALIKE) - ALIKE
+    even, odd = distances[0::2].sum(), distances[1::2].sum()
     first = int(np.flatnonzero(order == 0)[0])
-    if odd_gaps < even_gaps - ALIKE or (abs(odd_gaps - even_gaps) <= ALIKE and first % 2):
+    if odd < even - ALIKE or (abs(odd - even) <= ALIKE and first % 2):
         order = np.roll(order, -1)
     return order[0::2], order[1::2]
 
 
 def _turn(angle: Array) -> Array:
-    """Angles from 0 to a whole turn."""
+    """Angles from 0 to a full turn."""
     return np.asarray(np.mod(angle, 2.0 * np.pi))

@@ -14,7 +14,7 @@ from mbsvib.common.expected import mode_index, reals
 from mbsvib.errors import ResponseError
 from mbsvib.isolation.closed_loop import close
 from mbsvib.isolation.collocation import removable, without
-from mbsvib.isolation.pole_track import AT_REST, Track, least_damping, moved, ratios, stable
+from mbsvib.isolation.pole_track import AT_REST, Track, has_moved, least_damping, ratios, stable
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -52,7 +52,7 @@ class RootLocus:
     @cached_property
     def moved(self) -> NDArray[np.bool_]:
         """Whether the gain moves each mode by more than a hundredth of its frequency, (modes,)."""
-        return moved(self.poles)[self.modes]
+        return has_moved(self.poles)[self.modes]
 
     @property
     def stable(self) -> NDArray[np.bool_]:
@@ -100,9 +100,9 @@ class RootLocus:
         if len(stays):
             change = _change(*(float(ratios(poles[stays]).min()) for poles in (self.poles[0], self.best_poles)))
             unmoved = f"{len(stays)} of {len(self.modes)} modes hardly move: {change}"
-        if not moved(self.poles).any() or not np.isfinite(ratio):
+        if not has_moved(self.poles).any() or not np.isfinite(ratio):
             return "no pole moves" if np.isfinite(ratio) else "not stable at any gain", unmoved
-        before = float(least_damping(self.poles[:1], moved(self.poles))[0])
+        before = float(least_damping(self.poles[:1], has_moved(self.poles))[0])
         where = f"at gain {scale * gain:.4g}" + (", the largest gain given" if gain == self.gains[-1] else "")
         return f"least damping {_change(before, ratio)}", "; ".join(filter(None, (where, unmoved)))
 
@@ -118,7 +118,7 @@ class RootLocus:
         zeros = self._zeros()
         for mode, column in enumerate(self.modes.tolist(), 1):
             pole, zero = float(np.abs(self.poles[0, column])), zeros.get(mode - 1, 0.0)
-            seen = f"{zero / (2.0 * np.pi):.6g}" if zero else ""
+            zero_text = f"{zero / (2.0 * np.pi):.6g}" if zero else ""
             gain, ratio = self.best(mode)
             best, damping = f"{gain:.4g}", f"{100.0 * ratio:.4g}"
             if not self.moved[mode - 1]:
@@ -127,7 +127,7 @@ class RootLocus:
                 best, damping = "not stable", ""
             closed = self.moved[mode - 1] and 0.0 < pole / 3.0 < zero < pole
             promised = f"{50.0 * (pole - zero) / zero:.4g}" if closed else ""
-            rows.append((mode, f"{pole / (2.0 * np.pi):.6g}", seen, best, damping, promised))
+            rows.append((mode, f"{pole / (2.0 * np.pi):.6g}", zero_text, best, damping, promised))
         headers = ("mode", "pole [Hz]", "zero [Hz]", "best gain", "damping ratio [%]", "(pole - zero) / (2 zero) [%]")
         columns = [(header, "right") for header in headers]
         words = " ".join(self.summary()).strip()
@@ -138,15 +138,15 @@ class RootLocus:
         """The zero [rad/s] of each mode, if there are as many: modes that do not move coincide with theirs, the others
         interlace with the remaining zeros.
         """
-        left = np.sort(self.zeros.imag[self.zeros.imag > 0.0])
-        if len(left) != len(self.modes):
+        remaining = np.sort(self.zeros.imag[self.zeros.imag > 0.0])
+        if len(remaining) != len(self.modes):
             return {}
         result = {}
         for mode in np.flatnonzero(~self.moved).tolist():
-            at = int(np.abs(left - np.abs(self.poles[0, self.modes[mode]])).argmin())
-            result[mode] = float(left[at])
-            left = np.delete(left, at)
-        return result | dict(zip(np.flatnonzero(self.moved).tolist(), left.tolist(), strict=True))
+            at = int(np.abs(remaining - np.abs(self.poles[0, self.modes[mode]])).argmin())
+            result[mode] = float(remaining[at])
+            remaining = np.delete(remaining, at)
+        return result | dict(zip(np.flatnonzero(self.moved).tolist(), remaining.tolist(), strict=True))
 
     def __str__(self) -> str:
         return tables.text(**self.table())
@@ -196,16 +196,16 @@ def root_locus(plant: Plant, law: Callable[[float], Controller], gains: ArrayLik
     first = close(plant, law(float(g[-1])))
     system = plant.system
     tensions = [name.removesuffix(".actuator") for name in first.actuators]
-    forces = set(first.sensors) == {f"{leg}.tension" for leg in tensions} and removable(plant, tensions)
-    zeros = without(system, tensions).poles() if forces else system.transmission_zeros(
+    force_feedback = set(first.sensors) == {f"{leg}.tension" for leg in tensions} and removable(plant, tensions)
+    zeros = without(system, tensions).poles() if force_feedback else system.transmission_zeros(
         first.actuators, first.sensors)  # fmt: skip
     start = table[0]
     largest = np.abs(start).max(initial=0.0)
     modes = np.flatnonzero((start.imag > 0.0) & (np.abs(start) > AT_REST * largest))
     modes = modes[np.argsort(np.abs(start[modes]), kind="stable")]
-    moves = moved(table)
-    gain, ratio, poles = track.highest(lambda poles: least_damping(poles, moves))
-    optima = [track.highest(lambda poles, column=column: ratios(poles[:, column]))[:2] if moves[column]  # type: ignore[misc]
+    moving = has_moved(table)
+    gain, ratio, poles = track.highest(lambda poles: least_damping(poles, moving))
+    optima = [track.highest(lambda poles, column=column: ratios(poles[:, column]))[:2] if moving[column]  # type: ignore[misc]
               else (float(g[0]), float(ratios(start[[column]])[0])) for column in modes.tolist()]  # fmt: skip
     return RootLocus(first.law.name, g, table, zeros, modes, track.curves, poles, (*optima, (gain, ratio)))
 

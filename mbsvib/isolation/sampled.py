@@ -27,7 +27,7 @@ class SampledLoop(FeedbackLoop):
     """A closed loop whose controllers, discretised by Tustin's rule, run at ``rate`` [Hz] and act ``delay`` [s] later.
 
     Sensors are read before forces change. Poles, margins and stability are exact, those of the mechanism from sample to
-    sample; poles as 1/s. Frequency responses are of what answers at the frequency of the excitation itself, exact as
+    sample; poles as 1/s. Frequency responses are the components at the frequency of the excitation, exact as
     well; what sampling folds from there to other frequencies is not in them.
     """
 
@@ -49,24 +49,24 @@ class SampledLoop(FeedbackLoop):
         n, m = len(space.A), len(u)
         period = 1.0 / self.rate
         periods = int(np.floor(self.delay / period + 1e-9))
-        late = max(self.delay - periods * period, 0.0)
+        remainder = max(self.delay - periods * period, 0.0)
 
-        def held(time: float) -> tuple[Array, Array]:
+        def zero_order_hold(time: float) -> tuple[Array, Array]:
             block = np.zeros((n + m, n + m))
             block[:n, :n], block[:n, n:] = space.A * time, space.B[:, u] * time
             result = expm(block)
             return result[:n, :n], result[:n, n:]
 
-        first, old = held(late)
-        step, new = held(period - late)
+        first, previous_force = zero_order_hold(remainder)
+        transition, newest_force = zero_order_hold(period - remainder)
         # the newest force is the first of the delayed forces; the last one acts when a sample is taken
         size = n + m * (periods + 1)
         a, b, c = np.zeros((size, size)), np.zeros((size, m)), np.zeros((len(y), size))
-        a[:n, :n], a[:n, size - m :] = step @ first, step @ old
+        a[:n, :n], a[:n, size - m :] = transition @ first, transition @ previous_force
         if periods:
-            a[:n, size - 2 * m : size - m] += new
+            a[:n, size - 2 * m : size - m] += newest_force
         else:
-            b[:n] = new
+            b[:n] = newest_force
         a[n + m :, n : size - m] = np.eye(size - n - m)
         b[n : n + m] = np.eye(m)
         c[:, :n], c[:, size - m :] = space.C[y], space.D[np.ix_(y, u)]
@@ -91,8 +91,8 @@ class SampledLoop(FeedbackLoop):
     @property
     def title(self) -> str:
         """The controllers' names, and how they run."""
-        late = f", delay {1e3 * self.delay:.3g} ms" if self.delay else ""
-        return f"{self.law.name} at {self.rate:g} Hz{late}"
+        delay = f", delay {1e3 * self.delay:.3g} ms" if self.delay else ""
+        return f"{self.law.name} at {self.rate:g} Hz{delay}"
 
     @property
     def resolution(self) -> Resolution:

@@ -42,7 +42,7 @@ class Struts:
 
     @property
     def dexterity(self) -> float:
-        """Least over largest singular value of J, rotations at the length: 1 where all motions are held alike."""
+        """Smallest over largest singular value of J, rotations at the length: 1 for equal stiffness of all motions."""
         scale = np.array([1.0, 1.0, 1.0, *[1.0 / self.length] * 3])
         values = np.linalg.svd(self.jacobian * scale, compute_uv=False)
         return float(values[-1] / values[0])
@@ -154,7 +154,8 @@ def _lines(model: Model, legs: Sequence[str] | None) -> tuple[str, ...]:
     selected = tuple(lines if legs is None else [legs] if isinstance(legs, str) else legs)
     for name in selected:
         if name not in lines:
-            raise ModelError(f"struts: leg '{name}' is no line spring and no Maxwell element of model '{model.name}'."
+            raise ModelError(f"struts: leg '{name}' is neither a line spring nor a Maxwell element of model "
+                             f"'{model.name}'."
                              f"{nearest(str(name), lines)}", element=str(name), field="legs")  # fmt: skip
     if not selected:
         raise ModelError(f"struts: model '{model.name}' has no line springs.", field="legs")

@@ -53,8 +53,8 @@ class Scene:
     and ``load.x`` ... ``load.rz`` (wrench on the payload), the outputs ``acceleration.x`` ... ``acceleration.rz``
     (absolute) and ``displacement.x`` ... (against the base) of the payload, and those of ``legs``.
 
-    All are taken at ``point`` [m]; ``length`` [m] makes rotations comparable; ``moved`` are the directions in which the
-    base is shaken.
+    All are taken at ``point`` [m]; ``length`` [m] makes rotations comparable; ``base_directions`` are the directions in
+    which the base is shaken.
     """
 
     model: Model
@@ -63,14 +63,14 @@ class Scene:
     base: str
     point: Vector
     length: float
-    moved: tuple[str, ...]
+    base_directions: tuple[str, ...]
     legs: tuple[Leg, ...]
     notes: tuple[str, ...]
 
     @property
     def inputs(self) -> tuple[str, ...]:
         """Names of the base accelerations."""
-        return tuple([f"base.{direction}" for direction in self.moved])
+        return tuple([f"base.{direction}" for direction in self.base_directions])
 
     def scale(self, directions: Sequence[str] = DIRECTIONS) -> Array:
         """Return the factors that make motions comparable: 1 for translations, the length for rotations."""
@@ -81,7 +81,7 @@ def scene(
     model: Model, body: str, base: str = GROUND, point: ArrayLike | None = None, length: float | None = None,
     directions: Sequence[str] | None = None,
 ) -> Scene:  # fmt: skip
-    """Return a mechanism with the ports of an isolation study; the model stays as it is.
+    """Return a mechanism with the ports of an isolation study without changing the model.
 
     Parameters
     ----------
@@ -127,8 +127,8 @@ def scene(
         hint = "A body of no extent has no length of its own: give one." if length is None else ""
         raise check.refuse(who, "length", length, "a positive length [m]", hint)
     copy = model.with_parts(inputs={}, outputs={}) if base == GROUND else _welded(model, base)
-    moved, notes = _moved(copy, directions)
-    for direction in moved:
+    base_directions, notes = _base_directions(copy, directions)
+    for direction in base_directions:
         copy.add_base_motion(f"base.{direction}", direction, at)
     for direction in DIRECTIONS:
         copy.add_input(f"load.{direction}", body, direction, at)
@@ -137,7 +137,7 @@ def scene(
             copy.add_output(f"{quantity}.{direction}", body, direction, at, quantity=quantity)
     legs = _measured(copy)
     system = copy.linearize(method="dense")
-    return Scene(copy, system, body, base, at, float(size), moved, legs, notes)
+    return Scene(copy, system, body, base, at, float(size), base_directions, legs, notes)
 
 
 def _size(body: Body) -> float:
@@ -154,24 +154,24 @@ def _welded(model: Model, base: str) -> Model:
         words = part.words()
         named = {words[field] for field in REFERENCES if field in words}
         if isinstance(part, Coupling):
-            ties = [name for name, _ in part.terms if name.rsplit(".", 1)[0] in removed]
+            references = [name for name, _ in part.terms if name.rsplit(".", 1)[0] in removed]
         elif isinstance(part, Superelement):
-            ties = [name for name in (base, GROUND) if name in repr(words)]
+            references = [name for name in (base, GROUND) if name in repr(words)]
         elif named and named <= {base, GROUND}:
             removed.add(part.name)
             continue
         else:
-            ties = [GROUND] if GROUND in named else []
-        if ties:
+            references = [GROUND] if GROUND in named else []
+        if references:
             raise ModelError(f"isolation: base = '{base}' takes the place of the ground, but '{part.name}' is tied to "
-                             f"'{ties[0]}'; take the ground as the base, or leave '{part.name}' out.",
+                             f"'{references[0]}'; take the ground as the base, or leave '{part.name}' out.",
                              element=part.name, field="base")  # fmt: skip
         words |= {field: GROUND for field in REFERENCES if words.get(field) == base}
         getattr(result, ADDERS[type(part)])(**words)
     return result
 
 
-def _moved(model: Model, directions: Sequence[str] | None) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _base_directions(model: Model, directions: Sequence[str] | None) -> tuple[tuple[str, ...], tuple[str, ...]]:
     if directions is not None:
         selected = tuple(names(directions, "isolation", "directions", ModelError))
         for direction in selected:

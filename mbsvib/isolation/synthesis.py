@@ -57,7 +57,7 @@ def lqg(
     for name, value in (("effort", effort), ("base", base), ("noise", noise)):
         if not 0.0 < value < np.inf:
             raise ResponseError(f"lqg: {name} = {value!r}; expected a positive number.")
-    a, b, bw, c, d, dw, z, zd, scale = _weighed(plant, sensors, performance)
+    a, b, bw, c, d, dw, z, zd, scale = _weighted(plant, sensors, performance)
     m, n = b.shape[1], len(c)
     back = _feedback(a, b, z.T @ z, zd.T @ zd + effort * np.eye(m), z.T @ zd)
     inject = _feedback(a.T, c.T, base * bw @ bw.T, base * dw @ dw.T + noise * np.eye(n), base * bw @ dw.T).T
@@ -110,7 +110,7 @@ def hinf(
     for name, value in (("effort", effort), ("noise", noise)):
         if not 0.0 < value < np.inf:
             raise ResponseError(f"hinf: {name} = {value!r}; expected a positive number.")
-    a, b, bw, c, d, dw, z, zd, scale = _weighed(plant, sensors, performance)
+    a, b, bw, c, d, dw, z, zd, scale = _weighted(plant, sensors, performance)
     zw = _through(plant, performance)
     m, n, k = b.shape[1], len(c), bw.shape[1]
     generalized_plant = [np.asfortranarray(matrix) for matrix in (
@@ -160,7 +160,7 @@ def _feedback(a: Array, b: Array, state: Array, effort: Array, both: Array) -> A
     return np.asarray(gain)
 
 
-def _weighed(plant: Plant, sensors: Sequence[str], performance: Sequence[str]) -> tuple[Array, ...]:
+def _weighted(plant: Plant, sensors: Sequence[str], performance: Sequence[str]) -> tuple[Array, ...]:
     """Matrices of the plant in time units of its highest frequency, balanced, rotations times the length."""
     from scipy.linalg import matrix_balance
 
@@ -173,11 +173,11 @@ def _weighed(plant: Plant, sensors: Sequence[str], performance: Sequence[str]) -
     scale = float(np.abs(plant.system.poles()).max())
     a, (states, _) = matrix_balance(space.A / scale, permute=False, separate=True)
     b = space.B / scale / states[:, None]
-    shaken = 1.0 / scene.scale(scene.moved)
+    weights = 1.0 / scene.scale(scene.base_directions)
     c = space.C * states
     d = space.D
     # noise and cost are densities over time too: a change of its unit scales all of them equally
-    return (a, b[:, u], b[:, w] * shaken, c[y], d[np.ix_(y, u)], d[np.ix_(y, w)] * shaken, size[:, None] * c[z],
+    return (a, b[:, u], b[:, w] * weights, c[y], d[np.ix_(y, u)], d[np.ix_(y, w)] * weights, size[:, None] * c[z],
             size[:, None] * d[np.ix_(z, u)], np.array(scale))  # fmt: skip
 
 
@@ -191,4 +191,4 @@ def _through(plant: Plant, performance: Sequence[str]) -> Array:
     scene, space = plant.scene, plant.space
     w = [space.inputs.index(name) for name in scene.inputs]
     z = [space.outputs.index(name) for name in performance]
-    return np.asarray(_sizes(plant, performance)[:, None] * space.D[np.ix_(z, w)] / scene.scale(scene.moved))
+    return np.asarray(_sizes(plant, performance)[:, None] * space.D[np.ix_(z, w)] / scene.scale(scene.base_directions))

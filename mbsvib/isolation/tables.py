@@ -35,9 +35,9 @@ def isolation_table(study: Figures) -> dict[str, Any]:
     ]
     if len(study.undamped):
         rows[1] = ("amplification at resonance", "infinite: undamped")
-    moved = study.scene.moved
-    notes = [f"Index ||T||_F/sqrt({len(moved)}) of accelerations at {_point(study)}, rotations times "
-             f"{study.scene.length:.4g} m; base motion along {' '.join(moved)}.", *study.scene.notes]  # fmt: skip
+    directions = study.scene.base_directions
+    notes = [f"Index ||T||_F/sqrt({len(directions)}) of accelerations at {_point(study)}, rotations times "
+             f"{study.scene.length:.4g} m; base motion along {' '.join(directions)}.", *study.scene.notes]  # fmt: skip
     title = f"Isolation of {study.scene.body} from {study.scene.base}: {study.name}"
     return {"title": title, "columns": [("figure", "left"), ("value", "right")], "rows": rows, "notes": notes}
 
@@ -49,7 +49,8 @@ def isolation_csv(study: Figures, path: str | os.PathLike[str]) -> Path:
     for i, values in enumerate(study.singular_values):
         names.append(f"singular_value_{i + 1}")
         columns.append(values)
-    for what, table, sources in (("T", study.transmissibility, scene.moved), ("C", study.compliance, DIRECTIONS)):
+    for what, table, sources in (("T", study.transmissibility, scene.base_directions),
+                                 ("C", study.compliance, DIRECTIONS)):  # fmt: skip
         for i, direction in enumerate(DIRECTIONS):
             for j, source in enumerate(sources):
                 names += [f"{what}_{direction}_{source}_re", f"{what}_{direction}_{source}_im"]

@@ -15,7 +15,8 @@ from mbsvib.isolation.csv_columns import write_columns
 from mbsvib.isolation.frequencies import checked
 from mbsvib.isolation.mean_square import integrals, moments, panels
 from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS
-from mbsvib.responses.power_spectra import BaseNoise, Shaped
+from mbsvib.responses.densities import Shaped
+from mbsvib.responses.power_spectra import BaseNoise
 
 if TYPE_CHECKING:
     import os

@@ -1,4 +1,4 @@
-"""The length of a mechanism: what moments are divided by where they are added to forces."""
+"""The characteristic length of a mechanism, by which moments are divided to add them to forces."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def length_of(points: Array, *centres: Array) -> float:
     Returns
     -------
     float
-        Length [m]; 1 where there is no point, or all are one but for rounding.
+        Length [m]; 1 where there is no point, or all coincide within rounding.
     """
     if not len(points):
         return 1.0

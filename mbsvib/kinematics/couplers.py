@@ -1,7 +1,7 @@
 """Couplers as rows of Phi: linear relations over the joint coordinates of the tree.
 
-The coordinate of a joint in the tree is a column. That of a cut joint is what its two bodies do relative to each
-other, a row by the path rule.
+The coordinate of a joint in the tree is a column. That of a cut joint is a relative displacement of its two bodies, a
+row by the path rule.
 
 Source: Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems (1989), section 3.4, for gears and racks.
 """
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 
 def measure(joint: Joint, direction: str) -> tuple[Array, Array, tuple[Array, Array, int] | None]:
-    """Return force and moment (3,) of the row that reads a joint's coordinate off a relative displacement; and of one
-    of two successive angles both axes (3, 1) and which of them it is about.
+    """Return force and moment (3,) of the row whose relative displacement is a coordinate of a joint; for one of two
+    successive angles also both axes (3, 1) and the number of its own.
     """
     six = np.array(dict(joint.freedom)[direction])
     if joint.successive and direction[0] == "r":
@@ -51,41 +51,22 @@ def couplings(
     parts: Sequence[Coupling], topology: Topology, bodies: Sequence[Body], number: Mapping[str, int],
     coordinates: Twists,
 ) -> Couplings:  # fmt: skip
-    """Return the terms of all couplers.
-
-    Parameters
-    ----------
-    parts : sequence of Coupler, Gear, Worm or Rack
-        The model's couplers.
-    topology : Topology
-        The spanning tree.
-    bodies : sequence of Body
-        The bodies in order.
-    number : mapping
-        Number of each body, ground included.
-    coordinates : Twists
-        The joint coordinates of the tree.
-
-    Returns
-    -------
-    Couplings
-        One row for each coupler.
-    """
-    found, _ = terms(parts, coordinates.names, topology, bodies, number)
+    """Return the terms of all couplers; ``number`` has the numbers of bodies by name, ground included."""
+    rows_of_terms, _ = terms(parts, coordinates.names, topology, bodies, number)
     touched = np.zeros((len(parts), len(coordinates.names)), dtype=bool)
-    known = found.column >= 0
-    touched[found.row[known], found.column[known]] = True
-    measured = found.measured
-    for i, a, b in zip(found.row[~known].tolist(), measured.first.tolist(), measured.second.tolist(), strict=True):
+    known = rows_of_terms.column >= 0
+    touched[rows_of_terms.row[known], rows_of_terms.column[known]] = True
+    measured, owners = rows_of_terms.measured, rows_of_terms.row[~known]
+    for i, a, b in zip(owners.tolist(), measured.first.tolist(), measured.second.tolist(), strict=True):
         touched[i] |= coordinates.path[a] != coordinates.path[b]
-    return replace(found, touched=touched)
+    return replace(rows_of_terms, touched=touched)
 
 
 def terms(
     parts: Sequence[Coupling], names: Sequence[str], topology: Topology, bodies: Sequence[Body],
     number: Mapping[str, int],
 ) -> tuple[Couplings, Index]:  # fmt: skip
-    """Return the terms of all couplers, without what they touch, and the joints of those that have to be measured.
+    """Return the terms of all couplers without ``touched``, and the cut joints whose motion they need.
 
     Parameters
     ----------
@@ -107,7 +88,7 @@ def terms(
     array, shape (measured terms,)
         Numbers of the cut joints in which terms are measured.
     """
-    place = {name: i for i, name in enumerate(names)}
+    index_of = {name: i for i, name in enumerate(names)}
     joints = {joint.name: (k, joint) for k, joint in enumerate(topology.joints)}
     row: list[int] = []
     value: list[float] = []
@@ -121,8 +102,8 @@ def terms(
             row.append(i)
             value.append(coefficient)
             turns.append(direction[0] == "r")
-            column.append(place.get(name, -1))
-            if name in place:
+            column.append(index_of.get(name, -1))
+            if name in index_of:
                 continue
             k, joint = joints[owner]
             a, b = number[joint.first], number[joint.second]
@@ -131,28 +112,16 @@ def terms(
                 skew.append((len(measured), *axes))
             measured.append((a, b, *(joint.point or bodies[min(a, b)].position), *force, *moment))
             of_joint.append(k)
-    found = Couplings(np.array(row, dtype=np.intp), np.array(value, dtype=float), np.array(turns, dtype=bool),
+    result = Couplings(np.array(row, dtype=np.intp), np.array(value, dtype=float), np.array(turns, dtype=bool),
                       np.array(column, dtype=np.intp), Rows.stack(measured), tuple(skew),
                       np.zeros((len(parts), 0), dtype=bool))  # fmt: skip
-    return found, np.array(of_joint, dtype=np.intp)
+    return result, np.array(of_joint, dtype=np.intp)
 
 
 def with_couplers(cuts: Cuts | None, parts: Sequence[Coupling], *scene: Any) -> Cuts:
-    """Return the locked rows of cut joints and, behind them, those of the couplers, each a loop of its own.
+    """Return the locked rows of cut joints, followed by those of the couplers, each a loop of its own.
 
-    Parameters
-    ----------
-    cuts : Cuts or None
-        Locked rows of the cut joints.
-    parts : sequence of Coupler, Gear, Worm or Rack
-        The couplers.
-    *scene
-        Topology, bodies, their numbers and the coordinates, as ``couplings`` takes them.
-
-    Returns
-    -------
-    Cuts
-        All rows of Phi.
+    The arguments behind ``parts`` are those of ``couplings``.
     """
     names = tuple(part.name for part in parts)
     if cuts is None:

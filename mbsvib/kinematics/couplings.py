@@ -1,4 +1,4 @@
-"""The terms of all couplers in numbers, and their rows over the joint coordinates."""
+"""The terms of all couplers as arrays, and their rows over the joint coordinates."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Couplings:
-    """The terms of all couplers, one after the other: ``row`` (t,) numbers the coupler, ``value`` (..., t) is the
-    coefficient, ``turns`` (t,) tells angles from distances.
+    """The terms (t,) of all couplers: ``row`` is the number of the coupler, ``value`` (..., t) the coefficient,
+    ``turns`` is true for angles.
 
-    ``column`` (t,) is the coordinate of a joint in the tree, or -1 where the term is one of ``measured``, what cut
-    joints do, in their order; ``skew`` lists those among these that are one of two successive angles: (number among
-    ``measured``, axis in first, axis in second, 0 or 1). ``touched`` (couplers, n) tells the coordinates involved.
+    ``column`` (t,) is the coordinate of a joint in the tree, or -1 where the term is the next of ``measured``, the
+    relative motions of cut joints. ``skew`` lists those of them that are one of two successive angles: (number among
+    ``measured``, axis in first, axis in second, 0 or 1). ``touched`` (couplers, n) are the coordinates involved.
     """
 
     row: Index
@@ -38,32 +38,21 @@ class Couplings:
     touched: Bools
 
     def dense(self, coordinates: Twists) -> Array:
-        """Return the rows (..., couplers, n) over the joint coordinates.
-
-        Parameters
-        ----------
-        coordinates : Twists
-            The joint coordinates of the tree.
-
-        Returns
-        -------
-        array
-            Coefficients of the joint coordinates.
-        """
-        moved = relative_motion(coordinates, self.measured).dense(0, len(self.measured.first))
-        lead = np.broadcast_shapes(moved.shape[:-2], self.value.shape[:-1])
+        """Return the rows (..., couplers, n) over the joint coordinates."""
+        measured = relative_motion(coordinates, self.measured).dense(0, len(self.measured.first))
+        lead = np.broadcast_shapes(measured.shape[:-2], self.value.shape[:-1])
         result = np.zeros((*lead, *self.touched.shape))
         number = 0
         for k, (row, column) in enumerate(zip(self.row.tolist(), self.column.tolist(), strict=True)):
             if column >= 0:
                 result[..., row, column] += self.value[..., k]
             else:
-                result[..., row, :] += self.value[..., k, None] * moved[..., number, :]
+                result[..., row, :] += self.value[..., k, None] * measured[..., number, :]
                 number += 1
         return result
 
     def row_scale(self, length: float) -> Array:
-        """Return what brings each row to the size of one, where distances are measured in ``length`` [m]."""
+        """Return factors that scale each row to entries of at most one, with ``length`` [m] as the unit of length."""
         size = np.abs(self.value) * np.where(self.turns, 1.0, length)
         largest = np.zeros((*size.shape[:-1], len(self.touched)))
         for k, row in enumerate(self.row.tolist()):
@@ -72,7 +61,7 @@ class Couplings:
         return result
 
     def nearby(self, turn: Moving, shift: Moving) -> Couplings:
-        """Return the same in a pose nearby: ``turn`` and ``shift`` move directions and points along with bodies."""
+        """Return the same in a neighbouring pose: ``turn`` and ``shift`` move directions and points with bodies."""
         rows = self.measured
         if not len(rows.first):
             return self
@@ -81,8 +70,8 @@ class Couplings:
         for k, first, second, which in self.skew:
             at = slice(k, k + 1)
             moment[..., at] = dual(turn(rows.first[at], first), turn(rows.second[at], second), which)
-        moved = replace(rows, point=shift(rows.second, rows.point), force=force, moment=moment)
-        return replace(self, measured=moved)
+        measured = replace(rows, point=shift(rows.second, rows.point), force=force, moment=moment)
+        return replace(self, measured=measured)
 
 
 def dual(a: Array, b: Array, which: int) -> Array:

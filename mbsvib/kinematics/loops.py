@@ -1,15 +1,13 @@
 """Loops: from joint coordinates to minimal coordinates, q = B'' z.
 
-Each cut joint locks relative displacements: rows Phi q = 0. A rank-revealing QR per independent group of loops tells
-which rows are redundant and which joint coordinates depend on the others; the others are the minimal coordinates.
+Each cut joint locks relative displacements: rows Phi q = 0. A rank-revealing QR of each independent group of loops
+decides which rows are redundant and which joint coordinates are dependent; the others are the minimal coordinates.
 """
 
 from __future__ import annotations
 
-import warnings
-from dataclasses import dataclass, field
-from functools import cached_property, lru_cache, partial
-from operator import sub
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,10 +15,11 @@ from scipy.linalg import blas, lapack
 
 from mbsvib.common.expected import names
 from mbsvib.elements.rows import Rows
-from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, nearest
+from mbsvib.errors import ModelError, nearest
+from mbsvib.kinematics.loop_group import LoopGroup, check_gap, decided, measures, preference, redundant_rows
 from mbsvib.kinematics.relative_motion import Twists
 from mbsvib.linalg.qr import pivoted_qr
-from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, RANK_FACTOR, RANK_GAP, TIE_BREAK, ZERO_PRODUCT
+from mbsvib.linalg.rank import NEAR_SINGULAR, ZERO_PRODUCT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -35,42 +34,11 @@ if TYPE_CHECKING:
 
 
 
-@dataclass(frozen=True)
-class LoopGroup:
-    """What the rank decision of one independent group of loops was.
-
-    ``joints`` are the cut joints, ``rows`` and ``columns`` the numbers of their locked rows and of the coordinates
-    involved; ``kept`` is the smallest pivot kept, 1 where there is none, and ``dropped`` the largest one dropped, both
-    of rows and columns that ``length`` [m] scales to the size of one (over the largest pivot where that is more);
-    ``noise`` is the rounding of their entries, ``surplus`` the number of redundant constraint rows.
-    """
-
-    joints: tuple[str, ...]
-    rows: Index
-    columns: Index
-    rank: int
-    kept: float
-    dropped: float
-    length: float
-    noise: float
-    _names: Callable[[], tuple[str, ...]] = field(repr=False, compare=False)
-
-    @property
-    def surplus(self) -> int:
-        """How many constraint rows the others imply."""
-        return len(self.rows) - self.rank
-
-    @cached_property
-    def redundant(self) -> tuple[str, ...]:
-        """Names of the constraint rows that the others imply: found out when they are first asked for."""
-        return self._names() if self.surplus else ()
-
-
 @dataclass(frozen=True, slots=True)
 class Reduction:
     """Minimal coordinates: ``independent`` (m,) picks them from the joint coordinates, ``matrix`` (..., n, m) is B''.
 
-    ``matrix`` is None where no loop exists, B'' being the identity that nothing is multiplied by.
+    ``matrix`` is None where no loop exists, which stands for the identity.
     """
 
     independent: Index
@@ -90,8 +58,8 @@ class Reduction:
         return result.reshape(*result.shape[:-2], bodies, 6, result.shape[-1])
 
     def apply_exactly(self, rows: Array, count: int | None = None) -> Array:
-        """Return rows in minimal coordinates, the first ``count`` of them (default: all) with exact zeros where loops
-        take a motion away but for rounding.
+        """Return rows in minimal coordinates; entries of the first ``count`` rows (default: all) that are rounding
+        become exact zeros.
         """
         result = self.apply(rows)
         if self.matrix is not None:
@@ -105,9 +73,9 @@ class Reduction:
 class Cuts:
     """The locked rows of the cut joints: ``rows``, their ``names`` and the number of the cut ``joint`` of each.
 
-    ``joints`` are the cut joints' names, ``start`` the first row of each joint that locks anything; ``translates``
-    tells locked translations from rotations. The rows of ``couplings`` come behind these, each a joint of its own in
-    ``names``, ``joint``, ``joints`` and ``translates``; ``rows`` and ``start`` have none of them.
+    ``joints`` are the names of the cut joints, ``start`` the first row of each joint with locked rows; ``translates``
+    is true for locked translations. The rows of ``couplings`` follow these, and each counts as one joint in ``names``,
+    ``joint``, ``joints`` and ``translates``; ``rows`` and ``start`` do not contain them.
     """
 
     rows: Rows
@@ -119,7 +87,7 @@ class Cuts:
     couplings: Couplings | None = None
 
     def row_scale(self, length: float) -> Array:
-        """Return the factors (..., rows) by which the rows know no units, lengths being measured in ``length`` [m]."""
+        """Return factors (..., rows) that make the rows dimensionless, with ``length`` [m] as the unit of length."""
         if self.couplings is None:
             return np.where(self.translates, 1.0 / length, 1.0)
         own, coupled = self.translates[: len(self.rows.first)], self.couplings.row_scale(length)
@@ -144,8 +112,8 @@ def reduce(
     independent : sequence of str, optional
         Coordinates that must be among the minimal ones.
     arms : callable, optional
-        How far joints, by name, are from the centres of mass of their bodies [m]: a body that has been turned has its
-        points rounded by that. Asked where the rank is in doubt.
+        Function of names of joints: their largest distance from the centres of mass of their bodies [m], by which
+        points of a rotated body are rounded. It is called only where the rank is doubtful.
 
     Returns
     -------
@@ -157,7 +125,7 @@ def reduce(
     ModelError
         If a pinned coordinate is unknown or cannot be independent.
     SingularPoseError
-        If the number of degrees of freedom is another one in every pose nearby, or the rank is in doubt.
+        If the number of degrees of freedom differs in neighbouring poses, or the rank is doubtful.
 
     Source: Jiang, Chen & Luo (2011), cut-joint constraint matrix B''.
     """
@@ -174,12 +142,12 @@ def reduce(
         solved.append((dependent, others, block))
         groups.append(group)
     free = (~depends).nonzero()[0]
-    place = np.empty(n, dtype=np.intp)
-    place[free] = np.arange(len(free))
+    position = np.empty(n, dtype=np.intp)
+    position[free] = np.arange(len(free))
     matrix = np.zeros((n, len(free)))
     matrix[free, np.arange(len(free))] = 1.0
     for dependent, others, block in solved:
-        matrix[dependent[:, None], place[others]] = block
+        matrix[dependent[:, None], position[others]] = block
     return Reduction(free, matrix, tuple(groups))
 
 
@@ -188,7 +156,7 @@ def _pinned(coordinates: Twists, independent: Sequence[str] | None) -> Mask:
     for name in () if independent is None else names(independent, "linearize", "independent", ModelError):
         if name not in coordinates.names:
             raise ModelError(
-                f"independent = {name!r} is no joint coordinate of the tree.{nearest(str(name), coordinates.names)} "
+                f"independent = {name!r} is not a joint coordinate of the tree.{nearest(str(name), coordinates.names)} "
                 f"Joints that are cut have none; name the cut joints with cut= to keep this one.",
                 element=str(name), field="independent",
             )  # fmt: skip
@@ -197,7 +165,7 @@ def _pinned(coordinates: Twists, independent: Sequence[str] | None) -> Mask:
 
 
 def _groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
-    """Loops that share a coordinate form a group: (rows, columns) of each."""
+    """Rows and columns of each group of loops; loops that share a coordinate are in one group."""
     first, second = cuts.rows.first.take(cuts.start), cuts.rows.second.take(cuts.start)
     touched = coordinates.path.take(second, axis=0) != coordinates.path.take(first, axis=0)
     if cuts.couplings is not None:
@@ -206,12 +174,12 @@ def _groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
     for loop, bits in enumerate(np.packbits(touched, axis=1)):
         # the coordinates that a loop touches as bits of one integer: an intersection is a single operation
         mask, loops, apart = int.from_bytes(bits.tobytes(), "big"), [loop], []
-        for other, members in groups:
-            if mask & other:
-                mask |= other
+        for known_mask, members in groups:
+            if mask & known_mask:
+                mask |= known_mask
                 loops = members + loops
             else:
-                apart.append((other, members))
+                apart.append((known_mask, members))
         groups = [*apart, (mask, loops)]
     row = np.arange(len(cuts.names))
     if len(groups) == 1:
@@ -233,18 +201,18 @@ def _solve(
     points = np.concatenate((cuts.rows.point.take(cut, axis=1), coordinates.point.take(columns, axis=1)), axis=1)
     length, noise = measures(points, max(len(rows), len(columns)), coordinates.pitch, arm)
     scale = np.where(coordinates.turns.take(columns), 1.0, length)
-    scale *= _preference(len(columns))
+    scale *= preference(len(columns))
     a = scaled(phi.take(rows, axis=0).take(columns, axis=1), cuts, rows, scale, length)
-    held = candidate = None
+    pinned_columns = candidate = None
     if pinned is not None and pinned[columns].any():
-        held, candidate = np.nonzero(pinned[columns])[0], np.nonzero(~pinned[columns])[0]
+        pinned_columns, candidate = np.nonzero(pinned[columns])[0], np.nonzero(~pinned[columns])[0]
     qr, order, tau = pivoted_qr(a if candidate is None else a[:, candidate])
     rank, kept, dropped, limit = decided(qr.diagonal().tolist(), noise)
     right, tied = qr[:rank, rank:], False
-    if held is not None:
-        product = a[:, held]
+    if pinned_columns is not None:
+        product = a[:, pinned_columns]
         if len(tau):
-            product = lapack.dormqr("L", "T", qr[:, : len(tau)], tau, product, 64 * len(held))[0]
+            product = lapack.dormqr("L", "T", qr[:, : len(tau)], tau, product, 64 * len(pinned_columns))[0]
         tied = bool(np.abs(product[rank:]).max(initial=0.0) > limit)
         right = np.concatenate((right, product[:rank]), axis=1)
     joints = tuple([cuts.joints[k] for k in dict.fromkeys(cuts.joint.take(rows).tolist())])
@@ -253,117 +221,30 @@ def _solve(
         arm = arms([*joints, *(coordinates.names[k].rpartition(".")[0] for k in columns.tolist())])
         if arm:
             return _solve(coordinates, cuts, phi, rows, columns, pinned, arms, arm)
-    if tied and held is not None:
-        raise _tied(coordinates, columns[held])
+    if tied and pinned_columns is not None:
+        raise _tied(coordinates, columns[pinned_columns])
     group = LoopGroup(joints, rows, columns, rank, kept, dropped, length, noise,
-                      partial(_redundant, a, rank, rows, cuts.names))  # fmt: skip
-    _check_gap(group)
+                      partial(redundant_rows, a, rank, rows, cuts.names))  # fmt: skip
+    check_gap(group)
     dependent, others = order[:rank], order[rank:]
-    if candidate is not None and held is not None:
-        dependent, others = candidate[dependent], np.concatenate((candidate[others], held))
-    # dtrtrs would wait for a second thread, however small the loop
+    if candidate is not None and pinned_columns is not None:
+        dependent, others = candidate[dependent], np.concatenate((candidate[others], pinned_columns))
+    # dtrtrs starts a second thread even for small matrices
     block = blas.dtrsm(-1.0, qr[:rank, :rank], right) if rank and len(others) else np.zeros((rank, len(others)))
-    block[np.abs(block) <= noise / kept] = 0.0  # what joints do not move by but for rounding would hold free motions
+    block[np.abs(block) <= noise / kept] = 0.0  # rounding here would resist free motions
     block *= np.divide.outer(scale.take(dependent), scale.take(others))
     return group, columns.take(dependent), columns.take(others), block
 
 
-def measures(points: Array, count: int, pitch: float, arm: float = 0.0) -> tuple[float, float]:
-    """Return what lengths in loops are measured in, and the rounding of rows that are scaled by it.
-
-    Parameters
-    ----------
-    points : array, shape (3, n)
-        Points of the joints [m].
-    count : int
-        Number of the rows or of the coordinates, whichever is larger.
-    pitch : float
-        Largest pitch of a screw [m].
-    arm : float
-        How far the points are from the centres of mass of their bodies [m].
-
-    Returns
-    -------
-    length : float
-        The size of the loops [m]; where all points are one but for rounding, the pitch, or 1 m.
-    noise : float
-        Rounding of an entry: that of unit vectors, and of points relative to their distance from the origin, or from
-        the centre of mass about which their body was turned.
-    """
-    if not points.size:  # a coupler of coordinates that other joints hold still
-        return 1.0, EPS * count
-    axes = points.tolist()
-    low, high = list(map(min, axes)), list(map(max, axes))
-    length, distance = max(map(sub, high, low)), max(*high, -min(low), arm)
-    if length <= RANK_FACTOR * EPS * count * distance:  # lever arms, which are shorter, are rounding
-        length = pitch or 1.0
-    return length, EPS * count * max(1.0, distance / length)
-
-
-def decided(pivots: list[float], noise: float) -> tuple[int, float, float, float]:
-    """Return the rank, the smallest pivot kept and the largest one dropped, and up to what size pivots are dropped.
-
-    Parameters
-    ----------
-    pivots : list of float
-        Pivots of rows and columns of the size of one, in descending order of size.
-    noise : float
-        Rounding of an entry.
-
-    Returns
-    -------
-    tuple of int, float, float and float
-        Rank, ``kept`` and ``dropped`` as ``LoopGroup`` has them, and the limit, of pivots as they are.
-    """
-    sizes = list(map(abs, pivots))
-    # rounding is measured by entries of the size of one: the largest pivot may be rounding itself
-    unit = max(1.0, sizes[0]) if sizes else 1.0
-    limit = RANK_FACTOR * noise * unit
-    rank = sum([size > limit for size in sizes])
-    kept, dropped = sizes[rank - 1] if rank else unit, sizes[rank] if rank < len(sizes) else 0.0
-    return rank, kept / unit, dropped / unit, limit
-
-
-@lru_cache
-def _preference(n: int) -> Array:
-    """Weights by which the first of n equals is taken."""
-    result: Array = 1.0 - TIE_BREAK / max(1, n) * np.arange(float(n))
-    result.setflags(write=False)
-    return result
-
-
 def scaled(phi: Array, cuts: Cuts, rows: Index, column_scale: Array, length: float) -> Array:
-    """Return Phi with translations over ``length`` and rotations as they are, so that rank knows no units."""
+    """Return Phi with translations divided by ``length``, so that the rank does not depend on units."""
     return phi * cuts.row_scale(length).take(rows)[:, None] * column_scale
 
 
-def _redundant(a: Array, rank: int, rows: Index, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Name the rows that the others imply: those that a pivoted QR of the transpose takes last."""
-    _, order, _ = pivoted_qr((a * _preference(len(rows))[:, None]).T)
-    return tuple(names[rows[k]] for k in sorted(order[rank:].tolist()))
-
-
-def _tied(coordinates: Twists, held: Index) -> ModelError:
-    """Refuse pinned coordinates that the loops tie to each other (their columns reach outside the others' range)."""
-    names = ", ".join(coordinates.names[k] for k in held)
+def _tied(coordinates: Twists, pinned: Index) -> ModelError:
+    """The error for pinned coordinates that loops make dependent on each other."""
+    names = ", ".join(coordinates.names[k] for k in pinned)
     return ModelError(
         f"independent: the loops leave no choice in which all of {names} are independent; pin fewer of them.",
-        element=coordinates.names[held[0]], field="independent",
-    )  # fmt: skip
-
-
-def _check_gap(group: LoopGroup) -> None:
-    if group.dropped * RANK_GAP <= group.kept and group.kept >= NEAR_SINGULAR:
-        return
-    names = ", ".join(group.joints)
-    if group.dropped * RANK_GAP > group.kept:
-        raise SingularPoseError(
-            f"loops closed by {names}: constraint pivots {group.kept:.1e} (kept) and {group.dropped:.1e} (dropped) are "
-            f"too close to tell how many constraints are independent. Move the pose away from the singular one, or "
-            f"give the geometry with all its digits."
-        )
-    warnings.warn(
-        f"loops closed by {names}: nearly singular pose (smallest pivot {group.kept:.1e}); the minimal coordinates "
-        f"lose as many digits. Pin other coordinates with independent=, move the pose, or give joints that are meant "
-        f"to be in line all their digits.", NearSingularWarning, stacklevel=6,
+        element=coordinates.names[pinned[0]], field="independent",
     )  # fmt: skip

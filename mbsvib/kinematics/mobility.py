@@ -1,7 +1,8 @@
 """Mobility: is the number of degrees of freedom the same in neighbouring poses?
 
-Redundant constraints are legal where they stay redundant, as in planar loops. Where they are redundant in this pose
-only (a four-bar stretched flat), the count of degrees of freedom jumps and no linear equations describe the motion.
+Redundant constraints are accepted where they stay redundant, as in planar loops. Where they are redundant in this pose
+only (a four-bar linkage in one line), the number of degrees of freedom jumps and linear equations do not describe the
+motion.
 
 Source: Connelly & Whiteley, SIAM J. Discrete Math. 9 (1996) 453, for constraints to second order.
 """
@@ -14,10 +15,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import SingularPoseError
+from mbsvib.kinematics.body_motion import body_motion
 from mbsvib.kinematics.loops import scaled
-from mbsvib.kinematics.relative_motion import CYCLE, body_motion, relative_motion
+from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import NEIGHBOUR_PIVOT, NEIGHBOUR_STEP, PARALLEL_AXES, RANK_FACTOR
+from mbsvib.linalg.rotations import CYCLE
 from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
@@ -25,7 +28,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.kinematics.loops import Cuts, LoopGroup, Reduction
+    from mbsvib.kinematics.loop_group import LoopGroup
+    from mbsvib.kinematics.loops import Cuts, Reduction
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.topology import Topology
 
@@ -33,7 +37,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Rod:
-    """The rod of a distance joint, which neither body carries: from ``start`` on ``first`` to ``end`` on ``second``,
+    """The rod of a distance joint, which belongs to neither body: from ``start`` on ``first`` to ``end`` on ``second``,
     arrays (3, 1) or (3, variants, 1); ``row`` of the constraints and ``column`` of the coordinates follow it.
     """
 
@@ -59,14 +63,14 @@ def check_mobility(
     cuts : Cuts or None
         Locked rows of the cut joints.
     reduction : Reduction
-        The minimal coordinates; only groups of loops with redundant rows and a freedom left are looked at.
+        The minimal coordinates; only groups of loops with redundant rows are checked.
     position : array, shape (bodies, 3)
         Centres of mass [m], world axes.
 
     Returns
     -------
     bool
-        Whether planar loops spared a look at neighbouring poses.
+        Whether loops are planar, which makes a check of neighbouring poses unnecessary.
 
     Raises
     ------
@@ -77,7 +81,7 @@ def check_mobility(
     if cuts is None or reduction.matrix is None or not groups or not reduction.matrix.shape[1]:
         return False
     crossing, rods = crossing_axes(topology, cuts), rods_in_loops(topology, coordinates, cuts)
-    # rows of the others are fixed in one body each
+    # without these, each row is fixed in one body
     if not (crossing or rods) and _stays_planar(coordinates, cuts, groups):
         return True
     phi = phi_nearby(topology, coordinates, cuts, reduction, position, crossing, rods)
@@ -97,8 +101,9 @@ def check_mobility(
 
 
 def _stays_planar(coordinates: Twists, cuts: Cuts, groups: list[LoopGroup]) -> bool:
-    """Tell whether these loops move in parallel planes, and lose as many freedoms as their rows can take there: then
-    they do so in all neighbouring poses, as axes stay normal to the planes.
+    """Tell whether these loops move in parallel planes with as many independent constraints as planar loops can have.
+
+    Then the same holds in all neighbouring poses, as axes stay normal to the planes.
     """
     columns = groups[0].columns if len(groups) == 1 else np.concatenate([group.columns for group in groups])
     if cuts.couplings is not None or not len(columns):
@@ -123,7 +128,7 @@ def phi_nearby(
     topology: Topology, coordinates: Twists, cuts: Cuts, reduction: Reduction, position: Array,
     crossing: list[tuple[int, Array, Array]], rods: list[Rod],
 ) -> Array:  # fmt: skip
-    """Return the constraints of the loops in a pose nearby, to which the mechanism moves to first order.
+    """Return the constraints of the loops in a neighbouring pose, which the mechanism reaches to first order.
 
     Parameters
     ----------
@@ -138,9 +143,9 @@ def phi_nearby(
     position : array, shape (..., bodies, 3)
         Centres of mass [m], world axes.
     crossing : list of (int, array, array)
-        What ``crossing_axes`` returns; axes (3,) or (3, variants).
+        Result of ``crossing_axes``; axes (3,) or (3, variants).
     rods : list of Rod
-        What ``rods_in_loops`` returns.
+        Result of ``rods_in_loops``.
 
     Returns
     -------
@@ -149,7 +154,7 @@ def phi_nearby(
     """
     matrix = reduction.matrix
     assert matrix is not None
-    # a direction that no symmetry of the mechanism can single out
+    # a direction without any symmetry of the mechanism
     direction = matrix @ np.cos(1.0 + np.arange(matrix.shape[-1]))
     length = min(group.length for group in reduction.groups if group.surplus)
     largest = (np.abs(direction) / np.where(coordinates.turns, 1.0, length)).max(axis=-1, keepdims=True, initial=1e-300)
@@ -165,11 +170,11 @@ def phi_nearby(
         arm = added(point, -centre[..., body])
         return added(added(point, translation[..., body]), crossed_product(rotation[..., body], arm))
 
-    (carrier, other, holder), rows = _carriers(topology), cuts.rows
+    (carrier, second_carrier, holder), rows = _carriers(topology), cuts.rows
     linear, force = turn(carrier, coordinates.linear), turn(rows.first, rows.force)
-    # components of a rotation vector turn with the mean of both bodies, which makes no difference about a single axis
-    angular, moment = (0.5 * (turn(one, axes) + turn(two, axes)) for one, two, axes in (
-        (carrier, other, coordinates.angular), (rows.first, rows.second, rows.moment)))  # fmt: skip
+    # components of a rotation vector turn with the mean of both bodies; for a single axis this makes no difference
+    angular, moment = (0.5 * (turn(a, axes) + turn(b, axes)) for a, b, axes in (
+        (carrier, second_carrier, coordinates.angular), (rows.first, rows.second, rows.moment)))  # fmt: skip
     for rod in rods:
         line = added(shift(rod.second, rod.end), -shift(rod.first, rod.start))
         line = line / np.sqrt((line * line).sum(axis=0))
@@ -182,8 +187,8 @@ def phi_nearby(
         axes = turn(rows.first[at], first[..., None]), turn(rows.second[at], second[..., None])
         moment[..., at] = crossed_product(*axes)
     point = shift(rows.second, rows.point)
-    moved = replace(rows, point=point, force=force, moment=moment)
-    phi = relative_motion(twists, moved).dense(0, len(rows.first))
+    moved_rows = replace(rows, point=point, force=force, moment=moment)
+    phi = relative_motion(twists, moved_rows).dense(0, len(rows.first))
     if cuts.couplings is None:
         return phi
     coupled = cuts.couplings.nearby(turn, shift).dense(twists)
@@ -209,25 +214,27 @@ def crossed_product(a: Array, b: Array) -> Array:
 
 
 def _carriers(topology: Topology) -> tuple[Index, Index, Index]:
-    """The body in which each twist is fixed: a joint's first, but its second for the second of two successive ones. The
-    body with which its axis turns too, halfway. And the body that carries its point, the joint's second: that turns
-    about its own point, wherever it has slid to.
+    """The bodies of each twist: the one in which it is fixed, the one with which its axis turns halfway, and the one
+    that carries its point.
+
+    A twist is fixed in the joint's first body, the second of two successive rotations in its second one. The point
+    moves with the second body, which turns about it after any sliding.
     """
     number = {name: i for i, name in enumerate(topology.bodies)}
     number["ground"] = len(topology.bodies)
-    result: list[int] = []
-    other: list[int] = []
+    carriers: list[int] = []
+    second_carrier: list[int] = []
     holder: list[int] = []
     for branch in sorted((b for b in topology.branches if b.joint != FLOATS), key=lambda b: b.joint):
         joint = topology.joints[branch.joint]
         for name, _ in joint.freedom:
             second = joint.successive and name == joint.freedom[-1][0]
-            result.append(number[joint.second if second else joint.first])
-            other.append(result[-1] if joint.successive else number[joint.second])
+            carriers.append(number[joint.second if second else joint.first])
+            second_carrier.append(carriers[-1] if joint.successive else number[joint.second])
             holder.append(number[joint.second])
     ground = [number["ground"]] * (6 * len(topology.floating))
-    carrier, halfway, point = (np.array(bodies + ground, dtype=np.intp) for bodies in (result, other, holder))
-    return carrier, halfway, point
+    carrier, other, point = (np.array(bodies + ground, dtype=np.intp) for bodies in (carriers, second_carrier, holder))
+    return carrier, other, point
 
 
 def rods_in_loops(topology: Topology, coordinates: Twists, cuts: Cuts) -> list[Rod]:

@@ -1,12 +1,12 @@
-"""Kinematics: from joint coordinates to the displacements of bodies, and to what two bodies do relative to each other.
+"""Kinematics: from joint coordinates to relative displacements of two bodies.
 
-A joint coordinate moves everything behind its joint by a twist (v, w) at the joint's point p. At a point c a body then
-moves by v + w x (c - p) and turns by w, so every entry of the open-loop matrix B' comes straight from the geometry:
-nothing accumulates along a chain. What two bodies do relative to each other involves only the joints on the tree path
-between them (the path rule): the signs of the common joints cancel as integers, never as rounded numbers.
+A joint coordinate moves all outer bodies by a twist (v, w) at the joint's point p. A body with centre c then moves by
+v + w x (c - p) and turns by w, so every entry follows from the geometry without accumulation along a chain. The
+relative displacement of two bodies depends only on the joints on the tree path between them (the path rule): the signs
+of the common joints cancel as integers, not as rounded numbers.
 
-Geometry may have an axis of variants in front of its last one, vectors (3, variants, n) instead of (3, n): results then
-have it in front of all of theirs, (variants, ...).
+Geometry may have an axis of variants before its last one, vectors (3, variants, n) instead of (3, n). Results then have
+it as their first axis, (variants, ...).
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy as np
 
 from mbsvib.elements.rows import columns
 from mbsvib.linalg.rank import LARGEST_ROUNDING, ZERO_MOTION
+from mbsvib.linalg.rotations import CYCLE
 from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
@@ -32,8 +33,6 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.topology import Topology
 
 
-# x y z x y: both shifts of a cross product are slices of vectors with these components
-CYCLE = np.array((0, 1, 2, 0, 1))
 _FREE = tuple((d, tuple(float(i == j) for j in range(6))) for i, d in enumerate(("x", "y", "z", "rx", "ry", "rz")))
 
 
@@ -42,9 +41,9 @@ class Twists:
     """The joint coordinates of the tree as twists in world axes.
 
     ``linear`` and ``angular`` (3, n) at ``point`` (3, n) [m]; ``path`` (bodies + 1, n) holds +1 or -1 where the
-    coordinate lies on the path from ground to the body (last row: ground); ``turns`` (n,) tells rotations (rad) from
-    translations (m); ``pitch`` [m] is the largest one of the screws, cut ones included. Components come first, so that
-    each is one contiguous vector.
+    coordinate lies on the path from ground to the body (last row: ground); ``turns`` (n,) is true for rotations (rad)
+    and false for translations (m); ``pitch`` [m] is the largest one of the screws, cut ones included. Components come
+    first, so that each is one contiguous vector.
     """
 
     names: tuple[str, ...]
@@ -92,23 +91,13 @@ class Triplets:
 def twists(topology: Topology, bodies: list[Body]) -> Twists:
     """Return the twists of all joint coordinates of the tree.
 
-    Parameters
-    ----------
-    topology : Topology
-        The spanning tree.
-    bodies : list of Body
-        The bodies in the topology's order.
-
-    Returns
-    -------
-    Twists
-        Coordinates in the order in which their joints were added, those of floating bodies last.
+    They are in the order in which their joints were added, those of floating bodies last.
     """
     joints = topology.joints
     names: list[str] = []
     twist: list[tuple[float, ...]] = []
     turns: list[bool] = []
-    place: dict[int, slice] = {}
+    columns_of: dict[int, slice] = {}
     for branch in sorted([b for b in topology.branches if b.joint != FLOATS], key=attrgetter("joint")):
         joint = joints[branch.joint]
         at = joint.point or bodies[branch.body].position
@@ -117,7 +106,7 @@ def twists(topology: Topology, bodies: list[Body]) -> Twists:
             names.append(f"{joint.name}.{direction}")
             twist.append(six + at)
             turns.append(direction[0] == "r")
-        place[branch.joint] = slice(start, len(names))
+        columns_of[branch.joint] = slice(start, len(names))
     path = np.zeros((len(bodies) + 1, len(names) + 6 * len(topology.floating)), dtype=np.int8)
     for branch in topology.branches:
         if branch.joint == FLOATS:
@@ -129,7 +118,7 @@ def twists(topology: Topology, bodies: list[Body]) -> Twists:
             path[branch.body, start : start + 6] = 1
         else:
             path[branch.body] = path[branch.parent]
-            path[branch.body, place[branch.joint]] = branch.sign
+            path[branch.body, columns_of[branch.joint]] = branch.sign
     entries = columns(twist, 9)
     return Twists(tuple(names), entries[:3], entries[3:6], entries[6:], path, np.array(turns, dtype=bool),
                   largest_pitch(joints))  # fmt: skip
@@ -141,7 +130,7 @@ def largest_pitch(joints: Sequence[Joint]) -> float:
 
 
 def arm(topology: Topology, position: Array, names: Iterable[str]) -> float:
-    """Return how far joints are at most from the centres of mass of the bodies they connect.
+    """Return the largest distance of joints from the centres of mass of the bodies they connect.
 
     Parameters
     ----------
@@ -150,7 +139,7 @@ def arm(topology: Topology, position: Array, names: Iterable[str]) -> float:
     position : array, shape (bodies, 3)
         Centres of mass [m].
     names : iterable of str
-        Names of joints; others are passed over.
+        Names of joints; others are ignored.
 
     Returns
     -------
@@ -165,77 +154,10 @@ def arm(topology: Topology, position: Array, names: Iterable[str]) -> float:
     return float(max(arms, default=0.0))
 
 
-def body_motion(coordinates: Twists, position: Array) -> Array:
-    """Return the open-loop constraint matrix B': displacements of the bodies per unit joint coordinate.
-
-    x_j = sum over the coordinates k on the path ground -> j of (v_k + w_k x (c_j - p_k), w_k) q_k
-
-    Parameters
-    ----------
-    coordinates : Twists
-        The joint coordinates.
-    position : array, shape (..., bodies, 3)
-        Centres of mass [m], world axes.
-
-    Returns
-    -------
-    array, shape (..., bodies, 6, n)
-        Translations of the centres of mass, then rotations, world axes.
-
-    Source: Jiang, Chen & Luo (2011), open-loop constraint matrix B'.
-    """
-    if position.ndim + coordinates.linear.ndim + coordinates.angular.ndim + coordinates.point.ndim > 8:
-        return _body_motion_of_variants(coordinates, position)
-    sign = coordinates.path[:-1, None].astype(float)
-    angular, point = coordinates.angular.take(CYCLE, axis=0), coordinates.point.take(CYCLE, axis=0)
-    arm = position.take(CYCLE, axis=1)[..., None] - point
-    moved = angular[1:4] * arm[:, 2:]
-    moved -= angular[2:] * arm[:, 1:4]
-    moved += coordinates.linear
-    result = np.empty((len(moved), 6, sign.shape[2]))
-    np.multiply(moved, sign, out=result[:, :3])
-    np.multiply(angular[:3], sign, out=result[:, 3:])
-    return result
-
-
-def _body_motion_of_variants(coordinates: Twists, position: Array) -> Array:
-    """Displacements of the bodies in all variants: only coordinates on the path from ground move a body."""
-    body, column = coordinates.path[:-1].nonzero()
-    sign = coordinates.path[body, column].astype(float)[:, None]
-    centre = np.moveaxis(position, (-1, -2), (0, 1))
-    linear, angular, point = (array[..., None] if array.ndim == 2 else array.swapaxes(1, 2) for array in (
-        coordinates.linear, coordinates.angular, coordinates.point))  # fmt: skip
-    turns = angular.take(column, axis=1) * sign
-    arm = (centre if centre.ndim == 3 else centre[..., None]).take(body, axis=1) - point.take(column, axis=1)
-    arm, wide = arm.take(CYCLE, axis=0), turns.take(CYCLE, axis=0)
-    moved = wide[1:4] * arm[2:]
-    moved -= wide[2:] * arm[1:4]
-    moved = moved + linear.take(column, axis=1) * sign
-    *_, variants = np.broadcast_shapes(moved.shape, turns.shape)
-    bodies, n = len(coordinates.path) - 1, coordinates.path.shape[1]
-    result = np.zeros((variants, bodies * 6 * n))
-    at = (6 * body + np.arange(3)[:, None]) * n + column
-    result[:, at.reshape(-1)] = moved.reshape(3 * len(body), moved.shape[2]).T
-    result[:, at.reshape(-1) + 3 * n] = turns.reshape(3 * len(body), turns.shape[2]).T
-    return result.reshape(variants, bodies, 6, n)
-
-
 def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
     """Return the rows of relative displacements per unit joint coordinate, by the path rule.
 
     d_r = sum over the coordinates k between first and second of +-(f_r . v_k + w_k . ((p_r - p_k) x f_r + m_r)) q_k
-
-    Parameters
-    ----------
-    coordinates : Twists
-        The joint coordinates.
-    rows : Rows
-        The relative displacements asked for.
-
-    Returns
-    -------
-    Triplets
-        One row per relative displacement, one column per coordinate.
 
     Source: Jiang, Chen & Luo (2011), the linear transformation of displacements between ports.
     """
@@ -267,8 +189,8 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
 def _of_variants(vectors: tuple[Array, ...], row: Index, column: Index) -> Array:
     """Entries (n, variants) of relative motion, w . m + f . v + (p_r - p_k) . (f x w).
 
-    Only the last term varies with points, and is there only where a force turns about an axis: variants come last, so
-    that each entry is one contiguous vector, and one number where nothing of it varies.
+    Only the last term depends on points, and it is zero where f x w is. Variants come last, so that each entry is one
+    contiguous vector.
     """
     force, moment, linear, angular, point, start = (
         array[..., None] if array.ndim == 2 else array.swapaxes(1, 2) for array in vectors)  # fmt: skip
@@ -280,23 +202,23 @@ def _of_variants(vectors: tuple[Array, ...], row: Index, column: Index) -> Array
     varies = np.asarray(lever.any(axis=(0, 2)))
     used, others = varies.nonzero()[0], (~varies).nonzero()[0]
     points, starts = point.take(row.take(used), axis=1), start.take(column.take(used), axis=1)
-    moved = (points - starts) * lever.take(used, axis=1)
-    moved = moved + straight.take(used, axis=1)
-    turning, fixed = moved[0] + moved[1] + moved[2], straight.take(others, axis=1).sum(axis=0)
-    far = (np.abs(array).max(axis=2, initial=0.0)[..., None] for array in (point, start))
+    product = (points - starts) * lever.take(used, axis=1)
+    product = product + straight.take(used, axis=1)
+    variable, fixed = product[0] + product[1] + product[2], straight.take(others, axis=1).sum(axis=0)
+    largest = (np.abs(array).max(axis=2, initial=0.0)[..., None] for array in (point, start))
     for value, at, ends in (
-        (turning, used, (points, starts)),
-        (fixed, others, [array.take(of.take(others), axis=1) for array, of in zip(far, (row, column), strict=True)]),
+        (variable, used, (points, starts)),
+        (fixed, others, [far.take(of.take(others), axis=1) for far, of in zip(largest, (row, column), strict=True)]),
     ):
         clear_rounding(value, *(array.take(of.take(at), axis=1) for array, of in (
             (force, row), (moment, row), (linear, column), (angular, column))), *ends)  # fmt: skip
     result: Array = np.empty((len(row), variants))
-    result[others], result[used] = fixed, turning
+    result[others], result[used] = fixed, variable
     return result
 
 
 def clear_rounding(value: Array, *vectors: Array) -> None:
-    """Set entries of relative motion to zero that are nothing but rounding.
+    """Set entries of relative motion to zero that are rounding.
 
     Directions are rounded by eps of one, points by eps of their distance from the origin.
 

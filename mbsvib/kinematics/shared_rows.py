@@ -1,7 +1,7 @@
-"""Composite rows: sums of several relative displacements, for what more than two bodies share.
+"""Composite rows: sums of several relative displacements, for mass and stiffness between more than two bodies.
 
 The mass of a beam element moves with both of its ends, the stiffness of a reduced model with all of its nodes. Such a
-row is a row of a small matrix on *base rows*, each of them a relative displacement of two bodies by the path rule.
+row is a small matrix times *base rows*, which are relative displacements of two bodies by the path rule.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ _SIX = np.eye(6)
 
 @dataclass(frozen=True, slots=True)
 class Composite:
-    """Composite rows in numbers: base ``rows``, and ``blocks`` of pieces of equal shape, numbers of base rows (e, b)
-    and matrices (e, r, b). ``rides`` tells which base rows the moving ground carries.
+    """Composite rows as arrays: base ``rows``, and ``blocks`` of pieces of equal shape, numbers of base rows (e, b)
+    and matrices (e, r, b). ``rides`` is 1 for base rows that move with the ground, else 0.
     """
 
     rows: Rows
@@ -73,15 +73,15 @@ class Composite:
         return csr_matrix((flat[0][used], (flat[1][used], flat[2][used])), shape=shape) @ base
 
     def carried(self, linear: Array, angular: Array, origin: Array) -> Array:
-        """Return the composite rows of a motion of the ground, which carries everything along rigidly, (rows, 1)."""
+        """Return the composite rows (rows, 1) of a motion of the ground, with which all bodies move rigidly."""
         point = self.rows.point
-        moved = np.cross(angular, (point.T - origin)) + linear
-        base = np.einsum("in,ni->n", self.rows.force, moved) + angular @ self.rows.moment
+        displacement = np.cross(angular, (point.T - origin)) + linear
+        base = np.einsum("in,ni->n", self.rows.force, displacement) + angular @ self.rows.moment
         return self.of((base * self.rides)[:, None])
 
 
 @dataclass(frozen=True, slots=True)
-class Blend:
+class ElasticRows:
     """Composite elastic and damping rows: ``stiffness``, ``damping`` and the name of the ``owner`` of each."""
 
     composite: Composite
@@ -91,26 +91,13 @@ class Blend:
 
 
 def stack(pieces: Sequence[Piece], number: Mapping[str, int]) -> Composite:
-    """Return composite rows, pieces of equal shape together.
-
-    Parameters
-    ----------
-    pieces : sequence of Piece
-        At least one.
-    number : mapping
-        Number of each body, ground included.
-
-    Returns
-    -------
-    Composite
-        Base rows, each node once, and blocks.
-    """
-    place: dict[Node, int] = {}
+    """Return composite rows, pieces of equal shape together; ``number`` has the numbers of bodies, ground included."""
+    index_of: dict[Node, int] = {}
     shapes: dict[tuple[int, ...], list[tuple[list[int], Array]]] = {}
     for piece in pieces:
-        start = [place.setdefault(node, len(place)) for node in piece.nodes]
+        start = [index_of.setdefault(node, len(index_of)) for node in piece.nodes]
         shapes.setdefault(piece.matrix.shape, []).append((start, piece.matrix))
-    nodes = list(place)
+    nodes = list(index_of)
     count = len(nodes)
     force, moment = np.tile(_SIX[:3], count), np.tile(_SIX[3:], count)
     second = np.repeat(np.array([number[node.body] for node in nodes], dtype=np.intp), 6)
@@ -125,7 +112,7 @@ def stack(pieces: Sequence[Piece], number: Mapping[str, int]) -> Composite:
     return Composite(Rows(first, second, point, force, moment), rides, blocks)
 
 
-def blend(pieces: Sequence[Piece], number: Mapping[str, int]) -> Blend:
+def stack_elastic(pieces: Sequence[Piece], number: Mapping[str, int]) -> ElasticRows:
     """Return composite elastic and damping rows of pieces, in the order in which ``stack`` puts them."""
     shapes: dict[tuple[int, ...], list[Piece]] = {}
     for piece in pieces:
@@ -138,15 +125,15 @@ def blend(pieces: Sequence[Piece], number: Mapping[str, int]) -> Blend:
         ])  # fmt: skip
 
     owner = tuple([piece.owner for piece in ordered for _ in range(len(piece.matrix))])
-    return Blend(stack(pieces, number), values("stiffness"), values("damping"), owner)
+    return ElasticRows(stack(pieces, number), values("stiffness"), values("damping"), owner)
 
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """What more than two bodies share: ``mass`` rows, and ``elastic`` rows whose owners count from ``first`` on."""
+    """Rows between more than two bodies: ``mass`` rows, and ``elastic`` rows with owners numbered from ``first``."""
 
     mass: Composite | None
-    elastic: Blend | None
+    elastic: ElasticRows | None
     first: int
     names: tuple[str, ...]
 
@@ -163,13 +150,13 @@ class Shared:
         return np.concatenate((factor, self.mass.of(base[: len(self.mass.rows.first)])))
 
     def carried(self, factor: Array, linear: Array, angular: Array, origin: Array) -> Array:
-        """Return W of a motion of the ground, which carries everything along."""
+        """Return W of a rigid motion of all bodies with the ground."""
         return factor if self.mass is None else np.concatenate((factor, self.mass.carried(linear, angular, origin)))
 
     def elastic_rows(
         self, base: Array, above: Array, stiffness: Array, damping: Array, owner: Index
     ) -> tuple[Array, Array, Array, Index]:
-        """Return elastic rows, stiffness, damping and owners: those given, and below them the shared ones that act."""
+        """Return elastic rows, stiffness, damping and owners with the nonzero shared ones appended."""
         if self.elastic is None:
             return above, stiffness, damping, owner
         start = 0 if self.mass is None else len(self.mass.rows.first)
@@ -182,22 +169,10 @@ class Shared:
 
 
 def shared_rows(pieces: Pieces, number: Mapping[str, int], first: int) -> Shared:
-    """Return what more than two bodies share in numbers.
+    """Return the rows between more than two bodies as arrays.
 
-    Parameters
-    ----------
-    pieces : Pieces
-        The rows.
-    number : mapping
-        Number of each body, ground included.
-    first : int
-        How many owners of elastic rows there are already.
-
-    Returns
-    -------
-    Shared
-        Composite rows of mass and elasticity.
+    ``first`` is the number of owners of other elastic rows.
     """
     names = tuple(dict.fromkeys(piece.owner for piece in pieces.elastic))
     return Shared(stack(pieces.mass, number) if pieces.mass else None,
-                  blend(pieces.elastic, number) if pieces.elastic else None, first, names)  # fmt: skip
+                  stack_elastic(pieces.elastic, number) if pieces.elastic else None, first, names)  # fmt: skip

@@ -66,8 +66,8 @@ def chain(
     parts = family.Family("chain", ("n", n), joint, axis, springs, total=total,
                           mass=mass, inertia=inertia, stiffness=stiffness, damping=damping)  # fmt: skip
     along = check.axis(line, "chain", "line")
-    step = check.number(spacing, "chain", "spacing", "the distance between joints [m]")
-    x, y, z = (step * e for e in along)
+    distance = check.number(spacing, "chain", "spacing", "the distance between joints [m]")
+    x, y, z = (distance * e for e in along)
     before = "ground"
     for i in range(1, parts.size + 1):
         body, s = f"body{i}", i - 0.5

@@ -80,14 +80,14 @@ def from_dh(
         row = _checked(description, i)
         link, joint = row["name"], f"joint{i}"
         x, z = axes @ _about_z(row["theta"])[:, 0], axes[:, 2].copy()
-        own = axes @ _about_z(row["theta"]) @ _about_x(row["alpha"])
+        rotation = axes @ _about_z(row["theta"]) @ _about_x(row["alpha"])
         end = origin + row["b"] * z + row["a"] * x
-        model.add_body(link, row["mass"], _inertia(row, link), end + own @ row["cm"], own)
+        model.add_body(link, row["mass"], _inertia(row, link), end + rotation @ row["cm"], rotation)
         model.add_joint(joint, row["joint"], before, link, origin, orientation=axes)
         along = (0.0, 0.0, 0.0, *z) if row["joint"] == "revolute" else (*z, 0.0, 0.0, 0.0)
         model.add_input(f"tau{i}", link, along, origin, relative_to=before)
         model.add_output(f"q{i}", link, along, origin, relative_to=before)
-        before, origin, axes = link, end, own
+        before, origin, axes = link, end, rotation
     for direction in check.DIRECTIONS:
         model.add_output(direction, before, direction, origin)
     return model

@@ -52,8 +52,8 @@ def inclined_chain(
     """
     number = count(n, "inclined_chain", "n")
     x, y, z = along = check.axis(line, "inclined_chain", "line")
-    step = check.number(spacing, "inclined_chain", "spacing", "the distance between neighbours [m]")
-    points = [(s * x, s * y, s * z) for s in (step * i for i in range(number + 2))]
+    distance = check.number(spacing, "inclined_chain", "spacing", "the distance between neighbours [m]")
+    points = [(s * x, s * y, s * z) for s in (distance * i for i in range(number + 2))]
     model = Model("inclined_chain")
     for i in range(1, number + 1):
         # bodies do not rotate: the moment of inertia is arbitrary

@@ -70,13 +70,13 @@ def quadruped(
     """
     who = "quadruped"
     trunk = check.number(trunk_mass, who, "trunk_mass", "a positive number [kg]")
-    rest = (0.0, 0.0, 0.0)
+    zeros = (0.0, 0.0, 0.0)
     foot = tuple(
-        check.vector(value, who, field, "three finite numbers (x, y, z)") + rest
+        check.vector(value, who, field, "three finite numbers (x, y, z)") + zeros
         for field, value in (("foot_stiffness", foot_stiffness), ("foot_damping", foot_damping))
     )
-    yaw = ((*rest, 0.0, 0.0, yaw_stiffness), (*rest, 0.0, 0.0, yaw_damping))
-    gear = ((*rest, gear_stiffness, 0.0, 0.0), (*rest, gear_damping, 0.0, 0.0))
+    yaw = ((*zeros, 0.0, 0.0, yaw_stiffness), (*zeros, 0.0, 0.0, yaw_damping))
+    gear = ((*zeros, gear_stiffness, 0.0, 0.0), (*zeros, gear_damping, 0.0, 0.0))
     model = Model(who)
     centre = (0.0, 0.0, HIP[1])
     model.add_body("trunk", trunk, shape.box(trunk, 0.6, 0.24, 0.1), centre)

@@ -57,14 +57,14 @@ def wafer_stage(
     for name, mass, edges, centre in (BASE, METROLOGY, LONG, SHORT):
         model.add_body(name, mass, box(mass, *edges), centre)
     frequencies = (floor_frequency, isolator_frequency, servo_frequency, compensator_frequency)
-    floor, soft, held, light = ((2.0 * pi * f) ** 2 for f in frequencies)
+    floor, soft, stiff, light = ((2.0 * pi * f) ** 2 for f in frequencies)
     total_mass = BASE[1] + LONG[1] + SHORT[1] + METROLOGY[1]
     _add_corners(model, "foot", "ground", BASE, 0.25 * total_mass * floor, 0.05, -0.2)
     _add_corners(model, "isolator", "base", METROLOGY, 0.25 * METROLOGY[1] * soft, 0.3, 0.0)
     model.add_joint("granite", "planar", "base", "long_stroke", (0.0, 0.0, 0.25))
     sled = LONG[1] + SHORT[1]
-    spring = [sled * held, sled * held, 0.0, 0.0, 0.0, 0.05 * sled * held]
-    damper = [1.4 * sled * sqrt(held)] * 2 + [0.0] * 3 + [0.05 * 1.4 * sled * sqrt(held)]
+    spring = [sled * stiff, sled * stiff, 0.0, 0.0, 0.0, 0.05 * sled * stiff]
+    damper = [1.4 * sled * sqrt(stiff)] * 2 + [0.0] * 3 + [0.05 * 1.4 * sled * sqrt(stiff)]
     model.add_bushing("servo", "base", "long_stroke", LONG[3], spring, damper)
     size = (*(SHORT[1],) * 3, *box(SHORT[1], *SHORT[2]))
     model.add_bushing("magnets", "long_stroke", "short_stroke", SHORT[3], [m * light for m in size],

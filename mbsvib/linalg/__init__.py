@@ -1,1 +1,1 @@
-"""Linear algebra of plain arrays: products of factors, rotations, sums to twice the digits, matching of shapes."""
+"""Linear algebra of plain arrays: products of factors, rotations, double-double arithmetic, matching of shapes."""

@@ -1,7 +1,7 @@
-"""Balanced scaling: states multiplied by powers of two, so that no digit of A, B, C is lost and none is wasted.
+"""Balanced scaling of first-order equations: states multiplied by powers of two, without rounding of A, B, C.
 
-Physical states put 1 and the squares of frequencies side by side in A. What turns A round before it computes with it
-(Hessenberg forms in frequency responses, expm) rounds at the size of the largest entry.
+In physical states A has entries of 1 and of squared frequencies. Algorithms that transform A (Hessenberg forms in
+frequency responses, expm) have rounding errors relative to its largest entry.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 # Osborne's iteration ends when no state gains this much (LAPACK's gebal: the same), or after this many rounds.
 GAIN = 0.95
 ROUNDS = 60
-# Size of inputs and outputs beside A; with 1 displacements out of forces would pull q and q' apart.
+# Size of inputs and outputs relative to A; with 1, the gain from forces to displacements would unbalance q and q'.
 PORTS = 2.0**-20
 
 
@@ -34,7 +34,7 @@ def balanced(a: Array, b: Array, c: Array, transform: Array) -> tuple[Array, Arr
     a, b, c : array, shape (n, n), (n, inputs), (outputs, n)
         First-order equations.
     transform : array, shape (rows, n)
-        What leads from the states back to other coordinates.
+        Matrix from the states to other coordinates.
 
     Returns
     -------
@@ -46,10 +46,10 @@ def balanced(a: Array, b: Array, c: Array, transform: Array) -> tuple[Array, Arr
         scaled = np.ldexp(a, power[None, :] - power[:, None]), np.ldexp(b, -power[:, None]), np.ldexp(c, power)
         back = (np.ldexp(scaled[0], power[:, None] - power[None, :]), np.ldexp(scaled[1], power[:, None]),
                 np.ldexp(scaled[2], -power))  # fmt: skip
-        moved = np.ldexp(transform, power)
-        if all(map(np.array_equal, (*back, np.ldexp(moved, -power)), (a, b, c, transform))):
-            return *scaled, moved, power
-        power = np.trunc(power / 2).astype(np.int64)  # what would leave the range of floating point is scaled less
+        scaled_transform = np.ldexp(transform, power)
+        if all(map(np.array_equal, (*back, np.ldexp(scaled_transform, -power)), (a, b, c, transform))):
+            return *scaled, scaled_transform, power
+        power = np.trunc(power / 2).astype(np.int64)  # less scaling where numbers leave the range of floating point
 
 
 def exponents(a: Array, b: Array, c: Array) -> Exponents:
@@ -76,19 +76,19 @@ def exponents(a: Array, b: Array, c: Array) -> Exponents:
     off[np.arange(n), np.arange(n)] = 0.0
     total = np.zeros(n, dtype=np.int64)
     for _ in range(ROUNDS):
-        # inputs and outputs have units of their own: they decide only between states that A leaves apart
+        # inputs and outputs have other units: they only matter for states that A does not connect
         size = PORTS * (float(off.max(initial=0.0)) or 1.0)
         for ports, axis in ((inward, 0), (outward, 1)):
             largest = ports.max(axis=axis, keepdims=True, initial=0.0)
             ports *= size / np.where(largest == 0.0, 1.0, largest)
         with np.errstate(over="ignore"):
-            if not _round(off, inward, outward, total):
+            if not _sweep(off, inward, outward, total):
                 break
-    return total + _apart(off, inward, outward)
+    return total + _unconnected_parts(off, inward, outward)
 
 
-def _apart(off: Array, inward: Array, outward: Array) -> Exponents:
-    """Exponents of parts that A does not connect: what goes into each and what comes out are made alike."""
+def _unconnected_parts(off: Array, inward: Array, outward: Array) -> Exponents:
+    """Exponents of parts that A does not connect: input and output gains of each part are made equal."""
     from scipy.sparse.csgraph import connected_components
 
     _, part = connected_components(off != 0.0, directed=False)
@@ -103,19 +103,19 @@ def _apart(off: Array, inward: Array, outward: Array) -> Exponents:
     return result
 
 
-def _round(off: Array, inward: Array, outward: Array, total: Exponents) -> bool:
+def _sweep(off: Array, inward: Array, outward: Array, total: Exponents) -> bool:
     changed = False
     for i in range(len(off)):
         column = float(np.hypot(np.linalg.norm(off[:, i]), np.linalg.norm(outward[:, i])))
         row = float(np.hypot(np.linalg.norm(off[i]), np.linalg.norm(inward[i])))
         if not (column and row and np.isfinite(column) and np.isfinite(row)):
             continue
-        step = round(0.5 * float(np.log2(row / column)))
-        if step and column * 2.0**step + row * 2.0**-step < GAIN * (column + row):
-            off[:, i] = np.ldexp(off[:, i], step)
-            outward[:, i] = np.ldexp(outward[:, i], step)
-            off[i] = np.ldexp(off[i], -step)
-            inward[i] = np.ldexp(inward[i], -step)
-            total[i] += step
+        exponent = round(0.5 * float(np.log2(row / column)))
+        if exponent and column * 2.0**exponent + row * 2.0**-exponent < GAIN * (column + row):
+            off[:, i] = np.ldexp(off[:, i], exponent)
+            outward[:, i] = np.ldexp(outward[:, i], exponent)
+            off[i] = np.ldexp(off[i], -exponent)
+            inward[i] = np.ldexp(inward[i], -exponent)
+            total[i] += exponent
             changed = True
     return changed

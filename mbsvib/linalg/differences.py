@@ -1,6 +1,7 @@
-"""Slopes of smooth functions by differences, extrapolated to rounding by Romberg's table.
+"""Derivatives of smooth functions by differences with Romberg extrapolation.
 
-Steps are halves of each other; errors of the differences are powers of the step, which the table takes out one by one.
+Each step is half of the one before; the error is a series in powers of the step, of which each extrapolation removes
+one.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
 
-# Differences with four steps to both sides: the error is of the eighth order. To one side only there are more of them.
+# Number of steps: four central differences have an error of eighth order; one-sided differences need more.
 LEVELS, ONE_SIDED = 4, 7
 
 

@@ -1,7 +1,7 @@
-"""Sums to twice the digits: a number is held as two doubles, products are cut into pieces that doubles hold exactly.
+"""Double-double arithmetic: numbers as sums of two doubles, and matrix products in that precision.
 
-A matrix product needs no arithmetic of its own: rows of the one factor and columns of the other are cut into slices of
-so few bits that their products add up without rounding, and these are the products of ordinary matrices.
+For a matrix product the rows of one factor and the columns of the other are split into slices of so few bits that
+ordinary matrix products of slices are exact.
 
 Source: Ozaki, Ogita, Oishi & Rump, Error-free transformations of matrix multiplication (2012).
 """
@@ -22,21 +22,21 @@ SPLIT = 134217729.0  # 2^27 + 1: halves the digits of a double
 
 
 @dataclass(frozen=True, slots=True)
-class Twofold:
-    """``high`` + ``low``, arrays of one shape, ``low`` being below the last digit of ``high``."""
+class DoubleDouble:
+    """``high`` + ``low``, arrays of one shape, with ``low`` smaller than the last digit of ``high``."""
 
     high: Array
     low: Array
 
-    def __add__(self, other: Twofold) -> Twofold:
-        high, low = two_sum(self.high, other.high)
-        return Twofold(*two_sum(high, low + self.low + other.low))
+    def __add__(self, addend: DoubleDouble) -> DoubleDouble:
+        high, low = two_sum(self.high, addend.high)
+        return DoubleDouble(*two_sum(high, low + self.low + addend.low))
 
-    def __neg__(self) -> Twofold:
-        return Twofold(-self.high, -self.low)
+    def __neg__(self) -> DoubleDouble:
+        return DoubleDouble(-self.high, -self.low)
 
-    def times(self, factor: Twofold) -> Twofold:
-        """Return the product with numbers of as many digits."""
+    def times(self, factor: DoubleDouble) -> DoubleDouble:
+        """Return the product, entry by entry."""
         product = self.high * factor.high
         a, b = _halved(self.high), _halved(factor.high)
         low = a[0] * b[0]
@@ -46,28 +46,28 @@ class Twofold:
         low += a[1] * b[1]
         low += self.low * factor.high
         low += self.high * factor.low
-        return Twofold(*two_sum(product, low))
+        return DoubleDouble(*two_sum(product, low))
 
-    def turned(self) -> Twofold:
+    def times_i(self) -> DoubleDouble:
         """Return the product with i, real and imaginary parts being side by side along the last axis."""
         parts = [np.empty_like(self.high), np.empty_like(self.high)]
-        for part, given in zip(parts, (self.high, self.low), strict=True):
-            np.negative(given[..., 1], out=part[..., 0])
-            part[..., 1] = given[..., 0]
-        return Twofold(*parts)
+        for part, values in zip(parts, (self.high, self.low), strict=True):
+            np.negative(values[..., 1], out=part[..., 0])
+            part[..., 1] = values[..., 0]
+        return DoubleDouble(*parts)
 
 
-def twofold(values: Array) -> Twofold:
-    """Return doubles as they are."""
-    return Twofold(values, np.zeros_like(values))
+def double_double(values: Array) -> DoubleDouble:
+    """Return doubles in double-double form."""
+    return DoubleDouble(values, np.zeros_like(values))
 
 
 def two_sum(a: Array, b: Array) -> tuple[Array, Array]:
-    """Return the rounded sum and what rounding left out (Knuth)."""
+    """Return the rounded sum and its rounding error (Knuth)."""
     total = a + b
     part = total - a
     rest = b - part
-    # in place: fresh memory costs more than the sums
+    # in place, as new memory costs more time than the sums
     np.subtract(total, part, out=part)
     np.subtract(a, part, out=part)
     rest += part
@@ -83,44 +83,44 @@ def _halved(a: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, slots=True)
 class Sliced:
-    """A matrix (rows, n) in slices, the largest digits first, ready to be multiplied exactly."""
+    """A matrix (rows, n) in slices, those of the leading digits first, for exact products."""
 
     slices: tuple[Array, ...]
     bits: int
 
     @staticmethod
-    def of(matrix: Array | Twofold) -> Sliced:
-        """Cut a matrix."""
-        whole = matrix if isinstance(matrix, Twofold) else twofold(matrix)
+    def of(matrix: Array | DoubleDouble) -> Sliced:
+        """Return the slices of a matrix."""
+        value = matrix if isinstance(matrix, DoubleDouble) else double_double(matrix)
         # sums of as many products as there are slices are exact as well
-        bits = (52 - int(np.ceil(np.log2(max(2, SLICES * max(whole.high.shape)))))) // 2
-        return Sliced(_slices(whole, bits, 1), bits)
+        bits = (52 - int(np.ceil(np.log2(max(2, SLICES * max(value.high.shape)))))) // 2
+        return Sliced(_slices(value, bits, 1), bits)
 
     def transposed(self, matrix: Array) -> Sliced:
-        """Cut the transpose of a matrix of the same shape as this."""
-        return Sliced(_slices(twofold(np.ascontiguousarray(matrix.T)), self.bits, 1), self.bits)
+        """Return the slices of the transpose of a matrix of the same shape as this."""
+        return Sliced(_slices(double_double(np.ascontiguousarray(matrix.T)), self.bits, 1), self.bits)
 
-    def product(self, x: Twofold) -> Twofold:
-        """Return the product with x (n, ...), about as accurate as its terms' 100 first bits."""
+    def product(self, x: DoubleDouble) -> DoubleDouble:
+        """Return the product with x (n, ...), accurate to about 100 bits of its terms."""
         shape = x.high.shape
-        columns = _slices(Twofold(x.high.reshape(len(x.high), -1), x.low.reshape(len(x.high), -1)), self.bits, 0)
+        columns = _slices(DoubleDouble(x.high.reshape(len(x.high), -1), x.low.reshape(len(x.high), -1)), self.bits, 0)
         used = [i for i, part in enumerate(self.slices) if part.any()]
-        given = [part.any() for part in columns]
+        nonzero = [part.any() for part in columns]
 
         def total(first: int, last: int) -> Array:
-            pairs = [(i, k - i) for k in range(first, last) for i in used if i <= k and given[k - i]]
+            pairs = [(i, k - i) for k in range(first, last) for i in used if i <= k and nonzero[k - i]]
             if not pairs:
                 return np.zeros((len(self.slices[0]), columns[0].shape[1]))
             left = np.concatenate([self.slices[i] for i, _ in pairs], axis=1)
             return np.asarray(left @ np.concatenate([columns[j] for _, j in pairs]))
 
         high, low = two_sum(total(0, 1), total(1, 2))
-        # what is that far below the first digits needs no more than ordinary sums
+        # ordinary sums are accurate enough for the trailing digits
         low += total(2, SLICES)
-        return Twofold(*(part.reshape(-1, *shape[1:]) for part in two_sum(high, low)))
+        return DoubleDouble(*(part.reshape(-1, *shape[1:]) for part in two_sum(high, low)))
 
 
-def _slices(x: Twofold, bits: int, axis: int) -> tuple[Array, ...]:
+def _slices(x: DoubleDouble, bits: int, axis: int) -> tuple[Array, ...]:
     """Slices of ``bits`` bits each, counted along ``axis`` from the largest entry."""
     size = np.abs(x.high).max(axis=axis, keepdims=True, initial=0.0)
     unit = np.ldexp(1.0, np.frexp(size)[1])

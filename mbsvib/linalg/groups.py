@@ -1,4 +1,4 @@
-"""Items of groups, numbered."""
+"""Numbers of the items of groups."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Index
 
 
-def spread(count: Index) -> tuple[Index, Index]:
-    """Return for every item of groups of ``count`` items its group and its number in the group."""
+def items_of_groups(count: Index) -> tuple[Index, Index]:
+    """Return the group and the number within it of every item, for groups of ``count`` items."""
     group = np.repeat(np.arange(len(count)), count)
     return group, np.arange(len(group)) - np.repeat(np.cumsum(count) - count, count)

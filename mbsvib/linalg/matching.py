@@ -1,4 +1,4 @@
-"""Modes followed from station to station by their shapes, so that each keeps its number through crossings.
+"""Mode tracking by shapes from station to station, so that each mode keeps its number where frequencies cross.
 
 Two shapes are compared by the modal assurance criterion, MAC = |a^H b|^2 / (a^H a b^H b), of vectors that carry their
 weights: with a = W phi, W^T W = M, it is weighted by the mass matrix.
@@ -21,17 +21,17 @@ if TYPE_CHECKING:
 
     Mask = NDArray[np.bool_]
 
-# Modes of neighbouring stations belong together if their shapes are at least so much alike (1: the same); elsewhere the
-# way is halved, so many times at most.
+# Modes of neighbouring stations are matched if their MAC is at least this; otherwise the interval is halved, at most so
+# many times.
 ALIKE = 0.7
 HALVINGS = 6
-# Eigenvalues this near to each other, in parts of the largest, are one.
+# Eigenvalues that differ by less than this share of the largest coincide.
 REPEATED = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class Station:
-    """Modes at a point ``at`` of a way: eigenvalues ``values`` (modes,), weighted shapes ``vectors`` (rows, modes)."""
+    """Modes at one value ``at`` of a parameter: eigenvalues ``values`` (modes,), weighted shapes (rows, modes)."""
 
     at: float
     values: Complex
@@ -40,14 +40,14 @@ class Station:
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """What tracks looked like when last seen, ``vectors`` (rows, tracks); ``sure`` have a shape of their own."""
+    """The last known shapes of tracks, ``vectors`` (rows, tracks); ``sure`` (tracks,) tells those that are unique."""
 
     vectors: NDArray[Any]
     sure: Mask
 
 
 def upper(pairs: Complex) -> Complex:
-    """Return one eigenvalue a mode: that which oscillates, of two real ones the one nearer to instability.
+    """Return one eigenvalue for each mode: the one with positive imaginary part, or the larger of two real ones.
 
     Parameters
     ----------
@@ -69,58 +69,58 @@ def clusters(values: Complex) -> Mask:
     return np.asarray(np.abs(values[:, None] - values) <= REPEATED * np.abs(values).max(initial=0.0))
 
 
-def alone(values: Complex) -> Mask:
-    """Tell which eigenvalues are not repeated: modes of repeated ones have no shapes of their own."""
+def is_simple(values: Complex) -> Mask:
+    """Tell which eigenvalues are simple: the modes of repeated ones have no unique shapes."""
     return np.asarray(clusters(values).sum(axis=1) == 1)
 
 
-def mac(one: NDArray[Any], other: NDArray[Any]) -> Array:
-    """Return how much shapes are alike, 1 if the same.
+def mac(first: NDArray[Any], second: NDArray[Any]) -> Array:
+    """Return the modal assurance criterion of shapes, 1 for equal ones.
 
     Parameters
     ----------
-    one, other : array, shape (rows, modes)
+    first, second : array, shape (rows, modes)
         Weighted shapes.
 
     Returns
     -------
-    array, shape (modes of one, modes of the other)
+    array, shape (modes of first, modes of second)
         Modal assurance criterion; 0 for a vector that is zero.
     """
-    return np.asarray(np.abs(_unit(one).conj().T @ _unit(other)) ** 2)
+    return np.asarray(np.abs(_unit(first).conj().T @ _unit(second)) ** 2)
 
 
 def reference(station: Station) -> Reference:
-    """Return the modes of a station as what others are compared with."""
-    return Reference(station.vectors, alone(station.values))
+    """Return the modes of a station as the first reference of tracks."""
+    return Reference(station.vectors, is_simple(station.values))
 
 
-def step(
+def match_next(
     before: Reference, at: float, after: Station, between: Callable[[float], Station] | None, halvings: int = HALVINGS
 ) -> tuple[Index, Reference]:
-    """Follow tracks to the next station, over more stations in between where shapes change much.
+    """Match tracks with the modes of the next station, by stations in between where shapes change much.
 
     Parameters
     ----------
     before : Reference
         The tracks so far.
     at : float
-        Where they were seen.
+        Value of the parameter there.
     after : Station
         The next station.
     between : callable, optional
-        Returns the station at a point in between; default: there is none to be had.
+        Returns the station at a value in between; default: there are none.
     halvings : int
-        How often the way may be halved.
+        How often the interval may be halved.
 
     Returns
     -------
     tuple
-        The number of each track's mode at the station, and the tracks as seen from there.
+        The number of each track's mode at the station, and the reference for the next station.
     """
     from scipy.optimize import linear_sum_assignment
 
-    # a repeated eigenvalue has a space of shapes: a track belongs to it by its projection
+    # a repeated eigenvalue has a space of shapes: a track is compared with its projection
     same = clusters(after.values)
     bases = {tuple(np.flatnonzero(row)): None for row in same if row.sum() > 1}
     alike = mac(before.vectors, after.vectors)
@@ -129,28 +129,28 @@ def step(
     for members, basis in spaces.items():
         alike[:, list(members)] = (np.abs(basis.conj().T @ unit) ** 2).sum(axis=0)[:, None]
     track, number = linear_sum_assignment(-alike)
-    told = before.sure[track] & (np.linalg.norm(before.vectors, axis=0) > 0.0)
-    if halvings and between is not None and not (alike[track, number][told] >= ALIKE).all():
+    comparable = before.sure[track] & (np.linalg.norm(before.vectors, axis=0) > 0.0)
+    if halvings and between is not None and not (alike[track, number][comparable] >= ALIKE).all():
         middle = 0.5 * (at + after.at)
-        _, near = step(before, at, between(middle), between, halvings - 1)
-        return step(near, middle, after, between, halvings - 1)
+        _, near = match_next(before, at, between(middle), between, halvings - 1)
+        return match_next(near, middle, after, between, halvings - 1)
     vectors = after.vectors[:, number].astype(np.result_type(before.vectors, after.vectors))
-    sure = before.sure | alone(after.values)[number]
+    sure = before.sure | is_simple(after.values)[number]
     for members, basis in spaces.items():
         for t in np.flatnonzero(np.isin(number, members) & before.sure):
             vectors[:, t] = basis @ (basis.conj().T @ before.vectors[:, t])
     return np.asarray(number), Reference(vectors, sure)
 
 
-def follow(stations: Sequence[Station], between: Callable[[float], Station] | None = None) -> list[Index]:
-    """Follow all modes of the first station.
+def track_modes(stations: Sequence[Station], between: Callable[[float], Station] | None = None) -> list[Index]:
+    """Track all modes of the first station.
 
     Parameters
     ----------
     stations : sequence of Station
         The stations in their order.
     between : callable, optional
-        Returns the station at a point between two.
+        Returns the station at a value between two.
 
     Returns
     -------
@@ -158,9 +158,9 @@ def follow(stations: Sequence[Station], between: Callable[[float], Station] | No
         For each station the numbers of the modes that the tracks have there.
     """
     order = [np.arange(len(stations[0].values))]
-    seen = reference(stations[0])
+    tracks = reference(stations[0])
     for last, here in pairwise(stations):
-        number, seen = step(seen, last.at, here, between)
+        number, tracks = match_next(tracks, last.at, here, between)
         order.append(number)
     return order
 

@@ -1,4 +1,4 @@
-"""Products of factors: W^T W and D^T diag(k) D, exactly symmetric, and cheap where rows or entries are zero."""
+"""Gram matrices W^T W and D^T diag(k) D, exactly symmetric; rows that are zero are skipped."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 
 
-def gram(factor: Array) -> Array:
-    """Return W^T W; rows that don't move, as all but two or three of a body in a plane, are left out where many."""
+def gram_matrix(factor: Array) -> Array:
+    """Return W^T W; zero rows, such as those of planar mechanisms, are left out if they are many."""
     if factor.ndim == 2 and factor.shape[1] >= MANY:
         moves = np.asarray(factor.any(axis=1))
         if 2 * np.count_nonzero(moves) < len(moves):
@@ -23,7 +23,7 @@ def gram(factor: Array) -> Array:
     return _square(factor)
 
 
-def product(rows: Array, value: Array) -> Array:
+def weighted_gram(rows: Array, value: Array) -> Array:
     """Return rows^T diag(value) rows, exactly symmetric; either may have an axis of variants in front."""
     if value.ndim == 1 and rows.ndim == 2:
         used = value.nonzero()[0]
@@ -32,7 +32,7 @@ def product(rows: Array, value: Array) -> Array:
         if rows.shape[1] >= MANY:
             column = single_entries(rows)
             if column is not None:
-                # bincount of nothing counts in integers
+                # bincount of an empty array returns integers
                 weights = value * rows[np.arange(len(rows)), column] ** 2
                 return np.diag(np.bincount(column, weights, rows.shape[1]).astype(float))
     elif rows.ndim == 2:
@@ -60,7 +60,7 @@ def _combined(rows: Array, value: Array) -> Array:
     varies = np.asarray((value != value[:1]).any(axis=0))
     result = np.empty((len(value), m, m))
     upper = value[:, varies] @ (rows[varies][:, i] * rows[varies][:, j])
-    upper += product(rows[~varies], value[0, ~varies])[i, j]
+    upper += weighted_gram(rows[~varies], value[0, ~varies])[i, j]
     result[:, i, j] = result[:, j, i] = upper
     return result
 
@@ -76,7 +76,7 @@ def single_entries(rows: Array) -> Index | None:
 def eigenrows(matrix: Array) -> tuple[Array, Array]:
     """Return values v (..., 6) and rows U (..., 6, 6) with matrix = U^T diag(v) U.
 
-    On a unit diagonal, so that units do not mix; values that are rounding are zero.
+    The matrix is scaled to a unit diagonal, so that units do not mix; values that are rounding are set to zero.
     """
     scale = np.sqrt(np.abs(np.einsum("...ii->...i", matrix)))
     scale[scale == 0.0] = 1.0

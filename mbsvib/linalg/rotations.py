@@ -1,4 +1,4 @@
-"""Finite rotations: the exponential map, its inverse, and what the inverse does to second order."""
+"""Finite rotations: the exponential map, its inverse, and the derivatives of the inverse up to second order."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ import numpy as np
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
 
-# Below this angle [rad] the series of the coefficients are as exact as their closed forms, and do not divide by zero.
+# Below this angle [rad] the coefficients are computed by series, which are as accurate and do not divide by zero.
 SMALL = 0.05
-# An angle [rad] beside which nothing else counts, and that can be divided by.
+# The smallest angle [rad] used as a divisor.
 LEAST = 1e-150
-# Rotations with a cosine below this are next to half a turn.
+# Rotations with a cosine below this are close to half a turn.
 HALF_TURN = -0.99
 _IDENTITY = np.eye(3)
+# x y z x y: both cyclic shifts of a cross product are slices of vectors with these components.
+CYCLE = np.array((0, 1, 2, 0, 1))
 # [w]x of w = (x, y, z) is w @ _SKEW, row by row
 _SKEW = np.array([[0.0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]])
 
@@ -54,8 +56,8 @@ def logarithm(rotation: Array) -> Array:
         angle = np.maximum(angle, LEAST)
         return np.asarray(w * (angle / np.sin(angle))[..., None])
     if rotation.ndim > 2:
-        return np.array([logarithm(one) for one in rotation])
-    # next to half a turn the axial part vanishes: the axis is the largest column of the symmetric part
+        return np.array([logarithm(single) for single in rotation])
+    # close to half a turn the axial part vanishes: the axis is the largest column of the symmetric part
     symmetric = 0.5 * (rotation + rotation.T) - cosine * _IDENTITY
     axis = symmetric[:, int(np.argmax(np.diagonal(symmetric)))]
     axis = axis / np.linalg.norm(axis)
@@ -63,7 +65,7 @@ def logarithm(rotation: Array) -> Array:
 
 
 def orthonormal(rotation: Array) -> Array:
-    """Return the rotation matrices nearest to those (..., 3, 3) that rounding has taken off by a little."""
+    """Return the rotation matrices nearest to matrices (..., 3, 3) that are orthonormal except for rounding."""
     return np.asarray(1.5 * rotation - 0.5 * rotation @ (rotation.swapaxes(-1, -2) @ rotation))
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     Field = NDArray[Any]  # real or complex
 
 
-# Entries of a matrix that is dense whatever is in it: to hold only some of them costs more than to multiply with all.
+# Matrices with at most so many entries are dense, as products with sparse ones cost more time.
 DENSE = 16_000
 
 
@@ -68,19 +68,19 @@ def incidence_sum(incidence: csr_array, wrench: Field) -> Field:
 
 
 def entries_matrix(value: Any, row: Any, column: Any, shape: tuple[int, int]) -> Any:
-    """Return a matrix of some entries, those at one place added up: dense where it is small, else sparse.
+    """Return the matrix with some entries, summed where indices coincide: dense if small, else sparse.
 
     Parameters
     ----------
     value, row, column : array, shape (n,)
-        Entries and where they are.
+        Entries with their rows and columns.
     shape : tuple of int
         Rows and columns.
 
     Returns
     -------
     array or csr_array
-        What multiplies in the same way.
+        The matrix.
     """
     if shape[0] * shape[1] > DENSE:
         return csr_array((value, (row, column)), shape=shape)
@@ -105,7 +105,7 @@ def moved_wrench(wrench: Field, arm: NDArray[np.float64]) -> Field:
 
 
 def any_nonzero(array: Field) -> bool:
-    """Tell whether any number of an array is not zero; mostly the first one tells."""
+    """Tell whether any entry of an array is nonzero; the first entry is checked first, which mostly suffices."""
     return bool(array.size and array.item(0)) or bool(array.any())
 
 

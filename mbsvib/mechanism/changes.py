@@ -1,4 +1,4 @@
-"""Changes: parts with other values of some of their parameters, one by one or many variants at once."""
+"""Parts with other values of some of their parameters, for one variant or many."""
 
 from __future__ import annotations
 
@@ -17,51 +17,32 @@ if TYPE_CHECKING:
 
 
 def parts_with(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, Part]:
-    """Return the parts that some values change, through the checks that every part goes through.
+    """Return the parts that some values change; they are checked like new parts.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        Those of the model.
-    values : mapping
-        New value of each parameter, by name or pattern; a name goes before a pattern.
-
-    Returns
-    -------
-    dict of str to Part
-        The changed parts by name.
+    Values are by name or pattern; names have precedence.
 
     Raises
     ------
     ModelError
         If a parameter is unknown or a value refused.
     """
-    given = {}
+    arrays = {}
     for name, value in resolved(parameters, values).items():
         expected = f"a finite number [{parameters.entry(name).unit}]"
-        given[name] = np.array([check.number(value, f"parameter '{name}'", "value", expected)])
-    return {name: variant(parameters.parts[name], whole, 0) for name, whole in whole_fields(parameters, given).items()}
+        arrays[name] = np.array([check.number(value, f"parameter '{name}'", "value", expected)])
+    fields = changed_fields(parameters, arrays)
+    return {name: variant(parameters.parts[name], fields[name], 0) for name in fields}
 
 
 def resolved(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the value of every parameter that is named or picked by a pattern, by name.
+    """Return the value of every parameter that is named or matches a pattern, by name.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        Those of the model.
-    values : mapping
-        A value for each name or pattern; a name goes before the patterns that pick it too.
-
-    Returns
-    -------
-    dict of str to object
-        The values, unchecked.
+    A name has precedence over patterns that match it; values are not checked.
 
     Raises
     ------
     ModelError
-        If a parameter is unknown, or two patterns pick the same one.
+        If a parameter is unknown, or two patterns match the same one.
     """
     if not isinstance(values, Mapping):
         raise check.refuse("values", "values", values, "a mapping of parameters to values, {'body.mass': 1.0}")
@@ -74,7 +55,7 @@ def resolved(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, Any
             elif name in values:
                 continue
             elif name in pattern_of:
-                raise ModelError(f"values: both '{pattern_of[name]}' and '{pattern}' pick '{name}'; name it by itself "
+                raise ModelError(f"values: both '{pattern_of[name]}' and '{pattern}' match '{name}'; name it by itself "
                                  f"too, which goes before patterns.", element=name, field="values")  # fmt: skip
             else:
                 pattern_of[name] = pattern
@@ -82,8 +63,8 @@ def resolved(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, Any
     return result
 
 
-def whole_fields(parameters: Parameters, values: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
-    """Return the whole fields of parts of which some entries get new values.
+def changed_fields(parameters: Parameters, values: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
+    """Return the complete fields of parts in which some entries have new values.
 
     Parameters
     ----------
@@ -96,48 +77,36 @@ def whole_fields(parameters: Parameters, values: Mapping[str, Array]) -> dict[st
     -------
     dict of str to dict of str to array
         By part and field: arrays whose last axis is that of the values (position: (3, n)); orientations as rotation
-        vectors from the given pose.
+        vectors from the present pose.
     """
     result: dict[str, dict[str, Array]] = {}
     for name, array in values.items():
         entry = parameters.entry(name)
-        whole = result.setdefault(entry.part, {})
-        if entry.field not in whole:
+        fields = result.setdefault(entry.part, {})
+        if entry.field not in fields:
             start = np.array(_value(parameters.parts[entry.part], entry.field), dtype=float)
-            whole[entry.field] = np.repeat(start[..., None], len(array), axis=-1)
-        whole[entry.field][entry.index] = array
+            fields[entry.field] = np.repeat(start[..., None], len(array), axis=-1)
+        fields[entry.field][entry.index] = array
         if len(entry.index) == 2:
-            whole[entry.field][entry.index[::-1]] = array
+            fields[entry.field][entry.index[::-1]] = array
     return result
 
 
-def variant(part: Part, whole: Mapping[str, Array], i: int) -> Part:
-    """Return a part with other values, through the checks that every part goes through.
+def variant(part: Part, fields: Mapping[str, Array], i: int) -> Part:
+    """Return a part with other values, checked like a new part.
 
-    Parameters
-    ----------
-    part : Part
-        The part as given.
-    whole : mapping
-        New fields as ``whole_fields`` has them.
-    i : int
-        Which of the values along their last axis.
-
-    Returns
-    -------
-    Part
-        The changed part.
+    ``fields`` are those of ``changed_fields``, ``i`` is the index along their last axis.
 
     Raises
     ------
     ModelError
         If a value is refused.
     """
-    return part.with_values({field: _plain(array[..., i]) for field, array in whole.items()})
+    return part.with_values({field: _plain(array[..., i]) for field, array in fields.items()})
 
 
 def _plain(array: Array) -> Any:
-    """Numbers as tuples, as parts hold them."""
+    """Numbers as floats and tuples, the types of the fields of parts."""
     items = array.tolist()
     if array.ndim < 2:
         return tuple(items) if array.ndim else items
@@ -145,7 +114,7 @@ def _plain(array: Array) -> Any:
 
 
 def scale_of(parameters: Parameters, name: str) -> float:
-    """Return what a parameter is measured by: its own value, or the largest entry beside it.
+    """Return the scale of a parameter: its own value, or the largest entry of its field.
 
     Parameters
     ----------

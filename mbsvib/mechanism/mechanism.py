@@ -49,7 +49,7 @@ class Mechanism:
     Raises
     ------
     ModelError
-        If the name is no text or gravity no vector.
+        If the name is not a text, or gravity is not a vector.
     """
 
     kind: ClassVar[str] = "model"
@@ -66,7 +66,7 @@ class Mechanism:
         self._loads: dict[str, Load] = {}
         self._inputs: dict[str, Input | BaseMotion] = {}
         self._outputs: dict[str, Any] = {}
-        self._made: dict[str, Part] = {}  # names that composed parts and Maxwell elements take, and whose they are
+        self._made: dict[str, Part] = {}  # names that composed parts and Maxwell elements use, with these parts
         self._nodes: dict[str, Part] = {}  # those of them that are bodies
         self._elements: dict[str, Part] = {}  # and those that carry forces
         self._pieces: Pieces | None = None
@@ -144,12 +144,12 @@ class Mechanism:
 
     @property
     def pieces(self) -> Pieces | None:
-        """Mass and stiffness that more than two bodies share, where beams and superelements have become plain parts."""
+        """Mass and stiffness between more than two bodies, where beams and superelements are expanded."""
         return self._pieces
 
     @property
     def gravity_parts(self) -> tuple[Gravity, ...]:
-        """Gravity as a part that has parameters, where it is given and nothing else has its name."""
+        """Gravity as a part with parameters, if there is gravity and no other part has its name."""
         if self._gravity is None or any("gravity" in self._group(key) for key in GROUPS[:-2]):
             return ()
         return (Gravity("gravity", self._gravity),)
@@ -185,16 +185,16 @@ class Mechanism:
         Parameters
         ----------
         gravity : array-like, shape (3,), optional
-            Acceleration of free fall [m/s^2]; None: no gravity. Default: as it is.
+            Acceleration of free fall [m/s^2]; None: no gravity. Default: unchanged.
         pieces : Pieces, optional
-            What more than two bodies share; default: as it is.
+            Mass and stiffness between more than two bodies; default: unchanged.
         **groups : mapping of str to Part
             All parts of each of these groups (``joints={...}``) by name.
 
         Returns
         -------
         Mechanism
-            The changed mechanism, of the same class; this one stays as it is.
+            The changed mechanism, of the same class; this one does not change.
         """
         result = self.__copy__()
         result.__setstate__({f"_{key}": dict(parts) for key, parts in groups.items()})
@@ -225,13 +225,13 @@ class Mechanism:
         from mbsvib.mechanism.changes import parts_with
 
         changed: dict[str, Any] = parts_with(self.parameters, values)
-        falls = changed.get("gravity")
+        gravity = changed.get("gravity")
         groups: Any = {key: {name: changed.get(name, part) for name, part in self._group(key).items()}
                   for key in GROUPS[:-2]}  # fmt: skip
-        return self.with_parts(gravity=falls.acceleration if isinstance(falls, Gravity) else _SAME, **groups)
+        return self.with_parts(gravity=gravity.acceleration if isinstance(gravity, Gravity) else _SAME, **groups)
 
     def derived(self, compute: Callable[[Any], T]) -> T:
-        """Return what a function makes of the mechanism, kept until a part is added.
+        """Return the result of a function of the mechanism, cached until a part is added.
 
         Parameters
         ----------
@@ -249,7 +249,7 @@ class Mechanism:
         return result
 
     def __copy__(self) -> Self:
-        """Return the mechanism as it is now; what is added later is not in it."""
+        """Return a copy, which later additions do not change."""
         result = object.__new__(type(self))
         result.__dict__ = {name: dict(item) if type(item) is dict else item for name, item in vars(self).items()}
         return result
@@ -258,7 +258,7 @@ class Mechanism:
         return vars(self) | {"_derived": {}}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Take the parts of a state; what follows from them is found again when it is asked for."""
+        """Set the parts of a state and clear cached results."""
         before = dict(self.__dict__.get("_composed", {}))
         self.__dict__.update(state)
         self._derived = {}
@@ -282,7 +282,7 @@ class Mechanism:
         return part
 
     def _name_made(self, part: Composed) -> None:
-        """Register the names of nodes and elements that a beam or superelement brings."""
+        """Register the names of the nodes and elements of a beam or superelement."""
         self._nodes |= dict.fromkeys(part.node_names, part)
         self._elements |= dict.fromkeys(part.element_names, part)
         self._made |= dict.fromkeys(part.made, part)
@@ -304,12 +304,12 @@ class Mechanism:
             return key
         who = f"{what} '{name}'"
         hint = nearest(str(key), [*self._bodies, *self._nodes, GROUND])
-        raise ModelError(f"{who}: {field} = {key!r} is no body of model '{self.name}'.{hint} "
+        raise ModelError(f"{who}: {field} = {key!r} is not a body of model '{self.name}'.{hint} "
                          f"Add bodies before what refers to them.", element=who, field=field)  # fmt: skip
 
 
 def check_name(name: str, what: str, *groups: Mapping[str, Any]) -> None:
-    """Refuse what can be no name, or is the name of a part already."""
+    """Refuse what cannot be a name or is already the name of a part."""
     if type(name) is not str or not name.isidentifier():
         check.name(name, what)
     for group in groups:

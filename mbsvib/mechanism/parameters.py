@@ -12,7 +12,7 @@ name                                    unit                        what it is
 ``SPRING.start.x``, ``SPRING.end.x``    m                           the two points of a line spring
 ``SPRING.stiffness``, ``.damping``      N/m, N s/m                  of a line spring
 ``MAXWELL.stiffness``, ``.damping``     N/m, N s/m                  of a spring and a damper in series
-``MAXWELL.static_stiffness``            N/m                         of the spring beside both
+``MAXWELL.static_stiffness``            N/m                         of the spring parallel to both
 ``SPRING.preload``                      N                           where given; likewise ``SPRING.free_length``, m
 ``BUSHING.stiffness.x`` ... ``.rz``     N/m, N m/rad                likewise ``damping``
 ``BUSHING.stiffness.x.rz``              N/m, N/rad, N m/rad         off the diagonal of a 6x6 matrix, each pair once
@@ -27,9 +27,9 @@ name                                    unit                        what it is
 ``BEAM.alpha``, ``.beta``               1/s, s                      Rayleigh damping; likewise ``.damping_ratio``
 ======================================  ==========================  ============================================
 
-An orientation parameter is a component of the rotation vector w, in world axes, that turns the part from where it is
-given: its axes Q become exp([w]x) Q, so that these parameters are zero at the pose. A joint that is given by its
-axis, or its two, turns as a whole. The position of a body is that of its centre of mass: joints and springs stay.
+An orientation parameter is a component of the rotation vector w, in world axes, of the part from its present
+orientation: its axes Q become exp([w]x) Q, so that these parameters are zero. A joint that is defined by its axis, or
+by two, turns with all of its axes. The position of a body is that of its centre of mass: joints and springs stay.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Parameter:
 
 
 class Parameters(Mapping[str, float]):
-    """The parameters of some parts: a read-only mapping from name to value, made when it is first looked into."""
+    """The parameters of some parts: a read-only mapping from name to value, computed on first access."""
 
     def __init__(self, parts: Iterable[Part]) -> None:
         self._parts = {part.name: part for part in parts}
@@ -78,7 +78,7 @@ class Parameters(Mapping[str, float]):
         return {entry.name: entry for part in self._parts.values() for entry in _listed(part)}
 
     def _find(self, name: str) -> Parameter | None:
-        """Look one name up; a part is listed alone, as most of a large model is never asked for."""
+        """The parameter of a name, or None; only the parameters of its part are computed."""
         ends = [i for i, sign in enumerate(name) if sign == "."] if isinstance(name, str) else []
         for part in (self._parts[name[:i]] for i in ends if name[:i] in self._parts):
             if part.name not in self._of_part:
@@ -89,7 +89,7 @@ class Parameters(Mapping[str, float]):
 
     @property
     def entries(self) -> tuple[Parameter, ...]:
-        """All parameters with what is known of each."""
+        """All parameters with part, field, index, value and unit."""
         return tuple(self._entries.values())
 
     @property
@@ -103,7 +103,7 @@ class Parameters(Mapping[str, float]):
         return {name: entry.unit for name, entry in self._entries.items()}
 
     def entry(self, name: str) -> Parameter:
-        """Return a parameter with all that is known of it.
+        """Return a parameter by its name.
 
         Parameters
         ----------
@@ -120,16 +120,16 @@ class Parameters(Mapping[str, float]):
         UnknownParameterError
             If there is no such parameter; the message suggests the nearest.
         """
-        found = self._find(name)
-        if found is None:
+        parameter = self._find(name)
+        if parameter is None:
             raise UnknownParameterError(
                 f"there is no parameter '{name}'.{nearest(str(name), self._entries)} {_hint(str(name), self._parts)}"
                 .rstrip(), element=str(name),
             )  # fmt: skip
-        return found
+        return parameter
 
     def matching(self, pattern: str) -> list[str]:
-        """Return the names that a pattern picks.
+        """Return the names that match a pattern.
 
         Parameters
         ----------
@@ -148,13 +148,13 @@ class Parameters(Mapping[str, float]):
         """
         if self._find(pattern) or not any(sign in str(pattern) for sign in "*?["):
             return [self.entry(pattern).name]
-        found = [name for name in self._entries if fnmatchcase(name, pattern)]
-        if not found:
+        matches = [name for name in self._entries if fnmatchcase(name, pattern)]
+        if not matches:
             raise UnknownParameterError(
-                f"there is no parameter '{pattern}': the pattern picks none of {len(self)}."
+                f"there is no parameter '{pattern}': the pattern matches none of {len(self)}."
                 f"{nearest(pattern, self._entries)} {_hint(pattern, self._parts)}", element=pattern,
             )  # fmt: skip
-        return found
+        return matches
 
     def __getitem__(self, name: str) -> float:
         return self.entry(name).value

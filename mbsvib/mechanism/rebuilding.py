@@ -1,4 +1,4 @@
-"""Mechanisms with all of their parts made again, or some of them with other words."""
+"""Mechanisms with all parts rebuilt, or with other arguments of some parts."""
 
 from __future__ import annotations
 
@@ -15,24 +15,14 @@ M = TypeVar("M", bound=Mechanism)
 
 
 def rebuilt(model: M, words: Callable[[Any], Mapping[str, Any] | Part]) -> M:
-    """Return a mechanism with all parts made again.
+    """Return a mechanism with all parts rebuilt.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    words : callable
-        The words of each part, or the part that takes its place, which is not checked.
-
-    Returns
-    -------
-    Mechanism
-        The mechanism with these parts.
+    ``words`` returns the arguments of a part's adder, or the part that replaces it unchecked.
 
     Raises
     ------
     ModelError
-        If a word is refused.
+        If an argument is refused.
     """
 
     def made(part: Part) -> Part:
@@ -46,23 +36,11 @@ def rebuilt(model: M, words: Callable[[Any], Mapping[str, Any] | Part]) -> M:
 
 
 def changed(model: M, changes: Mapping[str, Mapping[str, Any]]) -> M:
-    """Return a mechanism in which some parts have other words.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    changes : mapping
-        New words of parts by name.
-
-    Returns
-    -------
-    Mechanism
-        The changed mechanism.
+    """Return a mechanism in which some parts have other arguments.
 
     Raises
     ------
     ModelError
-        If a word is refused.
+        If an argument is refused.
     """
     return rebuilt(model, lambda part: part.words() | changes[part.name] if part.name in changes else part)

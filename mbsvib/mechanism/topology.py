@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from mbsvib.elements import Joint
     from mbsvib.mechanism.mechanism import Mechanism
 
-FLOATS = -1  # stands for the free joint on which a floating body hangs
+FLOATS = -1  # number of the free joint by which a floating body is connected to ground
 
 
 class Branch(NamedTuple):
-    """A body of the tree, the body and the joint it hangs on, and the joint's sign along the path from ground."""
+    """A body of the tree, its parent, the joint between them, and the sign of the joint along the path from ground."""
 
     body: int
     parent: int
@@ -34,10 +34,10 @@ class Branch(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Topology:
-    """A spanning tree in numbers: bodies and joints count in the model's order, ground is ``len(bodies)``.
+    """A spanning tree in numbers: bodies and joints are numbered in the model's order, ground is ``len(bodies)``.
 
-    ``branches`` come parent before child; ``cut`` lists the joints outside the tree, ``floating`` the bodies that hang
-    on ground by a free joint of their own.
+    ``branches`` have parents before children; ``cut`` are the joints outside the tree, ``floating`` the bodies that an
+    additional free joint connects to ground.
     """
 
     bodies: tuple[str, ...]
@@ -75,7 +75,7 @@ def span(model: Mechanism, cut: Sequence[str] | None = None) -> Topology:
     Raises
     ------
     ModelError
-        If the model has no body, a name is unknown, or the cut leaves bodies hanging on nothing.
+        If the model has no body, a name is unknown, or the cut disconnects bodies from ground.
 
     Source: Chaudhary & Saha (2009), appendix B.
     """
@@ -116,12 +116,12 @@ def _edges(
 def _shortest_paths(
     ground: int, edges: list[list[tuple[int, int, int, int]]]
 ) -> tuple[list[Branch], list[int]]:
-    """Dijkstra from ground; what ground does not reach floats, each part on its first body."""
+    """Dijkstra's algorithm from ground; in each component without ground the first body is floating."""
     branches: list[Branch] = []
     floating: list[int] = []
     reached = [False] * (ground + 1)
     reached[ground] = True
-    # among equal CDOF the path of fewer joints wins, then the joint that was added first
+    # among equal CDOF the path of fewer joints is taken, then the joint that was added first
     heap = [(weight, 1, joint, body, ground, sign) for weight, joint, body, sign in edges[ground]]
     heap.sort()
     start = 0
@@ -132,9 +132,9 @@ def _shortest_paths(
                 continue
             reached[body] = True
             branches.append(Branch(body, parent, joint, sign))
-            for weight, k, other, direction in edges[body]:
-                if not reached[other]:
-                    heappush(heap, (cost + weight, hops + 1, k, other, body, direction))
+            for weight, k, neighbour, direction in edges[body]:
+                if not reached[neighbour]:
+                    heappush(heap, (cost + weight, hops + 1, k, neighbour, body, direction))
         while start < ground and reached[start]:
             start += 1
         if start == ground:
@@ -147,7 +147,8 @@ def _excluded(cut: str | Sequence[str], model: Mechanism) -> tuple[str, ...]:
     asked = names(cut, "linearize", "cut", ModelError)
     for name in asked:
         if name not in model.joints:
-            raise ModelError(f"cut = {name!r} is no joint of model '{model.name}'.{nearest(str(name), model.joints)}",
+            hint = nearest(str(name), model.joints)
+            raise ModelError(f"cut = {name!r} is not a joint of model '{model.name}'.{hint}",
                              element=str(name), field="cut")  # fmt: skip
     return tuple(asked)
 
@@ -156,12 +157,12 @@ def _check_nothing_hangs(
     model: Mechanism, bodies: tuple[str, ...], edges: list[list[tuple[int, int, int, int]]], floating: list[int],
     cut: list[str],
 ) -> None:  # fmt: skip
-    """Refuse a cut that takes more away than loops: bodies that hung on something and now hang on nothing."""
-    whole = set(_shortest_paths(len(bodies), edges)[1])
-    hanging = [bodies[i] for i in floating if i not in whole]
+    """Refuse a cut that opens more than loops, so that it disconnects bodies."""
+    floating_before = set(_shortest_paths(len(bodies), edges)[1])
+    hanging = [bodies[i] for i in floating if i not in floating_before]
     if hanging:
         raise ModelError(
-            f"cut = {cut}: leaves part of model '{model.name}' hanging on nothing, from body '{hanging[0]}' on; "
-            f"cut one joint of each loop, and none outside loops.",
+            f"cut = {cut}: disconnects part of model '{model.name}' from all other bodies, from body '{hanging[0]}' "
+            f"on; cut one joint of each loop, and none outside loops.",
             element=cut[0], field="cut",
         )  # fmt: skip

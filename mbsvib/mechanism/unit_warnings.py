@@ -1,4 +1,4 @@
-"""What looks like a mistake of units, though a mechanism could be like that: said by ``explain``, never refused."""
+"""Warnings of values that suggest wrong units; ``explain`` shows them, but they are not refused."""
 
 from __future__ import annotations
 
@@ -18,23 +18,15 @@ FAR = 10.0
 
 
 def unit_warnings(parts: Sequence[Part]) -> list[str]:
-    """Return what to look at again, one sentence each.
+    """Return the warnings, one sentence each.
 
-    Parameters
-    ----------
-    parts : sequence of Part
-        All parts of a mechanism.
-
-    Returns
-    -------
-    list of str
-        Bodies whose radius of gyration is far larger than the whole mechanism.
+    They are about bodies whose radius of gyration is far larger than the mechanism.
     """
     points = [getattr(part, field, None) for part in parts for field in ("position", "start", "end")]
-    given = [point for point in points if point is not None]
-    if not given:
+    known = [point for point in points if point is not None]
+    if not known:
         return []
-    size = dist([min(axis) for axis in zip(*given, strict=True)], [max(axis) for axis in zip(*given, strict=True)])
+    size = dist([min(axis) for axis in zip(*known, strict=True)], [max(axis) for axis in zip(*known, strict=True)])
     result = []
     for part in parts:
         if isinstance(part, Body) and part.mass > 0.0 and size > 0.0:

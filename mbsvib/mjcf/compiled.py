@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
-from mbsvib.common.file_content import said
+from mbsvib.common.file_content import shortened
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mjcf.kind import check_kind
 
@@ -124,7 +124,7 @@ def compiled(
         try:
             m = api.MjModel.from_xml_path(str(path))
         except (ValueError, api.FatalError, api.UnexpectedError, MemoryError) as error:
-            raise ModelError(f"{path}: MuJoCo refuses it: {said(error)}", element=str(path)) from error
+            raise ModelError(f"{path}: MuJoCo refuses it: {shortened(error)}", element=str(path)) from error
         made = Compiled(str(path), api, m, None)
         _leave(made, leave)
         made = Compiled(str(path), api, m, api.MjData(m))

@@ -37,26 +37,26 @@ CONVERGED = 1e-7
 
 @dataclass(frozen=True, slots=True)
 class Forms:
-    """M, C and K in the basis of undamped modes, (variants, m, m): ``mass``, ``damping`` and ``stiffness``; ``spread``
-    is the sum of the absolute values of the terms of C.
+    """M, C and K in the basis of undamped modes, (variants, m, m): ``mass``, ``damping`` and ``stiffness``;
+    ``magnitude`` is the sum of the absolute values of the terms of C.
     """
 
     mass: Array
     damping: Array
     stiffness: Array
-    spread: Array
+    magnitude: Array
 
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Eigenvalues ``values`` (k, h) and vectors ``y`` (k, m, h) of the variants ``which`` (k,): first ``turning`` with
-    positive imaginary parts, which also represent their conjugates, then real ones.
+    """Eigenvalues ``values`` (k, h) and vectors ``y`` (k, m, h) of the variants ``which`` (k,): first
+    ``complex_count`` with positive imaginary parts, which also represent their conjugates, then real ones.
     """
 
     which: Index
     values: Complex
     y: Complex
-    turning: int
+    complex_count: int
 
 
 def starts(gamma: Array, square: Array) -> list[Start]:
@@ -79,14 +79,14 @@ def starts(gamma: Array, square: Array) -> list[Start]:
     rest = np.flatnonzero(~converged)
     if not len(rest):
         return [Start(np.arange(len(gamma)), values, y, m)]
-    eigenvalues, vectors, turning = _by_eigensolver(gamma[rest], square[rest])
-    oscillates = turning == m
+    eigenvalues, vectors, complex_count = _by_eigensolver(gamma[rest], square[rest])
+    oscillates = complex_count == m
     values[rest[oscillates]], y[rest[oscillates]] = eigenvalues[oscillates, :m], vectors[oscillates, :, :m]
     converged[rest[oscillates]] = True
     which = np.flatnonzero(converged)
     result = [Start(which, some(values, which), some(y, which), m)] if len(which) else []
-    for count in np.unique(turning[~oscillates]).tolist():
-        own = turning == count
+    for count in np.unique(complex_count[~oscillates]).tolist():
+        own = complex_count == count
         result.append(Start(rest[own], eigenvalues[own, : 2 * m - count], vectors[own][..., : 2 * m - count], count))
     return result
 
@@ -128,7 +128,7 @@ def _corrected(gamma: Array, square: Array, values: Complex, y: Complex) -> tupl
     braked = _times(gamma, y)
     slope = np.einsum("vij,vij->vj", y, 2.0 * values[:, None] * y + braked)
     residual = values[:, None] * (values[:, None] * y + braked) + square[:, :, None] * y
-    parts, (mixing, conjugate_mixing) = _seen(y, residual)
+    parts, (mixing, conjugate_mixing) = _projections(y, residual)
     distance = _away(slope, values, values)
     distance[:, at, at] = slope
     together = distance == 0.0  # repeated eigenvalues: these corrections cannot separate their vectors
@@ -161,7 +161,7 @@ def _by_eigensolver(gamma: Array, square: Array) -> tuple[Complex, Complex, Inde
 
 
 def refined(
-    forms: Forms, values: Complex, y: Complex, square: Array, errors: Array, turning: int
+    forms: Forms, values: Complex, y: Complex, square: Array, errors: Array, complex_count: int
 ) -> tuple[Complex, Complex, Complex, Array, Array]:
     """Improve eigenvalues by their two-sided Rayleigh quadratics, and vectors by the projections of the residual.
 
@@ -173,7 +173,7 @@ def refined(
         Eigenvalues and vectors as in ``Start``.
     square, errors : array, shape (n, m)
         Undamped modes and the relative errors of their frequencies.
-    turning : int
+    complex_count : int
         Number of eigenvalues that also represent their conjugates.
 
     Returns
@@ -182,7 +182,7 @@ def refined(
         Eigenvalues, vectors of unit length, and y^T (2 lambda + Gamma) y.
     bound : array, shape (n, h)
         Relative errors of the eigenvalues.
-    mendable : array, shape (n,)
+    reducible : array, shape (n,)
         The largest of them, without the contribution of the errors of the undamped modes.
     """
     y = y / _lengths(y)
@@ -197,35 +197,36 @@ def refined(
     size, speed, wide = np.abs(y), np.abs(improved), improved[:, None]
     exact_slope = 2.0 * improved * a + b
     slope = np.abs(exact_slope)
-    parts, shares = _seen(y, wide * (wide * inertia + damping) + elastic)
+    parts, shares = _projections(y, wide * (wide * inertia + damping) + elastic)
     away = _away(exact_slope, improved, improved), _away(exact_slope.conj(), improved.conj(), improved)
     at = np.arange(y.shape[2])
-    doubt = 4.0 * EPS * speed * np.einsum("vij,vij->vj", size, forms.spread @ size)
+    doubt = 4.0 * EPS * speed * np.einsum("vij,vij->vj", size, forms.magnitude @ size)
     for share, distance in zip(shares, away, strict=True):
-        seen, apart = np.abs(share), np.abs(distance)
+        projection, apart = np.abs(share), np.abs(distance)
         if share is shares[0]:
             apart[:, at, at] = np.inf
         else:  # real ones are their own conjugates
-            seen[:, turning:] = 0.0
-        doubt += np.einsum("vij,vij->vj", seen, np.divide(seen, apart, out=np.ones_like(seen), where=apart > seen))
-        near = (CORRECTION * apart <= seen) | (distance == 0.0)
+            projection[:, complex_count:] = 0.0
+        ratio = np.divide(projection, apart, out=np.ones_like(projection), where=apart > projection)
+        doubt += np.einsum("vij,vij->vj", projection, ratio)
+        near = (CORRECTION * apart <= projection) | (distance == 0.0)
         if share is not shares[0]:
-            near[:, turning:] = True
+            near[:, complex_count:] = True
         share[near] = 0.0
         np.divide(share, distance, out=share, where=~near)
     reach = slope * speed
-    mendable = np.divide(doubt, reach, out=np.ones_like(slope), where=reach > 0.0)
-    mendable[~small] = 1.0
+    reducible = np.divide(doubt, reach, out=np.ones_like(slope), where=reach > 0.0)
+    reducible[~small] = 1.0
     trust = 2.0 * (errors[:, :, None] + EPS)
     doubt += np.einsum("vij,vij->vj", size, (speed[:, None] ** 2 + np.abs(square)[:, :, None]) * trust * size)
     bound = np.divide(doubt, reach, out=np.ones_like(slope), where=reach > 0.0)
     relative = np.divide(np.abs(step), speed, out=np.ones_like(speed), where=speed > 0.0)
     bound = np.minimum(np.where(small, bound, np.maximum(bound, relative)), 1.0)
     y = y - _combined(parts, *shares)
-    y.imag[:, :, turning:] = improved.imag[:, turning:] = 0.0
+    y.imag[:, :, complex_count:] = improved.imag[:, complex_count:] = 0.0
     y /= _lengths(y)
     slopes = np.einsum("vij,vij->vj", y, 2.0 * wide * y + _times(forms.damping, y))
-    return improved, y, slopes, bound, mendable.max(axis=1, initial=0.0)
+    return improved, y, slopes, bound, reducible.max(axis=1, initial=0.0)
 
 
 def some(array: Any, which: Any) -> Any:
@@ -239,7 +240,7 @@ def _times(matrix: Array, y: Complex) -> Complex:
     return result
 
 
-def _seen(y: Complex, residual: Complex) -> tuple[tuple[Array, Array], tuple[Complex, Complex]]:
+def _projections(y: Complex, residual: Complex) -> tuple[tuple[Array, Array], tuple[Complex, Complex]]:
     """Real and imaginary parts of y, and the projections y^T r and y^H r of residuals."""
     real, imaginary = np.ascontiguousarray(y.real), np.ascontiguousarray(y.imag)
     real_product, imaginary_product = _times(real.swapaxes(1, 2), residual), _times(imaginary.swapaxes(1, 2), residual)

@@ -55,33 +55,21 @@ class DampedBatch:
                       None if reason else self.vectors[i], None if reason else self.slopes[i])  # fmt: skip
 
 
-def joined(pieces: list[DampedBatch]) -> DampedBatch:
+def joined(parts: list[DampedBatch]) -> DampedBatch:
     """Return the modes of several pieces of a batch as one."""
-    if len(pieces) == 1:
-        return pieces[0]
+    if len(parts) == 1:
+        return parts[0]
     arrays: dict[str, Any] = {
-        key: np.concatenate([getattr(piece, key) for piece in pieces])
+        key: np.concatenate([getattr(part, key) for part in parts])
         for key in DampedBatch.__slots__ if key != "classical"
     }  # fmt: skip
-    return DampedBatch(classical=tuple(reason for piece in pieces for reason in piece.classical), **arrays)
+    return DampedBatch(classical=tuple(reason for part in parts for reason in part.classical), **arrays)
 
 
 def damped_batch(batch: BatchEquations, basis: UndampedBatch, rtol: float) -> DampedBatch:
     """Return the damped modes, (lambda^2 M_i + lambda C_i + K_i) phi = 0.
 
-    Parameters
-    ----------
-    batch : BatchEquations
-        The variants.
-    basis : UndampedBatch
-        Their undamped modes.
-    rtol : float
-        Required relative accuracy of every eigenvalue.
-
-    Returns
-    -------
-    DampedBatch
-        Pairs of eigenvalues, in ascending order of their natural frequency.
+    Pairs of eigenvalues are in ascending order of their natural frequency.
     """
     n, m = basis.square.shape
     classical, gamma = _classical(batch, basis)
@@ -96,18 +84,18 @@ def damped_batch(batch: BatchEquations, basis: UndampedBatch, rtol: float) -> Da
     roots = quadratic_roots(square, diagonal)
     pairs[classical_variants] = roots.reshape(len(classical_variants), m, 2)
     flat_basis = Undamped(square, basis.shapes[:0], basis.errors[classical_variants].reshape(-1), 0, "", 0.0)
-    own, summed = [i for i, reason in enumerate(classical) if reason == COMMUTES], np.zeros((n, m))
-    summed[own] = rounding_of_sums(batch.elastic_rows[own], batch.damping[own], basis.shapes[own])
-    flat_errors = classical_errors(roots, flat_basis, diagonal, summed[classical_variants].reshape(-1))
+    own, sum_rounding = [i for i, reason in enumerate(classical) if reason == COMMUTES], np.zeros((n, m))
+    sum_rounding[own] = rounding_of_sums(batch.elastic_rows[own], batch.damping[own], basis.shapes[own])
+    flat_errors = classical_errors(roots, flat_basis, diagonal, sum_rounding[classical_variants].reshape(-1))
     errors[classical_variants] = flat_errors.reshape(len(classical_variants), m, 2)
     together = np.flatnonzero(~simple & accurate)
     if len(together):
         for start in starts(some(gamma, together), np.abs(some(basis.square, together))):
             which = together[start.which]
-            mendable, *eigensolution = _coupled(batch, basis, gamma, start, which)
+            reducible, *eigensolution = _coupled(batch, basis, gamma, start, which)
             for array, value in zip((pairs, vectors, slopes, errors), eigensolution, strict=True):
                 array[which] = value
-            accurate[which] = mendable <= MARGIN * rtol  # as in a single system; the others are solved separately
+            accurate[which] = reducible <= MARGIN * rtol  # as in a single system; the others are solved separately
     return DampedBatch(pairs, errors, basis.shapes, basis.square, gamma, classical, vectors, slopes, accurate)
 
 
@@ -121,9 +109,9 @@ def _classical(batch: BatchEquations, basis: UndampedBatch) -> tuple[tuple[str, 
     damped = ((c != 0.0) & moves).any(axis=1)
     if not damped.any():
         return (NO_DAMPER,) * n, gamma
-    acts = ((c != 0.0) | (k != 0.0)) & moves
+    connected = ((c != 0.0) | (k != 0.0)) & moves
     ratio = np.divide(c, k, out=np.full(k.shape, np.nan), where=k != 0.0)
-    low, high = np.where(acts, ratio, np.inf).min(axis=1), np.where(acts, ratio, -np.inf).max(axis=1)
+    low, high = np.where(connected, ratio, np.inf).min(axis=1), np.where(connected, ratio, -np.inf).max(axis=1)
     with np.errstate(invalid="ignore"):
         proportional = damped & (high - low <= 4.0 * EPS * np.abs(low))
     rest = np.flatnonzero(damped & ~proportional)
@@ -152,11 +140,11 @@ def _coupled(
         h.swapaxes(1, 2) @ h, some(gamma, which), e.swapaxes(1, 2) @ (e * some(batch.stiffness, which)[:, :, None]),
         cancel.swapaxes(1, 2) @ (np.abs(e) * np.abs(some(batch.damping, which))[:, :, None]),
     )  # fmt: skip
-    values, y, slope, bound, mendable = refined(forms, start.values, start.y, some(basis.square, which),
-                                                some(basis.errors, which), start.turning)  # fmt: skip
-    m, turning = y.shape[1], np.arange(start.turning).repeat(2).reshape(1, -1, 2)
-    if start.turning == m:
-        pair_indices = np.broadcast_to(turning, (len(values), m, 2))
+    values, y, slope, bound, reducible = refined(forms, start.values, start.y, some(basis.square, which),
+                                                some(basis.errors, which), start.complex_count)  # fmt: skip
+    m, oscillating = y.shape[1], np.arange(start.complex_count).repeat(2).reshape(1, -1, 2)
+    if start.complex_count == m:
+        pair_indices = np.broadcast_to(oscillating, (len(values), m, 2))
     else:  # real ones in pairs by shape
         pair_indices = np.array([pair_numbers(*variant, 0, 0) for variant in zip(values, y, strict=True)])
     size = np.abs(values)
@@ -165,7 +153,7 @@ def _coupled(
     flat = pair_indices.reshape(len(values), -1)
     pairs, slopes = (np.take_along_axis(part, flat, 1).reshape(-1, m, 2) for part in (values, slope))
     vectors = np.take_along_axis(y, flat[:, None], 2).reshape(-1, m, m, 2)
-    upper = pair_indices[..., 0] < start.turning
+    upper = pair_indices[..., 0] < start.complex_count
     for part, oscillates in ((pairs, upper), (slopes, upper), (vectors, upper[:, None])):
         np.conjugate(part[..., 1], out=part[..., 1], where=oscillates)
-    return mendable, pairs, vectors, slopes, np.take_along_axis(bound, flat, 1).reshape(-1, m, 2)
+    return reducible, pairs, vectors, slopes, np.take_along_axis(bound, flat, 1).reshape(-1, m, 2)

@@ -46,17 +46,7 @@ class UndampedBatch:
 def undamped_batch(batch: BatchEquations, rtol: float) -> UndampedBatch:
     """Return the undamped modes, K_i phi = omega^2 M_i phi.
 
-    Parameters
-    ----------
-    batch : BatchEquations
-        The variants.
-    rtol : float
-        Required relative accuracy of every frequency.
-
-    Returns
-    -------
-    UndampedBatch
-        Modes of all variants; those that are not ``accurate`` have to be solved separately.
+    Variants that are not ``accurate`` have to be solved separately.
     """
     square, shapes, accurate = _by_products(batch)
     largest = np.abs(square).max(axis=1, initial=0.0)
@@ -65,10 +55,11 @@ def undamped_batch(batch: BatchEquations, rtol: float) -> UndampedBatch:
     square[~accurate] = 1.0
     growth = _growth(batch, shapes) ** 2
     errors = 4.0 * EPS * growth.max(axis=1, initial=0.0)[:, None] * square.max(axis=1, initial=0.0)[:, None] / square
-    late = np.flatnonzero(accurate & (errors.max(axis=1, initial=0.0) > SHARE * rtol))
-    if len(late):
-        square[late], shapes[late], errors[late], left = _refined(batch, late, shapes[late])
-        accurate[late] = left <= rtol
+    inaccurate = np.flatnonzero(accurate & (errors.max(axis=1, initial=0.0) > SHARE * rtol))
+    if len(inaccurate):
+        refined = _refined(batch, inaccurate, shapes[inaccurate])
+        square[inaccurate], shapes[inaccurate], errors[inaccurate], unresolved = refined
+        accurate[inaccurate] = unresolved <= rtol
     return UndampedBatch(square, shapes, errors, accurate)
 
 

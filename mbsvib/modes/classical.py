@@ -85,16 +85,16 @@ def rounding_of_sums(rows: Array, damping: Array, shapes: Array) -> Array:
     return np.asarray(4.0 * EPS * np.einsum("...s,...sm->...m", np.abs(damping), terms))
 
 
-def classical_errors(pairs: Complex, basis: Undamped, gamma: Array, summed: Array | None) -> Array:
+def classical_errors(pairs: Complex, basis: Undamped, gamma: Array, sum_rounding: Array | None) -> Array:
     """Return the relative errors of the roots, to first order: those of omega, of gamma, and of gamma's own sum."""
     size, gap = np.abs(pairs), np.abs(pairs[:, 0] - pairs[:, 1])[:, None]
-    moved = 2.0 * np.abs(basis.square) + np.abs(gamma) * np.maximum(size[:, 0], size[:, 1])
+    sensitivity = 2.0 * np.abs(basis.square) + np.abs(gamma) * np.maximum(size[:, 0], size[:, 1])
     # stiffness of both signs may cancel to an omega of exactly zero, whose relative error is not finite
-    spread = np.multiply(basis.errors, moved, out=np.zeros(len(moved)), where=moved > 0.0)[:, None]
-    if summed is not None:
-        spread = spread + summed[:, None] * size
+    error = np.multiply(basis.errors, sensitivity, out=np.zeros(len(sensitivity)), where=sensitivity > 0.0)[:, None]
+    if sum_rounding is not None:
+        error = error + sum_rounding[:, None] * size
     # a root moves by spread / gap, at critical damping with the square root of a perturbation
-    weight = np.maximum(gap, np.sqrt(spread)) * size
-    relative: Array = np.divide(spread, weight, out=np.zeros(size.shape), where=weight > 0.0)
+    weight = np.maximum(gap, np.sqrt(error)) * size
+    relative: Array = np.divide(error, weight, out=np.zeros(size.shape), where=weight > 0.0)
     relative += 2.0 * EPS * (size > 0.0)
     return relative

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from mbsvib.equations.unresisted_motion import completed, product
-from mbsvib.linalg.products import product as weighted
+from mbsvib.linalg.products import weighted_gram
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.classical import (
     COMMUTES,
@@ -54,12 +54,12 @@ _Eigensolution = tuple["Complex", "Complex", "Complex", "Array"]
 @dataclass(frozen=True, slots=True)
 class _Forms:
     """Mass, damping and stiffness in the basis, ``matrices`` (3, m, m) from the factors: 1, Gamma and Omega^2 up to
-    rounding and mixing of the shapes, which matter if an eigenvalue is required to the last digit. ``spread`` (m, m)
+    rounding and mixing of the shapes, which matter if an eigenvalue is required to the last digit. ``magnitude`` (m, m)
     bounds Gamma's rounding.
     """
 
     matrices: Array
-    spread: Array
+    magnitude: Array
 
     def of(self, y: Complex) -> Complex:
         """Return the three matrices times complex vectors (m, n), shape (3, m, n), without complex copies of them."""
@@ -90,28 +90,16 @@ class Damped:
 def damped(system: Equations, basis: Undamped, rtol: float) -> Damped | None:
     """Return the damped modes, (lambda^2 M + lambda C + K) phi = 0.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    basis : Undamped
-        Its undamped modes.
-    rtol : float
-        Required relative accuracy of every eigenvalue.
-
-    Returns
-    -------
-    Damped or None
-        Pairs of eigenvalues, in ascending order of their natural frequency. None if the undamped modes are too
-        inaccurate to decide whether damping couples them, or to bound the errors: then more accurate ones are needed.
+    Pairs of eigenvalues are in ascending order of their natural frequency. The result is None if the undamped modes are
+    too inaccurate to decide whether damping couples them, or to bound the errors: then more accurate ones are needed.
     """
     reason, gamma = classical_damping(system, basis)
     if reason == IN_DOUBT:
         return None
     if reason:
         pairs = quadratic_roots(basis.square, gamma)
-        summed = rounding_of_sums(system.elastic_rows, system.damping, basis.shapes) if reason == COMMUTES else None
-        errors = classical_errors(pairs, basis, gamma, summed)
+        rounding = rounding_of_sums(system.elastic_rows, system.damping, basis.shapes) if reason == COMMUTES else None
+        errors = classical_errors(pairs, basis, gamma, rounding)
         return Damped(pairs, errors, basis.shapes, basis.square, gamma, reason, None, None)
     shapes, gamma, free = _split_rigid(system, basis, gamma)
     forms = _forms(system, shapes, gamma, basis.rigid)
@@ -131,12 +119,12 @@ def _split_rigid(system: Equations, basis: Undamped, gamma: Array) -> tuple[Arra
     free = unbraked(system, shapes[:, :r])
     shapes[:, :r], count = completed(w, free, shapes[:, :r]), free.shape[1]
     # diagonalize the damping of the others; the most strongly damped comes last
-    moved = product(system.elastic_rows, shapes[:, :r])
-    _, turn = np.linalg.eigh(weighted(moved, system.damping)[count:, count:])
+    relative_motion = product(system.elastic_rows, shapes[:, :r])
+    _, turn = np.linalg.eigh(weighted_gram(relative_motion, system.damping)[count:, count:])
     shapes[:, count:r] = shapes[:, count:r] @ turn
-    moved = product(system.elastic_rows, shapes)
-    moved[:, :count] = 0.0
-    return shapes, weighted(moved, system.damping), count
+    relative_motion = product(system.elastic_rows, shapes)
+    relative_motion[:, :count] = 0.0
+    return shapes, weighted_gram(relative_motion, system.damping), count
 
 
 def _forms(system: Equations, shapes: Array, gamma: Array, rigid: int) -> _Forms:
@@ -145,8 +133,8 @@ def _forms(system: Equations, shapes: Array, gamma: Array, rigid: int) -> _Forms
     stiffness = e.T.dot(e * system.stiffness[:, None])
     stiffness[:rigid] = stiffness[:, :rigid] = 0.0
     cancel = np.abs(system.elastic_rows).dot(np.abs(shapes))
-    spread = cancel.T.dot(np.abs(e) * np.abs(system.damping)[:, None])
-    return _Forms(np.array((h.T.dot(h), gamma, stiffness)), spread)
+    magnitude = cancel.T.dot(np.abs(e) * np.abs(system.damping)[:, None])
+    return _Forms(np.array((h.T.dot(h), gamma, stiffness)), magnitude)
 
 
 def _dampers(system: Equations, shapes: Array) -> Array | None:
@@ -195,20 +183,20 @@ def _with_rigid(eigensolution: _Eigensolution, gamma: Array, free: int, rigid: i
     vectors[:, rest, 0], errors[rest, 0] = 0.0, 0.0
     vectors[at, rest, 0] = 1.0
     slopes[rest, 0] = gamma[at, at]
-    ahead, none = np.zeros((len(vectors), free, 2)), np.zeros((free, 2))
-    ahead[np.arange(free), np.arange(free)] = 1.0
-    return (np.concatenate((none, pairs)), np.concatenate((ahead, vectors), axis=1), np.concatenate((none, slopes)),
-            np.concatenate((none, errors)))  # fmt: skip
+    unit_vectors, zeros = np.zeros((len(vectors), free, 2)), np.zeros((free, 2))
+    unit_vectors[np.arange(free), np.arange(free)] = 1.0
+    vectors = np.concatenate((unit_vectors, vectors), axis=1)
+    return np.concatenate((zeros, pairs)), vectors, np.concatenate((zeros, slopes)), np.concatenate((zeros, errors))
 
 
-def _turning(values: Complex) -> int:
+def _complex_count(values: Complex) -> int:
     """Return how many of the eigenvalues also represent their conjugates."""
     return int(np.count_nonzero(values.imag))
 
 
-def _both(half: Any, turning: int) -> Any:
-    """Append the conjugates of the first ``turning`` values along the last axis."""
-    return np.concatenate((half, half[..., :turning].conj()), axis=-1)
+def _both(half: Any, complex_count: int) -> Any:
+    """Append the conjugates of the first ``complex_count`` values along the last axis."""
+    return np.concatenate((half, half[..., :complex_count].conj()), axis=-1)
 
 
 def _energy_eigenvalues(basis: Undamped, gamma: Array, free: int) -> tuple[Complex, Complex]:
@@ -226,14 +214,14 @@ def _energy_eigenvalues(basis: Undamped, gamma: Array, free: int) -> tuple[Compl
     if failed:
         raise np.linalg.LinAlgError("the eigenvalues of the damped modes did not converge")
     upper, creeping = (imag > 0.0).nonzero()[0], (imag == 0.0).nonzero()[0]
-    turning = len(upper)
+    complex_count = len(upper)
     order = np.concatenate((upper, creeping))
     values, y = np.empty(len(order), dtype=complex), np.zeros((m, len(order)), dtype=complex)
     values.real, values.imag = real.take(order), imag.take(order)
     if np.count_nonzero(values) < len(values):  # no eigenvalue is exactly 0 here: that of a slow motion was rounded off
         values[values == 0.0] = -EPS * np.abs(values).max()
     parts = vectors[flexible:]
-    y.real[free:], y.imag[free:, :turning] = parts.take(order, axis=1), parts.take(upper + 1, axis=1)
+    y.real[free:], y.imag[free:, :complex_count] = parts.take(order, axis=1), parts.take(upper + 1, axis=1)
     y *= 1.0 / _lengths(y)
     return values, y
 
@@ -245,9 +233,9 @@ def _rayleigh(
     on the other vectors; return both with the slopes, a bound of the eigenvalues' relative errors, and its reducible
     part.
     """
-    turning = _turning(values)
-    inertia, damping, elastic = moved = forms.of(y)
-    a, b, c = np.einsum("ij,kij->kj", y, moved)
+    complex_count = _complex_count(values)
+    inertia, damping, elastic = products = forms.of(y)
+    a, b, c = np.einsum("ij,kij->kj", y, products)
     improved = values
     for _ in range(2):  # the second step squares the error of the first
         slope, none = 2.0 * improved * a + b, np.zeros(len(a), dtype=complex)
@@ -257,32 +245,32 @@ def _rayleigh(
         improved = np.where(small, improved - step, improved)
         if np.count_nonzero(amount > SQUARED * speed) == 0:
             break
-    if turning and improved.imag[:turning].min() <= 0.0:  # conjugates that are about to meet
-        small[:turning] &= improved.imag[:turning] > 0.0
+    if complex_count and improved.imag[:complex_count].min() <= 0.0:  # conjugates that are about to meet
+        small[:complex_count] &= improved.imag[:complex_count] > 0.0
         improved = np.where(small, improved, values)
     # the remaining error is of second order: residual r times the resolvent, the sum of y y^T / (slope (l - l_k))
     residual = improved * (improved * inertia + damping) + elastic
-    every, exact_slope = _both(y, turning), 2.0 * improved * a + b
+    every, exact_slope = _both(y, complex_count), 2.0 * improved * a + b
     share = every.T.dot(residual)
-    distance = _both(exact_slope, turning)[:, None] * (improved - _both(improved, turning)[:, None])
+    distance = _both(exact_slope, complex_count)[:, None] * (improved - _both(improved, complex_count)[:, None])
     distance.reshape(-1)[: distance.shape[1] ** 2 : distance.shape[1] + 1] = np.inf
-    seen, apart, size, speed = np.abs(share), np.abs(distance), np.abs(y), np.abs(improved)
-    doubt = np.add.reduce(seen * (seen / np.maximum(np.maximum(apart, seen), TINY)))
+    projection, apart, size, speed = np.abs(share), np.abs(distance), np.abs(y), np.abs(improved)
+    doubt = np.add.reduce(projection * (projection / np.maximum(np.maximum(apart, projection), TINY)))
     # rounding of the three quadratic forms; errors of the frequencies measure those of the factors
-    doubt += 4.0 * EPS * speed * np.einsum("ij,ij->j", size, forms.spread.dot(size))
+    doubt += 4.0 * EPS * speed * np.einsum("ij,ij->j", size, forms.magnitude.dot(size))
     weight = np.maximum(np.abs(exact_slope) * speed, TINY)
-    mendable, bound = np.minimum(np.array((doubt, doubt + _trust(speed, size, basis))) / weight, 1.0)
+    reducible, bound = np.minimum(np.array((doubt, doubt + _trust(speed, size, basis))) / weight, 1.0)
     if np.count_nonzero(small) < len(small):
-        mendable[~small] = 1.0
+        reducible[~small] = 1.0
         bound[~small] = np.maximum(bound, np.minimum(amount / speed, 1.0))[~small]
-    mixing = np.divide(share, distance, out=np.zeros(share.shape, dtype=complex), where=seen < CORRECTION * apart)
+    mixing = np.divide(share, distance, out=np.zeros(share.shape, dtype=complex), where=projection < CORRECTION * apart)
     y = y - every.dot(mixing)
     if basis.rigid:
         brakes, r = forms.matrices[1].diagonal()[: basis.rigid, None], slice(basis.rigid)
         y[r] -= np.divide(residual[r], brakes * improved, out=np.zeros_like(y[r]), where=brakes * speed > 0.0)
     y *= 1.0 / _lengths(y)
     exact_slope = np.einsum("ij,ij->j", y, 2.0 * improved * y + forms.of(y)[1])
-    return improved, y, exact_slope, bound, mendable
+    return improved, y, exact_slope, bound, reducible
 
 
 def _lengths(y: Complex) -> Array:
@@ -293,8 +281,8 @@ def _lengths(y: Complex) -> Array:
 def _trust(speed: Array, size: Array, basis: Undamped) -> Array:
     """Errors of the quadratics of |values| (n,) and |vectors| (m, n) due to errors of the undamped modes."""
     trust = 2.0 * (basis.errors + EPS)
-    moving, held = np.array((trust, trust * np.abs(basis.square))).dot(size * size)
-    return np.asarray(speed * speed * moving + held)
+    inertial, elastic = np.array((trust, trust * np.abs(basis.square))).dot(size * size)
+    return np.asarray(speed * speed * inertial + elastic)
 
 
 def _doubtful(
@@ -303,7 +291,7 @@ def _doubtful(
 ) -> _Eigensolution:  # fmt: skip
     """Inaccurate eigenvalues from the factors, or with the dampers' forces as unknowns, whichever is more accurate."""
     basis, _, free = parts
-    count = len(estimate[0][0]) + _turning(estimate[0][0])
+    count = len(estimate[0][0]) + _complex_count(estimate[0][0])
     best = min(estimate[0], _from_factors(system, shapes, count, rtol) or estimate[0],
                key=lambda candidate: float(candidate[3].max()))  # fmt: skip
     dampers = _dampers(system, shapes)
@@ -315,12 +303,12 @@ def _doubtful(
 
 def _from_factors(system: Equations, shapes: Array, count: int, rtol: float) -> _Eigensolution | None:
     """Values, vectors, slopes and bounds of all eigenvalues but 0; None if there are more or less than ``count``."""
-    from mbsvib.modes.general import spectrum
+    from mbsvib.modes.general_spectrum import spectrum
 
     _, solution = spectrum(system, rtol)
-    turning = int(np.count_nonzero(solution.turns))
+    complex_count = int(np.count_nonzero(solution.turns))
     order = np.argsort(~solution.turns, kind="stable")
-    if turning + len(order) != count or not np.isfinite(solution.errors).all():
+    if complex_count + len(order) != count or not np.isfinite(solution.errors).all():
         return None
     inertia, relative_motion = system.inertia_factor @ solution.right, system.elastic_rows @ solution.right
     slope = 2.0 * solution.values * (inertia**2).sum(axis=0) + system.damping @ relative_motion**2
@@ -333,9 +321,9 @@ def _with_forces(
     eigensolution: _Eigensolution, dampers: Array, doubt: Array, basis: Undamped, free: int, rtol: float
 ) -> _Eigensolution:
     """Values, vectors, slopes and bounds; inaccurate ones with the dampers' forces as unknowns if that is better."""
-    turning = _turning(eigensolution[0])
-    values, y, slope = (_both(part, turning) for part in eigensolution[:3])
-    bound, doubt = (np.concatenate((part, part[:turning])) for part in (eigensolution[3], doubt))
+    complex_count = _complex_count(eigensolution[0])
+    values, y, slope = (_both(part, complex_count) for part in eigensolution[:3])
+    bound, doubt = (np.concatenate((part, part[:complex_count])) for part in (eigensolution[3], doubt))
     equations = forces(basis.square[free:], dampers[:, free:], basis.rigid - free)
     new, shapes, slopes, errors = improved(equations, values, doubt, rtol)
     motion = np.zeros_like(y)
@@ -362,8 +350,8 @@ def pair_numbers(values: Complex, y: Complex, free: int, rigid: int) -> Index:
     """Return the numbers of paired eigenvalues, (n, 2): those with Im > 0, which come first, with themselves, as they
     represent their conjugates; 0 (-1) with a real one for each damped rigid-body mode; other real ones by shape.
     """
-    turning = _turning(values)
-    upper, real = np.arange(turning).repeat(2).reshape(-1, 2), list(range(turning, len(values)))
+    complex_count = _complex_count(values)
+    upper, real = np.arange(complex_count).repeat(2).reshape(-1, 2), list(range(complex_count, len(values)))
     if not real:
         return upper
     share = _lengths(y[free:rigid, real]) if rigid > free else np.zeros(0)

@@ -47,7 +47,7 @@ class Factors:
         return result
 
     @cached_property
-    def spread(self) -> Array:
+    def stiffness_diagonal(self) -> Array:
         """Sum of |k| D^2 over the rows, (m,)."""
         result: Array = self.stiffness.diagonal() if self.sign is None else np.einsum("ij,ij->j", self.e, self.e)
         return result

@@ -18,22 +18,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.equations.massless_null_motion import own_coordinates
-from mbsvib.equations.unresisted_motion import completed, free_motions, largest, null_pair, orthonormal, product, sizes
-from mbsvib.linalg.products import gram
-from mbsvib.linalg.products import product as weighted
+from mbsvib.equations.unresisted_motion import completed, free_motions, largest, null_pair, orthonormal, product
+from mbsvib.linalg.products import gram_matrix, weighted_gram
 from mbsvib.linalg.qr import pivoted_qr
-from mbsvib.linalg.rank import DEPENDENT_ROWS, EPS
+from mbsvib.linalg.rank import EPS
 from mbsvib.modes.rigid_motions import unbraked
 from mbsvib.modes.undamped import WELL_CLOSED, undamped
+from mbsvib.modes.zero_subspaces import long_chains, zero_subspaces
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Equations
     from mbsvib.modes.undamped import Undamped
-
-
-# Generalised eigenvectors of 0 this nearly at right angles to all those from the left belong to a longer chain.
-LONGER = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,17 +77,7 @@ class EnergyState:
 def energy_state(system: Equations, rtol: float) -> EnergyState:
     """Return a system's first-order equations in energy coordinates.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    rtol : float
-        Required relative accuracy of the undamped modes that are the basis.
-
-    Returns
-    -------
-    EnergyState
-        Matrices, and the invariant subspaces of the eigenvalues 0.
+    ``rtol`` is the required relative accuracy of the undamped modes that are the basis.
     """
     m, n1 = system.dof, system.massless
     p = m - n1
@@ -111,9 +97,9 @@ def energy_state(system: Equations, rtol: float) -> EnergyState:
     position[:p], position[2 * p :], rate[p : 2 * p] = scale[:, None] * back[:p], back[p:], back[:p]
     null = _null_spaces(system, basis, back, stiffness, undamped_modes.rigid)
     chains = _chains(system, basis, damping, null, free)
-    zeros = _zeros(stiffness, damping, null, chains, scale)
+    zeros = zero_subspaces(stiffness, damping, null, chains, scale)
     if zeros is None:
-        zeros = _long_chains(a)
+        zeros = long_chains(a)
     right, left, nilpotent, count = zeros
     conservative = bool(not system.damping.any() and system.circulatory is None and not n1 and (square >= 0.0).all())
     reduction = min((group.kept for group in system.provenance.reduction.groups), default=1.0)
@@ -143,7 +129,7 @@ def _basis(system: Equations, rtol: float) -> tuple[Array, Undamped, int]:
     rows, w = product(system.elastic_rows, turn), system.inertia_factor @ turn
     part: Any = SimpleNamespace(
         dof=turn.shape[1], stiffness=system.stiffness, elastic_rows=rows, inertia_factor=w, circulatory=None,
-        M=gram(w), K=weighted(rows, system.stiffness), provenance=system.provenance,
+        M=gram_matrix(w), K=weighted_gram(rows, system.stiffness), provenance=system.provenance,
     )  # fmt: skip
     undamped_modes = undamped(part, rtol, null=null)
     basis = turn @ undamped_modes.shapes
@@ -186,13 +172,13 @@ def _in_basis(system: Equations, basis: Array, undamped_modes: Undamped, free: i
     """Stiffness and damping in the basis, exactly 0 for motions that they do not resist."""
     p = len(undamped_modes.square)
     rows = product(system.elastic_rows, basis)
-    held = rows * (np.arange(len(basis)) >= undamped_modes.rigid)
-    stiffness = weighted(held, system.stiffness)
+    flexible_rows = rows * (np.arange(len(basis)) >= undamped_modes.rigid)
+    stiffness = weighted_gram(flexible_rows, system.stiffness)
     stiffness[:p, :p] = np.diag(undamped_modes.square)
     if system.circulatory is not None:
         stiffness += product(product(basis.T, system.circulatory), basis)
     braked = rows * (np.arange(len(basis)) >= free)
-    damping = weighted(braked, system.damping)
+    damping = weighted_gram(braked, system.damping)
     if system.gyroscopic is not None:
         damping += product(product(basis.T, system.gyroscopic), basis)
     damping[p:, :p] = 0.0  # by the choice of the basis
@@ -221,7 +207,7 @@ def _first_order(stiffness: Array, damping: Array, scale: Array, n1: int) -> tup
 
 def _terms(system: Equations, basis: Array, value: Array, second_part: Array | None) -> Array:
     """Sum of the magnitudes of all terms of D^T diag(value) D, plus the largest of a second part."""
-    result = weighted(largest(system.elastic_rows, basis), np.abs(value))
+    result = weighted_gram(largest(system.elastic_rows, basis), np.abs(value))
     size = np.abs(basis)
     return result if second_part is None else result + float((size.T @ np.abs(second_part) @ size).max(initial=0.0))
 
@@ -253,74 +239,3 @@ def _chains(
         return np.eye(z.shape[1])[:, :free], np.eye(y.shape[1])[:, :free]
     terms = np.abs(y).T @ _terms(system, basis, system.damping, system.gyroscopic) @ np.abs(z)
     return null_pair(y.T @ damping @ z, terms)
-
-
-def _null(rows: Array) -> Array:
-    """Orthonormal basis of the null space of the rows."""
-    _, values, turn = np.linalg.svd(rows)
-    return turn[int(np.count_nonzero(values > DEPENDENT_ROWS * values[0])) :].T
-
-
-def _zeros(
-    stiffness: Array, damping: Array, null: tuple[Array, Array], chains: tuple[Array, Array], scale: Array
-) -> tuple[Array, Array, Array, int] | None:
-    """Invariant subspaces of the eigenvalue 0 in the states, A restricted to them, and the number of chains of two;
-    None if chains are longer.
-    """
-    (z, y), p = null, len(scale)
-    n, r, count = len(stiffness) + p, z.shape[1], chains[0].shape[1]
-    if r == 0:
-        return np.zeros((n, 0)), np.zeros((n, 0)), np.zeros((0, 0)), 0
-    x0, y0 = z @ chains[0], y @ chains[1]
-    x1, y1 = (answer(k, c @ start, far, near) for k, c, start, far, near in (
-        (stiffness, damping, x0, y, z), (stiffness.T, damping.T, y0, z, y)))  # fmt: skip
-    right, left = np.zeros((n, r + count)), np.zeros((n, r + count))
-    right[:p], right[2 * p :] = (scale[:, None] * np.hstack((z, x1))[:p]), np.hstack((z, x1))[p:]
-    right[p : 2 * p, r:] = x0[:p]
-    left_motions = np.hstack((y, y1))
-    braked = damping.T @ left_motions
-    braked[:p, r:] += y0[:p]
-    left[:p], left[p : 2 * p], left[2 * p :] = braked[:p] / scale[:, None], left_motions[:p], braked[p:]
-    size = np.linalg.norm(right, axis=0), np.linalg.norm(left, axis=0)
-    angles = (left / size[1]).T @ (right / size[0])
-    if np.linalg.svd(angles)[1][-1] < LONGER:
-        return None
-    left = np.linalg.solve(left.T @ right, left.T).T
-    nilpotent = np.zeros((right.shape[1],) * 2)
-    nilpotent[:r, r:] = chains[0]
-    return right, left, nilpotent, count
-
-
-def answer(stiffness: Array, push: Array, far: Array, near: Array) -> Array:
-    """x with K x = -push, orthogonal to the null space of K (``near``); ``far`` is the null space of K^T."""
-    m, r = near.shape
-    if not push.any():
-        return np.zeros_like(push)
-    size = sizes(stiffness)
-    bordered = np.zeros((m + r, m + r))
-    bordered[:m, :m] = stiffness / size[:, None] / size
-    bordered[:m, m:], bordered[m:, :m] = far, near.T
-    right = np.concatenate((-push / size[:, None], np.zeros((r, push.shape[1]))))
-    return np.asarray(np.linalg.solve(bordered, right)[:m] / size[:, None])
-
-
-def _long_chains(a: Array) -> tuple[Array, Array, Array, int]:
-    """The same from A alone: its null space is deflated until none remains."""
-    ahead, right = _lost(a), _lost(a.T)
-    left = np.asarray(np.linalg.solve(ahead.T @ right, ahead.T).T, dtype=float)
-    nilpotent = np.asarray(left.T @ a @ right, dtype=float)
-    nilpotent[np.abs(nilpotent) <= LONGER * np.abs(a).max()] = 0.0
-    return right, left, nilpotent, right.shape[1] - len(_null(a))
-
-
-def _lost(a: Array) -> Array:
-    """Orthonormal complement of the range of all powers of A."""
-    basis: Array = np.eye(len(a))
-    while basis.shape[1]:
-        inner = basis.T @ a @ basis
-        u, values, _ = np.linalg.svd(inner)
-        rank = int(np.count_nonzero(values > LONGER * np.abs(a).max()))
-        if rank == len(inner):
-            break
-        basis = np.asarray(basis @ u[:, :rank], dtype=float)
-    return np.linalg.qr(basis, mode="complete")[0][:, basis.shape[1] :]

@@ -31,7 +31,7 @@ CONVERGED = 1e-9
 MIXED = 0.1
 NEIGHBOUR = 1e-3
 MERGING = 1e-4
-# Projected residuals of vectors of unit energy that are mere rounding. Near a defective pair they would be amplified;
+# Projected residuals of vectors of unit energy that are rounding. Near a defective pair they would be amplified;
 # elsewhere they are negligible.
 NOISE = 16.0 * EPS
 # Rounding of the forms, in parts of eps times the sum of their terms' sizes; calibrated in the tests.
@@ -60,8 +60,8 @@ class Spectrum:
     slopes: Complex = field(default_factory=lambda: np.zeros(0, dtype=complex))
     errors: Array = field(default_factory=lambda: np.zeros(0))
 
-    def whole(self) -> tuple[Complex, Complex, Complex, Complex]:
-        """Return values, right and left vectors and slopes of all eigenvalues but 0, conjugates behind."""
+    def complete(self) -> tuple[Complex, Complex, Complex, Complex]:
+        """Return values, right and left vectors and slopes of all eigenvalues but 0, with conjugates last."""
         parts = (self.values, self.right, self.left, self.slopes)
         values, right, left, slopes = (np.concatenate((a, a[..., self.turns].conj()), axis=-1) for a in parts)
         return values, right, left, slopes
@@ -80,19 +80,7 @@ class _Factors:
 def refined(system: Equations, state: EnergyState, start: Spectrum) -> Spectrum:
     """Return eigenvalues and vectors improved on the factors.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    state : EnergyState
-        The equations in energy coordinates, with the subspaces of the eigenvalues 0.
-    start : Spectrum
-        Eigenvalues and vectors, roughly.
-
-    Returns
-    -------
-    Spectrum
-        The same with slopes and error bounds.
+    ``start`` holds approximate eigenvalues and vectors; the result also has slopes and error bounds.
 
     Source: Tisseur & Meerbergen, SIAM Review 43 (2001), for the resolvent of quadratic eigenvalue problems.
     """
@@ -171,7 +159,7 @@ def _sized(f: _Factors, values: Complex, vectors: Complex) -> Complex:
 def _improved(f: _Factors, state: EnergyState, eigen: Spectrum) -> tuple[Spectrum, float]:
     """One iteration: eigenvalues, then both vectors by projections of their residuals; and the largest correction."""
     eigen = _quotients(f, eigen)
-    values, right, left, slopes = eigen.whole()
+    values, right, left, slopes = eigen.complete()
     x, y, h = eigen.right, eigen.left, np.arange(len(eigen.values))
     distance = eigen.values - values[:, None]
     m, c, k = _products(f, left, x)
@@ -217,10 +205,10 @@ def _still(state: EnergyState, f: _Factors, eigen: Spectrum, transposed: bool) -
     """Contribution of the eigenvalues 0 to the corrections of the vectors."""
     if not state.right.shape[1]:
         return np.zeros_like(eigen.right)
-    shapes, seen, j = state.show @ state.right, state.force.T @ state.left, state.nilpotent
+    shapes, forces, j = state.show @ state.right, state.force.T @ state.left, state.nilpotent
     if transposed:
-        shapes, seen, j = seen, shapes, j.T
-    term = (seen.T @ _residual(f, eigen.values, eigen.left if transposed else eigen.right, transposed)) / eigen.values
+        shapes, forces, j = forces, shapes, j.T
+    term = (forces.T @ _residual(f, eigen.values, eigen.left if transposed else eigen.right, transposed)) / eigen.values
     result = term.copy()
     for _ in range(len(j)):
         term = (j @ term) / eigen.values
@@ -232,7 +220,7 @@ def _still(state: EnergyState, f: _Factors, eigen: Spectrum, transposed: bool) -
 
 def _bounds(f: _Factors, state: EnergyState, eigen: Spectrum) -> Array:
     """Relative errors: those of the vectors, to second order, and rounding of the forms."""
-    values, right, left, slopes = eigen.whole()
+    values, right, left, slopes = eigen.complete()
     speed = np.abs(eigen.values)
     ml, cl, kl = _products(f, left, eigen.right)
     mr, cr, kr = (part.T for part in _products(f, eigen.left, right))

@@ -154,7 +154,7 @@ class Modes:
         Raises
         ------
         ResponseError
-            If ``count`` is no positive whole number, or the frequency no number.
+            If ``count`` is not a positive whole number, or the frequency is not a number.
         """
         if not isinstance(count, (int, np.integer)) or isinstance(count, bool) or count < 1:
             raise ResponseError(f"modes: count = {count!r}; expected how many modes are wanted, 1 or more.")
@@ -178,12 +178,12 @@ class Modes:
         Raises
         ------
         ResponseError
-            If it is no number, or negative.
+            If it is not a number, or negative.
         """
         rtol = real(rtol, "modes", "rtol", "a relative accuracy such as 1e-12", least=0.0)
-        late = np.nonzero(self._paired(self.errors).max(axis=1, initial=0.0) > rtol)[0]
-        if len(late):
-            numbers = ", ".join(str(i + 1) for i in late[:8]) + (", ..." if len(late) > 8 else "")
+        inaccurate = np.nonzero(self._paired(self.errors).max(axis=1, initial=0.0) > rtol)[0]
+        if len(inaccurate):
+            numbers = ", ".join(str(i + 1) for i in inaccurate[:8]) + (", ..." if len(inaccurate) > 8 else "")
             warnings.warn(
                 f"modes of '{self.name}': estimated relative error up to {self.errors.max():.1e} exceeds "
                 f"rtol = {rtol:g} in modes {numbers}.", AccuracyWarning, stacklevel=3,

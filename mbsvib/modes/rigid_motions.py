@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mbsvib.equations.unresisted_motion import free_motions, largest, null_pair, product
-from mbsvib.linalg.products import product as weighted
+from mbsvib.linalg.products import weighted_gram
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -20,5 +20,5 @@ def unbraked(system: Equations, rigid: Array) -> Array:
         free = free_motions(system.elastic_rows[(system.stiffness != 0.0) | (system.damping != 0.0)])
         return free if free.shape[1] <= rigid.shape[1] else rigid[:, :0]
     # stiffness of loads has both signs: only its sum determines the motions, and the same holds for dampers in them
-    moved, most = product(system.elastic_rows, rigid), largest(system.elastic_rows, rigid)
-    return rigid @ null_pair(weighted(moved, system.damping), weighted(most, system.damping))[0]
+    relative_motion, most = product(system.elastic_rows, rigid), largest(system.elastic_rows, rigid)
+    return rigid @ null_pair(weighted_gram(relative_motion, system.damping), weighted_gram(most, system.damping))[0]

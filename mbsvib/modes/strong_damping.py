@@ -130,13 +130,13 @@ def improved(equations: Forces, values: Complex, doubt: Array, rtol: float) -> t
     Source: Aberth, Math. Comp. 27 (1973), for the simultaneous steps.
     """
     n = len(equations.square)
-    late = np.nonzero(doubt > rtol)[0]
+    inaccurate = np.nonzero(doubt > rtol)[0]
     result = values.copy()
     y, slopes, errors = np.zeros((n, len(values)), dtype=complex), np.zeros_like(values), np.full(len(values), np.inf)
     try:
-        result = _apart(equations, values, late, doubt)
-        real = result[late].imag == 0.0
-        for group, part in ((late[real], result.real), (late[~real], result)):
+        result = _apart(equations, values, inaccurate, doubt)
+        real = result[inaccurate].imag == 0.0
+        for group, part in ((inaccurate[real], result.real), (inaccurate[~real], result)):
             for batch in equations.batches(len(group)):
                 k = group[batch]
                 result[k], y[:, k], slopes[k], errors[k] = _stationary(equations, part[k])
@@ -145,12 +145,12 @@ def improved(equations: Forces, values: Complex, doubt: Array, rtol: float) -> t
     return result, y, slopes, errors
 
 
-def _apart(equations: Forces, values: Complex, late: NDArray[np.intp], doubt: Array) -> Complex:
+def _apart(equations: Forces, values: Complex, inaccurate: NDArray[np.intp], doubt: Array) -> Complex:
     """Newton's steps on det Q for some of the eigenvalues, with the other eigenvalues divided out."""
     z = values.copy()
-    unsure = late[doubt[late] >= UNSURE]
+    unsure = inaccurate[doubt[inaccurate] >= UNSURE]
     z[unsure] *= 1.0 + 1j * UNSURE * np.cos(unsure)
-    active = late[doubt[late] > CLOSE]
+    active = inaccurate[doubt[inaccurate] > CLOSE]
     for _ in range(STEPS):
         if not len(active):
             break
@@ -160,8 +160,8 @@ def _apart(equations: Forces, values: Complex, late: NDArray[np.intp], doubt: Ar
         distance[distance == 0.0] = EPS * np.abs(z).max()
         step = newton / (1.0 - newton * (1.0 / distance).sum(axis=1))
         step = np.where(np.isfinite(step), step, 0.0)
-        held = (values[active].imag == 0.0) & (doubt[active] < UNSURE)
-        z[active] -= np.where(held, step.real, step)
+        stays_real = (values[active].imag == 0.0) & (doubt[active] < UNSURE)
+        z[active] -= np.where(stays_real, step.real, step)
         active = active[np.abs(step) > CLOSE * np.abs(z[active])]
     nearly_real = unsure[np.abs(z[unsure].imag) <= 10.0 * CLOSE * np.abs(z[unsure])]
     z[nearly_real] = z[nearly_real].real

@@ -159,29 +159,30 @@ def _as_it_is(
         return Undamped(square, shapes, bound, 0, "products", 0.0, mixed)
     if clean or (coupled and mixed > MIXED):
         return None
-    late = np.flatnonzero(bound > CERTAIN * rtol)
-    bound[late] = 2.0 * EPS if coupled else 2.0 * EPS + _crossed(bound * square, square)[late] / square[late]
+    inaccurate = np.flatnonzero(bound > CERTAIN * rtol)
+    bound[inaccurate] = 2.0 * EPS if coupled else \
+        2.0 * EPS + _crossed(bound * square, square)[inaccurate] / square[inaccurate]  # fmt: skip
     if float(bound.max()) > rtol:
         return None
-    phi = shapes[:, late]
+    phi = shapes[:, inaccurate]
     h, e = scene.w @ phi, scene.stretch(phi)
     mass, energy = np.einsum("ij,ij->j", h, h), np.einsum("ij,ij->j", e, e)
-    bound[late] += _rounding(scene.e, phi, e, EPS * np.sqrt(elastic[late]) * energy, energy, rtol) / energy
-    bound[late] += _rounding(scene.w, phi, h, EPS * cancel[late], mass, rtol)
-    square[late] = energy / mass
-    shapes[:, late] = phi / np.sqrt(mass)
+    bound[inaccurate] += _rounding(scene.e, phi, e, EPS * np.sqrt(elastic[inaccurate]) * energy, energy, rtol) / energy
+    bound[inaccurate] += _rounding(scene.w, phi, h, EPS * cancel[inaccurate], mass, rtol)
+    square[inaccurate] = energy / mass
+    shapes[:, inaccurate] = phi / np.sqrt(mass)
     if float(bound.max()) > rtol or (not coupled and float((square[1:] - square[:-1]).min(initial=0.0)) < 0.0):
         return None
     return Undamped(square, shapes, bound, 0, "products", 0.0, mixed)
 
 
-def _crossed(moved: Array, square: Array) -> Array:
+def _crossed(perturbation: Array, square: Array) -> Array:
     """Changes of squared frequencies by perturbations (m,) that mix modes: their squares over the distance to the next
     squared frequency.
     """
     gap = square[1:] - square[:-1]
     mixed = np.zeros(len(square) + 1)
-    np.divide(np.maximum(moved[1:], moved[:-1]) ** 2, gap, out=mixed[1:-1], where=gap > 0.0)
+    np.divide(np.maximum(perturbation[1:], perturbation[:-1]) ** 2, gap, out=mixed[1:-1], where=gap > 0.0)
     mixed[1:-1][gap <= 0.0] = np.inf
     return np.maximum(mixed[1:], mixed[:-1])
 
@@ -229,7 +230,8 @@ def refined(scene: Factors, shapes: Array, method: str, rtol: float) -> Undamped
     size = np.abs(value)
     power = phi * phi
     doubt = np.abs(taken, out=taken).sum(axis=0) + unresolved
-    doubt += 2.0 * _rounding(scene.e, phi, e, EPS * np.sqrt(np.abs(square) * (scene.spread @ power)), size, rtol)
+    least = EPS * np.sqrt(np.abs(square) * (scene.stiffness_diagonal @ power))
+    doubt += 2.0 * _rounding(scene.e, phi, e, least, size, rtol)
     flexible = np.arange(len(value)) >= rigid
     errors = np.divide(0.5 * doubt, size, out=np.where(flexible, np.inf, 0.0), where=flexible & (size > 0.0))
     left = float(errors.max(initial=0.0))
@@ -243,17 +245,17 @@ def refined(scene: Factors, shapes: Array, method: str, rtol: float) -> Undamped
     return Undamped(value, phi, errors, rigid, method, left)
 
 
-def _rounding(rows: Array, phi: Array, moved: Array, least: Array, size: Array, rtol: float) -> Array:
-    """Half of the error of the sum of squares of each column of ``moved`` = rows phi by rounding: ``least``, or a bound
+def _rounding(rows: Array, phi: Array, image: Array, least: Array, size: Array, rtol: float) -> Array:
+    """Half of the error of the sum of squares of each column of ``image`` = rows phi by rounding: ``least``, or a bound
     row by row where ``least`` is not small compared with ``size``.
     """
-    late = np.flatnonzero(least > max(CLOSER, CERTAIN * rtol) * size)
-    if len(late):
-        every = len(late) == len(size)
-        phi, moved = (phi, moved) if every else (phi[:, late], moved[:, late])
+    large = np.flatnonzero(least > max(CLOSER, CERTAIN * rtol) * size)
+    if len(large):
+        every = len(large) == len(size)
+        phi, image = (phi, image) if every else (phi[:, large], image[:, large])
         cancel = np.abs(rows) @ np.abs(phi)
-        first, second = np.einsum("ij,ij->j", np.abs(moved), cancel), np.einsum("ij,ij->j", cancel, cancel)
-        least[late] = 0.5 * EPS * (first + EPS * second)
+        first, second = np.einsum("ij,ij->j", np.abs(image), cancel), np.einsum("ij,ij->j", cancel, cancel)
+        least[large] = 0.5 * EPS * (first + EPS * second)
     return least
 
 

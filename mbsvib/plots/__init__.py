@@ -11,6 +11,7 @@ from mbsvib.plots.front import front
 from mbsvib.plots.grid import time_grid
 from mbsvib.plots.isolation import isolation
 from mbsvib.plots.mechanism import mechanism
+from mbsvib.plots.mode_comparison import mode_comparison
 from mbsvib.plots.modes import modes
 from mbsvib.plots.nyquist import nyquist
 from mbsvib.plots.root_locus import root_locus
@@ -25,6 +26,7 @@ __all__ = [
     "front",
     "isolation",
     "mechanism",
+    "mode_comparison",
     "modes",
     "nyquist",
     "root_locus",

@@ -124,14 +124,14 @@ class Animation:
         ExportError
             If the suffix is none of these, ffmpeg is not installed, or the file cannot be written.
         """
-        from mbsvib.common.atomic_file import write_whole
+        from mbsvib.common.atomic_file import write_atomic
 
         kind = Path(path).suffix.lower()
         if kind not in SUFFIXES:
             raise ExportError(f"{path}: motions are written to files that end in {', '.join(SUFFIXES)}.")
         content = {".gif": self._gif, ".mp4": self._mp4, ".html": self._html}[kind]()
         try:
-            return write_whole(path, lambda stream: stream.write(content))
+            return write_atomic(path, lambda stream: stream.write(content))
         except OSError as error:
             raise ExportError(f"{path}: cannot be written: {error.strerror or error}. Give the path of a file in a "
                               f"folder that exists and that you may write to.") from error  # fmt: skip

@@ -29,7 +29,7 @@ MOST_MARKS = 25
 def bode(
     systems: Systems, inputs: Names = None, outputs: Names = None, frequencies: ArrayLike | None = None, *,
     span: tuple[float | None, float | None] = (None, None), labels: Sequence[str] | None = None,
-    wrap: bool = False, marks: bool = True,
+    wrap: bool = False, marks: bool = True, decibels: bool = False, radians: bool = False, shared: bool = True,
 ) -> Figure:  # fmt: skip
     """Draw the magnitude and phase of G(i w) from inputs to outputs.
 
@@ -49,6 +49,12 @@ def bode(
         Keep the phase within -180 to 180 degrees, with gaps where it leaps; default: continuous.
     marks : bool
         Mark the natural frequencies by faint lines; only if a single system is drawn.
+    decibels : bool
+        Magnitude in dB, 20 log10 |G| of the value in SI units, on a linear axis.
+    radians : bool
+        Frequency axis in rad/s; ``frequencies`` and ``span`` stay in Hz.
+    shared : bool
+        The same limits of magnitude in all panels of the same unit.
 
     Returns
     -------
@@ -69,45 +75,67 @@ def bode(
     with style.context():
         figure = style.new_figure(*style.panel_size(rows, columns, 3.4, 4.8))
         places = figure.add_gridspec(2 * rows, columns, height_ratios=[2.0, 1.15] * rows)
-        number = 0
+        number, tops = 0, []
         for i, row in enumerate(panels):
             for j, _ in enumerate(row):
                 top = figure.add_subplot(places[2 * i, j])
                 below = figure.add_subplot(places[2 * i + 1, j], sharex=top)
                 drawn = [(label, group[number]) for (label, _), group in zip(named, lines, strict=True)]
-                _panel(top, below, drawn, wrap)
+                _panel(top, below, drawn, wrap, decibels, radians)
+                tops.append((top, units.ratio(drawn[0][1].output_unit, drawn[0][1].source_unit), drawn))
                 if (i + 1) * columns + j < count:
                     below.set_xlabel("")
                 if marks and len(named) == 1:
-                    _mark(top, below, named[0][1].modes().frequencies)
+                    _mark(top, below, named[0][1].modes().frequencies * (2.0 * np.pi if radians else 1.0))
                 number += 1
+        if shared:
+            _share(tops)
         style.name_systems(figure, [label for label, _ in named], figure.axes[2 * len(panels[0]) - 2])
     return figure
 
 
-def _panel(top: Axes, below: Axes, drawn: list[tuple[str, Curve]], wrap: bool) -> None:
+def _share(tops: list[tuple[Axes, str, list[tuple[str, Curve]]]]) -> None:
+    """Give the panels of each unit the same limits; what is zero but for rounding does not count."""
+    for unit in {unit for _, unit, _ in tops}:
+        group = [axes for axes, own, drawn in tops
+                 if own == unit and not all(curve.negligible for _, curve in drawn)]  # fmt: skip
+        if len(group) > 1:
+            limits = np.array([axes.get_ylim() for axes in group])
+            for axes in group:
+                axes.set_ylim(limits[:, 0].min(), limits[:, 1].max())
+
+
+def _panel(
+    top: Axes, below: Axes, drawn: list[tuple[str, Curve]], wrap: bool, decibels: bool, radians: bool
+) -> None:
     curve = drawn[0][1]
     phases = []
+    turn = 2.0 * np.pi if radians else 1.0
     for i, (label, response) in enumerate(drawn):
         magnitude = np.abs(response.values)
         look = style.line(i, faint=response.negligible)
-        top.plot(response.frequencies, np.where(magnitude > 0.0, magnitude, np.nan), label=label, **look)
+        magnitude[magnitude == 0.0] = np.nan
+        top.plot(turn * response.frequencies, 20.0 * np.log10(magnitude) if decibels else magnitude, label=label,
+                 **look)  # fmt: skip
         phase = response.phase(wrap)
         phases.append(phase)
-        below.plot(response.frequencies, phase, **look)
-    _magnitude_axis(top, curve)
+        below.plot(turn * response.frequencies, phase, **look)
+    _magnitude_axis(top, curve, decibels)
     top.set_title(f"{curve.source} → {curve.output}")
     _phase_axis(below, phases)
-    _frequency_axis(below, curve.frequencies)
+    _frequency_axis(below, turn * curve.frequencies, "frequency [rad/s]" if radians else "frequency [Hz]")
     top.tick_params(labelbottom=False, which="both")
     if all(response.negligible for _, response in drawn):
         style.remark(top, style.zero(response.values for _, response in drawn))
 
 
-def _magnitude_axis(axes: Axes, curve: Curve) -> None:
+def _magnitude_axis(axes: Axes, curve: Curve, decibels: bool) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     unit = units.pretty(units.ratio(curve.output_unit, curve.source_unit))
+    if decibels:
+        axes.set_ylabel(f"magnitude [dB re 1 {unit}]" if unit != "1" else "magnitude [dB]")
+        return
     name = f"|{curve.output} / {curve.source}| [{unit}]"
     axes.set_ylabel(name if len(name) <= LONGEST_LABEL else f"magnitude [{unit}]")
     values = np.abs(curve.values)
@@ -134,11 +162,11 @@ def _written(value: float, _: int) -> str:
     return rf"$10^{{{power:.0f}}}$" if factor < 1.5 else rf"${factor:.0f}\times10^{{{power:.0f}}}$"
 
 
-def _frequency_axis(axes: Axes, frequencies: Array) -> None:
+def _frequency_axis(axes: Axes, frequencies: Array, label: str) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axes.set_xscale("log")
-    axes.set_xlabel("frequency [Hz]")
+    axes.set_xlabel(label)
     low, high = frequencies[0], frequencies[-1]
     if high > low:
         axes.set_xlim(low, high)

@@ -9,7 +9,7 @@ import numpy as np
 
 from mbsvib.equations.equations import Equations
 from mbsvib.kinematics.loops import Reduction
-from mbsvib.linalg.products import product
+from mbsvib.linalg.products import weighted_gram
 from mbsvib.linalg.rank import ZERO_PRODUCT
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def projected(system: E, shapes: Array, names: Sequence[str], units: Sequence[st
     rows[np.abs(rows) <= ZERO_PRODUCT * len(shapes) * (np.abs(system.elastic_rows) @ np.abs(shapes))] = 0.0
     gyroscopic, circulatory = (None if matrix is None else _antisymmetric(shapes.T @ matrix @ shapes)
                                for matrix in (system.gyroscopic, system.circulatory))  # fmt: skip
-    damping, stiffness = product(rows, system.damping), product(rows, system.stiffness)
+    damping, stiffness = weighted_gram(rows, system.damping), weighted_gram(rows, system.stiffness)
     came = system.provenance
     return replace(
         system, coordinates=tuple(names), coordinate_units=tuple(units), M=factor.T @ factor,

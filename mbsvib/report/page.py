@@ -84,11 +84,11 @@ def write(
     ExportError
         If plotly is not installed, or the file cannot be written.
     """
-    from mbsvib.common.atomic_file import write_whole
+    from mbsvib.common.atomic_file import write_atomic
 
     text = html(source, inputs, outputs).encode("utf-8")
     try:
-        return write_whole(path, lambda stream: stream.write(text))
+        return write_atomic(path, lambda stream: stream.write(text))
     except OSError as error:
         raise ExportError(f"{path}: cannot be written: {error.strerror or error}. Give the path of a file in a folder "
                           f"that exists and that you may write to.") from error  # fmt: skip

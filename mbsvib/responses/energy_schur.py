@@ -49,18 +49,7 @@ class EnergySchur:
 
 
 def energy_schur(modal: Damped) -> EnergySchur:
-    """Return the Schur form of the state matrix in energy coordinates.
-
-    Parameters
-    ----------
-    modal : Damped
-        Undamped modes, and the damping between them.
-
-    Returns
-    -------
-    EnergySchur
-        Triangle, Schur vectors and the scale of the coordinates.
-    """
+    """Return the Schur form of the state matrix in energy coordinates."""
     from scipy.linalg import schur
 
     scale, a = energy_matrix(modal)
@@ -71,15 +60,7 @@ def energy_schur(modal: Damped) -> EnergySchur:
 def energy_matrix(modal: Damped) -> tuple[Array, Array]:
     """Return d (m,) and the matrix A of x' = A x for x = (d eta, eta'), shape (2m, 2m).
 
-    Parameters
-    ----------
-    modal : Damped
-        Undamped modes, and the damping between them.
-
-    Returns
-    -------
-    tuple of array
-        d is Omega, and the lowest one (or 1) for rigid-body modes; A.
+    d is Omega, and for rigid-body modes the lowest one (or 1).
     """
     m = len(modal.square)
     omega = np.sqrt(np.abs(modal.square))

@@ -29,7 +29,7 @@ NODES = 16
 # Interpolated samples of a panel: an extremum between two of them is missed only below 1e-4 of the response.
 SAMPLES = 64
 # A pole with a smaller damping ratio counts as undamped. Panels end at the second number, times its frequency, from it:
-# next to a pole the response is no polynomial.
+# next to a pole the response is not a polynomial.
 UNDAMPED, NEAREST = 1e-12, 1e-7
 # If an undamped mode is excited, a response grows tenfold from ten of these distances, in parts of the frequency, to
 # one. A smaller growth than the second number means that the mode is not excited.
@@ -140,15 +140,7 @@ class Band:
     def highest(self, measure: Measure) -> tuple[float, float]:
         """Return the frequency of the largest value, and this value.
 
-        Parameters
-        ----------
-        measure : callable
-            The quantity to be maximized.
-
-        Returns
-        -------
-        frequency, value : float
-            Of one of them where several are equally large.
+        It is one of them where several are equally large.
         """
         where, value = self.maxima(measure, NEAR)
         at = int(value.argmax())
@@ -182,7 +174,7 @@ class Band:
         Parameters
         ----------
         measure : callable
-            The quantity whose zeros are returned; not a number where a change of sign is no crossing.
+            The quantity whose zeros are returned; not a number where a change of sign is not a crossing.
 
         Returns
         -------

@@ -42,51 +42,43 @@ class FirstOrder:
 def physical(system: Equations) -> FirstOrder:
     """Return first-order equations of a system with massless motions in physical states.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion, with ``massless`` > 0.
-
-    Returns
-    -------
-    FirstOrder
-        2m - massless states: the coordinates, then the rates that move mass.
+    The 2m - massless states are the coordinates, then the rates that move mass.
     """
     null = system.null_inertia
     assert null is not None
     m, inputs = system.dof, system.B.shape[1]
-    _, moved = own_coordinates(null)
-    n = m + len(moved)
+    _, dependent = own_coordinates(null)
+    n = m + len(dependent)
     # p = slow x + push u
     braked = null.T @ system.C
-    right = np.concatenate((-null.T @ system.K, -braked[:, moved], null.T @ system.B), axis=1)
+    right = np.concatenate((-null.T @ system.K, -braked[:, dependent], null.T @ system.B), axis=1)
     at_once = np.linalg.solve(braked @ null, right)
     transform = np.zeros((2 * m, n))
     transform[:m, :m] = np.eye(m)
-    transform[m + moved, np.arange(m, n)] = 1.0
+    transform[m + dependent, np.arange(m, n)] = 1.0
     transform[m:] += null @ at_once[:, :n]
     through = np.zeros((2 * m, inputs))
     through[m:] = null @ at_once[:, n:]
     a, b = np.empty((n, n)), np.empty((n, inputs))
     a[:m], b[:m] = transform[m:], through[m:]
-    if len(moved):
-        root = triangle(system.inertia_factor[:, moved])
+    if len(dependent):
+        root = triangle(system.inertia_factor[:, dependent])
         forces = np.concatenate(
-            (-system.K[moved] @ transform[:m] - system.C[moved] @ transform[m:],
-             system.B[moved] - system.C[moved] @ through[m:]), axis=1,
+            (-system.K[dependent] @ transform[:m] - system.C[dependent] @ transform[m:],
+             system.B[dependent] - system.C[dependent] @ through[m:]), axis=1,
         )  # fmt: skip
         solution = np.linalg.solve(root, np.linalg.solve(root.T, forces))
         a[m:], b[m:] = solution[:, :n], solution[:, n:]
-    rates = [rate_name(system.coordinates, null, i) for i in moved.tolist()]
-    units = tuple(_RATE[system.coordinate_units[i]] for i in moved.tolist())
+    rates = [rate_name(system.coordinates, null, i) for i in dependent.tolist()]
+    units = tuple(_RATE[system.coordinate_units[i]] for i in dependent.tolist())
     return FirstOrder(a, b, transform, through, system.coordinates + tuple(rates), system.coordinate_units + units)
 
 
-def rate_name(coordinates: tuple[str, ...], null: Array, moved: int) -> str:
+def rate_name(coordinates: tuple[str, ...], null: Array, dependent: int) -> str:
     """Return the name of a rate that moves mass: that of one coordinate, minus those of massless motions."""
     own, _ = own_coordinates(null)
-    text = coordinates[moved]
-    shares = [(-float(null[moved, k]), coordinates[own[k]]) for k in np.flatnonzero(null[moved]).tolist()]
+    text = coordinates[dependent]
+    shares = [(-float(null[dependent, k]), coordinates[own[k]]) for k in np.flatnonzero(null[dependent]).tolist()]
     for factor, name in shares[: SPELLED - 1]:
         size = "" if abs(factor) == 1.0 else f"{abs(factor):.6g} "
         text += f" {'-' if factor < 0.0 else '+'} {size}{name}"

@@ -73,7 +73,7 @@ def frequency_grid(
 
 
 def roots(basis: Basis, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> Complex:
-    """Return all poles, and the zeros of each response by itself.
+    """Return all poles, and the zeros of each single response.
 
     Parameters
     ----------
@@ -96,12 +96,12 @@ def roots(basis: Basis, inputs: str | Sequence[str] | None, outputs: str | Seque
     return np.concatenate([basis.poles, *zeros])
 
 
-def placed(places: Complex, poles: Complex, low: float, high: float, n: int | None = None) -> Array:
+def placed(roots: Complex, poles: Complex, low: float, high: float, n: int | None = None) -> Array:
     """Return frequencies from ``low`` to ``high`` that follow each of some poles and zeros.
 
     Parameters
     ----------
-    places : array, shape (roots,)
+    roots : array, shape (roots,)
         Poles and zeros [1/s].
     poles : array, shape (poles,)
         Those of them that points must avoid if they are undamped.
@@ -128,9 +128,9 @@ def placed(places: Complex, poles: Complex, low: float, high: float, n: int | No
     # corner frequencies of roots far from the axis also limit the spacing to a share of the frequency
     fine = np.geomspace(low, high, max(count, int(np.ceil(np.log(10.0) * decades / np.log1p(SHARE))) + 1))
     spacing = float(fine[1] / fine[0] - 1.0)
-    turning = np.unique(np.abs(places.real) + 1j * np.abs(places.imag))
-    turning = turning[turning.imag > UNDAMPED * np.abs(turning)]
-    around = [_around(root.real, root.imag, spacing) for root in turning.tolist()]
+    oscillating = np.unique(np.abs(roots.real) + 1j * np.abs(roots.imag))
+    oscillating = oscillating[oscillating.imag > UNDAMPED * np.abs(oscillating)]
+    around = [_around(root.real, root.imag, spacing) for root in oscillating.tolist()]
     grid = np.concatenate([even, fine if len(fine) > count else even[:0], *(a / (2.0 * np.pi) for a in around)])
     grid = np.unique(grid[(grid >= low) & (grid <= high)])
     for pole in np.unique(np.abs(poles[np.abs(poles.real) <= UNDAMPED * np.abs(poles)])) / (2.0 * np.pi):

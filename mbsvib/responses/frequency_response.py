@@ -71,14 +71,14 @@ def frequency_response(basis: Basis, omega: ArrayLike) -> Complex:
     if not isinstance(modal, Damped):
         result = _general(basis, modal, w)
     else:
-        summed = modal.vectors is None or (
+        by_modes = modal.vectors is None or (
             basis.strong_dampers is None and trusted(modal, modal.shapes.T @ system.B, size)
         )
-        result = basis.modal_sum.at(1j * size) if summed else _solved(basis, modal, size)
+        result = basis.modal_sum.at(1j * size) if by_modes else _solved(basis, modal, size)
         pole = None if np.isfinite(result).all() else basis.modal_sum.pole_at(1j * size)
         if pole:
             _refuse_pole(w, *pole)
-        result = recomputed(basis, modal, size, (result, summed), lambda part: _solver(basis, modal, part, summed))
+        result = recomputed(basis, modal, size, (result, by_modes), lambda part: _solver(basis, modal, part, by_modes))
     if (w < 0.0).any():
         result[:, :, w < 0.0] = result[:, :, w < 0.0].conj()
     return result
@@ -202,22 +202,22 @@ def refined_solutions(basis: Basis, modal: Damped, b: Array, s: Complex) -> Comp
     eta = schur.solve(s, np.broadcast_to(b[:, :, None], (*b.shape, len(s))))
     for _ in range(REFINEMENTS):
         residual, error = _residual(modal, s, b, eta)
-        late = ~(error <= 2.0 * EPS)
-        if not late.any():
+        inaccurate = ~(error <= 2.0 * EPS)
+        if not inaccurate.any():
             return eta
-        eta[:, :, late] += schur.solve(s[late], residual[:, :, late])
+        eta[:, :, inaccurate] += schur.solve(s[inaccurate], residual[:, :, inaccurate])
     eta[:, :, ~(_residual(modal, s, b, eta)[1] <= BACKWARD)] = np.nan
     return eta
 
 
-def _solver(basis: Basis, modal: Damped, w: Array, summed: bool) -> Callable[[Complex], Complex]:
+def _solver(basis: Basis, modal: Damped, w: Array, by_modes: bool) -> Callable[[Complex], Complex]:
     """Return an approximate solver of the equations in the basis at some frequencies, for loads (m, inputs, n)."""
     s: Complex = (1j * w).astype(complex, copy=False)
     if basis.strong_dampers is not None:
         solutions = separated_solutions(modal, basis.strong_dampers, np.eye(len(modal.square)), w, np.arange(len(w)))
         inverse: Complex = np.ascontiguousarray(solutions.transpose(2, 0, 1))
         return lambda right: (inverse @ right.transpose(2, 0, 1)).transpose(1, 2, 0)
-    if not summed:
+    if not by_modes:
         return partial(basis.schur.solve, s)
     if modal.vectors is None:
         root, square = np.sqrt(np.abs(modal.square))[:, None], modal.square[:, None]

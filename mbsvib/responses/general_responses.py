@@ -15,7 +15,7 @@ import numpy as np
 
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import EPS
-from mbsvib.responses.general_terms import cleaned, highest_terms
+from mbsvib.responses.general_terms import asymptotic_terms, cleaned
 from mbsvib.responses.modal_sum import general_motions
 
 if TYPE_CHECKING:
@@ -46,17 +46,7 @@ class Realization:
 def realization(system: Equations, state: EnergyState) -> Realization:
     """Return the first-order equations in energy coordinates.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    state : EnergyState
-        The same in energy coordinates.
-
-    Returns
-    -------
-    Realization
-        Matrices; a feedthrough that is 0 up to rounding is exactly 0.
+    A feedthrough that is 0 up to rounding is exactly 0.
 
     Raises
     ------
@@ -64,9 +54,9 @@ def realization(system: Equations, state: EnergyState) -> Realization:
         If an acceleration output of massless motions would be the derivative of an input.
     """
     rate = state.show @ state.a
-    early, late = highest_terms(state)
+    e1, e2 = asymptotic_terms(state)
     c = system.Cq @ state.show + system.Cv @ rate + system.Ca @ (rate @ state.a)
-    improper = cleaned(system.Ca @ state.basis, early, state.basis.T @ system.B)
+    improper = cleaned(system.Ca @ state.basis, e1, state.basis.T @ system.B)
     if improper.any():
         i, j = np.argwhere(improper)[0]
         raise ResponseError(
@@ -75,24 +65,13 @@ def realization(system: Equations, state: EnergyState) -> Realization:
             f"its velocity."
         )
     b = state.basis.T @ system.B
-    d = system.D + cleaned(system.Cv @ state.basis, early, b)
-    d = cleaned(system.Ca @ state.basis, late, b, system.D) + (d - system.D)
+    d = system.D + cleaned(system.Cv @ state.basis, e1, b)
+    d = cleaned(system.Ca @ state.basis, e2, b, system.D) + (d - system.D)
     return Realization(state.a, state.force @ system.B, c, d)
 
 
 def summable(modal: General) -> bool:
-    """Tell whether a sum over modes has terms for all eigenvalues: chains of 0 no longer than two, no defective pair.
-
-    Parameters
-    ----------
-    modal : General
-        Modes.
-
-    Returns
-    -------
-    bool
-        Whether it has.
-    """
+    """Tell whether a sum over modes has terms for all eigenvalues: no chain of 0 longer than two, no defective pair."""
     return not modal.state.long and bool(modal.spectrum.slopes.all())
 
 
@@ -197,17 +176,7 @@ def solved(system: Equations, state: EnergyState, s: Complex) -> Complex:
 def cancels(system: Equations, state: EnergyState) -> bool:
     """Tell whether most of a stiffness is that of springs in series with dampers, which resist hardly any static load.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    state : EnergyState
-        The same in energy coordinates, in which dampers hold massless motions.
-
-    Returns
-    -------
-    bool
-        Whether more than three digits cancel in the static stiffness; False for unsymmetric equations.
+    That is, whether more than three digits cancel in the static stiffness; False for unsymmetric equations.
     """
     p = len(state.scale)
     if not state.massless or system.gyroscopic is not None or system.circulatory is not None:

@@ -22,18 +22,6 @@ def modal_states(system: Equations, modal: General) -> FirstOrder:
     Each mode has a block [[0, 1], [-l1 l2, l1 + l2]] of its eigenvalues l1, l2; one of first order has the block l1,
     two motions without stiffness that come to rest have [[0, 0], [0, 0]], and two others of first order with equal
     eigenvalues, which are paired as a mode, have [[l1, 0], [0, l2]].
-
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    modal : General
-        Its modes.
-
-    Returns
-    -------
-    FirstOrder
-        Blocks, inputs, and the transformation to q and q'.
     """
     state = modal.state
     blocks, columns, names = [], [], []

@@ -16,29 +16,21 @@ if TYPE_CHECKING:
 CANCELLED = 32.0  # products that must cancel do so to this many roundings of their terms
 
 
-def highest_terms(state: EnergyState) -> tuple[Array, Array]:
+def asymptotic_terms(state: EnergyState) -> tuple[Array, Array]:
     """Return E1 and E2 of E1 / s + E2 / s^2, high above all eigenvalues, in the basis (m, m).
 
-    Parameters
-    ----------
-    state : EnergyState
-        The equations in energy coordinates.
-
-    Returns
-    -------
-    tuple of array
-        Both; without massless motions 0 and 1.
+    Without massless motions they are 0 and 1.
     """
     m = len(state.basis)
     if not state.massless:
         return np.zeros((m, m)), np.eye(m)
     p = len(state.scale)
-    early, late = np.zeros((m, m)), np.zeros((m, m))
-    early[p:, p:] = np.linalg.inv(state.damping[p:, p:])
-    late[:p, :p] = np.eye(p)
-    late[:p, p:] = -state.damping[:p, p:] @ early[p:, p:]
-    late[p:, p:] = -early[p:, p:] @ state.coupling[p:, p:] @ early[p:, p:]
-    return early, late
+    e1, e2 = np.zeros((m, m)), np.zeros((m, m))
+    e1[p:, p:] = np.linalg.inv(state.damping[p:, p:])
+    e2[:p, :p] = np.eye(p)
+    e2[:p, p:] = -state.damping[:p, p:] @ e1[p:, p:]
+    e2[p:, p:] = -e1[p:, p:] @ state.coupling[p:, p:] @ e1[p:, p:]
+    return e1, e2
 
 
 def cleaned(c: Array, middle: Array, b: Array, direct: Array | None = None) -> Array:
@@ -92,9 +84,9 @@ def terms(modal: General, c: Array, b: Array) -> tuple[Complex, Array, Array, Ar
     pairs = np.stack((value[turns], value[turns].conj()), axis=1)
     number = np.concatenate((modal.mode[turns], modal.mode[~turns]))
     if state.right.shape[1]:
-        seen, driven = c @ state.show @ state.right, state.left.T @ state.force @ b
-        still = (seen @ driven).reshape(size, 1)
-        drift = (seen @ state.nilpotent @ driven).reshape(size, 1)
+        outputs, inputs = c @ state.show @ state.right, state.left.T @ state.force @ b
+        still = (outputs @ inputs).reshape(size, 1)
+        drift = (outputs @ state.nilpotent @ inputs).reshape(size, 1)
         pairs = np.concatenate((np.zeros((1, 2)), pairs))
         alpha, gamma = np.concatenate((still, alpha), axis=1), np.concatenate((drift, gamma), axis=1)
         number = np.concatenate(([0], number))

@@ -95,7 +95,7 @@ class Measurement:
                      if (at.node, abs(at.direction)) == (there.node, abs(there.direction)))  # fmt: skip
 
     @property
-    def measured(self) -> Array:
+    def is_measured(self) -> Array:
         """Which pairs were measured, (outputs, inputs), true or false."""
         return np.asarray(~np.isnan(self.responses).all(axis=2))
 

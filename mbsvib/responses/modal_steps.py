@@ -43,8 +43,8 @@ class Oscillators:
         shape = (len(self.square), len(h))
         p, tau, flat = (np.broadcast_to(x, shape).reshape(-1) for x in (self.square[:, None], self.total[:, None], h))
         c, s, i, j, rate = _answers(p, tau, flat)
-        carry = np.array([[c, s], [-p * s, rate]]).reshape(2, 2, *shape)
-        return carry, np.array([i, s]).reshape(2, *shape), np.array([j / flat, i / flat]).reshape(2, *shape)
+        transition = np.array([[c, s], [-p * s, rate]]).reshape(2, 2, *shape)
+        return transition, np.array([i, s]).reshape(2, *shape), np.array([j / flat, i / flat]).reshape(2, *shape)
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ import numpy as np
 
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
-from mbsvib.responses.general_terms import cleaned, highest_terms, terms
+from mbsvib.responses.general_terms import asymptotic_terms, cleaned, terms
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -158,16 +158,16 @@ def modal_sum(
         basis, b, d = modal.state.basis, system.B[:, pick], system.D[show][:, pick]
         return general_sum(modal, (rows, rows @ basis), order, output, (b, basis.T @ b), d)
     c = rows @ modal.shapes
-    return _summed(modal, c, order, output, modal.shapes.T @ system.B[:, pick], system.D[show][:, pick])
+    return _sum_of(modal, c, order, output, modal.shapes.T @ system.B[:, pick], system.D[show][:, pick])
 
 
 def sum_of_motions(modal: Damped, b: Array) -> ModalSum:
     """Return the sum over modes of (s^2 + s Gamma + Omega^2)^-1 b for b (m, inputs) in the basis: all m motions."""
     m = len(b)
-    return _summed(modal, np.eye(m), np.zeros(m, dtype=np.intp), np.arange(m), b, np.zeros(b.shape))
+    return _sum_of(modal, np.eye(m), np.zeros(m, dtype=np.intp), np.arange(m), b, np.zeros(b.shape))
 
 
-def _summed(modal: Damped, c: Array, order: Index, output: Index, b: Array, d: Array) -> ModalSum:
+def _sum_of(modal: Damped, c: Array, order: Index, output: Index, b: Array, d: Array) -> ModalSum:
     accelerates = np.zeros(len(d), dtype=bool)
     accelerates[output[order == 2]] = True
     direct = np.where((order == 2)[:, None], d[output], 0.0).reshape(-1)
@@ -212,8 +212,8 @@ def general_sum(
     accelerates[output[order == 2]] = True
     direct = np.where((order == 2)[:, None], d[output], 0.0)
     feedthrough = np.where(accelerates[:, None], 0.0, d)
-    early, late = highest_terms(modal.state)
-    ends = (cleaned(c[1], early, b[1]).reshape(-1), cleaned(c[1], late, b[1], direct).reshape(-1), direct.reshape(-1))
+    e1, e2 = asymptotic_terms(modal.state)
+    ends = (cleaned(c[1], e1, b[1]).reshape(-1), cleaned(c[1], e2, b[1], direct).reshape(-1), direct.reshape(-1))
     mode_terms = terms(modal, c[0], b[0])
     first = mode_terms[0][:, 0]
     shape = np.abs(first), -2.0 * first.real, np.abs(first) ** 2
@@ -260,7 +260,7 @@ def _sums(terms: Array, size: Array, start: Array, total: Array) -> Array:
 
 
 def _classical(modal: Damped, c: Array, b: Array) -> _Terms:
-    """Every mode is a pair of its own, with R1 = -R2."""
+    """Each mode is one pair, with R1 = -R2."""
     gamma = _outer(c, b)
     return modal.pairs, np.zeros(0), gamma, None, np.zeros((len(gamma), 0)), np.arange(len(b))
 

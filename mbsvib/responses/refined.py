@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.linalg.double_double import Sliced, Twofold, twofold
+from mbsvib.linalg.double_double import DoubleDouble, Sliced, double_double
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -45,7 +45,7 @@ class Refined:
     floor: Array
     motion: Complex
     rows: Array
-    exact: Twofold
+    exact: DoubleDouble
 
     @property
     def relative_motion(self) -> Complex:
@@ -70,7 +70,7 @@ class Factors:
         """Return the factors of a system at the angular frequencies ``w`` (n,) [rad/s]."""
         used = (system.stiffness != 0.0) | (system.damping != 0.0)
         inertia = system.inertia_factor[system.inertia_factor.any(axis=1)]
-        square = twofold(w).times(twofold(w))
+        square = double_double(w).times(double_double(w))
         springs = int(np.count_nonzero(used))
         stiffness = np.empty((springs + len(inertia), len(w)))
         stiffness[:springs], stiffness[springs:] = system.stiffness[used][:, None], -square.high
@@ -79,18 +79,18 @@ class Factors:
         rows = np.concatenate((system.elastic_rows[used], inertia))
         return Factors(rows, stiffness, low, system.damping[used], w)
 
-    def force(self) -> Callable[[Twofold], Twofold]:
+    def force(self) -> Callable[[DoubleDouble], DoubleDouble]:
         """Return the function that maps D q to (k + i w c) D q and W q to -w^2 W q, (rows, loads, n, 2)."""
-        stiff = Twofold(_doubled(self.stiffness), _doubled(self.low))
+        stiff = DoubleDouble(_doubled(self.stiffness), _doubled(self.low))
         damped = len(self.damping) if self.damping.any() else 0
-        brake = twofold(_doubled(np.broadcast_to(self.w, (damped, len(self.w)))))
-        brake = brake.times(twofold(self.damping[:damped, None, None, None]))
+        brake = double_double(_doubled(np.broadcast_to(self.w, (damped, len(self.w)))))
+        brake = brake.times(double_double(self.damping[:damped, None, None, None]))
 
-        def of(motion: Twofold) -> Twofold:
+        def of(motion: DoubleDouble) -> DoubleDouble:
             result = motion.times(stiff)
             if damped:
-                part = Twofold(result.high[:damped], result.low[:damped])
-                part += Twofold(motion.high[:damped], motion.low[:damped]).turned().times(brake)
+                part = DoubleDouble(result.high[:damped], result.low[:damped])
+                part += DoubleDouble(motion.high[:damped], motion.low[:damped]).times_i().times(brake)
                 result.high[:damped], result.low[:damped] = part.high, part.low
             return result
 
@@ -137,7 +137,7 @@ def refined(
     # powers of two make the coordinates comparable without rounding
     scale = np.ldexp(1.0, np.frexp(np.linalg.norm(shapes, axis=1))[1])
     equations = _Equations.of(factors, scale)
-    seen = _Outputs(tuple((k, Sliced.of(c * scale), c * scale) for k, c in outputs[0]), outputs[1], factors.w)
+    readings = _Outputs(tuple((k, Sliced.of(c * scale), c * scale) for k, c in outputs[0]), outputs[1], factors.w)
     basis = shapes / scale[:, None]
 
     def correction(residual: Array) -> Array:
@@ -145,17 +145,18 @@ def refined(
         return _times(basis, eta)
 
     b = _parts(scale[:, None, None] * load)
-    x, exact = twofold(correction(b)), twofold(b)
+    x, exact = double_double(correction(b)), double_double(b)
     for _ in range(STEPS):
         residual = (exact + -equations.of_motion(x)).high
         first = correction(residual)
         second = correction(residual - equations.of_small(first))
-        x += twofold(first + second)
-        value, most = seen.of(x), LAST * seen.most(x)
-        change = np.abs(seen.moved(_complex(second)))
+        x += double_double(first + second)
+        value, most = readings.of(x), LAST * readings.most(x)
+        change = np.abs(readings.change(_complex(second)))
         if (change <= STILL * np.abs(value) + most).all() or not np.isfinite(change).all():
             break
-    return Refined(value, change, seen.size(x), most, scale[:, None, None] * _complex(x.high), factors.rows * scale, x)
+    motion = scale[:, None, None] * _complex(x.high)
+    return Refined(value, change, readings.size(x), most, motion, factors.rows * scale, x)
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,18 +169,18 @@ class _Equations:
     rows: Array
     cut: Sliced
     columns: Sliced
-    force: Callable[[Twofold], Twofold]
+    force: Callable[[DoubleDouble], DoubleDouble]
     ordinary: Callable[[Complex], Complex]
-    mass: Twofold | None
-    square: Twofold
+    mass: DoubleDouble | None
+    square: DoubleDouble
 
     @staticmethod
     def of(factors: Factors, scale: Array) -> _Equations:
         rows, springs, mass = factors.rows * scale, len(factors.damping), None
-        square = twofold(_doubled(factors.w[None])).times(twofold(_doubled(factors.w[None])))
+        square = double_double(_doubled(factors.w[None])).times(double_double(_doubled(factors.w[None])))
         if springs and len(rows) - springs > 2 * len(scale):
             inertia = rows[springs:]
-            mass = Sliced.of(np.ascontiguousarray(inertia.T)).product(twofold(inertia))
+            mass = Sliced.of(np.ascontiguousarray(inertia.T)).product(double_double(inertia))
             few = slice(springs)
             factors = Factors(factors.rows[few], factors.stiffness[few], factors.low[few], factors.damping, factors.w)
             rows = rows[few]
@@ -187,7 +188,7 @@ class _Equations:
         columns = cut.transposed(rows)
         return _Equations(factors, rows, cut, columns, factors.force(), factors.ordinary(), mass, square)
 
-    def of_motion(self, x: Twofold) -> Twofold:
+    def of_motion(self, x: DoubleDouble) -> DoubleDouble:
         """Return the loads that cause a motion."""
         result = self.columns.product(self.force(self.cut.product(x)))
         return result if self.mass is None else result + -Sliced.of(self.mass).product(x).times(self.square)
@@ -225,33 +226,33 @@ class _Outputs:
     direct: Array
     w: Array
 
-    def of(self, x: Twofold) -> Complex:
+    def of(self, x: DoubleDouble) -> Complex:
         start = np.zeros((*self.direct.shape, len(self.w), 2))
         start[..., 0] = self.direct[:, :, None]
-        total, w = twofold(start), twofold(_doubled(self.w[None]))
+        total, w = double_double(start), double_double(_doubled(self.w[None]))
         for order, rows, _ in self.rows:
             part = rows.product(x)
             for _ in range(order):
-                part = part.turned().times(w)
+                part = part.times_i().times(w)
             total = total + part
         return _complex(total.high)
 
-    def moved(self, motion: Complex) -> Complex:
+    def change(self, motion: Complex) -> Complex:
         """Changes of the outputs by a change of motions, in working precision."""
         result: Complex = np.zeros((*self.direct.shape, len(self.w)), dtype=complex)
         for order, _, rows in self.rows:
             result += _complex(_times(rows, _parts(motion))) * (1j * self.w) ** order
         return result
 
-    def size(self, x: Twofold) -> Array:
+    def size(self, x: DoubleDouble) -> Array:
         return self._sum(np.abs(_complex(x.high)))
 
-    def most(self, x: Twofold) -> Array:
-        moved = np.abs(_complex(x.high))
-        return self._sum(np.broadcast_to(moved.max(axis=0), moved.shape))
+    def most(self, x: DoubleDouble) -> Array:
+        magnitude = np.abs(_complex(x.high))
+        return self._sum(np.broadcast_to(magnitude.max(axis=0), magnitude.shape))
 
-    def _sum(self, moved: Array) -> Array:
+    def _sum(self, magnitude: Array) -> Array:
         result = np.broadcast_to(np.abs(self.direct)[:, :, None], (*self.direct.shape, len(self.w))).copy()
         for order, _, rows in self.rows:
-            result += _times(np.abs(rows), moved) * self.w**order
+            result += _times(np.abs(rows), magnitude) * self.w**order
         return result

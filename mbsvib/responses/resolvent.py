@@ -51,9 +51,9 @@ class Resolvent:
         size = float(np.linalg.norm(self.t))
         result = np.empty((*self.d.shape, len(s)))
         for i, point in enumerate(s.tolist()):
-            seen = np.linalg.norm(np.abs(self._solved(point, self.c.T, 1)), axis=0)
-            driven = np.linalg.norm(np.abs(self._states(point)), axis=0)
-            result[..., i] = EPS * ((abs(point) + size) * np.outer(seen, driven) + np.abs(self.d))
+            output_gain = np.linalg.norm(np.abs(self._solved(point, self.c.T, 1)), axis=0)
+            input_gain = np.linalg.norm(np.abs(self._states(point)), axis=0)
+            result[..., i] = EPS * ((abs(point) + size) * np.outer(output_gain, input_gain) + np.abs(self.d))
         return result
 
     def _states(self, point: complex) -> Complex:

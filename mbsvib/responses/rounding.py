@@ -33,11 +33,11 @@ class Noise:
 
     ``parts`` are the outputs by order of differentiation: the order, the output numbers, the magnitudes of the modes'
     input times output coefficients (rows inputs, k), and those of the known sums (rows, inputs, k + 1). ``b`` are the
-    inputs and ``seen`` the outputs in the basis.
+    inputs and ``outputs`` the outputs in the basis.
     """
 
     b: Array
-    seen: tuple[tuple[int, Array], ...]
+    outputs: tuple[tuple[int, Array], ...]
     terms: Terms
     parts: tuple[tuple[int, NDArray[np.intp], Array, Array], ...]
     direct: Array
@@ -53,21 +53,21 @@ class Noise:
         for order, rows in differentiated(system):
             used = np.flatnonzero(rows.any(axis=1))
             c = rows[used] @ modal.shapes
-            gamma, seen = np.linalg.norm(c, axis=1), np.abs(c if terms.vectors is None else c @ terms.vectors)
-            both = gamma[:, None, None] * right.T + seen[:, None, :] * beta[:, None]
+            gamma, gain = np.linalg.norm(c, axis=1), np.abs(c if terms.vectors is None else c @ terms.vectors)
+            both = gamma[:, None, None] * right.T + gain[:, None, :] * beta[:, None]
             left = terms.left(both, direct[used] if order == 2 else None)
             parts.append((order, used, both.reshape(-1, both.shape[2]), left))
-        seen_rows = tuple((order, rows @ modal.shapes) for order, rows in differentiated(system))
-        return Noise(b, seen_rows, terms, tuple(parts), direct)
+        output_rows = tuple((order, rows @ modal.shapes) for order, rows in differentiated(system))
+        return Noise(b, output_rows, terms, tuple(parts), direct)
 
-    def at(self, w: Array, summed: bool) -> Array:
+    def at(self, w: Array, by_modes: bool) -> Array:
         """Return the bound at angular frequencies.
 
         Parameters
         ----------
         w : array, shape (n,)
             Angular frequencies [rad/s], none negative.
-        summed : bool
+        by_modes : bool
             Whether responses are sums over modes, which avoid the cancellation above a mode; else they are solutions.
 
         Returns
@@ -77,7 +77,7 @@ class Noise:
         """
         gain, fade = self.terms.gain(w)
         result = np.zeros((*self.direct.shape, len(w)))
-        if summed:
+        if by_modes:
             gain *= fade
             below = np.searchsorted(self.terms.ascending, w)
             inverse = np.divide(1.0, w, out=np.zeros_like(w), where=w > 0.0) ** self.terms.power
@@ -85,7 +85,7 @@ class Noise:
             result += self.direct[:, :, None]
         for order, used, both, left in self.parts:
             part = (both @ gain).reshape(len(used), -1, len(w))
-            if summed:
+            if by_modes:
                 part += left[:, :, below] * inverse
             result[used] += part * w**order if order else part
         result *= EPS * ROUNDING
@@ -206,16 +206,16 @@ class Changes:
         count, springs = len(self.rows), len(self.stiffness)
         near = product(self.sizes, _magnitude(motion))
         if relative_motion is None:
-            seen = _magnitude(real_product(self.rows, motion))
-            seen -= ROUNDING * EPS * near[:count]
-            np.maximum(seen, 0.0, out=seen)
+            forces = _magnitude(real_product(self.rows, motion))
+            forces -= ROUNDING * EPS * near[:count]
+            np.maximum(forces, 0.0, out=forces)
         else:
-            seen = np.abs(relative_motion)
-        seen[:springs] *= np.hypot(self.stiffness, self.damping * w)[:, None]
-        seen[springs:] *= w * w
+            forces = np.abs(relative_motion)
+        forces[:springs] *= np.hypot(self.stiffness, self.damping * w)[:, None]
+        forces[springs:] *= w * w
         far = near[count : 2 * count]
-        adjoint = np.concatenate((seen[:, inputs:], far[:, inputs:])).transpose(2, 1, 0)
-        forward = np.concatenate((far[:, :inputs], seen[:, :inputs])).transpose(2, 0, 1)
+        adjoint = np.concatenate((forces[:, inputs:], far[:, inputs:])).transpose(2, 1, 0)
+        forward = np.concatenate((far[:, :inputs], forces[:, :inputs])).transpose(2, 0, 1)
         result: Array = (adjoint @ forward).transpose(1, 2, 0) + self.direct[:, :, None]
         for i, order in enumerate(self.orders):
             start = 2 * count + i * outputs

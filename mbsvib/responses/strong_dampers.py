@@ -39,5 +39,5 @@ def strong_dampers(system: Equations, modal: Damped) -> Array | None:
     omega = np.sqrt(np.abs(modal.square))
     together = omega[:, None] + omega
     together[together == 0.0] = np.inf  # rigid-body modes do not share a damper: Gamma is diagonal there
-    spread = ((np.abs(rows) @ np.abs(modal.shapes)) * root).T @ np.abs(dampers)
-    return dampers if (spread > STRONG * together).any() else None
+    coupling = ((np.abs(rows) @ np.abs(modal.shapes)) * root).T @ np.abs(dampers)
+    return dampers if (coupling > STRONG * together).any() else None

@@ -8,20 +8,17 @@ dependent, the exponential of the full state matrix is used instead of the modes
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common.expected import reals
 from mbsvib.errors import ResponseError
-from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.modal_steps import Exponentials, Oscillators
+from mbsvib.responses.time_steps import Block, run, stepped
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
@@ -34,21 +31,6 @@ HOLDS = ("zero", "first")
 # With strong dampers a sum over modes is more accurate than the exponential up to this condition number of eigenvalues.
 DEPENDENT = 1e3
 NEAR_POLE = 1.001  # factor of the poles' frequencies at which sums over modes are checked: at a pole they are infinite
-CHUNK = 4096  # samples whose states are held in memory at a time
-SEGMENTS = 64  # of one chunk, side by side
-STEPS_AT_ONCE = 256  # uneven steps whose closed forms are computed at a time
-
-
-@dataclass(frozen=True, slots=True)
-class _Block:
-    """States of one kind: ``motion`` advances them; ``force`` (k, inputs) are the inputs, ``show`` (outputs, states, k)
-    the contributions to the outputs, of which the real part is taken; ``state`` (states, k) is the initial state.
-    """
-
-    motion: Oscillators | Exponentials
-    force: Any
-    show: Any
-    state: Any
 
 
 def time_response(
@@ -98,7 +80,7 @@ def time_response(
     y: Array = (system.D + rates[2] @ b) @ inputs
     for block in blocks:
         if block.show.shape[2]:
-            y += _run(block, time, inputs, first)
+            y += run(block, time, inputs, first)
     return y
 
 
@@ -111,13 +93,13 @@ def _independent(basis: Basis, modal: Damped) -> bool:
     return trusted(modal, np.eye(len(modal.square)), np.sort(np.abs(modal.pairs).reshape(-1)))
 
 
-def _oscillators(square: Array, gamma: Array, b: Array, rates: tuple[Array, ...], start: Array) -> _Block:
+def _oscillators(square: Array, gamma: Array, b: Array, rates: tuple[Array, ...], start: Array) -> Block:
     cq, cv, ca = rates
     show = np.stack((cq - ca * square, cv - ca * gamma), axis=1)
-    return _Block(Oscillators(square, gamma), b, show, start.T)
+    return Block(Oscillators(square, gamma), b, show, start.T)
 
 
-def _complex(modal: Damped, b: Array, rates: tuple[Array, ...], start: Array) -> list[_Block]:
+def _complex(modal: Damped, b: Array, rates: tuple[Array, ...], start: Array) -> list[Block]:
     """One state for each conjugate pair and for each real eigenvalue, two for each free rigid-body mode."""
     assert modal.vectors is not None
     assert modal.slopes is not None
@@ -134,7 +116,7 @@ def _complex(modal: Damped, b: Array, rates: tuple[Array, ...], start: Array) ->
     still = modal.vectors[:, free, 0].real
     none = np.zeros(still.shape[1])
     rigid = _oscillators(none, none, still.T @ b, tuple(c @ still for c in rates), still.T @ start)
-    return [_Block(Exponentials(value), left @ b, (cq + value * (cv + value * ca))[:, None], state), rigid]
+    return [Block(Exponentials(value), left @ b, (cq + value * (cv + value * ca))[:, None], state), rigid]
 
 
 def _amplitudes(value: Any, left: Any, matrices: tuple[Array, Array, Array], initial: Array) -> Any:
@@ -154,85 +136,6 @@ def _amplitudes(value: Any, left: Any, matrices: tuple[Array, Array, Array], ini
     return left @ (inertia @ v) + np.where(large <= small, first, -second)
 
 
-def _run(block: _Block, time: Array, u: Array, first: bool) -> Array:
-    """Outputs of one block of states, (outputs, n)."""
-    outputs = len(block.show)
-    y = np.empty((outputs, len(time)))
-    y[:, 0] = np.tensordot(block.show, block.state, axes=2).real
-    n = len(time) - 1
-    h = (time[-1] - time[0]) / max(n, 1)
-    # time stamps that are even up to their rounding are treated as even
-    even = np.abs(time - (time[0] + h * np.arange(n + 1))).max() <= 4.0 * EPS * np.abs(time[[0, -1]]).max()
-    march = _even_steps(block, h) if even and n > 1 else _uneven_steps(block, np.diff(time))
-    state = block.state
-    for start in range(0, n, CHUNK):
-        stop = min(n, start + CHUNK)
-        held, change = u[:, start:stop], np.diff(u[:, start : stop + 1]) if first else None
-        y[:, start + 1 : stop + 1], state = march(state, held, change, start)
-    return y
-
-
-def _even_steps(block: _Block, h: float) -> Callable[[Any, Array, Array | None, int], tuple[Array, Any]]:
-    """Return the function that advances a state through a chunk of even steps and computes the outputs."""
-    carry, held, ramp = block.motion.step(np.array([h]))
-    hold, grow = held * block.force, ramp * block.force
-    powers: dict[int, Any] = {}
-
-    def march(state: Any, u: Array, change: Array | None, _: int) -> tuple[Array, Any]:
-        n = u.shape[1]
-        length = -(-n // SEGMENTS)
-        count = -(-n // length)
-        if length not in powers:
-            powers[length] = block.motion.step(h * np.arange(1.0, length + 1.0))[0]
-        x = _forced(hold, u, length, count)
-        if change is not None:
-            x += _forced(grow, change, length, count)
-        for j in range(1, length):  # all segments from rest
-            x[j] += np.einsum("abk,bkp->akp", carry[..., 0], x[j - 1])
-        starts = np.empty((*state.shape, count), dtype=x.dtype)
-        for p in range(count):
-            starts[..., p] = state
-            state = np.einsum("abk,bk->ak", powers[length][..., -1], state) + x[-1, :, :, p]
-        for j in range(length):
-            x[j] += np.einsum("abk,bkp->akp", powers[length][..., j], starts)
-        states, modes = x.shape[1:3]
-        y = block.show.reshape(len(block.show), states * modes) @ x.reshape(length, states * modes, count)
-        last = n - 1 - (count - 1) * length
-        return y.real.transpose(1, 2, 0).reshape(len(y[0]), length * count)[:, :n], x[last, :, :, -1]
-
-    return march
-
-
-def _forced(gain: Any, u: Array, length: int, count: int) -> Any:
-    """Contributions of the inputs to the states at each sample, (length, states, k, count), for parallel segments."""
-    padded = np.zeros((len(u), length * count))
-    padded[:, : u.shape[1]] = u
-    parts = padded.reshape(len(u), count, length).transpose(2, 0, 1)
-    return np.matmul(gain, parts[:, None])
-
-
-def _uneven_steps(block: _Block, steps: Array) -> Callable[[Any, Array, Array | None, int], tuple[Array, Any]]:
-    """Return the function that advances a state through a chunk of steps of any length and computes the outputs."""
-
-    def march(state: Any, u: Array, change: Array | None, start: int) -> tuple[Array, Any]:
-        force = block.force @ u
-        growth = None if change is None else block.force @ change
-        x = np.empty((*state.shape, u.shape[1]), dtype=np.result_type(state, force))
-        for k in range(u.shape[1]):
-            at = k % STEPS_AT_ONCE
-            if at == 0:
-                lengths, which = np.unique(steps[start + k :][:STEPS_AT_ONCE], return_inverse=True)
-                carry, held, ramp = block.motion.step(lengths)
-            i = which[at]
-            state = np.einsum("abk,bk->ak", carry[..., i], state) + held[..., i] * force[:, k]
-            if growth is not None:
-                state += ramp[..., i] * growth[:, k]
-            x[..., k] = state
-        return np.tensordot(block.show, x, axes=2).real, state
-
-    return march
-
-
 def _by_exponential(system: Equations, modal: Damped, record: tuple[Array, Array, Array, bool]) -> Array:
     """Outputs by the exponential of the full state matrix; the step matrices of each length are computed once."""
     from mbsvib.responses.energy_schur import energy_matrix
@@ -241,45 +144,13 @@ def _by_exponential(system: Equations, modal: Damped, record: tuple[Array, Array
     m = len(modal.square)
     scale, a = energy_matrix(modal)
     b = np.concatenate((np.zeros((m, len(u))), modal.shapes.T @ system.B))
-    x = _stepped(a, b, np.concatenate((scale * start[:, 0], start[:, 1])), (time, u, first))
+    x = stepped(a, b, np.concatenate((scale * start[:, 0], start[:, 1])), (time, u, first))
     eta, rate = x[:m] / scale[:, None], x[m:]
     y = system.Cq @ (modal.shapes @ eta) + system.Cv @ (modal.shapes @ rate) + system.D @ u
     if system.Ca.any():
-        bent = modal.shapes.T @ (system.B @ u) - modal.square[:, None] * eta - modal.gamma @ rate
-        y += system.Ca @ (modal.shapes @ bent)
+        acceleration = modal.shapes.T @ (system.B @ u) - modal.square[:, None] * eta - modal.gamma @ rate
+        y += system.Ca @ (modal.shapes @ acceleration)
     return y
-
-
-def _stepped(a: Array, b: Array, start: Array, record: tuple[Array, Array, bool]) -> Array:
-    """States of x' = a x + b u at all samples, (n, len(time)), by exponentials."""
-    from scipy.linalg import expm
-
-    time, u, first = record
-    n, k = len(a), len(u)
-    # the number of squarings in expm must not depend on the size of inputs
-    size = np.abs(b).max(axis=0, initial=0.0)
-    size[size == 0.0] = 1.0
-    unit, u = b / size, u * size[:, None]
-    x = np.empty((n, len(time)))
-    x[:, 0] = start
-    steps: dict[float, tuple[Array, Array, Array]] = {}
-    lengths = np.diff(time)
-    even = (time[-1] - time[0]) / max(1, len(lengths))
-    if len(lengths) and np.abs(time - time[0] - even * np.arange(len(time))).max() <= 4.0 * EPS * np.abs(time).max():
-        lengths[:] = even
-    for i, h in enumerate(lengths.tolist()):
-        if h not in steps:
-            augmented = np.zeros((n + 2 * k, n + 2 * k))
-            augmented[:n, :n] = a * h
-            augmented[:n, n : n + k] = unit
-            augmented[n : n + k, n + k :] = np.eye(k)
-            power = expm(augmented)[:n]
-            steps[h] = power[:, :n], h * power[:, n : n + k], h * power[:, n + k :]
-        carry, held, ramp = steps[h]
-        x[:, i + 1] = carry @ x[:, i] + held @ u[:, i]
-        if first:
-            x[:, i + 1] += ramp @ (u[:, i + 1] - u[:, i])
-    return x
 
 
 def _general(system: Equations, modal: General, record: tuple[Array, Array, Array, bool]) -> Array:
@@ -292,31 +163,31 @@ def _general(system: Equations, modal: General, record: tuple[Array, Array, Arra
     start = state.position @ initial[0] + state.rate @ initial[1]
     speeds = np.sort(np.abs(modal.spectrum.values))
     if not responses.trusted(modal, np.eye(len(state.basis)), NEAR_POLE * speeds):
-        return equations.c @ _stepped(equations.a, equations.b, start, (time, u, first)) + equations.d @ u
+        return equations.c @ stepped(equations.a, equations.b, start, (time, u, first)) + equations.d @ u
     y: Array = equations.d @ u
     for block in _general_blocks(system, modal, (initial, start)):
         if block.show.shape[2]:
-            y += _run(block, time, u, first)
+            y += run(block, time, u, first)
     return y
 
 
-def _general_blocks(system: Equations, modal: General, initial: tuple[Array, Array]) -> list[_Block]:
+def _general_blocks(system: Equations, modal: General, initial: tuple[Array, Array]) -> list[Block]:
     """One state for each nonzero eigenvalue, conjugates together; for 0 the motions at rest and those that drift."""
     spectrum, state = modal.spectrum, modal.state
     value, x = spectrum.values, spectrum.right * np.where(spectrum.turns, 2.0, 1.0)
     left = spectrum.left.T / spectrum.slopes[:, None]
     begin = _amplitudes(value, left, (system.M, system.C, system.K), initial[0])
     show = system.Cq @ x + value * (system.Cv @ x + value * (system.Ca @ x))
-    blocks = [_Block(Exponentials(value), left @ system.B, show[:, None], begin[None])]
+    blocks = [Block(Exponentials(value), left @ system.B, show[:, None], begin[None])]
     if state.right.shape[1]:
         rates = [c @ state.show for c in (system.Cq, system.Cv, system.Ca)]
         stands, moves = rates[0] @ state.right, rates[1] @ state.right
-        driven, held = state.left.T @ (state.force @ system.B), state.left.T @ initial[1]
-        j, none = state.nilpotent, np.zeros(len(held))
-        blocks.append(_Block(Exponentials(none.astype(complex)), driven, (stands + moves @ j)[:, None], held[None]))
+        driven, momentum = state.left.T @ (state.force @ system.B), state.left.T @ initial[1]
+        j, none = state.nilpotent, np.zeros(len(momentum))
+        blocks.append(Block(Exponentials(none.astype(complex)), driven, (stands + moves @ j)[:, None], momentum[None]))
         # drift: J acts once, as for a free mass
-        begin = np.stack((none, j @ held))
-        blocks.append(_Block(Oscillators(none, none), j @ driven, np.stack((stands, moves * 0.0), axis=1), begin))
+        begin = np.stack((none, j @ momentum))
+        blocks.append(Block(Oscillators(none, none), j @ driven, np.stack((stands, moves * 0.0), axis=1), begin))
     return blocks
 
 

@@ -63,14 +63,14 @@ def recomputed(basis: Basis, modal: Damped, w: Array, responses: tuple[Complex, 
         Transfer functions.
     """
     system = basis.equations
-    value, summed = responses
+    value, by_modes = responses
     if not value.size or not system.dof:
         return value
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         entries = _entries(basis, modal, w, responses, solver)
         if not entries.any():
             return value
-        limit = basis.rounding.at(w, summed)
+        limit = basis.rounding.at(w, by_modes)
         doubt = (limit > DIGITS * np.abs(value)) & entries[:, :, None]
         result, failed = value.copy(), np.zeros_like(doubt)
         at = np.flatnonzero(doubt.any(axis=(0, 1)))
@@ -107,15 +107,15 @@ def _entries(basis: Basis, modal: Damped, w: Array, responses: tuple[Complex, bo
         some = np.flatnonzero(doubt.any(axis=(0, 1)))
         at = w[probes[some[np.unique(np.linspace(0, len(some) - 1, CLOSER).astype(int))]]]
         both, inputs = _both(system, modal, at, solver), len(system.inputs)
-        value, moved, floor = (a[:, :inputs] for a in (np.abs(both.value), both.change, both.floor))
+        value, changes, floor = (a[:, :inputs] for a in (np.abs(both.value), both.change, both.floor))
         change = all_numbers.at(at, both.motion, both.relative_motion)
-        result &= (value > np.maximum(LEFT * EPS * change, np.maximum(moved / RESTLESS, floor))).any(axis=2)
+        result &= (value > np.maximum(LEFT * EPS * change, np.maximum(changes / RESTLESS, floor))).any(axis=2)
     return result
 
 
 def _motions(basis: Basis, modal: Damped, w: Array, solve: Callable[[Complex], Complex]) -> Complex:
     """Forward and adjoint motions (m, inputs + outputs, n), in working precision."""
-    return real_product(modal.shapes, solve(_loads(basis.rounding.b, basis.rounding.seen, w)))
+    return real_product(modal.shapes, solve(_loads(basis.rounding.b, basis.rounding.outputs, w)))
 
 
 def _loads(b: Array, outputs: Sequence[tuple[int, Array]], w: Array) -> Complex:

@@ -22,6 +22,7 @@ from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.finite_zeros import finite_zeros
 from mbsvib.responses.modal_sum import CANCELLED, ModalSum, modal_sum
+from mbsvib.responses.zero_rounding import determined_zeros, smallest_singular_value, transfer_rounding
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,11 +39,6 @@ if TYPE_CHECKING:
 # A Newton step that changes a zero by more than this share does not correct rounding errors.
 CORRECTION, NEWTON_STEPS = 1e-3, 4
 SECANT = 1e-4  # distance of the secant's points, as a share of that to the nearest pole
-# Infinite zeros may come out finite if the deflation is ill-conditioned, for example along a chain of many masses. A
-# value is a zero of the transfer matrix only if that grows a thousandfold within a quarter of the way to the nearest
-# pole. Otherwise the transfer matrix is far from zero there, or it is rounding of its terms.
-GROWTH = 1e3
-COARSE = 0.25
 # The error of a double zero at 0 is the square root of rounding. It is at 0 if the static response is zero to rounding.
 AT_REST, STATIC_ROUNDINGS = 1e-5, 30.0
 CLOSER = np.array([1e-2, 1e-3])  # points, in parts of the lowest pole, where growth indicates a pole at 0
@@ -51,7 +47,6 @@ GROWS = 3.0
 NEAR_RIGID = (1e-3, 1e-4, 1e-5)
 # If a power differs from an integer by more, some zeros are near 0 but not at 0.
 INTEGER_POWER = 0.1
-AT_POLE = 1e-6  # zeros so near to a pole are those of uncontrollable or unobservable modes
 
 
 def transmission_zeros(
@@ -89,7 +84,8 @@ def transmission_zeros(
     zeros = _refined(modal, total, zeros)
     zeros = _at_rest(system, modal, total, zeros, (sources, results), still)
     if isinstance(total, ModalSum) or total.finite_zeros() != len(zeros) + still:
-        zeros = zeros[_known(modal, total, zeros, _rounding(system, modal, total, (sources, results), zeros))]
+        rounding = transfer_rounding(system, modal, total, (sources, results), zeros)
+        zeros = zeros[determined_zeros(modal, total, zeros, rounding)]
     zeros = np.concatenate((np.zeros(still), zeros))
     return zeros[np.lexsort((-zeros.imag, np.abs(zeros)))]
 
@@ -172,9 +168,9 @@ def _in_energy(
 def _even(equations: tuple[Array, Array, Array, Array], highest: float) -> tuple[Array, Array, Array, Array]:
     """Bring A, B, C, D to units of the highest frequency and to unit size."""
     a, b, c, d = equations
-    force, seen = np.linalg.norm(b, axis=0) / highest, np.linalg.norm(c, axis=1)
-    force[force == 0.0] = seen[seen == 0.0] = 1.0
-    return a / highest, b / highest / force, c / seen[:, None], d / seen[:, None] / force
+    input_norm, output_norm = np.linalg.norm(b, axis=0) / highest, np.linalg.norm(c, axis=1)
+    input_norm[input_norm == 0.0] = output_norm[output_norm == 0.0] = 1.0
+    return a / highest, b / highest / input_norm, c / output_norm[:, None], d / output_norm[:, None] / input_norm
 
 
 def _refined(modal: Damped | General, total: ModalSum | Resolvent, zeros: Complex) -> Complex:
@@ -185,19 +181,19 @@ def _refined(modal: Damped | General, total: ModalSum | Resolvent, zeros: Comple
         z.real[np.abs(z.real) <= CORRECTION**2 * np.abs(z.imag)] = 0.0
     poles = np.unique(modal.pairs)
     with np.errstate(all="ignore"):
-        value = _smallest(total.at(z))[0]
+        value = smallest_singular_value(total.at(z))[0]
         for _ in range(NEWTON_STEPS):
             distance = np.abs(z[:, None] - poles).min(axis=1)
             offset = SECANT * distance * np.where(z != 0.0, z / np.abs(z), 1.0)
             here, there = total.at(z), total.at(z + offset)
-            size, left, right = _smallest(here)
+            size, left, right = smallest_singular_value(here)
             change = np.einsum("no,oin,ni->n", left.conj(), there - here, right)
             new = z - offset * (size / change)
             if undamped:
                 new.real[z.real == 0.0] = 0.0
             new.imag[z.imag == 0.0] = 0.0
             better = np.abs(new - z) <= CORRECTION * np.abs(z)
-            then = _smallest(total.at(new))[0]
+            then = smallest_singular_value(total.at(new))[0]
             better &= then < value
             if not better.any():
                 break
@@ -219,7 +215,7 @@ def _at_rest(
         if not np.isfinite(lowest):
             return z
         if len(ports[0]) == len(ports[1]):
-            known = _known(modal, total, z, _rounding(system, modal, total, ports, z))
+            known = determined_zeros(modal, total, z, transfer_rounding(system, modal, total, ports, z))
             return _near_rigid_poles(total, poles, (z, known), lowest, still)
         near = np.abs(z) <= AT_REST * lowest
         if near.any():
@@ -230,8 +226,8 @@ def _at_rest(
     near = np.abs(z) <= AT_REST * float(size.min())
     if near.any():
         origin = np.zeros(1, dtype=complex)
-        value, left, right = _smallest(total.at(origin))
-        rounding = _rounding(system, modal, total, ports, origin)
+        value, left, right = smallest_singular_value(total.at(origin))
+        rounding = transfer_rounding(system, modal, total, ports, origin)
         noise = np.einsum("no,oin,ni->n", np.abs(left), rounding, np.abs(right))
         if value[0] <= STATIC_ROUNDINGS * noise[0]:
             return np.where(near, 0.0, z)
@@ -264,82 +260,17 @@ def _near_rigid_poles(
 def _transfer(
     system: Equations, modal: Damped | General, ports: tuple[list[int], list[int]], z: Complex
 ) -> ModalSum | Resolvent:
-    """The transfer matrix as a sum over modes, or by solving where eigenvalues meet so that it is no such sum."""
+    """The transfer matrix as a sum over modes, or by solving where eigenvalues meet so that there is no such sum."""
     from mbsvib.responses import frequency_response, general_responses
     from mbsvib.responses.resolvent import Resolvent
 
     sources, results = ports
     if isinstance(modal, Damped):
         forces = modal.shapes.T @ system.B[:, sources]
-        summed = modal.vectors is None or frequency_response.trusted(modal, forces, np.abs(z))
+        by_modes = modal.vectors is None or frequency_response.trusted(modal, forces, np.abs(z))
     else:
-        summed = general_responses.trusted(modal, modal.state.basis.T @ system.B[:, sources], np.abs(z))
-    if summed:
+        by_modes = general_responses.trusted(modal, modal.state.basis.T @ system.B[:, sources], np.abs(z))
+    if by_modes:
         return modal_sum(system, modal, sources, results)
     matrices = {name: getattr(system, name)[results] for name in ("Cq", "Cv", "Ca")}
     return Resolvent.of(*_in_energy(system, modal, ports, matrices | {"D": system.D[np.ix_(results, sources)]}))
-
-
-def _known(modal: Damped | General, total: ModalSum | Resolvent, z: Complex, noise: Array) -> NDArray[np.bool_]:
-    """Tell which zeros are determined despite rounding."""
-    if not len(z):
-        return np.zeros(0, dtype=bool)
-    distance = np.abs(z[:, None] - np.unique(modal.pairs)).min(axis=1)
-    size = np.abs(z)
-    offset = COARSE * distance * np.where(size > 0.0, z / np.where(size > 0.0, size, 1.0), 1.0)
-    with np.errstate(all="ignore"):
-        value, left, right = _smallest(total.at(z))
-        change = np.abs(np.einsum("no,oin,ni->n", left.conj(), total.at(z + offset), right))
-        rounding = np.einsum("no,oin,ni->n", np.abs(left), noise, np.abs(right))
-        clear = change > GROWTH * np.maximum(value, rounding)
-    return np.asarray(clear | (distance <= AT_POLE * size) | (size == 0.0))
-
-
-def _rounding(
-    system: Equations, modal: Damped | General, total: ModalSum | Resolvent, ports: tuple[list[int], list[int]],
-    z: Complex,
-) -> Array:
-    """Rounding of the transfer matrix at the points z, (outputs, inputs, n)."""
-    return _noise(system, modal, *ports, z) if isinstance(total, ModalSum) else total.noise(z)
-
-
-def _noise(system: Equations, modal: Damped | General, sources: list[int], results: list[int], z: Complex) -> Array:
-    """Rounding of a sum over modes at the points z, (outputs, inputs, n): a shape has that of its largest part."""
-    if not isinstance(modal, Damped):
-        return _general_noise(system, modal, (sources, results), z)
-    b = np.abs(modal.shapes.T @ system.B[:, sources])
-    highest = b.max(axis=0)
-    result = np.zeros((len(results), len(sources), len(z)))
-    with np.errstate(all="ignore"):
-        down = 1.0 / np.abs((z - modal.pairs[:, :1]) * (z - modal.pairs[:, 1:]))
-        for order, rate in enumerate((system.Cq, system.Cv, system.Ca)):
-            c = np.abs(rate[results] @ modal.shapes)
-            terms = np.einsum("om,i->oim", c, highest) + np.einsum("o,mi->oim", c.max(axis=1), b)
-            result += np.tensordot(terms, down, axes=1) * np.abs(z) ** order
-    return EPS * result
-
-
-def _general_noise(
-    system: Equations, modal: General, ports: tuple[list[int], list[int]], z: Complex
-) -> Array:
-    """The same with right and left vectors."""
-    sources, results = ports
-    values, right, left, slopes = modal.spectrum.whole()
-    b = np.abs(left.T @ system.B[:, sources]) / np.abs(slopes)[:, None]
-    highest = b.max(axis=0, initial=0.0)
-    result = np.zeros((len(results), len(sources), len(z)))
-    with np.errstate(all="ignore"):
-        down = 1.0 / np.abs(z - values[:, None])
-        for order, rate in enumerate((system.Cq, system.Cv, system.Ca)):
-            c = np.abs(rate[results] @ right)
-            terms = np.einsum("om,i->oim", c, highest) + np.einsum("o,mi->oim", c.max(axis=1, initial=0.0), b)
-            result += np.tensordot(terms, down, axes=1) * np.abs(z) ** order
-    return EPS * result
-
-
-def _smallest(matrices: Complex) -> tuple[Array, Complex, Complex]:
-    """Smallest singular value (n,) of matrices (outputs, inputs, n), with its vectors (n, outputs) and (n, inputs)."""
-    stack = matrices.transpose(2, 0, 1)
-    good: NDArray[np.bool_] = np.asarray(np.isfinite(stack).all(axis=(1, 2)))
-    u, s, v = np.linalg.svd(np.where(good[:, None, None], stack, 0.0), full_matrices=False)
-    return np.where(good, s[:, -1], np.nan), u[:, :, -1], v[:, -1, :].conj()

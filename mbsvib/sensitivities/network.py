@@ -19,7 +19,7 @@ from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.maxwell_rows import Node
 from mbsvib.elements.rotor import Rotor
 from mbsvib.elements.torsion_spring import TorsionSpring
-from mbsvib.kinematics.relative_motion import body_motion
+from mbsvib.kinematics.body_motion import body_motion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

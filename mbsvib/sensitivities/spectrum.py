@@ -120,7 +120,7 @@ def _symmetric(damped: Damped) -> Spectrum:
 
 
 def _general(values: Complex, general: General) -> Spectrum:
-    known, right, left, _ = general.spectrum.whole()
+    known, right, left, _ = general.spectrum.complete()
     m = len(right)
     x, y = np.zeros((m, len(values)), dtype=complex), np.zeros((m, len(values)), dtype=complex)
     free = np.ones(len(known), dtype=bool)

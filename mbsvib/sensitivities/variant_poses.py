@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equilibrium.articulation import articulated, stiffened
+from mbsvib.equilibrium.articulation import articulated, with_rigid_parts
 from mbsvib.equilibrium.balance import balance
 from mbsvib.equilibrium.flexible_parts import flexible
-from mbsvib.equilibrium.motion import close, stance
-from mbsvib.equilibrium.moved_parts import bare, carried
+from mbsvib.equilibrium.motion import close, posed_model
+from mbsvib.equilibrium.moved_parts import model_in_pose, static_model
 from mbsvib.equilibrium.pose import start
 from mbsvib.linalg.differences import slope
 from mbsvib.linalg.rank import ZERO_DIFFERENCE
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.equilibrium.balance import Balance
-    from mbsvib.equilibrium.motion import Stance
+    from mbsvib.equilibrium.motion import PosedModel
     from mbsvib.mechanism.mechanism import Mechanism
 
 # The first step of differences along coordinates, against what is a large motion.
@@ -33,20 +33,20 @@ STEP = 2.0**-6
 
 @dataclass(frozen=True)
 class VariantPoses:
-    """A mechanism in balance, the ``stance`` of its pose, and the ``forces`` there along its m coordinates.
+    """A mechanism in balance, the ``posed_model`` of its pose, and the ``forces`` there along its m coordinates.
 
     Beams and superelements bend on the way to another pose if they state displacements. Otherwise the pose given is
     the loaded one, whatever the loads are, and they keep their shape.
     """
 
     model: Mechanism
-    stance: Stance
+    posed_model: PosedModel
     forces: Balance
 
     @staticmethod
     def of(model: Mechanism, cut: Sequence[str], names: Sequence[str] | None = None) -> VariantPoses:
         """Return the poses next to that of a mechanism whose loops are cut at some joints, along some coordinates."""
-        here = _stance(model, cut)
+        here = _posed_model(model, cut)
         return VariantPoses(model, here, balance(here, names))
 
     @property
@@ -57,18 +57,18 @@ class VariantPoses:
     @property
     def steps(self) -> Array:
         """What is a large motion (m,) along each coordinate: 1 rad, or the size of the mechanism [m]."""
-        return self.stance.scale[self.forces.reduction.independent]
+        return self.posed_model.scale[self.forces.reduction.independent]
 
     def residual(self, variant: Mechanism) -> Array:
         """Return what is left of the forces (m,) on a variant of the mechanism in the same pose."""
-        return balance(_stance(variant, self.stance.cut), self.names).residual
+        return balance(_posed_model(variant, self.posed_model.cut), self.names).residual
 
     def at(self, motion: Array) -> Mechanism:
         """Return the mechanism after a motion (m,) along its coordinates, with its loops closed."""
-        there = self.stance.moved(self.forces.all_joints(motion))
+        there = self.posed_model.moved(self.forces.all_joints(motion))
         depends = np.ones(len(there.coordinates.names), dtype=bool)
         depends[self.forces.reduction.independent] = False
-        return carried(self.model, close(there, depends)[0].pose)
+        return model_in_pose(self.model, close(there, depends)[0].pose)
 
     @cached_property
     def tangent(self) -> Array:
@@ -104,7 +104,7 @@ class VariantPoses:
         pushed = np.where(np.abs(force) > ZERO_DIFFERENCE * rounding, force, 0.0)
         if not pushed.any():
             return pushed
-        unit = inverse_root(np.abs(forces.tangent.diagonal()) + forces.acting / self.steps)
+        unit = inverse_root(np.abs(forces.tangent.diagonal()) + forces.balanced_forces / self.steps)
         motions, lost = balancing_motion(self.tangent, unit, pushed[None], lambda: rounding[None])
         if lost[0]:
             return None
@@ -113,7 +113,8 @@ class VariantPoses:
         return np.where(share > ZERO_DIFFERENCE * share.max(), motion, 0.0)
 
 
-def _stance(model: Mechanism, cut: Sequence[str]) -> Stance:
+def _posed_model(model: Mechanism, cut: Sequence[str]) -> PosedModel:
     bends = any(part.displacements is not None for part in flexible(model))
-    jointed = bare(articulated(model) if bends else stiffened(model))
-    return stance(jointed, start(jointed), tuple(name for name in cut if name in jointed.joints))
+    articulated_model = static_model(articulated(model) if bends else with_rigid_parts(model))
+    remaining = tuple(name for name in cut if name in articulated_model.joints)
+    return posed_model(articulated_model, start(articulated_model), remaining)

@@ -23,8 +23,8 @@ from mbsvib.equations.equations import MATRICES, Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene
-from mbsvib.equilibrium.articulation import stiffened
-from mbsvib.equilibrium.at_equilibrium import settled
+from mbsvib.equilibrium.articulation import with_rigid_parts
+from mbsvib.equilibrium.at_equilibrium import at_equilibrium
 from mbsvib.equilibrium.pose_kinematics import size_of
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.linalg.differences import slope
@@ -106,7 +106,7 @@ class Variants:
         independent = (*own.coordinates, *came.dropped.names)
         if not came.settled:
             return linearized(self._model, independent, self._cut)
-        whole: Equations | SparseEquations = settled(self._model, independent, self._cut, "dense")[1]
+        whole: Equations | SparseEquations = at_equilibrium(self._model, independent, self._cut, "dense")[1]
         assert isinstance(whole, Equations)
         return whole
 
@@ -180,7 +180,7 @@ class Variants:
     @cached_property
     def _size(self) -> float:
         """The size of the mechanism [m], nodes of beams included."""
-        return size_of(stiffened(self._model))
+        return size_of(with_rigid_parts(self._model))
 
     def _scale(self, name: str) -> float:
         """What a parameter is measured by: the size of the mechanism for places, the loads for forces, or else what
@@ -244,7 +244,7 @@ class Variants:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             if came.settled:
-                _, variant = settled(model, independent=own.coordinates, cut=self._cut, method="dense")
+                _, variant = at_equilibrium(model, independent=own.coordinates, cut=self._cut, method="dense")
             else:
                 plain = expanded(model)
                 view = scene(with_maxwell_nodes(plain), self._cut)

@@ -20,7 +20,7 @@ import numpy as np
 from mbsvib.common.tables import listed
 from mbsvib.elements.rows import Rows
 from mbsvib.errors import NearSingularWarning, SingularPoseError
-from mbsvib.kinematics.loops import LoopGroup, decided, measures
+from mbsvib.kinematics.loop_group import LoopGroup, decided, measures
 from mbsvib.kinematics.relative_motion import arm
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import (

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.linalg.groups import spread
+from mbsvib.linalg.groups import items_of_groups
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -97,7 +97,7 @@ def layout(tree: Tree, loops: int = 0, touched: tuple[Index, Index] | None = Non
     coordinate = (start + 2 * own)[tree.carried] + np.arange(len(tree.carried)) - tree.first[tree.carried]
     order = np.argsort(last, kind="stable")
     multiplier = np.empty(loops, dtype=np.intp)
-    group, nth = spread(np.bincount(last, minlength=n))
+    group, nth = items_of_groups(np.bincount(last, minlength=n))
     multiplier[order] = (start + 2 * own + tree.count)[inward[group]] + nth
     return Layout(displacement, coordinate, multiplier, own, int(ends[-1]))
 

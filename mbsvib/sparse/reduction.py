@@ -8,7 +8,7 @@ import numpy as np
 
 from mbsvib.equations.equations import Equations, Provenance
 from mbsvib.kinematics.loops import Reduction
-from mbsvib.linalg.products import product
+from mbsvib.linalg.products import weighted_gram
 from mbsvib.linalg.rank import EPS, ZERO_SUM
 from mbsvib.modes.undamped import WELL_CLOSED
 from mbsvib.sparse.subspace import strains
@@ -59,7 +59,7 @@ def reduced(
     motion[body, direction] = z[system.layout.displacement[body, direction]]
     cq, cv, ca = (np.asarray(rows @ z) for rows in system.output_rows)
     gyroscopic, circulatory = (_antisymmetric(matrix, z) for matrix in (system.gyroscopic, system.circulatory))
-    damping_matrix, stiffness_matrix = product(elastic, damping), product(elastic, stiffness)
+    damping_matrix, stiffness_matrix = weighted_gram(elastic, damping), weighted_gram(elastic, stiffness)
     names = tuple(f"mode{i + 1}" for i in range(n))
     return form(
         name=system.name, coordinates=names, coordinate_units=("modal",) * n, inputs=system.inputs,

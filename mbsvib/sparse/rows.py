@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.kinematics.relative_motion import clear_rounding
-from mbsvib.linalg.groups import spread
+from mbsvib.linalg.groups import items_of_groups
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -112,11 +112,11 @@ def path_entries(tree: Tree, rows: Rows, longest: int | None = SHORT) -> tuple[I
     of_row = of_row.reshape(-1)
     pair, body, sign, late = paths(tree, ends[0], ends[1], longest)
     # expand the joints of each path to coordinates, and each row to the coordinates of its pair
-    joint, nth = spread(tree.count[body])
+    joint, nth = items_of_groups(tree.count[body])
     coordinate, pair, sign = tree.first[body[joint]] + nth, pair[joint], sign[joint]
     sign = sign * tree.sign[coordinate]
     begin = np.searchsorted(pair, np.arange(ends.shape[1] + 1))
-    row, nth = spread(begin[of_row + 1] - begin[of_row])
+    row, nth = items_of_groups(begin[of_row + 1] - begin[of_row])
     entry = begin[of_row[row]] + nth
     column = coordinate[entry]
     return row, column, sign[entry] * row_values(tree, rows, row, column), late[of_row]

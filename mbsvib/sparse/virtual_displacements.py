@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.kinematics.loops import LoopGroup
+    from mbsvib.kinematics.loop_group import LoopGroup
     from mbsvib.sparse.constraints import Constraints, Entries
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree

@@ -7,7 +7,7 @@ record            results in a file as they are computed
 sweeps, results   ``sweep`` and its results
 figures           figures of all of these
 tracks            ``track``: modes that keep their names over a sweep
-scatter, spread, first_order   ``tolerances``: scatter of parameters, to first order and by samples
+scatter, parameter_tolerances, first_order   ``tolerances``: scatter of parameters, to first order and by samples
 dual, evaluation, quantities, extremes   numbers of a system with their gradients, and functions of them
 measures, modal, responses   frequencies, damping ratios, gains, peaks, root mean squares
 scales, search, solvers, optimizing   ``optimize`` and its result

@@ -7,7 +7,7 @@ from speed to speed by their shapes, with more speeds in between where these cha
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -16,36 +16,20 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import a_model, names, reals
 from mbsvib.errors import ModelError, nearest
-from mbsvib.linalg.matching import Station, alone, follow, reference, step, upper
+from mbsvib.linalg.matching import track_modes
 from mbsvib.modes.result import growing
+from mbsvib.studies.speed_sweep import CriticalSpeed, critical_speeds, speed_sweep, stability_limits, upper_eigenvalues
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.api.model import Model
-    from mbsvib.api.system import System
-    from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.modes import Modes
 
 
 # A whirl is one if its area, in parts of that of a circle, is larger.
 ROUND = 1e-3
-# Critical speeds are found to this relative accuracy.
-XTOL = 1e-13
-
-
-@dataclass(frozen=True, slots=True)
-class CriticalSpeed:
-    """Where mode ``mode``, which counts from 1 as printed (its column in arrays is ``mode - 1``), has ``order`` times
-    the ``speed`` [rad/s] as its damped ``frequency`` [Hz]; ``damping_ratio`` and ``whirl`` there.
-    """
-
-    mode: int
-    order: float
-    speed: float
-    frequency: float
-    damping_ratio: float
-    whirl: float
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -145,7 +129,7 @@ def campbell(
         The rotors that turn at W, or at how many times W each turns; the others keep their speeds. Default: all,
         at the ratios of the speeds that they have to that of the first (1 each if one of them rests).
     orders : array-like, shape (k,)
-        Critical speeds are those at which a damped angular frequency is so many times W.
+        Critical speeds are those at which a damped angular frequency is this multiple of W.
 
     Returns
     -------
@@ -160,21 +144,22 @@ def campbell(
     a_model(model, "campbell")
     ratios = _ratios(model, rotors)
     w = _ascending(speeds)
-    sweep = _sweep(model, ratios)
+    sweep = speed_sweep(model, ratios)
     modes_of_speed = [sweep.at(speed) for speed in w.tolist()]
-    order = follow([sweep.station(*point) for point in zip(w.tolist(), modes_of_speed, strict=True)], sweep.between)
+    stations = [sweep.station(*point) for point in zip(w.tolist(), modes_of_speed, strict=True)]
+    order = track_modes(stations, sweep.between)
     steps = list(zip(modes_of_speed, w.tolist(), order, strict=True))
-    table = np.array([_upper(modes)[which] for modes, _, which in steps])
+    eigenvalues = np.array([upper_eigenvalues(modes)[which] for modes, _, which in steps])
     whirl = np.array([sweep.whirl(modes, speed)[which] for modes, speed, which in steps])
     errors = np.array([modes.pair_errors.max(axis=1)[which] for modes, _, which in steps])
     lines = reals(orders, "campbell", "orders", "multiples of the speed", ModelError)
     if lines.ndim > 1 or not np.isfinite(lines).all():
         raise check.refuse("campbell", "orders", orders, "finite multiples of the speed, (1.0, 2.0)")
     critical = [point for n in np.atleast_1d(lines).tolist()
-                for point in _critical(sweep, w, modes_of_speed, order, n)]  # fmt: skip
+                for point in critical_speeds(sweep, w, modes_of_speed, order, n)]  # fmt: skip
     critical.sort(key=lambda point: (point.order, point.speed))
-    return Campbell(model.name, w, dict(ratios), table, errors, whirl, tuple(critical),
-                    _limits(sweep, w, modes_of_speed), tuple(modes_of_speed))  # fmt: skip
+    return Campbell(model.name, w, dict(ratios), eigenvalues, errors, whirl, tuple(critical),
+                    stability_limits(sweep, w, modes_of_speed), tuple(modes_of_speed))  # fmt: skip
 
 
 def _ratios(model: Model, rotors: str | Sequence[str] | Mapping[str, float] | None) -> dict[str, float]:
@@ -200,145 +185,6 @@ def _ascending(speeds: ArrayLike) -> Array:
         raise ModelError(f"campbell: speeds has shape {w.shape}; expected finite speeds [rad/s], each higher than the "
                          f"one before.", field="speeds")  # fmt: skip
     return w
-
-
-def _upper(modes: Modes) -> Complex:
-    return upper(modes.pairs)
-
-
-@dataclass(frozen=True, slots=True)
-class _Sweep:
-    """A system at any speed: ``still`` at speed 0, with what speed 1 adds."""
-
-    still: System
-    gyroscopic: Array
-    circulatory: Array
-    stations: tuple[tuple[int, Array, float], ...]  # number of a body with a rotor, its axis, its ratio
-    energy: Array
-
-    def at(self, speed: float) -> Modes:
-        """Return the modes at a speed."""
-        system = self.still
-        changes: dict[str, Any] = {}
-        for name, letter, part in (("gyroscopic", "C", self.gyroscopic), ("circulatory", "K", self.circulatory)):
-            if part.any() and speed != 0.0:
-                original = getattr(system, name)
-                changes[name] = speed * part if original is None else original + speed * part
-                changes[letter] = getattr(system, letter) + speed * part
-        return (replace(system, **changes) if changes else system).modes()
-
-    def station(self, speed: float, modes: Modes) -> Station:
-        """Return modes with their shapes weighted by the energies of both kinds."""
-        return Station(speed, _upper(modes), self.energy @ modes.shapes)
-
-    def between(self, speed: float) -> Station:
-        """Return the modes at another speed."""
-        return self.station(speed, self.at(speed))
-
-    def followed(self, first: tuple[float, Modes], second: tuple[float, Modes]) -> Index:
-        """Return the number at the other speed of each mode at the one."""
-        return step(reference(self.station(*first)), first[0], self.station(*second), self.between)[0]
-
-    def whirl(self, modes: Modes, speed: float) -> Array:
-        """Return the area of the rotors' orbits as a part of that of circles, positive as they spin, (modes,)."""
-        motion = self.still.body_motion @ modes.shapes
-        factor = self.still.inertia_factor[: 6 * len(self.still.bodies)].reshape(len(self.still.bodies), 6, -1)
-        weigh = np.linalg.norm(factor, axis=2)
-        area, size = np.zeros(motion.shape[2]), np.zeros(motion.shape[2])
-        for body, axis, ratio in self.stations:
-            sign = np.sign(ratio * speed) or 1.0
-            across = np.eye(3) - np.outer(axis, axis)
-            for part in (slice(3), slice(3, 6)):
-                u = across @ motion[body, part] * (weigh[body, part].max() or 1.0)
-                area += sign * 2.0 * (axis @ np.cross(u.imag, u.real, axis=0))
-                size += (np.abs(u) ** 2).sum(axis=0)
-        result = np.divide(area, size, out=np.zeros_like(area), where=size > 1e-20 * size.max(initial=0.0))
-        return np.where(_upper(modes).imag > 0.0, result, 0.0)
-
-
-def _sweep(model: Model, ratios: Mapping[str, float]) -> _Sweep:
-    still, turning = (
-        model.with_values({f"{name}.speed": ratio * speed for name, ratio in ratios.items()}).linearize(method="dense")
-        for speed in (0.0, 1.0)
-    )
-    added = []
-    for name in ("gyroscopic", "circulatory"):
-        at_rest, at_speed = (getattr(system, name) for system in (still, turning))
-        none = np.zeros_like(still.K)
-        added.append((none if at_speed is None else at_speed) - (none if at_rest is None else at_rest))
-    k, rows = np.sqrt(np.abs(still.stiffness))[:, None], still.elastic_rows
-    typical = np.linalg.norm(rows * k) / (np.linalg.norm(still.inertia_factor) or 1.0)
-    energy = np.concatenate((still.inertia_factor * (typical or 1.0), rows * k))
-    number = {name: i for i, name in enumerate(still.bodies)}
-    stations = tuple([(number[model.rotors[name].body], np.array(model.rotors[name].axis), ratio)
-                      for name, ratio in ratios.items()])  # fmt: skip
-    return _Sweep(still, added[0], added[1], stations, energy)
-
-
-def _limits(sweep: _Sweep, w: Array, modes_at: Sequence[Modes]) -> tuple[float, ...]:
-    """Speeds at which the stability of modes changes, by bisection between the given speeds."""
-    stable = [modes.stable for modes in modes_at]
-    result = []
-    for k in np.flatnonzero(np.diff(stable)).tolist():
-        low, high = float(w[k]), float(w[k + 1])
-        while low < 0.5 * (low + high) < high and high - low > XTOL * max(abs(low), abs(high)):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if sweep.at(middle).stable == stable[k] else (low, middle)
-        result.append(0.5 * (low + high))
-    return tuple(result)
-
-
-def _critical(
-    sweep: _Sweep, w: Array, modes_at: Sequence[Modes], order: Sequence[Index], times: float
-) -> list[CriticalSpeed]:
-    """Where tracks cross frequency = times |speed|: at samples, or between two by a bracketing root finder."""
-    from scipy.optimize import brentq
-
-    table = np.array([_upper(modes)[which] for modes, which in zip(modes_at, order, strict=True)])
-    off = table.imag - times * np.abs(w)[:, None]
-    result = []
-    for k in range(len(w)):
-        for mode in range(table.shape[1]):
-            if off[k, mode] == 0.0 and w[k] != 0.0 and table[k, mode] != 0.0:
-                result.append(_point(sweep, modes_at[k], int(order[k][mode]), (mode, times, float(w[k]))))
-            if k + 1 < len(w) and off[k, mode] * off[k + 1, mode] < 0.0 and w[k] * w[k + 1] >= 0.0:
-                sides = [(float(w[i]), modes_at[i], int(order[i][mode])) for i in (k, k + 1)]
-                ends = _Ends(sweep, sides, times)
-                speed = float(brentq(ends.off, w[k], w[k + 1], xtol=XTOL * abs(w[k + 1] - w[k]), rtol=4.0 * XTOL))
-                modes, number = ends.mode(speed)
-                if modes.pairs[number, 0].imag != 0.0:
-                    result.append(_point(sweep, modes, number, (mode, times, speed)))
-    return result
-
-
-class _Ends:
-    """One mode between two speeds, followed from the nearest speed at which it was computed and is separate."""
-
-    def __init__(self, sweep: _Sweep, sides: list[tuple[float, Modes, int]], times: float) -> None:
-        single = [side for side in sides if alone(_upper(side[1]))[side[2]]]
-        self.sweep, self.known, self.times = sweep, single or sides, times
-
-    def mode(self, speed: float) -> tuple[Modes, int]:
-        near, modes, number = min(self.known, key=lambda known: abs(known[0] - speed))
-        if near == speed:
-            return modes, number
-        here = self.sweep.at(speed)
-        at = int(self.sweep.followed((near, modes), (speed, here))[number])
-        if alone(_upper(here))[at]:
-            self.known.append((speed, here, at))
-        return here, at
-
-    def off(self, speed: float) -> float:
-        modes, number = self.mode(speed)
-        return float(_upper(modes)[number].imag - self.times * abs(speed))
-
-
-def _point(sweep: _Sweep, modes: Modes, number: int, at: tuple[int, float, float]) -> CriticalSpeed:
-    mode, times, speed = at
-    value = _upper(modes)[number]
-    ratio = float(0.0 - value.real / abs(value))
-    return CriticalSpeed(mode + 1, times, speed, float(value.imag) / (2.0 * np.pi), ratio,
-                         float(sweep.whirl(modes, speed)[number]))  # fmt: skip
 
 
 def _word(whirl: float) -> str:

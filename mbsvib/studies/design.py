@@ -12,7 +12,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.expected import a_model
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mechanism.changes import resolved
-from mbsvib.studies.parameter_maps import Linear, Tie, started, turning
+from mbsvib.studies.parameter_maps import Linear, Tie, angular_velocity_map, started
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -58,18 +58,18 @@ class Design:
         result: dict[str, dict[str, float]] = {name: {} for name in self.variables}
         for tie, names in self.ties:
             for variable, rates in tie.rates({variable: values[variable] for variable in names}).items():
-                own = result[variable]
+                slopes = result[variable]
                 for name, rate in self._expanded(rates):
-                    own[name] = own.get(name, 0.0) + rate
-        moved = self.values(values)
-        for part, turn in _turns(moved).items():
+                    slopes[name] = slopes.get(name, 0.0) + rate
+        parameter_values = self.values(values)
+        for part, turn in _rotation_maps(parameter_values).items():
             known = [f"{part}{_TURN}{axis}" for axis in _AXES]
-            for own in result.values():
-                rate = np.array([own.get(name, 0.0) for name in known])
+            for slopes in result.values():
+                rate = np.array([slopes.get(name, 0.0) for name in known])
                 if rate.any():
-                    own.update(zip(known, (turn @ rate).tolist(), strict=True))
-        for own in result.values():
-            own.update({} if own else {next(iter(moved)): 0.0})
+                    slopes.update(zip(known, (turn @ rate).tolist(), strict=True))
+        for slopes in result.values():
+            slopes.update({} if slopes else {next(iter(parameter_values)): 0.0})
         return result
 
     def _expanded(self, by_pattern: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -110,18 +110,18 @@ def design(model: Model, names: Iterable[str], ties: Ties | None = None) -> Desi
     shared = {id(tie) for name, tie in maps.items() if name in variables and not isinstance(tie, Mapping)}
     for name, tie in maps.items():
         if name not in variables and id(tie) not in shared:
-            raise ModelError(f"ties: '{name}' is none of the variables.{nearest(str(name), variables)} Variables are: "
-                             f"{', '.join(map(str, variables))}.", element=str(name), field="ties")  # fmt: skip
+            raise ModelError(f"ties: '{name}' is not one of the variables.{nearest(str(name), variables)} Variables "
+                             f"are: {', '.join(map(str, variables))}.", element=str(name), field="ties")  # fmt: skip
     direct = _direct(parameters, [name for name in variables if name not in maps])
     linear, bound = _linear(parameters, maps), _bound(maps, variables)
     result: tuple[Bound, ...] = tuple([(tie, tuple(tie.maps)) for tie in (direct, linear) if tie.maps]) + tuple(bound)
     start, units = dict(direct.start) | dict(linear.start), _units(direct, parameters)
-    for tie, own in bound:
-        start |= {name: started(tie, name) for name in own}
-        units |= {name: unit for name, unit in getattr(tie, "units", {}).items() if name in own}
-    moved = [(name, variable) for variable, rates in linear.maps.items() for name in rates]
-    moved += [(name, own[0]) for tie, own in bound for name in _checked(parameters, tie, own, start)]
-    for name, variable in moved:
+    for tie, tied in bound:
+        start |= {name: started(tie, name) for name in tied}
+        units |= {name: unit for name, unit in getattr(tie, "units", {}).items() if name in tied}
+    affected = [(name, variable) for variable, rates in linear.maps.items() for name in rates]
+    affected += [(name, tied[0]) for tie, tied in bound for name in _checked(parameters, tie, tied, start)]
+    for name, variable in affected:
         if name in direct.origin:
             raise ModelError(f"variable '{variable}': it moves '{name}', which has values of its own; leave one of "
                              f"both out.", element=name, field="ties")  # fmt: skip
@@ -146,10 +146,10 @@ def _linear(parameters: Parameters, ties: Mapping[str, Any]) -> Linear:
         if not isinstance(rates, Mapping) or not rates:
             raise check.refuse(f"variable '{variable}'", "ties", rates, "a mapping from parameters to rates, or an "
                                "object with values(variables) and rates(variables)")  # fmt: skip
-        own = maps.setdefault(variable, {})
+        rates_of = maps.setdefault(variable, {})
         for pattern, rate in rates.items():
             value = check.number(rate, f"variable '{variable}'", str(pattern), "a finite rate")
-            own.update(dict.fromkeys(parameters.matching(pattern), value))
+            rates_of.update(dict.fromkeys(parameters.matching(pattern), value))
     origin = {name: parameters[name] for rates in maps.values() for name in rates}
     return Linear(maps, origin, dict.fromkeys(maps, 0.0))
 
@@ -160,30 +160,30 @@ def _bound(maps: Mapping[str, Any], variables: tuple[str, ...]) -> list[Bound]:
     return [(tie, tuple([name for name in variables if maps.get(name) is tie])) for tie in ties.values()]
 
 
-def _checked(parameters: Parameters, tie: Tie, own: tuple[str, ...], start: Mapping[str, float]) -> list[str]:
+def _checked(parameters: Parameters, tie: Tie, variables: tuple[str, ...], start: Mapping[str, float]) -> list[str]:
     """The parameters of a tie, after checks of its values and rates."""
-    at, who = {name: start[name] for name in own}, f"variable '{own[0]}'"
+    at, who = {name: start[name] for name in variables}, f"variable '{variables[0]}'"
     values, rates = tie.values(at), tie.rates(at)
-    for what, answer in (("values", values), ("rates", rates)):
-        if not isinstance(answer, Mapping) or not answer:
-            raise check.refuse(who, what, answer, f"a mapping, as {what} of a tie has to be")
+    for what, result in (("values", values), ("rates", rates)):
+        if not isinstance(result, Mapping) or not result:
+            raise check.refuse(who, what, result, f"a mapping, as {what} of a tie has to be")
     for pattern, value in values.items():
         check.number(value, who, f"values of '{pattern}'")
-    moved = [name for pattern in values for name in parameters.matching(pattern)]
+    affected = [name for pattern in values for name in parameters.matching(pattern)]
     if hasattr(tie, "start"):
         _check_start(parameters, {name: values[pattern] for pattern in values
                                   for name in parameters.matching(pattern)}, who)  # fmt: skip
     for variable, slopes in rates.items():
-        if variable not in own:
+        if variable not in variables:
             raise ModelError(f"{who}: its tie has rates of '{variable}', which it was not given."
-                             f"{nearest(variable, own)}", element=str(variable), field="ties")  # fmt: skip
+                             f"{nearest(variable, variables)}", element=str(variable), field="ties")  # fmt: skip
         for pattern, rate in slopes.items():
             check.number(rate, f"variable '{variable}'", f"rates of '{pattern}'", "a finite rate")
             for name in parameters.matching(pattern):
-                if name not in moved:
+                if name not in affected:
                     raise ModelError(f"variable '{variable}': its tie has rates of '{name}', and no values.",
                                      element=name, field="ties")  # fmt: skip
-    return moved
+    return affected
 
 
 def _check_start(parameters: Parameters, values: Mapping[str, Any], who: str) -> None:
@@ -204,11 +204,11 @@ def _units(direct: Linear, parameters: Parameters) -> dict[str, str]:
     return {variable: units.pop() for variable, units in known.items() if len(units) == 1}
 
 
-def _turns(values: Mapping[str, Any]) -> dict[str, Array]:
+def _rotation_maps(values: Mapping[str, Any]) -> dict[str, Array]:
     """Matrices that convert rates of rotation vectors to angular velocities, for rotated parts."""
     vectors: dict[str, Array] = {}
     for name, value in values.items():
         part, separator, axis = name.rpartition(_TURN)
         if separator and value:
             vectors.setdefault(part, np.zeros(3))[_AXES.index(axis)] = value
-    return {part: turning(w) for part, w in vectors.items()}
+    return {part: angular_velocity_map(w) for part, w in vectors.items()}

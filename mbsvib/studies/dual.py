@@ -20,12 +20,12 @@ class Dual:
     value: Array
     slope: Array
 
-    def __add__(self, other: Dual) -> Dual:
-        return Dual(self.value + other.value, self.slope + other.slope)
+    def __add__(self, right: Dual) -> Dual:
+        return Dual(self.value + right.value, self.slope + right.slope)
 
-    def __mul__(self, other: Dual) -> Dual:
-        slope = self.value[:, None] * other.slope + other.value[:, None] * self.slope
-        return Dual(self.value * other.value, slope)
+    def __mul__(self, right: Dual) -> Dual:
+        slope = self.value[:, None] * right.slope + right.value[:, None] * self.slope
+        return Dual(self.value * right.value, slope)
 
     def through(self, function: Callable[[Array], Array], rate: Callable[[Array], Array]) -> Dual:
         """Return a function of each number, by its derivative."""

@@ -40,7 +40,7 @@ class DesignPoint:
 
     @classmethod
     def of(cls, system: Any, variables: str | Iterable[str] | Mapping[str, Mapping[str, float]]) -> DesignPoint:
-        """Return a system by itself, with derivatives to some variables."""
+        """Return a single system with derivatives to some variables."""
         checked(system)
         if isinstance(variables, Mapping):
             return cls(system, variables, {}, np.ones(len(variables)), {})
@@ -69,9 +69,9 @@ class DesignPoint:
 
     def dual(self, value: Array, slope: Array) -> Dual:
         """Return numbers with derivatives converted from variables to the unknowns."""
-        wide = np.zeros((len(value), self.width))
-        wide[:, : len(self.scale)] = slope * self.scale
-        return Dual(value, wide)
+        slopes = np.zeros((len(value), self.width))
+        slopes[:, : len(self.scale)] = slope * self.scale
+        return Dual(value, slopes)
 
     @cached_property
     def modes(self) -> Modes:

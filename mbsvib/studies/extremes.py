@@ -58,8 +58,8 @@ def largest(*quantities: Any) -> Quantity:
     Quantity
         One number.
     """
-    every = _stacked(quantities)
-    return Largest(f"largest of {every.label}", (every,), lambda a: a)
+    quantity = _stacked(quantities)
+    return Largest(f"largest of {quantity.label}", (quantity,), lambda a: a)
 
 
 def smallest(*quantities: Any) -> Quantity:
@@ -75,9 +75,9 @@ def smallest(*quantities: Any) -> Quantity:
     Quantity
         One number, as large as its constraints let it be where its negative is minimised.
     """
-    every = _stacked(quantities)
-    result = -Largest(f"largest of {(-every).label}", (-every,), lambda a: a)
-    result.label = f"smallest of {every.label}"
+    quantity = _stacked(quantities)
+    result = -Largest(f"largest of {(-quantity).label}", (-quantity,), lambda a: a)
+    result.label = f"smallest of {quantity.label}"
     return result
 
 

@@ -77,7 +77,7 @@ def over_variables(
 
 
 def histograms(axes: Axes, values: NDArray[Any]) -> None:
-    """Draw histograms of columns that are far from each other on one axis, each in bins of its own."""
+    """Draw histograms of columns with distant values on one axis, with separate bins for each."""
     for i in range(min(values.shape[1], MOST_LINES)):
         column = values[np.isfinite(values[:, i]), i]
         axes.hist(column, bins=BINS, color=style.COLOURS[i % len(style.COLOURS)], alpha=0.75, label=f"{i + 1}")
@@ -108,7 +108,7 @@ def root_locus(
     name : str
         The model's name.
     samples : bool
-        Whether neighbours in the array are no neighbours in the variables, so that no line joins them.
+        Whether neighbours in the array are not neighbours in the variables, so that no line joins them.
 
     Returns
     -------
@@ -119,13 +119,13 @@ def root_locus(
         figure = style.new_figure(6.4, 4.2)
         axes = figure.subplots()
         for i, (mode, track) in enumerate(zip(modes, eigenvalues.T[:MOST_LINES], strict=False)):
-            look = style.line(i)
+            line = style.line(i)
             dots: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 3.0} if samples else {}
-            axes.plot(track.real, track.imag, label=mode, **(look | dots))
+            axes.plot(track.real, track.imag, label=mode, **(line | dots))
             if not samples:
                 good = np.flatnonzero(np.isfinite(track))
                 for at, marker in ((good[0], "o"), (good[-1], "s")):
-                    axes.plot(track[at].real, track[at].imag, marker, color=look["color"], markersize=4.5, mfc="white")
+                    axes.plot(track[at].real, track[at].imag, marker, color=line["color"], markersize=4.5, mfc="white")
         axes.axvline(0.0, color=style.MARK, linewidth=0.8, zorder=0)
         axes.set_ylim(bottom=0.0)
         axes.set_xlabel("real part [1/s]")
@@ -145,7 +145,7 @@ def tolerances(labels: Sequence[str], sampled: Array, linear: Array, nominal: Ar
     sampled, linear : array, shape (n, k)
         Numbers of the samples, and their first-order values.
     nominal : array, shape (k,)
-        Numbers of the model as it is.
+        Numbers of the nominal model.
     name : str
         The model's name.
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mbsvib.studies.quantities import Quantity
 
 
-PIECE = 1000  # samples
+CHUNK = 1000  # samples
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def first_order(
     Parameters
     ----------
     point : DesignPoint
-        The system as it is, and the variables.
+        The nominal system, and the variables.
     quantities : mapping of str to Quantity
         The quantities of interest.
     off : array, shape (n, variables)
@@ -100,7 +100,7 @@ def no_order(point: DesignPoint, quantities: Mapping[str, Quantity], off: Array)
     Parameters
     ----------
     point : DesignPoint
-        The system as it is.
+        The nominal system.
     quantities : mapping of str to Quantity
         The quantities of interest.
     off : array, shape (n, variables)
@@ -113,10 +113,10 @@ def no_order(point: DesignPoint, quantities: Mapping[str, Quantity], off: Array)
     """
     values = [np.atleast_1d(np.asarray(quantity(point.system), dtype=float)) for quantity in quantities.values()]
     nominal = np.concatenate(values)
-    none = np.full(len(nominal), np.nan)
+    missing = np.full(len(nominal), np.nan)
     shares, linear = np.full((len(nominal), off.shape[1]), np.nan), np.full((len(off), len(nominal)), np.nan)
     counts = tuple([len(quantity) for quantity in values])
-    return FirstOrder(nominal, counts, none, none, shares, linear, np.zeros(len(nominal), dtype=bool))
+    return FirstOrder(nominal, counts, missing, missing, shares, linear, np.zeros(len(nominal), dtype=bool))
 
 
 def _parting(
@@ -140,8 +140,8 @@ def _parting(
             continue
         start, slope = parting(system, group, point.rates)
         known = values[group, 0]
-        moved = np.concatenate([_eigenvalues(start + np.tensordot(some, slope, axes=1)) for some in _pieces(off)])
-        moved = moved - known[np.argsort(np.abs(known), kind="stable")]
+        changes = np.concatenate([_eigenvalues(start + np.tensordot(chunk, slope, axes=1)) for chunk in _chunks(off)])
+        changes = changes - known[np.argsort(np.abs(known), kind="stable")]
         for first, quantity, numbers in modal:
             for k, mode in enumerate(np.array(group)[np.argsort(np.abs(known), kind="stable")].tolist()):
                 if mode not in numbers:
@@ -150,13 +150,13 @@ def _parting(
                 # the real part of an eigenvalue is bounded by the Hermitian part of its matrix
                 rotated = rate * slope
                 half = 0.5 * (rotated + rotated.conj().transpose(0, 2, 1))
-                result.append((first + numbers.index(mode), np.asarray((rate * moved[:, k]).real),
+                result.append((first + numbers.index(mode), np.asarray((rate * changes[:, k]).real),
                                np.linalg.norm(half, 2, axis=(1, 2)), np.linalg.norm(half, axis=(1, 2))))  # fmt: skip
     return result
 
 
-def _pieces(off: Array) -> list[Array]:
-    return [off[i : i + PIECE] for i in range(0, len(off), PIECE)]
+def _chunks(off: Array) -> list[Array]:
+    return [off[i : i + CHUNK] for i in range(0, len(off), CHUNK)]
 
 
 def _eigenvalues(matrices: Complex) -> Complex:

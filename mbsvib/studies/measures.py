@@ -93,10 +93,10 @@ def placement(targets: Mapping[int, float]) -> Quantity:
         raise check.refuse("placement", "targets", targets, "a frequency [Hz] for each mode, such as {1: 120.0}")
     for mode in targets:
         mode_index(mode, "placement", error=ModelError)
-    wanted = [check.number(f, "placement", f"targets[{mode}]", "a frequency [Hz]") for mode, f in targets.items()]
-    if min(wanted) <= 0.0:
+    targets_hz = [check.number(f, "placement", f"targets[{mode}]", "a frequency [Hz]") for mode, f in targets.items()]
+    if min(targets_hz) <= 0.0:
         raise check.refuse("placement", "targets", targets, "frequencies [Hz] above 0")
-    result = ((frequency(list(targets)) / wanted - 1.0) ** 2).sum()
+    result = ((frequency(list(targets)) / targets_hz - 1.0) ** 2).sum()
     result.label = "misplacement of frequencies [-]"
     return result
 
@@ -119,7 +119,7 @@ def gain(outputs: Names, inputs: Names, frequencies: ArrayLike) -> Quantity:
     Raises
     ------
     ModelError
-        If frequencies are no numbers.
+        If frequencies are not numbers.
     """
     try:
         f = np.atleast_1d(np.asarray(frequencies, dtype=float))

@@ -83,7 +83,7 @@ class Modal(Leaf):
         return point.dual(value, slope.T)
 
 
-def together(values: Complex, scatter: Array, most: int = 30) -> list[list[int]]:
+def together(values: Complex, scatter: Array, largest: int = 30) -> list[list[int]]:
     """Return groups of modes whose eigenvalues are close compared with their scatter.
 
     Parameters
@@ -91,8 +91,8 @@ def together(values: Complex, scatter: Array, most: int = 30) -> list[list[int]]
     values : array, shape (modes,)
         Eigenvalues with positive imaginary parts; others are in no group.
     scatter : array, shape (modes,)
-        Standard deviations of the eigenvalues, each by itself.
-    most : int
+        Standard deviations of the single eigenvalues.
+    largest : int
         Maximum number of modes in a group; larger groups are omitted.
 
     Returns
@@ -102,12 +102,12 @@ def together(values: Complex, scatter: Array, most: int = 30) -> list[list[int]]
     """
     turns = np.flatnonzero(values.imag > 0.0)
     gap = np.abs(values[turns][:, None] - values[turns])
-    reach = NEAR * np.hypot(scatter[turns][:, None], scatter[turns]) + TOGETHER * np.abs(values[turns])
+    limit = NEAR * np.hypot(scatter[turns][:, None], scatter[turns]) + TOGETHER * np.abs(values[turns])
     label = np.arange(len(turns))
-    for i, j in np.argwhere(np.triu(gap <= reach, 1)):
+    for i, j in np.argwhere(np.triu(gap <= limit, 1)):
         label[label == label[j]] = label[i]
     groups = [turns[label == name].tolist() for name in dict.fromkeys(label.tolist())]
-    return [group for group in groups if 1 < len(group) <= most]
+    return [group for group in groups if 1 < len(group) <= largest]
 
 
 def parting(system: System, group: list[int], variables: Any) -> tuple[Complex, Complex]:

@@ -95,11 +95,11 @@ class Optimum:
                      f"constraint violation {self.violation:.1e}.")  # fmt: skip
         if not self.success:
             notes.append(f"Message of the solver: {self.message}")
-        notes.append(self._reach())
+        notes.append(self._starts_note())
         return {"title": f"Optimum of {self.model.name}", "columns": [("variable", "left"), ("start", "right"),
                 ("optimum", "right")], "rows": rows, "notes": notes}  # fmt: skip
 
-    def _reach(self) -> str:
+    def _starts_note(self) -> str:
         """Sentence on other minima."""
         if len(self.starts) == 1:
             return "This is a local minimum. A smaller one may exist: starts=n searches from n points."
@@ -178,13 +178,13 @@ def optimize(
                            "{'leg*.k.stiffness': (1e6, 1e8)}")  # fmt: skip
     if not isinstance(objective, Quantity):
         raise check.refuse("optimize", "objective", objective, "a quantity, such as -smallest(damping_ratio())")
-    wanted: tuple[Any, ...] = tuple(constraints) if isinstance(constraints, Iterable) else (constraints,)
-    for constraint in wanted:
+    constraint_list: tuple[Any, ...] = tuple(constraints) if isinstance(constraints, Iterable) else (constraints,)
+    for constraint in constraint_list:
         if not isinstance(constraint, Constraint):
             raise check.refuse("optimize", "constraints", constraint, "a constraint, such as damping_ratio() >= 0.05")
     solve = solver(method)
     variables_design = design(model, variables, ties)
-    search = Search(model, variables_design, scales(variables_design, variables, start), objective, wanted)
+    search = Search(model, variables_design, scales(variables_design, variables, start), objective, constraint_list)
     ends: list[Optimum] = []
     descents: list[Descent] = []
     for x in _points(search, starts, seed):
@@ -209,9 +209,9 @@ def _points(search: Search, starts: int, seed: int) -> Array:
     for field_, value, least in (("starts", starts, 1), ("seed", seed, 0)):
         if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < least:
             raise check.refuse("optimize", field_, value, f"a whole number, at least {least}")
-    own = np.zeros((1, len(search.scales.start)))
+    own_start = np.zeros((1, len(search.scales.start)))
     if starts == 1:
-        return own
+        return own_start
     from scipy.stats import qmc
 
     low, high = search.scales.bounds()
@@ -219,8 +219,8 @@ def _points(search: Search, starts: int, seed: int) -> Array:
         if not np.isfinite(size):
             raise ModelError(f"optimize: variable '{name}' has no bounds on both sides, within which starts = {starts} "
                              f"could lie; give them, or leave starts out.", element=name, field="starts")  # fmt: skip
-    shares = qmc.LatinHypercube(own.shape[1], seed=np.random.default_rng(seed)).random(starts - 1)
-    return np.concatenate((own, low + shares * (high - low)))
+    shares = qmc.LatinHypercube(own_start.shape[1], seed=np.random.default_rng(seed)).random(starts - 1)
+    return np.concatenate((own_start, low + shares * (high - low)))
 
 
 def _descended(search: Search, x: Array, solve: Callable[[Search, Array], SolverResult]) -> Optimum:
@@ -230,8 +230,8 @@ def _descended(search: Search, x: Array, solve: Callable[[Search, Array], Solver
     for _ in range(ROUNDS):
         solver_result = solve(search, z)
         iterations += solver_result.iterations
-        z, grown = search.exchange(np.clip(solver_result.z, *search.bounds()))
-        if not grown:
+        z, exchanged = search.exchange(np.clip(solver_result.z, *search.bounds()))
+        if not exchanged:
             break
     return _optimum(search, z, replace(solver_result, iterations=iterations), search.scales.values(x), began)
 
@@ -243,14 +243,15 @@ def _named(search: Search, values: Array) -> dict[str, float]:
 def _optimum(search: Search, z: Array, solver_result: SolverResult, start: Array, began: float) -> Optimum:
     point = search.point(z[: len(search.scales.start)])
     objective, numbers = search.true(z)
-    here = search.at(z)
-    violation = max(0.0, -float(here.g.value.min(initial=0.0)), float(np.abs(here.h.value).max(initial=0.0)))
+    evaluation = search.at(z)
+    g, h = evaluation.g.value, evaluation.h.value
+    violation = max(0.0, -float(g.min(initial=0.0)), float(np.abs(h).max(initial=0.0)))
     optimality = _left_over(search, z)
-    moved, values = search.design.values(point.values), dict(point.values)
+    parameters, values = search.design.values(point.values), dict(point.values)
     success = violation <= FEASIBLE and (solver_result.success or optimality <= OPTIMAL)
     descent = Descent(_named(search, start), values, objective, violation, success, solver_result.message)
     return Optimum(
-        settled(search.model.with_values(moved))[0], values, moved, descent.start, objective, began,
+        settled(search.model.with_values(parameters))[0], values, parameters, descent.start, objective, began,
         search.objective.label,
         {item.label: value for item, value in zip(search.constraints, numbers, strict=True)}, violation, optimality,
         success, solver_result.message, solver_result.iterations, search.evaluations, search.design.units, (descent,),
@@ -261,20 +262,21 @@ def _left_over(search: Search, z: Array, active: float = 1e-5) -> float:
     """Norm of the objective's gradient minus its projection on active constraints' gradients, relative to it."""
     from scipy.optimize import nnls
 
-    here, (low, high) = search.at(z), search.bounds()
-    gradient = here.f.slope[0]
+    evaluation, (low, high) = search.at(z), search.bounds()
+    gradient = evaluation.f.slope[0]
     size = max(float(np.linalg.norm(gradient)), search.steepest, FLAT)
     unit_ = np.eye(len(z))
-    near = here.g.value <= active
-    columns = [here.g.slope[near], unit_[z <= low + active], -unit_[z >= high - active], here.h.slope]
+    active_rows = evaluation.g.value <= active
+    g, h = evaluation.g.slope[active_rows], evaluation.h.slope
+    columns = [g, unit_[z <= low + active], -unit_[z >= high - active], h]
     matrix = np.concatenate(columns).T
     if not matrix.shape[1]:
         return float(np.linalg.norm(gradient)) / size
     scale = np.linalg.norm(matrix, axis=0)
     matrix = matrix / np.where(scale > 0.0, scale, 1.0)
-    equations = matrix[:, matrix.shape[1] - len(here.h.value) :]
-    _, left = nnls(np.concatenate((matrix, -equations), axis=1), gradient)
-    return float(left) / size
+    equations = matrix[:, matrix.shape[1] - len(evaluation.h.value) :]
+    _, residual = nnls(np.concatenate((matrix, -equations), axis=1), gradient)
+    return float(residual) / size
 
 
 def _span(numbers: Array) -> str:

@@ -18,7 +18,7 @@ SMALL = 1e-4  # square of an angle [rad^2] below which three terms of a series a
 
 @runtime_checkable
 class Tie(Protocol):
-    """Parameters as functions of variables: an object of one's own with these two methods moves a model as it likes.
+    """Parameters as functions of variables: any object with these two methods.
 
     Optional are the attributes ``start``, the value of each variable at which the model is as given (which is checked;
     without it variables start at 0), and ``units`` of the variables.
@@ -79,7 +79,7 @@ def started(tie: Any, name: str) -> float:
     return float(getattr(tie, "start", {}).get(name, 0.0))
 
 
-def turning(w: Array) -> Array:
+def angular_velocity_map(w: Array) -> Array:
     """Return the matrix that converts rates of a rotation vector to the body's angular velocity, world axes.
 
     J = I + (1 - cos a) / a^2 [w]x + (a - sin a) / a^3 [w]x^2,  a = |w|

@@ -31,7 +31,7 @@ def counting(progress: Progress, total: int, what: str, done: int = 0) -> Iterat
     Returns
     -------
     context manager
-        Of a function that is told how many more are done.
+        Of a function of the number of further items that are done.
     """
     if callable(progress):
         count = [done]

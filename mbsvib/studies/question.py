@@ -52,8 +52,8 @@ class Question:
         for label, item in self.items.items():
             value = follow(system, item) if isinstance(item, str) else item(system)
             if isinstance(value, Mapping):
-                own = "" if len(self.items) == 1 else f"{label}."
-                result |= {f"{own}{key}": _numbers(f"{own}{key}", entry) for key, entry in value.items()}
+                prefix = "" if len(self.items) == 1 else f"{label}."
+                result |= {f"{prefix}{key}": _numbers(f"{prefix}{key}", entry) for key, entry in value.items()}
             else:
                 result[label] = _numbers(label, value)
         return result
@@ -124,22 +124,22 @@ def follow(system: Any, path: str) -> Any:
     ModelError
         If there is no such name, or a method needs arguments.
     """
-    here = system
+    value = system
     for name in path.split("."):
-        kind = type(here).__name__
-        if name.startswith("_") or not (hasattr(type(here), name) or hasattr(here, name)):
-            known = [attribute for attribute in dir(here) if not attribute.startswith("_")]
+        kind = type(value).__name__
+        if name.startswith("_") or not (hasattr(type(value), name) or hasattr(value, name)):
+            known = [attribute for attribute in dir(value) if not attribute.startswith("_")]
             raise ModelError(f"of = '{path}': a {kind} has no '{name}'.{nearest(name, known)}", element=path,
                              field="of")  # fmt: skip
-        here = getattr(here, name)
-        if callable(here):
+        value = getattr(value, name)
+        if callable(value):
             try:
-                here = here()
+                value = value()
             except TypeError as error:
                 raise ModelError(f"of = '{path}': {name}() of a {kind} needs arguments; give a function, such as "
                                  f"lambda system: system.{name}(...). ({error})", element=path,
                                  field="of") from error  # fmt: skip
-    return here
+    return value
 
 
 def _label(of: Any) -> str:

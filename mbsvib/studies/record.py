@@ -14,7 +14,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.common.atomic_file import write_whole
+from mbsvib.common.atomic_file import write_atomic
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class Record:
         if len(complete) < len(content) or not lines:
             start = complete or (json.dumps(head) + "\n").encode()
             try:
-                write_whole(self.path, lambda stream: stream.write(start))
+                write_atomic(self.path, lambda stream: stream.write(start))
             except OSError as error:
                 raise ModelError(f"{path}: cannot be written: {error.strerror}.", field="file") from error
 
@@ -63,7 +63,7 @@ class Record:
         except ValueError:
             header = None
         if not isinstance(header, dict) or "study" not in header:
-            raise ModelError(f"{self.path}: this is no record of a study; give another file.", field="file")
+            raise ModelError(f"{self.path}: this is not a record of a study; give another file.", field="file")
         for key, value in head.items():
             if header.get(key) != value:
                 raise ModelError(f"{self.path}: it is the record of another study ({key} is not the same); delete it, "
@@ -76,7 +76,7 @@ class Record:
                 return entry["point"], str(entry["error"])
             return entry["point"], {label: _decoded(value) for label, value in entry["result"].items()}
         except (ValueError, KeyError, TypeError) as error:
-            raise ModelError(f"{self.path}, line {number}: this is no line of a record.", field="file") from error
+            raise ModelError(f"{self.path}, line {number}: this is not a line of a record.", field="file") from error
 
     def add(self, outcomes: Iterable[tuple[int, Outcome]]) -> None:
         """Append results."""
@@ -122,14 +122,14 @@ def head(model: Model, points: Points, values: Mapping[str, Any], question: Ques
     from mbsvib.files.saving import described
     from mbsvib.files.text import json_text
 
-    table = sha256()
+    digest = sha256()
     for name, column in values.items():
-        table.update(name.encode() + b"\0" + np.ascontiguousarray(column, dtype="<f8").tobytes())
+        digest.update(name.encode() + b"\0" + np.ascontiguousarray(column, dtype="<f8").tobytes())
     results = {label: item if isinstance(item, str) else getattr(item, "__qualname__", type(item).__name__)
                for label, item in question.items.items()}  # fmt: skip
     text = json_text(described(model))
     return {"study": VERSION, "name": model.name, "model": sha256(text.encode()).hexdigest(), "of": results,
-            "variables": list(points.columns), "points": len(points), "values": table.hexdigest()}  # fmt: skip
+            "variables": list(points.columns), "points": len(points), "values": digest.hexdigest()}  # fmt: skip
 
 
 def _line(point: int, outcome: Outcome) -> str:

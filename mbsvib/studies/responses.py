@@ -200,29 +200,29 @@ def quadrature(system: System, ports: Ports, noise: BaseNoise, band: Band | None
         raise ResponseError(f"rms: '{system.name}' is not stable, so its rms value is unbounded.")
     still = np.abs(poles.real) <= extrema.UNDAMPED * np.abs(poles)
     tail = band is None and noise.unbounded
-    places = np.concatenate((noise.breaks, np.abs(poles)))
+    breakpoints = np.concatenate((noise.breaks, np.abs(poles)))
     if band is None:
         low = 0.0 if noise.unbounded else float(noise.breaks[0])
-        high = BEYOND * float(places.max(initial=1.0)) if noise.unbounded else float(noise.breaks[-1])
+        high = BEYOND * float(breakpoints.max(initial=1.0)) if noise.unbounded else float(noise.breaks[-1])
     else:
         low, high = band
     _refuse_undamped(system, poles[still] * 2.0 * np.pi, 2.0 * np.pi * low, 2.0 * np.pi * high,
                      lambda w: ports.magnitude(system, w), "rms")  # fmt: skip
     if low == 0.0 and (poles == 0.0).any():
-        least = 1e-3 * float(places[places > 0.0].min(initial=high))
-        near, farther = ports.magnitude(system, 2.0 * np.pi * least * np.array([1e-3, 1.0]))
-        if near > 10.0 * farther:
+        least = 1e-3 * float(breakpoints[breakpoints > 0.0].min(initial=high))
+        gain_near_zero, gain_at_least = ports.magnitude(system, 2.0 * np.pi * least * np.array([1e-3, 1.0]))
+        if gain_near_zero > 10.0 * gain_at_least:
             raise ResponseError(f"rms: noise drives a rigid-body mode of '{system.name}' away without bound; hold it, "
                                 f"or give a band that starts above 0 Hz.")  # fmt: skip
     # tables are powers of the frequency
-    ends = extrema.panels(np.append(poles[~still], [0.0] * bool(len(noise.breaks))), low, high, places)
+    ends = extrema.panels(np.append(poles[~still], [0.0] * bool(len(noise.breaks))), low, high, breakpoints)
     node, weight = np.polynomial.legendre.leggauss(POINTS)
     half = 0.5 * np.diff(ends)
     f = ((0.5 * (ends[1:] + ends[:-1]))[:, None] + half[:, None] * node).reshape(-1)
     w = (half[:, None] * weight).reshape(-1)
     if tail:
-        far = ports.magnitude(system, 2.0 * np.pi * high * np.array([1.0, 1e3]))
-        if far[1] > 0.1 * far[0] > 0.0:
+        gain_beyond = ports.magnitude(system, 2.0 * np.pi * high * np.array([1.0, 1e3]))
+        if gain_beyond[1] > 0.1 * gain_beyond[0] > 0.0:
             raise ResponseError(f"rms: noise comes through {ports.label} at all frequencies, so that its mean square "
                                 f"has no bound; give a band, (first, last) [Hz].")  # fmt: skip
         node, weight = np.polynomial.legendre.leggauss(TAIL_POINTS)

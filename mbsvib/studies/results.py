@@ -121,7 +121,7 @@ class Sweep:
         import csv
         from io import StringIO
 
-        from mbsvib.common.atomic_file import write_whole
+        from mbsvib.common.atomic_file import write_atomic
 
         text = StringIO(newline="")
         writer = csv.writer(text, lineterminator="\n")
@@ -130,7 +130,7 @@ class Sweep:
         for i in range(len(self)):
             cells = [column[i].item() if hasattr(column[i], "item") else column[i] for column in columns.values()]
             writer.writerow([*cells, *([self.errors.get(i, "")] if self.errors else [])])
-        return write_whole(path, lambda stream: stream.write(text.getvalue().encode()))
+        return write_atomic(path, lambda stream: stream.write(text.getvalue().encode()))
 
     def table(self) -> dict[str, Any]:
         """Return a table of the first points as arguments of ``mbsvib.common.tables.text`` and ``show``.
@@ -206,10 +206,10 @@ def gathered(count: int, outcomes: Mapping[int, Mapping[str, NDArray[Any]]]) -> 
     dict of str to array
         By label; NaN where there is none, or arrays of objects where shapes differ.
     """
-    labels = list(dict.fromkeys(label for answer in outcomes.values() for label in answer))
+    labels = list(dict.fromkeys(label for outcome in outcomes.values() for label in outcome))
     result = {}
     for label in labels:
-        values = {i: answer[label] for i, answer in outcomes.items() if label in answer}
+        values = {i: outcome[label] for i, outcome in outcomes.items() if label in outcome}
         kind = np.result_type(*{value.dtype for value in values.values()})
         shapes = {value.shape for value in values.values()}
         if len(shapes) > 1:

@@ -58,7 +58,7 @@ class Task:
                         for i, number in enumerate(numbers)]  # fmt: skip
         except REFUSED:
             return self._sorted_out(numbers, columns)
-        return [(number, self._asked(batch, i)) for i, number in enumerate(numbers)]
+        return [(number, self._answers(batch, i)) for i, number in enumerate(numbers)]
 
     def _sorted_out(self, numbers: Sequence[int], columns: Mapping[str, Any]) -> Outcomes:
         """Run a refused piece without the points with invalid values; these are run separately."""
@@ -69,8 +69,8 @@ class Task:
             return self._halved(numbers, columns)
         few, many = np.flatnonzero(odd).tolist(), np.flatnonzero(~odd).tolist()
         result = [(numbers[i], self._single({name: column[i] for name, column in columns.items()})) for i in few]
-        others = [numbers[i] for i in many]
-        return result + (self.run(others, {name: x[many] for name, x in columns.items()}) if others else [])
+        remaining = [numbers[i] for i in many]
+        return result + (self.run(remaining, {name: x[many] for name, x in columns.items()}) if remaining else [])
 
     def _halved(self, numbers: Sequence[int], columns: Mapping[str, Any]) -> Outcomes:
         """Bisect a refused piece to separate the points that fail from the others."""
@@ -93,7 +93,7 @@ class Task:
         except Exception as error:  # any error of a point is its outcome
             return error_text(error)
 
-    def _asked(self, batch: Any, i: int) -> Outcome:
+    def _answers(self, batch: Any, i: int) -> Outcome:
         try:
             return self.question.ask(batch[i])
         except Exception as error:
@@ -133,9 +133,9 @@ def task(model: Model, design: Design, question: Question) -> Task:
         return Task(model, design, question, "single")
     if system.provenance.statics is not None and not question.batched:  # the pose is computed point by point
         return Task(model, design, question, "single", system.dof)
-    moved = set(design.values(design.start))
+    affected = set(design.values(design.start))
     try:
-        batch = model.linearize(values={name: np.repeat(model.parameters[name], 2) for name in moved})
+        batch = model.linearize(values={name: np.repeat(model.parameters[name], 2) for name in affected})
     except REFUSED:
         return Task(model, design, question, "single")
     if question.batched:
@@ -166,7 +166,7 @@ def run(task: Task, columns: Mapping[str, Any], todo: Sequence[int], workers: in
     Raises
     ------
     ModelError
-        If ``workers`` is no positive number.
+        If ``workers`` is not a positive number.
     """
     if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
         raise check.refuse("study", "workers", workers, "a whole number of processes, at least 1")
@@ -175,10 +175,10 @@ def run(task: Task, columns: Mapping[str, Any], todo: Sequence[int], workers: in
     done, size = 0, 1 if task.kind != "batch" else min(many, 32)
     while done < len(todo) and not configured and (workers in (None, 1)):
         start = perf_counter()
-        piece = todo[done : done + size]
-        yield task.run(piece, _part(columns, piece))
-        done += len(piece)
-        point_seconds = (perf_counter() - start) / len(piece)
+        chunk = todo[done : done + size]
+        yield task.run(chunk, _part(columns, chunk))
+        done += len(chunk)
+        point_seconds = (perf_counter() - start) / len(chunk)
         if workers is None and done > 1 and point_seconds * (len(todo) - done) > WORTH_PROCESSES and _processors() > 1:
             break
         size = max(1, min(many, int(PIECE_SECONDS / max(point_seconds, 1e-9)), 8 * size))
@@ -201,8 +201,8 @@ def _parallel(
     count = workers or (None if configured else _processors())
     known = count or backend.effective_n_jobs(jobs if jobs is not None else backend.default_n_jobs)
     size = max(1, min(many, -(-len(todo) // (8 * max(1, known)))))
-    calls = [delayed(task.run)(piece, _part(columns, piece))
-             for piece in (todo[i : i + size] for i in range(0, len(todo), size))]  # fmt: skip
+    calls = [delayed(task.run)(chunk, _part(columns, chunk))
+             for chunk in (todo[i : i + size] for i in range(0, len(todo), size))]  # fmt: skip
     if getattr(backend, "supports_return_generator", False):
         yield from Parallel(n_jobs=count, return_as="generator_unordered")(calls)
         return

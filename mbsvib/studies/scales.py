@@ -67,12 +67,12 @@ def scales(design: Design, variables: Mapping[str, Any], start: Mapping[str, flo
     Raises
     ------
     ModelError
-        If bounds are no bounds, or the start is not between them.
+        If bounds are not valid, or the start is not between them.
     """
     begin = dict(start or {})
     for name in begin:
         if name not in design.variables:
-            raise ModelError(f"optimize: start has '{name}', which is none of the variables."
+            raise ModelError(f"optimize: start has '{name}', which is not one of the variables."
                              f"{nearest(str(name), design.variables)}", element=str(name), field="start")  # fmt: skip
     rows = []
     for name in design.variables:

@@ -18,8 +18,8 @@ from mbsvib.studies.evaluation import DesignPoint, checked
 from mbsvib.studies.first_order import first_order, no_order
 from mbsvib.studies.measures import damping_ratio, frequency
 from mbsvib.studies.modal import Modal
+from mbsvib.studies.parameter_tolerances import DEVIATION, parameter_tolerances, random_values
 from mbsvib.studies.quantities import Quantity
-from mbsvib.studies.spread import DEVIATION, drawn, spread
 from mbsvib.studies.sweeps import sweep
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class Tolerances:
     To first order, from the derivatives: ``first`` (k,) are standard deviations, ``worst`` (k,) what all ``tolerance``
     at once can do, ``shares`` (k, variables) the part of each variable in the variance. By random samples: ``sweep``
     holds them all, ``sampled`` (n, k) the numbers and ``linear`` (n, k) their first-order values.
-    Modes within a few standard deviations of each other, ``parted``, repel each other, which is no straight line: their
+    Modes within a few standard deviations of each other, ``parted``, repel each other, which is not linear: their
     first order is that of all of them together, ``first`` the standard deviation of ``linear``, ``worst`` a bound.
     """
 
@@ -203,7 +203,7 @@ def tolerances(
     samples : int
         How many random samples.
     distribution : str
-        "normal": a tolerance is three standard deviations; "uniform": all values within it are alike.
+        "normal": a tolerance is three standard deviations; "uniform": all values within it have the same density.
     seed : int, optional
         Of the random numbers; None: others each time.
     ties : mapping of str to mapping of str to float or Tie, optional
@@ -230,13 +230,13 @@ def tolerances(
         not exist.
     """
     quantities = _quantities(of)
-    width = spread(model, tolerances, ties)
+    width = parameter_tolerances(model, tolerances, ties)
     used = {name: rates for name, rates in (ties or {}).items() if name in width}
     variables = design(model, width, used or None)
     system = checked(model.linearize())
     centre = {name: variables.start[name] for name in width}
     point = DesignPoint(system, variables.rates(centre), centre, np.ones(len(width)), {})
-    columns = drawn(centre, width, samples, distribution, seed)
+    columns = random_values(centre, width, samples, distribution, seed)
     off = np.array([columns[name] - centre[name] for name in width]).T
     if derivatives:
         linear = first_order(point, quantities, off, np.array(list(width.values())), DEVIATION[distribution])

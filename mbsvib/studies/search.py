@@ -14,7 +14,7 @@ import numpy as np
 
 from mbsvib.api.settled import settled
 from mbsvib.errors import MbsvibError, ModelError
-from mbsvib.linalg.matching import Reference, reference, step
+from mbsvib.linalg.matching import Reference, match_next, reference
 from mbsvib.studies.dual import Dual, stacked
 from mbsvib.studies.evaluation import DesignPoint, check_variables, checked, station
 from mbsvib.studies.extremes import Largest
@@ -57,12 +57,12 @@ class Search:
         self.objective, self.constraints = objective, constraints
         self.evaluations, self.steepest = 0, 0.0
         self._independent: tuple[str, ...] | None = None
-        self._seen: list[tuple[Array, Reference]] = []
+        self._references: list[tuple[Array, Reference]] = []
         self._point: tuple[Array, DesignPoint] | None = None
         self._value: Value | None = None
-        inner = [item for part in (objective, *(c.quantity for c in constraints)) for item in part.inner()]
-        self._follows = any(isinstance(item, Modal) for item in inner)
-        self.largest = tuple(dict.fromkeys(item for item in inner if isinstance(item, Largest)))
+        items = [item for part in (objective, *(c.quantity for c in constraints)) for item in part.inner()]
+        self._follows = any(isinstance(item, Modal) for item in items)
+        self.largest = tuple(dict.fromkeys(item for item in items if isinstance(item, Largest)))
         start = self.point(np.zeros(len(scales.start)))
         check_variables(start.system, start.rates)
         self._independent = start.system.coordinates
@@ -131,7 +131,7 @@ class Search:
 
     def exchange(self, z: Array) -> tuple[Array, bool]:
         """Add local maxima above their bounds; return unknowns with raised bounds, and whether there are any."""
-        n, grown, z = len(self.scales.start), False, z.copy()
+        n, changed, z = len(self.scales.start), False, z.copy()
         point = self.point(z[:n])
         for k, largest in enumerate(self.largest):
             active = self._active[largest]
@@ -139,13 +139,13 @@ class Search:
                 z[n + k] = max(z[n + k], float(largest.true(point).value[0]) / self.unit[largest])
                 continue
             where, size = largest.tops(point)
-            new = where[size > z[n + k] * self.unit[largest] * (1.0 + EXCEEDS)]
-            new = new[np.abs(new[:, None] - active).min(axis=1, initial=np.inf) > NEAR * new]
-            self._active[largest] = np.concatenate((active, new))
-            grown = grown or len(new) > 0
+            added = where[size > z[n + k] * self.unit[largest] * (1.0 + EXCEEDS)]
+            added = added[np.abs(added[:, None] - active).min(axis=1, initial=np.inf) > NEAR * added]
+            self._active[largest] = np.concatenate((active, added))
+            changed = changed or len(added) > 0
             z[n + k] = max(z[n + k], size.max() / self.unit[largest])
         self._value = None
-        return z, grown
+        return z, changed
 
     def bounds(self) -> tuple[Array, Array]:
         """Return lower and upper bounds of the unknowns."""
@@ -195,18 +195,18 @@ class Search:
 
     def _followed(self, x: Array, point: DesignPoint) -> Index:
         """The mode of each track."""
-        here = point.station
-        if not self._seen:
-            self._seen.append((x.copy(), reference(here)))
+        target = point.station
+        if not self._references:
+            self._references.append((x.copy(), reference(target)))
             return np.arange(len(point.modes))
-        origin, known = min(self._seen, key=lambda seen: float(np.abs(seen[0] - x).max()))
+        origin, known = min(self._references, key=lambda tracks: float(np.abs(tracks[0] - x).max()))
 
         def between(share: float) -> Station:
             system = self.system(origin + share * (x - origin))
             return station(system.modes(), system, share)
 
-        number, seen = step(known, 0.0, replace(here, at=1.0), between)
-        self._seen = [*self._seen[-MOST_REFERENCES:], (x.copy(), seen)]
+        number, tracks = match_next(known, 0.0, replace(target, at=1.0), between)
+        self._references = [*self._references[-MOST_REFERENCES:], (x.copy(), tracks)]
         return number
 
 

@@ -103,7 +103,7 @@ def _ipopt(search: Search, z: Array, options: Mapping[str, Any]) -> SolverResult
     n, sizes = len(z), (1, len(first.g.value), len(first.h.value))
     rows = sum(sizes)
 
-    def all_of(z: Any, part: str) -> Array:
+    def stacked_values(z: Any, part: str) -> Array:
         value = search.at(np.asarray(z, dtype=float).reshape(-1))
         return np.concatenate([getattr(dual, part) for dual in (value.f, value.g, value.h)])
 
@@ -125,7 +125,7 @@ def _ipopt(search: Search, z: Array, options: Mapping[str, Any]) -> SolverResult
             return ca.Sparsity.dense(rows, n)
 
         def eval(self, arguments: Any) -> Any:
-            return [ca.DM(all_of(arguments[0], "slope"))]
+            return [ca.DM(stacked_values(arguments[0], "slope"))]
 
     class Values(ca.Callback):
         def __init__(self) -> None:
@@ -146,7 +146,7 @@ def _ipopt(search: Search, z: Array, options: Mapping[str, Any]) -> SolverResult
             return ca.Sparsity.dense(rows, 1)
 
         def eval(self, arguments: Any) -> Any:
-            return [ca.DM(all_of(arguments[0], "value"))]
+            return [ca.DM(stacked_values(arguments[0], "value"))]
 
         def has_jacobian(self) -> bool:
             return True

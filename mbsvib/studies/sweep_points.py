@@ -54,7 +54,7 @@ def points(values: Mapping[str, Any], how: str) -> Points:
     Raises
     ------
     ModelError
-        If values are no finite numbers, arrays of a paired sweep differ in length, or there are no points.
+        If values are not finite numbers, arrays of a paired sweep differ in length, or there are no points.
     """
     if how not in HOW:
         raise check.refuse("sweep", "how", how, "'grid' or 'paired'")

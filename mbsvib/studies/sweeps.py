@@ -75,7 +75,7 @@ def sweep(
     Raises
     ------
     ModelError
-        If a parameter is unknown, a pattern picks nothing, values are no numbers, systems have no such result, or the
+        If a parameter is unknown, a pattern picks nothing, values are not numbers, systems have no such result, or the
         file is the record of another sweep.
     """
     sweep_points = points(values, how)

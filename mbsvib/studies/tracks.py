@@ -10,7 +10,7 @@ import numpy as np
 from mbsvib.api.settled import settled
 from mbsvib.common.expected import mode_index
 from mbsvib.errors import MbsvibError, ModelError, nearest
-from mbsvib.linalg.matching import Reference, Station, reference, step
+from mbsvib.linalg.matching import Reference, Station, match_next, reference
 from mbsvib.studies.design import design
 from mbsvib.studies.evaluation import station
 from mbsvib.studies.figures import root_locus
@@ -141,9 +141,9 @@ def track(
     if swept["eigenvalues"].dtype == object:
         raise ModelError("track: the number of modes is not the same at all points; leave out what changes it, such "
                          "as a mass that vanishes.", field="values")  # fmt: skip
-    way = _Way(model, design(model, swept.parameters, ties), swept.parameters)
-    titles = _titles(way.system(int(good[0])).modes(), names)
-    order = _followed(swept, way)
+    interval = _Interval(model, design(model, swept.parameters, ties), swept.parameters)
+    titles = _titles(interval.system(int(good[0])).modes(), names)
+    order = _followed(swept, interval)
     results = {label: np.take_along_axis(swept[label], order, axis=1) for label in UNITS}
     for values_ in results.values():
         values_.setflags(write=False)
@@ -155,13 +155,13 @@ def track(
 def modal(system: Any) -> dict[str, NDArray[Any]]:
     """Return the results at each point: eigenvalues, quantities derived from them, and weighted shapes."""
     modes = system.modes()
-    seen = station(modes, system)
-    return {"eigenvalues": seen.values, "frequencies": modes.frequencies, "shapes": seen.vectors,
+    modal_station = station(modes, system)
+    return {"eigenvalues": modal_station.values, "frequencies": modes.frequencies, "shapes": modal_station.vectors,
             "damped_frequencies": modes.damped_frequencies, "damping_ratios": modes.damping_ratios}  # fmt: skip
 
 
 @dataclass(frozen=True)
-class _Way:
+class _Interval:
     """The model between points."""
 
     model: Model
@@ -180,35 +180,35 @@ class _Way:
         return at
 
 
-def _followed(swept: Sweep, way: _Way) -> NDArray[np.intp]:
+def _followed(swept: Sweep, interval: _Interval) -> NDArray[np.intp]:
     """The mode that each track has at each point, (n, modes)."""
     values, shapes = swept["eigenvalues"], swept["shapes"]
     order = np.tile(np.arange(values.shape[1]), (len(swept), 1))
-    seen: dict[int, Reference] = {}
+    references: dict[int, Reference] = {}
     for i in np.flatnonzero(~swept.failed).tolist():
-        here = Station(1.0, values[i], shapes[i])
-        before = _before(i, swept.shape, seen)
+        modes_here = Station(1.0, values[i], shapes[i])
+        before = _before(i, swept.shape, references)
         if before is None:
-            seen[i] = reference(here)
+            references[i] = reference(modes_here)
             continue
         try:
-            order[i], seen[i] = step(seen[before], 0.0, here, way.between(before, i))
+            order[i], references[i] = match_next(references[before], 0.0, modes_here, interval.between(before, i))
         except MbsvibError:  # there may be no valid mechanism between two points
-            order[i], seen[i] = step(seen[before], 0.0, here, None)
+            order[i], references[i] = match_next(references[before], 0.0, modes_here, None)
     return order
 
 
-def _before(i: int, shape: tuple[int, ...], seen: Mapping[int, Reference]) -> int | None:
+def _before(i: int, shape: tuple[int, ...], references: Mapping[int, Reference]) -> int | None:
     """The nearest previous point with modes along the last possible axis, else any previous one."""
     index = list(np.unravel_index(i, shape))
     for axis in reversed(range(len(shape))):
-        for back in range(1, int(index[axis]) + 1):
+        for steps in range(1, int(index[axis]) + 1):
             neighbour = list(index)
-            neighbour[axis] = index[axis] - back
+            neighbour[axis] = index[axis] - steps
             number = int(np.ravel_multi_index(tuple(neighbour), shape))
-            if number in seen:
+            if number in references:
                 return number
-    return max(seen, default=None)
+    return max(references, default=None)
 
 
 def _titles(modes: Modes, names: Mapping[str, int] | None) -> tuple[str, ...]:

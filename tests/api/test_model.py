@@ -165,9 +165,9 @@ def test_what_is_added_to_a_copy_is_not_in_the_original():
     import copy
 
     model = mv.library.quarter_car()
-    for each in (copy.copy(model), copy.deepcopy(model)):
-        each.add_spring("more", "ground", "body", start=(1, 0, 0), end=(0, 0, 0), stiffness=1e3)
-        assert "more" in each.springs
+    for item in (copy.copy(model), copy.deepcopy(model)):
+        item.add_spring("more", "ground", "body", start=(1, 0, 0), end=(0, 0, 0), stiffness=1e3)
+        assert "more" in item.springs
     assert "more" not in model.springs
 
 

@@ -51,8 +51,8 @@ def test_all_matrices_at_length(model, data):
     """More of the same with more bodies."""
     seed = data.draw(seeds())
     bigger = spatial(seed, bodies=data.draw(st.integers(4, 8)), loops=data.draw(st.integers(0, 3)))
-    for each in (model, bigger):
-        assert_same_matrices(linearized(each), Exact(each))
+    for item in (model, bigger):
+        assert_same_matrices(linearized(item), Exact(item))
 
 
 @given(ANY)
@@ -211,8 +211,8 @@ def test_base_motion_and_accelerometers():
     for absolute in (True, False, None):
         model.add_output(f"a{absolute}", "b", "z", quantity="acceleration", absolute=absolute)
     system = model.linearize()
-    found = (system.Ca @ np.linalg.solve(system.M, system.B) + system.D).tolist()
-    assert_allclose(found, [[0, 0], [-1, -2], [0, 0]], atol=1e-15)
+    result = (system.Ca @ np.linalg.solve(system.M, system.B) + system.D).tolist()
+    assert_allclose(result, [[0, 0], [-1, -2], [0, 0]], atol=1e-15)
     assert_allclose(system.D, [[1, 2], [0, 0], [1, 2]], atol=0)
 
 

@@ -17,7 +17,7 @@ def matrices(length, area, iy, iz, j, e, g, rho, phi_y=0, phi_z=0, rotary=False,
         for a, b, sign, share in ((i, i, 1, 2), (i + 6, i + 6, 1, 2), (i, i + 6, -1, 1), (i + 6, i, -1, 1)):
             k[a][b] += sign * stiff / length
             m[a][b] += share * mass * length / 6
-    for (place, sign), second, phi in zip(PLANES, (iz, iy), (phi_y, phi_z), strict=True):
+    for (indices, sign), second, phi in zip(PLANES, (iz, iy), (phi_y, phi_z), strict=True):
         turn = (1, sign, 1, sign)
         bend, line, turns = _bending(length, phi)
         stiff = e * second / (length**3 * (1 + phi))
@@ -25,42 +25,42 @@ def matrices(length, area, iy, iz, j, e, g, rho, phi_y=0, phi_z=0, rotary=False,
         for a in range(4):
             for b in range(4):
                 both = turn[a] * turn[b]
-                k[place[a]][place[b]] += both * stiff * bend[a][b]
-                m[place[a]][place[b]] += both * (mass * line[a][b] + (spin * turns[a][b] if rotary else 0))
+                k[indices[a]][indices[b]] += both * stiff * bend[a][b]
+                m[indices[a]][indices[b]] += both * (mass * line[a][b] + (spin * turns[a][b] if rotary else 0))
     return k, m
 
 
 def _bending(h, p):
-    one = h / h
+    single = h / h
     bend = [[12, 6 * h, -12, 6 * h], [6 * h, (4 + p) * h * h, -6 * h, (2 - p) * h * h],
             [-12, -6 * h, 12, -6 * h], [6 * h, (2 - p) * h * h, -6 * h, (4 + p) * h * h]]  # fmt: skip
-    a = 13 * one / 35 + 7 * p / 10 + p * p / 3
-    b = (11 * one / 210 + 11 * p / 120 + p * p / 24) * h
-    c = 9 * one / 70 + 3 * p / 10 + p * p / 6
-    d = -(13 * one / 420 + 3 * p / 40 + p * p / 24) * h
-    e = (one / 105 + p / 60 + p * p / 120) * h * h
-    f = -(one / 140 + p / 60 + p * p / 120) * h * h
+    a = 13 * single / 35 + 7 * p / 10 + p * p / 3
+    b = (11 * single / 210 + 11 * p / 120 + p * p / 24) * h
+    c = 9 * single / 70 + 3 * p / 10 + p * p / 6
+    d = -(13 * single / 420 + 3 * p / 40 + p * p / 24) * h
+    e = (single / 105 + p / 60 + p * p / 120) * h * h
+    f = -(single / 140 + p / 60 + p * p / 120) * h * h
     line = [[a, b, c, d], [b, e, -d, f], [c, -d, a, -b], [d, f, -b, e]]
-    r = 6 * one / 5
-    s = (one / 10 - p / 2) * h
-    t = (2 * one / 15 + p / 6 + p * p / 3) * h * h
-    u = (-one / 30 - p / 6 + p * p / 6) * h * h
+    r = 6 * single / 5
+    s = (single / 10 - p / 2) * h
+    t = (2 * single / 15 + p / 6 + p * p / 3) * h * h
+    u = (-single / 30 - p / 6 + p * p / 6) * h * h
     turns = [[r, s, -r, s], [s, t, -s, u], [-r, -s, r, -s], [s, u, -s, t]]
     return bend, line, turns
 
 
-def cantilever_plane(n, length, area, second, e, rho, one):
+def cantilever_plane(n, length, area, second, e, rho, unit):
     """Banded stiffness and mass of an Euler-Bernoulli cantilever in one plane: rows of {column: value}."""
-    h = length * one / n
-    k, m = matrices(h, area * one, second * one, second * one, one, e * one, one, rho * one, zero=0 * one)
-    place = PLANES[0][0]
+    h = length * unit / n
+    k, m = matrices(h, area * unit, second * unit, second * unit, unit, e * unit, unit, rho * unit, zero=0 * unit)
+    indices = PLANES[0][0]
     rows = [[{} for _ in range(2 * n + 2)] for _ in range(2)]
     for i in range(n):
         for rows_of, element in zip(rows, (k, m), strict=True):
             for a in range(4):
                 for b in range(4):
                     row = rows_of[2 * i + a]
-                    row[2 * i + b] = row.get(2 * i + b, 0 * one) + element[place[a]][place[b]]
+                    row[2 * i + b] = row.get(2 * i + b, 0 * unit) + element[indices[a]][indices[b]]
     return tuple([{j - 2: v for j, v in row.items() if j >= 2} for row in part[2:]] for part in rows)
 
 
@@ -107,6 +107,6 @@ def assembled(points, frames, element):
     for i, axes in enumerate(frames):
         turn = np.kron(np.eye(4), np.array(axes).T)
         at = slice(6 * i, 6 * i + 12)
-        for whole, part in zip((k, m), element(i), strict=True):
-            whole[at, at] += turn.T @ np.array(part) @ turn
+        for full, part in zip((k, m), element(i), strict=True):
+            full[at, at] += turn.T @ np.array(part) @ turn
     return k, m

@@ -30,7 +30,7 @@ def compliance(model, node, wrenches):
 @pytest.mark.parametrize("shear", [False, True])
 def test_tip_of_a_cantilever_moves_as_statics_say(elements, shear):
     model = beam("ground", None, elements, shear=shear)
-    found = compliance(model, f"rod.{elements}", ("x", "y", "z", "rx", "ry", "rz"))
+    result = compliance(model, f"rod.{elements}", ("x", "y", "z", "rx", "ry", "rz"))
     p = BAR.properties(STEEL.poisson)
     e, g, length = STEEL.E, STEEL.shear_modulus, LENGTH
     expected = np.diag([length / (e * p.A), length**3 / (3 * e * p.Iz), length**3 / (3 * e * p.Iy), length / (g * p.J),
@@ -41,9 +41,9 @@ def test_tip_of_a_cantilever_moves_as_statics_say(elements, shear):
         expected[1, 1] += length / (p.ky * g * p.A)
         expected[2, 2] += length / (p.kz * g * p.A)
     size = np.sqrt(np.outer(expected.diagonal(), expected.diagonal()))
-    assert np.abs((found - expected) / size).max() < 1e-13
+    assert np.abs((result - expected) / size).max() < 1e-13
     acts = expected != 0.0
-    assert np.abs(found[acts] / expected[acts] - 1.0).max() < 1e-13
+    assert np.abs(result[acts] / expected[acts] - 1.0).max() < 1e-13
 
 
 def test_axes_of_a_beam_turn_with_it():
@@ -51,11 +51,11 @@ def test_axes_of_a_beam_turn_with_it():
     turn = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
     turn *= np.linalg.det(turn)
     model = beam("ground", None, 3, end=LENGTH * turn[:, 0], y_axis=turn[:, 1])
-    found = compliance(model, "rod.3", ("x", "y", "z", "rx", "ry", "rz"))
+    result = compliance(model, "rod.3", ("x", "y", "z", "rx", "ry", "rz"))
     both = np.kron(np.eye(2), turn)
     size = np.sqrt(np.outer(straight.diagonal(), straight.diagonal()))
     # it bends 3e4 times as easily as it stretches, so that rounding of the axes counts as often
-    assert np.abs((both.T @ found @ both - straight) / size).max() < 1e-11
+    assert np.abs((both.T @ result @ both - straight) / size).max() < 1e-11
 
 
 def frequencies(model):
@@ -68,8 +68,8 @@ def bending(beta):
     return [np.square(beta) / LENGTH**2 * np.sqrt(STEEL.E * i / (STEEL.rho * p.A)) / (2 * np.pi) for i in (p.Iz, p.Iy)]
 
 
-def closest(found, expected):
-    return np.abs(found[:, None] / expected - 1.0).min(axis=0)
+def closest(result, expected):
+    return np.abs(result[:, None] / expected - 1.0).min(axis=0)
 
 
 @pytest.mark.parametrize(
@@ -79,10 +79,10 @@ def closest(found, expected):
 )  # fmt: skip
 def test_bending_converges_with_the_fourth_power_of_the_length(ends, beta):
     for n in (16, 32):
-        found = frequencies(beam(*ends, n))
+        result = frequencies(beam(*ends, n))
         for f in bending(beta):
             # consistent mass: the frequency is too high by (beta h)^4 / 1440 to leading order
-            assert closest(found, f) == pytest.approx((np.array(beta) / n) ** 4 / 1440, rel=0.05, abs=5e-9)
+            assert closest(result, f) == pytest.approx((np.array(beta) / n) ** 4 / 1440, rel=0.05, abs=5e-9)
 
 
 def test_free_beam_has_six_rigid_modes_that_are_exactly_zero():
@@ -101,15 +101,15 @@ def test_pinned_beam():
 
 def test_rod_and_shaft_with_the_known_error_of_consistent_mass():
     n = 16
-    found = frequencies(beam("ground", None, n))
+    result = frequencies(beam("ground", None, n))
     p = BAR.properties(STEEL.poisson)
     # linear elements: omega h / c = sqrt(6 (1 - cos) / (2 + cos)) of the wave's phase per element, exactly
     phase = (2 * np.arange(1, 5) - 1) * np.pi / (2 * n)
     discrete = np.sqrt(6 * (1 - np.cos(phase)) / (2 + np.cos(phase))) * n / LENGTH / (2 * np.pi)
     rod = np.sqrt(STEEL.E / STEEL.rho)
     shaft = np.sqrt(STEEL.shear_modulus * p.J / (STEEL.rho * (p.Iy + p.Iz)))
-    assert closest(found, rod * discrete).max() < 1e-12
-    assert closest(found, shaft * discrete).max() < 1e-12
+    assert closest(result, rod * discrete).max() < 1e-12
+    assert closest(result, shaft * discrete).max() < 1e-12
 
 
 def test_cantilever_tube_with_tip_mass():
@@ -117,9 +117,9 @@ def test_cantilever_tube_with_tip_mass():
     model = mv.Model("SDLL15")
     model.add_body("tip", 1000.0, (0, 0, 0), position=(10, 0, 0))
     model.add_beam("tube", "ground", "tip", Tube(0.175, 0.015), STEEL, start=(0, 0, 0), end=(10, 0, 0), elements=20)
-    found = model.linearize().modes(rtol=1e-11).frequencies[:10]
+    result = model.linearize().modes(rtol=1e-11).frequencies[:10]
     expected = [1.655433398] * 2 + [16.071161667] * 2 + [50.023996028] * 2 + [76.472717539, 80.468757907]
-    assert found == pytest.approx([*expected, 103.204375129, 103.204375129], rel=1e-9, abs=0)
+    assert result == pytest.approx([*expected, 103.204375129, 103.204375129], rel=1e-9, abs=0)
 
 
 def test_body_off_the_end_of_a_beam():
@@ -143,16 +143,16 @@ def test_both_ends_held_cuts_an_element_and_locks_nothing():
 
 
 def test_polyline_of_nodes_is_the_straight_beam():
-    one = frequencies(beam("ground", None, 5))
+    single = frequencies(beam("ground", None, 5))
     model = mv.Model("nodes")
     model.add_beam("rod", "ground", None, BAR, STEEL, nodes=[(LENGTH * i / 5, 0, 0) for i in range(6)])
-    assert frequencies(model) == pytest.approx(one, rel=1e-10)
+    assert frequencies(model) == pytest.approx(single, rel=1e-10)
 
 
 def test_section_by_its_properties():
     p = BAR.properties(STEEL.poisson)
-    given = {"A": p.A, "Iy": p.Iy, "Iz": p.Iz, "J": p.J}
+    arguments = {"A": p.A, "Iy": p.Iy, "Iz": p.Iz, "J": p.J}
     words = {"E": STEEL.E, "G": STEEL.shear_modulus, "rho": STEEL.rho}
-    other = frequencies(beam("ground", None, 3, section=given, material=words))
+    other = frequencies(beam("ground", None, 3, section=arguments, material=words))
     assert other == pytest.approx(frequencies(beam("ground", None, 3)), rel=1e-11)
-    assert Section(**given).ky is None
+    assert Section(**arguments).ky is None

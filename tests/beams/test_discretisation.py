@@ -34,9 +34,9 @@ def test_element_matrices_are_those_of_the_book(length, shear):
     other = middle.copy()
     other[1, 5], other[2, 4] = -half, half
     deformation = np.hstack((-middle, other))
-    found = deformation.T @ np.diag(stiffness(length, p, MATERIAL, shear)) @ deformation
+    result = deformation.T @ np.diag(stiffness(length, p, MATERIAL, shear)) @ deformation
     size = np.sqrt(np.outer(k.diagonal(), k.diagonal()))
-    assert np.abs((found - k) / size).max() < 1e-14
+    assert np.abs((result - k) / size).max() < 1e-14
 
 
 def test_shape_functions_at_the_ends_and_under_rigid_motion():
@@ -67,12 +67,12 @@ def test_lowest_modes_of_fine_beams_keep_all_digits(n):
     p = bar.properties(material.poisson)
     model = mv.Model("fine")
     model.add_beam("rod", "ground", None, bar, material, start=(0, 0, 0), end=(1, 0, 0), elements=n)
-    found = model.linearize(method="dense").modes().frequencies
+    result = model.linearize(method="dense").modes().frequencies
     with mp.workdps(50):
         k, m = cantilever_plane(n, mp.mpf(1), p.A, p.Iz, material.E, material.rho, mp.mpf(1))
         square = [beta**4 * material.E * p.Iz / (material.rho * p.A) for beta in (1.875104, 4.694091, 7.854757)]
         exact = [mp.sqrt(eigenvalue_near(k, m, mp.mpf(value))) / (2 * mp.pi) for value in square]
-        assert max(min(abs(f / each - 1) for f in found) for each in exact) < 3e-15
+        assert max(min(abs(f / item - 1) for f in result) for item in exact) < 3e-15
     assembled_k, assembled_m = (np.array([[float(row.get(j, 0)) for j in range(2 * n)] for row in part])
                                 for part in (k, m))  # fmt: skip
     lost = np.sqrt(eigh(assembled_k, assembled_m, eigvals_only=True)[0]) / (2 * np.pi * float(exact[0])) - 1.0
@@ -94,8 +94,8 @@ def test_supported_timoshenko_beam_converges_to_the_frequency_equation():
         model.add_beam("beam", None, None, bar, MATERIAL, start=(0, 0, 0), end=(length, 0, 0), elements=n, shear=True)
         model.add_joint("left", None, "ground", "beam.0", position=(0, 0, 0), free=("ry",))
         model.add_joint("right", None, "ground", f"beam.{n}", position=(length, 0, 0), free=("x", "ry"))
-        found = model.linearize().modes().frequencies
-        errors.append(np.abs(found[:, None] / (np.sqrt(square) / (2 * np.pi)) - 1.0).min(axis=0))
+        result = model.linearize().modes().frequencies
+        errors.append(np.abs(result[:, None] / (np.sqrt(square) / (2 * np.pi)) - 1.0).min(axis=0))
     # elements have constant shear strain, the beam cos(b x): the energy is off by (b h)^2 / 12 of the shear's share
     share = bend * b**2 / (shear + bend * b**2)
     assert errors[2] == pytest.approx(share * (b * length / 32) ** 2 / 24, rel=0.15)

@@ -25,16 +25,16 @@ def cantilever(clamp):
 
 @pytest.mark.parametrize("method", ["dense", "sparse"])
 def test_a_beam_on_the_ground_is_as_heavy_as_a_clamped_one(method):
-    found, expected = (cantilever(clamp).linearize(method=method).frequency_response(OMEGA) for clamp in (False, True))
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    result, expected = (cantilever(clamp).linearize(method=method).frequency_response(OMEGA) for clamp in (False, True))
+    np.testing.assert_allclose(result, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("method", ["dense", "sparse"])
 def test_shaking_a_beam_slowly_takes_its_mass(method):
     mass = 0.02 * 0.03 * 2700.0 * 0.8
     model = cantilever(False)
-    found = model.linearize(method=method).frequency_response([0.0])[:3, 1, 0]
-    np.testing.assert_allclose(found, -mass * np.array((1.0, 2.0, 0.5)), rtol=1e-9)
+    result = model.linearize(method=method).frequency_response([0.0])[:3, 1, 0]
+    np.testing.assert_allclose(result, -mass * np.array((1.0, 2.0, 0.5)), rtol=1e-9)
 
 
 def test_a_beam_between_locked_bodies():

@@ -47,7 +47,7 @@ def test_clamp_of_a_cantilever():
     model = mv.Model("clamped")
     model.add_beam("c", None, None, BAR, ALLOY, start=(0, 0, 0), end=(length, 0, 0), elements=n)
     model.add_joint("clamp", "fixed", "ground", "c.0", position=(0, 0, 0))
-    found = with_outputs(model, f"c.{n}", "clamp")
+    result = with_outputs(model, f"c.{n}", "clamp")
     p, h = BAR.properties(0.3), length / n
     points = [(h * i, 0, 0) for i in range(n + 1)]
     parts = matrices(h, p.A, p.Iy, p.Iz, p.J, ALLOY.E, ALLOY.shear_modulus, ALLOY.rho)
@@ -57,8 +57,8 @@ def test_clamp_of_a_cantilever():
     rigid = carried(points, np.array([1.0, 2.0, 0.5, 0.1, -0.2, 0.4]), (0.3, 0.2, 0.1), len(k))
     expected = held(k, m, force, rigid, list(range(6)))
     size = np.abs(expected).max(axis=(0, 2), keepdims=True)
-    sign = np.sign(found[0, 0, 0].real * expected[0, 0, 0])
-    assert np.abs((found[0::2] - sign * expected) / size).max() < 1e-9
+    sign = np.sign(result[0, 0, 0].real * expected[0, 0, 0])
+    assert np.abs((result[0::2] - sign * expected) / size).max() < 1e-9
 
 
 def test_clamp_of_a_superelement():
@@ -66,13 +66,13 @@ def test_clamp_of_a_superelement():
     model = mv.Model("clamped")
     model.add_superelement("pipe", m, None, k, {"left": NODES[0], "right": NODES[-1]})
     model.add_joint("clamp", "fixed", "ground", "pipe.left", position=NODES[0])
-    found = with_outputs(model, "pipe.right", "clamp")
+    result = with_outputs(model, "pipe.right", "clamp")
     force = np.zeros(len(k))
     force[6:12] = (0.3, 1.0, -2.0, 0.1, 0.2, 0.3)
     rigid = carried((NODES[0], NODES[-1]), np.array([1.0, 2.0, 0.5, 0.1, -0.2, 0.4]), (0.3, 0.2, 0.1), len(k))
     expected = held(k, m, force, rigid, list(range(6)))
     size = np.abs(expected).max(axis=(0, 2), keepdims=True)
-    sign = np.sign(found[0, 0, 0].real * expected[0, 0, 0])
-    assert np.abs((found[0::2] - sign * expected) / size).max() < 1e-8
+    sign = np.sign(result[0, 0, 0].real * expected[0, 0, 0])
+    assert np.abs((result[0::2] - sign * expected) / size).max() < 1e-8
     # of a base motion, which has no reaction on the ground, the ground feels what the clamp carries
-    assert np.abs((np.abs(found[1:6:2, 1]) - np.abs(found[0:6:2, 1])) / size[:, 1]).max() < 1e-8
+    assert np.abs((np.abs(result[1:6:2, 1]) - np.abs(result[0:6:2, 1])) / size[:, 1]).max() < 1e-8

@@ -49,9 +49,9 @@ def test_euler_loads_converge_with_the_fourth_power(pinned, part):
 def test_shear_lowers_the_buckling_load():
     stout = Rectangle(0.2, 0.3)
     p = stout.properties(ALLOY.poisson)
-    found = critical(column(16, 0, section=stout, shear=True), column(16, -1.0, section=stout, shear=True))[0]
+    result = critical(column(16, 0, section=stout, shear=True), column(16, -1.0, section=stout, shear=True))[0]
     euler = np.pi**2 * ALLOY.E * p.Iz / (4 * LENGTH**2)
-    assert found == pytest.approx(euler / (1 + euler / (p.ky * ALLOY.shear_modulus * p.A)), rel=1e-4)
+    assert result == pytest.approx(euler / (1 + euler / (p.ky * ALLOY.shear_modulus * p.A)), rel=1e-4)
 
 
 def test_stiffness_under_tension_is_that_of_the_book():
@@ -62,14 +62,14 @@ def test_stiffness_under_tension_is_that_of_the_book():
     kg = np.zeros((12, 12))
     bend = force / (30 * h) * np.array([[36, 3 * h, -36, 3 * h], [3 * h, 4 * h * h, -3 * h, -h * h],
                                         [-36, -3 * h, 36, -3 * h], [3 * h, -h * h, -3 * h, 4 * h * h]])  # fmt: skip
-    for place, sign in (((1, 5, 7, 11), 1), ((2, 4, 8, 10), -1)):
+    for position, sign in (((1, 5, 7, 11), 1), ((2, 4, 8, 10), -1)):
         turn = np.array([1, sign, 1, sign])
-        kg[np.ix_(place, place)] += np.outer(turn, turn) * bend
+        kg[np.ix_(position, position)] += np.outer(turn, turn) * bend
     k, m = matrices(h, P.A, P.Iy, P.Iz, P.J, ALLOY.E, ALLOY.shear_modulus, ALLOY.rho)
     points = [(0, 0, h * i) for i in range(n + 1)]
     axes = [((0, 0, 1), (0, 1, 0), (-1, 0, 0))] * n
-    whole = assembled(points, [np.array(a) for a in axes], lambda i: (np.array(k) + kg, m))
-    square = eigh(whole[0][6:, 6:], whole[1][6:, 6:], eigvals_only=True)
+    full = assembled(points, [np.array(a) for a in axes], lambda i: (np.array(k) + kg, m))
+    square = eigh(full[0][6:, 6:], full[1][6:, 6:], eigvals_only=True)
     # torsion: the rigid halves of a twisted element do not see the tension, and neither does the book
     assert system.modes().frequencies == pytest.approx(np.sqrt(square) / (2 * np.pi), rel=1e-9)
 
@@ -77,17 +77,17 @@ def test_stiffness_under_tension_is_that_of_the_book():
 def test_supported_beam_under_tension():
     force, n = 2.0e4, 24
     b = np.arange(1, 4) * np.pi / LENGTH
-    found = column(n, force, pinned=True).modes().frequencies
+    result = column(n, force, pinned=True).modes().frequencies
     for second in (P.Iy, P.Iz):
         exact = np.sqrt((ALLOY.E * second * b**4 + force * b**2) / (ALLOY.rho * P.A)) / (2 * np.pi)
-        assert (np.abs(found[:, None] / exact - 1.0).min(axis=0) < 2e-5).all()
+        assert (np.abs(result[:, None] / exact - 1.0).min(axis=0) < 2e-5).all()
 
 
 def test_column_buckles_under_its_own_weight():
     """Greenhill: q L^3 / (E I) = 9/4 times the square of the first zero of J of order -1/3."""
     load = 2.25 * brentq(lambda x: jv(-1 / 3, x), 1.5, 2.2) ** 2
-    found = critical(column(16, 0), column(16, 0, gravity=(0, 0, -1.0)))[0]
-    assert found * ALLOY.rho * P.A * LENGTH**3 / (ALLOY.E * P.Iz) == pytest.approx(load, rel=2e-3)
+    result = critical(column(16, 0), column(16, 0, gravity=(0, 0, -1.0)))[0]
+    assert result * ALLOY.rho * P.A * LENGTH**3 / (ALLOY.E * P.Iz) == pytest.approx(load, rel=2e-3)
 
 
 def test_strip_tips_over_under_a_load_across():

@@ -26,10 +26,10 @@ def arm():
     model.add_body("hub", 2.0, (0.01, 0.01, 0.02), position=(0, 0, 0.1))
     model.add_beam("tube", "hub", None, Tube(0.02, 0.002), STEEL, start=(0.05, 0, 0), end=(1, 0, 0), elements=4,
                    beta=1e-5)  # fmt: skip
-    given = {"A": 1e-4, "Iy": 1e-9, "Iz": 2e-9, "J": 1e-9, "ky": 0.8, "kz": 0.9}
+    arguments = {"A": 1e-4, "Iy": 1e-9, "Iz": 2e-9, "J": 1e-9, "ky": 0.8, "kz": 0.9}
     points = [(1, 0, 0), (1, 0.1, -0.3), (1, 0, -0.6)]
-    model.add_beam("strut", "tube.4", "ground", given, {"E": 7e10, "G": 2.6e10, "rho": 2700}, nodes=points, shear=True,
-                   y_axis=(1, 0, 0), damping_ratio=0.01)  # fmt: skip
+    model.add_beam("strut", "tube.4", "ground", arguments, {"E": 7e10, "G": 2.6e10, "rho": 2700}, nodes=points,
+                   shear=True, y_axis=(1, 0, 0), damping_ratio=0.01)  # fmt: skip
     model.add_joint("pivot", "revolute", "ground", "hub", position=(0, 0, 0), axis=(0, 1, 0))
     model.add_spring("stay", "ground", "tube.2", start=(0.5, 0, 1), end=(0.5, 0, 0), stiffness=1e4)
     model.add_input("F", "tube.4", "z")
@@ -90,9 +90,9 @@ def test_force_in_an_element_is_that_of_statics():
     model.add_force_output("shear", "rod.e2", "z")
     model.add_force_output("moment", "rod.e2", "ry")
     system = model.linearize()
-    found = system.Cq @ np.linalg.solve(system.K, system.B)
+    result = system.Cq @ np.linalg.solve(system.K, system.B)
     length = np.hypot(1, 0.2)
-    assert found[:, 0] == pytest.approx([1.0, -0.7 * length], rel=1e-12)
+    assert result[:, 0] == pytest.approx([1.0, -0.7 * length], rel=1e-12)
 
 
 def test_base_motion_acts_on_the_mass_of_the_beam():
@@ -103,13 +103,13 @@ def test_base_motion_acts_on_the_mass_of_the_beam():
     system = model.linearize()
     free = mv.Model("free")
     free.add_beam("rod", None, None, BAR, STEEL, start=(0, 0, 0), end=(1, 0.2, 0), elements=3)
-    whole = free.linearize()
-    names = [whole.coordinates.index(name) for name in system.coordinates]
-    rigid = [whole.coordinates.index(f"rod.0.{d}") for d in ("x", "y", "z", "rx", "ry", "rz")]
+    full = free.linearize()
+    names = [full.coordinates.index(name) for name in system.coordinates]
+    rigid = [full.coordinates.index(f"rod.0.{d}") for d in ("x", "y", "z", "rx", "ry", "rz")]
     carried = np.zeros((6, 2))
     carried[0, 0] = 1.0
     carried[:3, 1], carried[5, 1] = np.cross([0, 0, 1], np.subtract((0, 0, 0), (0.3, -0.2, 0.1))), 1.0
-    expected = -whole.M[np.ix_(names, rigid)] @ carried
+    expected = -full.M[np.ix_(names, rigid)] @ carried
     assert np.abs(system.B - expected).max() < 1e-13 * np.abs(expected).max()
 
 
@@ -131,10 +131,10 @@ def test_files_bring_beams_back(tmp_path, suffix):
     back = mv.load(path)
     assert dict(back.beams) == dict(model.beams)
     assert back.joints == model.joints
-    one, other = model.linearize(), back.linearize()
-    assert one.coordinates == other.coordinates
-    assert np.array_equal(one.M, other.M)
-    assert np.array_equal(one.K, other.K)
+    first, second = model.linearize(), back.linearize()
+    assert first.coordinates == second.coordinates
+    assert np.array_equal(first.M, second.M)
+    assert np.array_equal(first.K, second.K)
     if suffix == ".json":
         jsonschema.Draft202012Validator(schema()).validate(json.loads(path.read_text("utf-8")))
 
@@ -205,7 +205,7 @@ LINE = {"start": (0, 0, 0), "end": (1, 0, 0)}
         ({**LINE, "alpha": -1.0}, r"alpha = -1.0; expected a number that is not negative"),
         ({**LINE, "shear": 1}, r"shear = 1"),
         ({**LINE, "b": "ground", "elements": 1}, r"both ends are on 'ground'"),
-        ({**LINE, "b": "tip"}, r"b = 'tip' is no body"),
+        ({**LINE, "b": "tip"}, r"b = 'tip' is not a body"),
         ({**LINE, "section": {"A": 1, "Iy": 1, "Iz": 1, "J": 1}, "shear": True}, r"needs the section's shear factors"),
         ({**LINE, "section": {"type": "tube", "radius": 0.1}}, r"needs wall"),
         ({**LINE, "section": {"type": "tub", "radius": 0.1}}, r"type: one of tube.*tube"),
@@ -236,7 +236,7 @@ def test_names_are_taken():
 
 
 def test_end_that_a_body_holds_is_no_node():
-    with pytest.raises(mv.ModelError, match=r"'rod\.0' is no body"):
+    with pytest.raises(mv.ModelError, match=r"'rod\.0' is not a body"):
         cantilever().add_input("F", "rod.0", "x")
 
 
@@ -287,8 +287,8 @@ def test_shear_factor_of_a_tube_by_cowper_s_integral(nu, inner):
 
 def test_shear_factors_that_are_given_count():
     for shape in (Tube(0.1, 0.02, 0.4, 0.6), Circle(0.1, 0.4, 0.6), Rectangle(0.1, 0.2, 0.4, 0.6)):
-        found = shape.properties(0.3)
-        assert (found.ky, found.kz) == (0.4, 0.6)
+        result = shape.properties(0.3)
+        assert (result.ky, result.kz) == (0.4, 0.6)
     square = Rectangle(0.1, 0.2).properties(0.5)
     assert (square.ky, square.kz) == pytest.approx((15 / 17.5, 15 / 17.5), rel=1e-14)  # Cowper 1966, table 1
 
@@ -305,7 +305,7 @@ def test_explain_tells_what_flexible_parts_are_made_of():
 
 def test_other_poses_are_refused_by_name():
     model = cantilever()
-    with pytest.raises(mv.ModelError, match=r"'rod\.e1\.x' is no joint coordinate"):
+    with pytest.raises(mv.ModelError, match=r"'rod\.e1\.x' is not a joint coordinate"):
         model.moved({"rod.e1.x": 0.1})
     assert model.equilibrium(report=True).iterations == 0
 
@@ -313,7 +313,7 @@ def test_other_poses_are_refused_by_name():
 def test_longer_beams_bend_slower_by_the_square_and_stretch_by_the_first_power():
     """omega ~ 1 / L^2 in bending, 1 / L along the beam and in torsion, however many elements there are."""
     system = cantilever().linearize()
-    found = system.eigenvalue_sensitivities({"stretch": {"rod.end.x": 1.0, "rod.end.y": 0.2}})[0]
-    powers = (found / system.modes().eigenvalues).real
+    result = system.eigenvalue_sensitivities({"stretch": {"rod.end.x": 1.0, "rod.end.y": 0.2}})[0]
+    powers = (result / system.modes().eigenvalues).real
     assert np.abs(powers - np.round(powers)).max() < 1e-9
     assert set(np.round(powers)) == {-2.0, -1.0}

@@ -31,9 +31,9 @@ def mast(n, **words):
 def test_same_answers_as_dense(n, words):
     model = mast(n, **words)
     dense, sparse = model.linearize(method="dense"), model.linearize(method="sparse")
-    one, other = dense.modes(6), sparse.modes(6)
-    assert other.frequencies == pytest.approx(one.frequencies, rel=1e-12)
-    assert other.damping_ratios == pytest.approx(one.damping_ratios, rel=1e-9, abs=1e-14)
+    first, second = dense.modes(6), sparse.modes(6)
+    assert second.frequencies == pytest.approx(first.frequencies, rel=1e-12)
+    assert second.damping_ratios == pytest.approx(first.damping_ratios, rel=1e-9, abs=1e-14)
     assert sparse.frequency_response(OMEGA) == pytest.approx(dense.frequency_response(OMEGA), rel=1e-9)
 
 

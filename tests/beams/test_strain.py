@@ -43,8 +43,8 @@ def test_cantilever_under_forces_at_its_tip(section, half, shear, method):
                 stretch = 1 / (E * properties.A)
                 expected += [(stretch, -half[0] * moment / (E * properties.Iz), 0.0),
                              (stretch, 0.0, -half[1] * moment / (E * properties.Iy))]  # fmt: skip
-    found = strain(model, method)
-    assert_allclose(found, expected, rtol=1e-11, atol=1e-13 * np.abs(expected).max())
+    result = strain(model, method)
+    assert_allclose(result, expected, rtol=1e-11, atol=1e-13 * np.abs(expected).max())
     assert set(model.linearize().output_units) == {"m/m"}
 
 

@@ -12,10 +12,10 @@ PENDULUM = """<mujoco><worldbody><body name="rod"><joint name="hinge" axis="0 1 
 
 
 def test_urdf_by_its_ending_or_its_element(run, tmp_path):
-    told = run(f"modes {ROBOTS / 'arm.urdf'}").stdout
-    assert "Modes of arm: 6 DOF" in told
+    message = run(f"modes {ROBOTS / 'arm.urdf'}").stdout
+    assert "Modes of arm: 6 DOF" in message
     (tmp_path / "arm.xml").write_bytes((ROBOTS / "arm.urdf").read_bytes())
-    assert run("modes arm.xml").stdout == told
+    assert run("modes arm.xml").stdout == message
 
 
 def test_mjcf(run, tmp_path):

@@ -122,8 +122,8 @@ def test_parts_stand_for_their_names():
     output, joint = model.outputs["body.z"], model.joints["hub"]
     other = model.linearize(cut=[], independent=[])
     assert (other.M == SYSTEM.M).all()
-    found = SYSTEM.transmission_zeros(model.inputs["load"], [output])
-    assert (found == SYSTEM.transmission_zeros("load", "body.z")).all()
+    result = SYSTEM.transmission_zeros(model.inputs["load"], [output])
+    assert (result == SYSTEM.transmission_zeros("load", "body.z")).all()
     ladder = mv.library.ladder(1)
     cut = ladder.joints[ladder.linearize().cut_joints[0]]
     assert ladder.linearize(cut=cut).cut_joints == (cut.name,)

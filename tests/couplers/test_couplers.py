@@ -124,12 +124,12 @@ PARALLEL, TRAPEZOID = ((0, 0, 0), (0.3, 1, 0), (2.3, 1, 0), (2, 0, 0)), ((0, 0, 
 
 def test_a_gear_that_a_parallelogram_implies_is_redundant_in_all_its_poses():
     model = four_bar(PARALLEL)
-    alone = model.linearize()
+    single = model.linearize()
     model.add_gear("equal", "j0", "j3", -1.0)  # the rocker is the first body of j3
     system = model.linearize()
     assert system.dof == 1
-    assert len(system.redundant) == len(alone.redundant) + 1
-    assert_allclose(system.modes().frequencies, alone.modes().frequencies, rtol=1e-12)
+    assert len(system.redundant) == len(single.redundant) + 1
+    assert_allclose(system.modes().frequencies, single.modes().frequencies, rtol=1e-12)
     assert model.replace("equal", ratio=-1.5).linearize().dof == 0
 
 
@@ -171,8 +171,8 @@ def test_same_matrices_as_in_fifty_digits(seed, bodies, loops, couplers):
     for i in range(couplers):
         count = min(len(coordinates), int(rng.integers(2, 4)))
         assume(count > 1)
-        chosen = rng.choice(coordinates, count, replace=False)
-        model.add_coupler(f"c{i}", {str(name): float(rng.normal() * 10 ** rng.uniform(-1, 1)) for name in chosen})
+        selected = rng.choice(coordinates, count, replace=False)
+        model.add_coupler(f"c{i}", {str(name): float(rng.normal() * 10 ** rng.uniform(-1, 1)) for name in selected})
     reference = Exact(model)
     system = linearized(model)
     assert system.dof == reference.dof
@@ -232,10 +232,10 @@ def test_parameters_and_variants():
               "same.coefficient.1": np.array([-0.2, -0.4, -0.6])}  # fmt: skip
     batch = model.linearize(values=values)
     for i in range(3):
-        one = model.with_values({name: array[i] for name, array in values.items()}).linearize(
+        single = model.with_values({name: array[i] for name, array in values.items()}).linearize(
             independent=batch.coordinates)  # fmt: skip
         for key in ("M", "K", "B", "Cq"):
-            assert_allclose(getattr(batch, key)[i], getattr(one, key), rtol=1e-13, atol=1e-15)
+            assert_allclose(getattr(batch, key)[i], getattr(single, key), rtol=1e-13, atol=1e-15)
     with pytest.raises(mv.SingularPoseError, match="variant 1"):
         model.linearize(values={"rack.radius": np.array([0.1, 0.2])})
     with pytest.raises(mv.ModelError, match=r"variant 1: values\['mesh.ratio'\]\[1\] = 0\. gear 'mesh': ratio"):
@@ -252,10 +252,10 @@ def test_variants_of_a_cut_joint():
     values = {"j2.position.x": np.array([1.5, 1.6, 1.4]), "j2.position.y": np.array([1.2, 1.25, 1.1])}
     batch = model.linearize(values=values, cut=["j2"])
     for i in range(3):
-        one = model.with_values({name: array[i] for name, array in values.items()}).linearize(
+        single = model.with_values({name: array[i] for name, array in values.items()}).linearize(
             cut=["j2"], independent=batch.coordinates)  # fmt: skip
-        assert_allclose(batch.M[i], one.M, rtol=1e-12)
-        assert_allclose(batch.K[i], one.K, rtol=1e-12)
+        assert_allclose(batch.M[i], single.M, rtol=1e-12)
+        assert_allclose(batch.K[i], single.K, rtol=1e-12)
 
 
 @pytest.mark.parametrize("suffix", [".yaml", ".json"])
@@ -297,11 +297,11 @@ CALLS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("call", "said"), CALLS)
-def test_what_is_wrong_is_named(call, said):
+@pytest.mark.parametrize(("call", "message"), CALLS)
+def test_what_is_wrong_is_named(call, message):
     model = shafts(3, slide=True)
     kind, *given_words = call
-    with pytest.raises(mv.ModelError, match=said) as caught:
+    with pytest.raises(mv.ModelError, match=message) as caught:
         getattr(model, f"add_{kind}")(*given_words)
     assert caught.value.element
     assert caught.value.field

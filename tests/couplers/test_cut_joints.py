@@ -67,11 +67,11 @@ def test_every_variant_of_a_coupled_cut_joint(kind, coefficients):
         del values["c0.coefficient.1"]
     batch = model.linearize(values=values, cut=["cut"])
     for i in range(3):
-        one = model.with_values({name: array[i] for name, array in values.items()})
-        system = one.linearize(cut=["cut"], independent=batch.coordinates)
+        single = model.with_values({name: array[i] for name, array in values.items()})
+        system = single.linearize(cut=["cut"], independent=batch.coordinates)
         for key in ("M", "C", "K", "B", "Cq"):
             assert_allclose(getattr(batch, key)[i], getattr(system, key), rtol=1e-10, atol=1e-10)
-        assert_same_matrices(system, Exact(one), 1e-11)
+        assert_same_matrices(system, Exact(single), 1e-11)
 
 
 @pytest.mark.parametrize("kind", ["universal", "skew universal", "cylindrical"])
@@ -100,8 +100,8 @@ def test_a_variant_that_is_nearly_singular_goes_through_the_decisions_of_a_singl
     words = {"cut": ["j2"], "independent": ["j0.rz"]}
     batch = model.linearize(values=values, **words)
     for i in range(4):
-        one = model.with_values({name: array[i] for name, array in values.items()}).linearize(**words)
-        assert_allclose(batch.M[i], one.M, rtol=1e-12)
-        assert_allclose(batch.K[i], one.K, rtol=1e-12)
+        single = model.with_values({name: array[i] for name, array in values.items()}).linearize(**words)
+        assert_allclose(batch.M[i], single.M, rtol=1e-12)
+        assert_allclose(batch.K[i], single.K, rtol=1e-12)
     with pytest.warns(mv.NearSingularWarning, match="^variant 2: .*nearly singular"):
         model.linearize(values=values | {"j2.position.y": np.array([1.2, 1.25, 0.5 + 1e-6, 1.1])}, **words)

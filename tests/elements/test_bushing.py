@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.equilibrium.motion import stance
+from mbsvib.equilibrium.motion import posed_model
 from mbsvib.equilibrium.pose import start
 
 SIX = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
@@ -15,8 +15,8 @@ SIX = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 def make(**words):
     model = mv.Model()
     model.add_body("a", 1.0, (1, 1, 1))
-    given = {"name": "k", "first": "ground", "second": "a", "position": (0, 0, 0), "stiffness": SIX} | words
-    return model.add_bushing(**given)
+    arguments = {"name": "k", "first": "ground", "second": "a", "position": (0, 0, 0), "stiffness": SIX} | words
+    return model.add_bushing(**arguments)
 
 
 @pytest.mark.parametrize("form", [tuple, list, np.array])
@@ -85,12 +85,12 @@ def test_several_go_to_another_pose_as_each_of_them_does():
         model.add_bushing(f"k{i}", "ground", f"b{i}", (0.3, 0.1 * i, 0.2), **{"stiffness": SIX} | words)
     model.add_body("still", 1.0, (1, 1, 1))
     model.add_bushing("rests", "ground", "still", (0, 0, 0), SIX)
-    here = stance(model, start(model))
+    here = posed_model(model, start(model))
     pose = here.moved(np.where(np.arange(len(here.scale)) < 15, 0.2, 0.0)).pose
     for there in model.moved(dict.fromkeys(here.coordinates.names[:15], 0.2)).springs.values():
-        alone = model.springs[there.name].in_pose(pose, False)
-        assert np.allclose(there.stiffness, alone.stiffness, rtol=1e-14, atol=1e-14)
-        assert np.allclose(there.damping, alone.damping, rtol=1e-14, atol=1e-14)
-        assert (there.preload is None) == (alone.preload is None)
-        assert there.preload is None or there.preload == pytest.approx(alone.preload, rel=1e-14, abs=1e-14)
+        single = model.springs[there.name].in_pose(pose, False)
+        assert np.allclose(there.stiffness, single.stiffness, rtol=1e-14, atol=1e-14)
+        assert np.allclose(there.damping, single.damping, rtol=1e-14, atol=1e-14)
+        assert (there.preload is None) == (single.preload is None)
+        assert there.preload is None or there.preload == pytest.approx(single.preload, rel=1e-14, abs=1e-14)
         assert (there is model.springs[there.name]) == (there.name == "rests")

@@ -34,9 +34,9 @@ def test_signed_squares_are_the_symmetric_form():
 
 
 def test_products_of_sizes_far_apart_keep_their_digits():
-    one, other = RNG.normal(size=(3, 4)), 1e12 * RNG.normal(size=(3, 4))
-    rows, value = products(one, other)
-    expected = one.T @ other + other.T @ one
+    first, second = RNG.normal(size=(3, 4)), 1e12 * RNG.normal(size=(3, 4))
+    rows, value = products(first, second)
+    expected = first.T @ second + second.T @ first
     np.testing.assert_allclose(rows.T @ (value[:, None] * rows), expected, atol=1e-15 * np.abs(expected).max() * 8)
 
 
@@ -50,9 +50,9 @@ def test_antisymmetric_form():
     rows, part = RNG.normal(size=(4, 3)), weights([0, 2], [1, 3])
     expected = sum(v * (np.outer(rows[i], rows[j]) - np.outer(rows[j], rows[i]))
                    for i, j, v in zip(part.first, part.second, part.value, strict=True))  # fmt: skip
-    found = antisymmetric(part, rows)
-    np.testing.assert_allclose(found, expected, atol=1e-14)
-    assert np.array_equal(found, -found.T)
+    result = antisymmetric(part, rows)
+    np.testing.assert_allclose(result, expected, atol=1e-14)
+    assert np.array_equal(result, -result.T)
 
 
 def test_an_antisymmetric_form_that_is_rounding_is_none():
@@ -73,19 +73,19 @@ def test_rows_in_minimal_coordinates(loops):
     rows = Rows.join([turns(bodies, along, ground), shifts(bodies, along, point, ground)])
     part = Contribution.of(rows, row=np.array([0, 1, 2, 3, 4, 0]))
     motion = system.body_motion
-    found = minimal_rows(part, view.coordinates, system.provenance.reduction, motion)
+    result = minimal_rows(part, view.coordinates, system.provenance.reduction, motion)
     turned = np.einsum("in,nim->nm", along, motion[bodies, 3:])
     arm = point.T - view.position[bodies]
     moved = motion[bodies, :3] + np.cross(motion[bodies, 3:], arm[:, :, None], axis=1)
     shifted = np.einsum("in,nim->nm", along, moved)
     expected = np.array([turned[0] + shifted[2], turned[1], turned[2], shifted[0], shifted[1]])
-    np.testing.assert_allclose(found, expected, atol=1e-13 * np.abs(motion).max())
+    np.testing.assert_allclose(result, expected, atol=1e-13 * np.abs(motion).max())
 
 
 def test_joined_contributions_number_their_rows_one_after_the_other():
     one = Contribution.of(turns(np.array([0, 1]), np.eye(3)[:, :2], 2), stiffness=weights([0, 1], [0, 1]))
-    two = Contribution.of(turns(np.array([1]), np.eye(3)[:, :1], 2), stiffness=weights([0], [0]), gyroscopic=NONE)
-    both = Contribution.join([one, two, one])
+    second = Contribution.of(turns(np.array([1]), np.eye(3)[:, :1], 2), stiffness=weights([0], [0]), gyroscopic=NONE)
+    both = Contribution.join([one, second, one])
     assert both.count == 5
     assert both.stiffness.first.tolist() == [0, 1, 2, 3, 4]
     assert both.gyroscopic is NONE

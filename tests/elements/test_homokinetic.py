@@ -79,9 +79,9 @@ def test_variants_are_those_one_by_one():
     values = {"joint.orientation.rx": [0.02, 0.04], "joint.orientation.rz": [0.3, -0.5]}
     batch = model.linearize(values=values)
     for i in range(2):
-        one = model.with_values({name: value[i] for name, value in values.items()}).linearize()
-        assert batch[i].coordinates == one.coordinates
-        assert np.allclose(batch[i].M, one.M, rtol=1e-12, atol=1e-13)
+        single = model.with_values({name: value[i] for name, value in values.items()}).linearize()
+        assert batch[i].coordinates == single.coordinates
+        assert np.allclose(batch[i].M, single.M, rtol=1e-12, atol=1e-13)
 
 
 def bent(kind="homokinetic", loop=False):
@@ -129,7 +129,7 @@ def test_forces_in_joints_change_as_the_static_response_says(loop, cut):
     there, _ = settled(bent(loop=loop))
     there.add_input("more", "b", (0.3, -0.2, 0.5, 0.1, 0.2, -0.3))
     system = with_all_joint_forces(there).linearize(cut=cut)
-    found = system.Cq @ np.linalg.solve(system.K, system.B[:, 1]) + system.D[:, 1]
+    result = system.Cq @ np.linalg.solve(system.K, system.B[:, 1]) + system.D[:, 1]
     changed = []
     for size in (1e-3, -1e-3):
         pushed = there.replace("more")
@@ -139,7 +139,7 @@ def test_forces_in_joints_change_as_the_static_response_says(loop, cut):
         changed.append(in_axes(there, at, reactions))
     expected = (changed[0] - changed[1]) / 2e-3
     known = [system.outputs.index(f"{name}.{way}") for name in "uv" for way in SIX]
-    assert np.abs(found[known] - expected).max() < 1e-6 * np.abs(expected).max()
+    assert np.abs(result[known] - expected).max() < 1e-6 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize(("loop", "cut"), SCENES)
@@ -151,8 +151,8 @@ def test_sparse_equations_are_the_dense_ones(loop, cut):
         there.add_force_output(f"{name}.turn", name, (0, 0, 0, 0.3, 0.2, 1.0) if name in "uv" else "z")
     omega = np.array([0.0, 3.0, 40.0])
     expected = there.linearize(cut=cut).frequency_response(omega)
-    found = there.linearize(cut=cut, method="sparse").frequency_response(omega)
-    assert np.allclose(found, expected, rtol=1e-9, atol=1e-11 * np.abs(expected).max())
+    result = there.linearize(cut=cut, method="sparse").frequency_response(omega)
+    assert np.allclose(result, expected, rtol=1e-9, atol=1e-11 * np.abs(expected).max())
     assert np.allclose(expected[0], dense.frequency_response(omega)[0], rtol=1e-10)
 
 
@@ -163,9 +163,9 @@ def test_sensitivities_through_an_equilibrium_far_from_where_joints_are_describe
     _, system = settled(model, cut=cut)
     assert system.sensitivity_basis.loaded is not None
     names = ["a.mass", "u.orientation.ry", "v.position.y"]
-    found = system.matrix_derivatives(names)
+    result = system.matrix_derivatives(names)
     for k, name in enumerate(names):
-        assert_as_variants(found, k, system, of_variants(system, name), model.parameters[name], 1e-8, 1e-10)
+        assert_as_variants(result, k, system, of_variants(system, name), model.parameters[name], 1e-8, 1e-10)
 
 
 @pytest.mark.parametrize("free", [("rx", "ry"), ("ry", "rx"), ("rx", "rz"), ("rz", "ry")])
@@ -178,14 +178,14 @@ def test_two_rotations_by_name_are_those_of_a_universal_joint_in_the_order_of_th
         columns[:, i], columns[:, k], columns[:, 3 - i - k] = axes.T * [[1], [1], [1 if (k - i) % 3 == 1 else -1]]
         named = named.replace(name, kind=None, free=free, orientation=columns)
         universal = universal.replace(name, kind="universal")
-    found, expected = named.linearize(), universal.linearize()
-    assert found.coordinates == ("u." + free[0], "u." + free[1], "v." + free[0], "v." + free[1])
+    result, expected = named.linearize(), universal.linearize()
+    assert result.coordinates == ("u." + free[0], "u." + free[1], "v." + free[0], "v." + free[1])
     size = np.abs(expected.K).max()
-    assert np.abs(found.K - expected.K).max() < 1e-12 * size
-    assert off(named, found) < 1e-10
+    assert np.abs(result.K - expected.K).max() < 1e-12 * size
+    assert off(named, result) < 1e-10
     swapped = named.replace("u", free=free[::-1]).replace("v", free=free[::-1]).linearize()
     order = [1, 0, 3, 2]
-    assert np.abs(swapped.K[np.ix_(order, order)] - found.K).max() > 1e-3 * size
+    assert np.abs(swapped.K[np.ix_(order, order)] - result.K).max() > 1e-3 * size
 
 
 @pytest.mark.parametrize("cut", ["u", "rod"])

@@ -27,12 +27,12 @@ def make(kind="revolute", **words):
     model = mv.Model()
     model.add_body("a", 1.0, (1, 1, 1))
     model.add_body("b", 1.0, (1, 1, 1))
-    given = {"name": "j", "first": "a", "second": "b", "position": (0, 0, 0)} | words
+    arguments = {"name": "j", "first": "a", "second": "b", "position": (0, 0, 0)} | words
     if kind == "screw":
-        given.setdefault("pitch", 0.01)
+        arguments.setdefault("pitch", 0.01)
     if kind == "distance":
-        given.setdefault("end", (0.3, 0.2, 0.6))
-    return model.add_joint(kind=kind, **given)
+        arguments.setdefault("end", (0.3, 0.2, 0.6))
+    return model.add_joint(kind=kind, **arguments)
 
 
 def vectors(named):
@@ -83,7 +83,7 @@ def test_a_distance_joint_has_its_rod_along_z(seed, size):
     assert joint.point == joint.end
 
 
-@pytest.mark.parametrize(("words", "said"), [
+@pytest.mark.parametrize(("words", "message"), [
     ({"end": None}, r"joint 'j': end = None; expected the rod's point \(x, y, z\) on the second body"),
     ({"end": (0, 0, 0)}, r"end = \(0\.0, 0\.0, 0\.0\); expected a point other than position .*spherical"),
     ({"end": (0, 0)}, r"end = \(0, 0\); expected the rod's point"),
@@ -98,8 +98,8 @@ def test_a_distance_joint_has_its_rod_along_z(seed, size):
     ({"kind": "point_on_line", "axis": (0, 0, 0)}, r"axis = \(0\.0, 0\.0, 0\.0\); expected a direction"),
     ({"kind": "point_on_plane", "position": None}, "position = None; expected the joint's point"),
 ])  # fmt: skip
-def test_wrong_points_and_rods_are_named(words, said):
-    with pytest.raises(mv.ModelError, match=said):
+def test_wrong_points_and_rods_are_named(words, message):
+    with pytest.raises(mv.ModelError, match=message):
         make(**({"kind": "distance"} | words))
 
 

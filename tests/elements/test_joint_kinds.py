@@ -27,7 +27,7 @@ def test_matrices_derivatives_and_variants(kind, cut):
     known = model.parameters
     rates = {f"{joint}.{field}": rate * sign for joint, sign in (("cut", 1.0), ("link", -1.3))
              for field, rate in MIXED.items() if f"{joint}.{field}" in known}  # fmt: skip
-    found = system.matrix_derivatives({"all": rates})
+    result = system.matrix_derivatives({"all": rates})
     values = {name: known[name] + np.array([STEP, -STEP]) * rate for name, rate in rates.items()}
     batch = model.linearize(values=values, cut=[cut], independent=list(system.coordinates))
     sides = []
@@ -40,4 +40,4 @@ def test_matrices_derivatives_and_variants(kind, cut):
     for key in ("M", "C", "K", "B", "Cq"):
         expected = (sides[0][key] - sides[1][key]) / (2 * STEP)
         size = np.abs(expected).max() + 1e-3 * np.abs(sides[0][key]).max()
-        assert_allclose(getattr(found, key)[0], expected, rtol=0, atol=3e-5 * size)
+        assert_allclose(getattr(result, key)[0], expected, rtol=0, atol=3e-5 * size)

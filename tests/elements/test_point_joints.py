@@ -160,12 +160,12 @@ def test_variants_of_a_rod_are_those_of_single_models():
     hung.add_joint("rod", "distance", "ground", "bob", (0, 0, 0), end=(0.1, 0.2, -0.9))
     hung.add_bushing("k", "ground", "bob", (0.3, 0.2, -1), (50.0, 60.0, 70.0, 5.0, 6.0, 7.0))
     swept = {"rod.position.z": np.array([0.1, -0.2]), "rod.end.y": np.array([0.0, 0.4])}
-    for given, whole, many in ((values, model, batch), (swept, hung, hung.linearize(values=swept))):
+    for given, full, many in ((values, model, batch), (swept, hung, hung.linearize(values=swept))):
         for i in range(len(many.M)):
-            one = whole.with_values({name: array[i] for name, array in given.items()}).linearize()
-            assert many.coordinates == one.coordinates
-            assert_allclose(many.M[i], one.M, rtol=1e-13, atol=1e-14)
-            assert_allclose(many.K[i], one.K, rtol=1e-13, atol=1e-12)
+            single = full.with_values({name: array[i] for name, array in given.items()}).linearize()
+            assert many.coordinates == single.coordinates
+            assert_allclose(many.M[i], single.M, rtol=1e-13, atol=1e-14)
+            assert_allclose(many.K[i], single.K, rtol=1e-13, atol=1e-12)
 
 
 def test_variants_of_redundant_rods_are_looked_at_nearby():

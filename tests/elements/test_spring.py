@@ -12,8 +12,8 @@ import mbsvib as mv
 def make(**words):
     model = mv.Model()
     model.add_body("a", 1.0, (1, 1, 1))
-    given = {"name": "k", "first": "ground", "second": "a", "start": (1, 0, 0), "end": (1, 3, 4), "stiffness": 2.0}
-    return model.add_spring(**(given | words))
+    arguments = {"name": "k", "first": "ground", "second": "a", "start": (1, 0, 0), "end": (1, 3, 4), "stiffness": 2.0}
+    return model.add_spring(**(arguments | words))
 
 
 def test_the_line_goes_from_start_to_end():

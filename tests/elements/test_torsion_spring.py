@@ -132,6 +132,6 @@ def test_sensitivities_and_batches():
     root = -C / (2 * J) + 1j * np.sqrt(K / J - (C / (2 * J)) ** 2)
     system = model.linearize()
     upper = system.modes().eigenvalues.imag > 0
-    found = system.eigenvalue_sensitivities(["t.stiffness", "t.damping"])[:, upper]
+    result = system.eigenvalue_sensitivities(["t.stiffness", "t.damping"])[:, upper]
     slope = -1 / (2 * root * J + C)
-    assert_allclose(found, [[slope], [root * slope]], rtol=1e-8)
+    assert_allclose(result, [[slope], [root * slope]], rtol=1e-8)

@@ -40,28 +40,28 @@ def response(model, omega=OMEGA):
 
 def test_one_mass():
     """T = (c s + k) / (m s^2 + c s + k); relative displacement -m / (...); the spring carries m times T."""
-    found, s = response(isolator((2.0,), (800.0,), (4.0,))), 1j * OMEGA
+    result, s = response(isolator((2.0,), (800.0,), (4.0,))), 1j * OMEGA
     below = 2.0 * s**2 + 4.0 * s + 800.0
-    assert_allclose(found["a0"], (4.0 * s + 800.0) / below, rtol=1e-12)
-    assert_allclose(found["x0"], -2.0 / below, rtol=1e-12)
-    assert_allclose(found["f0"], -2.0 * (4.0 * s + 800.0) / below, rtol=1e-12)
+    assert_allclose(result["a0"], (4.0 * s + 800.0) / below, rtol=1e-12)
+    assert_allclose(result["x0"], -2.0 / below, rtol=1e-12)
+    assert_allclose(result["f0"], -2.0 * (4.0 * s + 800.0) / below, rtol=1e-12)
 
 
 def test_two_masses():
-    found, s = response(isolator()), 1j * OMEGA
+    result, s = response(isolator()), 1j * OMEGA
     z1, z2 = 4.0 * s + 800.0, 6.0 * s + 500.0
     below = (2.0 * s**2 + z1 + z2) * (3.0 * s**2 + z2) - z2**2
-    assert_allclose(found["a0"], z1 * (3.0 * s**2 + z2) / below, rtol=1e-12)
-    assert_allclose(found["a1"], z1 * z2 / below, rtol=1e-12)
-    assert_allclose(found["f1"], 3.0 * found["a1"] * -1, rtol=1e-11)  # all that accelerates the second mass
+    assert_allclose(result["a0"], z1 * (3.0 * s**2 + z2) / below, rtol=1e-12)
+    assert_allclose(result["a1"], z1 * z2 / below, rtol=1e-12)
+    assert_allclose(result["f1"], 3.0 * result["a1"] * -1, rtol=1e-11)  # all that accelerates the second mass
 
 
 def test_skyhook():
     """A force -g times the absolute velocity makes T = w0^2 / (s^2 + (g/m) s + w0^2)."""
     model, gain, s = isolator((2.0,), (800.0,), (0.0,)), 30.0, 1j * OMEGA
     model.add_input("F", "m0", "x")
-    found = model.linearize().frequency_response(OMEGA)[0]  # a0 to ground.ax and F
-    closed = found[0] / (1.0 + gain * found[1] / s)
+    result = model.linearize().frequency_response(OMEGA)[0]  # a0 to ground.ax and F
+    closed = result[0] / (1.0 + gain * result[1] / s)
     assert_allclose(closed, 400.0 / (s**2 + gain / 2.0 * s + 400.0), rtol=1e-12)
 
 
@@ -123,16 +123,16 @@ def test_on_a_shaker(seed, bodies, loops):
     for name, spring in model.springs.items():
         for target in (model, other):
             target.add_force_output(f"{name}.f", name, "z" if hasattr(spring, "line") else np.arange(1.0, 7.0))
-    system, whole = linearized(model), linearized(other)
+    system, full = linearized(model), linearized(other)
     assume(system.dof)
-    assert whole.dof == system.dof + 6
+    assert full.dof == system.dof + 6
     omega = np.array([0.9, 7.0, 60.0, 500.0])
-    found, forced = system.frequency_response(omega), whole.frequency_response(omega)
+    result, forced = system.frequency_response(omega), full.frequency_response(omega)
     for k in range(len(omega)):
         expected = forced[6:, :, k] @ np.linalg.inv(forced[:6, :, k])
         size = np.abs(expected).max(axis=1, keepdims=True)
         size = np.maximum(size, 1e-5 * size.max())  # what loops hold still is rounding, of the size of the others
-        assert np.max(np.abs(found[:, :, k] - expected) / size) < 1e-7
+        assert np.max(np.abs(result[:, :, k] - expected) / size) < 1e-7
 
 
 def test_two_bases_that_the_ground_ties_together():
@@ -195,7 +195,7 @@ def test_a_ground_that_shifts_or_turns_about_gravity_is_none_of_that():
     model = swing(gravity=(0, 0, -9.81))
     model.add_base_motion("yaw", "rz")
     model.add_base_motion("ax", "x")
-    found = model.linearize().frequency_response(OMEGA)
+    result = model.linearize().frequency_response(OMEGA)
     s = 1j * OMEGA
-    assert_allclose(found[0, 1], 1.0 - s**2 / (2.0 * s**2 + 9.81), rtol=1e-11)  # J = 2, m l = 1
-    assert_allclose(found[0, 0], 0.0, atol=1e-14)
+    assert_allclose(result[0, 1], 1.0 - s**2 / (2.0 * s**2 + 9.81), rtol=1e-11)  # J = 2, m l = 1
+    assert_allclose(result[0, 0], 0.0, atol=1e-14)

@@ -30,21 +30,21 @@ def field_of(name):
 
 def other_values(model, rng, names, count, step=0.05):
     """Values near those of the model: n numbers for each name."""
-    found = {}
+    result = {}
     for name in names:
         value, field = model.parameters[name], field_of(name)
         if field in ("position", "start", "end"):
-            found[name] = value + step * rng.normal(size=count)
+            result[name] = value + step * rng.normal(size=count)
         elif field == "orientation":
-            found[name] = 5.0 * step * rng.normal(size=count)
+            result[name] = 5.0 * step * rng.normal(size=count)
         elif field in ("stiffness", "damping") and rng.random() < 0.3:
-            found[name] = value + elastic_size(model)[field == "damping"] * rng.uniform(0.0, 0.1, size=count)
+            result[name] = value + elastic_size(model)[field == "damping"] * rng.uniform(0.0, 0.1, size=count)
         elif field == "inertia":
-            found[name] = value + step * 0.1 * rng.uniform(-1, 1, size=count) * max(
+            result[name] = value + step * 0.1 * rng.uniform(-1, 1, size=count) * max(
                 model.parameters[f"{name.rsplit('.', 1)[0]}.{end}"] for end in ("xx", "yy", "zz"))  # fmt: skip
         else:
-            found[name] = value * rng.uniform(0.6, 1.6, size=count)
-    return found
+            result[name] = value * rng.uniform(0.6, 1.6, size=count)
+    return result
 
 
 def some_names(model, rng, fields=FIELDS):
@@ -73,14 +73,14 @@ def one_by_one(model, values, coordinates, count):
 
 def assert_same(model, batch, i, system, rtol=1e-13):
     """Every matrix of a variant, in its norm; the norm of one that should be zero is that of what it is made of."""
-    health = min((group.kept for group in system.provenance.reduction.groups), default=1.0)
+    condition = min((group.kept for group in system.provenance.reduction.groups), default=1.0)
     stiffness, damping = elastic_size(model)
     floor = {"K": stiffness, "C": damping, "Cq": max(1.0, stiffness), "Cv": max(1.0, damping)}
     for key in MATRICES:
-        found, expected = getattr(batch, key)[i], getattr(system, key)
-        assert found.shape == expected.shape, key
+        result, expected = getattr(batch, key)[i], getattr(system, key)
+        assert result.shape == expected.shape, key
         size = max(np.abs(expected).max(initial=0.0), 1e-2 * floor.get(key, 1.0))
-        assert np.abs(found - expected).max(initial=0.0) <= rtol * size / min(1.0, health / HEALTHY), (key, i)
+        assert np.abs(result - expected).max(initial=0.0) <= rtol * size / min(1.0, condition / HEALTHY), (key, i)
 
 
 def check(model, values, count):
@@ -115,8 +115,8 @@ def assert_all_the_same(model, batch, systems):
     for i, system in enumerate(systems):
         if system is not None:
             assert_same(model, batch, i, system)
-            one = batch[i]
-            assert all((getattr(one, key) == getattr(batch, key)[i]).all() for key in MATRICES)
+            single = batch[i]
+            assert all((getattr(single, key) == getattr(batch, key)[i]).all() for key in MATRICES)
 
 
 @examples(20, slow=40)
@@ -246,7 +246,7 @@ def test_stiffness_needs_no_kinematics_of_the_variants(monkeypatch):
 
     def counted(coordinates, position):
         shapes.append(coordinates.point.ndim)
-        return mbsvib.kinematics.relative_motion.body_motion(coordinates, position)
+        return mbsvib.kinematics.body_motion.body_motion(coordinates, position)
 
     monkeypatch.setattr(mbsvib.equations.matrices, "body_motion", counted)
     model = library.stewart()
@@ -260,11 +260,11 @@ def test_stiffness_needs_no_kinematics_of_the_variants(monkeypatch):
 def test_pieces_of_a_batch_are_put_together_in_order(monkeypatch):
     model = library.stewart()
     values = {"leg1.head.position.x": 0.05 + np.linspace(0, 1e-2, 40), "platform.mass": np.linspace(1, 2, 40)}
-    whole = model.linearize(values=values)
+    full = model.linearize(values=values)
     monkeypatch.setattr(mbsvib.equations.batch_assembly, "PIECE", 1)
-    pieces = model.linearize(values=values)
+    parts = model.linearize(values=values)
     for key in MATRICES:
-        np.testing.assert_allclose(getattr(pieces, key), getattr(whole, key), rtol=1e-14, atol=0)
+        np.testing.assert_allclose(getattr(parts, key), getattr(full, key), rtol=1e-14, atol=0)
     values["platform.mass"] = np.where(np.arange(40) == 33, -1.0, 1.0)
     with pytest.raises(mv.ModelError, match="variant 33"):
         model.linearize(values=values)
@@ -289,9 +289,9 @@ def test_one_by_one():
     assert repr(batch) == "Batch('stewart': 3 variants, 6 DOF)"
     assert [system.parameters["leg4.k.stiffness"] for system in batch] == [1e7, 2e7, 3e7]
     for i, system in enumerate(batch[:]):
-        alone = model.with_values({name: v if np.ndim(v) == 0 else v[i] for name, v in values.items()})
-        assert dict(system.parameters) == dict(alone.parameters)
-        single = alone.linearize(independent=batch.coordinates)
+        separate = model.with_values({name: v if np.ndim(v) == 0 else v[i] for name, v in values.items()})
+        assert dict(system.parameters) == dict(separate.parameters)
+        single = separate.linearize(independent=batch.coordinates)
         assert system.provenance.topology.joints == single.provenance.topology.joints
         np.testing.assert_allclose(
             system.provenance.reduction.matrix, single.provenance.reduction.matrix, rtol=0, atol=1e-13
@@ -322,13 +322,13 @@ def test_pinned_coordinates_and_cuts():
 def ring(angles, axes):
     """Revolute joints on a unit circle, one body between each two."""
     model = mv.Model("ring")
-    places = [(np.cos(a), np.sin(a), 0.0) for a in angles]
-    for i, (here, there) in enumerate(itertools.pairwise(places)):
+    positions = [(np.cos(a), np.sin(a), 0.0) for a in angles]
+    for i, (here, there) in enumerate(itertools.pairwise(positions)):
         model.add_body(f"b{i}", 1.0, (0.1, 0.1, 0.1), 0.5 * np.add(here, there))
     chain = ["ground", *model.bodies, "ground"]
-    for i, (place, axis) in enumerate(zip(places, axes, strict=True)):
-        model.add_joint(f"j{i}", "revolute", chain[i], chain[i + 1], place, axis=axis)
-    model.add_bushing("k", "ground", "b0", places[0], (0, 0, 0, 5.0, 5.0, 5.0))
+    for i, (position, axis) in enumerate(zip(positions, axes, strict=True)):
+        model.add_joint(f"j{i}", "revolute", chain[i], chain[i + 1], position, axis=axis)
+    model.add_bushing("k", "ground", "b0", positions[0], (0, 0, 0, 5.0, 5.0, 5.0))
     return model
 
 

@@ -103,12 +103,12 @@ def test_variants_are_those_of_single_models(name):
             independent=batch.coordinates)  # fmt: skip
         system = batch[i]
         for key in (*MATRICES, "gyroscopic", "circulatory", "null_inertia"):
-            found, expected = getattr(system, key), getattr(single, key)
-            assert (found is None) == (expected is None), key
+            result, expected = getattr(system, key), getattr(single, key)
+            assert (result is None) == (expected is None), key
             if expected is not None:
-                assert_allclose(found, expected, rtol=0, atol=1e-14 * np.abs(expected).max(initial=0.0), err_msg=key)
+                assert_allclose(result, expected, rtol=0, atol=1e-14 * np.abs(expected).max(initial=0.0), err_msg=key)
             if key in MATRICES:
-                assert_array_equal(getattr(batch, key)[i], found)
+                assert_array_equal(getattr(batch, key)[i], result)
         assert (system.coordinates, system.massless) == (single.coordinates, single.massless)
         own = single.modes()
         assert_allclose(modes.eigenvalues[i], own.eigenvalues, rtol=1e-12, atol=1e-12)
@@ -121,14 +121,14 @@ def test_variants_are_those_of_single_models(name):
         assert modes.rigid[i] == own.rigid
         if own.first_order is not None:
             assert_array_equal(modes.first_order[i], own.first_order)
-        for found, expected in ((responses[i], single.frequency_response(OMEGA)),
+        for result, expected in ((responses[i], single.frequency_response(OMEGA)),
                                 (times[i], single.time_response(t, np.cos(t)[None]))):  # fmt: skip
-            assert_allclose(found, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+            assert_allclose(result, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
         space = single.state_space()
         assert spaces[i].states == space.states
         assert_allclose(spaces[i].A, space.A, rtol=1e-12, atol=1e-12 * np.abs(space.A).max())
-    piece = batch.piece(1, 3).modes()
-    assert_array_equal(piece.eigenvalues, modes.eigenvalues[1:])
+    part = batch.piece(1, 3).modes()
+    assert_array_equal(part.eigenvalues, modes.eigenvalues[1:])
 
 
 def test_relaxation_isolators_in_closed_form():

@@ -42,8 +42,8 @@ def test_one_of_three():
     assert part.outputs == ("displacement1", "M1")
     for key in ("M", "C", "K"):
         assert_array_equal(getattr(part, key), getattr(system, key)[np.ix_(at, at)])
-    whole = system.frequency_response(OMEGA)[[4, 7], 1:2]
-    assert_allclose(part.frequency_response(OMEGA), whole, rtol=1e-13)
+    full = system.frequency_response(OMEGA)[[4, 7], 1:2]
+    assert_allclose(part.frequency_response(OMEGA), full, rtol=1e-13)
     text = part.explain()
     assert "not controllable from F1: j0.0.rz, j0.1.rz, j0.2.rz, j2.0.rz" in text
     assert "dependent" not in text
@@ -103,8 +103,8 @@ def test_a_damper_or_a_spring_by_itself_joins_two_parts(k, c, method):
     part = model.linearize(method=method).reachable("F", "z")
     assert part.dof == 2
     s = 1j * OMEGA
-    link, one, two = k + c * s, 200.0 + 2 * s * s, 300.0 + 3 * s * s
-    expected = link / ((one + link) * (two + link) - link * link)
+    link, first, second = k + c * s, 200.0 + 2 * s * s, 300.0 + 3 * s * s
+    expected = link / ((first + link) * (second + link) - link * link)
     assert_allclose(part.frequency_response(OMEGA)[0, 0], expected, rtol=1e-12)
 
 
@@ -178,8 +178,8 @@ def test_everything_that_a_system_does_works_on_the_part(damping):
     part = system.reachable("F1", "displacement1")
     t = np.linspace(0, 2, 300)
     u = np.sin(9 * t)
-    whole = system.time_response(t, np.stack((0 * u, u)))[system.outputs.index("displacement1")]
-    assert_allclose(part.time_response(t, u)[0], whole, rtol=0, atol=1e-12 * np.abs(whole).max())
+    full = system.time_response(t, np.stack((0 * u, u)))[system.outputs.index("displacement1")]
+    assert_allclose(part.time_response(t, u)[0], full, rtol=0, atol=1e-12 * np.abs(full).max())
     values = system.modes().eigenvalues
     for value in part.modes().eigenvalues:
         assert np.abs(values - value).min() <= 1e-12 * abs(value)
@@ -188,10 +188,10 @@ def test_everything_that_a_system_does_works_on_the_part(damping):
     assert set(part.displacements(np.ones(part.dof))) == set(system.bodies)
 
 
-def together(one, other):
+def together(first, second):
     """Two mechanisms in one model, that nothing joins."""
     model = mv.Model("together")
-    for tag, source in (("a.", one), ("b.", other)):
+    for tag, source in (("a.", first), ("b.", second)):
         for part in (*source.bodies.values(), *source.joints.values(), *source.springs.values(),
                      *source.inputs.values(), *source.outputs.values()):  # fmt: skip
             words = part.words()
@@ -204,16 +204,16 @@ def together(one, other):
 
 @examples(20, slow=40)
 @given(open_trees(), st.one_of(open_trees(), planar_loops()))
-def test_random_mechanisms_side_by_side(one, other):
-    model = together(one, other)
+def test_random_mechanisms_side_by_side(first, second):
+    model = together(first, second)
     system = linearized(model)
-    alone = linearized(other)
-    assume(alone.dof)
-    names = [f"b.{name}" for name in other.inputs], [f"b.{name}" for name in other.outputs]
+    separate = linearized(second)
+    assume(separate.dof)
+    names = [f"b.{name}" for name in second.inputs], [f"b.{name}" for name in second.outputs]
     part = system.reachable(*names)
-    assert part.dof <= alone.dof
+    assert part.dof <= separate.dof
     assert not any(name.startswith("a.") for name in part.coordinates)
-    expected = alone.frequency_response(OMEGA)
+    expected = separate.frequency_response(OMEGA)
     size = np.abs(expected).max(axis=1, keepdims=True)
     noise = 1e-13 * size.max(axis=0, keepdims=True)
     assert (np.abs(part.frequency_response(OMEGA) - expected) <= 1e-9 * size + noise).all()

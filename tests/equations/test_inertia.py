@@ -31,8 +31,8 @@ def test_tensors_of_any_size_in_any_axes(seed, size, full):
     tensor = (tensor + tensor.T) / 2
     model = mv.Model()
     model.add_body("b", 1.0, tensor, orientation=axes)
-    found = model.linearize().M[3:, 3:]
-    assert_allclose(found, axes @ tensor @ axes.T, rtol=0, atol=2e-15 * tensor.max())
+    result = model.linearize().M[3:, 3:]
+    assert_allclose(result, axes @ tensor @ axes.T, rtol=0, atol=2e-15 * tensor.max())
 
 
 @given(seeds())
@@ -41,8 +41,8 @@ def test_oblique_rods_keep_their_digits(seed):
     along = rotation(np.random.default_rng(seed))[:, 0]
     tensor = np.eye(3) - np.outer(along, along)
     across = np.linalg.svd(along[None, :])[2][1:]
-    found = mass_matrix((tensor + tensor.T) / 2, axis=across[0], axis2=across[1])
-    assert_allclose(found, np.eye(2), rtol=0, atol=3e-15)
+    result = mass_matrix((tensor + tensor.T) / 2, axis=across[0], axis2=across[1])
+    assert_allclose(result, np.eye(2), rtol=0, atol=3e-15)
 
 
 @pytest.mark.parametrize("tilt", [0.0, 1e-12, 1e-9, 1e-8, 1.5e-8, 1e-7, 1e-4])
@@ -52,8 +52,8 @@ def test_rods_that_lie_almost_along_an_axis(tilt, order):
     along = np.array([np.cos(tilt), np.sin(tilt), 0])[list(order)]
     across, other = np.array([-np.sin(tilt), np.cos(tilt), 0])[list(order)], np.array([0, 0, 1])[list(order)]
     tensor = np.eye(3) - np.outer(along, along)
-    found = mass_matrix((tensor + tensor.T) / 2, axis=across, axis2=other)
-    assert_allclose(found, np.eye(2), rtol=0, atol=3e-15)
+    result = mass_matrix((tensor + tensor.T) / 2, axis=across, axis2=other)
+    assert_allclose(result, np.eye(2), rtol=0, atol=3e-15)
     turned = mass_matrix((tensor + tensor.T) / 2, axis=along + across, axis2=other)
     assert_allclose(turned, np.diag([0.5, 1]), rtol=0, atol=3e-15)
 
@@ -61,19 +61,19 @@ def test_rods_that_lie_almost_along_an_axis(tilt, order):
 @pytest.mark.parametrize(("xx", "xy"), [(5e-8, 7e-4), (1e-9, 6e-4), (1e-12, 5e-4), (0.0, 1e-4), (2e-7, -5e-4)])
 def test_print_outs_with_few_digits(xx, xy):
     """A slender rod a little out of line, whose small entry lost its digits: accepted, and taken as it was meant."""
-    found = mass_matrix((xx, 1.0, 1.0, xy, 0.0, 0.0))
-    assert_allclose(found, np.eye(2), rtol=0, atol=2 * TRIANGLE_SLACK)
+    result = mass_matrix((xx, 1.0, 1.0, xy, 0.0, 0.0))
+    assert_allclose(result, np.eye(2), rtol=0, atol=2 * TRIANGLE_SLACK)
 
 
 def test_a_rod_does_not_disturb_the_others():
     model = mv.Model()
     model.add_body("block", 1.0, (1.0, 1.1, 1.2, 0.1, -0.2, 0.3))
-    alone = model.linearize().M
+    single = model.linearize().M
     model.add_body("rod", 1.0, (0, 1, 1))
     model.add_joint("j", "universal", "ground", "rod", position=(0, 0, 0), axis=(0, 1, 0), axis2=(0, 0, 1))
     both = model.linearize()
-    place = [both.coordinates.index(f"block.{d}") for d in ("x", "y", "z", "rx", "ry", "rz")]
-    assert_allclose(both.M[np.ix_(place, place)], alone, rtol=0, atol=1e-15)
+    indices = [both.coordinates.index(f"block.{d}") for d in ("x", "y", "z", "rx", "ry", "rz")]
+    assert_allclose(both.M[np.ix_(indices, indices)], single, rtol=0, atol=1e-15)
 
 
 def test_point_masses_swing():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.equilibrium.couplers import gone
-from mbsvib.equilibrium.motion import stance
+from mbsvib.equilibrium.couplers import joint_travel
+from mbsvib.equilibrium.motion import posed_model
 from mbsvib.equilibrium.pose import start
 from mbsvib.linalg.rotations import exponential
 from tests.equilibrium.test_moved import four_bar
@@ -74,8 +74,8 @@ def test_the_worms_of_a_quadruped_turn_with_its_legs():
     system = there.linearize()
     assert system.dof == model.linearize().dof
     worm = model.couplers[next(name for name in model.couplers if name.startswith("fl") and "1" in name)]
-    (shaft, one), (_, other) = worm.terms
-    assert abs(other / one) == pytest.approx(40)
+    (shaft, first), (_, right) = worm.terms
+    assert abs(right / first) == pytest.approx(40)
     body = model.joints[shaft.rpartition(".")[0]].second
     axis = np.array(there.joints[shaft.rpartition(".")[0]].axes)[:, 2]
     turn = np.array(there.bodies[body].orientation) @ np.array(model.bodies[body].orientation).T
@@ -88,14 +88,14 @@ def test_the_worms_of_a_quadruped_turn_with_its_legs():
 def test_both_angles_of_a_universal_joint_are_read_off(angles):
     model = mv.Model()
     model.add_body("cross", 1.0, (0.1, 0.1, 0.1))
-    one, two = np.array([1.0, 0.2, 0.0]), np.array([0.3, 1.0, 0.4])
-    model.add_joint("u", "universal", "ground", "cross", (0, 0, 0), axis=one, axis2=two)
-    there = stance(model, start(model)).moved(np.array(angles))
+    first, second = np.array([1.0, 0.2, 0.0]), np.array([0.3, 1.0, 0.4])
+    model.add_joint("u", "universal", "ground", "cross", (0, 0, 0), axis=first, axis2=second)
+    there = posed_model(model, start(model)).moved(np.array(angles))
     joint = model.joints["u"]
-    unit = [v / np.linalg.norm(v) for v in (one, two)]
+    unit = [v / np.linalg.norm(v) for v in (first, second)]
     expected = exponential(angles[0] * unit[0]) @ exponential(angles[1] * unit[1])
     assert np.allclose(there.pose.turn[0], expected, rtol=0, atol=1e-15)
-    assert [gone(joint, d, there.pose, (0, 0, 0)) for d in ("rx", "ry")] == pytest.approx(angles, abs=1e-14)
+    assert [joint_travel(joint, d, there.pose, (0, 0, 0)) for d in ("rx", "ry")] == pytest.approx(angles, abs=1e-14)
 
 
 def test_values_that_a_gear_ties_are_refused():
@@ -107,9 +107,9 @@ def test_a_motor_winds_a_spring_up_by_many_turns_of_its_pinion():
     model = gearbox(1 / 20)
     model.add_bushing("spring", "ground", "wheel", (0.5, 0, 0), (0, 0, 0, 0, 0, 10.0))
     model.add_load("motor", "pinion", torque=(0, 0, 0.25))
-    found = model.equilibrium(report=True)
-    assert len(found.load_steps) > 3
-    there = found.model
+    result = model.equilibrium(report=True)
+    assert len(result.load_steps) > 3
+    there = result.model
     assert turned(there, model, "wheel") == pytest.approx(0.5, abs=1e-11)
     assert np.exp(1j * turned(there, model, "pinion")) == pytest.approx(np.exp(10j), abs=1e-10)
     assert there.linearize().K[0, 0] > 0

@@ -34,16 +34,16 @@ def side(points):
 @cache
 def near_dead_points(count, least, most):
     """Four-bars and angles of their cranks on the way to which the circles all but cease to intersect, or do so."""
-    rng, found = np.random.default_rng(1), []
-    while len(found) < count:
+    rng, result = np.random.default_rng(1), []
+    while len(result) < count:
         points = np.column_stack((rng.uniform(-1, 1, (4, 2)), np.zeros(4)))
         by = rng.uniform(-3, 3)
         coupler, rocker = np.linalg.norm(points[2] - points[1]), np.linalg.norm(points[3] - points[2])
         gap = np.linalg.norm(turned(points, np.linspace(0, by, 2000)) - points[3, :2], axis=1)
         room = min((coupler + rocker - gap).min(), (gap - abs(coupler - rocker)).min())
         if least < room < most and abs(gap[-1] - gap).max() > 0.2:
-            found.append((points, by, coupler, rocker))
-    return found
+            result.append((points, by, coupler, rocker))
+    return result
 
 
 def pin(points, by, coupler, rocker):
@@ -60,9 +60,9 @@ def pin(points, by, coupler, rocker):
 def test_the_same_side_of_a_dead_point(case):
     points, by, *lengths = near_dead_points(12, 1e-4, 5e-3)[case]
     model = four_bar(points).moved({"j0.rz": by})
-    found = np.array([model.joints[f"j{i}"].position for i in range(4)])
-    np.testing.assert_allclose(found[1, :2], turned(points, by), atol=1e-9)
-    np.testing.assert_allclose(found[2, :2], pin(points, by, *lengths), atol=1e-8)
+    result = np.array([model.joints[f"j{i}"].position for i in range(4)])
+    np.testing.assert_allclose(result[1, :2], turned(points, by), atol=1e-9)
+    np.testing.assert_allclose(result[2, :2], pin(points, by, *lengths), atol=1e-8)
 
 
 @pytest.mark.parametrize("case", [5, 8])
@@ -82,7 +82,7 @@ def test_two_loops_at_their_dead_points_at_once(case):
 @pytest.mark.parametrize("case", range(6))
 def test_beyond_a_dead_point(case):
     points, by, *_ = near_dead_points(6, -0.05, -1e-3)[case]
-    with pytest.raises(mv.ModelError, match=r"moved: the loops closed by j\d can be followed up to j0.rz = .* and no"):
+    with pytest.raises(mv.ModelError, match=r"moved: the loops closed by j\d can be closed up to j0.rz = .* and no"):
         four_bar(points).moved({"j0.rz": by})
 
 
@@ -96,8 +96,8 @@ def near_a_dead_point(seed):
     along, bend = rng.uniform(0.3, 0.7), 10 ** rng.uniform(-2, -0.3) * rng.choice([-1, 1])
     knee = start + along * line + 0.2 * bend * np.array([-line[1], line[0], 0]) / length
     model = mv.Model(f"bars{seed}", gravity=9.81 / 2 * np.array([*rng.normal(size=2), 0]))
-    for name, one, other in (("crank", np.zeros(3), start), ("coupler", start, knee), ("rocker", knee, end)):
-        center = (one + other) / 2
+    for name, first, second in (("crank", np.zeros(3), start), ("coupler", start, knee), ("rocker", knee, end)):
+        center = (first + second) / 2
         model.add_body(name, rng.uniform(0.5, 2), (0.1, 0.1, 0.1), center + 0.1 * np.array([*rng.normal(size=2), 0]))
     model.add_joint("o", "revolute", "ground", "crank", (0, 0, 0))
     model.add_joint("a", "revolute", "crank", "coupler", start)

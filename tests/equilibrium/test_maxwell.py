@@ -28,16 +28,16 @@ def held(together, static=(900.0, 400.0)):
 
 
 def test_the_pose_is_that_of_springs():
-    one, two = held(True).equilibrium(report=True), held(False).equilibrium(report=True)
-    for name, six in two.displacements.items():
-        np.testing.assert_allclose(one.displacements[name], six, atol=1e-12)
-    assert max(np.abs(six).max() for six in two.displacements.values()) > 1e-3
+    first, second = held(True).equilibrium(report=True), held(False).equilibrium(report=True)
+    for name, six in second.displacements.items():
+        np.testing.assert_allclose(first.displacements[name], six, atol=1e-12)
+    assert max(np.abs(six).max() for six in second.displacements.values()) > 1e-3
     for i in range(2):
-        assert one.model.springs[f"m{i}"].preload == pytest.approx(two.model.springs[f"s{i}"].tension, rel=1e-9)
-    found, expected = (report.model.linearize() for report in (one, two))
-    values = [np.sort_complex(system.modes().eigenvalues) for system in (found, expected)]
+        assert first.model.springs[f"m{i}"].preload == pytest.approx(second.model.springs[f"s{i}"].tension, rel=1e-9)
+    result, expected = (report.model.linearize() for report in (first, second))
+    values = [np.sort_complex(system.modes().eigenvalues) for system in (result, expected)]
     np.testing.assert_allclose(*values, rtol=1e-9)
-    assert one.model.equilibrium(report=True).iterations == 0
+    assert first.model.equilibrium(report=True).iterations == 0
 
 
 def test_a_mass_sags():

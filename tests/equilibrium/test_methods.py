@@ -25,9 +25,9 @@ def hanging_chain(links=9, span=1.6):
 
 def test_a_chain_hangs_in_its_catenary():
     model = hanging_chain()
-    found = model.equilibrium(report=True)
+    result = model.equilibrium(report=True)
     slope = []
-    for body in found.model.bodies.values():
+    for body in result.model.bodies.values():
         along = np.array(body.orientation)[:, 0]
         slope.append(along[2] / along[0])
     # each rod's weight bends the line of thrust by the same step of its slope
@@ -35,8 +35,8 @@ def test_a_chain_hangs_in_its_catenary():
     assert steps == pytest.approx(np.full(8, steps.mean()), rel=1e-11)
     assert steps.mean() > 0
     assert slope[4] == pytest.approx(0.0, abs=1e-11)
-    check(model, found)
-    assert len(found.model.linearize().modes().frequencies) == 7
+    check(model, result)
+    assert len(result.model.linearize().modes().frequencies) == 7
 
 
 def test_equilibrium_gives_a_model_and_leaves_the_old_one():
@@ -55,18 +55,18 @@ def test_equilibrium_gives_a_model_and_leaves_the_old_one():
 
 def test_a_model_without_loads_is_where_it_is():
     model = mv.library.stewart()
-    found = model.equilibrium(report=True)
-    assert (found.iterations, found.residuals) == (0, (0.0,))
-    assert found.model.bodies == model.bodies
-    assert found.model.joints == model.joints
-    assert np.array_equal(found.model.linearize().K, model.linearize().K)
+    result = model.equilibrium(report=True)
+    assert (result.iterations, result.residuals) == (0, (0.0,))
+    assert result.model.bodies == model.bodies
+    assert result.model.joints == model.joints
+    assert np.array_equal(result.model.linearize().K, model.linearize().K)
 
 
 def test_loops_may_be_cut_elsewhere():
     model = reloaded(mv.library.stewart(), (300.0, -200.0, -900.0))
-    one = model.equilibrium()
-    other = model.equilibrium(cut=[f"leg{i}.slide" for i in range(1, 6)])
-    assert other.bodies["platform"].position == pytest.approx(one.bodies["platform"].position, abs=1e-14)
+    first = model.equilibrium()
+    second = model.equilibrium(cut=[f"leg{i}.slide" for i in range(1, 6)])
+    assert second.bodies["platform"].position == pytest.approx(first.bodies["platform"].position, abs=1e-14)
 
 
 def test_a_massless_node_goes_to_where_its_springs_balance():
@@ -104,7 +104,7 @@ def test_parts_that_cannot_move_are_refused_by_name():
     model.add_body("tip", 1.0, (0.1, 0.1, 0.1), (1.0, 0, 0))
     rod, steel = {"type": "circle", "radius": 0.02}, {"E": 2.1e11, "nu": 0.3, "rho": 7800}
     model.add_beam("tube", "ground", "tip", rod, steel, start=(0, 0, 0), end=(1.0, 0, 0))
-    with pytest.raises(mv.ModelError, match=r"'tip\.x' is no joint coordinate"):
+    with pytest.raises(mv.ModelError, match=r"'tip\.x' is not a joint coordinate"):
         model.moved({"tip.x": 0.1})
     assert model.equilibrium(report=True).iterations == 0
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 
 import mbsvib as mv
-from mbsvib.equilibrium.motion import stance
+from mbsvib.equilibrium.motion import posed_model
 from mbsvib.equilibrium.pose import start
 from mbsvib.linalg.rotations import exponential
 from tests.support.lagrangian import Lagrangian
@@ -59,7 +59,7 @@ def single(kind, seed=0, swap=False):
 
 def values_of(model, rng, size=0.7):
     """Values for all coordinates of a tree."""
-    return {name: float(rng.uniform(-size, size)) for name in stance(model, start(model)).coordinates.names}
+    return {name: float(rng.uniform(-size, size)) for name in posed_model(model, start(model)).coordinates.names}
 
 
 @pytest.mark.parametrize("swap", [False, True])
@@ -159,7 +159,7 @@ def test_any_joint_of_a_loop_can_be_the_one_that_moves(joint):
 
 def test_a_pose_out_of_reach_says_how_far_it_goes():
     model, _ = four_bar(crank=0.7, rocker=0.3)  # this crank only rocks
-    with pytest.raises(mv.ModelError, match=r"moved: the loops closed by \w+ can be followed up to A.rz = ") as caught:
+    with pytest.raises(mv.ModelError, match=r"moved: the loops closed by \w+ can be closed up to A.rz = ") as caught:
         model.moved({"A.rz": 2.0})
     assert caught.value.element == "A.rz"
     reached = float(str(caught.value).split("A.rz = ")[1].split()[0])
@@ -233,7 +233,7 @@ def test_custom_joints_that_no_words_describe_there_are_refused_by_name():
 
 def test_unknown_coordinates_and_values_are_refused():
     model, _ = four_bar()
-    with pytest.raises(mv.ModelError, match=r"'A.rx' is no joint coordinate .* Did you mean 'A.rz'"):
+    with pytest.raises(mv.ModelError, match=r"'A.rx' is not a joint coordinate .* Did you mean 'A.rz'"):
         model.moved({"A.rx": 0.1})
     with pytest.raises(mv.ModelError, match=r"moved: A\.rz = 'far'"):
         model.moved({"A.rz": "far"})

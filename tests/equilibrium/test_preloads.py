@@ -71,18 +71,18 @@ def test_moments_count_over_the_distance_of_all_points_from_their_mean(seed):
                               for arm in points - body.position], axis=1)  # fmt: skip
     expected = np.linalg.pinv(balance) @ [*(-8.0 * np.array(model.gravity)), 0, 0, 0]
     expected = expected.reshape(3, 2, 3) * np.array([[1.0], [length]])
-    found = in_world(model.equilibrium(preload=True))
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    result = in_world(model.equilibrium(preload=True))
+    np.testing.assert_allclose(result, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_preloads_turn_with_the_scene(seed):
     """As frequencies depend on them, these stay the same."""
     model, by = mounted(seed), rotation(np.random.default_rng(seed))
-    found, other = (each.equilibrium(preload=True) for each in (model, restated(model, by, (3.0, -5.0, 2.0))))
-    expected = in_world(found)
+    result, other = (item.equilibrium(preload=True) for item in (model, restated(model, by, (3.0, -5.0, 2.0))))
+    expected = in_world(result)
     np.testing.assert_allclose(in_world(other) @ by, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
-    frequencies = [each.linearize().modes().frequencies for each in (found, other)]
+    frequencies = [item.linearize().modes().frequencies for item in (result, other)]
     np.testing.assert_allclose(*frequencies, rtol=1e-12)
 
 
@@ -130,7 +130,7 @@ def test_what_springs_cannot_hold_is_named():
     with pytest.raises(mv.EquilibriumError, match=message) as caught:
         model.equilibrium(preload=True)
     assert (caught.value.body, caught.value.coordinate, caught.value.unit) == ("cart", "table.x", "N")
-    with pytest.raises(mv.ModelError, match=r"preload = 'kk' is no spring or bushing .* Did you mean 'k'"):
+    with pytest.raises(mv.ModelError, match=r"preload = 'kk' is not a spring or bushing .* Did you mean 'k'"):
         model.equilibrium(preload="kk")
     with pytest.raises(mv.ModelError, match="preload = 'd' has no stiffness"):
         model.equilibrium(preload=["d"])

@@ -25,13 +25,13 @@ def door(rng, offset, arm, *second):
 def test_a_door_sags_as_on_one_hinge(second):
     for seed in range(4):
         offset, arm = 1e3 * (seed % 2), 300.0 if seed > 1 else 0.5
-        one, more = (door(np.random.default_rng(seed), offset, arm, *kinds).equilibrium() for kinds in ((), second))
+        single, more = (door(np.random.default_rng(seed), offset, arm, *kinds).equilibrium() for kinds in ((), second))
         atol = 1e-12 * (1 + offset + arm)
-        assert_allclose(more.bodies["door"].position, one.bodies["door"].position, rtol=0, atol=atol)
-        one, dense, sparse = one.linearize(), more.linearize(), more.linearize(method="sparse")
+        assert_allclose(more.bodies["door"].position, single.bodies["door"].position, rtol=0, atol=atol)
+        single, dense, sparse = single.linearize(), more.linearize(), more.linearize(method="sparse")
         assert (dense.dof, sparse.dof) == (1, 1)
-        assert_allclose(dense.K, one.K, rtol=1e-9)
-        assert_allclose(sparse.modes(1).frequencies, one.modes().frequencies, rtol=1e-9)
+        assert_allclose(dense.K, single.K, rtol=1e-9)
+        assert_allclose(sparse.modes(1).frequencies, single.modes().frequencies, rtol=1e-9)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 5])
@@ -42,6 +42,6 @@ def test_loops_close_as_far_as_points_are_rounded(seed):
     step = {near.linearize().coordinates[0]: 0.05}
     there, far = near.moved(step, relaxed=True), moved(near, origin).moved(step, relaxed=True)
     for body in near.bodies:
-        place = np.array(far.bodies[body].position) - origin
-        assert_allclose(place, there.bodies[body].position, rtol=0, atol=1e-10)
+        location = np.array(far.bodies[body].position) - origin
+        assert_allclose(location, there.bodies[body].position, rtol=0, atol=1e-10)
     assert (far.linearize().dof, len(far.linearize().redundant)) == (1, 3)

@@ -38,8 +38,8 @@ def test_a_flexible_arm_in_another_pose(angle):
                                                                        end=turn(angle) @ [0.9, 0, 0], elements=4,
                                                                        y_axis=(0, 1, 0))  # fmt: skip
     np.testing.assert_allclose(there.beams["bar"].end, built.beams["bar"].end, atol=1e-15)
-    found, expected = (model.linearize().frequency_response([3.0, 100.0]) for model in (there, built))
-    assert np.abs(found - expected).max() < 1e-12 * np.abs(expected).max()
+    result, expected = (model.linearize().frequency_response([3.0, 100.0]) for model in (there, built))
+    assert np.abs(result - expected).max() < 1e-12 * np.abs(expected).max()
     back = there.moved({"motor.rz": -angle}, relaxed=True)
     np.testing.assert_allclose(back.beams["bar"].points, arm().beams["bar"].points, atol=1e-15)
 
@@ -115,6 +115,6 @@ def test_preloads_beside_outputs_of_forces_in_beams():
     """What outputs and inputs refer to makes no difference to the preloads."""
     plain, seen = arm(gravity=(0, 0, -G)), arm(gravity=(0, 0, -G))
     seen.add_force_output("bent", "bar.e1", "ry")
-    found, expected = (model.equilibrium(preload=True) for model in (seen, plain))
-    assert found.springs["k"].preload == expected.springs["k"].preload
-    assert "bent" in found.linearize().outputs
+    result, expected = (model.equilibrium(preload=True) for model in (seen, plain))
+    assert result.springs["k"].preload == expected.springs["k"].preload
+    assert "bent" in result.linearize().outputs

@@ -24,12 +24,12 @@ def reloaded(model, gravity=G):
     return result
 
 
-def check(model, found):
+def check(model, result):
     """The exact equations of the model as described balance in the pose found, and have the tangent of the model there.
 
     A Newton step of theirs, on all coordinates and multipliers at once, goes nowhere from it.
     """
-    there = found.model
+    there = result.model
     exact = Lagrangian(model)
     pose = pose_of(there, model)
     local = exact.at(pose)
@@ -45,7 +45,7 @@ def check(model, found):
     tangent = basis.T @ local.tangent @ basis
     assert np.allclose(system.K, tangent, rtol=0, atol=1e-9 * np.abs(tangent).max(initial=1e-3))
     assert np.allclose(projected(there, system)[0], system.K, rtol=0, atol=1e-9 * np.abs(tangent).max(initial=1e-3))
-    assert found.residuals[-1] < 1e-12
+    assert result.residuals[-1] < 1e-12
     assert equilibrium(there).iterations == 0
 
 
@@ -60,37 +60,37 @@ def pendulum(tilt, **words):
 @pytest.mark.parametrize("tilt", [0.0, 0.2, 1.4, np.pi / 2, 2.5, -3.1])
 def test_a_pendulum_falls_to_where_it_hangs(tilt):
     model = pendulum(tilt)
-    found = equilibrium(model)
-    rod = found.model.bodies["rod"]
+    result = equilibrium(model)
+    rod = result.model.bodies["rod"]
     assert rod.position == pytest.approx((0.0, 0.0, -0.4), abs=1e-14)
     assert np.allclose(rod.orientation, np.eye(3), rtol=0, atol=1e-14)
-    assert found.displacements["rod"][4] == pytest.approx(tilt, abs=1e-13)
-    frequency = found.model.linearize().modes().frequencies[0]
+    assert result.displacements["rod"][4] == pytest.approx(tilt, abs=1e-13)
+    frequency = result.model.linearize().modes().frequencies[0]
     assert frequency == pytest.approx(np.sqrt(3 * 9.81 * 0.4 / (0.2 + 3 * 0.4**2)) / 2 / np.pi, rel=1e-12)
-    check(model, found)
+    check(model, result)
 
 
 def test_a_pendulum_in_balance_upside_down_is_left_alone():
-    found = equilibrium(pendulum(np.pi))
-    assert found.iterations == 0
-    assert found.model.bodies["rod"].position == pendulum(np.pi).bodies["rod"].position
+    result = equilibrium(pendulum(np.pi))
+    assert result.iterations == 0
+    assert result.model.bodies["rod"].position == pendulum(np.pi).bodies["rod"].position
 
 
 def test_a_pendulum_pushed_aside_leans():
     model = pendulum(0.0)
     model.add_load("wind", "rod", force=(3 * 9.81 * np.tan(0.6), 0, 0))
-    found = equilibrium(model)
-    assert found.model.bodies["rod"].position == pytest.approx((0.4 * np.sin(0.6), 0, -0.4 * np.cos(0.6)), abs=1e-14)
-    check(model, found)
+    result = equilibrium(model)
+    assert result.model.bodies["rod"].position == pytest.approx((0.4 * np.sin(0.6), 0, -0.4 * np.cos(0.6)), abs=1e-14)
+    check(model, result)
 
 
 def test_convergence_is_quadratic():
-    found = equilibrium(pendulum(1.4))
-    errors = [r for r in found.residuals if 1e-16 < r < 0.2]
+    result = equilibrium(pendulum(1.4))
+    errors = [r for r in result.residuals if 1e-16 < r < 0.2]
     assert len(errors) >= 2
     model = reloaded(mv.library.stewart(), tuple(np.multiply(3e4, (1.0, 0.5, -1.0))))
-    found = equilibrium(model)
-    rates = [r for r in found.residuals if r > 1e-16]
+    result = equilibrium(model)
+    rates = [r for r in result.residuals if r > 1e-16]
     assert len(rates) >= 4
     for before, after in pairwise(rates[1:]):
         assert after < max(30.0 * before**2, 1e-14)
@@ -101,12 +101,12 @@ def test_a_weight_stretches_its_spring():
     model.add_body("pan", 2.0, (0.1, 0.1, 0.1), (0, 0, -0.5))
     model.add_joint("rail", "prismatic", "ground", "pan", axis=(0, 0, 1))
     model.add_spring("k", "ground", "pan", (0, 0, 0), (0, 0, -0.5), 400.0, free_length=0.45)
-    found = equilibrium(model)
+    result = equilibrium(model)
     length = 0.45 + 2 * 9.81 / 400
-    assert found.model.bodies["pan"].position == pytest.approx((0, 0, -length), abs=1e-15)
-    assert found.model.springs["k"].tension == pytest.approx(2 * 9.81)
-    assert found.model.springs["k"].free_length == 0.45
-    check(model, found)
+    assert result.model.bodies["pan"].position == pytest.approx((0, 0, -length), abs=1e-15)
+    assert result.model.springs["k"].tension == pytest.approx(2 * 9.81)
+    assert result.model.springs["k"].free_length == 0.45
+    check(model, result)
 
 
 @pytest.mark.parametrize("spring", [False, True])
@@ -114,24 +114,24 @@ def test_four_bar_under_gravity(spring):
     model = reloaded(four_bar()[0], (0.0, -9.81, 0.0))
     if spring:
         model.add_spring("k", "ground", "coupler", (0.2, 1.0, 0.0), model.joints["C"].position, 60.0, free_length=0.2)
-    found = equilibrium(model)
-    check(model, found)
+    result = equilibrium(model)
+    check(model, result)
     height = lambda m: sum(body.mass * body.position[1] for body in m.bodies.values())  # noqa: E731
     if not spring:
-        assert height(found.model) < height(model)
+        assert height(result.model) < height(model)
         for by in (-1e-3, 1e-3):
-            assert height(found.model) < height(found.model.moved({"A.rz": by}))
+            assert height(result.model) < height(result.model.moved({"A.rz": by}))
 
 
 def test_stewart_platform_sags_under_its_payload():
     model = reloaded(mv.library.stewart(), (300.0, -200.0, -900.0))  # of a launch
-    found = equilibrium(model)
-    check(model, found)
+    result = equilibrium(model)
+    check(model, result)
     (centre, _), step = Lagrangian(model).equilibrium()
     assert step < 1e-9
-    for name, place in zip(model.bodies, centre, strict=True):
-        assert found.model.bodies[name].position == pytest.approx(place, abs=1e-10)
-    assert max(np.abs(six).max() for six in found.displacements.values()) > 1e-5
+    for name, location in zip(model.bodies, centre, strict=True):
+        assert result.model.bodies[name].position == pytest.approx(location, abs=1e-10)
+    assert max(np.abs(six).max() for six in result.displacements.values()) > 1e-5
 
 
 def test_follower_loads_and_bushings_turned_far():
@@ -142,9 +142,9 @@ def test_follower_loads_and_bushings_turned_far():
         model.add_joint(f"j{i}", "spherical", first, f"b{i}", (0.5 * i, 0, 0))
         model.add_bushing(f"k{i}", first, f"b{i}", (0.5 * i, 0, 0), (0, 0, 0, 20, 30, 25))
     model.add_load("thrust", "b2", force=(0.0, 6.0, 3.0), position=(1.5, 0, 0), follower=True)
-    found = equilibrium(model)
-    assert np.linalg.norm(found.displacements["b2"][3:]) > 0.5
-    check(model, found)
+    result = equilibrium(model)
+    assert np.linalg.norm(result.displacements["b2"][3:]) > 0.5
+    check(model, result)
 
 
 @pytest.mark.parametrize("seed", few(range(8), 2))
@@ -180,9 +180,9 @@ def limit_of_truss():
 @pytest.mark.parametrize("share", [0.3, 0.9, 0.99])
 def test_an_arch_below_its_limit_load_is_found(share):
     model = truss(share * limit_of_truss())
-    found = equilibrium(model)
-    assert found.model.bodies["crown"].position[2] > 0.1
-    check(model, found)
+    result = equilibrium(model)
+    assert result.model.bodies["crown"].position[2] > 0.1
+    check(model, result)
 
 
 @pytest.mark.parametrize("share", [1.01, 3.0])
@@ -198,15 +198,15 @@ def test_an_arch_that_snaps_through_is_refused_with_the_last_residual(share):
 
 def test_an_arch_may_snap_through_when_it_is_told_so():
     model = truss(3.0 * limit_of_truss())
-    found = equilibrium(model, snap=True)
-    assert found.model.bodies["crown"].position[2] < -0.2
-    check(model, found)
+    result = equilibrium(model, snap=True)
+    assert result.model.bodies["crown"].position[2] < -0.2
+    check(model, result)
 
 
 def test_a_body_that_nothing_holds_is_named():
     model = mv.Model("falling", gravity=G)
     model.add_body("stone", 1.0, (0.1, 0.1, 0.1))
-    with pytest.raises(mv.EquilibriumError, match=r"without end.*force on body 'stone', 9\.81 N missing along"):
+    with pytest.raises(mv.EquilibriumError, match=r"without limit.*force on body 'stone', 9\.81 N missing along"):
         equilibrium(model)
 
 
@@ -216,11 +216,11 @@ def test_rigid_motions_in_balance_are_left_alone():
         model.add_body(name, 2.0, (0.1, 0.1, 0.1), (x, 0, 0))
     model.add_joint("boom", "prismatic", "a", "b", axis=(1, 0, 0))
     model.add_spring("k", "a", "b", (0, 0, 0), (1, 0, 0), 100.0, preload=5.0)
-    found = equilibrium(model)
-    ends = [found.model.bodies[name].position[0] for name in "ab"]
+    result = equilibrium(model)
+    ends = [result.model.bodies[name].position[0] for name in "ab"]
     assert ends[1] - ends[0] == pytest.approx(0.95, abs=1e-14)
-    assert found.model.springs["k"].preload == pytest.approx(0.0, abs=1e-13)
-    assert np.count_nonzero(found.model.linearize().modes().frequencies) == 1
+    assert result.model.springs["k"].preload == pytest.approx(0.0, abs=1e-13)
+    assert np.count_nonzero(result.model.linearize().modes().frequencies) == 1
 
 
 def test_a_pose_out_of_reach_keeps_its_last_residual():

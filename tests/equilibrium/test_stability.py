@@ -24,24 +24,24 @@ def upright(bodies=1, spring=0.0, free=("rx", "ry", "rz")):
 @pytest.mark.parametrize("bodies", [1, 2, 3])
 def test_an_upright_chain_falls_along_as_many_directions_as_it_has_hinges(bodies):
     """Every link falls about y, about x springs hold it."""
-    found = upright(bodies).equilibrium(report=True)
-    assert not found.stable
-    assert len(found.unstable_modes) == bodies
-    modes = found.model.linearize().modes()
-    assert (modes.pairs[np.array(found.unstable_modes) - 1].real.max(axis=1) > 1.0).all()
-    text = str(found)
+    result = upright(bodies).equilibrium(report=True)
+    assert not result.stable
+    assert len(result.unstable_modes) == bodies
+    modes = result.model.linearize().modes()
+    assert (modes.pairs[np.array(result.unstable_modes) - 1].real.max(axis=1) > 1.0).all()
+    text = str(result)
     most = modes.strongest()
     assert f"UNSTABLE: {bodies} unstable mode" in text
-    assert ", ".join(f"{k} ({' '.join(most[k - 1])} moves most)" for k in found.unstable_modes) in text
+    assert ", ".join(f"{k} ({' '.join(most[k - 1])} moves most)" for k in result.unstable_modes) in text
 
 
 def test_springs_of_more_than_its_weight_hold_it():
     """k > m g h at the hinge: the critical stiffness is 1 kg times 9.81 m/s^2 times 0.5 m."""
     for share, stable in ((0.99, False), (1.01, True)):
-        found = upright(spring=share * G * 0.5).equilibrium(report=True)
-        assert found.stable is stable
-        assert ("UNSTABLE" not in str(found)) is stable
-        assert found.unstable_modes == (() if stable else (1,))
+        result = upright(spring=share * G * 0.5).equilibrium(report=True)
+        assert result.stable is stable
+        assert ("UNSTABLE" not in str(result)) is stable
+        assert result.unstable_modes == (() if stable else (1,))
 
 
 def test_preloads_hold_a_pose_that_is_unstable():
@@ -51,11 +51,11 @@ def test_preloads_hold_a_pose_that_is_unstable():
     model.add_joint("slide", None, "ground", "bar", (0, 0, 0), free=("x", "y"))
     for name, x in (("left", -1.0), ("right", 1.0)):
         model.add_spring(name, "ground", "bar", (x, 0, 0), (0, 0, 0), 50.0, preload=-100.0)
-    found = model.equilibrium(preload=True, report=True)
-    kept = model.equilibrium(report=True)
-    assert found.stable
-    assert kept.unstable_modes == (1,)
-    assert "UNSTABLE: 1 unstable mode of model.linearize().modes(): 1 (bar y moves most)" in str(kept)
+    result = model.equilibrium(preload=True, report=True)
+    retained = model.equilibrium(report=True)
+    assert result.stable
+    assert retained.unstable_modes == (1,)
+    assert "UNSTABLE: 1 unstable mode of model.linearize().modes(): 1 (bar y moves most)" in str(retained)
 
 
 def test_stable_and_neutral_ones():

@@ -61,6 +61,6 @@ def resonances(system):
     return 2 * np.pi * np.unique(system.modes().damped_frequencies)[[0, 1, 2, -1] if system.dof > 3 else slice(None)]
 
 
-def same_bits(one, other):
+def same_bits(first, second):
     """Whether two arrays agree in shape and in every bit, signs of zeros among them."""
-    return one.shape == other.shape and one.dtype == other.dtype and one.tobytes() == other.tobytes()
+    return first.shape == second.shape and first.dtype == second.dtype and first.tobytes() == second.tobytes()

@@ -11,25 +11,25 @@ from tests.export.plants import slider, stewart
 
 
 def test_a_slider():
-    found = affine(slider(), ["k.stiffness", "k.damping", "mass.mass"], "test")
-    assert found.units == ("N/m", "N s/m", "kg")
-    assert found.values.tolist() == [1e4, 3.0, 2.0]
+    result = affine(slider(), ["k.stiffness", "k.damping", "mass.mass"], "test")
+    assert result.units == ("N/m", "N s/m", "kg")
+    assert result.values.tolist() == [1e4, 3.0, 2.0]
     for i, label in enumerate("KCM"):
-        assert found.slopes[label][i] == pytest.approx(np.eye(1), rel=1e-14)
-        assert not any(found.slopes[other][i].any() for other in MATRICES if other != label)
+        assert result.slopes[label][i] == pytest.approx(np.eye(1), rel=1e-14)
+        assert not any(result.slopes[other][i].any() for other in MATRICES if other != label)
 
 
 def test_derivatives_are_those_of_the_sensitivities():
     names = ("leg1.k.stiffness", "leg2.k.damping", "platform.mass", "platform.inertia.xy")
-    found, truth = affine(stewart(), names, "test"), stewart().matrix_derivatives(names)
+    result, truth = affine(stewart(), names, "test"), stewart().matrix_derivatives(names)
     for label in MATRICES:
         size = np.abs(getattr(truth, label)).max(axis=(1, 2), keepdims=True)
-        assert (np.abs(found.slopes[label] - getattr(truth, label)) <= 1e-10 * size).all(), label
+        assert (np.abs(result.slopes[label] - getattr(truth, label)) <= 1e-10 * size).all(), label
 
 
 def test_parameters_that_are_zero_now():
-    found = affine(library.stewart(leg_damping=0.0).linearize(), ["leg*.k.damping"], "test")
-    assert found.slopes["C"] == pytest.approx(affine(stewart(), ["leg*.k.damping"], "test").slopes["C"], abs=1e-12)
+    result = affine(library.stewart(leg_damping=0.0).linearize(), ["leg*.k.damping"], "test")
+    assert result.slopes["C"] == pytest.approx(affine(stewart(), ["leg*.k.damping"], "test").slopes["C"], abs=1e-12)
 
 
 def two_sliders():
@@ -48,7 +48,7 @@ def two_sliders():
         (stewart, "leg1.head.position.x", r"not affine in it.*in stiffness, damping, mass.*with_values\({'leg1.head"),
         (lambda: library.engine_on_mounts().linearize(), "engine.mass",
          "'engine.mass' cannot be tuned, as changed alone it gives no system: .*unbalanced force on body 'engine'"),
-        (lambda: two_sliders().reachable(inputs="F"), "k.stiffness", "no system as model.linearize"),
+        (lambda: two_sliders().reachable(inputs="F"), "k.stiffness", "not a system that model.linearize"),
     ],
 )  # fmt: skip
 def test_what_is_refused(make, name, message):

@@ -28,9 +28,9 @@ def place(n, i, seed=0):
     return rng.standard_normal(n), rng.standard_normal(i)
 
 
-def close(found, truth, rtol):
-    found = found.full().ravel()
-    assert np.abs(found - truth).max(initial=0.0) <= rtol * np.abs(truth).max(initial=0.0)
+def close(result, truth, rtol):
+    result = result.full().ravel()
+    assert np.abs(result - truth).max(initial=0.0) <= rtol * np.abs(truth).max(initial=0.0)
 
 
 @pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
@@ -43,8 +43,8 @@ def test_without_parameters_the_matrices_are_those_of_the_state_space(make, real
     rates, y = made.rates(x, u, np.zeros(0))
     close(rates, space.A @ x + space.B @ u, 1e-14)
     close(y, space.C @ x + space.D @ u, 1e-13)
-    whole = expm(np.block([[space.A, space.B], [np.zeros((i, n + i))]]) * 1e-3)
-    close(made.step(x, u, np.zeros(0))[0], whole[:n] @ np.concatenate([x, u]), 1e-10)
+    full = expm(np.block([[space.A, space.B], [np.zeros((i, n + i))]]) * 1e-3)
+    close(made.step(x, u, np.zeros(0))[0], full[:n] @ np.concatenate([x, u]), 1e-10)
     assert (made.states, made.inputs, made.outputs) == (space.states, space.inputs, space.outputs)
     assert made.state_units == space.state_units
 
@@ -64,9 +64,9 @@ def test_other_parameters_give_the_system_of_these(tuned, factor):
     values = tuned.values * factor ** np.linspace(0.5, 1.0, 8)
     origin = library.stewart(ports="all")
     system = origin.with_values(dict(zip(tuned.parameters, values, strict=True))).linearize()
-    for label, found in zip(tuned.matrices.name_out(), tuned.matrices(values), strict=True):
+    for label, result in zip(tuned.matrices.name_out(), tuned.matrices(values), strict=True):
         truth = getattr(system, label)
-        assert np.abs(found.full() - truth).max(initial=0.0) <= 1e-12 * np.abs(truth).max(initial=0.0), label
+        assert np.abs(result.full() - truth).max(initial=0.0) <= 1e-12 * np.abs(truth).max(initial=0.0), label
     space = system.state_space()
     x, u = place(12, 15)
     rates, y = tuned.rates(x, u, values)
@@ -74,9 +74,9 @@ def test_other_parameters_give_the_system_of_these(tuned, factor):
     close(y, space.C @ x + space.D @ u, 1e-13)
     t = np.array([0.0, 1e-3])
     modal = system.state_space("modal")
-    whole = expm(np.block([[modal.A, modal.B], [np.zeros((15, 27))]]) * t[1])
+    complete = expm(np.block([[modal.A, modal.B], [np.zeros((15, 27))]]) * t[1])
     start = np.linalg.solve(modal.transform, x)
-    close(tuned.step(x, u, values)[0], modal.transform @ (whole[:12] @ np.concatenate([start, u])), 1e-11)
+    close(tuned.step(x, u, values)[0], modal.transform @ (complete[:12] @ np.concatenate([start, u])), 1e-11)
 
 
 def test_derivatives_to_parameters(tuned):
@@ -84,12 +84,12 @@ def test_derivatives_to_parameters(tuned):
     x, u, p = (casadi.MX.sym(name, size) for name, size in (("x", 12), ("u", 15), ("p", 8)))
     slope = casadi.Function("slope", [x, u, p], [casadi.jacobian(tuned.step(x, u, p)[0], p)])
     at, given = place(12, 15)
-    found = slope(at, given, tuned.values).full()
+    result = slope(at, given, tuned.values).full()
     for k in (0, 6, 7):
         h = 1e-4 * tuned.values[k]
         shift = h * np.eye(8)[k]
         ends = [tuned.step(at, given, tuned.values + sign * shift)[0].full().ravel() for sign in (1, -1)]
-        assert np.abs(found[:, k] - (ends[0] - ends[1]) / (2 * h)).max() < 1e-6 * np.abs(found[:, k]).max()
+        assert np.abs(result[:, k] - (ends[0] - ends[1]) / (2 * h)).max() < 1e-6 * np.abs(result[:, k]).max()
     stiffness = casadi.Function("K", [p], [casadi.jacobian(tuned.matrices(p)[2], p)])
     np.testing.assert_array_equal(stiffness(tuned.values).full(), stiffness(3 * tuned.values).full())
     assert stiffness(0).full()[:, :6].any(axis=0).all()
@@ -139,8 +139,8 @@ def test_files_go_on_to_casadi(tmp_path):
     system = stewart()
     made = mx.to_casadi(mx.from_npz(mx.to_npz(system, tmp_path / "x.npz")))
     x = casadi.MX.sym("x", 12)
-    found = casadi.Function("A", [x], [casadi.jacobian(made.rates(x, np.zeros(15), np.zeros(0))[0], x)])(0).full()
-    assert same_bits(found + 0.0, system.state_space().A + 0.0)
+    result = casadi.Function("A", [x], [casadi.jacobian(made.rates(x, np.zeros(15), np.zeros(0))[0], x)])(0).full()
+    assert same_bits(result + 0.0, system.state_space().A + 0.0)
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
@@ -149,8 +149,8 @@ def test_c_code_steps_as_casadi_does(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     made.step.generate("step.c")
     subprocess.run(["gcc", "-shared", "-fPIC", "step.c", "-o", "step.so", "-lm"], check=True)
-    found = casadi.external("step", str(tmp_path / "step.so"))([0.1, 0.2], 1.0, 1.1 * made.values)[0]
-    close(found, made.step([0.1, 0.2], 1.0, 1.1 * made.values)[0].full().ravel(), 1e-14)
+    result = casadi.external("step", str(tmp_path / "step.so"))([0.1, 0.2], 1.0, 1.1 * made.values)[0]
+    close(result, made.step([0.1, 0.2], 1.0, 1.1 * made.values)[0].full().ravel(), 1e-14)
 
 
 def test_batches_and_sparse_systems_are_refused_with_the_way_to_one():

@@ -16,7 +16,7 @@ def jacobians(made):
     p = casadi.MX.sym("p", len(made.values))
     real, imag = made(p)
     slope = casadi.Function("slope", [p], [casadi.jacobian(real, p), casadi.jacobian(imag, p)])
-    return [each.full() for each in slope(made.values)]
+    return [item.full() for item in slope(made.values)]
 
 
 def test_eigenvalues_and_their_jacobian_at_any_parameter():
@@ -24,7 +24,7 @@ def test_eigenvalues_and_their_jacobian_at_any_parameter():
     made = mx.to_casadi_eigenvalues(system, PARAMETERS)
     assert made.parameters == PARAMETERS
     assert made.values.tolist() == [system.parameters[name] for name in PARAMETERS]
-    real, imag = (each.full().ravel() for each in made(made.values))
+    real, imag = (item.full().ravel() for item in made(made.values))
     assert real + 1j * imag == pytest.approx(system.modes().eigenvalues, rel=1e-13)
     real, imag = jacobians(made)
     truth = system.eigenvalue_sensitivities(PARAMETERS).T
@@ -35,7 +35,7 @@ def test_responses_and_their_jacobian():
     system = stewart()
     omega = 2 * np.pi * np.array([30.0, 200.0, 900.0])
     made = mx.to_casadi_response(system, omega, PARAMETERS, "Fx", "ry")
-    real, imag = (each.full().ravel() for each in made(made.values))
+    real, imag = (item.full().ravel() for item in made(made.values))
     row, column = system.outputs.index("ry"), system.inputs.index("Fx")
     assert real + 1j * imag == pytest.approx(system.frequency_response(omega)[row, column], rel=1e-12)
     real, imag = jacobians(made)
@@ -49,10 +49,10 @@ def test_a_solver_finds_the_mass_of_a_frequency():
     imag = made(p)[1]
     problem = {"x": p, "f": ((imag[0] ** 2 - 50.0**2) / 2500) ** 2}
     options = {"ipopt": {"hessian_approximation": "limited-memory", "print_level": 0, "tol": 1e-12}, "print_time": 0}
-    found = casadi.nlpsol("find", "ipopt", problem, options)(x0=2.0, lbx=0.5, ubx=20.0)
+    result = casadi.nlpsol("find", "ipopt", problem, options)(x0=2.0, lbx=0.5, ubx=20.0)
     # w^2 = k/m - (c/2m)^2 with k = 1e4, c = 3
     mass = (1e4 + np.sqrt(1e8 - 2500 * 9)) / 5000
-    assert float(found["x"]) == pytest.approx(mass, rel=1e-6)
+    assert float(result["x"]) == pytest.approx(mass, rel=1e-6)
 
 
 def test_where_there_is_no_system_there_is_no_number():
@@ -70,7 +70,7 @@ def test_where_there_is_no_system_there_is_no_number():
         (lambda: mx.to_casadi_response(stewart(), 1.0, "*.mass"), mv.ExportError, "24 outputs; expected the name"),
         (lambda: mx.to_casadi_response(stewart(), 1.0, "*.mass", "Fx", "xx"), mv.ResponseError, "no output 'xx'"),
         (lambda: mx.to_casadi_response(library.chain(3).linearize(method="sparse").reduced(2), 1.0, "*.mass"),
-         mv.ExportError, "no system as model.linearize"),
+         mv.ExportError, "not a system that model.linearize"),
     ],
 )  # fmt: skip
 def test_what_is_refused(call, error, message):

@@ -24,9 +24,9 @@ CASES = {**SYSTEMS, "massless": massless, "stiff": lambda: stiff_model().lineari
 def test_every_system_passes(case, realization, tmp_path):
     system = CASES[case]()
     path = mx.to_npz(system, tmp_path / "x.npz", realization)
-    for found in (mx.check_export(path, system), mx.check_export(path)):
-        assert found.passed, str(found)
-        assert all(each.error < 1e-8 for each in found.comparisons), str(found)
+    for result in (mx.check_export(path, system), mx.check_export(path)):
+        assert result.passed, str(result)
+        assert all(item.error < 1e-8 for item in result.comparisons), str(result)
 
 
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
@@ -34,9 +34,9 @@ def test_units_are_asked_for_their_derivatives(version, tmp_path):
     pytest.importorskip("fmpy", reason="fmpy is not installed: pip install 'mbsvib[fmu]'")
     system = stewart()
     path = mx.to_fmu(system, tmp_path / "x.fmu", version).path
-    found = mx.check_export(path, system, run=True)
-    assert [each.what for each in found.comparisons] == ["response of its derivatives", "poles"]
-    assert all(each.error < 1e-9 for each in found.comparisons), str(found)
+    result = mx.check_export(path, system, run=True)
+    assert [item.what for item in result.comparisons] == ["response of its derivatives", "poles"]
+    assert all(item.error < 1e-9 for item in result.comparisons), str(result)
     changed = library.stewart(ports="all").with_values({"leg1.k.stiffness": 1.01e7}).linearize()
     for run in (False, True):
         assert not mx.check_export(path, changed, run=run).passed
@@ -56,9 +56,9 @@ def test_units_of_other_platforms_and_ports_of_one_name(tmp_path):
             two.writestr(name.replace(f"/{fmpy.platform_tuple}/", "/sparc-solaris/"), one.read(name))
     with pytest.raises(mv.ExportError, match=r"y\.fmu: holds no binary for"):
         mx.check_export(tmp_path / "y.fmu", system, run=True)
-    found = mx.check_export(tmp_path / "y.fmu", system)
-    assert found.passed
-    assert "Not run: its binaries for sparc-solaris" in str(found)
+    result = mx.check_export(tmp_path / "y.fmu", system)
+    assert result.passed
+    assert "Not run: its binaries for sparc-solaris" in str(result)
 
 
 @pytest.mark.parametrize("name", ["../../evil", "/tmp/evil", "a b", "lib.evil", ""])
@@ -67,9 +67,9 @@ def test_fmus_that_name_a_library_elsewhere_are_refused(name, tmp_path):
     pytest.importorskip("fmpy", reason="fmpy is not installed: pip install 'mbsvib[fmu]'")
     path = mx.to_fmu(slider(), tmp_path / "x.fmu").path
     with zipfile.ZipFile(path) as one, zipfile.ZipFile(tmp_path / "y.fmu", "w") as two:
-        for each in one.namelist():
-            content = one.read(each)
-            two.writestr(each, content.replace(b'modelIdentifier="slider"', f'modelIdentifier="{name}"'.encode()))
+        for item in one.namelist():
+            content = one.read(item)
+            two.writestr(item, content.replace(b'modelIdentifier="slider"', f'modelIdentifier="{name}"'.encode()))
     for run in (False, True):
         with pytest.raises(mv.ExportError, match="modelIdentifier"):
             mx.check_export(tmp_path / "y.fmu", slider(), run=run)
@@ -90,10 +90,10 @@ def test_a_spring_that_was_changed_since_is_found(tmp_path):
     system = stewart()
     path = mx.to_npz(system, tmp_path / "x.npz")
     changed = library.stewart(ports="all").with_values({"leg1.k.stiffness": 1.01e7}).linearize()
-    found = mx.check_export(path, changed)
-    assert not found.passed
-    assert [each.passed for each in found.comparisons] == [False] * 4
-    assert "NO" in str(found)
+    result = mx.check_export(path, changed)
+    assert not result.passed
+    assert [item.passed for item in result.comparisons] == [False] * 4
+    assert "NO" in str(result)
 
 
 def test_a_state_space_that_is_not_of_its_matrices_is_found(tmp_path):
@@ -105,8 +105,8 @@ def test_a_state_space_that_is_not_of_its_matrices_is_found(tmp_path):
     assert not mx.check_export(path).passed
     assert mx.check_export(path, limit=1.0).passed
     back = replace(data, state_space=replace(data.state_space, transform=2 * data.state_space.transform))
-    found = mx.check_export(mx.to_npz(back, tmp_path / "y.npz"), stewart())
-    assert [each.passed for each in found.comparisons] == [True, True, True, False]
+    result = mx.check_export(mx.to_npz(back, tmp_path / "y.npz"), stewart())
+    assert [item.passed for item in result.comparisons] == [True, True, True, False]
 
 
 def test_what_cannot_be_checked(tmp_path):

@@ -39,12 +39,12 @@ def test_damage_is_refused_or_harmless(kind, tmp_path, capsys):
     for k in range(80):
         path.write_bytes(damaged(raw, rng, k))
         try:
-            found = read(path)
+            result = read(path)
         except mv.ExportError:
             refused += 1
             continue
         if kind in ("mat", "h5"):
-            assert_same(found, slider())
+            assert_same(result, slider())
     assert refused > (40 if kind not in ("mat", "h5") else 78)
     assert capsys.readouterr().out == ""
 

@@ -26,9 +26,9 @@ def with_skew_damping():
 
 def test_cards_are_read_as_a_superelement(tmp_path):
     system = stewart()
-    found = read_punch(mx.to_dmig(system, tmp_path / "x.pch"), C="BAAX")
-    assert found.labels == tuple((k + 1, 0) for k in range(system.dof))
-    for one, two in ((found.M, system.M), (found.C, system.C), (found.K, system.K)):
+    result = read_punch(mx.to_dmig(system, tmp_path / "x.pch"), C="BAAX")
+    assert result.labels == tuple((k + 1, 0) for k in range(system.dof))
+    for one, two in ((result.M, system.M), (result.C, system.C), (result.K, system.K)):
         assert close(one, two)
     text = (tmp_path / "x.pch").read_text(encoding="ascii")
     assert f"$ 1 = {system.coordinates[0]} [rad]" in text
@@ -43,9 +43,9 @@ def test_matrices_of_zeros_have_no_cards(tmp_path):
     text = path.read_text(encoding="ascii")
     assert "\nSPOINT         1\n" in text
     assert [line[8:16].strip() for line in text.splitlines() if line.startswith("DMIG ")] == ["MAAX"]
-    found = read_dmig(path)
-    assert found["M"] == 2.0
-    assert (found["C"].shape, found["C"].any(), found["K"].any()) == ((1, 1), False, False)
+    result = read_dmig(path)
+    assert result["M"] == 2.0
+    assert (result["C"].shape, result["C"].any(), result["K"].any()) == ((1, 1), False, False)
     massless = replace(mx.from_json(mx.to_json(stewart())), M=np.diag([1.0, 0, 0, 0, 0, 2.0]))
     assert np.array_equal(read_dmig(mx.to_dmig(massless, path))["M"], massless.M)
     assert len(read_punch(path).labels) == 6
@@ -58,8 +58,8 @@ def test_unsymmetric_matrices_are_square_cards(tmp_path):
     head = next(line for line in lines if line.startswith("DMIG    BAAX"))
     assert head.split()[3] == "1"
     assert head[64:72].strip() == "6"
-    for found in (read_dmig(tmp_path / "x.pch")["C"], read_punch(tmp_path / "x.pch", C="BAAX").C):
-        assert close(found, data.C)
+    for result in (read_dmig(tmp_path / "x.pch")["C"], read_punch(tmp_path / "x.pch", C="BAAX").C):
+        assert close(result, data.C)
     with pytest.raises(mv.ExportError, match="no degree of freedom"):
         mx.to_dmig(slider(locked=True), tmp_path / "y.pch")
 
@@ -131,9 +131,9 @@ def test_cards_that_are_not_understood(text, message):
 def test_pyyeti_reads_the_cards(tmp_path):
     bulk = pytest.importorskip("pyyeti.nastran.bulk", reason="pyyeti is not installed: pip install 'mbsvib[test]'")
     for system in (stewart(), slider(), with_skew_damping()):
-        found = bulk.rddmig(str(mx.to_dmig(system, tmp_path / "x.pch")))
+        result = bulk.rddmig(str(mx.to_dmig(system, tmp_path / "x.pch")))
         for name, key in NAMES.items():
-            frame = found[name.lower()]
+            frame = result[name.lower()]
             assert [int(point) for point, _ in frame.index] == list(range(1, len(system.coordinates) + 1))
             assert close(frame.to_numpy(), getattr(system, key)), name
 

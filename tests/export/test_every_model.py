@@ -47,16 +47,16 @@ def test_files_are_read_again(name, suffix, tmp_path):
         pytest.importorskip(NEEDS[suffix])
     path = tmp_path / f"x.{suffix}"
     WRITERS[suffix](system_of(name), path)
-    found = mx.check_export(path, system_of(name))
-    assert found.passed, str(found)
+    result = mx.check_export(path, system_of(name))
+    assert result.passed, str(result)
 
 
 @pytest.mark.parametrize("name", MODELS)
 def test_universal_files(name, tmp_path):
     omega, truth = truth_of(name)
-    found = mx.from_uff(mx.to_uff(system_of(name), tmp_path / "x.uff", omega))
-    assert error(name, found.responses) < 1e-9
-    assert found.outputs == system_of(name).outputs
+    measured = mx.from_uff(mx.to_uff(system_of(name), tmp_path / "x.uff", omega))
+    assert error(name, measured.responses) < 1e-9
+    assert measured.outputs == system_of(name).outputs
     assert truth.any()
 
 
@@ -72,7 +72,7 @@ def test_python_control_and_scipy(name):
     omega, _ = truth_of(name)
     plant = mx.to_control(system_of(name), "modal")
     assert error(name, plant(1j * omega, squeeze=False)) < 1e-8
-    assert [mx.SignalNames.to_mbsvib(each) for each in plant.input_labels] == list(system_of(name).inputs)
+    assert [mx.SignalNames.to_mbsvib(item) for item in plant.input_labels] == list(system_of(name).inputs)
     other = mx.to_scipy(system_of(name), "modal")
     assert np.array_equal(other.A, plant.A)
 
@@ -84,9 +84,9 @@ def test_casadi(name):
     made, space = mx.to_casadi(system, 1e-3), system.state_space()
     x, u = casadi.MX.sym("x", len(space.states)), casadi.MX.sym("u", len(space.inputs))
     rates, y = made.rates(x, u, [])
-    found = casadi.Function("ABCD", [x, u], [casadi.jacobian(each, of) for each in (rates, y) for of in (x, u)])(0, 0)
-    for label, each in zip("ABCD", found, strict=True):
-        assert np.array_equal(each.full(), getattr(space, label)), label
+    result = casadi.Function("ABCD", [x, u], [casadi.jacobian(item, of) for item in (rates, y) for of in (x, u)])(0, 0)
+    for label, item in zip("ABCD", result, strict=True):
+        assert np.array_equal(item.full(), getattr(space, label)), label
     assert np.isfinite(made.step(np.ones(len(space.states)), 1.0, [])[0].full()).all()
 
 
@@ -96,8 +96,8 @@ def test_octave(tmp_path):
         mx.to_mat(system_of(name), tmp_path / f"{name}.mat")
     code = "".join(f"[p, m, w] = load_{name}(); printf('{name} %.3g %d\\n', w, size(p.A, 1)); " for name in MODELS)
     done = subprocess.run([OCTAVE, "--norc", "--eval", code], cwd=tmp_path, capture_output=True, text=True, check=False)
-    found = {line.split()[0]: line.split()[1:] for line in done.stdout.splitlines()}
-    assert list(found) == list(MODELS), done.stderr
-    for name, (worst, states) in found.items():
+    result = {line.split()[0]: line.split()[1:] for line in done.stdout.splitlines()}
+    assert list(result) == list(MODELS), done.stderr
+    for name, (worst, states) in result.items():
         assert float(worst) < 1e-6
         assert int(states) == len(system_of(name).state_space().states)

@@ -26,8 +26,8 @@ def test_there_and_back(case, realization, tmp_path):
 
 
 def test_massless_motions(tmp_path):
-    found = mx.from_hdf5(mx.to_hdf5(massless(), tmp_path / "x.h5")).state_space
-    assert same_bits(found.through, massless().state_space().through)
+    result = mx.from_hdf5(mx.to_hdf5(massless(), tmp_path / "x.h5")).state_space
+    assert same_bits(result.through, massless().state_space().through)
 
 
 def test_h5py_alone_reads_it(tmp_path):

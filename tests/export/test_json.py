@@ -118,7 +118,7 @@ def test_mistakes_are_found_where_they_are(mistake, tmp_path):
         ("{", "line 1"),
         ('{"format": ' + "[" * 100_000, "no JSON"),
         ('{"version": ' + "1" * 5000 + "}", "no JSON"),
-        ('{"version": NaN}', "NaN is no number"),
+        ('{"version": NaN}', "NaN is not a number"),
     ],
 )
 def test_damaged_text(text, message, tmp_path):
@@ -185,8 +185,8 @@ def test_the_way_back_to_the_bodies():
     system = stewart()
     data = mx.from_json(mx.to_json(system))
     q = np.random.default_rng(3).normal(size=(6, 4))
-    for one, other in ((q, q), (q[:, 0], q[:, 0])):
-        back, direct = data.displacements(one), system.displacements(other)
+    for first, second in ((q, q), (q[:, 0], q[:, 0])):
+        back, direct = data.displacements(first), system.displacements(second)
         assert list(back) == list(direct)
         assert all(same_bits(back[body], direct[body]) for body in back)
     with pytest.raises(mv.ExportError, match=r"stewart: q has shape \(5,\); expected \(6,\)"):

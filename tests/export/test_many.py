@@ -30,10 +30,10 @@ def test_python_control_gets_a_list(batch, realization):
     plants = mx.to_control(batch, realization)
     assert len(plants) == len(batch) == 5
     for plant, system in zip(plants, batch, strict=True):
-        alone = mx.to_control(system, realization)
-        assert all(same_bits(getattr(plant, key), getattr(alone, key)) for key in "ABCD")
-        assert plant.input_labels == alone.input_labels
-        assert plant.output_labels == alone.output_labels
+        single = mx.to_control(system, realization)
+        assert all(same_bits(getattr(plant, key), getattr(single, key)) for key in "ABCD")
+        assert plant.input_labels == single.input_labels
+        assert plant.output_labels == single.output_labels
 
 
 @pytest.mark.parametrize("realization", ["physical", "modal"])
@@ -44,8 +44,8 @@ def test_one_file_for_all_variants(batch, realization, tmp_path):
     assert set(data.values) == set(batch.parameters)
     for name, values in batch.parameters.items():
         assert same_bits(data.values[name], values)
-    for one, system in zip(data.systems, batch, strict=True):
-        assert_same(one, system, realization)
+    for item, system in zip(data.systems, batch, strict=True):
+        assert_same(item, system, realization)
     assert "5 variants of" in repr(data)
 
 
@@ -85,10 +85,10 @@ def test_a_choice_of_modes_with_names_and_static_correction(long):
     assert plant.nstates == 24
     assert tuple(map(mx.SignalNames.to_mbsvib, plant.output_labels)) == long.outputs
     omega = 2 * np.pi * np.geomspace(0.2, 5, 12) * long.modes(1).frequencies[0]
-    whole, found = long.frequency_response(omega), plant(1j * omega)
-    size = np.abs(whole).max(axis=2, keepdims=True)
+    full, result = long.frequency_response(omega), plant(1j * omega)
+    size = np.abs(full).max(axis=2, keepdims=True)
     error = long.truncation_error(small, omega)
-    assert_allclose(np.abs(found - whole) / size, error, rtol=1e-3, atol=1e-8)
+    assert_allclose(np.abs(result - full) / size, error, rtol=1e-3, atol=1e-8)
     motion = [i for i, name in enumerate(long.outputs) if name in ("x", "y", "root")]
     assert error[motion].max() < 1e-3
 
@@ -108,9 +108,9 @@ def test_files_of_a_choice_of_modes(long, tmp_path):
 
 
 def test_files_of_the_wrong_kind(batch, tmp_path):
-    one, many = mx.to_npz(batch[0], tmp_path / "one"), mx.to_npz_batch(batch, tmp_path / "many")
+    single, many = mx.to_npz(batch[0], tmp_path / "one"), mx.to_npz_batch(batch, tmp_path / "many")
     with pytest.raises(mv.MbsvibError, match="A single system is read by from_npz"):
-        mx.from_npz_batch(one)
+        mx.from_npz_batch(single)
     with pytest.raises(mv.MbsvibError, match="format = 'mbsvib-batch'"):
         mx.from_npz(many)
     with pytest.raises(mv.MbsvibError, match="cannot be read"):

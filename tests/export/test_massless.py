@@ -33,14 +33,14 @@ def answer(system, s):
 def test_responses_of_the_descriptor_equations(target, realization, tmp_path):
     system = plant()
     if target in ("control", "scipy"):
-        found = getattr(mx, f"to_{target}")(system, realization)
+        result = getattr(mx, f"to_{target}")(system, realization)
     elif target == "json":
-        found = mx.from_json(mx.to_json(system, tmp_path / "s.json", realization)).state_space
+        result = mx.from_json(mx.to_json(system, tmp_path / "s.json", realization)).state_space
     else:
-        found = mx.from_npz(mx.to_npz(system, tmp_path / "s.npz", realization)).state_space
-    assert found.A.shape == (3, 3)
+        result = mx.from_npz(mx.to_npz(system, tmp_path / "s.npz", realization)).state_space
+    assert result.A.shape == (3, 3)
     for s in S:
-        response = found.C @ np.linalg.solve(s * np.eye(3) - found.A, found.B) + found.D
+        response = result.C @ np.linalg.solve(s * np.eye(3) - result.A, result.B) + result.D
         assert_allclose(response, answer(system, s), rtol=1e-12, atol=1e-14)
 
 

@@ -31,33 +31,33 @@ def test_there_and_back(case, realization, tmp_path):
         assert same_bits(data.state_space.through, through)
     mx.to_mat(data, tmp_path / "again.mat", loader=False)
     assert_same(mx.from_mat(tmp_path / "again.mat"), system, realization)
-    assert sorted(each.name for each in tmp_path.iterdir()) == ["again.mat", "load_system.m", "system.mat"]
+    assert sorted(item.name for item in tmp_path.iterdir()) == ["again.mat", "load_system.m", "system.mat"]
 
 
 def test_the_same_system_gives_the_same_bytes(tmp_path):
-    one, two = (mx.to_mat(stewart(), tmp_path / name).read_bytes() for name in ("a.mat", "b.mat"))
-    assert one == two
+    first, second = (mx.to_mat(stewart(), tmp_path / name).read_bytes() for name in ("a.mat", "b.mat"))
+    assert first == second
 
 
 def test_scipy_reads_what_ss_and_mechss_take(tmp_path):
     system = stewart()
-    found = loadmat(mx.to_mat(system, tmp_path / "plant.mat"), simplify_cells=True)
+    result = loadmat(mx.to_mat(system, tmp_path / "plant.mat"), simplify_cells=True)
     space = system.state_space()
-    assert all(same_bits(found[key], getattr(space, key)) for key in "ABCD")
-    assert found["InputName"].tolist() == list(system.inputs)
-    assert found["OutputUnit"].tolist() == list(system.output_units)
-    assert found["StateName"].tolist() == list(space.states)
-    assert found["Ts"] == 0
-    assert found["E"].size == 0
-    mech = found["mech"]
+    assert all(same_bits(result[key], getattr(space, key)) for key in "ABCD")
+    assert result["InputName"].tolist() == list(system.inputs)
+    assert result["OutputUnit"].tolist() == list(system.output_units)
+    assert result["StateName"].tolist() == list(space.states)
+    assert result["Ts"] == 0
+    assert result["E"].size == 0
+    mech = result["mech"]
     omega = resonances(system)
     truth = system.frequency_response(omega)
     q = [np.linalg.solve(mech["K"] + 1j * w * mech["C"] - w * w * mech["M"], mech["B"]) for w in omega]
-    response = np.stack([(mech["F"] + 1j * w * mech["G"]) @ each + mech["D"]
-                         for w, each in zip(omega, q, strict=True)], axis=2)  # fmt: skip
+    response = np.stack([(mech["F"] + 1j * w * mech["G"]) @ item + mech["D"]
+                         for w, item in zip(omega, q, strict=True)], axis=2)  # fmt: skip
     assert any(unit.endswith("s^2") for unit in system.output_units)  # F, G, D hold accelerations as well
     assert block_error(response, truth, system) < 1e-10
-    assert block_error(found["check"]["response"], system.frequency_response(found["check"]["omega"]), system) == 0.0
+    assert block_error(result["check"]["response"], system.frequency_response(result["check"]["omega"]), system) == 0.0
 
 
 def octave(folder, code):
@@ -83,12 +83,12 @@ def test_names_that_octave_cannot_read_are_mapped_and_the_map_is_there(tmp_path)
     face = "\N{GRINNING FACE}"
     system = slider(inputs=(face, "~1F600"), outputs=(f"z{face}",), name=f"slider {face}")
     path = mx.to_mat(system, tmp_path / "system.mat")
-    found = loadmat(path, simplify_cells=True)
-    assert found["InputName"].tolist() == ["~1F600_", "~1F600"]
-    assert found["Name"] == "slider ~1F600"
+    result = loadmat(path, simplify_cells=True)
+    assert result["InputName"].tolist() == ["~1F600_", "~1F600"]
+    assert result["Name"] == "slider ~1F600"
     assert_same(mx.from_mat(path), system)
-    assert found["mbsvib"]["mapped"].tolist() == ["slider ~1F600", "~1F600_", "z~1F600"]
-    assert bytes(found["mbsvib"]["original"][0]).decode() == system.name
+    assert result["mbsvib"]["mapped"].tolist() == ["slider ~1F600", "~1F600_", "z~1F600"]
+    assert bytes(result["mbsvib"]["original"][0]).decode() == system.name
     code = "p = load_system(); i = p.InputName; o = p.OutputName; printf('%s\\n', p.Name, i{:}, o{:});"
     assert octave(tmp_path, code).stdout.splitlines() == [system.name, *system.inputs, *system.outputs]
 
@@ -108,8 +108,8 @@ def test_octave_refuses_a_file_whose_response_has_changed(tmp_path):
 def test_an_acceleration_of_what_has_no_mass_leaves_mechss_empty(tmp_path):
     """F, G, D come from Ca M^-1, which a singular M may not have: state space and M, C, K are there all the same."""
     system = massless()
-    found = loadmat(mx.to_mat(system, tmp_path / "x.mat"), simplify_cells=True)
-    assert found["mech"]["F"].shape == (2, 2)  # velocities only: nothing to invert
+    result = loadmat(mx.to_mat(system, tmp_path / "x.mat"), simplify_cells=True)
+    assert result["mech"]["F"].shape == (2, 2)  # velocities only: nothing to invert
     from dataclasses import replace
 
     data = replace(mx.from_mat(tmp_path / "x.mat"), Ca=np.eye(2))
@@ -130,7 +130,7 @@ def test_a_script_that_cannot_be_written_leaves_no_file_without_it(tmp_path):
     (tmp_path / "load_x.m").mkdir()
     with pytest.raises(mv.ExportError, match=r"load_x\.m: this file is there already"):
         mx.to_mat(slider(), tmp_path / "x.mat")
-    assert [each.name for each in tmp_path.iterdir()] == ["load_x.m"]
+    assert [item.name for item in tmp_path.iterdir()] == ["load_x.m"]
     mx.to_mat(slider(), tmp_path / "x.mat", loader=False)
     assert (tmp_path / "x.mat").exists()
 

@@ -41,9 +41,9 @@ def test_the_way_back(name):
 @example("a:b", "a~3Ab")
 @example("-a", "~2Da")
 @example("a", "a~system")
-def test_no_two_names_meet(one, other):
+def test_no_two_names_meet(first, second):
     for encoded in (SignalNames.to_control, SignalNames.system_to_control):
-        assert (encoded(one) == encoded(other)) == (one == other)
+        assert (encoded(first) == encoded(second)) == (first == second)
 
 
 @settings(deadline=None)

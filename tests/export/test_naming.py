@@ -44,8 +44,8 @@ def test_series_takes_inputs_of_the_first_and_outputs_of_the_last():
 def test_a_controller_closes_the_loop_by_names():
     """What h2syn and hinfsyn return: inputs are the last outputs of the plant, outputs its last inputs."""
     plant = mx.to_control(slider(inputs=("d", "F"), outputs=("z", "y")))
-    found = control.StateSpace([[-50.0]], [[1.0]], [[-2e4]], [[0.0]])
-    law = mx.named(found, plant, controller=True, name="law")
+    result = control.StateSpace([[-50.0]], [[1.0]], [[-2e4]], [[0.0]])
+    law = mx.named(result, plant, controller=True, name="law")
     assert (law.input_labels, law.output_labels, law.name) == (["y"], ["F"], "law")
     loop = control.interconnect([plant, law], inputs=["d"], outputs=["z"])
     s = 40j
@@ -68,7 +68,7 @@ def test_reduced_and_transfer_functions_too():
         (gain(2, 3), {}, r"3 inputs, the plant 2 \(F, d\)"),
         (gain(3, 2), {"controller": True}, "controller has 3 outputs"),
         (gain(2, 2), {"states": True}, "0 states, the plant 2"),
-        (np.eye(2), {}, "ndarray is no system of python-control"),
+        (np.eye(2), {}, "ndarray is not a system of python-control"),
     ],
 )
 def test_what_does_not_fit_is_refused(result, options, message):
@@ -100,12 +100,12 @@ def test_batches_are_discretised_one_by_one():
     from tests.export.plants import stiff_model
 
     batch = stiff_model().linearize(values={"ka.stiffness": [100.0, 200.0]})
-    assert [each.dt for each in mx.to_control(batch, dt=1e-3)] == [1e-3, 1e-3]
+    assert [item.dt for item in mx.to_control(batch, dt=1e-3)] == [1e-3, 1e-3]
 
 
 def test_the_discrete_plant_has_the_poles_of_the_continuous_one():
     system = stewart()
     dt = 1e-5
-    found = np.sort_complex(np.linalg.eigvals(mx.to_control(system, "modal", dt=dt).A))
-    assert found == pytest.approx(np.sort_complex(np.exp(system.poles() * dt)), rel=1e-12)
+    result = np.sort_complex(np.linalg.eigvals(mx.to_control(system, "modal", dt=dt).A))
+    assert result == pytest.approx(np.sort_complex(np.exp(system.poles() * dt)), rel=1e-12)
     assert resonances(system).max() * dt < np.pi

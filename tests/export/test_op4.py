@@ -36,9 +36,9 @@ def test_every_bit_is_kept(binary, tmp_path):
     for build in SYSTEMS:
         system = build()
         path = mx.to_op4(system, tmp_path / "x.op4", binary)
-        found = read_op4(path)
-        assert set(found) == {key for key in NAMES.values() if getattr(system, key).size}
-        for key, array in found.items():
+        result = read_op4(path)
+        assert set(result) == {key for key in NAMES.values() if getattr(system, key).size}
+        for key, array in result.items():
             assert same_bits(np.ascontiguousarray(array), getattr(system, key) + 0.0), key
         if system.dof:
             reduced = read_reduced(path, C="BAA")
@@ -54,9 +54,9 @@ def test_pyyeti_reads_what_is_written(binary, tmp_path):
     op4 = pytest.importorskip("pyyeti.nastran.op4", reason=YETI)
     for build in SYSTEMS:
         system = build()
-        found = op4.load(str(mx.to_op4(system, tmp_path / "x.op4", binary)))
-        assert list(found) == [name.lower() for name, key in NAMES.items() if getattr(system, key).size]
-        for name, (array, form, kind) in found.items():
+        result = op4.load(str(mx.to_op4(system, tmp_path / "x.op4", binary)))
+        assert list(result) == [name.lower() for name, key in NAMES.items() if getattr(system, key).size]
+        for name, (array, form, kind) in result.items():
             truth = getattr(system, NAMES[name.upper()])
             assert np.array_equal(array, truth)
             symmetric = name in ("maa", "baa", "kaa") and np.array_equal(truth, truth.T)
@@ -69,10 +69,10 @@ def test_what_pyyeti_writes_is_read(binary, order, layout, tmp_path):
     op4 = pytest.importorskip("pyyeti.nastran.op4", reason=YETI)
     path, truth = tmp_path / "x.op4", matrices()
     op4.write(str(path), truth, binary=binary, endian=order, sparse=layout, digits=17)
-    found = read_op4_file(path.read_bytes())
-    assert list(found) == list(truth)
+    result = read_op4_file(path.read_bytes())
+    assert list(result) == list(truth)
     for name, array in truth.items():
-        assert np.array_equal(found[name], array), name
+        assert np.array_equal(result[name], array), name
     assert [name for name, array in read_op4_file(path.read_bytes(), ("ROW",)).items() if array is not None] == ["ROW"]
 
 
@@ -81,9 +81,9 @@ def test_pynastran_reads_what_is_written(tmp_path):
     for build in SYSTEMS:
         system = build()
         for binary in (False, True):
-            found = op4.read_op4(str(mx.to_op4(system, tmp_path / "x.op4", binary)), debug=False)
-            assert list(found) == [name for name, key in NAMES.items() if getattr(system, key).size]
-            for name, matrix in found.items():
+            result = op4.read_op4(str(mx.to_op4(system, tmp_path / "x.op4", binary)), debug=False)
+            assert list(result) == [name for name, key in NAMES.items() if getattr(system, key).size]
+            for name, matrix in result.items():
                 assert np.array_equal(matrix.data, getattr(system, NAMES[name])), name
 
 
@@ -93,10 +93,10 @@ def test_what_pynastran_writes_is_read(tmp_path):
     truth = {name: array for name, array in matrices().items() if name in ("FULL", "HOLES", "TALL")}
     given = {name: (2, array) for name, array in truth.items()}  # its sparse ones have wrong lengths of strings
     op4.OP4(debug=False).write_op4(str(path), given, precision="double", is_binary=False)
-    found = read_op4_file(path.read_bytes())
-    assert list(found) == sorted(truth)
+    result = read_op4_file(path.read_bytes())
+    assert list(result) == sorted(truth)
     for name, array in truth.items():
-        assert np.array_equal(found[name], array), name
+        assert np.array_equal(result[name], array), name
 
 
 def header(columns=1, rows=1, kind=2, name="MAA", style="1P,3E24.16"):

@@ -51,13 +51,13 @@ def test_pyuff_reads_every_response(tmp_path):
     for k, item in enumerate(sets_of(path, 58)):
         i, j = k % len(system.outputs), k // len(system.outputs)
         assert same_bits(np.asarray(item["data"]), np.ascontiguousarray(exact[i, j]))
-    found = mx.from_uff(path)
-    assert found.omega == pytest.approx(omega, rel=4e-16)
-    assert same_bits(found.responses, exact)
+    measured = mx.from_uff(path)
+    assert measured.omega == pytest.approx(omega, rel=4e-16)
+    assert same_bits(measured.responses, exact)
     for key in ("inputs", "input_units", "outputs", "output_units"):
-        assert getattr(found, key) == getattr(system, key)
-    assert (found.measured.all(), found.left_out) == (True, ())
-    assert repr(found) == "Measurement(15 inputs, 24 outputs, 40 frequencies, 14 nodes, 0 modes)"
+        assert getattr(measured, key) == getattr(system, key)
+    assert (measured.is_measured.all(), measured.left_out) == (True, ())
+    assert repr(measured) == "Measurement(15 inputs, 24 outputs, 40 frequencies, 14 nodes, 0 modes)"
     assert mx.check_export(path, system).passed
 
 
@@ -79,16 +79,16 @@ def test_a_set_says_what_it_is(tmp_path):
 def test_points_are_those_of_the_model(tmp_path, capsys):
     system = arm()
     path = mx.to_uff(system, tmp_path / "x.uff", [1.0])
-    found = mx.from_uff(path)
+    measured = mx.from_uff(path)
     rod, cart, tip, slant, between, force = range(1, 7)
-    assert [(node.number, node.name) for node in found.nodes] == [
+    assert [(node.number, node.name) for node in measured.nodes] == [
         (rod, "rod"), (cart, "cart"), (tip, "rod"), (slant, "rod")]  # fmt: skip
-    assert [node.position for node in found.nodes] == [(0.5, 0, 0), (1, 0, 2), (1, 0, 0), (1, 0, 0)]
-    assert found.input_points == (Point(tip, -3), Point(rod, 5), Point(slant, -1), Point(between, 0))
-    assert found.output_points == (Point(tip, 3), Point(tip, 3), Point(rod, 3), Point(rod, 5), Point(slant, 1),
+    assert [node.position for node in measured.nodes] == [(0.5, 0, 0), (1, 0, 2), (1, 0, 0), (1, 0, 0)]
+    assert measured.input_points == (Point(tip, -3), Point(rod, 5), Point(slant, -1), Point(between, 0))
+    assert measured.output_points == (Point(tip, 3), Point(tip, 3), Point(rod, 3), Point(rod, 5), Point(slant, 1),
                                    Point(between, 0), Point(force, 0))  # fmt: skip
-    assert found.driving_points == (("z", "F"), ("v", "F"), ("ry", "M"), ("along", "slant"), ("apart", "between"))
-    assert found.lines == ((rod, tip), (rod, slant))
+    assert measured.driving_points == (("z", "F"), ("v", "F"), ("ry", "M"), ("along", "slant"), ("apart", "between"))
+    assert measured.lines == ((rod, tip), (rod, slant))
     (nodes,), (trace,) = sets_of(path, 2411), sets_of(path, 82)
     assert np.array_equal(np.column_stack([nodes[key] for key in ("node_nums", "x", "y", "z")]),
                           [(1, 0.5, 0, 0), (2, 1, 0, 2), (3, 1, 0, 0), (4, 1, 0, 0)])  # fmt: skip
@@ -104,9 +104,9 @@ def test_points_are_those_of_the_model(tmp_path, capsys):
 def test_parts_that_several_bodies_share_have_nodes(tmp_path):
     """Nodes of beams are bodies, at the points of the beam."""
     system = library.cantilever().linearize()
-    found = mx.from_uff(mx.to_uff(system, tmp_path / "x.uff", [1.0]))
-    assert {node.name for node in found.nodes} == set(system.bodies)
-    by_name = {node.name: node.position for node in found.nodes}
+    measured = mx.from_uff(mx.to_uff(system, tmp_path / "x.uff", [1.0]))
+    assert {node.name for node in measured.nodes} == set(system.bodies)
+    by_name = {node.name: node.position for node in measured.nodes}
     assert np.allclose(np.diff([by_name[f"tube.{k}"] for k in range(1, 19)], axis=0), [0.5, 0, 0])
 
 
@@ -115,12 +115,12 @@ def test_modes(damping, tmp_path):
     """Shapes at all nodes, of a normal mode with rotations, and eigenvectors of the quadratic problem."""
     system = arm(damping)
     path = mx.to_uff(system, tmp_path / "x.uff", [1.0], modes=True)
-    found, modes = mx.from_uff(path), system.modes()
-    assert len(found.modes) == system.dof
-    assert [mode.frequency for mode in found.modes] == pytest.approx(modes.frequencies, rel=1e-5)
-    assert [mode.damping_ratio for mode in found.modes] == pytest.approx(modes.damping_ratios, rel=1e-4, abs=1e-12)
+    measured, modes = mx.from_uff(path), system.modes()
+    assert len(measured.modes) == system.dof
+    assert [mode.frequency for mode in measured.modes] == pytest.approx(modes.frequencies, rel=1e-5)
+    assert [mode.damping_ratio for mode in measured.modes] == pytest.approx(modes.damping_ratios, rel=1e-4, abs=1e-12)
     rod = dict(zip(system.bodies, system.body_motion, strict=True))["rod"]
-    for k, mode in enumerate(found.modes):
+    for k, mode in enumerate(measured.modes):
         assert np.iscomplexobj(mode.shape) == bool(damping)
         assert mode.nodes == (1, 2, 3, 4)
         phi = modes.shapes[:, k]
@@ -137,7 +137,7 @@ def test_modes(damping, tmp_path):
             assert mode.shape[2, 3:] == pytest.approx(truth[3:], rel=1e-4, abs=2e-5 * np.abs(truth).max())
     theirs = sets_of(path, 55)
     assert [item["analysis_type"] for item in theirs] == [3 if damping else 2] * system.dof
-    for item, mode in zip(theirs, found.modes, strict=True):
+    for item, mode in zip(theirs, measured.modes, strict=True):
         if damping:
             assert abs(item["eig"]) == pytest.approx(2 * np.pi * mode.frequency, rel=1e-5)
         else:
@@ -150,17 +150,17 @@ def test_text_holds_the_responses_at_the_frequencies_that_it_holds(tmp_path):
     omega = 1e4 * np.sqrt([0.2, 0.3, 0.5])
     path = mx.to_uff(system, tmp_path / "x.uff", omega, binary=False)
     assert path.read_bytes().isascii()
-    found = mx.from_uff(path)
-    assert found.omega == pytest.approx(omega, rel=1e-5)
-    exact = system.frequency_response(found.omega)
-    assert np.abs(found.responses - exact).max(axis=2) == pytest.approx(0.0, abs=1e-9 * np.abs(exact).max())
+    measured = mx.from_uff(path)
+    assert measured.omega == pytest.approx(omega, rel=1e-5)
+    exact = system.frequency_response(measured.omega)
+    assert np.abs(measured.responses - exact).max(axis=2) == pytest.approx(0.0, abs=1e-9 * np.abs(exact).max())
 
 
 def test_systems_without_geometry_have_a_node_for_each_port(tmp_path):
     data = mx.from_json(mx.to_json(slider()))
-    found = mx.from_uff(mx.to_uff(data, tmp_path / "x.uff", [1.0]))
-    assert (found.nodes, found.driving_points) == ((), ())
-    assert (found.input_points, found.output_points) == ((Point(1, 0),), (Point(2, 0),))
+    measured = mx.from_uff(mx.to_uff(data, tmp_path / "x.uff", [1.0]))
+    assert (measured.nodes, measured.driving_points) == ((), ())
+    assert (measured.input_points, measured.output_points) == ((Point(1, 0),), (Point(2, 0),))
     with pytest.raises(mv.ExportError, match="modes = True; a system out of a file"):
         mx.to_uff(data, tmp_path / "x.uff", [1.0], modes=True)
 
@@ -191,16 +191,16 @@ def test_what_pyuff_writes_is_read(binary, spacing, precision, tmp_path):
     file._write_set({"type": 15, "node_nums": [1, 2, 7], "x": [0.0, 1.0, 2.0], "y": [0.0] * 3, "z": [0.5] * 3}, "add")
     if binary:
         path.write_bytes(in_binary(path.read_bytes(), values, frequency, spacing, precision))
-    found = mx.from_uff(path)
-    assert found.outputs == ("1+Z", "BEAM:2-X", "BEAM:1+Z")
-    assert found.inputs == ("1-Z", "7+RY")
-    assert (found.output_units[0], found.input_units) == ("m/s^2", ("N", "N m"))
-    assert found.omega == pytest.approx(2 * np.pi * frequency, rel=1e-6)
+    measured = mx.from_uff(path)
+    assert measured.outputs == ("1+Z", "BEAM:2-X", "BEAM:1+Z")
+    assert measured.inputs == ("1-Z", "7+RY")
+    assert (measured.output_units[0], measured.input_units) == ("m/s^2", ("N", "N m"))
+    assert measured.omega == pytest.approx(2 * np.pi * frequency, rel=1e-6)
     error = 1e-5 if precision == "single" and not binary else 1e-7 if precision == "single" else 1e-11
     for at, value in zip(((0, 0), (1, 0), (2, 1)), values, strict=True):
-        assert found.responses[at] == pytest.approx(value, rel=error, abs=error)
-    assert found.measured.tolist() == [[True, False], [True, False], [False, True]]
-    assert found.nodes[1].position == (1.0, 0.0, 0.5)
+        assert measured.responses[at] == pytest.approx(value, rel=error, abs=error)
+    assert measured.is_measured.tolist() == [[True, False], [True, False], [False, True]]
+    assert measured.nodes[1].position == (1.0, 0.0, 0.5)
 
 
 def in_binary(raw, values, frequency, spacing, precision):
@@ -227,11 +227,11 @@ def test_other_units_are_converted(tmp_path):
         file._write_set(function(*ends, value, np.arange(1.0, 4.0), ordinate_spec_data_type=8), "add")
     file._write_set({"type": 2411, "node_nums": [1], "def_cs": [0], "disp_cs": [0], "color": [0], "x": [500.0],
                      "y": [0.0], "z": [0.0]}, "add")  # fmt: skip
-    found = mx.from_uff(path)
+    measured = mx.from_uff(path)
     # mm/kN = 1e-6 m/N, rad/kN = 1e-3 rad/N, mm/(kN mm) = 1e-3 m/(N m), rad/(kN mm) = 1 rad/(N m)
-    assert found.responses[:, :, 0].real == pytest.approx(np.array([[1e-6, 1e-3], [1e-3, 1.0]]))
-    assert (found.output_units, found.input_units) == (("m", "rad"), ("N", "N m"))
-    assert found.nodes[0].position == (0.5, 0.0, 0.0)
+    assert measured.responses[:, :, 0].real == pytest.approx(np.array([[1e-6, 1e-3], [1e-3, 1.0]]))
+    assert (measured.output_units, measured.input_units) == (("m", "rad"), ("N", "N m"))
+    assert measured.nodes[0].position == (0.5, 0.0, 0.0)
     file._write_set(function((1, 2), (1, 3), value, np.arange(1.0, 4.0), ordinate_spec_data_type=0), "add")
     with pytest.raises(mv.ExportError, match=r"x\.uff: .*data of type 0 in a file whose units are not SI"):
         mx.from_uff(path)
@@ -243,8 +243,8 @@ def test_what_is_no_response_is_told(tmp_path):
     value = np.ones(3, dtype=complex)
     file._write_set(function((1, 3), (1, 3), value, np.arange(1.0, 4.0)), "overwrite")
     file._write_set(function((1, 3), (1, 3), value.real, np.arange(1.0, 4.0), func_type=6), "add")
-    found = mx.from_uff(path)
-    assert [text.split(",")[0] for text in found.left_out] == ["1 of data set 58: function type 6"]
+    measured = mx.from_uff(path)
+    assert [text.split(",")[0] for text in measured.left_out] == ["1 of data set 58: function type 6"]
     file._write_set(function((1, 2), (1, 3), value, np.arange(1.0, 7.0, 2.0)), "add")
     with pytest.raises(mv.ExportError, match="different frequencies; expected one list"):
         mx.from_uff(path)

@@ -19,14 +19,14 @@ def loop_of(law):
 
 
 def test_feedback_series_parallel_negate():
-    one = plant()
+    single = plant()
     gain = control.StateSpace([], [], [], 0.1 * np.eye(2), inputs=["a", "b"], outputs=["d", "F"], name="gain")
-    closed = mx.with_names(control.feedback, one, gain)
+    closed = mx.with_names(control.feedback, single, gain)
     assert (closed.input_labels, closed.output_labels) == (["d", "F"], ["z", "y"])
-    assert np.array_equal(closed.A, control.feedback(one, gain).A)
-    both = mx.with_names(control.series, gain, one)
+    assert np.array_equal(closed.A, control.feedback(single, gain).A)
+    both = mx.with_names(control.series, gain, single)
     assert (both.input_labels, both.output_labels) == (["a", "b"], ["z", "y"])
-    for result in (mx.with_names(control.parallel, one, one), mx.with_names(control.negate, one)):
+    for result in (mx.with_names(control.parallel, single, single), mx.with_names(control.negate, single)):
         assert result.input_labels == ["d", "F"]
 
 
@@ -51,30 +51,31 @@ def test_errors_of_the_function_and_functions_that_are_not_known():
 
 def generalized():
     """The plant with weights: force and noise on the inputs' side, displacement and effort on the outputs'."""
-    one = slider(inputs=("d", "F"), outputs=("z", "y")).state_space("balanced")
-    b = np.concatenate([one.B[:, :1], np.zeros((2, 1)), one.B[:, 1:]], axis=1)
-    c = np.concatenate([one.C[:1], np.zeros((1, 2)), one.C[1:]])
+    single = slider(inputs=("d", "F"), outputs=("z", "y")).state_space("balanced")
+    b = np.concatenate([single.B[:, :1], np.zeros((2, 1)), single.B[:, 1:]], axis=1)
+    c = np.concatenate([single.C[:1], np.zeros((1, 2)), single.C[1:]])
     d = np.array([[0, 0, 0], [0, 0, 1e-4], [0, 1e-4, 0.0]])
-    return control.StateSpace(one.A, b, c, d, inputs=["d", "noise", "F"], outputs=["z", "effort", "y"], name="weighted")
+    names = {"inputs": ["d", "noise", "F"], "outputs": ["z", "effort", "y"]}
+    return control.StateSpace(single.A, b, c, d, **names, name="weighted")
 
 
 @pytest.mark.parametrize("call", ["h2syn", "hinfsyn"])
 def test_controllers_close_the_loop_by_their_names(call):
     pytest.importorskip("slycot", reason="slycot is not installed: pip install 'mbsvib[slycot]'")
     weighted = generalized()
-    found = mx.with_names(getattr(control, call), weighted, 1, 1)
-    law = found[0] if isinstance(found, tuple) else found
+    result = mx.with_names(getattr(control, call), weighted, 1, 1)
+    law = result[0] if isinstance(result, tuple) else result
     assert (law.input_labels, law.output_labels, law.name) == (["y"], ["F"], "weighted_controller")
     loop = control.interconnect([weighted, law], inputs=["d", "noise"], outputs=["z", "effort"])
     assert loop.poles().real.max() < 0
-    if isinstance(found, tuple):
-        assert (found[1].input_labels, found[1].output_labels) == (["d", "noise"], ["z", "effort"])
-        assert loop(30j) == pytest.approx(found[1](30j), rel=1e-6)
+    if isinstance(result, tuple):
+        assert (result[1].input_labels, result[1].output_labels) == (["d", "noise"], ["z", "effort"])
+        assert loop(30j) == pytest.approx(result[1](30j), rel=1e-6)
 
 
 @pytest.mark.parametrize(("call", "more"), [("balred", (2,)), ("minreal", ())])
 def test_reduced_plants_keep_their_names(call, more):
     pytest.importorskip("slycot", reason="slycot is not installed: pip install 'mbsvib[slycot]'")
-    found = mx.with_names(getattr(control, call), plant(), *more)
-    assert (found.input_labels, found.output_labels) == (["d", "F"], ["z", "y"])
-    assert found(30j) == pytest.approx(plant()(30j), rel=1e-9)
+    result = mx.with_names(getattr(control, call), plant(), *more)
+    assert (result.input_labels, result.output_labels) == (["d", "F"], ["z", "y"])
+    assert result(30j) == pytest.approx(plant()(30j), rel=1e-9)

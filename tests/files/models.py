@@ -95,9 +95,9 @@ def models(draw):
     for _ in range(draw(st.integers(0, 4))):
         if draw(st.booleans()):
             turn = {"orientation": draw(rotation_vectors)} if draw(st.booleans()) else {}
-            given = {draw(st.sampled_from(["stiffness", "damping"])): draw(coefficients())}
-            given |= {"preload": draw(st.tuples(*[any_float] * 6))} if draw(st.booleans()) else {}
-            model.add_bushing(next(taken), *draw(pairs), draw(vectors), **turn, **given)
+            arguments = {draw(st.sampled_from(["stiffness", "damping"])): draw(coefficients())}
+            arguments |= {"preload": draw(st.tuples(*[any_float] * 6))} if draw(st.booleans()) else {}
+            model.add_bushing(next(taken), *draw(pairs), draw(vectors), **turn, **arguments)
         else:
             ends = {"start": draw(vectors), "end": draw(vectors)}
             if np.linalg.norm(np.subtract(*ends.values())) > 0.0:

@@ -36,9 +36,9 @@ def test_lines_in_a_file_indented_by_tabs():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('{"a": 1,\n "b": 2,}', "line 2, column 9: this is no JSON: "),
-        ('{"a": 1}\n{"b": 2}', "line 2, column 1: this is no JSON: Extra data."),
-        ('{"a": 1\n "b": 2}', "line 2, column 2: this is no JSON: Expecting ',' delimiter."),
+        ('{"a": 1,\n "b": 2,}', "line 2, column 9: this is not valid JSON: "),
+        ('{"a": 1}\n{"b": 2}', "line 2, column 1: this is not valid JSON: Extra data."),
+        ('{"a": 1\n "b": 2}', "line 2, column 2: this is not valid JSON: Expecting ',' delimiter."),
         ('{"a": {"b": 1,\n\n "b": 2}}', "line 3, a.b: 'b' is already there on line 1, and each key"),
         ("[" * 100_000, "line 1: lists and objects are nested too deep."),
     ],

@@ -102,9 +102,9 @@ def mistakes():
 @pytest.mark.parametrize(("text", "message"), mistakes())
 def test_what_is_wrong_is_told_with_its_line_and_key(written, text, message):
     told = str(refused(written(text)))
-    where, said = message.split(": ", 1)
+    where, stated = message.split(": ", 1)
     assert told.startswith(f"isolator.yaml, {where}: ")
-    assert said in told
+    assert stated in told
 
 
 @pytest.mark.parametrize("text", ["", "# nothing\n", "~\n"])
@@ -197,13 +197,13 @@ def test_no_value_makes_any_other_error(tmp_path_factory, data):
     }
     path = tmp_path_factory.mktemp("junk") / "model.json"
     path.write_text(json.dumps(content, indent=1), encoding="utf-8")
-    said = None
+    message = None
     try:
         names = [*getattr(load(path), section)]
     except mv.ModelError as error:
-        said = str(error)
+        message = str(error)
     # either the part is there, or the message names its place; any other error fails the test by itself
-    if said is None:
+    if message is None:
         assert "e" in names
     else:
-        assert re.search(rf"model\.json, line \d+, {section}\.e(\.\w+)?: ", said)
+        assert re.search(rf"model\.json, line \d+, {section}\.e(\.\w+)?: ", message)

@@ -31,8 +31,8 @@ def test_types_are_known_and_no_word_is_called_type(kind):
 
 def test_words_of_parts_are_words_of_their_calls():
     for part, adder in ADDERS.items():
-        said = {field.name for field in part.__dataclass_fields__.values() if not field.metadata.get("derived")}
-        assert said - {"name"} <= set(words(adder.removeprefix("add_")))
+        stated = {field.name for field in part.__dataclass_fields__.values() if not field.metadata.get("derived")}
+        assert stated - {"name"} <= set(words(adder.removeprefix("add_")))
 
 
 def test_words_of_the_model_itself():

@@ -67,12 +67,12 @@ def test_json_with_tabs_is_yaml_too():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("a: [1, 2\nb: 3\n", "line 2, column 2: this is no YAML: expected ',' or ']', but got ':', "
+        ("a: [1, 2\nb: 3\n", "line 2, column 2: this is not valid YAML: expected ',' or ']', but got ':', "
                              "while parsing a flow sequence that starts on line 1."),
-        ("a:\n\t- 1\n", "line 2, column 1: this is no YAML: found character '\\t' that cannot start any token, "
+        ("a:\n\t- 1\n", "line 2, column 1: this is not valid YAML: found character '\\t' that cannot start any token, "
                         "while scanning for the next token; indent with blanks, YAML takes no tabs."),
-        ("a: 1\nb: c: d\n", "line 2, column 5: this is no YAML: mapping values are not allowed here."),
-        ("a: 1\nb: 'x\n", "line 3, column 1: this is no YAML: found unexpected end of stream, "
+        ("a: 1\nb: c: d\n", "line 2, column 5: this is not valid YAML: mapping values are not allowed here."),
+        ("a: 1\nb: 'x\n", "line 3, column 1: this is not valid YAML: found unexpected end of stream, "
                           "while scanning a quoted scalar that starts on line 2."),
         ("a: 1\nb: \x01\n", "line 2, column 4: the character '\\x01' is not allowed in YAML."),
         ("a: 1\nb: *q\n", "line 2, b: the alias *q stands for nothing; there is no &q that is complete above it."),
@@ -84,7 +84,7 @@ def test_json_with_tabs_is_yaml_too():
         ("a: [{b: 1, b: 2}]\n", "line 1, b: 'b' is already there on line 1, and each key can be there only once; "
                                 "rename or remove one."),
         ("a: " + "[" * 999 + "\n", f"line 1: lists and mappings are nested more than {MAX_DEPTH} deep."),
-        ("a: &x &y 1\n", "line 1, column 7: this is no YAML: expected <block end>, but found '<anchor>', "
+        ("a: &x &y 1\n", "line 1, column 7: this is not valid YAML: expected <block end>, but found '<anchor>', "
                          "while parsing a block mapping."),
     ],
 )  # fmt: skip

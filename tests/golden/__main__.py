@@ -34,13 +34,13 @@ VARIED, ATTEMPTS = 1.02, 25
 POINTS = (0.7, 1.03, 1.3)
 
 
-def main(chosen):
+def main(selected):
     entries, numbers = {}, {}
-    if chosen:
+    if selected:
         entries = store.index()
         with np.load(store.VALUES) as archive:
             numbers = {name: archive[name] for name in archive.files}
-    for name in chosen or store.scenes():
+    for name in selected or store.scenes():
         entries[name], numbers[name] = record(name, store.scenes()[name])
     known = [name for name in store.scenes() if name in entries]
     store.write({name: entries[name] for name in known}, {name: numbers[name] for name in known})
@@ -104,8 +104,8 @@ def variant(model, rng):
     """Two parameters that may vary together, at other values, or None where batches do not have the scene."""
     parameters = {name: value for name, value in linearized(model, method="dense").parameters.items() if value}
     for _ in range(ATTEMPTS if len(parameters) > 1 else 0):
-        chosen = rng.choice(list(parameters), 2, replace=False).tolist()
-        result = {name: VARIED * parameters[name] for name in chosen}
+        selected = rng.choice(list(parameters), 2, replace=False).tolist()
+        result = {name: VARIED * parameters[name] for name in selected}
         try:
             batch = linearized(model, values={name: [parameters[name], value] for name, value in result.items()})
         except mv.MbsvibError:

@@ -64,8 +64,8 @@ def frequencies(values, tolerance):
     if not len(size):
         return np.array([0.7, 13.0])
     edges = np.concatenate(([0.3 * size[0]], size, [1.7 * size[-1]]))
-    gaps = np.argsort(edges[1:] / edges[:-1])[::-1][:2]
-    between = np.sqrt(edges[gaps] * edges[gaps + 1])
+    distances = np.argsort(edges[1:] / edges[:-1])[::-1][:2]
+    between = np.sqrt(edges[distances] * edges[distances + 1])
     held = [0.0] if len(size) == len(values) else []
     return np.array([*held, *np.sort([0.31 * size[0], *between, 1.63 * size[-1]])])
 
@@ -96,12 +96,12 @@ def compare_eigenvalues(own, values, tolerance):
         raise Mismatch(f"{len(own.eigenvalues)} eigenvalues, not {len(values)}")
     if not len(values):
         return
-    found, distance = matched(values, own.eigenvalues)
+    result, distance = matched(values, own.eigenvalues)
     claimed = np.minimum(own.errors.max(initial=0.0), CLAIMED)
     share = distance / (tolerance + (RTOL + claimed) * np.abs(values) + 1e-300)
     worst = int(np.argmax(share))
     if share[worst] > 1.0:
-        raise Mismatch(f"eigenvalue {found[worst]:.9g}, not {values[worst]:.9g}: {share[worst]:.1e} times what is "
+        raise Mismatch(f"eigenvalue {result[worst]:.9g}, not {values[worst]:.9g}: {share[worst]:.1e} times what is "
                        f"allowed")  # fmt: skip
 
 

@@ -179,16 +179,16 @@ def cut(subject):
             name = tree_of[name]
         return name
 
-    chosen = []
+    selected = []
     for k in subject.rng.permutation(len(joints)):
         ends = [root(joints[k].arguments[end]) for end in ("first", "second")]
         if ends[0] == ends[1]:
-            chosen.append(joints[k].name)
+            selected.append(joints[k].name)
         else:
             tree_of[ends[0]] = ends[1]
-    if not chosen:
+    if not selected:
         raise Skip("no loop")
-    again = answers(subject.scene.model().linearize(cut=chosen, method="dense"), subject.question)
+    again = answers(subject.scene.model().linearize(cut=selected, method="dense"), subject.question)
     subject.compare(again, again.reactions)
 
 

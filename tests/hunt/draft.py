@@ -36,9 +36,9 @@ class Draft:
         self.calls.append(Call(call, name, {k: v for k, v in arguments.items() if v is not None or k == "kind"}))
         return name
 
-    def near(self, name, spread=0.3):
+    def near(self, name, deviation=0.3):
         """A point near a body or node."""
-        return (self.points | self.nodes)[name] + self.rng.uniform(-spread, spread, size=3)
+        return (self.points | self.nodes)[name] + self.rng.uniform(-deviation, deviation, size=3)
 
     def chance(self, share):
         return self.rng.random() < share

@@ -111,13 +111,13 @@ def rotors(draft):
         draft.add("rotor", "rotor", body=name, speed=speed(), axis=axes[:, 2])
     if "rotating damper" in features:
         axes, base, omega = rotation(rng), draft.pick(draft.anchors), speed()
-        one = draft.body("shaft", symmetric=axes)
-        two = draft.body("shaft", at=draft.points[one] + 0.5 * axes[:, 2], symmetric=axes)
-        draft.joint(draft.pick(("revolute", "spherical")), base, one, draft.points[one], axes)
-        round_bushing(draft, base, one, axes, free=True)
-        round_bushing(draft, one, two, axes, free=False)
-        draft.spinning |= {one, two}
-        for name in (one, two):
+        first = draft.body("shaft", symmetric=axes)
+        second = draft.body("shaft", at=draft.points[first] + 0.5 * axes[:, 2], symmetric=axes)
+        draft.joint(draft.pick(("revolute", "spherical")), base, first, draft.points[first], axes)
+        round_bushing(draft, base, first, axes, free=True)
+        round_bushing(draft, first, second, axes, free=False)
+        draft.spinning |= {first, second}
+        for name in (first, second):
             draft.add("rotor", "rotor", body=name, speed=omega, axis=axes[:, 2])
 
 
@@ -215,7 +215,7 @@ def superelements(draft):
     _attach(draft)
 
 
-def reduced(points, kept, stand):
+def reduced(points, retained, stand):
     """M and K on the ends of a bent beam and its lowest modes held there; ``stand`` [N/m] holds all nodes."""
     area, iy, iz, j, e, g, rho = 8e-4, 6e-8, 4e-8, 1e-7, 3e8, 1.2e8, 1500.0
     lengths = [float(np.linalg.norm(np.subtract(q, p))) for p, q in pairwise(points)]
@@ -227,4 +227,4 @@ def reduced(points, kept, stand):
         frames.append(np.column_stack((x, np.cross(z, x), z)))
     k, m = assembled(points, frames, lambda i: matrices(lengths[i], area, iy, iz, j, e, g, rho))
     k += stand * np.eye(len(k))
-    return on_ends(k, m, kept)
+    return on_ends(k, m, retained)

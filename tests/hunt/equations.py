@@ -282,7 +282,7 @@ class Equations:
 
     def _strain(self, i, call):
         name, _, element = call.arguments["element"].partition(".e")
-        beam_call = next(each for each in self.scene.of("beam") if each.name == name)
+        beam_call = next(item for item in self.scene.of("beam") if item.name == name)
         part = next(part for part in self.flexible if part.name == name)
         k = int(element) - 1
         pair = np.concatenate([self.at(body, point) for body, point in part.nodes[k : k + 2]])
@@ -305,7 +305,7 @@ class Equations:
         kind = acts_on(call, self.scene)
         ports = self.ports
         if kind == "inerter":
-            a = next(each.arguments for each in self.scene.of("inerter") if each.name == name)
+            a = next(item.arguments for item in self.scene.of("inerter") if item.name == name)
             ports.Ra[i] = w[2] * a["inertance"] * self._line(a)
             return
         if name in self.elements:

@@ -87,18 +87,18 @@ def with_needs(feature):
     return wanted
 
 
-def fits(feature, chosen):
-    return all(frozenset((feature, other)) not in EXCLUDED for other in chosen)
+def fits(feature, selected):
+    return all(frozenset((feature, other)) not in EXCLUDED for other in selected)
 
 
 def plan(seed):
     """The features that a seed asks for: pairs that depend on the seed, what they need, and others at random."""
-    chosen, avoided = [], frozenset()
+    selected, avoided = [], frozenset()
 
     def take(feature):
         wanted = with_needs(feature)
-        if all(fits(one, chosen) and one not in avoided for one in wanted):
-            chosen.extend(one for one in wanted if one not in chosen)
+        if all(fits(item, selected) and item not in avoided for item in wanted):
+            selected.extend(item for item in wanted if item not in selected)
 
     for i in range(PAIRS_EACH):
         for feature in PAIRS[(PAIRS_EACH * seed + i) * STRIDE % len(PAIRS)]:
@@ -111,21 +111,22 @@ def plan(seed):
                         (BASE, 0.6), (SIGNALS, 2.0), (FORCES, 2.0), (GLOBAL, 0.25), (TREE, 1.0)):  # fmt: skip
         for _ in range(rng.poisson(most)):
             take(group[rng.integers(len(group))])
-    if any(load in chosen for load in LOADS) and "locked" not in chosen and not any(hold in chosen for hold in HOLDS):
+    loaded, held = (any(name in selected for name in names) for names in (LOADS, HOLDS))
+    if loaded and "locked" not in selected and not held:
         for hold in rng.permutation(HOLDS):
-            if fits(hold, chosen):
+            if fits(hold, selected):
                 take(str(hold))
                 break
-    if any(hold in chosen for hold in HOLDS) and not any(load in chosen for load in LOADS):
-        take("line preload" if "base rotation" in chosen else "gravity")
-    return frozenset((*chosen, *_besides(seed, chosen)))
+    if any(hold in selected for hold in HOLDS) and not any(load in selected for load in LOADS):
+        take("line preload" if "base rotation" in selected else "gravity")
+    return frozenset((*selected, *_besides(seed, selected)))
 
 
-def _besides(seed, chosen):
+def _besides(seed, selected):
     """Features besides those of a plan that go with it."""
     rng = np.random.default_rng((seed, 4))
     for feature in BESIDES:
-        fits_in = "locked" not in chosen and ("beam" in chosen or feature != "beam strain") and (
-            any(hold in chosen for hold in HOLDS) or feature != "preloaded torsion spring")  # fmt: skip
+        fits_in = "locked" not in selected and ("beam" in selected or feature != "beam strain") and (
+            any(hold in selected for hold in HOLDS) or feature != "preloaded torsion spring")  # fmt: skip
         if rng.random() < OFTEN_BESIDES and fits_in:
             yield from with_needs(feature)

@@ -133,9 +133,9 @@ def slopes(length, phi):
         shapes = [1 - 3 * x**2 + 2 * x**3 + p * (1 - x), length * sign * (x - 2 * x**2 + x**3 + p / 2 * (x - x**2)),
                   3 * x**2 - 2 * x**3 + p * x, length * sign * (-(x**2) + x**3 - p / 2 * (x - x**2))]  # fmt: skip
         slope = [(shape / (1 + p)).deriv() for shape in shapes]
-        for i, one in zip(index, slope, strict=True):
-            for j, other in zip(index, slope, strict=True):
-                result[i, j] += (one * other).integ()(1.0) / length
+        for i, first in zip(index, slope, strict=True):
+            for j, second in zip(index, slope, strict=True):
+                result[i, j] += (first * second).integ()(1.0) / length
     return result
 
 

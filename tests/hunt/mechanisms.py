@@ -95,9 +95,9 @@ def couplers(draft):
             known += [f"{name}.z", f"{name}.rz"]
             slides, turns = [*slides, f"{name}.z"], [*turns, f"{name}.rz"]
         if feature == "coupler":
-            chosen = rng.choice(known, int(rng.integers(2, 4)), replace=False)
-            values = rng.normal(size=len(chosen)).tolist()
-            draft.add("coupler", "coupler", coefficients=dict(zip(map(str, chosen), values, strict=True)))
+            selected = rng.choice(known, int(rng.integers(2, 4)), replace=False)
+            values = rng.normal(size=len(selected)).tolist()
+            draft.add("coupler", "coupler", coefficients=dict(zip(map(str, selected), values, strict=True)))
         elif feature == "rack":
             draft.add("rack", "rack", pinion=draft.pick(turns), rack=draft.pick(slides),
                       radius=float(rng.choice([-1, 1]) * rng.uniform(0.05, 0.3)))  # fmt: skip

@@ -43,14 +43,14 @@ def _rows(kind, free, d, e, other):
     return rows
 
 
-def _coordinate(kind, free, direction, d, e, other):
+def _coordinate(kind, free, direction, d, e, second):
     """A joint's coordinate as couplers know it."""
     k = DIRECTIONS.index(direction)
     if k < 3:
         return d[k]
     if kind == "universal":
-        one = ca.DM(np.eye(3)[0])
-        return _angle(one, other, e @ other) if direction == "rx" else _angle(other, e.T @ one, one)
+        first = ca.DM(np.eye(3)[0])
+        return _angle(first, second, e @ second) if direction == "rx" else _angle(second, e.T @ first, first)
     if [name for name in free if name[0] == "r"] == [direction]:
         i, j = (k - 2) % 3, (k - 1) % 3
         return ca.atan2(e[j, i] - e[i, j], e[i, i] + e[j, j])

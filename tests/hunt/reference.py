@@ -65,9 +65,9 @@ class Matrices:
         if not m:
             return np.empty(0, complex)
         scale = abs(shift)
-        one, zero = np.eye(m), np.zeros((m, m))
-        left = np.block([[zero, one], [-self.K, -scale * self.C]])
-        right = np.block([[one, zero], [zero, scale**2 * self.M]])
+        unit, zero = np.eye(m), np.zeros((m, m))
+        left = np.block([[zero, unit], [-self.K, -scale * self.C]])
+        right = np.block([[unit, zero], [zero, scale**2 * self.M]])
         inverse = np.linalg.solve(left - shift / scale * right, right)
         values = eigvals(inverse)
         large = np.argsort(-np.abs(values), kind="stable")[:order]

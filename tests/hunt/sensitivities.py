@@ -49,31 +49,31 @@ def compare(subject, name, values, gap, clear):
     scene, system = subject.scene, subject.system
     step = STEP * measure(system, name)
     try:
-        found = system.mode_sensitivities([name]).eigenvalues[0, clear]
-        if not found.size or not np.isfinite(found).all():
+        result = system.mode_sensitivities([name]).eigenvalues[0, clear]
+        if not result.size or not np.isfinite(result).all():
             return False
         with np.errstate(divide="ignore"):
-            step = min(step, float((NEAR * gap[clear] / np.abs(found)).min()))
+            step = min(step, float((NEAR * gap[clear] / np.abs(result)).min()))
         of, size = partial(at, scene, system, values[clear], name), np.abs(values).max()
         expected, error = slope(of, step)
-        off = share_of_allowed(found, expected, error, size / step)
+        off = share_of_allowed(result, expected, error, size / step)
         if off.max() > 1.0:  # where rounding tells, differences with another step differ
             again, other = slope(of, OTHER_STEP * step)
             error = np.maximum(error, other) + np.abs(expected - again)
-            off = share_of_allowed(found, expected, error, size / step)
+            off = share_of_allowed(result, expected, error, size / step)
     except mv.MbsvibError:
         if has_variants(scene, system, name, step):
             raise
         return False
     if off.max() > 1.0:
         worst = int(np.argmax(off))
-        raise Mismatch(f"the derivative of {values[clear][worst]:.6g} to '{name}' is {found[worst]:.9g}, not "
+        raise Mismatch(f"the derivative of {values[clear][worst]:.6g} to '{name}' is {result[worst]:.9g}, not "
                        f"{expected[worst]:.9g}: {off[worst]:.1e} times what is allowed")  # fmt: skip
     return True
 
 
-def share_of_allowed(found, expected, error, rounding):
-    return np.abs(found - expected) / (2 * RTOL * np.abs(expected) + 20 * error + 2 * ROUNDING * rounding)
+def share_of_allowed(result, expected, error, rounding):
+    return np.abs(result - expected) / (2 * RTOL * np.abs(expected) + 20 * error + 2 * ROUNDING * rounding)
 
 
 def measure(system, name):
@@ -118,8 +118,8 @@ def balanced(model, poses):
     """A variant in the equilibrium next to the pose of the model, stable or not: Newton's method with the tangent of
     the model. ``equilibrium`` would leave an unstable pose, and bend beams that are described in their loaded shape.
     """
-    moves = VariantPoses.of(model, poses.stance.cut, poses.names)
-    unit = 1.0 / np.sqrt(np.abs(poses.forces.tangent.diagonal()) + poses.forces.acting / poses.steps + TINY)
+    moves = VariantPoses.of(model, poses.posed_model.cut, poses.names)
+    unit = 1.0 / np.sqrt(np.abs(poses.forces.tangent.diagonal()) + poses.forces.balanced_forces / poses.steps + TINY)
     tangent, motion, there = unit[:, None] * poses.forces.tangent * unit, np.zeros(len(unit)), model
     before = np.inf
     for _ in range(NEWTON):

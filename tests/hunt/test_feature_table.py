@@ -56,7 +56,7 @@ ROWS = {
     "Forces in Maxwell elements": ("maxwell force",),
 }  # fmt: skip
 # What a single scene has against being moved or loaded, whatever its element; another scene is asked.
-OF_SCENE = re.compile(r"which no joint with|is no linear relation|off its axis|leave no choice|wound up")
+OF_SCENE = re.compile(r"which no joint with|is not a linear relation|off its axis|leave no choice|wound up")
 # Gravity does not turn with a ground that turns, springs on bodies that spin would be wound up, and the mass of what
 # stands on the ground within does not tell how gravity acts.
 NO_EQUILIBRIUM = ("base rotation", "spinning body", "rotating damper", "grounded superelement")
@@ -65,8 +65,8 @@ WORDS = {"held": "yes", "refused": "refused", "skipped": "–"}
 
 def alone(feature):
     """A feature with what it needs, and what holds it in balance."""
-    chosen = features.with_needs(feature)
-    return frozenset((*chosen, "held by bushings") if set(chosen) & set(features.LOADING) else chosen)
+    selected = features.with_needs(feature)
+    return frozenset((*selected, "held by bushings") if set(selected) & set(features.LOADING) else selected)
 
 
 def sparse_responses(subject):
@@ -152,8 +152,8 @@ def test_the_table_lists_all_features_and_engines():
     assert all(list(row) == list(ENGINES) for row in table().values())
 
 
-def check(row, engine, chosen):
-    for feature in chosen:
+def check(row, engine, selected):
+    for feature in selected:
         if engine == "Equilibrium" and feature in NO_EQUILIBRIUM:
             continue
         kind, error = answer(feature, engine)

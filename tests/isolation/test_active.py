@@ -49,7 +49,7 @@ def test_decentralised_force_feedback_reaches_the_closed_form_in_every_mode():
     plant = isolation.actuated(model, "platform")
     pole = np.abs(plant.system.poles())[::2]
     zero = pole * np.sqrt(0.3 / 1.3)
-    pairs = [isolation.force_feedback_optimum(*each) for each in zip(pole, zero, strict=True)]
+    pairs = [isolation.force_feedback_optimum(*item) for item in zip(pole, zero, strict=True)]
     gains = np.unique([0.0, *(gain for gain, _ in pairs)])
     locus = isolation.root_locus(plant, lambda g: isolation.force_feedback(plant, g), gains)
     for mode, (gain, ratio) in enumerate(pairs, 1):
@@ -106,9 +106,9 @@ def test_several_loops_against_the_feedback_of_python_control():
     g = plant.system.state_space("modal")
     y, u = ([names.index(n) for n in which] for names, which in
             ((g.outputs, loop.sensors), (g.inputs, loop.actuators)))  # fmt: skip
-    whole = control.ss(g.A, g.B[:, u], g.C[y], g.D[np.ix_(y, u)])
+    full = control.ss(g.A, g.B[:, u], g.C[y], g.D[np.ix_(y, u)])
     law = control.ss(*(getattr(loop.law, part) for part in "ABCD"))
-    poles = control.feedback(whole, law, sign=1).poles()
+    poles = control.feedback(full, law, sign=1).poles()
     assert np.allclose(np.sort(np.abs(poles)), np.sort(np.abs(loop.poles())), rtol=1e-7, atol=1e-3)
     space = loop.state_space()
     w = 2 * np.pi * np.array([100.0, 790.0, 1100.0, 4000.0])
@@ -183,8 +183,8 @@ def test_relaxation_legs_may_be_active():
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ({"legs": ["leg1.j"]}, "no line spring and no Maxwell element.*Did you mean 'leg1.k'"),
-        ({"legs": []}, "no line spring beside which"),
+        ({"legs": ["leg1.j"]}, "neither a line spring nor a Maxwell element.*Did you mean 'leg1.k'"),
+        ({"legs": []}, "no line spring to which"),
     ],
 )
 def test_legs_are_checked(words, message):

@@ -15,7 +15,7 @@ def test_largest_stable_steps_are_those_of_sampled_loops():
     check = mx.check_cosimulation(plant.system, law.state_space(), 1e-3, masters=("jacobi", "gauss-seidel"))
     loop = plant.with_gains(law)
     assert check.growth == pytest.approx(loop.poles().real.max(), rel=1e-9)
-    assert all(each.difference < 1e-9 for each in check.masters)
+    assert all(item.difference < 1e-9 for item in check.masters)
     # one after the other the law acts on what it has just measured, both at once a step later
     for master, late in (("gauss-seidel", 0.0), ("jacobi", 1.0)):
         step = check[master].largest_stable_step

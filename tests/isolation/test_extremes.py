@@ -82,14 +82,14 @@ def test_many_sharp_peaks(ratio):
 
 
 def test_frequencies_that_miss_every_peak_change_no_figure():
-    one, other = (isolation.study(two_masses(c1=1e-3, c2=1e-3), "payload", directions="z", frequencies=f)
+    first, second = (isolation.study(two_masses(c1=1e-3, c2=1e-3), "payload", directions="z", frequencies=f)
                   for f in (None, [0.1, 1e3]))  # fmt: skip
-    assert other.amplification == pytest.approx(one.amplification, rel=1e-12)
-    assert other.resonance == pytest.approx(one.resonance, rel=1e-12)
-    assert other.crossover == pytest.approx(one.crossover, rel=1e-12)
+    assert second.amplification == pytest.approx(first.amplification, rel=1e-12)
+    assert second.resonance == pytest.approx(first.resonance, rel=1e-12)
+    assert second.crossover == pytest.approx(first.crossover, rel=1e-12)
     above = isolation.study(two_masses(c1=1e-3, c2=1e-3), "payload", directions="z", frequencies=[8.0, 1e3])
     assert 8.0 < above.resonance < 30.0  # the second mode is the highest there
-    assert above.amplification < one.amplification
+    assert above.amplification < first.amplification
 
 
 def test_a_sharp_peak_above_1_far_above_the_others_is_no_isolation():
@@ -169,9 +169,9 @@ def test_roll_off_of_legs_with_masses_is_none():
 
 
 def test_a_hundred_times_stiffer_and_softer_legs_level_off_alike():
-    one, other = (isolation.study(library.stewart(leg_stiffness=k, leg_damping=d), "platform")
+    first, second = (isolation.study(library.stewart(leg_stiffness=k, leg_damping=d), "platform")
                   for k, d in ((20e4, 1e-6), (20e8, 1e4)))  # fmt: skip
-    assert one.plateau == pytest.approx(other.plateau, rel=1e-9)
+    assert first.plateau == pytest.approx(second.plateau, rel=1e-9)
 
 
 def test_roll_off_of_closed_loops():

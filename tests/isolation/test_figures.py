@@ -66,10 +66,10 @@ def test_cubic_hexapod_is_six_isolators():
 
 def test_length_changes_only_what_mixes_rotations_and_translations():
     model = library.stewart()
-    one, other = (isolation.study(model, "platform", length=x, frequencies=[500.0, 900.0]) for x in (0.05, 0.5))
-    assert np.array_equal(one.transmissibility, other.transmissibility)
-    assert np.allclose(one.scaled[:3, 3:] * 0.05, other.scaled[:3, 3:] * 0.5, rtol=1e-14)
-    assert not np.allclose(one.index, other.index)
+    first, second = (isolation.study(model, "platform", length=x, frequencies=[500.0, 900.0]) for x in (0.05, 0.5))
+    assert np.array_equal(first.transmissibility, second.transmissibility)
+    assert np.allclose(first.scaled[:3, 3:] * 0.05, second.scaled[:3, 3:] * 0.5, rtol=1e-14)
+    assert not np.allclose(first.index, second.index)
 
 
 def test_two_masses_and_a_stage_as_the_base():
@@ -77,9 +77,9 @@ def test_two_masses_and_a_stage_as_the_base():
     f = np.geomspace(0.5, 200.0, 50)
     s = 2j * np.pi * f
     first, second = k1 + c1 * s, k2 + c2 * s
-    whole = first * second / ((m1 * s**2 + first + second) * (m2 * s**2 + second) - second**2)
+    full = first * second / ((m1 * s**2 + first + second) * (m2 * s**2 + second) - second**2)
     result = isolation.study(two_masses(), "payload", directions="z", frequencies=f)
-    assert np.allclose(result.transmissibility[2, 0], whole, rtol=1e-12, atol=0)
+    assert np.allclose(result.transmissibility[2, 0], full, rtol=1e-12, atol=0)
     result = isolation.study(two_masses(), "payload", base="stage", directions="z", frequencies=f)
     assert np.allclose(result.transmissibility[2, 0], second / (m2 * s**2 + second), rtol=1e-12, atol=0)
     assert [leg.name for leg in result.scene.legs] == ["upper"]
@@ -106,7 +106,7 @@ def test_weight_leaves_translations_of_the_base():
     model.add_joint("pivot", "spherical", "ground", "payload", (0, 0, 0))
     model.add_bushing("damper", "ground", "payload", (0, 0, 0), damping=(0, 0, 0, 0.1, 0.1, 0.1), stiffness=(0,) * 6)
     result = isolation.study(model, "payload", frequencies=[0.1, 1.0, 10.0])
-    assert result.scene.moved == ("x", "y", "z")
+    assert result.scene.base_directions == ("x", "y", "z")
     assert "gravity" in str(result)
     assert result.index.shape == (3,)
 

@@ -27,8 +27,8 @@ def test_single_loop_against_python_control():
     got = loop.margins()
     space = loop.plant.system.state_space("modal")
     y, u = space.outputs.index("leg.rate"), space.inputs.index("leg.actuator")
-    whole = control.ss(space.A, space.B[:, [u]], space.C[[y]], space.D[[y]][:, [u]])
-    gain, phase, modulus, *_ = control.stability_margins(-law * whole)
+    full = control.ss(space.A, space.B[:, [u]], space.C[[y]], space.D[[y]][:, [u]])
+    gain, phase, modulus, *_ = control.stability_margins(-law * full)
     assert loop.stable
     assert got.gain == pytest.approx([gain], rel=1e-6)
     assert got.phase == pytest.approx([abs(phase)], rel=1e-6)
@@ -122,8 +122,8 @@ def test_gain_margins_of_random_loops_are_where_poles_reach_the_axis(seed):
 def test_a_band_of_two_frequencies_is_enough():
     p = plant()
     loop = p.with_gains(isolation.velocity_feedback(p, 2000.0))
-    whole, band = loop.margins(), loop.margins([1.0, 1e4])
-    assert band.phase == pytest.approx(whole.phase, rel=1e-12)
-    assert band.delay == pytest.approx(whole.delay, rel=1e-12)
+    full, band = loop.margins(), loop.margins([1.0, 1e4])
+    assert band.phase == pytest.approx(full.phase, rel=1e-12)
+    assert band.delay == pytest.approx(full.delay, rel=1e-12)
     with pytest.raises(mv.ResponseError, match="the first and the last of a band"):
         loop.margins([3.0])

@@ -33,23 +33,23 @@ def test_best_damper_under_white_noise_is_half_of_critical():
     # (1 + 4 zeta^2) / (2 zeta) is least at 1/2
     goal = isolation.passive(one_axis(0.05), "payload", directions="z")
     level = 1e-4
-    found = goal.optimize({"mount.damping": (1.0, 1e4)}, goal.rms({"z": level}))
-    assert found.success
-    assert found.values["mount.damping"] == pytest.approx(OMEGA * MASS, rel=1e-3)
-    assert found.optimum.objective**2 == pytest.approx(math.pi * FREQUENCY * level, rel=1e-6)
-    assert found.model.springs["mount"].damping == found.values["mount.damping"]
-    assert found.after.amplification < found.before.amplification
-    assert "amplification" in str(found)
+    result = goal.optimize({"mount.damping": (1.0, 1e4)}, goal.rms({"z": level}))
+    assert result.success
+    assert result.values["mount.damping"] == pytest.approx(OMEGA * MASS, rel=1e-3)
+    assert result.optimum.objective**2 == pytest.approx(math.pi * FREQUENCY * level, rel=1e-6)
+    assert result.model.springs["mount"].damping == result.values["mount.damping"]
+    assert result.after.amplification < result.before.amplification
+    assert "amplification" in str(result)
 
 
 @pytest.mark.parametrize("ratio", few([2.0, 5.0], 1))
 def test_best_relaxation_leg_in_closed_form(ratio):
     # all dampers meet at one point, 1 + 2 / N high: the best one has its peak there (Ruzicka 1967)
     goal = isolation.passive(isolation.unfolded(relaxation(ratio, 100.0)), "payload", directions="z")
-    found = goal.optimize({"leg.damper.damping": (10.0, 1e5)}, goal.peak((0.5, 50.0)))
-    assert found.success
-    assert found.optimum.objective == pytest.approx(1 + 2 / ratio, rel=1e-6)
-    assert found.after.resonance == pytest.approx(FREQUENCY * math.sqrt(2 * (1 + ratio) / (2 + ratio)), rel=1e-3)
+    result = goal.optimize({"leg.damper.damping": (10.0, 1e5)}, goal.peak((0.5, 50.0)))
+    assert result.success
+    assert result.optimum.objective == pytest.approx(1 + 2 / ratio, rel=1e-6)
+    assert result.after.resonance == pytest.approx(FREQUENCY * math.sqrt(2 * (1 + ratio) / (2 + ratio)), rel=1e-3)
 
 
 def test_unfolded_relaxation_legs_move_alike():
@@ -67,9 +67,9 @@ def test_unfolded_relaxation_legs_move_alike():
 @pytest.mark.slow
 def test_unfolded_relaxation_legs_are_designed():
     goal = isolation.passive(isolation.unfolded(relaxing_hexapod()), "platform")
-    found = goal.optimize({"leg*.k.damper.damping": (100.0, 1e5)}, goal.peak((10.0, 1000.0)))
-    assert found.success
-    assert found.optimum.objective < found.optimum.began
+    result = goal.optimize({"leg*.k.damper.damping": (100.0, 1e5)}, goal.peak((10.0, 1000.0)))
+    assert result.success
+    assert result.optimum.objective < result.optimum.began
 
 
 def test_quantities_in_closed_form():
@@ -88,8 +88,8 @@ def test_quantities_in_closed_form():
     under = study.under(NOISE, band=BAND)
     assert np.allclose(goal.stroke(NOISE, BAND)(system), list(under.stroke.values()), rtol=1e-9)
     assert np.allclose(goal.force(NOISE, BAND)(system), list(under.force.values()), rtol=1e-9)
-    whole = np.sqrt(((under.acceleration * goal.scene.scale()) ** 2).sum())
-    assert goal.rms(NOISE, BAND)(system) == pytest.approx(whole, rel=1e-9)
+    full = np.sqrt(((under.acceleration * goal.scene.scale()) ** 2).sum())
+    assert goal.rms(NOISE, BAND)(system) == pytest.approx(full, rel=1e-9)
 
 
 def test_gradients_against_differences():
@@ -102,12 +102,12 @@ def test_gradients_against_differences():
     steps = [1e-5 * (abs(values[name]) or 0.1) for name in names]
     both = [[goal.scene.model.with_values({name: values[name] + sign * h}).linearize() for sign in (1, -1)]
             for name, h in zip(names, steps, strict=True)]  # fmt: skip
-    for one in quantities:
-        exact = one.gradient(goal.scene.system, names)
-        differences = np.array([(np.atleast_1d(one(up)) - np.atleast_1d(one(down))) / (2 * h)
+    for item in quantities:
+        exact = item.gradient(goal.scene.system, names)
+        differences = np.array([(np.atleast_1d(item(up)) - np.atleast_1d(item(down))) / (2 * h)
                                 for (up, down), h in zip(both, steps, strict=True)]).T  # fmt: skip
-        rounding = 1e-9 * np.abs(one(goal.scene.system)).max() / np.array(steps)
-        assert (np.abs(exact - differences) <= 1e-5 * np.abs(differences).max(axis=0) + rounding).all(), one.label
+        rounding = 1e-9 * np.abs(item(goal.scene.system)).max() / np.array(steps)
+        assert (np.abs(exact - differences) <= 1e-5 * np.abs(differences).max(axis=0) + rounding).all(), item.label
 
 
 @pytest.mark.parametrize("coupled", [False, True])
@@ -142,16 +142,16 @@ def test_angles_of_joints_in_closed_form():
     model.add_bushing(
         "flexure", "ground", "payload", (0, 0, 0), stiffness=(0, 0, 0, k, 0, 0), damping=(0, 0, 0, c, 0, 0)
     )
-    whole = inertia + mass * r * r
-    w = math.sqrt(k / whole)
-    zeta = c / (2 * math.sqrt(k * whole))
+    full = inertia + mass * r * r
+    w = math.sqrt(k / full)
+    zeta = c / (2 * math.sqrt(k * full))
     goal = isolation.passive(model, "payload", directions="y", joints=["hin*"])
-    exact = math.sqrt(1e-4 * (mass * r / whole) ** 2 / (8 * zeta * w**3))
+    exact = math.sqrt(1e-4 * (mass * r / full) ** 2 / (8 * zeta * w**3))
     assert goal.angle({"y": 1e-4})(goal.scene.system) == pytest.approx(exact, rel=1e-9)
-    found = goal.optimize({"flexure.damping.rx": (0.1, 10.0)}, goal.rms({"y": 1e-4}, (0.01, 100.0)),
+    result = goal.optimize({"flexure.damping.rx": (0.1, 10.0)}, goal.rms({"y": 1e-4}, (0.01, 100.0)),
                           goal.angle({"y": 1e-4}) <= 0.5 * exact)  # fmt: skip
-    assert found.success
-    assert found.model.springs["flexure"].damping[3] >= 4 * c * (1 - 1e-6)
+    assert result.success
+    assert result.model.springs["flexure"].damping[3] >= 4 * c * (1 - 1e-6)
     with pytest.raises(mv.ModelError, match="no joints are watched"):
         isolation.passive(model, "payload").angle({"y": 1.0})
     with pytest.raises(mv.ModelError, match="Did you mean 'hinge'"):
@@ -164,22 +164,22 @@ def test_a_payload_under_its_weight_comes_to_rest():
     model.add_joint("guide", "prismatic", "ground", "payload", axis=(0, 0, 1))
     model.add_spring("mount", "ground", "payload", (0, 0, 0), (0, 0, 0.2), 4e3, 50.0, free_length=0.25)
     goal = isolation.passive(model.equilibrium(), "payload", directions="z")
-    found = goal.optimize({"mount.stiffness": (2e3, 2e4)}, goal.rms({"z": 1e-4}, (0.1, 100.0)), goal.sag() <= 0.02)
-    assert found.success
-    stretch = np.diff([found.model.springs["mount"].start, found.model.springs["mount"].end], axis=0)[0]
-    k = found.values["mount.stiffness"]
+    result = goal.optimize({"mount.stiffness": (2e3, 2e4)}, goal.rms({"z": 1e-4}, (0.1, 100.0)), goal.sag() <= 0.02)
+    assert result.success
+    stretch = np.diff([result.model.springs["mount"].start, result.model.springs["mount"].end], axis=0)[0]
+    k = result.values["mount.stiffness"]
     assert k == pytest.approx(MASS * GRAVITY / 0.02, rel=1e-6)
     assert 0.25 - np.linalg.norm(stretch) == pytest.approx(MASS * 9.81 / k, rel=1e-9)
-    assert found.model.linearize().modes().natural[0] ** 2 * MASS == pytest.approx(k, rel=1e-9)
+    assert result.model.linearize().modes().natural[0] ** 2 * MASS == pytest.approx(k, rel=1e-9)
 
 
 def test_noise_of_correlated_design_shares_its_panels():
     goal = isolation.passive(library.cubic_hexapod(damping=500.0), "platform")
     rms, stroke = goal.rms(NOISE, BAND), goal.stroke(NOISE, BAND)
     system = goal.scene.system
-    alone = isolation.passive(library.cubic_hexapod(damping=500.0), "platform").stroke(NOISE, BAND)
+    single = isolation.passive(library.cubic_hexapod(damping=500.0), "platform").stroke(NOISE, BAND)
     assert rms(system) > 0
-    assert np.allclose(stroke(system), alone(system), rtol=1e-12)
+    assert np.allclose(stroke(system), single(system), rtol=1e-12)
 
 
 def test_eight_variables():
@@ -188,16 +188,16 @@ def test_eight_variables():
     variables = {"leg*.k.stiffness": (1e5, 1e7), "leg*.k.damping": (10.0, 1e4)}
     variables |= dict.fromkeys(geometry(model), (-0.05, 0.05))
     assert len(variables) == 8
-    found = goal.optimize(variables, goal.rms({"x y z": 1e-5}, (1, 1000)), goal.sag() <= 2e-4, ties=geometry(model))
-    assert found.success
-    assert found.optimum.evaluations < 60  # 27
-    assert found.optimum.objective < 0.2 * found.optimum.began
-    assert found.optimum.constraints["sag along z [m] <= 0.0002"] <= 2e-4 * (1 + 1e-6)
+    result = goal.optimize(variables, goal.rms({"x y z": 1e-5}, (1, 1000)), goal.sag() <= 2e-4, ties=geometry(model))
+    assert result.success
+    assert result.optimum.evaluations < 60  # 27
+    assert result.optimum.objective < 0.2 * result.optimum.began
+    assert result.optimum.constraints["sag along z [m] <= 0.0002"] <= 2e-4 * (1 + 1e-6)
     # the best geometry is in the model that is given back, without the ports of the study
-    assert found.model.springs["leg1.k"].end != model.springs["leg1.k"].end
-    assert list(found.model.inputs) == list(model.inputs)
-    again = isolation.study(found.model, "platform", point=goal.scene.point, length=goal.scene.length)
-    assert again.amplification == pytest.approx(found.after.amplification, rel=1e-4)
+    assert result.model.springs["leg1.k"].end != model.springs["leg1.k"].end
+    assert list(result.model.inputs) == list(model.inputs)
+    again = isolation.study(result.model, "platform", point=goal.scene.point, length=goal.scene.length)
+    assert again.amplification == pytest.approx(result.after.amplification, rel=1e-4)
 
 
 @pytest.mark.slow
@@ -253,7 +253,7 @@ def test_ring_moves_ends_outwards():
     ("call", "message"),
     [
         (lambda m, g: isolation.struts(m, "platfrom"), "Did you mean 'platform'"),
-        (lambda m, g: isolation.struts(m, "platform", ["leg9"]), "no line spring"),
+        (lambda m, g: isolation.struts(m, "platform", ["leg9"]), "neither a line spring"),
         (lambda m, g: isolation.ring(m, "middle"), "'start' or 'end'"),
         (lambda m, g: isolation.ring(m, "end", centre=(1.0,)), "x and y"),
         (lambda m, g: g.sag("rz"), "x, y or z"),

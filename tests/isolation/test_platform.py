@@ -142,19 +142,19 @@ def test_values_and_rates_to_fifty_digits(share):
 def test_arrays_of_values_at_once():
     geometry = isolation.platform(stewart(), "platform")
     columns = {"base.radius": np.array([0.1, 0.115, 0.2]), "platform.spread": np.array([0.1, 0.2, 0.3])}
-    found = geometry.values(columns)
+    result = geometry.values(columns)
     for i in range(3):
-        one = geometry.values({name: float(column[i]) for name, column in columns.items()})
-        assert all(found[name][i] == pytest.approx(value, rel=1e-14, abs=1e-16) for name, value in one.items())
+        single = geometry.values({name: float(column[i]) for name, column in columns.items()})
+        assert all(result[name][i] == pytest.approx(value, rel=1e-14, abs=1e-16) for name, value in single.items())
 
 
 def test_sweep_of_geometry():
     swept = studies.sweep(stewart(), {"platform.radius": [0.07, 0.08], "base.angle": 0.05}, "modes.frequencies",
                           ties=isolation.platform(stewart(), "platform").ties)  # fmt: skip
     start = dict(isolation.platform(stewart(), "platform").start)
-    for radius, found in zip([0.07, 0.08], swept["modes.frequencies"].reshape(2, 6), strict=True):
+    for radius, result in zip([0.07, 0.08], swept["modes.frequencies"].reshape(2, 6), strict=True):
         anew = built(**(start | {"platform.radius": radius, "base.angle": 0.05}))
-        assert np.allclose(found, anew.linearize().modes().frequencies, rtol=1e-10)
+        assert np.allclose(result, anew.linearize().modes().frequencies, rtol=1e-10)
 
 
 def test_tolerances_and_fronts_of_geometry():
@@ -168,7 +168,7 @@ def test_tolerances_and_fronts_of_geometry():
     sag = goal.sag(load=1.0)
     bounds = sag(goal.scene.system) * np.array([1.05, 1.005])
     front = goal.front({"platform.radius": (0.03, 0.12)}, goal.compliance(), sag, bounds, ties=geometry.ties)
-    assert all(each.success for each in front.designs)
+    assert all(item.success for item in front.designs)
     assert (front.price <= bounds * (1 + 1e-6)).all()
     # what was found is another model: variables of the old one would turn its legs twice
     with pytest.raises(ModelError, match="make the tie for this model"):
@@ -183,12 +183,12 @@ def test_gradients_against_models_built_anew():
     geometry = isolation.platform(model, "platform")
     at = SHAPE | LEGS | {CM: 0.1}
     at |= {"base.radius": 0.12, "platform.height": 0.08, "platform.spread": 0.1}
-    chosen = design(goal.scene.model, at, {name: tie for name, tie in geometry.ties.items() if name in at})
-    system = goal.scene.model.with_values(chosen.values(at)).linearize()
+    selected = design(goal.scene.model, at, {name: tie for name, tie in geometry.ties.items() if name in at})
+    system = goal.scene.model.with_values(selected.values(at)).linearize()
     turned = {"base.angle": EVERY["base.angle"], "platform.angle": EVERY["platform.angle"]}
 
     def asked(of):
-        return [np.atleast_1d(each(of.scene.system)) for each in quantities(of)]
+        return [np.atleast_1d(item(of.scene.system)) for item in quantities(of)]
 
     def quantities(of):
         return of.rms(FLOOR), of.sag(load=10.0), of.stroke(FLOOR), of.force(FLOOR)
@@ -197,8 +197,8 @@ def test_gradients_against_models_built_anew():
         other = built(**(values | turned))
         return asked(isolation.passive(other, "platform", point=(0, 0, 0.085), length=0.1))
 
-    exact = [each.gradient(system, chosen.rates(at)) for each in quantities(goal)]
-    for value, other in zip([each(system) for each in quantities(goal)], anew(at), strict=True):
+    exact = [item.gradient(system, selected.rates(at)) for item in quantities(goal)]
+    for value, other in zip([item(system) for item in quantities(goal)], anew(at), strict=True):
         assert np.allclose(value, other, rtol=1e-9)
     for i, (name, value) in enumerate(at.items()):
         h = 1e-4 * value
@@ -219,11 +219,11 @@ def test_eight_variables_in_few_systems():
                  "platform.spread": angle, CM: (0.06, 0.12)}  # fmt: skip
     limits = (goal.sag() <= 20e-6, goal.stroke(FLOOR) <= 0.5e-6)
     ties = {name: tie for name, tie in geometry.ties.items() if name in variables}
-    found = goal.optimize(variables, goal.rms(FLOOR), limits, ties=ties)
-    assert found.success
-    assert found.optimum.evaluations < 150  # 49, 35 ms each
-    assert found.optimum.objective < 0.5 * found.optimum.began
+    result = goal.optimize(variables, goal.rms(FLOOR), limits, ties=ties)
+    assert result.success
+    assert result.optimum.evaluations < 150  # 49, 35 ms each
+    assert result.optimum.objective < 0.5 * result.optimum.began
     # the mechanism that is given back is that of the variables, orientations and all
-    anew = built(**(dict(geometry.start) | dict(found.values)))
-    assert np.allclose(found.model.linearize().modes().frequencies, anew.linearize().modes().frequencies, rtol=1e-9)
-    assert "base.spread [rad]" in str(found)
+    anew = built(**(dict(geometry.start) | dict(result.values)))
+    assert np.allclose(result.model.linearize().modes().frequencies, anew.linearize().modes().frequencies, rtol=1e-9)
+    assert "base.spread [rad]" in str(result)

@@ -34,9 +34,9 @@ def relaxing(model, name, base, start, end, k):
     """Two tubes, of which one slides in the other, with a relaxation element and a flexure below."""
     start, end = np.array(start), np.array(end)
     line = (end - start) / np.linalg.norm(end - start)
-    for part, place in (("tube", start + 0.1 * line), ("rod", end - 0.08 * line)):
+    for part, position in (("tube", start + 0.1 * line), ("rod", end - 0.08 * line)):
         axes = mv.common.arguments.frame_along(tuple(line))
-        model.add_body(f"{name}.{part}", 0.2, (1e-3, 1e-3, 1e-4), place, orientation=axes)
+        model.add_body(f"{name}.{part}", 0.2, (1e-3, 1e-3, 1e-4), position, orientation=axes)
     model.add_joint(f"{name}.foot", "universal", base, f"{name}.tube", start, orientation=axes)
     model.add_joint(f"{name}.slide", "prismatic", f"{name}.tube", f"{name}.rod", axis=line)
     model.add_joint(f"{name}.head", "spherical", f"{name}.rod", "payload", end)
@@ -105,9 +105,9 @@ def test_legs_without_bodies_agree_with_linear_rings():
     geometry, ring = isolation.platform(model, "platform"), isolation.ring(model, "end")
     by = {"platform.radius": ("end.radius", 0.01), "platform.height": ("end.height", -0.02)}
     for name, (linear, step) in by.items():
-        found = geometry.values({name: geometry.start[name] + step})
+        result = geometry.values({name: geometry.start[name] + step})
         for parameter, rate in ring[linear].items():
-            assert found[parameter] == pytest.approx(model.parameters[parameter] + rate * step, rel=1e-13, abs=1e-15)
+            assert result[parameter] == pytest.approx(model.parameters[parameter] + rate * step, rel=1e-13, abs=1e-15)
     # what is side by side is one leg, also where only a part of it is named
     unfolded = isolation.unfolded(relaxing_hexapod())
     for legs in (None, "*.static", "*.node"):
@@ -123,9 +123,9 @@ def test_rods_are_legs():
     model.add_joint("rod", "distance", "ground", "payload", (0.2, 0.3, 0), end=(0.1, 0.2, 0.4))
     geometry = isolation.platform(model, "payload", legs=["rod", "s0.k"])
     assert [leg.name for leg in geometry.legs] == ["rod", "s0.k"]
-    found = geometry.values({"platform.height": 0.5})
-    assert found["rod.end.z"] == pytest.approx(0.5, rel=1e-15)
-    assert found["rod.position.z"] == 0.0
+    result = geometry.values({"platform.height": 0.5})
+    assert result["rod.end.z"] == pytest.approx(0.5, rel=1e-15)
+    assert result["rod.position.z"] == 0.0
 
 
 def test_pairs_are_nearest_neighbours_and_lines_at_one_place_do_not_cross():
@@ -145,9 +145,9 @@ def test_another_axis():
         (model, {"centre": (0, 0, -1.0)}), (lying, {"axis": (2, 0, 0)})))  # fmt: skip
     assert flat.start == pytest.approx(up.start, rel=1e-13, abs=1e-13)
     at = {"base.radius": 0.25, "platform.angle": 0.1, "base.height": 1.1}
-    one, other = up.values(at), flat.values(at)
-    assert other["s3.k.start.x"] == pytest.approx(one["s3.k.start.z"] + 1.0, rel=1e-13)
-    assert other["s3.k.end.y"] == pytest.approx(one["s3.k.end.x"], rel=1e-13)
+    first, second = up.values(at), flat.values(at)
+    assert second["s3.k.start.x"] == pytest.approx(first["s3.k.start.z"] + 1.0, rel=1e-13)
+    assert second["s3.k.end.y"] == pytest.approx(first["s3.k.end.x"], rel=1e-13)
 
 
 def bent():

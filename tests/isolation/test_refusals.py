@@ -69,9 +69,9 @@ REFUSALS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("ask", "told"), REFUSALS, ids=[told[:30] for _, told in REFUSALS])
-def test_refusals_are_told(ask, told):
-    with pytest.raises(mv.MbsvibError, match=told):
+@pytest.mark.parametrize(("ask", "message"), REFUSALS, ids=[told[:30] for _, told in REFUSALS])
+def test_refusals_are_told(ask, message):
+    with pytest.raises(mv.MbsvibError, match=message):
         ask()
 
 

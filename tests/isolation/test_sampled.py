@@ -27,8 +27,8 @@ def test_without_delay_against_python_control():
     rate = 300.0
     sampled = loop().sampled(rate)
     k, c, m = 1.2e5, 60.0, 12.0
-    whole = control.ss([[0, 1], [-k / m, -c / m]], [[0], [1 / m]], [[0, 1]], 0)
-    discrete = control.sample_system(whole, 1 / rate, "zoh")
+    full = control.ss([[0, 1], [-k / m, -c / m]], [[0], [1 / m]], [[0, 1]], 0)
+    discrete = control.sample_system(full, 1 / rate, "zoh")
     poles = np.log(control.feedback(discrete, GAIN).poles()) * rate
     assert np.allclose(np.sort_complex(sampled.poles()), np.sort_complex(poles), rtol=1e-10)
 
@@ -46,8 +46,8 @@ def test_delays_against_steps_of_the_exact_solution(delay):
     def advance(x, force, time):
         return (expm(block * time) @ np.append(x, force))[:2]
 
-    whole = int(delay)
-    part = (delay - whole) * period
+    full = int(delay)
+    part = (delay - full) * period
 
     def step(state):
         x, z, last, queue = state[:2], state[2], state[3], list(state[4:])
@@ -62,7 +62,7 @@ def test_delays_against_steps_of_the_exact_solution(delay):
         x = advance(x, due, period - part)
         return np.concatenate((x, [z, due], queue))
 
-    n = 4 + whole
+    n = 4 + full
     monodromy = np.column_stack([step(e) for e in np.eye(n)])
     z = np.linalg.eigvals(monodromy)
     z = z[np.abs(z) > 1e-8]
@@ -108,12 +108,12 @@ def test_frequency_response_is_that_of_the_stepped_loop():
 
 def test_fast_sampling_is_the_continuous_law():
     p = isolation.actuated(library.stewart(), "platform")
-    whole = p.with_gains(isolation.force_feedback(p, 3000.0, leak=100.0))
-    sampled = whole.sampled(2e6)
-    assert np.allclose(sampled.damping_ratios, whole.damping_ratios, rtol=1e-2)
-    assert np.allclose(np.abs(sampled.vibrating), np.abs(whole.vibrating), rtol=1e-3)
+    full = p.with_gains(isolation.force_feedback(p, 3000.0, leak=100.0))
+    sampled = full.sampled(2e6)
+    assert np.allclose(sampled.damping_ratios, full.damping_ratios, rtol=1e-2)
+    assert np.allclose(np.abs(sampled.vibrating), np.abs(full.vibrating), rtol=1e-3)
     w = 2 * np.pi * np.array([200.0, 900.0, 3000.0])
-    assert np.allclose(sampled.isolation(w).index, whole.isolation(w).index, rtol=2e-2)
+    assert np.allclose(sampled.isolation(w).index, full.isolation(w).index, rtol=2e-2)
 
 
 def test_delay_makes_unstable_and_is_told():

@@ -43,8 +43,8 @@ def test_cheap_position_control_of_a_mass_in_closed_form():
     root = np.roots([1, 0, 2 * square, 0, square**2 + 1 / (MASS**2 * effort)])
     loop = p.with_gains(law)
     exact = root[root.real < 0]
-    found = loop.poles()
-    assert all(np.abs(found - pole).min() <= 1e-6 * abs(pole) for pole in exact)
+    result = loop.poles()
+    assert all(np.abs(result - pole).min() <= 1e-6 * abs(pole) for pole in exact)
 
 
 def test_lqg_on_the_platform_beats_the_open_loop():

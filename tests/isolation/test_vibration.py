@@ -30,21 +30,21 @@ def test_white_base_acceleration_in_closed_form():
 def test_moments_and_integrals_agree(ratio):
     study = isolation.study(one_axis(ratio), "payload", directions="z")
     for spectrum in (1e-3, isolation.shaped([1.0, 0.0], [1.0, 20.0, 900.0], 3e-4), isolation.shaped([5], [1, 5])):
-        exact, summed = study.under({"z": spectrum}), study.under({"z": spectrum}, band=EVER)
+        exact, total = study.under({"z": spectrum}), study.under({"z": spectrum}, band=EVER)
         assert exact.exact
-        assert not summed.exact
-        assert summed.acceleration[2] == pytest.approx(exact.acceleration[2], rel=1e-10)
-        assert summed.stroke["mount"] == pytest.approx(exact.stroke["mount"], rel=1e-10)
+        assert not total.exact
+        assert total.acceleration[2] == pytest.approx(exact.acceleration[2], rel=1e-10)
+        assert total.stroke["mount"] == pytest.approx(exact.stroke["mount"], rel=1e-10)
 
 
 def test_correlated_directions_of_a_platform():
     study = isolation.study(library.cubic_hexapod(), "platform")
     c = np.array([[1, 0.4, 0], [0.4, 1, -0.3], [0, -0.3, 1]])
     spectra = {"x y": 1e-5, "rx": 2e-6}
-    one, other = study.under(spectra, c), study.under(spectra, c, band=EVER)
-    assert np.allclose(one.acceleration[[0, 1, 3]], other.acceleration[[0, 1, 3]], rtol=1e-10, atol=0)
-    assert np.allclose(list(one.stroke.values()), list(other.stroke.values()), rtol=1e-10, atol=0)
-    assert not np.allclose(list(one.stroke.values()), list(study.under(spectra).stroke.values()), rtol=1e-3)
+    first, second = study.under(spectra, c), study.under(spectra, c, band=EVER)
+    assert np.allclose(first.acceleration[[0, 1, 3]], second.acceleration[[0, 1, 3]], rtol=1e-10, atol=0)
+    assert np.allclose(list(first.stroke.values()), list(second.stroke.values()), rtol=1e-10, atol=0)
+    assert not np.allclose(list(first.stroke.values()), list(study.under(spectra).stroke.values()), rtol=1e-3)
 
 
 @pytest.mark.parametrize("phase", [np.exp(0.7j), -1.0, 1.0])
@@ -119,8 +119,8 @@ def test_cumulative_ends_at_the_whole():
 def test_tables_and_white_noise_together():
     study = isolation.study(library.cubic_hexapod(), "platform", frequencies=[1.0])
     table = [(5.0, 1e-4), (50.0, 1e-3)]
-    both, one, other = (study.under(s) for s in ({"x": table, "z": 1e-5}, {"x": table}, {"z": 1e-5}))
-    assert np.allclose(both.acceleration**2, one.acceleration**2 + other.acceleration**2, rtol=1e-12)
+    both, first, second = (study.under(s) for s in ({"x": table, "z": 1e-5}, {"x": table}, {"z": 1e-5}))
+    assert np.allclose(both.acceleration**2, first.acceleration**2 + second.acceleration**2, rtol=1e-12)
 
 
 def test_noise_through_masses_has_no_mean_square():
@@ -139,9 +139,9 @@ def test_white_noise_across_what_symmetry_parts_is_rounding():
         for name, along in (("v", np.array([0, 0, 1.0])), ("h", np.array([-np.sin(angle), np.cos(angle), 0]))):
             model.add_spring(f"{name}{i}", "ground", "top", start=end - 0.2 * along, end=end, stiffness=2e4, damping=20)
     for direction in ("x", "y", "z"):
-        found = isolation.study(model, "top").under({direction: 1e-6}).acceleration
-        assert found.max() < 0.1
-        assert sorted(found)[-3] < 1e-12 * found.max()
+        result = isolation.study(model, "top").under({direction: 1e-6}).acceleration
+        assert result.max() < 0.1
+        assert sorted(result)[-3] < 1e-12 * result.max()
 
 
 def test_octaves_of_a_stiff_mount():
@@ -152,8 +152,8 @@ def test_octaves_of_a_stiff_mount():
     width = middle * (10**0.05 - 10**-0.05)
     assert len(middle) == 20
     assert np.allclose(result.velocity()[2], np.sqrt(width * 1e-10) / (2 * np.pi), rtol=1e-9)
-    whole = np.sqrt((result.velocity()[2] ** 2).sum())
-    assert whole == pytest.approx(math.sqrt(1e-10 * (10**1.95 - 10**-0.05)) / (2 * np.pi), rel=1e-9)
+    full = np.sqrt((result.velocity()[2] ** 2).sum())
+    assert full == pytest.approx(math.sqrt(1e-10 * (10**1.95 - 10**-0.05)) / (2 * np.pi), rel=1e-9)
     assert result.criterion == "VC-C"  # 6.83 um/s at 80 Hz
     assert "VC-C" in str(result)
 
@@ -189,11 +189,11 @@ def test_rms_of_a_sampled_loop_far_above_its_rate():
     plant = isolation.actuated(active_strut(damping=60.0), "payload", "leg", directions="z")
     loop = plant.with_gains(isolation.velocity_feedback(plant, 900.0)).sampled(120.0, delay=0.004)
     assert loop.stable
-    found = loop.isolation([1.0]).under({"z": 1e-4}, band=(1.0, 500.0))
+    result = loop.isolation([1.0]).under({"z": 1e-4}, band=(1.0, 500.0))
     f = np.linspace(1.0, 500.0, 20_001)
     g = np.abs(loop.isolation(f).transmissibility[2, 0]) ** 2
     exact = 1e-4 * (f[1] - f[0]) * (g.sum() - 0.5 * (g[0] + g[-1]))
-    assert found.acceleration[2] ** 2 == pytest.approx(exact, rel=1e-6)
+    assert result.acceleration[2] ** 2 == pytest.approx(exact, rel=1e-6)
 
 
 def test_criteria():

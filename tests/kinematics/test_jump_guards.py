@@ -41,7 +41,7 @@ def test_one_variant_of_three(at):
             for joint in ("u1", "u2")}  # fmt: skip
     batch = cardan().linearize(values=both, cut=["u1", "u2"])
     for i in range(3):
-        one = cardan().with_values({name: array[i] for name, array in both.items()})
-        system = one.linearize(cut=["u1", "u2"], independent=batch.coordinates)
+        single = cardan().with_values({name: array[i] for name, array in both.items()})
+        system = single.linearize(cut=["u1", "u2"], independent=batch.coordinates)
         np.testing.assert_allclose(batch.K[i], system.K, rtol=1e-12)
         np.testing.assert_allclose(batch.M[i], system.M, rtol=1e-12)

@@ -87,7 +87,7 @@ def test_one_pinned_coordinate_may_be_a_word():
 
 def test_unknown_and_cut_coordinates_cannot_be_pinned():
     model = four_bar()
-    with pytest.raises(mv.ModelError, match=r"independent = 'j1.ry' is no joint coordinate.*Did you mean 'j1.rz'"):
+    with pytest.raises(mv.ModelError, match=r"independent = 'j1.ry' is not a joint coordinate.*Did you mean 'j1.rz'"):
         model.linearize(independent=["j1.ry"])
     cut = model.linearize().cut_joints[0]
     with pytest.raises(mv.ModelError, match="cut"):

@@ -45,8 +45,8 @@ def test_a_rank_that_is_in_doubt_is_refused(way):
 @pytest.mark.parametrize("way", WAYS)
 def test_a_nearly_singular_pose_is_warned_of(way):
     with pytest.warns(mv.NearSingularWarning, match=BEGINS[way] + NEAR):
-        found = WAYS[way](1e-5, 2e-5)
-    assert found.dof == 0
+        result = WAYS[way](1e-5, 2e-5)
+    assert result.dof == 0
 
 
 @pytest.mark.parametrize("way", ["dense", "sparse"])
@@ -69,10 +69,10 @@ def test_a_rank_that_is_in_doubt_in_a_large_group(monkeypatch):
         model.linearize(cut=["r1", "r2", "r3"], method="sparse")
 
 
-@pytest.mark.parametrize(("tilts", "told"), [
+@pytest.mark.parametrize(("tilts", "message"), [
     ((1e-12, 1e-14), r"coordinate 'p1\.z': it is in doubt whether this motion moves mass .* Make tiny masses zero, or"),
     ((1e-11, 1e-11), r"coordinate 'q0\.z': the mass matrix is singular, .* make what is tiny exactly zero")])
-def test_masses_that_may_be_rounding(tilts, told):
+def test_masses_that_may_be_rounding(tilts, message):
     """Two slides in line on each other move one mass along one line only, but for their tilts."""
     model = mv.Model("slides")
     for k, tilt in enumerate(tilts):
@@ -82,7 +82,7 @@ def test_masses_that_may_be_rounding(tilts, told):
         model.add_joint(f"q{k}", "prismatic", f"m{k}", f"b{k}", axis=(tilt, 0, 1))
         model.add_bushing(f"k{k}", "ground", f"m{k}", (k, 0, 0), (0, 0, 5, 0, 0, 0))
         model.add_bushing(f"l{k}", f"m{k}", f"b{k}", (k, 0, 0), (5, 5, 5, 0, 0, 0))
-    with pytest.raises(mv.MbsvibError, match=told):
+    with pytest.raises(mv.MbsvibError, match=message):
         model.linearize()
 
 

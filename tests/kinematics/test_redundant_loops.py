@@ -29,8 +29,8 @@ def check_as_drawn(pair):
         pair.check(system)
         pair.check_names(system)
     if pair.arrangement == "one body" and pair.dof:
-        found = 2 * np.pi * pair.model.linearize().modes().frequencies
-        assert_allclose(found, pair.frequencies(), rtol=1e-8, err_msg=system.name)
+        result = 2 * np.pi * pair.model.linearize().modes().frequencies
+        assert_allclose(result, pair.frequencies(), rtol=1e-8, err_msg=system.name)
 
 
 def check_elsewhere(pair):
@@ -129,8 +129,8 @@ def test_variants_of_a_door_that_is_locked():
     locked.gravity = None
 
     def linearized(*second):
-        places = origin + np.array([(0.1, 0.1, 0.7), second]) @ turn.T
-        return locked.linearize(values={f"second.position.{axis}": places[:, k] for k, axis in enumerate("xyz")})
+        positions = origin + np.array([(0.1, 0.1, 0.7), second]) @ turn.T
+        return locked.linearize(values={f"second.position.{axis}": positions[:, k] for k, axis in enumerate("xyz")})
 
     with pytest.raises(mv.SingularPoseError, match=r"variant 1: its loops leave 1 degree of freedom, .* as given 0"):
         linearized(0, 0, 0.4)
@@ -220,14 +220,14 @@ def test_axes_through_one_point_moved_again_and_again(arm):
     model.add_input("push", "coupler", "x")
     model.add_force_output("pin", "j1", "x")
     for _ in range(6):
-        found = []
+        result = []
         for method in METHODS:
             with pytest.warns(mv.UndeterminedForceWarning):
                 system = model.linearize(method=method)
             assert (system.dof, len(system.redundant)) == (1, 3)
             assert "L = 1 m" in system.explain()
-            found.append(float(system.frequency_response([2.0]).real[0, 0, 0]))
-        assert found[0] == pytest.approx(found[1], rel=1e-11 * arm)
+            result.append(float(system.frequency_response([2.0]).real[0, 0, 0]))
+        assert result[0] == pytest.approx(result[1], rel=1e-11 * arm)
         model = model.moved({"j0.rz": 0.2}, relaxed=True)
 
 

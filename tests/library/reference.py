@@ -38,10 +38,10 @@ def fixed_free(n):
 def graph_frequencies(edges):
     """Frequencies [rad/s] of unit masses (nodes) on unit springs (edges; "ground" does not move)."""
     nodes = sorted({node for edge in edges for node in edge} - {"ground"})
-    place = {node: i for i, node in enumerate(nodes)}
+    index_of = {node: i for i, node in enumerate(nodes)}
     rows = np.zeros((len(edges), len(nodes)))
     for row, (a, b) in zip(rows, edges, strict=True):
         for node, sign in ((a, -1.0), (b, 1.0)):
             if node != "ground":
-                row[place[node]] = sign
+                row[index_of[node]] = sign
     return np.linalg.svd(rows, compute_uv=False)[::-1]

@@ -130,13 +130,13 @@ def test_the_tool_moves_as_the_frames_do():
 
 def test_inertia_about_the_frame_is_transported():
     """A.9 and the parallel axis theorem: the same arm, told in the frames' origins, gives the same matrix."""
-    told = []
+    stated = []
     for row in PUMA:
         c = np.array(row.get("cm", (0.0, 0.0, 0.0)))
         tensor = np.diag(row["inertia"]) + row["mass"] * (c @ c * np.eye(3) - np.outer(c, c))
-        told.append(row | {"inertia": tensor, "about": "origin"})
-    assert_allclose(from_dh(told).linearize().M, from_dh(PUMA).linearize().M, rtol=1e-12, atol=1e-13)
-    six = [told[1] | {"inertia": told[1]["inertia"][[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]}]
+        stated.append(row | {"inertia": tensor, "about": "origin"})
+    assert_allclose(from_dh(stated).linearize().M, from_dh(PUMA).linearize().M, rtol=1e-12, atol=1e-13)
+    six = [stated[1] | {"inertia": stated[1]["inertia"][[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]}]
     assert_allclose(from_dh(six).linearize().M, from_dh([PUMA[1]]).linearize().M, rtol=1e-13)
     model, turn = from_dh(PUMA), np.eye(3)
     for row, body in zip(PUMA, model.bodies.values(), strict=True):
@@ -184,7 +184,7 @@ MISTAKES = [
 ]
 
 
-@pytest.mark.parametrize(("rows", "said"), MISTAKES)
-def test_mistakes_are_named(rows, said):
-    with pytest.raises(mv.ModelError, match=said):
+@pytest.mark.parametrize(("rows", "message"), MISTAKES)
+def test_mistakes_are_named(rows, message):
+    with pytest.raises(mv.ModelError, match=message):
         from_dh(rows)

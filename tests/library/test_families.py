@@ -112,20 +112,20 @@ def test_prismatic_families_are_springs_on_a_graph(make, edges, layers):
 @pytest.mark.parametrize("letter", "RPCS")
 def test_bushings_add_up(make, size, letter):
     """Without ``total`` each of them has the full constants."""
-    one, three = make(size, letter).linearize(), make(size, letter, springs=3, total=False).linearize()
-    assert_allclose(three.K, 3 * one.K, rtol=1e-12, atol=1e-9)
-    assert_allclose(three.C, 3 * one.C, rtol=1e-12, atol=1e-12)
-    assert_allclose(three.M, one.M, rtol=1e-14, atol=0)
+    single, three = make(size, letter).linearize(), make(size, letter, springs=3, total=False).linearize()
+    assert_allclose(three.K, 3 * single.K, rtol=1e-12, atol=1e-9)
+    assert_allclose(three.C, 3 * single.C, rtol=1e-12, atol=1e-12)
+    assert_allclose(three.M, single.M, rtol=1e-14, atol=0)
 
 
 @pytest.mark.parametrize("name", ["C4{}F{}", "T3{}F{}", "L2{}F{}"])
 @pytest.mark.parametrize("letter", "RPCS")
 def test_frequencies_do_not_depend_on_the_number_of_bushings(name, letter):
     """Table 3 of the chapter divides stiffness and damping by their number."""
-    one, three = build(name.format(letter, 1)).linearize(), build(name.format(letter, 3)).linearize()
-    assert len(three.parameters) > len(one.parameters)
+    single, three = build(name.format(letter, 1)).linearize(), build(name.format(letter, 3)).linearize()
+    assert len(three.parameters) > len(single.parameters)
     for matrix in ("K", "C", "M"):
-        assert_allclose(getattr(three, matrix), getattr(one, matrix), rtol=1e-12, atol=1e-9)
+        assert_allclose(getattr(three, matrix), getattr(single, matrix), rtol=1e-12, atol=1e-9)
 
 
 def bending_and_twist(n):

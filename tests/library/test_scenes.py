@@ -79,20 +79,20 @@ def test_slider_crank_has_the_curvature_of_its_potential():
 def test_four_bar_has_the_curvature_of_its_potential():
     a, b, c, d = (np.array(point) for point in ((0, 0), (0.2, 0.25), (1.05, 0.65), (1.2, 0)))
     with mp.workdps(40):
-        one, two, three = (mp.hypot(*map(mp.mpf, v)) for v in (b - a, c - b, d - c))
+        first, second, third = (mp.hypot(*map(mp.mpf, v)) for v in (b - a, c - b, d - c))
         start = mp.atan2(*map(mp.mpf, (b - a)[::-1].tolist()))
 
         def pins(q):
-            at = mp.matrix([one * mp.cos(q), one * mp.sin(q)])
+            at = mp.matrix([first * mp.cos(q), first * mp.sin(q)])
             gap = mp.matrix([mp.mpf(d[0]) - at[0], mp.mpf(d[1]) - at[1]])
             size = mp.hypot(*gap)
-            along = (two**2 - three**2 + size**2) / (2 * size)
-            up = mp.sqrt(two**2 - along**2)
+            along = (second**2 - third**2 + size**2) / (2 * size)
+            up = mp.sqrt(second**2 - along**2)
             return at, at + mp.matrix([along * gap[0] - up * gap[1], along * gap[1] + up * gap[0]]) / size
 
         def height(q):
             at, end = pins(q)
-            return 2 * G * (one * at[1] / 2 + two * (at[1] + end[1]) / 2 + three * end[1] / 2)
+            return 2 * G * (first * at[1] / 2 + second * (at[1] + end[1]) / 2 + third * end[1] / 2)
 
         def length(q):
             at, end = pins(q)
@@ -144,15 +144,15 @@ def test_engine_on_mounts(gravity):
     model = engine_on_mounts(gravity=gravity, loss=0.0)
     system = model.linearize()
     a, b, h, kz, kl, weight = 0.35, 0.25, 0.12, 2.5e5, 1.2e5, 180.0 * (gravity or 0.0)
-    found = np.sort(squares(model))
+    result = np.sort(squares(model))
     for expected in (4 * kz / 180.0, 4 * kl * (a * a + b * b) / 12.0):
-        assert np.abs(found - expected).min() < 1e-12 * expected
+        assert np.abs(result - expected).min() < 1e-12 * expected
     for arm, side, inertia in ((a, 1.0, 14.0), (b, -1.0, 6.0)):
         # sideways shift and pitch; the weight is carried below the centre of mass, as of an inverted pendulum
         stiffness = np.array([[4 * kl, -side * 4 * kl * h],
                               [-side * 4 * kl * h, 4 * (kl * h * h + kz * arm * arm) - weight * h]])  # fmt: skip
         for expected in np.linalg.eigvals(stiffness / [[180.0], [inertia]]):
-            assert np.abs(found - expected).min() < 1e-12 * expected
+            assert np.abs(result - expected).min() < 1e-12 * expected
     tangent, mass, residual = projected(model, system)
     assert_allclose(system.K, tangent, rtol=0, atol=1e-12 * np.abs(tangent).max())
     assert_allclose(system.M, mass, rtol=0, atol=1e-14 * np.abs(mass).max())

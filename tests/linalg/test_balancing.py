@@ -55,8 +55,8 @@ def test_orthogonal_transformations_keep_the_resonances():
     for realization in ("physical", "balanced"):
         space = system.state_space(realization)
         a, turn = hessenberg(space.A, calc_q=True)
-        found = [space.C @ turn @ np.linalg.solve(1j * w * np.eye(12) - a, turn.T @ space.B) + space.D for w in omega]
-        errors[realization] = block_error(np.stack(found, axis=2), truth, system)
+        result = [space.C @ turn @ np.linalg.solve(1j * w * np.eye(12) - a, turn.T @ space.B) + space.D for w in omega]
+        errors[realization] = block_error(np.stack(result, axis=2), truth, system)
     assert errors["physical"] > 1e-9
     assert errors["balanced"] < 2e-12
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mbsvib.linalg.matching import Station, follow, mac, upper
+from mbsvib.linalg.matching import Station, mac, track_modes, upper
 
 RNG = np.random.default_rng(7)
 BASIS = np.linalg.qr(RNG.standard_normal((6, 4)))[0]
@@ -22,7 +22,7 @@ def crossing(at):
 @pytest.mark.parametrize("points", [(-0.9, 0.9), (-0.5, -0.1, 0.0, 0.1, 0.8), (-0.3, 0.0, 0.7)])
 def test_numbers_are_kept_through_crossings(points):
     stations = [crossing(at) for at in points]
-    order = follow(stations)
+    order = track_modes(stations)
     first = np.sort([1.0 + points[0], 1.0 - points[0], 1.5 - 0.2 * points[0], 4.0])
     start = [int(np.argmin(abs(first - s))) for s in (1.0 + points[0], 1.0 - points[0])]
     last = stations[-1].values[order[-1]].imag ** 2
@@ -36,8 +36,8 @@ def test_ways_are_halved_where_shapes_turn():
         return Station(at, 1j * np.array([1.0, 2.0]), shapes)
 
     far = [turning(0.0), turning(0.9)]  # by then each looks rather like the other
-    assert follow(far)[-1].tolist() == [1, 0]
-    assert follow(far, turning)[-1].tolist() == [0, 1]
+    assert track_modes(far)[-1].tolist() == [1, 0]
+    assert track_modes(far, turning)[-1].tolist() == [0, 1]
 
 
 def test_pairs_that_stay_together_are_not_halved_in_vain():
@@ -48,7 +48,7 @@ def test_pairs_that_stay_together_are_not_halved_in_vain():
         basis = np.linalg.qr(RNG.standard_normal((2, 2)))[0]
         return Station(at, 1j * np.ones(2), basis)
 
-    order = follow([pair(float(i)) for i in range(5)], pair)
+    order = track_modes([pair(float(i)) for i in range(5)], pair)
     assert len(asked) == 5
     assert all(sorted(row.tolist()) == [0, 1] for row in order)
 

@@ -80,10 +80,10 @@ def test_chain_of_point_masses_has_the_roots_of_laguerre_polynomials(kind, n):
     system = model.linearize()
     square = np.sort(np.square(2 * np.pi * system.modes().frequencies))
     expected = G / length * np.array(LAGUERRE[n])
-    each = {"revolute": 1, "spherical": 2, "universal": 2, "distance": 2}[kind]
-    bending = np.repeat(expected, each)
-    found = square[square > 1e-6 * expected[0]][: len(bending)]
-    assert found == pytest.approx(bending, rel=1e-9)
+    item = {"revolute": 1, "spherical": 2, "universal": 2, "distance": 2}[kind]
+    bending = np.repeat(expected, item)
+    result = square[square > 1e-6 * expected[0]][: len(bending)]
+    assert result == pytest.approx(bending, rel=1e-9)
 
 
 def test_trifilar_pendulum():

@@ -70,8 +70,8 @@ def assert_static_response(model):
         at = pushed.equilibrium()
         moved.append(in_axes(model, at, at.linearize().reactions))
     expected = (moved[0] - moved[1]) / 2e-2
-    found = system.Cq @ np.linalg.solve(system.K, system.B[:, 0]) + system.D[:, 0]
-    assert np.abs(found - expected).max() < 3e-5 * np.abs(expected).max()
+    result = system.Cq @ np.linalg.solve(system.K, system.B[:, 0]) + system.D[:, 0]
+    assert np.abs(result - expected).max() < 3e-5 * np.abs(expected).max()
 
 
 def test_pendulum_in_closed_form():

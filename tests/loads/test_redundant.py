@@ -42,27 +42,27 @@ def reactions(model, **words):
 @pytest.mark.parametrize("names", [("low", "high"), ("high", "low")])
 def test_each_hinge_of_a_door_carries_half(by, names):
     """Half of the weight; of the couple M = m g b / 2 forces M / 2h and moments M / 4 each, as L = h / 2."""
-    found = reactions(restated(door(names), by, (3.0, -2.0, 5.0)))
+    result = reactions(restated(door(names), by, (3.0, -2.0, 5.0)))
     couple = MASS * G * WIDTH / 2
     for name, sign in zip(names, (1.0, -1.0), strict=True):
         force, moment = (sign * couple / (2 * HEIGHT), 0, MASS * G / 2), (0, -couple / 4, 0)
-        assert found[name] == pytest.approx([*(by @ force), *(by @ moment)], rel=1e-13, abs=1e-13)
+        assert result[name] == pytest.approx([*(by @ force), *(by @ moment)], rel=1e-13, abs=1e-13)
 
 
 def test_ball_joints_carry_no_moment():
     """Two balls hold a door as hinges without moments would; only what acts along their line is left open."""
-    found = reactions(door(hinge="spherical"))
+    result = reactions(door(hinge="spherical"))
     couple = MASS * G * WIDTH / 2
     for name, sign in (("low", 1.0), ("high", -1.0)):
-        assert found[name] == pytest.approx([sign * couple / HEIGHT, 0, MASS * G / 2, 0, 0, 0], rel=1e-13, abs=1e-13)
+        assert result[name] == pytest.approx([sign * couple / HEIGHT, 0, MASS * G / 2, 0, 0, 0], rel=1e-13, abs=1e-13)
 
 
 @pytest.mark.parametrize("name", overconstrained.ALL)
 def test_at_rest_against_absolute_coordinates(name):
     model = redundant(name)
     expected = joint_wrenches(model, at_rest(model))
-    found = list(reactions(model).values())
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    result = list(reactions(model).values())
+    np.testing.assert_allclose(result, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("name", overconstrained.ALL)
@@ -82,8 +82,8 @@ def test_in_motion_against_absolute_coordinates(name):
     expected = joint_wrenches(model, applied)
     inside = [-part @ np.array(joint.axes) for joint, wrench in zip(model.joints.values(), expected, strict=True)
               for part in (wrench[:3], wrench[3:])]  # fmt: skip
-    found = system.Ca @ acceleration + system.D[:, 0]
-    np.testing.assert_allclose(found, np.ravel(inside), rtol=0, atol=1e-9 * np.abs(expected).max())
+    result = system.Ca @ acceleration + system.D[:, 0]
+    np.testing.assert_allclose(result, np.ravel(inside), rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
 def test_what_couplers_transmit_counts():
@@ -94,8 +94,8 @@ def test_what_couplers_transmit_counts():
     expected = joint_wrenches(model, at_rest(model))
     assert np.abs(expected[0, 5]) > 1e-3 * np.abs(expected).max()
     for cut in (None, ["j0"], ["j1"], ["j3"]):
-        found = np.array(list(reactions(model, cut=cut).values()))
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+        result = np.array(list(reactions(model, cut=cut).values()))
+        np.testing.assert_allclose(result, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
 def backwards(name):
@@ -107,8 +107,8 @@ def assert_same_forces(model, other, by):
     one, two = model.linearize(), other.linearize()
     size = max(np.abs(wrench).max() for wrench in one.reactions.values())
     for name, wrench in one.reactions.items():
-        found = two.reactions[backwards(name)].reshape(2, 3) @ by
-        np.testing.assert_allclose(found.reshape(-1), wrench, rtol=0, atol=1e-9 * size)
+        result = two.reactions[backwards(name)].reshape(2, 3) @ by
+        np.testing.assert_allclose(result.reshape(-1), wrench, rtol=0, atol=1e-9 * size)
     np.testing.assert_allclose(two.modes().frequencies, one.modes().frequencies, rtol=1e-9)
     omega = 0.7 * one.modes().natural[:1] + 1.0
     before, after = (dict(zip(system.outputs, system.frequency_response(omega)[:, 0, 0], strict=True))
@@ -137,8 +137,8 @@ def test_the_cut_makes_no_difference(name):
         system = model.linearize(cut=[joint])
         for name, wrench in system.reactions.items():
             np.testing.assert_allclose(wrench, first.reactions[name], rtol=0, atol=1e-9 * size)
-        found = system.frequency_response([3.0, 500.0])
-        assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
+        result = system.frequency_response([3.0, 500.0])
+        assert np.abs(result - expected).max() < 1e-9 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("method", ["dense", "sparse"])
@@ -157,12 +157,12 @@ def test_loops_with_a_weld_in_common_share_their_forces(method):
     if method == "dense":
         expected = joint_wrenches(model, at_rest(model))
         for cut in (None, ["weld", "low0"], ["low1", "high0"]):
-            found = np.array(list(reactions(model, cut=cut).values()))
-            np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+            result = np.array(list(reactions(model, cut=cut).values()))
+            np.testing.assert_allclose(result, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
     expected = model.linearize().frequency_response([2.0])
     for cut in (None, ["weld", "low0"]):
-        found = model.linearize(method=method, cut=cut).frequency_response([2.0])
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+        result = model.linearize(method=method, cut=cut).frequency_response([2.0])
+        np.testing.assert_allclose(result, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("method", ["dense", "sparse"])
@@ -181,14 +181,14 @@ def test_joints_that_lock_nothing_make_no_difference(method):
         model.add_force_output(f"{name} moment", name, "rx")
     cuts = (["between", "low", "below"], ["low", "above", "below"], ["high", "low", "above"],
             ["high", "between", "above"])  # fmt: skip
-    found = [model.linearize(method=method, cut=cut).frequency_response([2.0]) for cut in cuts]
-    np.testing.assert_allclose(found, [found[0]] * len(cuts), rtol=0, atol=1e-9 * np.abs(found[0]).max())
+    result = [model.linearize(method=method, cut=cut).frequency_response([2.0]) for cut in cuts]
+    np.testing.assert_allclose(result, [result[0]] * len(cuts), rtol=0, atol=1e-9 * np.abs(result[0]).max())
     if method == "dense":
         forces = [list(reactions(model, cut=cut).values()) for cut in cuts]
         np.testing.assert_allclose(forces, [forces[0]] * len(cuts), rtol=0, atol=1e-9 * np.abs(forces[0]).max())
     else:
         expected = model.linearize(method="dense").frequency_response([2.0])
-        np.testing.assert_allclose(found[0], expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+        np.testing.assert_allclose(result[0], expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
 def test_units_make_no_difference():
@@ -196,10 +196,10 @@ def test_units_make_no_difference():
     model = redundant("bennett")
     lengths = {name: 1e3 * value for name, value in model.parameters.items() if ".position." in name}
     lengths |= {name: 1e3 * value for name, value in model.parameters.items() if ".preload.r" in name}
-    found, expected = reactions(model.with_values(lengths)), reactions(model)
+    result, expected = reactions(model.with_values(lengths)), reactions(model)
     size = max(map(np.linalg.norm, expected.values()))
     for name, wrench in expected.items():
-        np.testing.assert_allclose(found[name] / np.repeat((1.0, 1e3), 3), wrench, rtol=0, atol=1e-9 * size)
+        np.testing.assert_allclose(result[name] / np.repeat((1.0, 1e3), 3), wrench, rtol=0, atol=1e-9 * size)
 
 
 @pytest.mark.parametrize("name", overconstrained.ALL)
@@ -215,9 +215,9 @@ def test_stiffness_does_not_depend_on_the_choice(name, monkeypatch):
         return result
 
     monkeypatch.setattr("mbsvib.equations.self_stress.SelfStress.least", stressed)
-    found = restated(model).linearize()
-    assert max(map(np.linalg.norm, found.reactions.values())) > 3 * size
-    np.testing.assert_allclose(found.K, expected.K, rtol=0, atol=1e-11 * max(np.abs(expected.K).max(), size))
+    actual = restated(model).linearize()
+    assert max(map(np.linalg.norm, actual.reactions.values())) > 3 * size
+    np.testing.assert_allclose(actual.K, expected.K, rtol=0, atol=1e-11 * max(np.abs(expected.K).max(), size))
 
 
 def test_another_machine_makes_no_difference():
@@ -234,7 +234,7 @@ def warned(model, **words):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         system = model.linearize(**words)
-    return system, [str(each.message) for each in caught if each.category is mv.UndeterminedForceWarning]
+    return system, [str(item.message) for item in caught if item.category is mv.UndeterminedForceWarning]
 
 
 @pytest.mark.parametrize("by", [np.eye(3), rotation(np.random.default_rng(1))])
@@ -246,10 +246,10 @@ def test_outputs_that_are_left_open_are_named(method, by):
         model.add_force_output(f"pin.{direction}", "A", direction)
         model.add_force_output(f"sum.{direction}", "coupler", direction)
         model.add_force_output(f"ground.{direction}", "ground", direction)
-    system, told = warned(model, method=method)
-    assert len(told) == 1
+    system, stated = warned(model, method=method)
+    assert len(stated) == 1
     for word in ("model 'four_bar'", "outputs pin.z, pin.rx, pin.ry:", "joints A, B, C, D", "bushing", "explain()"):
-        assert word in told[0]
+        assert word in stated[0]
     assert "outputs that depend on it: pin.z, pin.rx, pin.ry\n" in system.explain()
     assert "does not determine all forces in A, B, C, D" in system.explain()
 
@@ -291,9 +291,9 @@ def test_what_couplers_alone_share_is_no_force_in_joints(method):
     for k in range(3):
         model.add_force_output(f"torque{k}", f"s{k}.j", "rz")
         model.add_force_output(f"thrust{k}", f"s{k}.j", "z")
-    closed, told = warned(model, method=method)
+    closed, stated = warned(model, method=method)
     assert len(closed.redundant) == 1
-    assert not told
+    assert not stated
     open_ = restated(model)
     open_ = open_.with_parts(couplers={name: part for name, part in open_.couplers.items() if name != "ac"})
     expected = open_.linearize(method=method).frequency_response([2.0])
@@ -303,8 +303,8 @@ def test_what_couplers_alone_share_is_no_force_in_joints(method):
 def test_batches_warn_once():
     model = door()
     model.add_force_output("hinge", "low", "z")
-    batch, told = warned(model, values={"leaf.mass": [5.0, 10.0]})
-    assert len(told) == 1
+    batch, stated = warned(model, values={"leaf.mass": [5.0, 10.0]})
+    assert len(stated) == 1
     assert len(batch) == 2
 
 
@@ -314,5 +314,5 @@ def test_a_planar_loop_under_load(seed):
     model = held(planar(seed, 5, 2, damped=False, ports=False), seed)
     expected = joint_wrenches(model, at_rest(model))
     for cut in (None, [list(model.joints)[-1]]):
-        found = np.array(list(reactions(model, cut=cut).values()))
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+        result = np.array(list(reactions(model, cut=cut).values()))
+        np.testing.assert_allclose(result, expected, rtol=0, atol=1e-9 * np.abs(expected).max())

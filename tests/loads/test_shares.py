@@ -61,8 +61,8 @@ def test_shares_are_those_of_the_matrices():
     elastic = system.row_owner < len(system.provenance.springs)
     rows, k, shapes = system.elastic_rows[elastic], system.stiffness[elastic], system.modes().shapes
     part = np.abs(np.einsum("mi,mn,ni->i", shapes.conj(), rows.T @ (k[:, None] * rows), shapes))
-    whole = np.einsum("mi,mn,ni->i", shapes.conj(), system.K, shapes).real
-    assert np.allclose(system.stiffness_shares().by_kind()["elastic"], part / whole, rtol=1e-9)
+    full = np.einsum("mi,mn,ni->i", shapes.conj(), system.K, shapes).real
+    assert np.allclose(system.stiffness_shares().by_kind()["elastic"], part / full, rtol=1e-9)
 
 
 def test_a_pendulum_is_held_by_its_hinge_alone():

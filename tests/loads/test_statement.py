@@ -111,8 +111,8 @@ def test_gravity_is_a_parameter():
         model.with_values({"gravity.z": float("nan")})
     with pytest.raises(mv.ModelError, match=r"no parameter 'gravity\.w'"):
         model.with_values({"gravity.w": 1.0})
-    found = sweep(model, {"gravity.z": [-1.0, -4.0]}, of="modes.frequencies")
-    frequencies = found["modes.frequencies"][:, 0]
+    result = sweep(model, {"gravity.z": [-1.0, -4.0]}, of="modes.frequencies")
+    frequencies = result["modes.frequencies"][:, 0]
     assert frequencies[1] == pytest.approx(2 * frequencies[0], rel=1e-14)
 
 
@@ -154,9 +154,9 @@ def test_weights_on_axes_through_their_centres_are_in_balance(seed):
     modes = model.linearize().modes()
     assert modes.frequencies[:2].tolist() == [0.0, 0.0]
     assert modes.stable
-    for each in (modes, model.linearize(method="sparse").modes(4)):
-        assert each.frequencies[:2] == pytest.approx([0, 0], abs=1e-7)
-        assert each.frequencies[2:] == pytest.approx([swing] * 2, rel=1e-12)
+    for item in (modes, model.linearize(method="sparse").modes(4)):
+        assert item.frequencies[:2] == pytest.approx([0, 0], abs=1e-7)
+        assert item.frequencies[2:] == pytest.approx([swing] * 2, rel=1e-12)
     assert len(model.equilibrium(report=True).residuals) == 1  # nothing to search for
     assert model.linearize(values={"wheel.mass": [1.0, 2.0]}).modes().frequencies[:, 3] == pytest.approx(swing)
 

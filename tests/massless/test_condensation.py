@@ -49,11 +49,11 @@ def test_forces_on_the_node_and_its_displacement(relative):
     model.add_output("a", "b", "z", quantity="acceleration")
     model.add_force_output("f1", "k1")
     omega = np.array([0.0, 1.0, 5.0, 40.0])
-    found = model.linearize().frequency_response(omega)
+    result = model.linearize().frequency_response(omega)
     for i, w in enumerate(omega):
         x = np.linalg.inv(np.array([[k1 + k2, -k2], [-k2, k2 - w**2 * mass]]))
         rows = np.array([x[0], x[1], 1j * w * x[1], -(w**2) * x[1], k1 * x[0]])
-        assert_allclose(found[:, :, i], rows, rtol=1e-13, atol=1e-18)
+        assert_allclose(result[:, :, i], rows, rtol=1e-13, atol=1e-18)
 
 
 @pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
@@ -96,9 +96,9 @@ def test_base_motion_moves_the_node_too():
     model.add_output("node", "node", "z", quantity="acceleration")
     model.add_output("b", "b", "z", quantity="acceleration")
     omega = np.array([0.1, 0.9, 3.0])
-    found = model.linearize().frequency_response(omega)[:, 0]
+    result = model.linearize().frequency_response(omega)[:, 0]
     ratio = 2.0 / (2.0 - 2.0 * omega**2)  # 3 and 6 in series are 2
-    assert_allclose(found, [1 + (ratio - 1) * 2 / 3, ratio], rtol=1e-13)
+    assert_allclose(result, [1 + (ratio - 1) * 2 / 3, ratio], rtol=1e-13)
 
 
 def test_point_masses_without_inertia():

@@ -27,12 +27,12 @@ def ranks(space):
         for _ in range(len(space.A) - 1):
             reach.append(a * reach[-1])
             see.append(see[-1] * a)
-        found = []
+        result = []
         for parts, axis in ((reach, 1), (see, 0)):
-            whole = np.concatenate([np.array(p.tolist(), dtype=object) for p in parts], axis=axis)
-            values = mpmath.svd_r(mpmath.matrix(whole.tolist() if axis else whole.T.tolist()), compute_uv=False)
-            found.append(sum(1 for v in values if v > mpmath.mpf(10) ** -40 * values[0]))
-        return found
+            full = np.concatenate([np.array(p.tolist(), dtype=object) for p in parts], axis=axis)
+            values = mpmath.svd_r(mpmath.matrix(full.tolist() if axis else full.T.tolist()), compute_uv=False)
+            result.append(sum(1 for v in values if v > mpmath.mpf(10) ** -40 * values[0]))
+        return result
 
 
 def test_a_spring_in_series_with_a_damper_alone():

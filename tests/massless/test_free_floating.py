@@ -65,17 +65,17 @@ def anything(seed):
     rng = np.random.default_rng(seed)
     model = mv.Model("anything")
     bodies = [f"b{i}" for i in range(rng.integers(2, 5))]
-    place = {name: rng.uniform(-1, 1, 3) for name in bodies}
+    positions = {name: rng.uniform(-1, 1, 3) for name in bodies}
     for i, name in enumerate(bodies):
         mass = 0.0 if i and rng.random() < 0.25 else 10 ** rng.uniform(-1, 1)
-        model.add_body(name, mass, mass * rng.uniform(0.1, 0.15, 3), position=place[name])
+        model.add_body(name, mass, mass * rng.uniform(0.1, 0.15, 3), position=positions[name])
         if i and rng.random() < 0.3:
             kind = rng.choice(["revolute", "prismatic", "spherical", "cylindrical"])
-            model.add_joint(f"j{i}", str(kind), f"b{rng.integers(0, i)}", name, position=place[name],
+            model.add_joint(f"j{i}", str(kind), f"b{rng.integers(0, i)}", name, position=positions[name],
                             orientation=rng.uniform(-1, 1, 3))  # fmt: skip
     for e in range(rng.integers(len(bodies), 3 * len(bodies) + 2)):
         first, second = rng.choice(bodies, 2, replace=False)
-        ends = [place[name] + 0.3 * rng.uniform(-1, 1, 3) for name in (first, second)]
+        ends = [positions[name] + 0.3 * rng.uniform(-1, 1, 3) for name in (first, second)]
         k, c = 10 ** rng.uniform(1, 3, 6), 10 ** rng.uniform(-1, 1, 6)
         k, c = (values * (rng.random(6) < rng.choice([0.5, 1.0])) for values in (k, c))
         k[0], c[0] = max(k[0], 1.0), max(c[0], 0.1)
@@ -92,8 +92,8 @@ def anything(seed):
 
 
 def of_states(space, omega):
-    one = np.eye(len(space.A))
-    return np.stack([space.C @ np.linalg.solve(1j * w * one - space.A, space.B) + space.D for w in omega], axis=-1)
+    unit = np.eye(len(space.A))
+    return np.stack([space.C @ np.linalg.solve(1j * w * unit - space.A, space.B) + space.D for w in omega], axis=-1)
 
 
 def check(model):
@@ -185,9 +185,9 @@ def test_a_floating_node_between_a_stiff_and_a_soft_spring(stiff, damping):
 def test_a_floating_node_in_space_between_stiff_and_soft(stiff):
     rng = np.random.default_rng(1)
     model = mv.Model()
-    place = {name: rng.uniform(-1, 1, 3) for name in "anb"}
+    positions = {name: rng.uniform(-1, 1, 3) for name in "anb"}
     for name, mass in zip("anb", (1.0, 0.0, 2.0), strict=True):
-        model.add_body(name, mass, (mass, mass, mass), position=place[name])
+        model.add_body(name, mass, (mass, mass, mass), position=positions[name])
     for name, first, second, k in (("s", "a", "n", stiff), ("w", "n", "b", 1.0)):
         model.add_bushing(name, first, second, position=rng.uniform(-1, 1, 3), orientation=rng.uniform(-1, 1, 3),
                           stiffness=k * rng.uniform(1, 2, 6))  # fmt: skip
@@ -224,6 +224,6 @@ def test_springs_in_series_through_a_node_between_floating_bodies(seed):
         else:
             model.add_bushing("both", "a", "b", points[3], near * far / (near + far), orientation=axes[1])
         models.append(model)
-    expected, found = (model.linearize().modes().natural for model in models)
-    assert np.count_nonzero(found == 0.0) == 6
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    expected, result = (model.linearize().modes().natural for model in models)
+    assert np.count_nonzero(result == 0.0) == 6
+    np.testing.assert_allclose(result, expected, rtol=1e-9)

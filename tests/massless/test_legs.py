@@ -35,11 +35,11 @@ def light_stewart(split=None):
 
 
 def test_massless_legs():
-    found = light_stewart().linearize()
-    assert (found.dof, found.massless) == (6, 0)
-    assert_allclose(found.modes().frequencies[[0, -1]], [935.1, 1722.6], atol=0.05)
+    result = light_stewart().linearize()
+    assert (result.dof, result.massless) == (6, 0)
+    assert_allclose(result.modes().frequencies[[0, -1]], [935.1, 1722.6], atol=0.05)
     light = library.stewart(part_mass=1e-13).linearize().modes().frequencies
-    assert_allclose(found.modes().frequencies, light, rtol=1e-10)
+    assert_allclose(result.modes().frequencies, light, rtol=1e-10)
 
 
 def test_massless_links_within_the_legs():

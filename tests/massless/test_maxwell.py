@@ -31,10 +31,10 @@ def stiffness_at(s, k1=3.0, c=5.0, k0=2.0):
 def test_the_relaxation_isolator():
     system = isolator().linearize()
     k = stiffness_at(1j * OMEGA)
-    found = system.frequency_response(OMEGA)
+    result = system.frequency_response(OMEGA)
     t, x = k / (k - 7.0 * OMEGA**2), 1.0 / (k - 7.0 * OMEGA**2)
     relative = -7.0 * x
-    assert_allclose(found, [[t, -(OMEGA**2) * x], [relative, x], [relative * k, k * x]], rtol=1e-12)
+    assert_allclose(result, [[t, -(OMEGA**2) * x], [relative, x], [relative * k, k * x]], rtol=1e-12)
     expected = np.sort_complex(np.roots([7.0 * 5.0, 7.0 * 3.0, 2.0 * 5.0 + 3.0 * 5.0, 2.0 * 3.0]))
     assert_allclose(np.sort_complex(system.poles()), expected, rtol=1e-12)
     space = system.state_space()
@@ -49,9 +49,9 @@ def test_the_response_in_time_is_that_of_the_states():
     n, inputs = space.B.shape
     from scipy.linalg import expm
 
-    whole = np.zeros((n + 2 * inputs, n + 2 * inputs))
-    whole[:n, :n], whole[:n, n : n + inputs], whole[n : n + inputs, n + inputs :] = space.A, space.B, np.eye(inputs)
-    step = expm(whole * (t[1] - t[0]))[:n]
+    full = np.zeros((n + 2 * inputs, n + 2 * inputs))
+    full[:n, :n], full[:n, n : n + inputs], full[n : n + inputs, n + inputs :] = space.A, space.B, np.eye(inputs)
+    step = expm(full * (t[1] - t[0]))[:n]
     x, expected = np.zeros(n), []
     for i in range(len(t)):
         expected.append(space.C @ x + space.D @ u[:, i])
@@ -71,9 +71,9 @@ def test_a_damper_that_holds_leaves_two_springs(damping):
 
 @pytest.mark.parametrize("stiffness", [1e6, 1e8])
 def test_a_spring_that_holds_leaves_the_damper(stiffness):
-    found = isolator(stiffness=stiffness).linearize().frequency_response(OMEGA)[1, 1]
+    result = isolator(stiffness=stiffness).linearize().frequency_response(OMEGA)[1, 1]
     k = stiffness_at(1j * OMEGA, k1=stiffness)
-    assert_allclose(found, 1.0 / (k - 7.0 * OMEGA**2), rtol=1e-7)
+    assert_allclose(result, 1.0 / (k - 7.0 * OMEGA**2), rtol=1e-7)
     assert_allclose(k, 2.0 + 5j * OMEGA, rtol=2e2 / stiffness)
 
 
@@ -117,7 +117,7 @@ def test_between_bodies_along_any_line():
         for i, direction in enumerate(("x", "y", "z", "rx", "ry", "rz")):
             model.add_output(f"{name}{i}", name, direction)
     model.add_maxwell("leg", "a", "b", start=start, end=end, stiffness=3.0, damping=5.0, static_stiffness=2.0)
-    found = model.linearize().frequency_response(OMEGA)[:, 0]
+    result = model.linearize().frequency_response(OMEGA)[:, 0]
     plain = mv.Model()
     for part in ("a", "b"):
         plain.add_body(**model.bodies[part].words())
@@ -128,7 +128,7 @@ def test_between_bodies_along_any_line():
     row = np.concatenate((-e, -np.cross(start, e), e, np.cross(end - model.bodies["b"].position, e)))
     for i, w in enumerate(OMEGA):
         z = bare.K - w**2 * bare.M + stiffness_at(1j * w) * np.outer(row, row)
-        assert_allclose(found[:, i], np.linalg.solve(z, np.eye(12)[6]), rtol=1e-10, atol=1e-13)
+        assert_allclose(result[:, i], np.linalg.solve(z, np.eye(12)[6]), rtol=1e-10, atol=1e-13)
 
 
 def test_parameters_changes_and_files(tmp_path):
@@ -147,18 +147,18 @@ def test_parameters_changes_and_files(tmp_path):
     assert model.replace("leg", damping=11.0).springs["leg"].damping == 11.0
 
 
-@pytest.mark.parametrize(("words", "said"), [
+@pytest.mark.parametrize(("words", "message"), [
     ({"stiffness": 0.0}, "stiffness = 0.*positive"), ({"stiffness": -1.0}, "stiffness"),
     ({"damping": -1.0}, "damping.*not negative"), ({"damping": float("nan")}, "damping"),
     ({"end": (0, 0, 0)}, "no length"), ({"second": "ground"}, "itself"), ({"second": "nobody"}, "nobody"),
     ({"name": "m"}, "taken"),
 ])  # fmt: skip
-def test_bad_elements_are_refused(words, said):
+def test_bad_elements_are_refused(words, message):
     model = isolator()
-    given = {"name": "e", "first": "ground", "second": "m", "start": (0, 0, 0), "end": (0, 0, 1), "stiffness": 1.0,
+    arguments = {"name": "e", "first": "ground", "second": "m", "start": (0, 0, 0), "end": (0, 0, 1), "stiffness": 1.0,
              "damping": 1.0} | words  # fmt: skip
-    with pytest.raises(mv.ModelError, match=said):
-        model.add_maxwell(**given)
+    with pytest.raises(mv.ModelError, match=message):
+        model.add_maxwell(**arguments)
 
 
 def test_names_and_directions():
@@ -187,9 +187,9 @@ def test_six_directions_by_a_massless_body_between_two_bushings():
     assert (system.dof, system.massless) == (12, 6)
     s = 1j * OMEGA[:, None]
     expected = 1.0 / (mass * s**2 + k0 + k1 * c * s / (k1 + c * s))
-    found = system.frequency_response(OMEGA)
-    assert_allclose(np.einsum("iiw->wi", found), expected, rtol=1e-11)
-    assert np.abs(found - np.einsum("wi,ij->ijw", expected, np.eye(6))).max() < 1e-12
+    result = system.frequency_response(OMEGA)
+    assert_allclose(np.einsum("iiw->wi", result), expected, rtol=1e-11)
+    assert np.abs(result - np.einsum("wi,ij->ijw", expected, np.eye(6))).max() < 1e-12
 
 
 @pytest.mark.parametrize("k1", [1e3, 1e6, 1e9, 1e13])
@@ -207,14 +207,14 @@ def test_elements_in_three_directions_and_stiff_ones(k1):
     system = model.linearize()
     assert system.massless == 3
     omega = np.array([0.1, 3.0, 5.77, 6.5, 50.0, 1e3])
-    found = system.frequency_response(omega)
+    result = system.frequency_response(omega)
     for i, name in enumerate("xyz"):
         s = 1j * omega
         holds = (i + 1) * (100.0 + k1 * 20.0 * s / (k1 + 20.0 * s))
         expected = 1.0 / (3.0 * s**2 + holds)
-        np.testing.assert_allclose(found[system.outputs.index(name), i], expected, rtol=1e-13)
-        np.testing.assert_allclose(found[system.outputs.index(f"{name}.force"), i], holds * expected, rtol=1e-13)
-        assert (np.abs(np.delete(found[system.outputs.index(name)], i, axis=0)) <= 1e-13 * np.abs(expected)).all()
+        np.testing.assert_allclose(result[system.outputs.index(name), i], expected, rtol=1e-13)
+        np.testing.assert_allclose(result[system.outputs.index(f"{name}.force"), i], holds * expected, rtol=1e-13)
+        assert (np.abs(np.delete(result[system.outputs.index(name)], i, axis=0)) <= 1e-13 * np.abs(expected)).all()
 
 
 def test_a_damper_that_gives_way_holds_nothing_at_rest():
@@ -222,5 +222,5 @@ def test_a_damper_that_gives_way_holds_nothing_at_rest():
     with pytest.raises(mv.MbsvibError, match=r"0 rad/s is a pole"):
         system.frequency_response([0.0, 1.0])
     s = 0.5j
-    found = system.frequency_response([0.5])[system.outputs.index("x"), system.inputs.index("F"), 0]
-    assert found == pytest.approx(1.0 / (7.0 * s**2 + 1e9 * 5.0 * s / (1e9 + 5.0 * s)), rel=1e-14)
+    result = system.frequency_response([0.5])[system.outputs.index("x"), system.inputs.index("F"), 0]
+    assert result == pytest.approx(1.0 / (7.0 * s**2 + 1e9 * 5.0 * s / (1e9 + 5.0 * s)), rel=1e-14)

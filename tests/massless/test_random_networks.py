@@ -16,20 +16,20 @@ def network(seed, light=0.0):
     rng = np.random.default_rng(seed)
     model = mv.Model("net")
     masses = {"a": 1.3, "b": 0.7, "n": light, "o": light, "p": light}
-    place = {name: rng.uniform(-1, 1, size=3) for name in masses} | {"ground": np.zeros(3)}
+    location = {name: rng.uniform(-1, 1, size=3) for name in masses} | {"ground": np.zeros(3)}
     for name, mass in masses.items():
         inertia = 0.1 * mass * (1.0 + rng.uniform(0, 0.5, size=3))
-        model.add_body(name, mass, inertia, position=place[name])
+        model.add_body(name, mass, inertia, position=location[name])
         free = ("x", "y", "z", "rx") if name == "a" else ("x", "y", "z") if mass else ("x", "y")
         before = "a" if name in ("n", "b") else "ground"
         free = ("x", "y") if name in ("n", "o", "p") else free
-        model.add_joint(f"{name}.j", None, before, name, position=place[name], free=free,
+        model.add_joint(f"{name}.j", None, before, name, position=location[name], free=free,
                         orientation=rng.uniform(-1, 1, size=3))  # fmt: skip
     links = (("ground", "a"), ("ground", "a"), ("ground", "a"), ("ground", "a"), ("ground", "b"), ("b", "n"),
              ("a", "o"), ("o", "n"), ("n", "a"), ("o", "b"), ("ground", "o"), ("a", "b"), ("b", "a"), ("a", "p"),
              ("b", "p"), ("ground", "p"))  # fmt: skip
     for i, (first, second) in enumerate(links):
-        ends = [place[name] + 0.2 * rng.uniform(-1, 1, size=3) for name in (first, second)]
+        ends = [location[name] + 0.2 * rng.uniform(-1, 1, size=3) for name in (first, second)]
         damped = i in (0, 4) or "n" in (first, second)
         model.add_spring(f"s{i}", first, second, *ends, stiffness=10.0 ** rng.uniform(-1, 2),
                          damping=rng.uniform(0.1, 1.0) if damped else 0.0)  # fmt: skip
@@ -60,15 +60,15 @@ def test_eigenvalues_of_the_descriptor_pencil(seed):
     system = network(seed).linearize()
     assert (system.dof, system.massless) == (10, 3)
     with mpmath.workdps(DIGITS):
-        whole, mass, damping, stiffness = descriptor(seed)
-        m = whole.dof
+        full, mass, damping, stiffness = descriptor(seed)
+        m = full.dof
         pencil = mpmath.zeros(2 * m)
         # eigenvalues 1 / lambda of K^-1 [[-C, -M], [K, 0]]
         flexibility = fast_digits.inverse(stiffness)
         pencil[:m, :m], pencil[:m, m:] = -flexibility * damping, -flexibility * mass
         pencil[m:, :m] = mpmath.eye(m)
-        found = fast_digits.eigenvalues(pencil)
-        expected = np.array([complex(1 / mu) for mu in found if abs(mu) > mpmath.mpf(10) ** (-DIGITS // 4)])
+        result = fast_digits.eigenvalues(pencil)
+        expected = np.array([complex(1 / mu) for mu in result if abs(mu) > mpmath.mpf(10) ** (-DIGITS // 4)])
     poles = system.poles()
     assert len(poles) == len(expected) == 2 * system.dof - system.massless
     for pole in poles:
@@ -83,16 +83,16 @@ def test_responses_of_the_descriptor_equations(seed):
     space = system.state_space()
     assert len(space.states) == 2 * system.dof - system.massless
     omega = np.array([0.3, 2.0, 17.0])
-    found = system.frequency_response(omega)
+    result = system.frequency_response(omega)
     with mpmath.workdps(DIGITS):
-        whole, mass, damping, stiffness = descriptor(seed)
-        b, cq, cv, ca = (mpmath.matrix(a.tolist()) for a in (whole.B, whole.Cq, whole.Cv, whole.Ca))
+        full, mass, damping, stiffness = descriptor(seed)
+        b, cq, cv, ca = (mpmath.matrix(a.tolist()) for a in (full.B, full.Cq, full.Cv, full.Ca))
         for i, w in enumerate(omega.tolist()):
             s = mpmath.mpc(0, w)
             answer = (cq + s * cv + s * s * ca) * mpmath.inverse(stiffness + s * damping + s * s * mass) * b
             expected = np.array(answer.tolist(), dtype=complex)
             size = np.abs(expected).max()
-            assert_allclose(found[:, :, i], expected, rtol=1e-10, atol=1e-12 * size)
+            assert_allclose(result[:, :, i], expected, rtol=1e-10, atol=1e-12 * size)
             states = space.C @ np.linalg.solve(1j * w * np.eye(len(space.A)) - space.A, space.B) + space.D
             assert_allclose(states, expected, rtol=1e-9, atol=1e-11 * size)
 

@@ -21,10 +21,10 @@ def test_springs_in_series():
     k1, k2 = 3.0, 5.0
     springs = {"k1": ("ground", "node", k1, 0), "k2": ("node", "b", k2, 0)}
     system = along_z({"node": 0.0, "b": 2.0}, springs).linearize()
-    found = system.eigenvalue_sensitivities(["k1.stiffness", "k2.stiffness", "b.mass"])
+    result = system.eigenvalue_sensitivities(["k1.stiffness", "k2.stiffness", "b.mass"])
     k = 1 / (1 / k1 + 1 / k2)
     expected = np.array([k / (2 * k1**2), k / (2 * k2**2), -1 / 4])[:, None] * system.modes().eigenvalues
-    assert_allclose(found, expected, rtol=1e-12)
+    assert_allclose(result, expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["s3.stiffness", "s11.stiffness", "s13.stiffness", "s5.damping", "b.mass",
@@ -32,14 +32,14 @@ def test_springs_in_series():
 def test_a_network_with_both_kinds(name):
     model = network(1)
     system = model.linearize()
-    found = system.eigenvalue_sensitivities([name])[0]
+    result = system.eigenvalue_sensitivities([name])[0]
     size = np.abs(system.modes().eigenvalues) / abs(model.parameters[name])
-    assert_allclose(found / size, differences(model, name) / size, rtol=1e-6, atol=1e-9)
+    assert_allclose(result / size, differences(model, name) / size, rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["leg.stiffness", "leg.damping", "leg.static_stiffness", "m.mass"])
 def test_maxwell_elements(name):
     model = isolator()
     system = model.linearize()
-    found = system.eigenvalue_sensitivities([name])[0]
-    assert_allclose(found, differences(model, name), rtol=1e-8)
+    result = system.eigenvalue_sensitivities([name])[0]
+    assert_allclose(result, differences(model, name), rtol=1e-8)

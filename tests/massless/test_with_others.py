@@ -119,5 +119,5 @@ def test_spin_beside_a_damped_massless_motion():
         answer = (c * s + ky) / ((inertia * s**2 + kx) * (c * s + ky) + h * h * s**2)
         assert_allclose(system.frequency_response([s.imag])[0, 0], [answer], rtol=1e-11)
         space = system.state_space()
-        found = space.C @ np.linalg.solve(s * np.eye(3) - space.A, space.B) + space.D
-        assert_allclose(found, [[answer]], rtol=1e-11)
+        result = space.C @ np.linalg.solve(s * np.eye(3) - space.A, space.B) + space.D
+        assert_allclose(result, [[answer]], rtol=1e-11)

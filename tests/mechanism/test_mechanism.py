@@ -79,7 +79,7 @@ def test_names_of_nodes_go_with_their_beam():
     assert "mast.1" in model.nodes
     bare = model.with_parts(composed={})
     assert not bare.nodes
-    with pytest.raises(mv.ModelError, match=r"'mast.1' is no body"):
+    with pytest.raises(mv.ModelError, match=r"'mast.1' is not a body"):
         bare.add_input("F", "mast.1", "x")
     model.add_input("F", "mast.1", "x")
 

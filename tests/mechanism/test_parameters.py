@@ -145,18 +145,18 @@ def test_a_small_rotation_turns_the_axes_about_world_axes():
         assert isinstance(part, Body | Bushing | Joint)
         assert_allclose(np.array(getattr(after, key)), turn @ getattr(part, key), rtol=0, atol=1e-15)
         if isinstance(part, Joint):
-            for (_, before), (_, found) in zip(part.freedom, after.freedom, strict=True):
-                assert_allclose(found[:3], turn @ before[:3], rtol=0, atol=1e-15)
-                assert_allclose(found[3:], turn @ before[3:], rtol=0, atol=1e-15)
+            for (_, before), (_, result) in zip(part.freedom, after.freedom, strict=True):
+                assert_allclose(result[:3], turn @ before[:3], rtol=0, atol=1e-15)
+                assert_allclose(result[3:], turn @ before[3:], rtol=0, atol=1e-15)
 
 
 def test_rotations_are_the_exponential_map():
     rng = np.random.default_rng(4)
     vectors = np.concatenate([rng.normal(size=(3, 40)) * 10.0 ** rng.uniform(-12, 0.5, size=40), np.zeros((3, 1))], 1)
-    for (x, y, z), found in zip(vectors.T, exponential(vectors.T), strict=True):
+    for (x, y, z), result in zip(vectors.T, exponential(vectors.T), strict=True):
         with mpmath.workdps(40):
             exact = mpmath.expm(mpmath.matrix([[0, -z, y], [z, 0, -x], [-y, x, 0]]), method="taylor")
-        assert_allclose(found, np.array(exact.tolist(), dtype=float), rtol=0, atol=1e-15)
+        assert_allclose(result, np.array(exact.tolist(), dtype=float), rtol=0, atol=1e-15)
     assert_allclose(exponential(np.zeros(3)), np.eye(3), atol=0)
 
 
@@ -164,7 +164,7 @@ def test_patterns_tie_parameters_and_names_go_before_them():
     model = library.stewart()
     changed = model.with_values({"leg*.k.stiffness": 1e7, "leg2.k.stiffness": 2e7}).parameters
     assert [changed[f"leg{i}.k.stiffness"] for i in range(1, 7)] == [1e7, 2e7, 1e7, 1e7, 1e7, 1e7]
-    with pytest.raises(mv.ModelError, match=r"both 'leg\*.k.stiffness' and '\*.stiffness' pick 'leg1.k.stiffness'"):
+    with pytest.raises(mv.ModelError, match=r"both 'leg\*.k.stiffness' and '\*.stiffness' match 'leg1.k.stiffness'"):
         model.with_values({"leg*.k.stiffness": 1e7, "*.stiffness": 2e7})
 
 

@@ -115,17 +115,17 @@ def test_the_user_may_name_the_cut(cut):
 
 
 def test_an_unknown_cut_is_refused_with_a_suggestion():
-    with pytest.raises(mv.ModelError, match=r"cut = 'j22' is no joint of model 'four-bar'\. Did you mean 'j2'\?"):
+    with pytest.raises(mv.ModelError, match=r"cut = 'j22' is not a joint of model 'four-bar'\. Did you mean 'j2'\?"):
         four_bar().linearize(cut=["j22"])
 
 
 def test_a_cut_that_leaves_a_body_hanging_is_refused():
-    with pytest.raises(mv.ModelError, match=r"hanging on nothing, from body '[12]' on"):
+    with pytest.raises(mv.ModelError, match=r"from all other bodies, from body '[12]' on"):
         four_bar().linearize(cut=["j1", "j3"])
     model = mv.Model("open")
     model.add_body("b", 1.0, (1, 1, 1))
     model.add_joint("only", "revolute", "ground", "b", position=(0, 0, 0))
-    with pytest.raises(mv.ModelError, match=r"\['only'\].*hanging on nothing, from body 'b'"):
+    with pytest.raises(mv.ModelError, match=r"\['only'\].*from all other bodies, from body 'b'"):
         model.linearize(cut=["only"])
 
 

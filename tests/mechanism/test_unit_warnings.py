@@ -14,8 +14,8 @@ def pad(inertia):
 
 def test_inertia_in_gram_square_millimetres():
     assert "doubtful" not in pad((1e-4, 2e-4, 2.5e-4))
-    told = pad((1e-4 * 1e9, 2e-4 * 1e9, 2.5e-4 * 1e9))
-    assert "body 'plate': a radius of gyration of 1.58e+03 m in a mechanism of 0.0539 m" in told
+    stated = pad((1e-4 * 1e9, 2e-4 * 1e9, 2.5e-4 * 1e9))
+    assert "body 'plate': a radius of gyration of 1.58e+03 m in a mechanism of 0.0539 m" in stated
 
 
 @pytest.mark.parametrize("name", mv.library.models())

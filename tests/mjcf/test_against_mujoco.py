@@ -40,8 +40,8 @@ def test_matrices_under_load(tmp_path, scene, control):
     system = model.linearize()
     assert list(system.coordinates) == in_order(system, file)
     assert_same(system, file)
-    found = mv.load_mjcf(path, control=control).equilibrium().linearize()  # from the pose of the file
-    squares = [eigh(each.K, each.M, eigvals_only=True) for each in (found, system)]
+    result = mv.load_mjcf(path, control=control).equilibrium().linearize()  # from the pose of the file
+    squares = [eigh(item.K, item.M, eigvals_only=True) for item in (result, system)]
     np.testing.assert_allclose(*squares, rtol=1e-8)
 
 

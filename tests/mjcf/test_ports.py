@@ -58,21 +58,21 @@ def test_inputs_and_outputs(tmp_path, scene, words):
     d, rest = file.api.MjData(m), np.zeros(m.nv)
     at, u = np.array(file.d.qpos), np.array(file.d.ctrl)
     for i in range(m.nu):
-        found = []
+        result = []
         for sign in (1.0, -1.0):
             file.d.ctrl[:] = u
             file.d.ctrl[i] += sign
-            found.append(np.array(forces(file, d, at, rest)))
+            result.append(np.array(forces(file, d, at, rest)))
         file.d.ctrl[:] = u
         column = system.B[order, system.inputs.index(file.name("actuator", i))]
-        np.testing.assert_allclose(column, turn @ (found[0] - found[1]) / 2, atol=1e-11 * np.abs(column).max())
+        np.testing.assert_allclose(column, turn @ (result[0] - result[1]) / 2, atol=1e-11 * np.abs(column).max())
     moving = [i for i in range(m.nsite) if m.site_bodyid[i]]
     for i in moving:
-        straight, turning = np.zeros((2, 3, m.nv))
-        file.api.mj_jacSite(m, file.d, straight, turning, i)
+        straight, rotating = np.zeros((2, 3, m.nv))
+        file.api.mj_jacSite(m, file.d, straight, rotating, i)
         first = system.outputs.index(f"{file.name('site', i)}.x")
         rows = system.Cq[first : first + 6][:, order]
-        np.testing.assert_allclose(rows, np.concatenate((straight, turning)) @ turn.T, atol=1e-13)
+        np.testing.assert_allclose(rows, np.concatenate((straight, rotating)) @ turn.T, atol=1e-13)
         first = system.inputs.index(f"{file.name('site', i)}.Fx")
         np.testing.assert_allclose(system.B[order, first : first + 6], rows.T, atol=1e-13)
     for i in range(m.njnt):

@@ -97,10 +97,10 @@ def test_keyframes_and_controls(tmp_path):
     system = mv.load_mjcf(path).linearize()
     assert system.inputs == ("hinge.torque", "servo")
     np.testing.assert_allclose(system.B, [[1.0, 80.0]], rtol=1e-14)
-    for words, told in (({"keyframe": "upp"}, "Did you mean 'up'"), ({"keyframe": 3}, "There are up"),
+    for words, message in (({"keyframe": "upp"}, "Did you mean 'up'"), ({"keyframe": 3}, "There are up"),
                         ({"control": {"serv": 1.0}}, "Did you mean 'servo'"), ({"leave": ["x"]}, "leave: 'x'"),
                         ({"control": {"servo": None}}, "control = None")):  # fmt: skip
-        with pytest.raises(mv.ModelError, match=told):
+        with pytest.raises(mv.ModelError, match=message):
             mv.load_mjcf(path, **words)
 
 
@@ -170,9 +170,9 @@ def test_what_is_left_is_said(tmp_path):
             '<geom size=".1"/>')  # fmt: skip
     floor = '<geom type="plane" size="1 1 1" pos="0 0 -.09"/>'
     option = '<option viscosity=".1" gravity="0 0 0"/>'
-    with pytest.warns(mv.LeftOutWarning, match="left out: ") as told:
+    with pytest.warns(mv.LeftOutWarning, match="left out: ") as stated:
         mv.load_mjcf(write(tmp_path, world(floor, body(ball)), head=option))
-    message = str(told[0].message)
+    message = str(stated[0].message)
     for words in ("dry friction in 'lift'", "touches in this pose of 'lift'", "'world' with 'b'", "viscosity"):
         assert words in message
     filtered = '<actuator><position name="slow" joint="hinge" kp="2" timeconst=".1"/></actuator>'

@@ -21,7 +21,7 @@ def sites(words):
     return rod + words
 
 
-@pytest.mark.parametrize(("words", "told"), [
+@pytest.mark.parametrize(("words", "message"), [
     (actuator('<muscle name="m" joint="hinge" lengthrange="0 1"/>'), "actuator 'm': gain of kind muscle.*leave="),
     (actuator('<general name="m" joint="hinge" forcerange="-1 1" biastype="affine" biasprm="5 0 0"/>'),
      "actuator 'm': its force in this pose is 1 in MuJoCo and 5 by its gains"),
@@ -52,8 +52,8 @@ def sites(words):
     ("<worldbody><body><joint/></body></worldbody>", "MuJoCo refuses it"),
     ("<worldbodi/>", "MuJoCo refuses it"),
 ])  # fmt: skip
-def test_what_has_no_place_is_refused(tmp_path, words, told):
-    with pytest.raises(mv.ModelError, match=told):
+def test_what_has_no_place_is_refused(tmp_path, words, message):
+    with pytest.raises(mv.ModelError, match=message):
         mv.load_mjcf(write(tmp_path, words))
 
 
@@ -65,14 +65,14 @@ def test_plugins_are_refused(tmp_path):
         mv.load_mjcf(write(tmp_path, f"{head}</extension>{actuator(plugin)}"))
 
 
-@pytest.mark.parametrize(("attribute", "told"), [
+@pytest.mark.parametrize(("attribute", "message"), [
     ('stiffness="1 2 3"', "joint 'hinge': stiffness of more than one"), ('springyield="20"', "yields for good")])
-def test_springs_that_are_not_linear_are_refused(tmp_path, attribute, told):
+def test_springs_that_are_not_linear_are_refused(tmp_path, attribute, message):
     import mujoco
 
     if not hasattr(mujoco.MjModel, "jnt_stiffnesspoly" if "2" in attribute[:14] else "jnt_springyield"):
         pytest.skip("this MuJoCo has no such springs")
-    with pytest.raises(mv.ModelError, match=told):
+    with pytest.raises(mv.ModelError, match=message):
         mv.load_mjcf(write(tmp_path, PENDULUM.replace("axis", f"{attribute} axis")))
 
 
@@ -82,13 +82,13 @@ def test_flexible_bodies_are_refused_and_warnings_of_mujoco_heard(tmp_path, monk
     monkeypatch.chdir(tmp_path)
     cloth = '<flexcomp name="x" type="grid" count="3 3 1" spacing=".1 .1 .1" dim="2" radius=".01"/>'
     path = write(tmp_path, world(cloth))
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as stated:
         warnings.simplefilter("always")
         with pytest.raises(mv.ModelError, match="<flex>: deformable bodies"):
             mv.load_mjcf(path)
-    assert all("MuJoCo warns: flex 'x'" in str(each.message) for each in told)
-    assert told or int(mujoco.__version__.partition(".")[0]) < 4  # older ones do not warn
-    assert [each.name for each in tmp_path.iterdir()] == ["scene.xml"]
+    assert all("MuJoCo warns: flex 'x'" in str(item.message) for item in stated)
+    assert stated or int(mujoco.__version__.partition(".")[0]) < 4  # older ones do not warn
+    assert [item.name for item in tmp_path.iterdir()] == ["scene.xml"]
 
 
 def test_locks_of_joints_with_soft_bearings_are_refused(tmp_path):
@@ -100,10 +100,10 @@ def test_locks_of_joints_with_soft_bearings_are_refused(tmp_path):
 
 def test_faulty_arguments_are_told(tmp_path, monkeypatch):
     path = write(tmp_path, GANTRY)
-    for words, told in (({"pose": {"swin": 1.0}}, "Did you mean 'swing'"), ({"pose": {"swing": (1, 2)}}, "a number"),
+    for words, message in (({"pose": {"swin": 1.0}}, "Did you mean 'swing'"), ({"pose": {"swing": (1, 2)}}, "a number"),
                         ({"stiffness": {"swin": 1.0}}, "no hinge"), ({"damping": (1, 2)}, "one number, or six"),
                         ({"sites": ["tip"]}, "'tip' is no site"), ({"gravity": 3.0}, "gravity")):  # fmt: skip
-        with pytest.raises(mv.ModelError, match=told):
+        with pytest.raises(mv.ModelError, match=message):
             mv.load_mjcf(path, **words)
     ball = write(tmp_path, world(body('<joint name="ball" type="ball"/>' + ROD), '<site name="o"/>'))
     with pytest.raises(mv.ModelError, match=r"a quaternion \(w, x, y, z\)"):

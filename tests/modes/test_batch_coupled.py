@@ -21,8 +21,8 @@ def check(gamma, square, values, y):
     for i in range(len(gamma)):
         at = np.arange(len(square[i]))
         a = np.block([[np.zeros_like(gamma[i]), np.eye(len(at))], [-np.diag(square[i]), -gamma[i]]])
-        found, expected = nearest_pairs(np.concatenate((values[i], values[i].conj())), np.linalg.eigvals(a))
-        assert_allclose(found, expected, rtol=1e-10)
+        result, expected = nearest_pairs(np.concatenate((values[i], values[i].conj())), np.linalg.eigvals(a))
+        assert_allclose(result, expected, rtol=1e-10)
         residual = y[i] * values[i] ** 2 + gamma[i] @ y[i] * values[i] + square[i][:, None] * y[i]
         assert_allclose(residual, 0.0, atol=1e-11 * np.abs(y[i]).max() * square[i].max())
 
@@ -30,18 +30,18 @@ def check(gamma, square, values, y):
 def oscillating(gamma, square):
     """All variants, of which all modes oscillate."""
     (start,) = starts(gamma, square)
-    assert (start.turning, len(start.which)) == (square.shape[1], len(square))
+    assert (start.complex_count, len(start.which)) == (square.shape[1], len(square))
     return start
 
 
 @pytest.mark.parametrize("size", [1e-8, 1e-3, 0.03, 0.2])
 def test_both_starts_find_the_same(size, monkeypatch):
     gamma, square = forms(size)
-    one = oscillating(gamma, square)
-    check(gamma, square, one.values, one.y)
+    first = oscillating(gamma, square)
+    check(gamma, square, first.values, first.y)
     monkeypatch.setattr(batch_coupled, "STEPS", 0)
-    other = oscillating(gamma, square)
-    assert_allclose(np.sort_complex(one.values), np.sort_complex(other.values), rtol=1e-9)
+    second = oscillating(gamma, square)
+    assert_allclose(np.sort_complex(first.values), np.sort_complex(second.values), rtol=1e-9)
 
 
 def test_no_eigensolver_is_needed_where_damping_is_light(monkeypatch):
@@ -57,9 +57,9 @@ def test_modes_of_one_frequency_and_modes_that_creep():
     square = np.array([[4.0, 4.0, 9.0], [4.0, 4.0, 9.0], [4.0, 4.0, 9.0]])
     rows = np.array([[1.0, 2.0, 0.5], [1.0, -1.0, 2.0]])
     gamma = np.array([0.1 * np.outer(rows[0], rows[0]), 0.02 * rows.T @ rows, 50.0 * rows.T @ rows])
-    one, other = starts(gamma, square)
-    assert (one.which.tolist(), one.turning, other.which.tolist()) == ([0, 1], 3, [2])
-    check(gamma[:2], square[:2], one.values, one.y)
-    assert other.values.shape[1] == 6 - other.turning
+    first, second = starts(gamma, square)
+    assert (first.which.tolist(), first.complex_count, second.which.tolist()) == ([0, 1], 3, [2])
+    check(gamma[:2], square[:2], first.values, first.y)
+    assert second.values.shape[1] == 6 - second.complex_count
     expected = np.linalg.eigvals(np.block([[np.zeros((3, 3)), np.eye(3)], [-np.diag(square[2]), -gamma[2]]]))
-    assert_allclose(np.sort_complex(other.values[0]), np.sort_complex(expected[expected.imag >= 0.0]), rtol=1e-9)
+    assert_allclose(np.sort_complex(second.values[0]), np.sort_complex(expected[expected.imag >= 0.0]), rtol=1e-9)

@@ -37,8 +37,8 @@ def test_every_variant(name, omega):
     moved = batch.time_response(T, u, "first", initial)
     spaces = batch.state_space("modal")
     for i, p in enumerate(variants):
-        found, expected = nearest_pairs(modes.eigenvalues[i], np.linalg.eigvals(by_hand(p)[0]))
-        assert_allclose(found, expected, rtol=1e-6, atol=1e-6)
+        result, expected = nearest_pairs(modes.eigenvalues[i], np.linalg.eigvals(by_hand(p)[0]))
+        assert_allclose(result, expected, rtol=1e-6, atol=1e-6)
         assert_allclose(modes.frequencies[i], built.with_values(
             {key: array[i] for key, array in values.items()}).linearize().modes().frequencies, rtol=1e-9)  # fmt: skip
         exact = frequency_response(p, omega)
@@ -46,5 +46,5 @@ def test_every_variant(name, omega):
         expected = time_response(p, T, u, "first", initial)
         assert_allclose(moved[i], expected, rtol=0, atol=1e-9 * np.abs(expected).max(axis=1).min())
         ss = spaces[i]
-        found = [ss.C @ np.linalg.solve(1j * w * np.eye(len(ss.A)) - ss.A, ss.B) + ss.D for w in omega]
-        assert_allclose(np.stack(found, axis=-1), exact, rtol=1e-7, atol=1e-12)
+        result = [ss.C @ np.linalg.solve(1j * w * np.eye(len(ss.A)) - ss.A, ss.B) + ss.D for w in omega]
+        assert_allclose(np.stack(result, axis=-1), exact, rtol=1e-7, atol=1e-12)

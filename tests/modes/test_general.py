@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.modes.general import _separated
+from mbsvib.modes.general_spectrum import _separated
 from mbsvib.modes.strong_damping import forces, improved
 from mbsvib.modes.undamped import undamped
 from tests.support.sizes import few

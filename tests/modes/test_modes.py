@@ -75,22 +75,22 @@ def test_error_estimates_hold(model):
     _, modes = modes_of(model)
     reference = Exact(model)
     promised = dict(zip(modes.eigenvalues.tolist(), modes.errors, strict=True))
-    for found, expected in zip(*nearest_pairs(modes.eigenvalues, reference.eigenvalues), strict=True):
+    for result, expected in zip(*nearest_pairs(modes.eigenvalues, reference.eigenvalues), strict=True):
         if expected:
-            assert abs(found - expected) <= (10 * promised[complex(found)] + 4e-16) * abs(expected)
+            assert abs(result - expected) <= (10 * promised[complex(result)] + 4e-16) * abs(expected)
 
 
 @pytest.mark.slow
 @given(st.one_of(SMALL, FLOATING, UNSTABLE), st.integers(0, 2**31))
 def test_error_estimates_hold_at_length(model, seed):
     """With more bodies, and as many coordinates as the reference can bear."""
-    for each in (model, spatial(seed, bodies=6, ports=False, kinds=("revolute", "universal", "screw", "planar"))):
-        _, modes = modes_of(each, limit=14)
-        reference = Exact(each)
+    for item in (model, spatial(seed, bodies=6, ports=False, kinds=("revolute", "universal", "screw", "planar"))):
+        _, modes = modes_of(item, limit=14)
+        reference = Exact(item)
         promised = dict(zip(modes.eigenvalues.tolist(), modes.errors, strict=True))
-        for found, expected in zip(*nearest_pairs(modes.eigenvalues, reference.eigenvalues), strict=True):
+        for result, expected in zip(*nearest_pairs(modes.eigenvalues, reference.eigenvalues), strict=True):
             if expected:
-                assert abs(found - expected) <= (10 * promised[complex(found)] + 4e-16) * abs(expected)
+                assert abs(result - expected) <= (10 * promised[complex(result)] + 4e-16) * abs(expected)
 
 
 @examples(20, slow=20)
@@ -179,8 +179,8 @@ def test_one_degree_of_freedom(ratio):
     assert modes.damping_ratios[0] == pytest.approx(ratio, rel=1e-14, abs=1e-16)
     expected = sorted((-half + root, -half - root), key=abs)
     near_critical = 1e-8 if abs(ratio - 1) < 1e-6 else 0  # the roots move with the square root of rounding
-    found = sorted(modes.eigenvalues, key=abs)
-    for a, b in zip(found if ratio > 1 else modes.eigenvalues, expected if ratio > 1 else (-half + root, -half - root),
+    result = sorted(modes.eigenvalues, key=abs)
+    for a, b in zip(result if ratio > 1 else modes.eigenvalues, expected if ratio > 1 else (-half + root, -half - root),
                     strict=True):  # fmt: skip
         assert abs(a - complex(b)) <= (1e-14 + near_critical) * abs(complex(b))
 

@@ -40,7 +40,7 @@ def test_a_gif_has_all_frames(stewart, tmp_path):
         first = np.asarray(image.convert("RGB"), dtype=int)
         image.seek(1)
         assert np.abs(np.asarray(image.convert("RGB"), dtype=int) - first).max() > 100
-    assert [each.name for each in tmp_path.iterdir()] == ["mode.gif"]
+    assert [item.name for item in tmp_path.iterdir()] == ["mode.gif"]
 
 
 def test_a_page_needs_no_network(stewart, tmp_path):
@@ -52,8 +52,8 @@ def test_an_mp4_has_all_frames(stewart, tmp_path):
     pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed: pip install 'mbsvib[video]'")
     path = stewart.modes().animate(1, frames=6, rate=12.0).save(tmp_path / "mode.mp4")
     ffmpeg = program()
-    told = subprocess.run([ffmpeg, "-hide_banner", "-i", path], capture_output=True, text=True, check=False).stderr
-    assert re.search(r"Video: h264.*yuv420p.* 560x440.* 12 fps", told), told
+    message = subprocess.run([ffmpeg, "-hide_banner", "-i", path], capture_output=True, text=True, check=False).stderr
+    assert re.search(r"Video: h264.*yuv420p.* 560x440.* 12 fps", message), message
     raw = subprocess.run([ffmpeg, "-v", "error", "-i", path, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"],
                          capture_output=True, check=True).stdout  # fmt: skip
     films = np.frombuffer(raw, np.uint8).reshape(-1, 440, 560, 3).astype(int)
@@ -65,7 +65,7 @@ def test_an_mp4_has_all_frames(stewart, tmp_path):
     assert np.abs(films[0] - still).mean() < 2.0
     assert (films[0] < 128).any(axis=2).mean() > 0.005
     assert np.abs(films[3] - films[0]).max() > 100
-    assert [each.name for each in tmp_path.iterdir()] == ["mode.mp4"]
+    assert [item.name for item in tmp_path.iterdir()] == ["mode.mp4"]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a shell script stands for ffmpeg")

@@ -34,6 +34,33 @@ def test_labels_and_units(slider):
     assert (top.get_xscale(), top.get_yscale(), below.get_xscale()) == ("log", "log", "log")
 
 
+def test_decibels_and_radians_per_second(slider):
+    system = slider(damping=10.0)
+    f = np.geomspace(1.0, 100.0, 50)
+    ((top, below),) = panels(bode(system, "F", "x", f, decibels=True, radians=True))
+    omega, level = curve(top)
+    assert np.allclose(omega, 2.0 * np.pi * f)
+    assert np.allclose(level, 20.0 * np.log10(np.abs(system.frequency_response(omega)[0, 0])))
+    assert top.get_yscale() == "linear"
+    assert top.get_ylabel() == "magnitude [dB re 1 m/N]"
+    assert below.get_xlabel() == "frequency [rad/s]"
+    ratio = panels(bode(system, "ax", "a", f, decibels=True))[0][0]
+    assert ratio.get_ylabel() == "magnitude [dB]"
+
+
+def test_panels_of_one_unit_share_their_limits(slider):
+    system = mv.library.quarter_car().linearize()
+    ports = ["actuator", "road"], ["travel", "body.z"]
+    shared = panels(bode(system, *ports))
+    own = panels(bode(system, *ports, shared=False))
+    for column in (0, 1):
+        limits = [shared[k][0].get_ylim() for k in (column, column + 2)]
+        single = [own[k][0].get_ylim() for k in (column, column + 2)]
+        assert limits[0] == limits[1] == (min(low for low, _ in single), max(high for _, high in single))
+    assert shared[0][0].get_ylim() != shared[1][0].get_ylim()
+    assert own[0][0].get_ylim() != own[2][0].get_ylim()
+
+
 def test_the_peak_is_that_of_the_closed_form(slider):
     ratio = 1e-4
     system = slider(damping=2 * ratio * np.sqrt(STIFFNESS * MASS))

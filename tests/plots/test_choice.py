@@ -43,10 +43,10 @@ def test_a_system_without_outputs_says_what_to_do():
 
 
 def test_labels(slider):
-    one, two = slider(), slider(damping=1.0)
-    assert [label for label, _ in choice.listed([one, two], None)] == ["slider (1)", "slider (2)"]
-    assert [label for label, _ in choice.listed([one, two], ["a", "b"])] == ["a", "b"]
+    first, second = slider(), slider(damping=1.0)
+    assert [label for label, _ in choice.listed([first, second], None)] == ["slider (1)", "slider (2)"]
+    assert [label for label, _ in choice.listed([first, second], ["a", "b"])] == ["a", "b"]
     with pytest.raises(mv.ResponseError, match="1 labels for 2 systems"):
-        choice.listed([one, two], ["a"])
+        choice.listed([first, second], ["a"])
     with pytest.raises(mv.ResponseError, match="no system"):
         choice.listed([], None)

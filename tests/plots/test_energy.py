@@ -10,7 +10,7 @@ from mbsvib.plots.energy import largest
 
 def heights(figure):
     """{name: heights of its bars}"""
-    return {each.get_label(): [bar.get_height() for bar in each] for each in figure.axes[0].containers}
+    return {item.get_label(): [bar.get_height() for bar in item] for item in figure.axes[0].containers}
 
 
 def test_bars_are_the_shares():

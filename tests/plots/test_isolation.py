@@ -9,15 +9,15 @@ from tests.isolation.scenes import active_strut, one_axis
 
 
 def test_transmissibility_and_compliance():
-    one, other = (isolation.study(one_axis(ratio), "payload", directions="z") for ratio in (0.05, 0.5))
-    figure = plots.isolation([one, other], ["light", "heavy"])
+    first, second = (isolation.study(one_axis(ratio), "payload", directions="z") for ratio in (0.05, 0.5))
+    figure = plots.isolation([first, second], ["light", "heavy"])
     top, below = figure.axes
-    assert np.array_equal(top.lines[0].get_ydata(), one.index)
-    assert np.array_equal(below.lines[1].get_ydata(), other.compliance_values[0])
+    assert np.array_equal(top.lines[0].get_ydata(), first.index)
+    assert np.array_equal(below.lines[1].get_ydata(), second.compliance_values[0])
     assert top.get_ylabel().endswith("[-]")
-    assert len(plots.isolation(one).axes) == 2
+    assert len(plots.isolation(first).axes) == 2
     with pytest.raises(mv.ModelError, match="a label for each"):
-        plots.isolation([one, other], ["light"])
+        plots.isolation([first, second], ["light"])
 
 
 def test_root_locus_and_front():

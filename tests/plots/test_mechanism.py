@@ -13,7 +13,7 @@ def test_every_built_in_mechanism_has_a_picture(name):
     model = mv.library.build(name)
     axes = mechanism(model).axes[0]
     assert axes.get_title(loc="left") == model.name
-    drawn = sum(len(each.get_segments()) for each in axes.collections if hasattr(each, "get_segments"))
+    drawn = sum(len(item.get_segments()) for item in axes.collections if hasattr(item, "get_segments"))
     assert drawn > 0
 
 

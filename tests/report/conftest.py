@@ -51,11 +51,11 @@ def browser():
         with sync_api.sync_playwright() as playwright:
             try:
                 with limited(HANGS, "the start of Chromium"):
-                    found = playwright.chromium.launch(executable_path=program, args=[*WORDS], timeout=STEP)
+                    result = playwright.chromium.launch(executable_path=program, args=[*WORDS], timeout=STEP)
             except (sync_api.Error, TimeoutError) as error:
                 pytest.skip(f"no browser: {str(error).splitlines()[0]}")
-            yield found
-            found.close()
+            yield result
+            result.close()
 
 
 @pytest.fixture(scope="module")

@@ -84,10 +84,10 @@ def test_a_click_on_a_mode_plays_it_and_another_rests(page):
 def test_a_chosen_mode_is_told(page, stewart):
     page.evaluate("choose(2)")
     shares = stewart[1].stiffness_shares(stewart[1].modes()).shares
-    told = page.inner_text("#detail")
-    assert "Mode 3, 903.888 Hz" in told
-    assert f"{100.0 * shares[:, 2].max():.1f} %" in told
-    assert "platform" in told
+    message = page.inner_text("#detail")
+    assert "Mode 3, 903.888 Hz" in message
+    assert f"{100.0 * shares[:, 2].max():.1f} %" in message
+    assert "platform" in message
 
 
 def test_the_picture_is_the_shape_of_the_mode(page, stewart):
@@ -140,11 +140,11 @@ def test_views_and_layers(page):
     page.click("#views button:nth-child(4)")
     page.wait_for_function(f"{CAMERA}.z > 1.5")
     count = "view.data.reduce((sum, trace) => sum + (trace.visible && trace.mode === 'lines' ? trace.x.length : 0), 0)"
-    whole = page.evaluate(count)
+    full = page.evaluate(count)
     page.click("#layers label:has-text('springs')")
-    page.wait_for_function(f"{count} < {whole}")
+    page.wait_for_function(f"{count} < {full}")
     page.click("#layers label:has-text('springs')")
-    page.wait_for_function(f"{count} === {whole}")
+    page.wait_for_function(f"{count} === {full}")
     page.click("#views button:first-child")
 
 

@@ -37,7 +37,7 @@ def stewart():
 def test_a_page_is_small_and_whole(stewart, tmp_path):
     path = report.write(stewart[0], tmp_path / "report.html")
     assert path.stat().st_size < 6e6
-    assert [each.name for each in tmp_path.iterdir()] == ["report.html"]
+    assert [item.name for item in tmp_path.iterdir()] == ["report.html"]
     assert stored(path.read_text(encoding="utf-8"))["name"] == "stewart"
 
 
@@ -114,8 +114,8 @@ def test_too_many_pairs_are_left_out_and_counted():
     assert data["left"][0] + len(data["inputs"]) == 14
     assert data["left"][1] + len(data["outputs"]) == 14
     assert sum(data["left"]) > 0
-    chosen = stored(report.html(model, "F13", ["x0", "x13"]))["responses"]
-    assert (len(chosen["inputs"]), len(chosen["outputs"]), chosen["left"]) == (1, 2, [0, 0])
+    selected = stored(report.html(model, "F13", ["x0", "x13"]))["responses"]
+    assert (len(selected["inputs"]), len(selected["outputs"]), selected["left"]) == (1, 2, [0, 0])
     with pytest.raises(mv.ResponseError, match="x14"):
         report.html(model, outputs="x14")
 

@@ -58,16 +58,16 @@ def test_modes_are_those_of_each_variant(model, seed):
     batch, _ = some_batch(model, seed)
     modes = batch.modes()
     assert len(modes) == len(batch)
-    for i, (system, one) in enumerate(zip(batch, modes, strict=True)):
+    for i, (system, item) in enumerate(zip(batch, modes, strict=True)):
         single = system.modes()
         for key in ("natural", "frequencies", "damped_frequencies", "damping_ratios", "eigenvalues", "errors"):
-            assert np.array_equal(getattr(modes, key)[i], getattr(one, key), equal_nan=True), key
-        assert modes.stable[i] == one.stable
-        assert (modes.rigid[i], modes.classical[i]) == (one.rigid, one.classical) == (single.rigid, single.classical)
-        away = np.abs(one.eigenvalues - single.eigenvalues)
-        assert (away <= (one.errors + single.errors) * np.abs(single.eigenvalues)).all()
+            assert np.array_equal(getattr(modes, key)[i], getattr(item, key), equal_nan=True), key
+        assert modes.stable[i] == item.stable
+        assert (modes.rigid[i], modes.classical[i]) == (item.rigid, item.classical) == (single.rigid, single.classical)
+        away = np.abs(item.eigenvalues - single.eigenvalues)
+        assert (away <= (item.errors + single.errors) * np.abs(single.eigenvalues)).all()
         for name in batch.bodies:
-            assert np.array_equal(modes.body_shapes[name][i], one.body_shapes[name])
+            assert np.array_equal(modes.body_shapes[name][i], item.body_shapes[name])
 
 
 @examples(15, slow=25)
@@ -102,10 +102,10 @@ def test_frequency_response_is_that_of_each_variant(model, seed, count):
     """By one solution for each frequency, or by the sums of each variant: whatever is less work."""
     batch, _ = some_batch(model, seed)
     omega = 10 ** np.random.default_rng(seed).uniform(-1, 4, size=count) * np.where(np.arange(count) % 5, 1, -1)
-    found = batch.frequency_response(omega)
-    assert found.shape == (len(batch), len(batch.outputs), len(batch.inputs), count)
-    for system, each in zip(batch, found, strict=True):
-        assert_same_response(each, system.frequency_response(omega), rtol=1e-8)
+    result = batch.frequency_response(omega)
+    assert result.shape == (len(batch), len(batch.outputs), len(batch.inputs), count)
+    for system, item in zip(batch, result, strict=True):
+        assert_same_response(item, system.frequency_response(omega), rtol=1e-8)
 
 
 @examples(8, slow=40)
@@ -115,8 +115,8 @@ def test_frequency_response_against_the_reference(model, seed):
     for i in range(len(batch)):
         exact = Exact(model.with_values({name: value_of(value, i) for name, value in values.items()}))
         omega = np.concatenate(([1.0], 1.01 * np.abs(exact.eigenvalues[::2][:4]).astype(float), [1e5]))
-        found = few_frequencies(batch, batch.basis.modal.damped, omega)[i]
-        assert_same_response(found, exact.frequency_response(omega), rtol=1e-8)
+        result = few_frequencies(batch, batch.basis.modal.damped, omega)[i]
+        assert_same_response(result, exact.frequency_response(omega), rtol=1e-8)
 
 
 def test_isolation_far_above_the_modes_loses_nothing():
@@ -126,17 +126,17 @@ def test_isolation_far_above_the_modes_loses_nothing():
     model.add_output("absolute", "b", "x", quantity="acceleration")
     stiffness, omega = np.array([[4.0], [9.0]]), np.array([1e3, 1e6])
     batch = model.linearize(values={"s.stiffness": stiffness[:, 0]})
-    found = batch.frequency_response(omega)
-    np.testing.assert_allclose(found[:, 1, 1], stiffness / (stiffness - omega**2), rtol=1e-14)
-    np.testing.assert_allclose(found[:, 0, 1], -1.0 / (stiffness - omega**2), rtol=1e-14)
+    result = batch.frequency_response(omega)
+    np.testing.assert_allclose(result[:, 1, 1], stiffness / (stiffness - omega**2), rtol=1e-14)
+    np.testing.assert_allclose(result[:, 0, 1], -1.0 / (stiffness - omega**2), rtol=1e-14)
 
 
 def test_poles_are_refused_by_the_index_of_the_variant():
     batch = oscillator().linearize(values={"s.stiffness": [4.0, 9.0, 16.0]})
     with pytest.raises(mv.ResponseError, match=r"variant 1: .*pole"):
         batch.frequency_response([1.0, 3.0])
-    found = batch.frequency_response([1.0])[:, 0, 0, 0]
-    np.testing.assert_allclose(found, 1.0 / np.array([3.0, 8.0, 15.0]), rtol=1e-14)
+    result = batch.frequency_response([1.0])[:, 0, 0, 0]
+    np.testing.assert_allclose(result, 1.0 / np.array([3.0, 8.0, 15.0]), rtol=1e-14)
     with pytest.raises(mv.ResponseError, match="finite"):
         batch.frequency_response([np.nan])
 
@@ -147,20 +147,20 @@ def test_time_response_and_state_space(model, seed):
     batch, _ = some_batch(model, seed)
     t = np.linspace(0.0, 0.1, 5)
     u = np.random.default_rng(seed).normal(size=(len(batch.inputs), len(t)))
-    found, spaces = batch.time_response(t, u), batch.state_space()
-    for system, each, space in zip(batch, found, spaces, strict=True):
+    result, spaces = batch.time_response(t, u), batch.state_space()
+    for system, item, space in zip(batch, result, spaces, strict=True):
         expected = system.time_response(t, u)
-        assert np.abs(each - expected).max() <= 1e-9 * np.abs(expected).max()
+        assert np.abs(item - expected).max() <= 1e-9 * np.abs(expected).max()
         assert np.array_equal(space.A, system.state_space().A)
 
 
 def test_displacements():
     batch = library.stewart().linearize(values={"leg1.head.position.x": [0.03, 0.05]})
     q = np.arange(12.0).reshape(2, 6)
-    each = batch.displacements(q)
-    assert each["platform"].shape == (2, 6)
+    item = batch.displacements(q)
+    assert item["platform"].shape == (2, 6)
     for i, system in enumerate(batch):
-        np.testing.assert_allclose(each["platform"][i], system.displacements(q[i])["platform"], rtol=1e-14)
+        np.testing.assert_allclose(item["platform"][i], system.displacements(q[i])["platform"], rtol=1e-14)
         np.testing.assert_allclose(batch.displacements(q[0])["platform"][i], system.displacements(q[0])["platform"])
     with pytest.raises(mv.ResponseError, match=r"\(5,\)"):
         batch.displacements(np.zeros(5))
@@ -179,15 +179,15 @@ def test_pieces_have_the_modes_of_the_whole(monkeypatch):
     import mbsvib.modes.batch
 
     batch = library.stewart().linearize(values={"leg1.k.stiffness": np.linspace(1e7, 3e7, 7), "platform.mass": 2.0})
-    whole = batch.modes()
+    full = batch.modes()
     monkeypatch.setattr(mbsvib.modes.batch, "PIECE_BYTES", 3 * 64 * 36)
-    pieces = batch_modes(batch)
-    np.testing.assert_allclose(pieces.eigenvalues, whole.eigenvalues, rtol=1e-14)
-    size = np.abs(whole.shapes).max()
-    np.testing.assert_allclose(np.abs(pieces.shapes), np.abs(whole.shapes), rtol=0, atol=1e-10 * size)
+    parts = batch_modes(batch)
+    np.testing.assert_allclose(parts.eigenvalues, full.eigenvalues, rtol=1e-14)
+    size = np.abs(full.shapes).max()
+    np.testing.assert_allclose(np.abs(parts.shapes), np.abs(full.shapes), rtol=0, atol=1e-10 * size)
     some = batch.piece(2, 5)
     assert len(some) == 3
-    np.testing.assert_allclose(some.modes().eigenvalues, whole.eigenvalues[2:5], rtol=1e-14)
+    np.testing.assert_allclose(some.modes().eigenvalues, full.eigenvalues[2:5], rtol=1e-14)
     assert some[0].parameters["leg1.k.stiffness"] == batch[2].parameters["leg1.k.stiffness"]
 
 
@@ -208,10 +208,10 @@ def two_masses(stiffness=(4.0, 9.0), mass=(2.0, 3.0), damping=(0.0, 0.0)):
 def test_what_inertia_does_not_reach_stays_small_far_above_the_modes():
     """From a force to a mass behind a spring: k / (m1 m2 w^4) and no sum of modes that nearly cancels in 1 / w^2."""
     k, w = np.array([[9.0], [5.0]]), np.array([1e3, 1e5])
-    found = two_masses().linearize(values={"s1.stiffness": k[:, 0]}).frequency_response(w)
+    result = two_masses().linearize(values={"s1.stiffness": k[:, 0]}).frequency_response(w)
     exact = k / ((4.0 + k - 2.0 * w**2) * (k - 3.0 * w**2) - k**2)
-    np.testing.assert_allclose(found[:, 0, 0], exact, rtol=1e-11)
-    np.testing.assert_allclose(found[:, 1, 0], -(w**2) * exact, rtol=1e-11)
+    np.testing.assert_allclose(result[:, 0, 0], exact, rtol=1e-11)
+    np.testing.assert_allclose(result[:, 1, 0], -(w**2) * exact, rtol=1e-11)
 
 
 @examples(8, slow=40)
@@ -227,11 +227,11 @@ def test_dampers_of_any_strength(factor, model, seed):
         batch = model.linearize(values=values)
     except mv.ModelError:
         assume(False)
-    for system, one in zip(batch, batch.modes(), strict=True):
+    for system, item in zip(batch, batch.modes(), strict=True):
         single = system.modes()
-        away = np.abs(one.eigenvalues - single.eigenvalues)
-        assert (away <= (one.errors + single.errors) * np.abs(single.eigenvalues)).all()
-        assert one.errors.max(initial=0.0) <= max(1e-10, 10.0 * single.errors.max(initial=0.0))
+        away = np.abs(item.eigenvalues - single.eigenvalues)
+        assert (away <= (item.errors + single.errors) * np.abs(single.eigenvalues)).all()
+        assert item.errors.max(initial=0.0) <= max(1e-10, 10.0 * single.errors.max(initial=0.0))
 
 
 @pytest.mark.parametrize("rtol", [1e-10, 1e-13])

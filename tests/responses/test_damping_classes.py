@@ -32,12 +32,12 @@ def moving(p, system):
 def test_poles(case):
     name, p, system = case
     modes = system.modes()
-    found, expected = nearest_pairs(modes.eigenvalues, np.linalg.eigvals(by_hand(p)[0]))
+    result, expected = nearest_pairs(modes.eigenvalues, np.linalg.eigvals(by_hand(p)[0]))
     # LAPACK leaves 1e-8 of a double eigenvalue
     zero = np.abs(expected) < 1e-6
-    assert not found[zero].any()
+    assert not result[zero].any()
     rtol = 1e-6 if name in ("critical", "defective") else 1e-8
-    assert_allclose(found[~zero], expected[~zero], rtol=rtol, atol=0)
+    assert_allclose(result[~zero], expected[~zero], rtol=rtol, atol=0)
     if name not in UNDAMPED_OR_FREE:  # omega^2 and 2 zeta omega are product and sum of a pair
         size = np.sqrt(np.abs(modes.pairs).prod(axis=1))
         assert_allclose(modes.frequencies, size / (2 * np.pi), rtol=1e-12)
@@ -60,8 +60,8 @@ def test_mode_shapes(case):
         terms = [pair[0] ** 2 * m @ phi, pair[0] * c @ phi, k @ phi]
         assert np.abs(sum(terms)).max() <= 1e-8 * max(np.abs(k).max(), 1.0) * np.abs(phi).max()
     size = [np.abs(system.displacements(shapes[:, 0].real)[body]).max() for body in modes.body_shapes]
-    found = [np.abs(shape[:, 0].real).max() for shape in modes.body_shapes.values()]
-    assert_allclose(found, size, rtol=1e-12, atol=1e-15)
+    result = [np.abs(shape[:, 0].real).max() for shape in modes.body_shapes.values()]
+    assert_allclose(result, size, rtol=1e-12, atol=1e-15)
     left = np.linalg.matrix_rank(shapes[:, : modes.rigid].real, tol=1e-9) if modes.rigid else 0
     assert left == modes.rigid
     assert not np.abs(k @ shapes[:, : modes.rigid]).max(initial=0.0) > 1e-9 * np.abs(k).max()
@@ -92,8 +92,8 @@ def test_state_space(case, realization):
     _, p, system = case
     ss = system.state_space(realization)
     assert len(ss.A) == len(by_hand(p)[0])
-    found = [ss.C @ np.linalg.solve(1j * w * np.eye(len(ss.A)) - ss.A, ss.B) + ss.D for w in OMEGA]
-    assert_allclose(np.stack(found, axis=-1), frequency_response(p, OMEGA), rtol=1e-8, atol=1e-13)
+    result = [ss.C @ np.linalg.solve(1j * w * np.eye(len(ss.A)) - ss.A, ss.B) + ss.D for w in OMEGA]
+    assert_allclose(np.stack(result, axis=-1), frequency_response(p, OMEGA), rtol=1e-8, atol=1e-13)
 
 
 @pytest.mark.parametrize("hold", ["first", "zero"])
@@ -103,16 +103,16 @@ def test_moving_starts(case, hold, t):
     u = np.random.default_rng(1).normal(size=(2, len(t)))
     initial, states = moving(p, system)
     expected = time_response(p, t, u, hold, states)
-    found = system.time_response(t, u, hold=hold, initial=initial)
-    assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max(axis=1).min())
+    result = system.time_response(t, u, hold=hold, initial=initial)
+    assert_allclose(result, expected, rtol=0, atol=1e-9 * np.abs(expected).max(axis=1).min())
     for k in range(2):  # positions and velocities count, each by itself
         only = [part * (i == k) for i, part in enumerate(initial)]
         state = [np.array(part) * (i == k) for i, part in enumerate(states[:2])]
         if len(states) > 2:
             state.append(p["mx.stiffness"] * (only[0][2] - only[0][0] + only[0][3:]))
         expected = time_response(p, t, 0 * u, hold, state)
-        found = system.time_response(t, 0 * u, hold=hold, initial=only)
-        assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max(axis=1).min())
+        result = system.time_response(t, 0 * u, hold=hold, initial=only)
+        assert_allclose(result, expected, rtol=0, atol=1e-9 * np.abs(expected).max(axis=1).min())
 
 
 @pytest.mark.parametrize("name", [name for name in CLASSES if name not in UNDAMPED_OR_FREE])
@@ -123,8 +123,8 @@ def test_norms(name):
     a, b, c, _ = by_hand(p)
     gramian = solve_continuous_lyapunov(a, -b @ b.T)
     for k, output in enumerate(("displacement", "velocity")):
-        found = system.h2_norm(outputs=output).value
-        assert found == pytest.approx(np.sqrt(c[k] @ gramian @ c[k]), rel=1e-8)
+        result = system.h2_norm(outputs=output).value
+        assert result == pytest.approx(np.sqrt(c[k] @ gramian @ c[k]), rel=1e-8)
         peak = system.hinf_norm(outputs=output)
         scan = np.geomspace(0.01, 1e3, 4001)
         scan = np.concatenate((scan, peak.omega * (1 + 1e-4 * np.arange(-3, 4))))

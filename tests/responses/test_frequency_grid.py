@@ -40,13 +40,13 @@ def test_no_peak_and_no_dip_is_missed(ratio, seed):
     system = lightly_damped(ratio, seed=seed)
     grid = hertz(system)
     magnitude = np.abs(system.frequency_response(2 * np.pi * grid))
-    found = 0
+    result = 0
     for o in range(3):
         for i in range(2):
             for sign in (1, -1):
                 value = sign * np.log(magnitude[o, i])
                 tops = np.nonzero((value[1:-1] >= value[:-2]) & (value[1:-1] >= value[2:]))[0] + 1
-                found += len(tops)
+                result += len(tops)
                 for k in tops:
                     def height(x, k=k, o=o, i=i, sign=sign):
                         f = grid[k] + x * (grid[k + 1] - grid[k - 1])
@@ -54,7 +54,7 @@ def test_no_peak_and_no_dip_is_missed(ratio, seed):
 
                     best = minimize_scalar(height, bounds=(-1, 1), method="bounded", options={"xatol": 1e-3})
                     assert -best.fun - value[k] < 0.01
-    assert found > (60 if ratio < 1e-3 else 15)
+    assert result > (60 if ratio < 1e-3 else 15)
 
 
 @pytest.mark.parametrize("ratio", [1e-6, 1e-3, 0.3])
@@ -113,8 +113,8 @@ def test_a_pole_at_the_end_of_the_range_is_left_out():
 
 def test_a_choice_of_names_saves_points():
     system = lightly_damped(1e-4)
-    one, more = hertz(system, "f0", "y0"), hertz(system)
-    assert len(one) < len(more)
+    single, more = hertz(system, "f0", "y0"), hertz(system)
+    assert len(single) < len(more)
     with pytest.raises(mv.ResponseError, match="no such output"):
         hertz(system, outputs="y9")
 

@@ -51,9 +51,9 @@ def test_ten_kilometres_away(model):
 def test_static_compliance(model):
     system, reference = linearized(model), Exact(model)
     if system.dof:
-        found = system.frequency_response([0.0])[:, :, 0]
-        assert not found.imag.any()
-        assert_same_response(found[:, :, None].real, reference.static()[:, :, None], rtol=1e-10)
+        result = system.frequency_response([0.0])[:, :, 0]
+        assert not result.imag.any()
+        assert_same_response(result[:, :, None].real, reference.static()[:, :, None], rtol=1e-10)
 
 
 def test_static_compliance_alone_where_modes_coincide():
@@ -81,8 +81,8 @@ def test_resonances_keep_ten_digits(ratio, detune):
     w = omega0 * (1 + detune)
     c, s = model.springs["s"].damping, mp.mpc(0, w)
     exact = 1 / (m * s * s + mp.mpf(c) * s + mp.mpf(model.springs["s"].stiffness))
-    found = model.linearize().frequency_response([w])[:, 0, 0]
-    for value, factor in zip(found, (1, s, s * s), strict=True):
+    result = model.linearize().frequency_response([w])[:, 0, 0]
+    for value, factor in zip(result, (1, s, s * s), strict=True):
         expected = complex(exact * factor)
         # the data of the spring are rounded, and so is w: what this makes of a peak is no error of the method
         assert abs(value - expected) <= 1e-10 * abs(expected) + 4e-16 / ratio * abs(expected) * (detune == 0)
@@ -95,8 +95,8 @@ def test_many_frequencies_at_once(model):
     system, reference = linearized(model), Exact(model)
     few = frequencies(reference)
     omega = np.sort(np.concatenate((few, np.geomspace(few[0] / 7, few[-1] * 9, 700))))
-    found = system.frequency_response(omega)[:, :, np.searchsorted(omega, few)]
-    assert_same_response(found, reference.frequency_response(few))
+    result = system.frequency_response(omega)[:, :, np.searchsorted(omega, few)]
+    assert_same_response(result, reference.frequency_response(few))
 
 
 @examples(15, slow=40)
@@ -105,8 +105,8 @@ def test_far_above_the_modes(model, decades):
     """Isolation is what remains high above the modes: it must not drown in terms that cancel."""
     system, reference = linearized(model), Exact(model)
     omega = frequencies(reference)[-1:] * 10.0**decades
-    found, expected = system.frequency_response(omega), reference.frequency_response(omega)
-    assert_same_response(found, expected)
+    result, expected = system.frequency_response(omega), reference.frequency_response(omega)
+    assert_same_response(result, expected)
 
 
 @pytest.mark.parametrize("damping", [0.0, 6.0])
@@ -120,8 +120,8 @@ def test_isolation_to_fourteen_orders(damping):
     model.add_output("felt", "b", "z", quantity="acceleration")
     w = 10 * np.logspace(-7, 7, 29) * 1.01
     z = 300.0 + 1j * w * damping
-    found = model.linearize().frequency_response(w)[0, 0]
-    assert_allclose(found, z / (z - 3 * w**2), rtol=1e-10)
+    result = model.linearize().frequency_response(w)[0, 0]
+    assert_allclose(result, z / (z - 3 * w**2), rtol=1e-10)
 
 
 def test_transmissibility_crosses_one_at_root_two():
@@ -133,10 +133,10 @@ def test_transmissibility_crosses_one_at_root_two():
     model.add_base_motion("base", "z")
     model.add_output("felt", "b", "z", quantity="acceleration")
     r = np.array([1e-9, 0.5, 1.0, np.sqrt(2), 5.0, 1e3])
-    found = model.linearize().frequency_response(omega0 * r)[0, 0]
+    result = model.linearize().frequency_response(omega0 * r)[0, 0]
     expected = (1 + 2j * zeta * r) / (1 - r**2 + 2j * zeta * r)
-    assert_allclose(found, expected, rtol=1e-11)
-    assert abs(found[3]) == pytest.approx(1, rel=1e-13)
+    assert_allclose(result, expected, rtol=1e-11)
+    assert abs(result[3]) == pytest.approx(1, rel=1e-13)
 
 
 def test_two_mass_base_transmissibility():
@@ -157,9 +157,9 @@ def test_two_mass_base_transmissibility():
     z1, z2 = k1 + c1 * s, k2 + c2 * s
     down = (m1 * s**2 + z1 + z2) * (m2 * s**2 + z2) - z2**2
     high, low = z1 * z2 / down, z1 * (m2 * s**2 + z2) / down
-    found = model.linearize().frequency_response(w)
-    assert_allclose(found[0, 0], high, rtol=1e-12)
-    assert_allclose(found[1, 0], high - low, rtol=1e-11)
+    result = model.linearize().frequency_response(w)
+    assert_allclose(result[0, 0], high, rtol=1e-12)
+    assert_allclose(result[1, 0], high - low, rtol=1e-11)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -172,13 +172,13 @@ def test_stiffness_over_many_decades(seed):
     system, reference = model.linearize(), Exact(model)
     omega = np.sqrt(reference.squares)
     omega = np.concatenate((0.9 * omega, omega))
-    found, expected = (np.diagonal(g) for g in (system.frequency_response(omega), reference.frequency_response(omega)))
-    assert_allclose(found, expected, rtol=1e-9)
+    result, expected = (np.diagonal(g) for g in (system.frequency_response(omega), reference.frequency_response(omega)))
+    assert_allclose(result, expected, rtol=1e-9)
 
 
 def test_a_free_body_answers_above_zero():
-    found = oscillator(m=2.0).linearize().frequency_response([1.0, 10.0])[:, 0]
-    assert_allclose(found, [[-0.5, -0.005], [-0.5j, -0.05j], [0.5, 0.5]], rtol=1e-15)
+    result = oscillator(m=2.0).linearize().frequency_response([1.0, 10.0])[:, 0]
+    assert_allclose(result, [[-0.5, -0.005], [-0.5j, -0.05j], [0.5, 0.5]], rtol=1e-15)
 
 
 @pytest.mark.parametrize(("model", "omega", "what"), [
@@ -212,9 +212,9 @@ def test_bad_frequencies_are_refused(omega):
 
 @pytest.mark.parametrize("omega", [[3.0, 4.0], (3.0, 4.0), np.array([3.0, 4.0]), np.array([3, 4]), range(3, 5)])
 def test_lists_tuples_and_arrays(omega):
-    found = oscillator(k=2.0).linearize().frequency_response(omega)
-    assert (found.shape, found.dtype) == ((3, 1, 2), complex)
-    assert_allclose(found[0, 0], [1 / (2 - 2 * 9), 1 / (2 - 2 * 16)], rtol=1e-14)
+    result = oscillator(k=2.0).linearize().frequency_response(omega)
+    assert (result.shape, result.dtype) == ((3, 1, 2), complex)
+    assert_allclose(result[0, 0], [1 / (2 - 2 * 9), 1 / (2 - 2 * 16)], rtol=1e-14)
 
 
 def test_no_frequency_and_no_port():
@@ -238,10 +238,10 @@ def test_negative_frequencies_are_conjugate(model):
 def test_one_frequency_at_a_time_is_the_same(model):
     system = linearized(model)
     w = np.geomspace(0.1, 1000, 300)
-    whole = system.frequency_response(w)
+    full = system.frequency_response(w)
     for k in (0, 150, 299):
-        one = system.frequency_response(w[k : k + 1])
-        assert_allclose(one[:, :, 0], whole[:, :, k], rtol=1e-10, atol=1e-13 * np.abs(whole[:, :, k]).max(initial=0))
+        single = system.frequency_response(w[k : k + 1])
+        assert_allclose(single[:, :, 0], full[:, :, k], rtol=1e-10, atol=1e-13 * np.abs(full[:, :, k]).max(initial=0))
 
 
 @examples(20, slow=20)
@@ -253,5 +253,5 @@ def test_reciprocity(model):
         model.add_output(f"r{i}", body, (1.0, 2.0, -1.0))
     system = linearized(model)
     n = len(model.bodies)
-    found = system.frequency_response([5.0])[-n:, -n:, 0]
-    assert_allclose(found, found.T, rtol=0, atol=1e-11 * np.abs(found).max())
+    result = system.frequency_response([5.0])[-n:, -n:, 0]
+    assert_allclose(result, result.T, rtol=0, atol=1e-11 * np.abs(result).max())

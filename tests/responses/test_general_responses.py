@@ -63,10 +63,10 @@ def test_time_response_where_spin_just_stabilises(beyond):
 def test_zeros(family, pairs):
     system = FAMILIES[family](1)
     for output, source in pairs:
-        found = system.transmission_zeros(system.inputs[source], system.outputs[output]).tolist()
+        result = system.transmission_zeros(system.inputs[source], system.outputs[output]).tolist()
         exact = reference.zeros(system, output, source)
-        assert len(found) == len(exact)
-        for zero in found:
+        assert len(result) == len(exact)
+        for zero in result:
             near = exact.pop(min(range(len(exact)), key=lambda i: abs(exact[i] - zero)))
             assert abs(near - zero) <= 1e-9 * max(abs(near), 1e-6)
 
@@ -111,8 +111,8 @@ def test_nearly_defective():
         t = np.linspace(0.0, 20.0, 40)
         u = np.cos(np.arange(80.0)).reshape(2, 40)
         exact = reference.time_response(system, t, u, "first", np.zeros((2, 2)))
-        found = system.time_response(t, u)
-        assert (np.abs(found - exact).max(axis=1) <= 1e-11 * np.abs(exact).max(axis=1)).all()
+        result = system.time_response(t, u)
+        assert (np.abs(result - exact).max(axis=1) <= 1e-11 * np.abs(exact).max(axis=1)).all()
         errors = system.modes().errors
         mean = (k[0] + k[1]) / 2.0
         split = np.sqrt(complex(((k[1] - k[0]) / 2.0) ** 2 - (1.0 + off) ** 2))

@@ -17,9 +17,9 @@ def differences(square, total, h):
     p, tau, h = mp.mpf(square), mp.mpf(total), mp.mpf(h)
     root = mp.sqrt(tau * tau / 4 - p) or mp.mpf("1e-30")
     a, b = (-tau / 2 + root) * h, (-tau / 2 - root) * h
-    one = lambda x: mp.expm1(x) / x if x else mp.mpf(1)  # noqa: E731
-    two = lambda x: (mp.expm1(x) - x) / x**2 if x else mp.mpf(1) / 2  # noqa: E731
-    s, i, j = (h**n * (f(a) - f(b)) / (a - b) for n, f in ((1, mp.exp), (2, one), (3, two)))
+    first = lambda x: mp.expm1(x) / x if x else mp.mpf(1)  # noqa: E731
+    second = lambda x: (mp.expm1(x) - x) / x**2 if x else mp.mpf(1) / 2  # noqa: E731
+    s, i, j = (h**n * (f(a) - f(b)) / (a - b) for n, f in ((1, mp.exp), (2, first), (3, second)))
     c = (a * mp.exp(b) - b * mp.exp(a)) / (a - b)
     rate = (a * mp.exp(a) - b * mp.exp(b)) / (a - b)
     return [float(mp.re(v)) for v in (c, s, i, j, rate)], float(mp.exp(max(mp.re(a), mp.re(b))))
@@ -65,8 +65,8 @@ def test_diverging_modes(total):
     carry, held, ramp = (a[..., 0, :] for a in mode.step(steps))
     for k, h in enumerate(steps):
         (c, s, i, j, rate), _ = differences(-4.0, total, h)
-        found = (carry[0, 0, k], carry[0, 1, k], held[0, k], ramp[0, k] * h)
-        assert_allclose(found, (c, s, i, j), rtol=4e-14)
+        result = (carry[0, 0, k], carry[0, 1, k], held[0, k], ramp[0, k] * h)
+        assert_allclose(result, (c, s, i, j), rtol=4e-14)
         assert_allclose(carry[1, 1, k], rate, rtol=4e-14, atol=1e-14)
 
 
@@ -77,11 +77,11 @@ def test_exponentials():
     for i, value in enumerate(values):
         for k, h in enumerate(steps):
             x = mp.mpmathify(complex(value)) * mp.mpf(h)
-            one = mp.expm1(x) / x if x else mp.mpf(1)
-            two = (one - 1) / x if x else mp.mpf(1) / 2
-            expected = mp.exp(x), h * one, h * two
-            for found, exact in zip((carry[0, 0, i, k], held[0, i, k], ramp[0, i, k]), expected, strict=True):
-                assert abs(found - complex(exact)) <= 4e-15 * max(1.0, abs(x)) * abs(complex(exact)) + 1e-300
+            first = mp.expm1(x) / x if x else mp.mpf(1)
+            second = (first - 1) / x if x else mp.mpf(1) / 2
+            expected = mp.exp(x), h * first, h * second
+            for result, exact in zip((carry[0, 0, i, k], held[0, i, k], ramp[0, i, k]), expected, strict=True):
+                assert abs(result - complex(exact)) <= 4e-15 * max(1.0, abs(x)) * abs(complex(exact)) + 1e-300
 
 
 def test_phi_is_smooth_where_its_two_forms_meet():

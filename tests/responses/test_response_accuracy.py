@@ -54,11 +54,11 @@ def test_digits_far_above_the_modes(classical, free):
     system = sliding_chain(m, k, c, inputs, outputs, free=free).linearize()
     omega = np.geomspace(1e-2 if free else 1e-6, 1e8, 60)
     expected = np.stack([chain_response(m, k, c, 1j * w, inputs, outputs, free=free) for w in omega], axis=-1)
-    found = system.frequency_response(omega)
-    assert_allclose(found[[0, 4], 0], expected[[0, 4], 0], rtol=1e-12)  # where it is pushed
-    assert_allclose(found[[1, 2], 1], expected[[1, 2], 1], rtol=1e-12)
+    result = system.frequency_response(omega)
+    assert_allclose(result[[0, 4], 0], expected[[0, 4], 0], rtol=1e-12)  # where it is pushed
+    assert_allclose(result[[1, 2], 1], expected[[1, 2], 1], rtol=1e-12)
     # the neighbour, by the damper between them: inertia alone would give nothing
-    assert_allclose(found[3], expected[3], rtol=1e-10)
+    assert_allclose(result[3], expected[3], rtol=1e-10)
 
 
 @pytest.mark.parametrize("classical", [True, False])
@@ -70,12 +70,12 @@ def test_absolute_acceleration_is_the_response_of_springs_and_dampers_alone(clas
     system = sliding_chain(m, k, c, outputs=outputs, base=True).linearize()
     omega = np.geomspace(1e-3, 1e9, 80)
     expected = np.stack([chain_response(m, k, c, 1j * w, (), outputs, base=True) for w in omega], axis=-1)
-    found = system.frequency_response(omega)
-    assert_allclose(found[0, 0], expected[0, 0], rtol=1e-12)
+    result = system.frequency_response(omega)
+    assert_allclose(result[0, 0], expected[0, 0], rtol=1e-12)
     # the upper mass answers by one power of frequency less: in the sum over modes that is a second cancellation
     near = omega < 1e5
-    assert_allclose(found[1, 0][near], expected[1, 0][near], rtol=1e-9)
-    assert_allclose(found[2, 0], expected[2, 0], rtol=1e-10)
+    assert_allclose(result[1, 0][near], expected[1, 0][near], rtol=1e-9)
+    assert_allclose(result[2, 0], expected[2, 0], rtol=1e-10)
 
 
 def floating(brake, coupled=True):
@@ -100,12 +100,12 @@ def test_rigid_modes_free_or_braked(brake, coupled):
     system, omega = model.linearize(), np.geomspace(1e-9, 1e7, 33)
     assert system.modes().rigid == 1
     expected = Exact(model).frequency_response(omega)
-    found = system.frequency_response(omega)
+    result = system.frequency_response(omega)
     for i in (0, 1):  # where each mass is pushed, and the other one below the modes
         own = slice(3 * i, 3 * i + 3)
-        assert_allclose(found[own, i], expected[own, i], rtol=1e-10)
+        assert_allclose(result[own, i], expected[own, i], rtol=1e-10)
     low = omega < 1.0
-    assert_allclose(found[:, :, low], expected[:, :, low], rtol=1e-10)
+    assert_allclose(result[:, :, low], expected[:, :, low], rtol=1e-10)
 
 
 @pytest.mark.parametrize("stiffness", [1e12, 2e12, 3e12, 5e12, 7e12, 1e13, 3e13, 1e14])
@@ -143,15 +143,15 @@ def test_nearly_dependent_eigenvectors(detune):
     """Whatever road is taken, the answer is right; the sum over modes is left where it is not."""
     model = defective(detune)
     system, omega = model.linearize(), np.array([1.0, 9.0, 9.9, 9.99, 10.0, 10.1, 40.0])
-    found, expected = system.frequency_response(omega), Exact(model).frequency_response(omega)
-    assert (np.abs(found - expected) <= 1e-12 * np.abs(expected).max(axis=(0, 1))).all()
+    result, expected = system.frequency_response(omega), Exact(model).frequency_response(omega)
+    assert (np.abs(result - expected) <= 1e-12 * np.abs(expected).max(axis=(0, 1))).all()
 
 
 def test_the_residual_tells_when_eigenvectors_are_not_trusted():
     modal = [defective(detune).linearize().basis.modal for detune in (1.0, 1e-5)]
     assert conditions(modal[0]).max() < 2 < 300 < conditions(modal[1]).max()
     omega = np.linspace(1, 20, 50)
-    assert [trusted(each, each.shapes.T, omega) for each in modal] == [True, False]
+    assert [trusted(item, item.shapes.T, omega) for item in modal] == [True, False]
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -168,8 +168,8 @@ def test_the_three_roads_agree(seed):
     size = np.abs(direct).max(axis=0)
     assert (np.abs(schur - direct) <= 1e-13 * size).all()
     through = np.einsum("om,min->oin", system.Cq @ modal.shapes, direct)
-    found = system.frequency_response(omega)
-    assert (np.abs(found - through) <= 1e-12 * np.abs(through).max(axis=1, keepdims=True)).all()
+    result = system.frequency_response(omega)
+    assert (np.abs(result - through) <= 1e-12 * np.abs(through).max(axis=1, keepdims=True)).all()
 
 
 def locked_by_dampers(seed):
@@ -207,8 +207,8 @@ def test_a_critically_damped_mode_beside_coupled_ones():
     model.add_input("fl", "lone", "z")
     model.add_output("xl", "lone", "z")
     omega = np.array([0.5, 9.0, 10.0, 11.0, 300.0])
-    found, expected = model.linearize().frequency_response(omega), Exact(model).frequency_response(omega)
-    assert_allclose(found, expected, rtol=1e-11, atol=1e-16)
+    result, expected = model.linearize().frequency_response(omega), Exact(model).frequency_response(omega)
+    assert_allclose(result, expected, rtol=1e-11, atol=1e-16)
 
 
 def three_masses(c, free=False):
@@ -222,7 +222,7 @@ def three_masses(c, free=False):
 @pytest.mark.parametrize("hold", ["zero", "first"])
 def test_records_longer_than_a_chunk(c, hold, free, monkeypatch):
     """Even steps in segments side by side, uneven ones one by one, and the exponential of the whole state: the same."""
-    monkeypatch.setattr("mbsvib.responses.time_response.CHUNK", CHUNK)
+    monkeypatch.setattr("mbsvib.responses.time_steps.CHUNK", CHUNK)
     system = three_masses(c, free).linearize()
     rng = np.random.default_rng(0)
     n = 2 * CHUNK + 77
@@ -234,8 +234,8 @@ def test_records_longer_than_a_chunk(c, hold, free, monkeypatch):
     modal = system.basis.modal
     if modal.vectors is not None:
         start = modal.shapes.T @ system.M @ initial.T
-        whole = _by_exponential(system, modal, (t, u, start, hold == "first"))
-        assert_allclose(even, whole, rtol=0, atol=2e-12 * np.abs(even).max())
+        full = _by_exponential(system, modal, (t, u, start, hold == "first"))
+        assert_allclose(even, full, rtol=0, atol=2e-12 * np.abs(even).max())
     assert_allclose(even, uneven, rtol=0, atol=2e-12 * np.abs(even).max())
 
 
@@ -254,9 +254,9 @@ def test_two_hundred_coupled_modes_in_time():
     system = sliding_chain(*data, (0, 100), [("displacement", 199), ("acceleration", 0)]).linearize()
     t = np.linspace(0, 4, 201)
     u = np.random.default_rng(1).normal(size=(2, 201))
-    whole = _by_exponential(system, system.basis.modal, (t, u, np.zeros((200, 2)), True))
-    found = system.time_response(t, u)
-    assert (np.abs(found - whole) <= 1e-11 * np.abs(whole).max(axis=1, keepdims=True)).all()
+    full = _by_exponential(system, system.basis.modal, (t, u, np.zeros((200, 2)), True))
+    result = system.time_response(t, u)
+    assert (np.abs(result - full) <= 1e-11 * np.abs(full).max(axis=1, keepdims=True)).all()
 
 
 @pytest.mark.parametrize("displaced", [0.0, 1.0])

@@ -34,8 +34,8 @@ def response(ss, omega):
 def test_frequency_response(realization, model):
     system, reference = linearized(model), Exact(model)
     omega = frequencies(reference)
-    found = response(system.state_space(realization), omega)
-    assert_same_response(found, reference.frequency_response(omega), rtol=1e-7)
+    result = response(system.state_space(realization), omega)
+    assert_same_response(result, reference.frequency_response(omega), rtol=1e-7)
 
 
 @examples(15, slow=25)
@@ -50,8 +50,8 @@ def test_poles(realization, model):
     size = np.abs(modes.eigenvalues).max()
     flexible = np.abs(modes.eigenvalues) > 1e-6 * size
     assume(flexible.any())
-    kept = values[np.argsort(-np.abs(values))][: np.count_nonzero(flexible)]
-    assert_same_eigenvalues(kept, modes.eigenvalues[flexible], rtol=1e-5)
+    retained = values[np.argsort(-np.abs(values))][: np.count_nonzero(flexible)]
+    assert_same_eigenvalues(retained, modes.eigenvalues[flexible], rtol=1e-5)
 
 
 @examples(15, slow=25)
@@ -79,12 +79,12 @@ def test_modal_states_are_blocks_of_one_mode_each(model):
     assert (ss.A[blocks == 0] == 0).all()
     assert len(ss.states) == 2 * system.dof == len(set(ss.states))
     for k in range(system.dof):
-        one, two = modes.eigenvalues[2 * k : 2 * k + 2]
+        first, second = modes.eigenvalues[2 * k : 2 * k + 2]
         block = ss.A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
         assert block[0, 0] == 0
         assert block[0, 1] == 1
-        assert block[1, 0] == pytest.approx(-(one * two).real, rel=1e-9, abs=0)
-        assert block[1, 1] == pytest.approx((one + two).real, rel=1e-9, abs=1e-12 * abs(two))
+        assert block[1, 0] == pytest.approx(-(first * second).real, rel=1e-9, abs=0)
+        assert block[1, 1] == pytest.approx((first + second).real, rel=1e-9, abs=1e-12 * abs(second))
 
 
 @examples(15, slow=25)
@@ -94,13 +94,13 @@ def test_modal_states_lead_back_to_coordinates(model):
     system = linearized(model)
     physical, modal = system.state_space(), system.state_space("modal")
     t = modal.transform
-    for found, expected, size in (
+    for result, expected, size in (
         (t @ modal.A, physical.A @ t, abs(physical.A).max(initial=0) * abs(t).max(initial=0)),
         (t @ modal.B, physical.B, abs(physical.B).max(initial=0)),
         (modal.C, physical.C @ t, abs(physical.C).max(initial=0) * abs(t).max(initial=0)),
         (modal.D, physical.D, abs(physical.D).max(initial=0)),
     ):
-        assert_allclose(found, expected, rtol=0, atol=1e-9 * size)
+        assert_allclose(result, expected, rtol=0, atol=1e-9 * size)
 
 
 @BOTH
@@ -166,12 +166,13 @@ def test_an_acceleration_has_a_direct_term():
 def line(springs):
     """Sliders of 1 kg along x and what acts between them: (first, second, k, c)."""
     model = mv.Model("line")
-    place = {"ground": 0.0, "a": 1.0, "b": 2.0}
+    positions = {"ground": 0.0, "a": 1.0, "b": 2.0}
     for name in sorted({part for pair in springs for part in pair[:2]} - {"ground"}):
-        model.add_body(name, 1.0, (1.0, 1.0, 1.0), (place[name], 0, 0))
+        model.add_body(name, 1.0, (1.0, 1.0, 1.0), (positions[name], 0, 0))
         model.add_joint(f"{name}.j", "prismatic", "ground", name, axis=(1, 0, 0))
     for i, (first, second, k, c) in enumerate(springs):
-        model.add_spring(f"s{i}", first, second, (place[first], 0, 0), (place[second], 0, 0), stiffness=k, damping=c)
+        ends = [(positions[name], 0, 0) for name in (first, second)]
+        model.add_spring(f"s{i}", first, second, *ends, stiffness=k, damping=c)
     model.add_input("F", "a", "x")
     model.add_output("x", "a", "x")
     return model

@@ -25,14 +25,14 @@ SMALL = st.one_of(
 def exact_time_response(reference, t, u, hold="first", initial=None, names=None):
     """Step by step with matrix exponentials in 50 digits."""
     m, n = reference.dof, len(u)
-    zero, one = mp.zeros(m, m).tolist(), mp.eye(m).tolist()
+    zero, single = mp.zeros(m, m).tolist(), mp.eye(m).tolist()
     right = solve(reference.M, [[*(-v for v in k), *(-v for v in c), *b] for k, c, b in
                                 zip(reference.K, reference.C, reference.B, strict=True)])  # fmt: skip
     state = [mp.mpf(0)] * (2 * m)
     if initial is not None:
         change = reference.change(names)
         state = [row[0] for part in initial for row in product(change, [[mp.mpf(float(v))] for v in part])]
-    top = [[*zero[i], *one[i], *[mp.mpf(0)] * (2 * n)] for i in range(m)]
+    top = [[*zero[i], *single[i], *[mp.mpf(0)] * (2 * n)] for i in range(m)]
     middle = [[*row, *[mp.mpf(0)] * n] for row in right]
     ramp = [[mp.mpf(j == 2 * m + n + i) for j in range(2 * m + 2 * n)] for i in range(n)]
     generator = mp.matrix(top + middle + ramp + mp.zeros(n, 2 * m + 2 * n).tolist())
@@ -42,8 +42,8 @@ def exact_time_response(reference, t, u, hold="first", initial=None, names=None)
             h = mp.mpf(float(time)) - mp.mpf(float(t[k - 1]))
             slope = [(mp.mpf(float(b)) - mp.mpf(float(a))) / h if hold == "first" else mp.mpf(0)
                      for a, b in zip(u[:, k - 1], u[:, k], strict=True)]  # fmt: skip
-            whole = mp.matrix([*state, *map(mp.mpf, map(float, u[:, k - 1])), *slope])
-            state = list(fast_digits.exponential(generator * h) * whole)[: 2 * m]
+            full = mp.matrix([*state, *map(mp.mpf, map(float, u[:, k - 1])), *slope])
+            state = list(fast_digits.exponential(generator * h) * full)[: 2 * m]
         now = [mp.mpf(float(v)) for v in u[:, k]]
         rate = product(right, [[v] for v in (*state, *now)]) if m else []
         columns = [[[v] for v in state[:m]], [[v] for v in state[m:]], rate, [[v] for v in now]]
@@ -53,9 +53,9 @@ def exact_time_response(reference, t, u, hold="first", initial=None, names=None)
     return np.array(result).T
 
 
-def close(found, expected, rtol=1e-10):
+def close(result, expected, rtol=1e-10):
     size = np.abs(expected).max(axis=1, keepdims=True)
-    assert (np.abs(found - expected) <= rtol * np.maximum(size, 1e-4 * size.max(initial=0))).all()
+    assert (np.abs(result - expected) <= rtol * np.maximum(size, 1e-4 * size.max(initial=0))).all()
 
 
 @examples(10, slow=20)
@@ -80,13 +80,13 @@ def spring(ratio, m=2.0, omega=10.0):
 def impulse_integrals(half, square, m, t):
     """Step and ramp response of m (q'' + 2 half q' + square q) = u, by the complex roots in 50 digits."""
     root = mp.sqrt(half**2 - square)
-    one, two = -half + root, -half - root
+    first, second = -half + root, -half - root
     if root == 0:
-        step = (1 - mp.exp(one * t) * (1 - one * t)) / square
-        ramp = t / square - (2 * half / square) / square + mp.exp(one * t) * (t + 2 / half) / square
+        step = (1 - mp.exp(first * t) * (1 - first * t)) / square
+        ramp = t / square - (2 * half / square) / square + mp.exp(first * t) * (t + 2 / half) / square
     else:
-        step = (1 - (one * mp.exp(two * t) - two * mp.exp(one * t)) / (one - two)) / square
-        shape = (one**2 * mp.exp(two * t) - two**2 * mp.exp(one * t)) / (one - two)
+        step = (1 - (first * mp.exp(second * t) - second * mp.exp(first * t)) / (first - second)) / square
+        shape = (first**2 * mp.exp(second * t) - second**2 * mp.exp(first * t)) / (first - second)
         ramp = (t - 2 * half / square - shape / square) / square
     return float((step / m).real), float((ramp / m).real)
 
@@ -180,9 +180,9 @@ def test_superposition_and_shift_of_time(model, seed):
     rng = np.random.default_rng(seed)
     t = np.linspace(0, 1, 9)
     u = rng.normal(size=(2, len(system.inputs), 9))
-    one, two = (system.time_response(t, part) for part in u)
-    close(system.time_response(t, 2 * u[0] - 3 * u[1]), 2 * one - 3 * two, rtol=1e-11)
-    close(system.time_response(t + 8.0, u[0]), one, rtol=1e-10)
+    first, second = (system.time_response(t, part) for part in u)
+    close(system.time_response(t, 2 * u[0] - 3 * u[1]), 2 * first - 3 * second, rtol=1e-11)
+    close(system.time_response(t + 8.0, u[0]), first, rtol=1e-10)
 
 
 @pytest.mark.parametrize("start", [0.0, 1e3, 1e5])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.linalg.double_double import Sliced, Twofold, two_sum
+from mbsvib.linalg.double_double import DoubleDouble, Sliced, two_sum
 from mbsvib.responses import frequency_response as module
 from mbsvib.responses import tiny_outputs
 from tests.stress import reference
@@ -38,14 +38,14 @@ def compared(model):
     return system, omega, system.frequency_response(omega), expected
 
 
-def wrong(system, omega, found, expected):
+def wrong(system, omega, result, expected):
     """Largest relative error of what is no sum that cancels to less than 1e-7 of its terms, and no zero."""
     modal = system.basis.modal
     forward = tiny_outputs._forward(
         system, modal, omega, lambda w: module._solver(system.basis, modal, w, modal.vectors is None)
     )
     clear = np.abs(expected) > np.maximum(1e-7 * forward.size, 1e4 * forward.floor + 1e-60)
-    return float((np.abs(found - expected)[clear] / np.abs(expected)[clear]).max())
+    return float((np.abs(result - expected)[clear] / np.abs(expected)[clear]).max())
 
 
 @pytest.mark.parametrize("damping", [None, (1e-3, 1e-1), (1e-1, 1e3), (1e-3, 1e6)])
@@ -56,9 +56,9 @@ def test_any_damping_over_twelve_decades(seed, damping):
 
 def test_strong_dampers_need_it(monkeypatch):
     model = scene(409, (1e-3, 1e6), 6.0, 3.0)
-    system, omega, found, expected = compared(model)
-    assert wrong(system, omega, found, expected) <= 1e-10
-    monkeypatch.setattr(module, "recomputed", lambda system, modal, w, found, solver: found[0])
+    system, omega, result, expected = compared(model)
+    assert wrong(system, omega, result, expected) <= 1e-10
+    monkeypatch.setattr(module, "recomputed", lambda system, modal, w, result, solver: result[0])
     assert wrong(system, omega, system.frequency_response(omega), expected) > 0.1
 
 
@@ -70,9 +70,9 @@ def test_scenes_without_such_outputs_are_left_alone(name, monkeypatch):
     natural = system.modes().natural
     omega = np.geomspace(natural[0] / 10, 3 * natural[-1], 50)
     monkeypatch.setattr(tiny_outputs, "refined", None)
-    found = system.frequency_response(omega)
-    monkeypatch.setattr(module, "recomputed", lambda system, modal, w, found, solver: found[0])
-    np.testing.assert_array_equal(found, system.frequency_response(omega))
+    result = system.frequency_response(omega)
+    monkeypatch.setattr(module, "recomputed", lambda system, modal, w, result, solver: result[0])
+    np.testing.assert_array_equal(result, system.frequency_response(omega))
 
 
 def test_corrections_that_do_not_settle_are_warned_of(monkeypatch):
@@ -101,17 +101,18 @@ def test_static_responses_are_real():
 @pytest.mark.parametrize("stiffness", [0.0, 5.0])
 def test_many_rows_of_inertia_for_one_coordinate(stiffness):
     """As many bodies without a spring, or with one, have them: (k - 14 w^2) q = 1."""
-    given, one = np.array([stiffness]), np.ones((1, 1))
+    given, unit = np.array([stiffness]), np.ones((1, 1))
     inertia = np.array([[1.0], [2.0], [3.0]])
-    system = SimpleNamespace(stiffness=given, damping=0.0 * given, elastic_rows=one, inertia_factor=inertia)
-    w, load, outputs = np.array([0.5, 2.0]), np.ones((1, 1, 2), dtype=complex), ([(0, one)], 0.0 * one)
+    system = SimpleNamespace(stiffness=given, damping=0.0 * given, elastic_rows=unit, inertia_factor=inertia)
+    w, load, outputs = np.array([0.5, 2.0]), np.ones((1, 1, 2), dtype=complex), ([(0, unit)], 0.0 * unit)
     exact = stiffness - 14.0 * w * w
     # six digits of a solution are enough to start with
     rough = 14.0 * (1.0 + 1e-6) / exact
     shapes = np.array([[1.0 / np.sqrt(14.0)]])
-    found = tiny_outputs.refined(tiny_outputs.Factors.of(system, w), shapes, load, outputs, lambda right: right * rough)
-    np.testing.assert_allclose(found.value[0, 0], 1.0 / exact, rtol=4 * EPS)
-    assert found.relative_motion.shape == (4 if stiffness else 3, 1, 2)
+    factors = tiny_outputs.Factors.of(system, w)
+    result = tiny_outputs.refined(factors, shapes, load, outputs, lambda right: right * rough)
+    np.testing.assert_allclose(result.value[0, 0], 1.0 / exact, rtol=4 * EPS)
+    assert result.relative_motion.shape == (4 if stiffness else 3, 1, 2)
 
 
 def test_products_to_twice_the_digits():
@@ -119,10 +120,10 @@ def test_products_to_twice_the_digits():
     a = rng.normal(size=(4, 9)) * 10.0 ** rng.uniform(-9, 9, (4, 1))
     high = rng.normal(size=(9, 3)) * 10.0 ** rng.uniform(-6, 6, (9, 3))
     high, low = two_sum(high, EPS * high * rng.uniform(-0.3, 0.3, high.shape))
-    found = Sliced.of(a).product(Twofold(high, low))
+    result = Sliced.of(a).product(DoubleDouble(high, low))
     for i in range(4):
         for j in range(3):
             terms = [Fraction(a[i, k]) * (Fraction(high[k, j]) + Fraction(low[k, j])) for k in range(9)]
-            error = Fraction(found.high[i, j]) + Fraction(found.low[i, j]) - sum(terms)
+            error = Fraction(result.high[i, j]) + Fraction(result.low[i, j]) - sum(terms)
             largest = Fraction(np.abs(a[i]).max()) * Fraction(np.abs(high[:, j]).max())
             assert abs(error) <= largest * Fraction(2) ** -94

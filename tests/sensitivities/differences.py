@@ -30,7 +30,7 @@ def difference(model, system, name, of):
 
     points = [at(k * h) for k in (1, -1, 2, -2)]
     if isinstance(points[0], list):
-        return [extrapolated(*each) for each in zip(*points, strict=True)]
+        return [extrapolated(*item) for item in zip(*points, strict=True)]
     return extrapolated(*points)
 
 
@@ -38,10 +38,10 @@ def eigenvalues(system):
     return system.modes().eigenvalues
 
 
-def assert_derivative(found, expected, values, step, rtol=1e-6):
+def assert_derivative(result, expected, values, step, rtol=1e-6):
     """Differences are blind to what rounding of the values, divided by the step, hides."""
     limit = rtol * np.abs(expected) + 3e-12 * np.abs(values).max() / step
-    assert (np.abs(found - expected) <= limit).all(), np.c_[found, expected][np.abs(found - expected) > limit]
+    assert (np.abs(result - expected) <= limit).all(), np.c_[result, expected][np.abs(result - expected) > limit]
 
 
 def of_variants(system, name):
@@ -56,7 +56,7 @@ def assert_as_variants(matrices, k, system, expected, value, rtol, noise, *, los
     """
     scale, name = max(abs(value), 1.0), matrices.variables[k]
     for key in MATRICES:
-        found, at = getattr(matrices, key)[k], expected[key]
-        assert np.isnan(found).all() == np.isnan(at).all(), (name, key)
+        result, at = getattr(matrices, key)[k], expected[key]
+        assert np.isnan(result).all() == np.isnan(at).all(), (name, key)
         limit = rtol * np.abs(at).max(initial=0.0) + noise * np.abs(getattr(system, key)).max(initial=0.0) / scale
-        assert (lost and np.isnan(at).any()) or np.abs(found - at).max(initial=0.0) <= limit, (name, key)
+        assert (lost and np.isnan(at).any()) or np.abs(result - at).max(initial=0.0) <= limit, (name, key)

@@ -45,10 +45,10 @@ def test_places_beside_beams_reduced_models_and_rotors(feature):
     fields = (".position.", ".orientation.", ".start.", ".end.", ".speed", ".inertia", "ratio", ".rho")
     names = [next(reversed([name for name in system.parameters if field in name]), None) for field in fields]
     names = [name for name in dict.fromkeys(names) if name]
-    found = system.matrix_derivatives(names)
+    result = system.matrix_derivatives(names)
     for k, name in enumerate(names):
         value = system.parameters[name]
-        assert_as_variants(found, k, system, of_variants(system, name), value, 1e-8, 1e-10)
+        assert_as_variants(result, k, system, of_variants(system, name), value, 1e-8, 1e-10)
 
 
 def test_an_overhung_disk_in_closed_form():
@@ -60,13 +60,13 @@ def test_an_overhung_disk_in_closed_form():
     model.add_bushing("spring", "ground", "disk", (0, 0, 0), (0, 0, 0, k, k, 0))
     model.add_rotor("spin", "disk", speed, (0, 0, 1), inertia=along)
     system = model.linearize()
-    values, found = system.modes().eigenvalues, system.eigenvalue_sensitivities(["spin.speed", "spin.inertia"])
+    values, result = system.modes().eigenvalues, system.eigenvalue_sensitivities(["spin.speed", "spin.inertia"])
     for sign in (1, -1):
         omega = np.roots([moment, -sign * along * speed, -k]).real  # lambda = i omega
         slope = sign * omega / (2.0 * moment * omega - sign * along * speed)
         for w, per_momentum in zip(omega, slope, strict=True):
             at = int(np.argmin(np.abs(values - 1j * w)))
-            assert found[:, at].imag == pytest.approx([along * per_momentum, speed * per_momentum], rel=1e-12)
+            assert result[:, at].imag == pytest.approx([along * per_momentum, speed * per_momentum], rel=1e-12)
 
 
 def test_a_beam_that_spins_carries_its_rotor():
@@ -83,9 +83,9 @@ def test_a_beam_that_spins_carries_its_rotor():
     assert not by_differences(system)
     names = ["spin.speed", "disk.position.y", "disk.orientation.rx", "high.end.y", "low.end.x", "high.start.z",
              "low.radius", "high.nu", "low.damping_ratio", "high.alpha"]  # fmt: skip
-    found = system.matrix_derivatives(names)
+    result = system.matrix_derivatives(names)
     for k, name in enumerate(names):
-        assert_as_variants(found, k, system, of_variants(system, name), system.parameters[name], 1e-8, 1e-10)
+        assert_as_variants(result, k, system, of_variants(system, name), system.parameters[name], 1e-8, 1e-10)
 
 
 def test_inerters_torsion_springs_and_strains():
@@ -109,6 +109,6 @@ def test_inerters_torsion_springs_and_strains():
     assert not by_differences(system)
     names = ["inerter.inertance", "inerter.end.y", "torsion.stiffness", "torsion.damping", "beam.radius", "beam.end.z",
              "b.position.y", "slide.orientation.rx"]  # fmt: skip
-    found = system.matrix_derivatives(names)
+    result = system.matrix_derivatives(names)
     for k, name in enumerate(names):
-        assert_as_variants(found, k, system, of_variants(system, name), system.parameters[name], 1e-8, 1e-10)
+        assert_as_variants(result, k, system, of_variants(system, name), system.parameters[name], 1e-8, 1e-10)

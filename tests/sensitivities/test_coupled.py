@@ -48,8 +48,8 @@ def test_differences_of_random_mechanisms_with_couplers(seed, under_load):
             expected = of_variants(system, name)
         except mv.ModelError:
             continue
-        found = system.matrix_derivatives(name)
-        assert_as_variants(found, 0, system, expected, system.parameters[name], 1e-7, 1e-9, lost=False)
+        result = system.matrix_derivatives(name)
+        assert_as_variants(result, 0, system, expected, system.parameters[name], 1e-7, 1e-9, lost=False)
 
 
 def test_gear_under_gravity_in_closed_form(monkeypatch):
@@ -70,8 +70,8 @@ def test_gear_under_gravity_in_closed_form(monkeypatch):
               "arm.mass": (9.81 * r - square * r * r) / inertia,
               "arm.position.z": -(m * 9.81 - square * 2 * m * r) / inertia,
               "spiral.stiffness.ry": n * n / inertia, "gravity.z": -m * r / inertia}  # fmt: skip
-    found = 2 * np.sqrt(square) * system.eigenvalue_sensitivities(list(slopes))[:, 0].imag
-    assert found == pytest.approx(list(slopes.values()), rel=1e-13)
+    result = 2 * np.sqrt(square) * system.eigenvalue_sensitivities(list(slopes))[:, 0].imag
+    assert result == pytest.approx(list(slopes.values()), rel=1e-13)
 
 
 def test_a_coupler_of_what_other_joints_hold_still():

@@ -32,16 +32,16 @@ def case(request):
     return p, system, names, 3e-4 if request.param == "strong damper" else 1e-6
 
 
-def assert_close(found, expected, rtol):
+def assert_close(result, expected, rtol):
     size = np.abs(expected).max(axis=-1, keepdims=True)
-    assert (np.abs(found - expected) <= rtol * size + 1e-9 * size.max()).all()
+    assert (np.abs(result - expected) <= rtol * size + 1e-9 * size.max()).all()
 
 
 def test_frequency_responses(case):
     p, system, names, rtol = case
-    found = system.frequency_response_sensitivities(OMEGA, names)
+    result = system.frequency_response_sensitivities(OMEGA, names)
     for k, name in enumerate(names):
-        assert_close(found[k], slope(lambda q: frequency_response(q, OMEGA), p, name), rtol)
+        assert_close(result[k], slope(lambda q: frequency_response(q, OMEGA), p, name), rtol)
 
 
 def test_time_responses_from_moving_starts(case):
@@ -50,7 +50,7 @@ def test_time_responses_from_moving_starts(case):
     u = rng.normal(size=(2, len(T)))
     q, rate = rng.normal(size=(2, system.dof))
     for hold in ("first", "zero"):
-        found = system.time_response_sensitivities(T, u, names, hold, (q, rate))
+        result = system.time_response_sensitivities(T, u, names, hold, (q, rate))
 
         def answer(p, hold=hold):
             state = [q, rate]
@@ -59,7 +59,7 @@ def test_time_responses_from_moving_starts(case):
             return time_response(p, T, u, hold, state)
 
         for k, name in enumerate(names):
-            assert_close(found[k], slope(answer, p, name), rtol)
+            assert_close(result[k], slope(answer, p, name), rtol)
 
 
 @pytest.mark.parametrize("name", APART)
@@ -68,12 +68,12 @@ def test_eigenvalues(name):
     system = model(p).linearize()
     names = [name for name in p if name in system.parameters]
     values = system.modes().eigenvalues
-    found = system.eigenvalue_sensitivities(names)
+    result = system.eigenvalue_sensitivities(names)
     for k, name in enumerate(names):
         expected = slope(lambda p: nearest_pairs(np.linalg.eigvals(by_hand(p)[0]), values)[0], p, name)
         order = [int(np.flatnonzero(values == v)[0]) for v in nearest_pairs(values, values)[0]]
         size = np.abs(expected).max()
-        assert (np.abs(found[k, order] - expected) <= 1e-6 * np.abs(expected) + 1e-6 * size).all()
+        assert (np.abs(result[k, order] - expected) <= 1e-6 * np.abs(expected) + 1e-6 * size).all()
 
 
 @pytest.mark.parametrize("name", [name for name in CLASSES if name not in UNDAMPED_OR_FREE])
@@ -122,10 +122,10 @@ def test_eigenvalues_of_two_equal_mechanisms(name):
     for parameter in ("wheel.inertia.xx", "k.stiffness.ry", "spin.speed") if "spin.speed" in p else (
         "b1.mass", "s1.damping", "s2.stiffness"):  # fmt: skip
         part, _, field = parameter.partition(".")
-        found = system.eigenvalue_sensitivities(f"{part}2.{field}")[0]
+        result = system.eigenvalue_sensitivities(f"{part}2.{field}")[0]
         expected = single.eigenvalue_sensitivities(parameter)[0]
         for value, slope_there in zip(own, expected, strict=True):
-            pair = sorted(found[np.abs(values - value) <= 1e-9 * np.abs(value)], key=abs)
+            pair = sorted(result[np.abs(values - value) <= 1e-9 * np.abs(value)], key=abs)
             assert len(pair) == 2
             size = np.abs(expected).max()
             assert abs(pair[0]) <= 1e-8 * size

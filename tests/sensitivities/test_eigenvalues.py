@@ -21,18 +21,18 @@ def oscillator(mass=2.0, stiffness=800.0, damping=3.0):
 def test_oscillator_in_closed_form():
     system = oscillator().linearize()
     value = system.modes().eigenvalues
-    found = system.eigenvalue_sensitivities(["mass.mass", "spring.damping", "spring.stiffness"])
+    result = system.eigenvalue_sensitivities(["mass.mass", "spring.damping", "spring.stiffness"])
     slope = 2 * value * 2.0 + 3.0
     expected = -np.array([value**2, value, np.ones(2)]) / slope
-    assert np.abs(found - expected).max() <= 1e-14 * np.abs(expected).max()
+    assert np.abs(result - expected).max() <= 1e-14 * np.abs(expected).max()
 
 
 def test_two_real_roots_each_have_their_own():
     system = oscillator(damping=500.0).linearize()
     value = system.modes().eigenvalues
     assert (value.imag == 0).all()
-    found = system.eigenvalue_sensitivities("spring.stiffness")
-    assert np.allclose(found[0], -1 / (2 * value * 2.0 + 500.0), rtol=1e-12)
+    result = system.eigenvalue_sensitivities("spring.stiffness")
+    assert np.allclose(result[0], -1 / (2 * value * 2.0 + 500.0), rtol=1e-12)
 
 
 def test_pendulum_length_and_hinge():
@@ -42,21 +42,21 @@ def test_pendulum_length_and_hinge():
     model.add_joint("hinge", "revolute", "ground", "bob", position=(0, 0, 0), axis=(0, 1, 0))
     model.add_bushing("spiral", "ground", "bob", (0, 0, 0), (0, 0, 0, 0, 40.0, 0))
     system = model.linearize()
-    found = system.eigenvalue_sensitivities(["bob.position.x", "hinge.position.x", "hinge.orientation.rx"])
+    result = system.eigenvalue_sensitivities(["bob.position.x", "hinge.position.x", "hinge.orientation.rx"])
     inertia = 0.1 + 3.0 * 0.5**2
     omega = np.sqrt(40.0 / inertia)
     slope = -0.5 * omega / inertia * 2 * 3.0 * 0.5
-    assert found[0] == pytest.approx([1j * slope, -1j * slope], rel=1e-13)
-    assert found[1] == pytest.approx([-1j * slope, 1j * slope], rel=1e-13)
-    assert found[2] == pytest.approx([0, 0], abs=1e-14)
+    assert result[0] == pytest.approx([1j * slope, -1j * slope], rel=1e-13)
+    assert result[1] == pytest.approx([-1j * slope, 1j * slope], rel=1e-13)
+    assert result[2] == pytest.approx([0, 0], abs=1e-14)
 
 
 def test_repeated_pairs_of_the_platform_part_along_their_branches():
     model = mv.library.stewart()
     system = model.linearize()
     names = ["leg1.k.stiffness", "platform.position.x", "leg2.head.position.z", "platform.mass"]
-    found = system.eigenvalue_sensitivities(names)
-    for row, name in zip(found, names, strict=True):
+    result = system.eigenvalue_sensitivities(names)
+    for row, name in zip(result, names, strict=True):
         expected = difference(model, system, name, eigenvalues)
         for pair in ([0, 2], [6, 8]):  # each of them is there twice; differences sort them by size, not by branch
             ours, theirs = row[pair], expected[pair]
@@ -72,11 +72,11 @@ def test_branches_of_a_repeated_eigenvalue_from_one_side():
     model.add_joint("table", None, "ground", "block", position=(0, 0, 0), free=("x", "y"))
     model.add_bushing("mount", "ground", "block", (0, 0, 0), (900.0, 900.0, 0, 0, 0, 0))
     names = ["mount.stiffness.x", "mount.stiffness.*", "mount.orientation.rz"]
-    found = model.linearize().eigenvalue_sensitivities(names)
+    result = model.linearize().eigenvalue_sensitivities(names)
     slope = 0.5 / np.sqrt(900.0 * 4.0)
-    assert np.abs(found[0] - 1j * np.array([0, 0, slope, -slope])).max() <= 1e-15
-    assert np.abs(np.abs(found[1].imag) - slope).max() <= 1e-15
-    assert np.abs(found[2]).max() <= 1e-12
+    assert np.abs(result[0] - 1j * np.array([0, 0, slope, -slope])).max() <= 1e-15
+    assert np.abs(np.abs(result[1].imag) - slope).max() <= 1e-15
+    assert np.abs(result[2]).max() <= 1e-12
 
 
 def test_rigid_body_modes_stay_where_nothing_holds_them():
@@ -87,10 +87,10 @@ def test_rigid_body_modes_stay_where_nothing_holds_them():
     model.add_bushing("between", "left", "right", (0, 0, 0.5), (0, 0, 50.0, 0, 0, 0))
     model.add_bushing("hold", "ground", "left", (0, 0, 0), stiffness=(0, 0, 0, 0, 0, 0), damping=(0, 0, 0, 1, 0, 0))
     system = model.linearize()
-    found = system.eigenvalue_sensitivities(["left.mass", "between.stiffness.z", "hold.stiffness.z"])
+    result = system.eigenvalue_sensitivities(["left.mass", "between.stiffness.z", "hold.stiffness.z"])
     assert (system.modes().eigenvalues[:2] == 0).all()
-    assert (found[:2, :2] == 0).all()
-    assert np.isinf(found[2, :2]).all()
+    assert (result[:2, :2] == 0).all()
+    assert np.isinf(result[2, :2]).all()
 
 
 def test_linear_maps_and_patterns_are_sums():
@@ -106,8 +106,8 @@ def test_linear_maps_and_patterns_are_sums():
 def test_tilting_one_pin_of_a_planar_loop_has_no_derivative():
     system = planar(1, bodies=4, loops=1).linearize()
     names = list(system.parameters)
-    found = system.eigenvalue_sensitivities()
-    broken = {name for name, row in zip(names, found, strict=True) if np.isnan(row).any()}
+    result = system.eigenvalue_sensitivities()
+    broken = {name for name, row in zip(names, result, strict=True) if np.isnan(row).any()}
     assert broken
     assert all(".orientation." in name or ".position." in name for name in broken)
     for name in sorted(broken)[:4]:
@@ -126,14 +126,14 @@ def test_differences_of_random_mechanisms(seed):
     except mv.MbsvibError:
         assume(False)
     assume(system.dof > 0)
-    kept = [group.kept for group in system.provenance.reduction.groups]
-    assume(min(kept, default=1.0) > 0.05)
+    retained = [group.kept for group in system.provenance.reduction.groups]
+    assume(min(retained, default=1.0) > 0.05)
     values = system.modes().eigenvalues
     apart = np.abs(values[:, None] - values)[np.triu_indices(len(values), 1)]
     assume(apart.min() > 1e-2 * np.abs(values).max())
-    found = system.eigenvalue_sensitivities()
+    result = system.eigenvalue_sensitivities()
     names = list(system.parameters)
     for i in rng.choice(len(names), size=6, replace=False):
-        if not np.isnan(found[i]).any():
+        if not np.isnan(result[i]).any():
             expected = difference(model, system, names[i], eigenvalues)
-            assert_derivative(found[i], expected, values, step_of(system.parameters, names[i]))
+            assert_derivative(result[i], expected, values, step_of(system.parameters, names[i]))

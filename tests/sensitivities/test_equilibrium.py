@@ -40,15 +40,15 @@ def test_differences_of_random_equilibria(seed):
         names = [str(rng.choice([name for name in model.parameters if field in name])) for field in fields
                  if any(field in name for name in model.parameters)]  # fmt: skip
         names = [str(name) for name in rng.choice(names, 4, replace=False)]
-        found = system.eigenvalue_sensitivities(names)
-        assume(np.isfinite(found).all())
+        result = system.eigenvalue_sensitivities(names)
+        assume(np.isfinite(result).all())
         pairs = [settled(model, system, name, lambda s: np.sort_complex(eigenvalues(s) ** 2)) for name in names]
     except (mv.SingularPoseError, mv.EquilibriumError):
         assume(False)
     values = eigenvalues(system)
     squares = np.sort_complex(values**2)
     order = np.argsort(values**2)
-    for row, name, (expected, h) in zip(found, names, pairs, strict=True):
+    for row, name, (expected, h) in zip(result, names, pairs, strict=True):
         slopes = (2 * values * row)[order]
         noise = NOISE * np.abs(squares).max() / h
         assert np.abs(slopes - expected).max() <= RTOL * np.abs(expected).max() + noise, name
@@ -58,16 +58,16 @@ def test_pendulum_in_closed_form():
     """omega^2 = (k + m g r) / (I + m r^2), at rest below its hinge; any of its numbers."""
     model = pendulum()
     m, r, g, k, inertia = 3.0, 0.5, 9.81, 40.0, 0.1
-    whole, torque = inertia + m * r * r, k + m * g * r
-    omega = np.sqrt(torque / whole)
-    slopes = {"bob.mass": (g * r - torque / whole * r * r) / whole,
-              "bob.position.z": -(m * g - torque / whole * 2 * m * r) / whole,
-              "hinge.position.z": (m * g - torque / whole * 2 * m * r) / whole,
-              "gravity.z": -m * r / whole, "gravity.x": 0.0, "spiral.stiffness.ry": 1 / whole,
-              "bob.inertia.yy": -torque / whole**2}  # fmt: skip
-    found = model.linearize().eigenvalue_sensitivities(list(slopes))
-    assert found[:, 0].imag / (0.5 / omega) == pytest.approx(list(slopes.values()), rel=1e-14, abs=1e-14)
-    assert np.abs(found.real).max() == 0.0
+    full, torque = inertia + m * r * r, k + m * g * r
+    omega = np.sqrt(torque / full)
+    slopes = {"bob.mass": (g * r - torque / full * r * r) / full,
+              "bob.position.z": -(m * g - torque / full * 2 * m * r) / full,
+              "hinge.position.z": (m * g - torque / full * 2 * m * r) / full,
+              "gravity.z": -m * r / full, "gravity.x": 0.0, "spiral.stiffness.ry": 1 / full,
+              "bob.inertia.yy": -torque / full**2}  # fmt: skip
+    result = model.linearize().eigenvalue_sensitivities(list(slopes))
+    assert result[:, 0].imag / (0.5 / omega) == pytest.approx(list(slopes.values()), rel=1e-14, abs=1e-14)
+    assert np.abs(result.real).max() == 0.0
 
 
 def test_a_spring_hangs_lower_under_more_mass():
@@ -96,9 +96,9 @@ def test_a_spring_hangs_lower_under_more_mass():
     system = model(m).linearize()
     expected = [float(mp.diff(square, mp.mpf(m)))]
     lead = system.modes().eigenvalues
-    found = 2 * lead * system.eigenvalue_sensitivities("bob.mass")[0]
+    actual = 2 * lead * system.eigenvalue_sensitivities("bob.mass")[0]
     at = int(np.argmin(np.abs(lead**2 + float(square(mp.mpf(m))))))
-    assert found[at] == pytest.approx(-expected[0], rel=1e-12)
+    assert actual[at] == pytest.approx(-expected[0], rel=1e-12)
 
 
 def test_responses_and_matrices_follow_the_equilibrium():
@@ -114,7 +114,7 @@ def test_responses_and_matrices_follow_the_equilibrium():
     system = model.linearize()
     names = ["arm.mass", "cord.free_length", "cord.stiffness", "cord.start.x", "hinge.position.z", "arm.position.x"]
     w = np.array([0.0, 10.0, 40.0])
-    found = system.frequency_response_sensitivities(w, names)
+    result = system.frequency_response_sensitivities(w, names)
     matrices = system.matrix_derivatives(names)
     keys = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
     parts = lambda s: [s.frequency_response(w), *(getattr(s, key) for key in keys)]  # noqa: E731
@@ -122,7 +122,7 @@ def test_responses_and_matrices_follow_the_equilibrium():
     for k, name in enumerate(names):
         change, h = settled(model, system, name, lambda s: np.concatenate([part.ravel() for part in parts(s)]))
         expected, *slopes = np.split(change, ends)
-        assert np.abs(found[k].ravel() - expected).max() <= 1e-6 * np.abs(expected).max()
+        assert np.abs(result[k].ravel() - expected).max() <= 1e-6 * np.abs(expected).max()
         for key, at in zip(keys, slopes, strict=True):
             size = np.abs(getattr(system, key)).max(initial=0.0) / h
             off = np.abs(getattr(matrices, key)[k].ravel() - at).max()

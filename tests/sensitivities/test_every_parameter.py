@@ -27,15 +27,15 @@ def asked(name):
     model = library.build(name)
     system = model.linearize()
     assert list(system.parameters) == list(model.parameters)
-    return system, [each for each in system.parameters if each not in ASKEW.get(name, ())]
+    return system, [item for item in system.parameters if item not in ASKEW.get(name, ())]
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] if name == "cantilever" else [])
                                   for name in library.models()])  # fmt: skip
 def test_eigenvalues(name):
     system, names = asked(name)
-    found = system.eigenvalue_sensitivities(names)
-    assert found.shape == (len(names), 2 * system.dof)
+    result = system.eigenvalue_sensitivities(names)
+    assert result.shape == (len(names), 2 * system.dof)
     for askew in ASKEW.get(name, ()):
         with pytest.raises(mv.ModelError, match=f"do not change smoothly with '{askew}'"):
             system.eigenvalue_sensitivities(askew)
@@ -73,22 +73,22 @@ def test_gravity_beside_a_relaxing_spring_that_holds_at_rest():
 
     system, apart = scene(False).linearize(), scene(True)
     names = ["gravity.x", "gravity.y", "gravity.z", "bob.mass", "bob.position.x"]
-    found = system.matrix_derivatives(names)
+    result = system.matrix_derivatives(names)
     for k, name in enumerate(names):
         value, h = apart.parameters[name], 1e-3
         near, far = (apart.with_values({name: value + s * h}).equilibrium().linearize().K for s in (1, -1))
-        assert found.K[k] == pytest.approx((near - far) / (2 * h), rel=1e-5, abs=1e-5 * np.abs(found.K[k]).max())
+        assert result.K[k] == pytest.approx((near - far) / (2 * h), rel=1e-5, abs=1e-5 * np.abs(result.K[k]).max())
 
 
 @pytest.mark.parametrize("name", ["pendulum_chain", "trifilar_pendulum", "slider_crank"])
 def test_parts_have_the_parameters_that_they_list(name):
     """What ``reachable`` took out of a loaded mechanism, or of one with loops, changes as the whole does."""
-    whole = library.build(name).linearize()
-    part = whole.reachable(whole.inputs[0], whole.outputs[0])
-    names = [each for each in part.parameters if each.startswith("gravity") or ".position.x" in each or "mass" in each]
-    found, expected = part.eigenvalue_sensitivities(names), whole.eigenvalue_sensitivities(names)
-    assert part.dof == whole.dof
-    assert np.allclose(found, expected, rtol=1e-8, atol=1e-10 * np.nanmax(np.abs(expected)), equal_nan=True)
+    full = library.build(name).linearize()
+    part = full.reachable(full.inputs[0], full.outputs[0])
+    names = [item for item in part.parameters if item.startswith("gravity") or ".position.x" in item or "mass" in item]
+    result, expected = part.eigenvalue_sensitivities(names), full.eigenvalue_sensitivities(names)
+    assert part.dof == full.dof
+    assert np.allclose(result, expected, rtol=1e-8, atol=1e-10 * np.nanmax(np.abs(expected)), equal_nan=True)
 
 
 def test_a_part_has_the_derivatives_of_its_rows():
@@ -100,14 +100,14 @@ def test_a_part_has_the_derivatives_of_its_rows():
         model.add_output(f"seen{k}", f"bob{k}", "x")
     part = model.linearize().reachable("push1", "seen1")
     assert part.dof == 1
-    found = part.eigenvalue_sensitivities(["gravity.z", "bob1.position.z", "bob0.mass"])[:, 0].imag
+    result = part.eigenvalue_sensitivities(["gravity.z", "bob1.position.z", "bob0.mass"])[:, 0].imag
     omega = np.sqrt(9.81 * 2 / (0.1 + 4))
     by_length = (9.81 / 4.1 - 9.81 * 2 * 4 / 4.1**2) / (2 * omega)
-    assert found == pytest.approx([-omega / 9.81 / 2, -by_length, 0.0], rel=1e-9, abs=1e-12)
+    assert result == pytest.approx([-omega / 9.81 / 2, -by_length, 0.0], rel=1e-9, abs=1e-12)
 
 
 def test_damping_that_is_not_there_yet():
     """C is zero without dampers, so that its derivative is measured by itself: linear in the damping ratio."""
-    found = library.cantilever(elements=3).linearize().matrix_derivatives("tube.damping_ratio").C[0]
+    result = library.cantilever(elements=3).linearize().matrix_derivatives("tube.damping_ratio").C[0]
     damped = library.cantilever(elements=3).with_values({"tube.damping_ratio": 1e-3}).linearize()
-    assert found == pytest.approx(damped.C / 1e-3, rel=1e-9, abs=1e-11 * np.abs(damped.C).max() / 1e-3)
+    assert result == pytest.approx(damped.C / 1e-3, rel=1e-9, abs=1e-11 * np.abs(damped.C).max() / 1e-3)

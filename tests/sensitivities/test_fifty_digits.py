@@ -35,10 +35,10 @@ def slopes(model, parameters, name, values):
     at = [eigenvalues(model.with_values({name: value})) for value in given_at]
     result = []
     for value in values:
-        a, b, c, d = (min(each, key=lambda v: abs(v - mp.mpc(value))) for each in at)
-        one, two = ((p - q) / (mp.mpf(x) - mp.mpf(y))
+        a, b, c, d = (min(item, key=lambda v: abs(v - mp.mpc(value))) for item in at)
+        first, second = ((p - q) / (mp.mpf(x) - mp.mpf(y))
                     for p, q, x, y in ((a, b, *given_at[:2]), (c, d, *given_at[2:])))  # fmt: skip
-        result.append(complex((4 * one - two) / 3))
+        result.append(complex((4 * first - second) / 3))
     return np.array(result)
 
 
@@ -52,14 +52,14 @@ def test_eigenvalues_of_random_mechanisms(seed):
     except mv.MbsvibError:
         assume(False)
     assume(0 < system.dof <= 4)
-    kept = [group.kept for group in system.provenance.reduction.groups]
-    assume(min(kept, default=1.0) > 0.05)
+    retained = [group.kept for group in system.provenance.reduction.groups]
+    assume(min(retained, default=1.0) > 0.05)
     values = system.modes().eigenvalues
     apart = np.abs(values[:, None] - values)[np.triu_indices(len(values), 1)]
     assume(apart.min() > 1e-2 * np.abs(values).max())
-    found, names = system.eigenvalue_sensitivities(), list(system.parameters)
+    result, names = system.eigenvalue_sensitivities(), list(system.parameters)
     for k in np.random.default_rng(seed).choice(len(names), size=2, replace=False):
-        if ".orientation." not in names[k] and np.isfinite(found[k]).all():
+        if ".orientation." not in names[k] and np.isfinite(result[k]).all():
             expected = slopes(model, system.parameters, names[k], values)
             noise = 1e-13 * np.abs(values).max() / max(1.0, abs(system.parameters[names[k]]))
-            assert np.abs(found[k] - expected).max() <= RTOL * np.abs(expected).max() + noise, names[k]
+            assert np.abs(result[k] - expected).max() <= RTOL * np.abs(expected).max() + noise, names[k]

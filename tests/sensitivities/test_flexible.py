@@ -27,10 +27,10 @@ def test_frequencies_of_a_cantilever_go_with_the_root_of_stiffness_over_density(
     model = mv.Model("cantilever")
     model.add_beam("rod", "ground", None, start=(0, 0, 0), end=(1, 0, 0), section=TUBE, material=METAL, elements=3)
     system = model.linearize()
-    found, f = system.mode_sensitivities(["rod.E", "rod.rho"]), system.modes().frequencies
-    bending = np.abs(found.frequencies[0] * METAL["E"] / f - 0.5) < 1e-9
+    result, f = system.mode_sensitivities(["rod.E", "rod.rho"]), system.modes().frequencies
+    bending = np.abs(result.frequencies[0] * METAL["E"] / f - 0.5) < 1e-9
     assert bending.all()  # G goes with E where nu is given
-    assert found.frequencies[1] == pytest.approx(-0.5 * f / METAL["rho"], rel=1e-9)
+    assert result.frequencies[1] == pytest.approx(-0.5 * f / METAL["rho"], rel=1e-9)
 
 
 @pytest.mark.parametrize("shear", [False, True])
@@ -39,7 +39,7 @@ def test_differences(shear):
     system = model.linearize()
     names = ["rod.E", "rod.nu", "rod.rho", "rod.radius", "rod.wall", "rod.alpha", "rod.beta", "mount.stiffness.y",
              "tip.mass", "tip.inertia.xx"]  # fmt: skip
-    found, matrices = system.eigenvalue_sensitivities(names), system.matrix_derivatives(names)
+    result, matrices = system.eigenvalue_sensitivities(names), system.matrix_derivatives(names)
     w = np.array([0.0, 50.0, 900.0])
     responses = system.frequency_response_sensitivities(w, names)
     values, size = system.modes().eigenvalues, np.abs(system.frequency_response(w)).max()
@@ -47,7 +47,7 @@ def test_differences(shear):
         step = step_of(system.parameters, name)
         *three, at, g = difference(model, system, name, lambda s: [s.M, s.C, s.K, eigenvalues(s),
                                                                    s.frequency_response(w)])  # fmt: skip
-        assert_derivative(found[k], at, values, step, 1e-7)
+        assert_derivative(result[k], at, values, step, 1e-7)
         assert np.abs(responses[k] - g).max() <= 1e-7 * np.abs(g).max() + 1e-14 * size / step
         for key, expected in zip("MCK", three, strict=True):
             noise = 1e-12 * np.abs(getattr(system, key)).max() / step
@@ -59,8 +59,8 @@ def test_places_and_modal_damping():
     for model, names in ((frame(False), ["rod.end.x", "mount.position.x"]),
                          (frame(False, damping_ratio=0.01), ["rod.E", "rod.damping_ratio"])):  # fmt: skip
         system = model.linearize()
-        found, values = system.eigenvalue_sensitivities(names), system.modes().eigenvalues
-        for row, name in zip(found, names, strict=True):
+        result, values = system.eigenvalue_sensitivities(names), system.modes().eigenvalues
+        for row, name in zip(result, names, strict=True):
             step = step_of(system.parameters, name)
             assert_derivative(row, difference(model, system, name, eigenvalues), values, step, 1e-7)
 
@@ -74,8 +74,8 @@ def test_a_beam_that_bends_under_its_load_bends_anew():
     model = model.equilibrium()
     system, step = model.linearize(), 1e-3
     names = ["gravity.z", "tip.mass"]
-    found = system.eigenvalue_sensitivities(names)
-    for row, name in zip(found, names, strict=True):
+    result = system.eigenvalue_sensitivities(names)
+    for row, name in zip(result, names, strict=True):
         near, far = (eigenvalues(model.with_values({name: model.parameters[name] + s * step}).equilibrium().linearize())
                      for s in (1, -1))  # fmt: skip
         expected = (near - far) / (2 * step)

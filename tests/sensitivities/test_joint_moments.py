@@ -54,7 +54,7 @@ def test_orientation_and_position(kind, swap):
     system, known = model.linearize(), model.parameters
     rates = {f"{joint}.{field}": rate * sign for joint, sign in (("joint", 1.0), ("link", -1.3))
              for field, rate in TURN.items() if f"{joint}.{field}" in known}  # fmt: skip
-    found = system.matrix_derivatives({"turned": rates})
+    result = system.matrix_derivatives({"turned": rates})
 
     def at(change):
         moved = model.with_values({name: known[name] + change * rate for name, rate in rates.items()})
@@ -64,4 +64,4 @@ def test_orientation_and_position(kind, swap):
     for key in MATRICES:
         expected = (getattr(ahead, key) - getattr(back, key)) / (2 * STEP)
         size = np.abs(expected).max(initial=0.0) + 1e-3 * np.abs(getattr(system, key)).max(initial=0.0)
-        assert np.abs(getattr(found, key)[0] - expected).max(initial=0.0) <= 3e-5 * size, key
+        assert np.abs(getattr(result, key)[0] - expected).max(initial=0.0) <= 3e-5 * size, key

@@ -36,8 +36,8 @@ def test_forces_of_random_mechanisms(seed):
             expected = of_variants(system, name)
         except mv.ModelError:
             continue
-        found = system.matrix_derivatives(name)
-        assert_as_variants(found, 0, system, expected, system.parameters[name], 1e-8, 1e-10)
+        result = system.matrix_derivatives(name)
+        assert_as_variants(result, 0, system, expected, system.parameters[name], 1e-8, 1e-10)
 
 
 @examples(2, slow=5)
@@ -60,10 +60,10 @@ def test_forces_in_joints_of_random_loaded_mechanisms(seed):
     assume(system.dof > 0)
     for name in map(str, rng.choice(list(system.parameters), 3, replace=False)):
         try:
-            expected, found = of_variants(system, name), system.matrix_derivatives(name)
+            expected, result = of_variants(system, name), system.matrix_derivatives(name)
         except mv.ModelError:
             continue
-        assert_as_variants(found, 0, system, expected, system.parameters[name], 1e-8, 1e-10)
+        assert_as_variants(result, 0, system, expected, system.parameters[name], 1e-8, 1e-10)
 
 
 def test_bearing_of_a_pendulum_in_closed_form(monkeypatch):
@@ -79,7 +79,7 @@ def test_bearing_of_a_pendulum_in_closed_form(monkeypatch):
     system = model.linearize()
     monkeypatch.setattr(Variants, "slopes", lambda *_: pytest.fail("a variant was asked for"))
     w, m, r, k, inertia = 7.0, 3.0, 0.5, 40.0, 0.1
-    found = system.frequency_response_sensitivities([w], ["bob.mass", "spiral.stiffness.ry", "bob.position.x"])[..., 0]
+    result = system.frequency_response_sensitivities([w], ["bob.mass", "spiral.stiffness.ry", "bob.position.x"])[..., 0]
 
     def pin(m, k, r):
         """Upward force on the bob: m z'' less the push, with z = r^2 f / (k - w^2 (I + m r^2))."""
@@ -89,10 +89,10 @@ def test_bearing_of_a_pendulum_in_closed_form(monkeypatch):
     expected = np.array([pin(m + h, k, r), pin(m, k + h, r), pin(m, k, r + h)]).imag / h.imag
     sign = system.frequency_response([w])[0, 0, 0].real / pin(m, k, r)
     assert abs(abs(sign) - 1.0) < 1e-13
-    assert found[:, 0, 0] == pytest.approx(sign * expected, rel=1e-12)
+    assert result[:, 0, 0] == pytest.approx(sign * expected, rel=1e-12)
     total = system.frequency_response([w])[1, 0, 0].real
     assert abs(total) == pytest.approx(abs(pin(m, k, r) + 1.0), rel=1e-12)
-    assert np.abs(found[:, 1, 0]) == pytest.approx(np.abs(expected), rel=1e-12)
+    assert np.abs(result[:, 1, 0]) == pytest.approx(np.abs(expected), rel=1e-12)
 
 
 def test_forces_that_constraints_do_not_tell_stay_beside():
@@ -106,10 +106,10 @@ def test_forces_that_constraints_do_not_tell_stay_beside():
     model.add_force_output("held", "upper", "x")
     system = model.linearize()
     assert system.sensitivity_basis.ported([0], [0])[2].beside == (0,)
-    found = system.matrix_derivatives("door.mass")
+    result = system.matrix_derivatives("door.mass")
     expected = of_variants(system, "door.mass")
-    assert found.Ca[0] == pytest.approx(expected["Ca"], abs=1e-9)
-    assert found.D[0] == pytest.approx(expected["D"], abs=1e-9)
+    assert result.Ca[0] == pytest.approx(expected["Ca"], abs=1e-9)
+    assert result.D[0] == pytest.approx(expected["D"], abs=1e-9)
     # of least norm: 1/2 + (z - (z1 + z2) / 2) / 2h
     share = system.D[0, 0] / 0.85
     assert abs(share) == pytest.approx(1.0, rel=1e-13)
@@ -134,9 +134,9 @@ def test_forces_beside_parameters_that_are_differenced():
     system, w = model.linearize(), np.array([5.0, 40.0])
     assert system.sensitivity_basis.ported([0], [0, 1])[2].beside == (0,)
     names = ["spin.speed", "mount.stiffness.x", "mount.position.z"]
-    found = system.frequency_response_sensitivities(w, names)
+    result = system.frequency_response_sensitivities(w, names)
     for k, name in enumerate(names):
         value, h = model.parameters[name], 1e-4 * max(abs(model.parameters[name]), 1.0)
         above, below = (model.with_values({name: value + change}).linearize(independent=system.coordinates)
                         .frequency_response(w) for change in (h, -h))  # fmt: skip
-        assert found[k] == pytest.approx((above - below) / (2 * h), rel=1e-5, abs=1e-9 * np.abs(found[k]).max())
+        assert result[k] == pytest.approx((above - below) / (2 * h), rel=1e-5, abs=1e-9 * np.abs(result[k]).max())

@@ -26,28 +26,28 @@ def pendulum():
 
 def test_pendulum_in_closed_form():
     """M = I + m r^2, and ports at the centre of mass see -r of the rotation about y."""
-    found = pendulum().linearize().matrix_derivatives(["bob.mass", "bob.position.x", "spiral.stiffness.ry",
+    result = pendulum().linearize().matrix_derivatives(["bob.mass", "bob.position.x", "spiral.stiffness.ry",
                                                        "spiral.damping.ry"])  # fmt: skip
-    assert found.M[:, 0, 0] == pytest.approx([0.25, 3.0, 0, 0], rel=1e-15, abs=1e-15)
-    assert found.C[:, 0, 0] == pytest.approx([0, 0, 0, 1.0], abs=1e-15)
-    assert found.K[:, 0, 0] == pytest.approx([0, 0, 1.0, 0], abs=1e-15)
-    assert found.B[:, 0] == pytest.approx(np.array([[0, 0.5], [-1.0, 3.0], [0, 0], [0, 0]]), rel=1e-15)
-    assert found.Cq[:, 0, 0] == pytest.approx([0, -1.0, 0, 0], abs=1e-15)
-    assert found.Ca[:, 1, 0] == pytest.approx([0, -1.0, 0, 0], abs=1e-15)
-    assert not found.D.any()
+    assert result.M[:, 0, 0] == pytest.approx([0.25, 3.0, 0, 0], rel=1e-15, abs=1e-15)
+    assert result.C[:, 0, 0] == pytest.approx([0, 0, 0, 1.0], abs=1e-15)
+    assert result.K[:, 0, 0] == pytest.approx([0, 0, 1.0, 0], abs=1e-15)
+    assert result.B[:, 0] == pytest.approx(np.array([[0, 0.5], [-1.0, 3.0], [0, 0], [0, 0]]), rel=1e-15)
+    assert result.Cq[:, 0, 0] == pytest.approx([0, -1.0, 0, 0], abs=1e-15)
+    assert result.Ca[:, 1, 0] == pytest.approx([0, -1.0, 0, 0], abs=1e-15)
+    assert not result.D.any()
 
 
 def test_ranks_are_those_of_the_change():
     system = mv.library.stewart().linearize()
-    found = system.matrix_derivatives(["leg1.k.stiffness", "platform.mass", "leg2.head.position.x"])
-    ranks = [found.factors(name, key)[0].shape[1] for name, key in
+    result = system.matrix_derivatives(["leg1.k.stiffness", "platform.mass", "leg2.head.position.x"])
+    ranks = [result.factors(name, key)[0].shape[1] for name, key in
              (("leg1.k.stiffness", "K"), ("platform.mass", "M"), ("leg1.k.stiffness", "M"))]  # fmt: skip
     assert ranks == [1, 3, 0]
-    for row, name in enumerate(found.variables):
+    for row, name in enumerate(result.variables):
         for key in "MCK":
-            p, q = found.factors(name, key)
-            whole = getattr(found, key)[row]
-            assert np.abs(p @ q.T + q @ p.T - whole).max() <= 1e-12 * np.abs(whole).max(initial=1e-300)
+            p, q = result.factors(name, key)
+            full = getattr(result, key)[row]
+            assert np.abs(p @ q.T + q @ p.T - full).max() <= 1e-12 * np.abs(full).max(initial=1e-300)
 
 
 def test_ties_add_up():
@@ -65,11 +65,11 @@ def test_unknown_names_are_refused_with_the_nearest():
     system = pendulum().linearize()
     with pytest.raises(mv.ModelError, match=r"Did you mean 'bob\.mass'"):
         system.matrix_derivatives("bob.masss")
-    found = system.matrix_derivatives("bob.mass")
+    result = system.matrix_derivatives("bob.mass")
     with pytest.raises(mv.ModelError, match=r"no 'bob\.mas'.*Did you mean 'bob\.mass'"):
-        found.factors("bob.mas", "M")
+        result.factors("bob.mas", "M")
     with pytest.raises(mv.ModelError, match="no 'B'"):
-        found.factors("bob.mass", "B")
+        result.factors("bob.mass", "B")
 
 
 @examples(4, slow=12)
@@ -81,18 +81,18 @@ def test_differences_of_random_mechanisms(model, seed):
         system = model.linearize()
     except mv.MbsvibError:
         assume(False)
-    kept = [group.kept for group in system.provenance.reduction.groups]
-    assume(min(kept, default=1.0) > 0.05)
-    found = system.matrix_derivatives()
+    retained = [group.kept for group in system.provenance.reduction.groups]
+    assume(min(retained, default=1.0) > 0.05)
+    result = system.matrix_derivatives()
     names = list(system.parameters)
     for k in np.random.default_rng(seed).choice(len(names), size=6, replace=False):
-        if np.isnan(found.M[k]).any():
+        if np.isnan(result.M[k]).any():
             continue
         expected = difference(model, system, names[k], lambda s: [getattr(s, key) for key in MATRICES])
         for key, matrix in zip(MATRICES, expected, strict=True):
             size = np.abs(getattr(system, key)).max(initial=0.0)
             limit = 1e-7 * np.abs(matrix).max(initial=0.0) + 1e-9 * size
-            assert np.abs(getattr(found, key)[k] - matrix).max(initial=0.0) <= limit, (names[k], key)
+            assert np.abs(getattr(result, key)[k] - matrix).max(initial=0.0) <= limit, (names[k], key)
 
 
 @settings(max_examples=8, deadline=None)
@@ -108,9 +108,10 @@ def test_coordinates_of_bodies_that_float_go_with_their_centres_of_mass(seed, lo
     roots = [topology.bodies[k] for k in topology.floating]
     assume(roots)
     names = [f"{roots[0]}.position.{axis}" for axis in "xyz"]
-    found = system.matrix_derivatives(names)
+    result = system.matrix_derivatives(names)
     for k, name in enumerate(names):
         expected = difference(model, system, name, lambda s: [getattr(s, key) for key in MATRICES])
         for key, at in zip(MATRICES, expected, strict=True):
             size = np.abs(getattr(system, key)).max(initial=0.0)
-            assert np.abs(getattr(found, key)[k] - at).max(initial=0.0) <= 1e-7 * max(np.abs(at).max(initial=0.0), size)
+            error = np.abs(getattr(result, key)[k] - at).max(initial=0.0)
+            assert error <= 1e-7 * max(np.abs(at).max(initial=0.0), size)

@@ -14,11 +14,11 @@ def test_what_hangs_on_a_reduced_pipe():
     model.add_output("move", "pipe.right", "z")
     system = model.linearize()
     names = ["hub.mass", "hub.inertia.xx", "mount.stiffness.x", "mount.damping.z", "mount.position.x"]
-    found, values = system.eigenvalue_sensitivities(names), system.modes().eigenvalues
+    result, values = system.eigenvalue_sensitivities(names), system.modes().eigenvalues
     w = np.array([0.0, 300.0])
     responses = system.frequency_response_sensitivities(w, names)
     for k, name in enumerate(names):
         step = step_of(system.parameters, name)
-        assert_derivative(found[k], difference(model, system, name, eigenvalues), values, step, 1e-6)
+        assert_derivative(result[k], difference(model, system, name, eigenvalues), values, step, 1e-6)
         expected = difference(model, system, name, lambda s: s.frequency_response(w))
         assert np.abs(responses[k] - expected).max() <= 1e-6 * np.abs(expected).max() + 1e-15

@@ -47,15 +47,15 @@ def followed():
     return model.linearize()
 
 
-@pytest.mark.parametrize(("ask", "told"), [
+@pytest.mark.parametrize(("ask", "message"), [
     (lambda: spinning().h2_norm(), r"'plate' makes motions without mass in a mechanism that spins, .*with_values"),
     (lambda: sliding().matrix_derivatives(["weight.force.x"]),
      r"'weight\.force\.x' moves the equilibrium of 'sliding' along a motion that no stiffness holds, .*Name other"),
     (lambda: followed().matrix_derivatives().factors("f.force.z", "K"),
      r"the derivative of K to 'f\.force\.z' is not symmetric, .*take the matrix itself"),
 ])  # fmt: skip
-def test_refusals_are_told(ask, told):
-    with pytest.raises(mv.ModelError, match=told):
+def test_refusals_are_told(ask, message):
+    with pytest.raises(mv.ModelError, match=message):
         ask()
 
 

@@ -48,8 +48,8 @@ def test_differences_of_random_mechanisms_with_maxwell_elements(seed, under_load
             expected = of_variants(system, name)
         except mv.ModelError:
             continue
-        found = system.matrix_derivatives(name)
-        assert_as_variants(found, 0, system, expected, system.parameters[name], 1e-8, 1e-10)
+        result = system.matrix_derivatives(name)
+        assert_as_variants(result, 0, system, expected, system.parameters[name], 1e-8, 1e-10)
 
 
 def test_dynamic_stiffness_in_closed_form(monkeypatch):
@@ -66,13 +66,13 @@ def test_dynamic_stiffness_in_closed_form(monkeypatch):
     monkeypatch.setattr(Variants, "slopes", lambda *_: pytest.fail("a variant was asked for"))
     s, cosine = 9j, 0.8
     names = ["leg.stiffness", "leg.damping", "leg.static_stiffness", "mass.mass", "leg.start.x"]
-    found = system.frequency_response_sensitivities([9.0], names)[..., 0]
+    result = system.frequency_response_sensitivities([9.0], names)[..., 0]
     z = k0 + k1 * c * s / (k1 + c * s)
     slopes = np.array([(c * s / (k1 + c * s)) ** 2, s * (k1 / (k1 + c * s)) ** 2, 1.0, 0.0, 0.0])
     turned = np.array([0, 0, 0, 0, -0.75 / (1 + 0.75**2) ** 1.5])  # d cos / dx
-    whole = m * s * s + z * cosine**2
+    full = m * s * s + z * cosine**2
     stiff = slopes * cosine**2 + 2 * z * cosine * turned + np.array([0, 0, 0, s * s, 0])
-    assert found[:, 0, 0] == pytest.approx(-stiff / whole**2, rel=1e-12)
-    felt = slopes * cosine / whole + z * turned / whole - z * cosine * stiff / whole**2
-    sign = np.sign((system.frequency_response([9.0])[1, 0, 0] / (z * cosine / whole)).real)
-    assert found[:, 1, 0] == pytest.approx(sign * felt, rel=1e-11)
+    assert result[:, 0, 0] == pytest.approx(-stiff / full**2, rel=1e-12)
+    rows = slopes * cosine / full + z * turned / full - z * cosine * stiff / full**2
+    sign = np.sign((system.frequency_response([9.0])[1, 0, 0] / (z * cosine / full)).real)
+    assert result[:, 1, 0] == pytest.approx(sign * rows, rel=1e-11)

@@ -27,7 +27,7 @@ def isolator():
 def test_isolator_in_closed_form():
     system, w = isolator().linearize(), np.array([0.0, 5.0, 20.0, 300.0])
     names = ["mass.mass", "spring.stiffness", "spring.damping"]
-    found = system.frequency_response_sensitivities(w, names)
+    result = system.frequency_response_sensitivities(w, names)
     s, m, k, c = 1j * w, 2.0, 800.0, 3.0
     t = k + s * c + s * s * m
     slopes = np.array([s * s, np.ones(4), s])
@@ -35,8 +35,8 @@ def test_isolator_in_closed_form():
         for o, (h, by) in enumerate(((np.ones(4), 0), (s, 0), (s * s, 0), (k + s * c, dh))):
             pushed = by / t - h * dt / t**2
             carried = -m * by / t + h * db / t + h * m * dt / t**2
-            assert np.abs(found[n, o, 0] - pushed).max() <= 1e-13 * np.abs(pushed).max(initial=1e-30) + 1e-18
-            assert np.abs(found[n, o, 1] - carried).max() <= 1e-12 * np.abs(carried).max() + 1e-18
+            assert np.abs(result[n, o, 0] - pushed).max() <= 1e-13 * np.abs(pushed).max(initial=1e-30) + 1e-18
+            assert np.abs(result[n, o, 1] - carried).max() <= 1e-12 * np.abs(carried).max() + 1e-18
 
 
 def test_lever_whose_port_is_at_its_centre_of_mass():
@@ -48,11 +48,11 @@ def test_lever_whose_port_is_at_its_centre_of_mass():
     model.add_input("push", "bob", "z")
     model.add_output("way", "bob", "z")
     w = np.array([0.0, 3.0, 30.0])
-    found = model.linearize().frequency_response_sensitivities(w, ["bob.position.x", "hinge.position.x"])
+    result = model.linearize().frequency_response_sensitivities(w, ["bob.position.x", "hinge.position.x"])
     r, t = 0.5, 40.0 - w**2 * (0.1 + 3.0 * 0.25)
     moved = 2 * r / t + r * r * w**2 * 2 * 3.0 * r / t**2
-    assert found[0, 0, 0] == pytest.approx(moved, rel=1e-13)
-    assert found[1, 0, 0] == pytest.approx(-moved, rel=1e-13)
+    assert result[0, 0, 0] == pytest.approx(moved, rel=1e-13)
+    assert result[1, 0, 0] == pytest.approx(-moved, rel=1e-13)
 
 
 def check(model, rng, count=4):
@@ -61,23 +61,23 @@ def check(model, rng, count=4):
     except mv.MbsvibError:
         assume(False)
     assume(system.dof > 0)
-    kept = [group.kept for group in system.provenance.reduction.groups]
-    assume(min(kept, default=1.0) > 0.05)
+    retained = [group.kept for group in system.provenance.reduction.groups]
+    assume(min(retained, default=1.0) > 0.05)
     values = np.abs(system.modes().eigenvalues)
     assume(values.min() > 1e-2)
     w = np.geomspace(values.min(), values.max(), 5) * 1.1
     assume(np.abs(1j * w[:, None] - system.modes().eigenvalues).min() > 1e-2 * values.min())
-    found = system.frequency_response_sensitivities(w)
+    result = system.frequency_response_sensitivities(w)
     # differences are blind to what loops hold still: rounding of the largest response of each port hides it
     value = np.abs(system.frequency_response(w)).max(axis=-1, keepdims=True)
     noise = 1e-10 * np.maximum(value.max(axis=0, keepdims=True), value.max(axis=1, keepdims=True))
     names = list(system.parameters)
     for k in rng.choice(len(names), size=count, replace=False):
-        if np.isnan(found[k]).any():
+        if np.isnan(result[k]).any():
             continue
         expected = difference(model, system, names[k], lambda s: s.frequency_response(w))
         limit = 1e-6 * np.abs(expected).max(axis=-1, keepdims=True) + noise / step_of(system.parameters, names[k])
-        assert (np.abs(found[k] - expected) <= limit).all(), names[k]
+        assert (np.abs(result[k] - expected) <= limit).all(), names[k]
 
 
 @examples(3, slow=9)

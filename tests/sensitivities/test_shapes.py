@@ -13,25 +13,25 @@ from tests.support.sizes import examples
 
 def test_oscillator_in_closed_form():
     """omega = sqrt(k / m), zeta = c / 2 sqrt(k m), shape = 1 / sqrt(m)."""
-    found = oscillator().linearize().mode_sensitivities(["mass.mass", "spring.stiffness", "spring.damping"])
+    result = oscillator().linearize().mode_sensitivities(["mass.mass", "spring.stiffness", "spring.damping"])
     m, k, c = 2.0, 800.0, 3.0
     omega, zeta = np.sqrt(k / m), c / (2 * np.sqrt(k * m))
     wd = omega * np.sqrt(1 - zeta**2)
     d_omega = np.array([-omega / (2 * m), omega / (2 * k), 0])
     d_zeta = np.array([-zeta / (2 * m), -zeta / (2 * k), zeta / c])
-    assert found.frequencies[:, 0] == pytest.approx(d_omega / (2 * np.pi), rel=1e-13, abs=1e-15)
-    assert found.damping_ratios[:, 0] == pytest.approx(d_zeta, rel=1e-13)
-    assert found.damped_frequencies[:, 0] == pytest.approx(
+    assert result.frequencies[:, 0] == pytest.approx(d_omega / (2 * np.pi), rel=1e-13, abs=1e-15)
+    assert result.damping_ratios[:, 0] == pytest.approx(d_zeta, rel=1e-13)
+    assert result.damped_frequencies[:, 0] == pytest.approx(
         (d_omega * wd / omega - omega**2 * zeta * d_zeta / wd) / (2 * np.pi), rel=1e-12)  # fmt: skip
-    assert found.shapes[:, 0, 0] == pytest.approx([-0.5 * m**-1.5, 0, 0], rel=1e-13, abs=1e-15)
+    assert result.shapes[:, 0, 0] == pytest.approx([-0.5 * m**-1.5, 0, 0], rel=1e-13, abs=1e-15)
 
 
 def test_creeping_mode_has_natural_frequency_and_ratio_too():
-    found = oscillator(damping=500.0).linearize().mode_sensitivities(["spring.stiffness", "spring.damping"])
+    result = oscillator(damping=500.0).linearize().mode_sensitivities(["spring.stiffness", "spring.damping"])
     omega = np.sqrt(400.0)
-    assert found.frequencies[:, 0] == pytest.approx([omega / 1600 / (2 * np.pi), 0], rel=1e-12, abs=1e-15)
-    assert found.damping_ratios[:, 0] == pytest.approx([-500.0 / (4 * 40.0 * 800.0), 1 / 80.0], rel=1e-12)
-    assert (found.damped_frequencies == 0).all()
+    assert result.frequencies[:, 0] == pytest.approx([omega / 1600 / (2 * np.pi), 0], rel=1e-12, abs=1e-15)
+    assert result.damping_ratios[:, 0] == pytest.approx([-500.0 / (4 * 40.0 * 800.0), 1 / 80.0], rel=1e-12)
+    assert (result.damped_frequencies == 0).all()
 
 
 def chain():
@@ -47,13 +47,13 @@ def chain():
 
 def test_rigid_body_mode_keeps_its_norm():
     system = chain().linearize()
-    found = system.mode_sensitivities(["left.mass", "hold.stiffness.z"])
+    result = system.mode_sensitivities(["left.mass", "hold.stiffness.z"])
     shape = system.modes().shapes[:, 0]
-    assert found.shapes[0, :, 0] == pytest.approx(-0.5 * shape / 4.0, rel=1e-13)
-    assert found.frequencies[0, 0] == 0
-    assert np.isinf(found.frequencies[1, 0])
-    assert np.isnan(found.shapes[1, :, 0]).all()
-    assert np.isfinite(found.shapes[1, :, 1]).all()
+    assert result.shapes[0, :, 0] == pytest.approx(-0.5 * shape / 4.0, rel=1e-13)
+    assert result.frequencies[0, 0] == 0
+    assert np.isinf(result.frequencies[1, 0])
+    assert np.isnan(result.shapes[1, :, 0]).all()
+    assert np.isfinite(result.shapes[1, :, 1]).all()
 
 
 def test_repeated_modes_move_as_a_subspace():
@@ -61,7 +61,7 @@ def test_repeated_modes_move_as_a_subspace():
     model = mv.library.stewart()
     system = model.linearize()
     names = ["leg1.k.stiffness", "platform.mass", "leg1.head.position.x"]
-    found, pair = system.mode_sensitivities(names).shapes, [0, 1]
+    result, pair = system.mode_sensitivities(names).shapes, [0, 1]
 
     def projector(of):
         shapes = of.modes().shapes[:, pair]
@@ -71,7 +71,7 @@ def test_repeated_modes_move_as_a_subspace():
     values = system.modes().eigenvalues
     assert abs(values[0] - values[2]) <= 1e-9 * abs(values[0])
     for row, name in enumerate(names):
-        own = found[row][:, pair] @ shapes.conj().T
+        own = result[row][:, pair] @ shapes.conj().T
         expected = difference(model, system, name, projector)
         assert np.abs(own + own.conj().T - expected).max() <= 1e-7 * np.abs(expected).max() + 1e-9 * np.abs(own).max()
 
@@ -93,13 +93,13 @@ def test_differences_of_random_mechanisms(seed):
     except mv.MbsvibError:
         assume(False)
     assume(system.dof > 0)
-    kept = [group.kept for group in system.provenance.reduction.groups]
-    assume(min(kept, default=1.0) > 0.05)
+    retained = [group.kept for group in system.provenance.reduction.groups]
+    assume(min(retained, default=1.0) > 0.05)
     modes = system.modes()
     values = modes.eigenvalues
     apart = np.abs(values[:, None] - values)[np.triu_indices(len(values), 1)]
     assume(apart.min() > 1e-2 * np.abs(values).max())
-    found, start = system.mode_sensitivities(), modes.shapes
+    result, start = system.mode_sensitivities(), modes.shapes
     norm = np.sqrt(np.einsum("im,ij,jm->m", start.conj(), system.M, start).real)
 
     def of(changed):
@@ -108,12 +108,12 @@ def test_differences_of_random_mechanisms(seed):
 
     names = list(system.parameters)
     for k in np.random.default_rng(seed).choice(len(names), size=3, replace=False):
-        if np.isnan(found.eigenvalues[k]).any():
+        if np.isnan(result.eigenvalues[k]).any():
             continue
         shapes, *others = difference(model, system, names[k], of)
-        ours, theirs = ([each - 1j * start * np.einsum("im,ij,jm->m", start.conj(), system.M, each).imag / norm**2]
-                        for each in (found.shapes[k], shapes * norm))  # fmt: skip
+        ours, theirs = ([item - 1j * start * np.einsum("im,ij,jm->m", start.conj(), system.M, item).imag / norm**2]
+                        for item in (result.shapes[k], shapes * norm))  # fmt: skip
         assert np.abs(ours[0] - theirs[0]).max() <= 1e-7 * max(np.abs(shapes * norm).max(), np.abs(start).max())
         for key, theirs in zip(("frequencies", "damping_ratios", "damped_frequencies"), others, strict=True):
             limit = 1e-7 * max(np.abs(theirs).max(), np.abs(getattr(modes, key)).max())
-            assert np.abs(getattr(found, key)[k] - theirs).max() <= limit, (names[k], key)
+            assert np.abs(getattr(result, key)[k] - theirs).max() <= limit, (names[k], key)

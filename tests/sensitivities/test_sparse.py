@@ -19,17 +19,17 @@ SHAPES, LENGTH = 1e-9, 0.1
 
 def assert_as_dense(model, count, names=None):
     dense, sparse = (model.linearize(method=method) for method in ("dense", "sparse"))
-    found, every = sparse.mode_sensitivities(names, modes=count), dense.mode_sensitivities(names)
-    assert found.variables == every.variables
+    result, every = sparse.mode_sensitivities(names, modes=count), dense.mode_sensitivities(names)
+    assert result.variables == every.variables
     known = dense.modes().eigenvalues
-    own = found.modes.eigenvalues
-    place = places(own, known)
-    expected = every.eigenvalues[:, place]
-    assert np.array_equal(np.isfinite(found.eigenvalues), np.isfinite(expected))
-    scale = [LENGTH if is_place(name) else scale_of(dense.parameters, name) for name in found.variables]
+    own = result.modes.eigenvalues
+    position = places(own, known)
+    expected = every.eigenvalues[:, position]
+    assert np.array_equal(np.isfinite(result.eigenvalues), np.isfinite(expected))
+    scale = [LENGTH if is_place(name) else scale_of(dense.parameters, name) for name in result.variables]
     finite = np.isfinite(expected)
-    off = np.abs(found.eigenvalues[finite] - expected[finite]) * (np.array(scale)[:, None] * finite)[finite]
-    assert off.max() <= SHAPES * np.abs(known[place]).max()
+    off = np.abs(result.eigenvalues[finite] - expected[finite]) * (np.array(scale)[:, None] * finite)[finite]
+    assert off.max() <= SHAPES * np.abs(known[position]).max()
 
 
 @pytest.mark.parametrize("model", [
@@ -43,8 +43,8 @@ def test_chains_rings_and_grids(model):
 
 def test_a_platform_with_modes_that_coincide():
     assert_as_dense(library.stewart(), 4)
-    found = library.stewart().linearize(method="sparse").mode_sensitivities("platform.inertia.xx", modes=2)
-    assert len(found.modes) == 2  # of a pair that both are there
+    result = library.stewart().linearize(method="sparse").mode_sensitivities("platform.inertia.xx", modes=2)
+    assert len(result.modes) == 2  # of a pair that both are there
 
 
 @pytest.mark.parametrize("features", [["gear"], ["beam", "modal damping"], ["superelement"], ["rotor on body"],
@@ -70,8 +70,8 @@ def test_what_a_loaded_model_refuses():
 def test_nothing_is_larger_than_bodies_times_modes():
     sizes = []
     for n in (60, 120):
-        found = scenes.braced(n).linearize(method="sparse").mode_sensitivities("link1.mass", modes=3)
-        network = found._basis.network
+        result = scenes.braced(n).linearize(method="sparse").mode_sensitivities("link1.mass", modes=3)
+        network = result._basis.network
         held = [getattr(part, field.name) for part in (network, network.constraints) for field in fields(part)]
         sizes.append(max(array.size for array in held if hasattr(array, "size")))
     assert sizes[1] <= 2.1 * sizes[0]

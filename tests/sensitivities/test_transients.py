@@ -20,11 +20,11 @@ def test_step_of_an_undamped_oscillator():
     model.add_input("push", "mass", "z")
     model.add_output("way", "mass", "z")
     t = np.linspace(0, 2, 300)
-    found = model.linearize().time_response_sensitivities(t, np.ones(300), ["spring.stiffness", "mass.mass"], "zero")
+    result = model.linearize().time_response_sensitivities(t, np.ones(300), ["spring.stiffness", "mass.mass"], "zero")
     w, k, m = 20.0, 800.0, 2.0
     by_frequency = t * np.sin(w * t) / k
     expected = [by_frequency * w / (2 * k) - (1 - np.cos(w * t)) / k**2, -by_frequency * w / (2 * m)]
-    assert (np.abs(found[:, 0] - expected).max(axis=1) <= 1e-13 * np.abs(expected).max(axis=1)).all()
+    assert (np.abs(result[:, 0] - expected).max(axis=1) <= 1e-13 * np.abs(expected).max(axis=1)).all()
 
 
 @pytest.mark.parametrize("hold", ["zero", "first"])
@@ -33,8 +33,8 @@ def test_uneven_steps_initial_states_and_all_kinds_of_outputs(hold):
     system = model.linearize()
     t, u = np.sort(rng.uniform(size=25)), rng.normal(size=(2, 25))
     names = ["mass.mass", "spring.stiffness", "spring.damping"]
-    found = system.time_response_sensitivities(t, u, names, hold, ([0.02], [-1.0]))
-    for row, name in zip(found, names, strict=True):
+    result = system.time_response_sensitivities(t, u, names, hold, ([0.02], [-1.0]))
+    for row, name in zip(result, names, strict=True):
         expected = difference(model, system, name, lambda s: s.time_response(t, u, hold, ([0.02], [-1.0])))
         assert (np.abs(row - expected).max(axis=1) <= 1e-7 * np.abs(expected).max(axis=1) + 1e-12).all(), name
 
@@ -49,16 +49,16 @@ def test_differences_of_random_mechanisms(seed):
     except mv.MbsvibError:
         assume(False)
     assume(system.dof > 0 and len(system.inputs) > 0 and len(system.outputs) > 0)
-    kept = [group.kept for group in system.provenance.reduction.groups]
-    assume(min(kept, default=1.0) > 0.05)
+    retained = [group.kept for group in system.provenance.reduction.groups]
+    assume(min(retained, default=1.0) > 0.05)
     rng, fastest = np.random.default_rng(seed), np.abs(system.poles()).max()
     t, u = np.linspace(0, 30 / fastest, 60), rng.normal(size=(len(system.inputs), 60))
-    found, value = system.time_response_sensitivities(t, u), np.abs(system.time_response(t, u)).max()
+    result, value = system.time_response_sensitivities(t, u), np.abs(system.time_response(t, u)).max()
     names = list(system.parameters)
     for k in rng.choice(len(names), size=4, replace=False):
-        if not np.isnan(found[k]).any():
+        if not np.isnan(result[k]).any():
             expected = difference(model, system, names[k], lambda s: s.time_response(t, u))
-            assert np.abs(found[k] - expected).max() <= 1e-7 * np.abs(expected).max() + 1e-8 * value, names[k]
+            assert np.abs(result[k] - expected).max() <= 1e-7 * np.abs(expected).max() + 1e-8 * value, names[k]
 
 
 def test_norms_of_an_isolator_in_closed_form():
@@ -85,16 +85,16 @@ def test_norms_of_the_platform_against_differences():
     names = ["platform.mass", "leg1.k.stiffness", "leg2.k.damping"]
     ports = {"inputs": ["Fx", "Fz"], "outputs": ["x", "z"]}
     for key in ("h2_norm", "hinf_norm"):
-        found = getattr(system, key)(names, **ports)
-        assert len(found.slopes) == len(names)
-        for slope, name in zip(found.slopes, names, strict=True):
+        result = getattr(system, key)(names, **ports)
+        assert len(result.slopes) == len(names)
+        for slope, name in zip(result.slopes, names, strict=True):
             expected = difference(model, system, name, lambda s, key=key: getattr(s, key)([], **ports).value)
-            assert slope == pytest.approx(expected, rel=1e-7, abs=1e-9 * found.value), (key, name)
+            assert slope == pytest.approx(expected, rel=1e-7, abs=1e-9 * result.value), (key, name)
 
 
 def test_static_compliance_is_that_of_the_spring():
-    found = isolator().linearize().compliance_sensitivities(["spring.stiffness", "mass.mass"], "push", "way")
-    assert found[:, 0, 0] == pytest.approx([-1 / 800.0**2, 0], rel=1e-13)
+    result = isolator().linearize().compliance_sensitivities(["spring.stiffness", "mass.mass"], "push", "way")
+    assert result[:, 0, 0] == pytest.approx([-1 / 800.0**2, 0], rel=1e-13)
 
 
 def test_infinite_norms_are_refused():
@@ -134,12 +134,12 @@ def test_norms_beside_a_mode_that_does_not_decay(norm):
     """A response that is 0 has the norm 0; one that has nothing to do with the mode has the norm that it has alone."""
     system, own = beside_a_swing(own=False), beside_a_swing(own=True)
     for ports in (("push", "swing"), ("push", "felt"), ("kick", "way"), ("kick", "swing")):
-        found = getattr(system, norm)(["b.mass", "k.stiffness.x"], *ports)
-        assert (found.value, found.slopes.tolist()) == (0.0, [0.0, 0.0])
-    found = getattr(system, norm)(["k.stiffness.x", "s.stiffness"], "push", "way")
-    alone = getattr(own, norm)(["k.stiffness.x"], "push", "way")
-    assert found.value == pytest.approx(alone.value, rel=1e-12)
-    assert found.slopes == pytest.approx([alone.slopes[0], 0.0], rel=1e-11)
+        result = getattr(system, norm)(["b.mass", "k.stiffness.x"], *ports)
+        assert (result.value, result.slopes.tolist()) == (0.0, [0.0, 0.0])
+    result = getattr(system, norm)(["k.stiffness.x", "s.stiffness"], "push", "way")
+    single = getattr(own, norm)(["k.stiffness.x"], "push", "way")
+    assert result.value == pytest.approx(single.value, rel=1e-12)
+    assert result.slopes == pytest.approx([single.slopes[0], 0.0], rel=1e-11)
     with pytest.raises(mv.ResponseError, match="mode 1 does not decay"):
         getattr(system, norm)([], ["push", "kick"], ["way", "swing"])
 
@@ -176,10 +176,10 @@ def test_a_mode_that_does_not_decay_is_counted_beside_modes_of_first_order():
 def test_transmissibility_has_no_feedthrough_to_rounding():
     """The felt acceleration sees the base through the spring only: D and what the mass takes back cancel."""
     system = isolator().linearize()
-    found = system.h2_norm(["spring.damping", "mass.mass"], "floor", "way")
-    assert np.isfinite(found.slopes).all()
+    result = system.h2_norm(["spring.damping", "mass.mass"], "floor", "way")
+    assert np.isfinite(result.slopes).all()
     expected = difference(isolator(), system, "mass.mass", lambda s: s.h2_norm([], "floor", "way").value)
-    assert found.slopes[1] == pytest.approx(expected, rel=1e-8)
+    assert result.slopes[1] == pytest.approx(expected, rel=1e-8)
 
 
 def test_a_mode_whose_decay_is_rounding_has_no_h2_norm():

@@ -20,18 +20,18 @@ def test_every_parameter_has_a_value_and_a_unit(system):
 
 
 def test_patterns_move_all_that_they_pick_at_the_rate_of_the_map(system):
-    found = variables(system.parameters, {"legs": {"leg*.k.stiffness": 2.0, "platform.mass": -1.0}})
-    assert found.names == ("legs",)
-    assert len(found.parameters) == 7
-    assert found.chain(np.arange(7.0)[:, None])[0, 0] == 2 * (0 + 1 + 2 + 3 + 4 + 5) - 6
+    result = variables(system.parameters, {"legs": {"leg*.k.stiffness": 2.0, "platform.mass": -1.0}})
+    assert result.names == ("legs",)
+    assert len(result.parameters) == 7
+    assert result.chain(np.arange(7.0)[:, None])[0, 0] == 2 * (0 + 1 + 2 + 3 + 4 + 5) - 6
 
 
 @pytest.mark.parametrize(("asked", "message"), [
     ("leg1.k.stifness", r"no parameter 'leg1\.k\.stifness'\. Did you mean 'leg1\.k\.stiffness'\?"),
     ("foo.mass", r"no parameter 'foo\.mass'\. Did you mean 'platform\.mass'\? Parameters are named"),
     ("leg1.k.radius", r"no parameter 'leg1\.k\.radius'\..* See \[name for name"),
-    ("leq*.k.stiffness", r"no parameter 'leq\*\.k\.stiffness': the pattern picks none of 325\. Did you mean 'leg"),
-    ({"a": {"leg*.q": 1.0}}, r"no parameter 'leg\*\.q': the pattern picks none"),
+    ("leq*.k.stiffness", r"no parameter 'leq\*\.k\.stiffness': the pattern matches none of 325\. Did you mean 'leg"),
+    ({"a": {"leg*.q": 1.0}}, r"no parameter 'leg\*\.q': the pattern matches none"),
     ({"a": {"platform.mass": float("nan")}}, r"variable 'a': platform\.mass = nan; expected a finite rate"),
     ({"a": {}}, r"variable 'a': \{\}; expected the parameters that it moves"),
     ({"a": 3.0}, r"variable 'a': 3\.0; expected the parameters that it moves"),

@@ -11,17 +11,17 @@ def grid(nx, ny, joint="revolute", flat=True, seed=0):
     """Bodies in a grid, not quite even, each joined to its neighbours: (nx - 1) (ny - 1) loops."""
     rng = np.random.default_rng(seed)
     model = mv.Model(f"grid{nx}x{ny}")
-    place = {}
+    positions = {}
     for i in range(nx):
         for j in range(ny):
             x, y, z = rng.uniform(-0.1, 0.1, size=3)
-            place[i, j] = np.array((i + x, j + y, 0.0 if flat else 2 * z))
-            model.add_body(f"b{i}.{j}", 1.0 + rng.uniform(), INERTIA, place[i, j])
+            positions[i, j] = np.array((i + x, j + y, 0.0 if flat else 2 * z))
+            model.add_body(f"b{i}.{j}", 1.0 + rng.uniform(), INERTIA, positions[i, j])
     damping = 1e-3 * np.array((100.0, 110.0, 120.0, 100.0, 100.0, 100.0))
-    for (i, j), here in place.items():
+    for (i, j), here in positions.items():
         for other in ((i + 1, j), (i, j + 1)):
-            if other in place:
-                a, b, point = f"b{i}.{j}", "b{}.{}".format(*other), (here + place[other]) / 2
+            if other in positions:
+                a, b, point = f"b{i}.{j}", "b{}.{}".format(*other), (here + positions[other]) / 2
                 name = f"{a}-{b}"
                 model.add_joint(name, joint, a, b, point)
                 model.add_bushing(f"{name}.spring", a, b, point, 1e3 * damping, damping)
@@ -37,15 +37,15 @@ def grid(nx, ny, joint="revolute", flat=True, seed=0):
 def ring(n, joint="spherical"):
     """A closed ring that floats on six springs at one body."""
     angle = 2 * np.pi * np.arange(n) / n
-    place = np.stack((np.cos(angle), np.sin(angle), 0.1 * np.sin(2 * angle)), axis=1) * n / 6
+    position = np.stack((np.cos(angle), np.sin(angle), 0.1 * np.sin(2 * angle)), axis=1) * n / 6
     model = mv.Model(f"ring{n}")
-    for i, point in enumerate(place):
+    for i, point in enumerate(position):
         model.add_body(f"b{i}", 1.0, INERTIA, point)
     for i in range(n):
-        a, b, point = f"b{i}", f"b{(i + 1) % n}", (place[i] + place[(i + 1) % n]) / 2
+        a, b, point = f"b{i}", f"b{(i + 1) % n}", (position[i] + position[(i + 1) % n]) / 2
         model.add_joint(f"j{i}", joint, a, b, point)
         model.add_bushing(f"s{i}", a, b, point, (100.0,) * 6, (0.1,) * 6)
-    model.add_bushing("base", "ground", "b0", place[0], (50.0,) * 6, (0.2,) * 6)
+    model.add_bushing("base", "ground", "b0", position[0], (50.0,) * 6, (0.2,) * 6)
     model.add_input("F", f"b{n // 3}", "x")
     model.add_output("y", f"b{n // 2}", "y")
     return model
@@ -85,8 +85,8 @@ def floating(n, tie=""):
     for i in range(n - 1):
         a, b, point = f"b{i}", f"b{i + 1}", (0.5 * i + 0.25, 0.0, 0.0)
         model.add_joint(f"j{i}", "spherical", a, b, point)
-        turning = 0.12 if i % 2 else 0.3
-        model.add_bushing(f"s{i}", a, b, point, (0, 0, 0, 100, 110, 120), (0, 0, 0, 0.1, 0.11, turning))
+        rotating = 0.12 if i % 2 else 0.3
+        model.add_bushing(f"s{i}", a, b, point, (0, 0, 0, 100, 110, 120), (0, 0, 0, 0.1, 0.11, rotating))
     end = (0.5 * n - 0.5, 0.0, 0.0)
     if tie == "ground":
         model.add_spring("tie", "ground", f"b{n - 1}", (0.5 * n, 0.0, 3.0), end, 50.0, 2.0)

@@ -50,13 +50,13 @@ ANY = st.one_of(
 def test_random_mechanisms(model):
     """Modes, responses and forces in joints, of which those that couplers transmit are a part."""
     dense, sparse = systems(with_forces(model, bodies=()))
-    kept = smallest_pivot(sparse)
-    one, other = dense.modes(), sparse.modes(sparse.dof)
-    assert one.rigid == other.rigid
-    assert_same_eigenvalues(other.eigenvalues, one.eigenvalues, rtol=1e-10 / kept)
+    retained = smallest_pivot(sparse)
+    first, second = dense.modes(), sparse.modes(sparse.dof)
+    assert first.rigid == second.rigid
+    assert_same_eigenvalues(second.eigenvalues, first.eigenvalues, rtol=1e-10 / retained)
     expected = dense.frequency_response(OMEGA)
-    assert differ(sparse.frequency_response(OMEGA), expected, kept) < 1e-9
-    assert differ(sparse.reduced(sparse.dof).frequency_response(OMEGA), expected, kept) < 1e-9
+    assert differ(sparse.frequency_response(OMEGA), expected, retained) < 1e-9
+    assert differ(sparse.reduced(sparse.dof).frequency_response(OMEGA), expected, retained) < 1e-9
 
 
 @pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")

@@ -34,17 +34,17 @@ def with_forces(model, joints=None, bodies=None):
 
 
 def both(model):
-    found = [linearized(model, method=method) for method in ("dense", "sparse")]
-    assert found[0].outputs == found[1].outputs
-    assert found[0].output_units == found[1].output_units
-    return found
+    result = [linearized(model, method=method) for method in ("dense", "sparse")]
+    assert result[0].outputs == result[1].outputs
+    assert result[0].output_units == result[1].output_units
+    return result
 
 
-def differ(found, expected, kept=1.0):
+def differ(result, expected, retained=1.0):
     """The largest difference: as a share of what the same joint or body has, whichever way it acts."""
     size = np.abs(expected).max(axis=1, keepdims=True)
     noise = size.max(axis=0, keepdims=True)  # forces along free directions are zero but for rounding
-    return float((np.abs(found - expected) / (size + 1e-2 * noise + 1e-30)).max()) * kept
+    return float((np.abs(result - expected) / (size + 1e-2 * noise + 1e-30)).max()) * retained
 
 
 def smallest_pivot(system):
@@ -57,20 +57,20 @@ def test_random_mechanisms(model):
     """Frequency responses, and those in time and of states with all modes."""
     dense, sparse = both(with_forces(model))
     assume(dense.dof)
-    kept = smallest_pivot(sparse)
+    retained = smallest_pivot(sparse)
     expected = dense.frequency_response(OMEGA)
-    assert differ(sparse.frequency_response(OMEGA), expected, kept) < 1e-9
+    assert differ(sparse.frequency_response(OMEGA), expected, retained) < 1e-9
     small = sparse.reduced(sparse.dof)
-    assert differ(small.frequency_response(OMEGA), expected, kept) < 1e-9
+    assert differ(small.frequency_response(OMEGA), expected, retained) < 1e-9
     assume(dense.modes().stable)
     ss = sparse.state_space(modes=sparse.dof)
-    found = ss.C @ np.linalg.solve(1j * OMEGA[1] * np.eye(len(ss.A)) - ss.A, ss.B) + ss.D
-    assert differ(found[:, :, None], expected[:, :, 1:2], kept) < 1e-9
+    result = ss.C @ np.linalg.solve(1j * OMEGA[1] * np.eye(len(ss.A)) - ss.A, ss.B) + ss.D
+    assert differ(result[:, :, None], expected[:, :, 1:2], retained) < 1e-9
     t = np.linspace(0, 0.05, 10)
     u = np.sin(40 * t + np.arange(len(dense.inputs))[:, None])
     expected = dense.time_response(t, u)
-    found = sparse.time_response(t, u, modes=sparse.dof)
-    assert np.abs(found - expected).max() < 1e-8 / kept * np.abs(expected).max()
+    result = sparse.time_response(t, u, modes=sparse.dof)
+    assert np.abs(result - expected).max() < 1e-8 / retained * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("name", few(sorted(overconstrained.ALL, key=lambda name: name.startswith("slider ")), 8))
@@ -93,9 +93,9 @@ def test_redundant_constraints_share_forces_as_on_the_dense_path(name, monkeypat
 def test_machines_with_many_loops(make):
     model = with_forces(make(), bodies=())
     dense, sparse = (model.linearize(method=method) for method in ("dense", "sparse"))
-    kept = smallest_pivot(sparse)
+    retained = smallest_pivot(sparse)
     assert sparse.redundant == dense.redundant
-    assert differ(sparse.frequency_response(OMEGA), dense.frequency_response(OMEGA), kept) < 1e-9
+    assert differ(sparse.frequency_response(OMEGA), dense.frequency_response(OMEGA), retained) < 1e-9
 
 
 def test_large_groups_of_loops_are_solved_sparse(monkeypatch):
@@ -117,8 +117,8 @@ def test_static_parts_of_modes_that_are_left_out():
     dense, sparse = (model.linearize(method=method) for method in ("dense", "sparse"))
     low = 1e-2 * dense.modes().natural[:1]
     expected = dense.frequency_response(low)
-    found = sparse.reduced(10, correction=True).frequency_response(low)
-    assert differ(found, expected) < 1e-7
+    result = sparse.reduced(10, correction=True).frequency_response(low)
+    assert differ(result, expected) < 1e-7
     np.testing.assert_allclose(sparse.static_compliance(), dense.Cq @ np.linalg.solve(dense.K, dense.B) + dense.D,
                                rtol=1e-9, atol=1e-9 * np.abs(expected).max())  # fmt: skip
 
@@ -148,16 +148,16 @@ def test_shaking_force_of_very_many_bodies_in_closed_form():
     assert type(system).__name__ == "SparseSystem"
     assert all(matrix.nnz <= 14 * 6 * n for matrix in system.output_rows), "a dense row each, and no more"
     response = system.frequency_response([1e-4 * system.modes(1).natural[0]])[:, system.inputs.index("floor"), 0]
-    found = dict(zip(system.outputs, response, strict=True))
+    result = dict(zip(system.outputs, response, strict=True))
     mass = np.array([body.mass for body in model.bodies.values()])
     centre = np.array([body.position for body in model.bodies.values()])
     moment = np.cross(mass @ centre, (1.0, 0.0, 0.0))
     expected = -np.array((mass.sum(), 0.0, 0.0, *moment))
-    shake = np.array([found[f"shake!{direction}"] for direction in SIX])
+    shake = np.array([result[f"shake!{direction}"] for direction in SIX])
     np.testing.assert_allclose(shake, expected, rtol=1e-6, atol=1e-6 * np.abs(moment).max())
     assert model.joints[root].first == "ground"
     assert not np.any(model.joints[root].position)
-    carried = np.array([found[f"root!{direction}"] for direction in SIX[:3]])
+    carried = np.array([result[f"root!{direction}"] for direction in SIX[:3]])
     axes = np.array(model.joints[root].axes)
     np.testing.assert_allclose(axes @ carried, expected[:3], rtol=1e-6, atol=1e-6 * mass.sum())
 
@@ -181,12 +181,12 @@ def test_machines_out_of_reach_take_their_outputs_along():
     both_of = chains("a", "b").linearize(method="sparse")
     part = both_of.reachable("push.a")
     assert part.bodies == ("a0", "a1", "a2", "a3")
-    alone = chains("a").linearize(method="sparse").frequency_response(OMEGA)
-    found = dict(zip(part.outputs, part.frequency_response(OMEGA), strict=True))
-    for name, expected in zip(("root.a", "sum.a", "shake"), alone, strict=True):
-        np.testing.assert_allclose(found[name], expected, rtol=1e-11)
-    assert not found["root.b"].any()
-    assert not found["sum.b"].any()
+    single = chains("a").linearize(method="sparse").frequency_response(OMEGA)
+    result = dict(zip(part.outputs, part.frequency_response(OMEGA), strict=True))
+    for name, expected in zip(("root.a", "sum.a", "shake"), single, strict=True):
+        np.testing.assert_allclose(result[name], expected, rtol=1e-11)
+    assert not result["root.b"].any()
+    assert not result["sum.b"].any()
     assert both_of.reachable("push.b", "root.b").bodies == ("b0", "b1", "b2", "b3")
 
 

@@ -16,18 +16,18 @@ CHAINS = [{"force": 300.0}, {"force": 3e4}, {"force": 300.0, "free": True}, {"fo
           {"force": 300.0, "free": True, "drag": False}]  # fmt: skip
 
 
-def same_modes(dense, found, k, near, rtol=1e-12):
+def same_modes(dense, result, k, near, rtol=1e-12):
     """Eigenvalue by eigenvalue, as far as both say that they can be trusted; how many are rigid; shapes of bodies."""
     expected = dense.nearest(k, near)
-    assert (len(found), found.rigid) == (k, expected.rigid)
-    apart = np.abs(found.eigenvalues[:, None] - expected.eigenvalues)
+    assert (len(result), result.rigid) == (k, expected.rigid)
+    apart = np.abs(result.eigenvalues[:, None] - expected.eigenvalues)
     i, j = linear_sum_assignment(apart)
     size = np.abs(expected.eigenvalues[j])
-    allowed = np.minimum(rtol, found.errors[i] + expected.errors[j])
+    allowed = np.minimum(rtol, result.errors[i] + expected.errors[j])
     np.testing.assert_array_less(apart[i, j], np.maximum(allowed * size, 1e-300))
-    np.testing.assert_allclose(found.frequencies, expected.frequencies, rtol=rtol)
-    np.testing.assert_array_equal(found.growing, expected.growing)
-    assert found.errors.max() < rtol
+    np.testing.assert_allclose(result.frequencies, expected.frequencies, rtol=rtol)
+    np.testing.assert_array_equal(result.growing, expected.growing)
+    assert result.errors.max() < rtol
 
 
 @pytest.mark.parametrize(("words", "near"), [*((words, 0.0) for words in SHAFTS), *((words, 100.0) for words in SHAFTS),
@@ -48,11 +48,11 @@ def test_chains_under_follower_loads(words, near):
     same_modes(dense, model.linearize(method="sparse").modes(5, near=near), 5, near)
 
 
-@pytest.mark.parametrize("whole", [False, True])
+@pytest.mark.parametrize("full", [False, True])
 @pytest.mark.parametrize("seed", range(3))
-def test_random_mechanisms(seed, whole, monkeypatch):
+def test_random_mechanisms(seed, full, monkeypatch):
     """Wheels, follower forces and torques in trees and loops, taken whole and by a search."""
-    if not whole:
+    if not full:
         monkeypatch.setattr(spectrum, "DENSE_DOF", 0)
         monkeypatch.setattr(spectrum, "DENSE_RATIO", 0)
     wheels = spatial(seed, bodies=4, loops=seed % 2, kinds=("spherical", "universal"), ports=False)
@@ -72,12 +72,12 @@ def test_overdamped_modes_around_a_frequency():
     model.add_body("pan", 2.0, (0.1, 0.1, 0.1), (1, 0, 0))
     model.add_joint("rail", "prismatic", "ground", "pan", (1, 0, 0), axis=(1, 0, 0))
     model.add_bushing("dashpot", "ground", "pan", (1, 0, 0), (2.0 * 600.0**2, 0, 0, 0, 0, 0), (2e4, 0, 0, 0, 0, 0))
-    found = model.linearize(method="sparse").modes(3, near=600.0 / (2.0 * np.pi))
+    result = model.linearize(method="sparse").modes(3, near=600.0 / (2.0 * np.pi))
     half, root = 5e3, np.sqrt(5e3**2 - 600.0**2)
     expected = np.array([-(600.0**2) / (half + root), -half - root])
-    pair = found.pairs[np.abs(found.natural - 600.0).argmin()]
+    pair = result.pairs[np.abs(result.natural - 600.0).argmin()]
     np.testing.assert_allclose(np.sort(pair.real)[::-1], expected, rtol=1e-12)
-    same_modes(model.linearize(method="dense").modes(rtol=1.0), found, 3, 600.0 / (2.0 * np.pi))
+    same_modes(model.linearize(method="dense").modes(rtol=1.0), result, 3, 600.0 / (2.0 * np.pi))
 
 
 def test_equal_parts_have_equal_eigenvalues():
@@ -133,13 +133,13 @@ def test_what_modes_give_further():
     """Shapes of bodies, tables, reduced systems with their responses in frequency and time, states."""
     model = shaft(12, damping=1e-3, rotating=1e-6)
     dense, sparse = model.linearize(method="dense"), model.linearize(method="sparse")
-    found, expected = sparse.modes(6), dense.modes(rtol=1.0).nearest(6)
-    a, b = (np.concatenate([modes.body_shapes[name] for name in sorted(modes.bodies)]) for modes in (found, expected))
+    result, expected = sparse.modes(6), dense.modes(rtol=1.0).nearest(6)
+    a, b = (np.concatenate([modes.body_shapes[name] for name in sorted(modes.bodies)]) for modes in (result, expected))
     share = np.abs(np.einsum("ij,ij->j", a.conj(), b)) / np.linalg.norm(a, axis=0) / np.linalg.norm(b, axis=0)
     np.testing.assert_allclose(share, 1.0, rtol=0, atol=1e-10)
-    assert "6 of 72 DOF" in str(found)
-    assert found.missed is None
-    omega = np.linspace(0.1, 1.2, 30) * found.natural[2]
+    assert "6 of 72 DOF" in str(result)
+    assert result.missed is None
+    omega = np.linspace(0.1, 1.2, 30) * result.natural[2]
     small = sparse.reduced(30)
     assert small.gyroscopic is not None
     assert small.circulatory is not None
@@ -149,7 +149,7 @@ def test_what_modes_give_further():
     every = dense.time_response(t, u)
     assert np.abs(sparse.time_response(t, u, modes=sparse.dof) - every).max() < 1e-9 * np.abs(every).max()
     values = np.linalg.eigvals(sparse.state_space(modes=6).A)
-    assert np.abs(values[:, None] - found.eigenvalues).min(axis=0).max() < 1e-8 * np.abs(found.eigenvalues).max()
+    assert np.abs(values[:, None] - result.eigenvalues).min(axis=0).max() < 1e-8 * np.abs(result.eigenvalues).max()
 
 
 def test_static_correction_beside_follower_loads():

@@ -40,8 +40,8 @@ def same(model):
         model.add_input(f"in{k}", body, (1.0, 0.5, 0.3, 0.2, 0.1, 0.7))
         model.add_output(f"out{k}", body, (0.3, 0.5, -1.0, 0.2, 0.7, 0.1))
     dense, sparse = (model.linearize(method=method) for method in ("dense", "sparse"))
-    expected, found = (system.frequency_response([0.7, 20.0, 60.0]) for system in (dense, sparse))
-    assert np.abs(found - expected).max() < 1e-10 * np.abs(expected).max()
+    expected, result = (system.frequency_response([0.7, 20.0, 60.0]) for system in (dense, sparse))
+    assert np.abs(result - expected).max() < 1e-10 * np.abs(expected).max()
     assert sparse.dof == dense.dof
     return dense, sparse
 

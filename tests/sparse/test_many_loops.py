@@ -129,6 +129,6 @@ def test_a_nearly_singular_pose_is_warned_of_and_its_digits_are_not_promised():
         sparse = model.linearize(method="sparse")
     with pytest.warns(mv.NearSingularWarning):
         dense = model.linearize(method="dense")
-    one, other = sparse.modes(1), dense.modes()
-    assert one.errors[0] > 1e-11
-    assert abs(one.frequencies[0] / other.frequencies[0] - 1) <= one.errors[0] + other.errors[0]
+    first, second = sparse.modes(1), dense.modes()
+    assert first.errors[0] > 1e-11
+    assert abs(first.frequencies[0] / second.frequencies[0] - 1) <= first.errors[0] + second.errors[0]

@@ -42,8 +42,8 @@ def test_the_relaxation_isolator(static, damping):
     system = isolator(damping=damping, static=static).linearize(method="sparse")
     k = stiffness_at(1j * OMEGA, c=damping, k0=static)
     t, x = k / (k - 7.0 * OMEGA**2), 1.0 / (k - 7.0 * OMEGA**2)
-    found = system.frequency_response(OMEGA)
-    assert_allclose(found, [[t, -(OMEGA**2) * x], [-7.0 * x, x], [-7.0 * x * k, k * x]], rtol=1e-12)
+    result = system.frequency_response(OMEGA)
+    assert_allclose(result, [[t, -(OMEGA**2) * x], [-7.0 * x, x], [-7.0 * x * k, k * x]], rtol=1e-12)
     assert (system.dof, system.massless) == ((2, 1) if damping else (1, 0))
 
 
@@ -64,7 +64,7 @@ def test_a_long_chain_of_isolators():
     n, omega = 1500, np.array([0.0, 1e-3, 0.02, 0.3, 4.0, 30.0])
     system = isolated(n).linearize(method="sparse")
     assert (system.dof, system.massless) == (2 * n, n)
-    found = system.frequency_response(omega)[:, 0]
+    result = system.frequency_response(omega)[:, 0]
     middle = n // 2
     for i, w in enumerate(omega):
         leg = stiffness_at(1j * w, 300.0, 5.0, 0.0)
@@ -73,7 +73,7 @@ def test_a_long_chain_of_isolators():
         bands[1] = 2.0 * k - w**2
         bands[1, -1] = k - w**2
         x = solve_banded((1, 1), bands, np.eye(n)[-1])
-        assert_allclose(found[:, i], [x[-1], leg * (x[middle] - x[middle - 1])], rtol=1e-9)
+        assert_allclose(result[:, i], [x[-1], leg * (x[middle] - x[middle - 1])], rtol=1e-9)
 
 
 @pytest.mark.parametrize("static", [0.0, 20.0])
@@ -81,9 +81,9 @@ def test_static_compliance_needs_a_spring_beside_the_element(static):
     with_spring = isolated(5, static, spring=0.0 if static else 100.0).linearize(method="sparse")
     k = static or 100.0
     assert_allclose(with_spring.static_compliance()[:, 0], [5.0 / k, static / k], rtol=1e-13)
-    alone = isolated(5, spring=0.0).linearize(method="sparse")
+    single = isolated(5, spring=0.0).linearize(method="sparse")
     with pytest.raises(mv.ResponseError, match="a motion of the mechanism meets no spring"):
-        alone.static_compliance()
+        single.static_compliance()
 
 
 def loose():
@@ -185,11 +185,11 @@ def test_machines_out_of_reach_take_their_nodes_along():
     model.add_spring("other.k", "ground", "other", (3, 0, -1), (3, 0, 0), 10.0)
     model.add_input("G", "other", "z")
     model.add_output("y", "other", "z")
-    whole = model.linearize(method="sparse")
-    part = whole.reachable("G", "y")
+    full = model.linearize(method="sparse")
+    part = full.reachable("G", "y")
     assert (part.dof, part.massless, part.bodies) == (2, 1, ("other", "other.leg.node"))
-    assert_allclose(part.frequency_response(OMEGA)[0, 0], whole.frequency_response(OMEGA)[2, 1], rtol=1e-13)
-    assert whole.reachable("F", ["x", "f"]).dof == 12
+    assert_allclose(part.frequency_response(OMEGA)[0, 0], full.frequency_response(OMEGA)[2, 1], rtol=1e-13)
+    assert full.reachable("F", ["x", "f"]).dof == 12
 
 
 def test_explain_tells_of_motions_without_mass():

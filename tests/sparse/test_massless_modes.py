@@ -48,10 +48,10 @@ def cubic(n, damping, count):
 def test_all_modes_of_random_networks(seed):
     model = network(seed)
     dense, sparse = (model.linearize(method=method) for method in ("dense", "sparse"))
-    one, other = dense.modes(), sparse.modes(sparse.dof)
-    assert (one.rigid, other.rigid, len(other)) == (0, 0, sparse.dof)
-    assert_same_eigenvalues(other.eigenvalues, one.eigenvalues, rtol=1e-12)
-    assert_allclose(other.first_order.sum(), one.first_order.sum())
+    first, second = dense.modes(), sparse.modes(sparse.dof)
+    assert (first.rigid, second.rigid, len(second)) == (0, 0, sparse.dof)
+    assert_same_eigenvalues(second.eigenvalues, first.eigenvalues, rtol=1e-12)
+    assert_allclose(second.first_order.sum(), first.first_order.sum())
     small = sparse.reduced(sparse.dof)
     assert small.massless == dense.massless
     assert_same_response(small.frequency_response(OMEGA), dense.frequency_response(OMEGA), rtol=1e-9)
@@ -92,8 +92,8 @@ def test_some_nodes_relax_and_others_follow_from_statics(n, near):
     assert_allclose(sparse.reduced(5).D, dense.D, rtol=1e-13)
     if not near:
         small, low = sparse.reduced(5, correction=True), np.array([1e-3])
-        found, expected = (system.frequency_response(low)[[0, 2]].real for system in (small, dense))
-        assert_allclose(found, expected, rtol=1e-4)
+        result, expected = (system.frequency_response(low)[[0, 2]].real for system in (small, dense))
+        assert_allclose(result, expected, rtol=1e-4)
 
 
 @pytest.mark.parametrize(("n", "static", "count"), [(5, 0.0, 9), (5, 2.0, 9), (45, 2.0, 4)])
@@ -119,6 +119,6 @@ def test_massless_motions_that_are_no_coordinates(count):
     model.add_bushing("link", "bob0", "free", (0, 0, 0), tuple(rng.uniform(1, 9, 6)), tuple(rng.uniform(0.1, 0.9, 6)))
     dense, sparse = (model.linearize(method=method) for method in ("dense", "sparse"))
     assert (sparse.dof, sparse.massless) == (dense.dof, dense.massless) == (12, 5)
-    found, expected = sparse.modes(12), dense.modes()
-    assert_same_eigenvalues(found.eigenvalues, expected.eigenvalues, rtol=1e-11)
+    result, expected = sparse.modes(12), dense.modes()
+    assert_same_eigenvalues(result.eigenvalues, expected.eigenvalues, rtol=1e-11)
     assert np.isin(np.round(sparse.modes(count).eigenvalues, 8), np.round(expected.eigenvalues, 8)).all()

@@ -18,13 +18,13 @@ def test_one_chain_of_three():
     assert part.bodies == tuple(f"c1.{i}" for i in range(300))
     assert part.layout.size < system.layout.size / 3
     rows = [system.outputs.index(name) for name in part.outputs]
-    whole = system.frequency_response(OMEGA)[rows, 1:2]
-    assert_allclose(part.frequency_response(OMEGA), whole, rtol=1e-11)
+    full = system.frequency_response(OMEGA)[rows, 1:2]
+    assert_allclose(part.frequency_response(OMEGA), full, rtol=1e-11)
     text = part.explain()
     assert "not controllable from F1: c0.0" in text
     assert "(900 in all)" in text
-    alone = beside(1, 300).linearize(method="dense").reachable("F1", "M1")
-    assert_allclose(part.modes(5).frequencies, alone.modes(5).frequencies, rtol=1e-11)
+    single = beside(1, 300).linearize(method="dense").reachable("F1", "M1")
+    assert_allclose(part.modes(5).frequencies, single.modes(5).frequencies, rtol=1e-11)
 
 
 def test_ports_between_two_parts():

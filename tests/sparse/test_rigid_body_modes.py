@@ -129,17 +129,17 @@ def test_a_wheel_under_its_weight():
     model.add_joint("axle", "revolute", "ground", "wheel", position=(0, 0, 0), axis=(1, 0, 0))
     model.add_body("bob", 2.0, (0.1, 0.1, 0.1), position=(1, 0, -0.3))
     model.add_joint("pin", "revolute", "ground", "bob", position=(1, 0, 0), axis=(0, 1, 0))
-    found = model.linearize(method="sparse").modes(2).frequencies
-    np.testing.assert_allclose(found, [0, np.sqrt(2 * 9.81 * 0.3 / 0.28) / (2 * np.pi)], rtol=1e-12, atol=1e-6)
+    result = model.linearize(method="sparse").modes(2).frequencies
+    np.testing.assert_allclose(result, [0, np.sqrt(2 * 9.81 * 0.3 / 0.28) / (2 * np.pi)], rtol=1e-12, atol=1e-6)
 
 
 def test_dampers_of_motions_that_are_free_but_for_underflow():
     """Coordinates of a rigid-body mode that are 1e-140 in place of 0 are not braked: the mode is exactly 0."""
     model = spatial(4419614, bodies=2, floating=True)
     dense = model.linearize(method="dense").modes()
-    found = model.linearize(method="sparse").modes(len(dense.frequencies))
-    assert np.count_nonzero(found.eigenvalues == 0) == np.count_nonzero(dense.eigenvalues == 0)
-    assert_allclose(found.natural, dense.natural, rtol=1e-9)
+    result = model.linearize(method="sparse").modes(len(dense.frequencies))
+    assert np.count_nonzero(result.eigenvalues == 0) == np.count_nonzero(dense.eigenvalues == 0)
+    assert_allclose(result.natural, dense.natural, rtol=1e-9)
 
 
 def test_motions_that_hardly_anything_holds_are_refused_by_name():
@@ -162,6 +162,6 @@ def test_the_slowest_of_braked_modes_are_found_among_all_of_them(count):
         model.add_spring(f"brake{i}", before, f"c{i}", [0.4 * i - 0.4, 0.0, 0.0], at, damping=brake)
     C = np.diag(brakes + np.append(brakes[1:], 0.0)) - np.diag(brakes[1:], 1) - np.diag(brakes[1:], -1)
     expected = -np.linalg.eigvalsh(C / np.sqrt(np.outer(masses, masses)))[:count]
-    found = model.linearize(method="sparse").modes(count)
-    np.testing.assert_allclose(np.sort(found.eigenvalues.real)[:count], np.sort(expected), rtol=1e-12)
-    assert (np.sort(np.abs(found.eigenvalues))[:count] == 0.0).all()
+    result = model.linearize(method="sparse").modes(count)
+    np.testing.assert_allclose(np.sort(result.eigenvalues.real)[:count], np.sort(expected), rtol=1e-12)
+    assert (np.sort(np.abs(result.eigenvalues))[:count] == 0.0).all()

@@ -38,8 +38,8 @@ def test_it_is_the_sum_over_the_modes_left_out():
     phi = modes.shapes[:, 4:]
     expected = (dense.Cq @ phi / modes.natural[4:] ** 2) @ (phi.T @ dense.B)
     sparse = model.linearize(method="sparse")
-    found = sparse.reduced(4, correction=True).D - sparse.reduced(4).D
-    assert_allclose(found, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
+    result = sparse.reduced(4, correction=True).D - sparse.reduced(4).D
+    assert_allclose(result, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
 def test_free_motions_are_left_aside():

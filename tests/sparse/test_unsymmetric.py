@@ -18,8 +18,8 @@ def same(model, **words):
     dense, sparse = model.linearize(**words), model.linearize(method="sparse", **words)
     assert dense.gyroscopic is not None or dense.circulatory is not None
     expected = dense.frequency_response(OMEGA)
-    found = sparse.frequency_response(OMEGA)
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-11 * np.abs(expected).max())
+    result = sparse.frequency_response(OMEGA)
+    np.testing.assert_allclose(result, expected, rtol=1e-9, atol=1e-11 * np.abs(expected).max())
     symmetric = model.with_parts(rotors={}, loads={}).linearize().frequency_response(OMEGA)
     assert np.abs(expected - symmetric).max() > 1e-6 * np.abs(expected).max()  # the terms count
     return sparse
@@ -59,9 +59,9 @@ def test_follower_loads_and_torques(loops, follower, torque):
 def test_models_of_the_library_that_spin(name):
     model = getattr(mv.library, name)()
     model = model.with_parts(outputs={k: out for k, out in model.outputs.items() if isinstance(out, Output)})
-    found = model.linearize(method="sparse").frequency_response(OMEGA[1:])
+    result = model.linearize(method="sparse").frequency_response(OMEGA[1:])
     expected = model.linearize().frequency_response(OMEGA[1:])
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-11 * np.abs(expected).max())
+    np.testing.assert_allclose(result, expected, rtol=1e-9, atol=1e-11 * np.abs(expected).max())
 
 
 def shaft(disks):
@@ -98,9 +98,9 @@ def with_all_forces(model):
 def same_forces(model):
     model = with_all_forces(model)
     dense, sparse = (model.linearize(method=method) for method in ("dense", "sparse"))
-    expected, found = dense.frequency_response(OMEGA[1:]), sparse.frequency_response(OMEGA[1:])
+    expected, result = dense.frequency_response(OMEGA[1:]), sparse.frequency_response(OMEGA[1:])
     size = np.abs(expected).max(axis=1, keepdims=True)
-    assert (np.abs(found - expected) <= 1e-10 * (size + 1e-2 * size.max(axis=0))).all()
+    assert (np.abs(result - expected) <= 1e-10 * (size + 1e-2 * size.max(axis=0))).all()
 
 
 @pytest.mark.parametrize("floating", [False, True])

@@ -42,13 +42,13 @@ def test_critical_speeds():
     fine = np.linspace(1e-3, 12.0, 61)
     tracks = campbell(rotor_and_stator(3.0), fine).eigenvalues.imag
     for order in (1.0, 2.0):
-        found = [point for point in data.critical if point.order == order]
-        for point in found:
+        result = [point for point in data.critical if point.order == order]
+        for point in result:
             roots = np.array(whirl_roots(point.speed))
             assert np.abs(roots.imag - order * point.speed).min() <= 1e-11 * order * point.speed
             assert point.frequency == pytest.approx(order * point.speed / (2.0 * np.pi), rel=1e-11)
         above = np.sign(tracks - order * fine[:, None])
-        assert len(found) == np.count_nonzero(np.diff(above, axis=0))
+        assert len(result) == np.count_nonzero(np.diff(above, axis=0))
     first = [point for point in data.critical if point.order == 1.0]
     assert [round(point.whirl) for point in first] == [-1, 1, 0, -1]
     assert "Critical speed" in str(data)
@@ -139,6 +139,6 @@ def test_plot(tmp_path):
     circles = [line for line in axes.lines if line.get_marker() == "o"]
     assert len(circles) == len(data.critical)
     assert any(line.get_marker() == "x" for line in axes.lines)
-    said = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert said == ["forward", "backward", "no whirl", "unstable"]
+    stated = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert stated == ["forward", "backward", "no whirl", "unstable"]
     assert repr(data).startswith("Campbell('shaft': 13 speeds, 7 modes")

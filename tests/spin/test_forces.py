@@ -17,8 +17,8 @@ def responses(model, *elements):
         for direction in SIX:
             model.add_force_output(f"{element} {direction}", element, direction)
     system = model.linearize()
-    found = system.frequency_response(OMEGA)
-    return [found[6 * k : 6 * k + 6] for k in range(len(elements))]
+    result = system.frequency_response(OMEGA)
+    return [result[6 * k : 6 * k + 6] for k in range(len(elements))]
 
 
 def at(force, point):
@@ -46,18 +46,18 @@ def test_a_damper_that_turns_along_carries_what_the_disk_feels():
     model.add_input("F", "disk", (1.0, 0.3, 0.1, 0.2, 0.3, 0.0))
     disk, bend, journal, bearing = responses(model, "disk", "bend", "journal", "bearing")
     size = np.abs(bend).max()
-    felt = -bend
-    felt[:, 0] += np.array([1.0, 0.3, 0.1, 0.2, 0.3, 0.0])[:, None]
-    np.testing.assert_allclose(disk, felt, rtol=0, atol=1e-13 * size)
+    rows = -bend
+    rows[:, 0] += np.array([1.0, 0.3, 0.1, 0.2, 0.3, 0.0])[:, None]
+    np.testing.assert_allclose(disk, rows, rtol=0, atol=1e-13 * size)
     np.testing.assert_allclose(journal, bend - bearing, rtol=0, atol=1e-13 * size)
 
 
 def whirling(model, omega, backward=False):
     """Outputs by name for the force (1, -i) exp(i omega t) of the inputs Fx and Fy, which goes round as the rotor."""
     system = model.linearize()
-    found = system.frequency_response([omega])[:, :, 0]
+    result = system.frequency_response([omega])[:, :, 0]
     inputs = [system.inputs.index(name) for name in ("Fx", "Fy")]
-    return dict(zip(system.outputs, found[:, inputs] @ [1.0, 1.0j if backward else -1.0j], strict=True))
+    return dict(zip(system.outputs, result[:, inputs] @ [1.0, 1.0j if backward else -1.0j], strict=True))
 
 
 @pytest.mark.parametrize("backward", [False, True])
@@ -77,10 +77,10 @@ def test_force_and_moment_in_the_bearing_of_rotor_and_stator(speed, omega, backw
     if backward:  # z = (x + i y) of exp(-i omega t): the conjugates go with exp(i omega t)
         force, moment = force.conjugate(), moment.conjugate()
     turn = 1j if backward else -1j
-    found, size = whirling(model, omega, backward), abs(force) + abs(moment)
+    result, size = whirling(model, omega, backward), abs(force) + abs(moment)
     for name, expected in (("x", force), ("y", turn * force), ("ry", moment), ("rx", -turn * moment), ("z", 0.0),
                            ("rz", 0.0)):  # fmt: skip
-        assert abs(found[name] - expected) < 1e-12 * size
+        assert abs(result[name] - expected) < 1e-12 * size
 
 
 @pytest.mark.parametrize(("speed", "omega"), [(300.0, 300.0), (300.0, 90.0), (1200.0, 400.0)])
@@ -105,12 +105,12 @@ def test_a_shaft_carried_by_two_bearings(speed, omega):
     s = 1j * omega
     carries = np.array([m * s**2 + c * s + k for _, m, k, c in blocks.values()])
     # journals z1, z2: centre (b z1 + a z2) / (a + b), slope (z2 - z1) / (a + b)
-    place, slope = np.array([b, a]) / (a + b), np.array([-1.0, 1.0]) / (a + b)
-    matrix = (mass * s**2 * np.outer(place, place) + (across * s**2 - 1j * axial * speed * s) * np.outer(slope, slope)
-              + np.diag(carries))  # fmt: skip
-    forces = carries * np.linalg.solve(matrix, place + height * slope)
-    found = whirling(model, omega)
+    location, slope = np.array([b, a]) / (a + b), np.array([-1.0, 1.0]) / (a + b)
+    matrix = (mass * s**2 * np.outer(location, location) + np.diag(carries)
+              + (across * s**2 - 1j * axial * speed * s) * np.outer(slope, slope))  # fmt: skip
+    forces = carries * np.linalg.solve(matrix, location + height * slope)
+    result = whirling(model, omega)
     for name, force in zip(blocks, forces, strict=True):
-        assert abs(found[f"{name} x"] - force) < 1e-11 * abs(forces).max()
-        assert abs(found[f"{name} y"] + 1j * force) < 1e-11 * abs(forces).max()
-        assert abs(found[f"{name} rx"]) + abs(found[f"{name} ry"]) < 1e-13 * abs(forces).max()
+        assert abs(result[f"{name} x"] - force) < 1e-11 * abs(forces).max()
+        assert abs(result[f"{name} y"] + 1j * force) < 1e-11 * abs(forces).max()
+        assert abs(result[f"{name} rx"]) + abs(result[f"{name} ry"]) < 1e-13 * abs(forces).max()

@@ -24,8 +24,8 @@ def whirl_roots(speed):
     with mp.workdps(40):
         w, result = mp.mpf(speed), []
         for sign in (-1, 1):
-            one, two = [1000, 1, 1500], [mp.mpf(10000), mp.mpc(10, sign * 1000 * w), mp.mpf("1281.25")]
-            product = [sum(one[i] * two[k - i] for i in range(3) if 0 <= k - i < 3) for k in range(5)]
+            first, second = [1000, 1, 1500], [mp.mpf(10000), mp.mpc(10, sign * 1000 * w), mp.mpf("1281.25")]
+            product = [sum(first[i] * second[k - i] for i in range(3) if 0 <= k - i < 3) for k in range(5)]
             product[4] -= 975**2
             result += mp.polyroots(product, asc=True, maxsteps=200, extraprec=200)
         result += mp.polyroots([1000, 1, 1500], asc=True) + mp.polyroots([100000, 100, 10], asc=True)

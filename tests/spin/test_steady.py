@@ -24,14 +24,14 @@ def refused(model, *words):
 
 def test_values():
     model = base()
-    for words, said in (
+    for words, message in (
         ({"body": "ground", "speed": 1.0, "axis": (0, 0, 1)}, "'ground'"),
         ({"body": "disk", "speed": np.nan, "axis": (0, 0, 1)}, "rad/s"),
         ({"body": "disk", "speed": 1.0, "axis": (0, 0, 0)}, "axis"),
         ({"body": "disk", "speed": 1.0, "axis": (0, 0, 1), "inertia": 0.0}, "positive"),
         ({"body": "dish", "speed": 1.0, "axis": (0, 0, 1)}, "disk"),
     ):
-        with pytest.raises(ModelError, match=said):
+        with pytest.raises(ModelError, match=message):
             model.add_rotor("spin", **words)
     with pytest.raises(ModelError, match="taken by a body"):
         model.add_rotor("disk", "disk", 1.0, (0, 0, 1))
@@ -75,14 +75,14 @@ def test_moving_axes():
 def test_springs():
     model = base()
     model.add_rotor("spin", "disk", 5.0, (0, 0, 1))
-    for words, said in (
+    for words, message in (
         ({"position": (0, 0, 0), "stiffness": (1, 1, 1, 1, 1, 1)}, "wound up"),
         ({"position": (0.1, 0, 0), "stiffness": (1, 1, 1, 0, 0, 0)}, "off its axis"),
     ):
         held = base()
         held.add_rotor("spin", "disk", 5.0, (0, 0, 1))
         held.add_bushing("mount", "carrier", "disk", **words)
-        refused(held, "rotor 'spin'", "'mount'", said)
+        refused(held, "rotor 'spin'", "'mount'", message)
     held = base()
     held.add_rotor("spin", "disk", 5.0, (0, 0, 1))
     held.add_bushing("film", "carrier", "disk", position=(0, 0, 0), stiffness=(1, 2, 1, 1, 3, 0), damping=(1,) * 6)

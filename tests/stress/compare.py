@@ -28,10 +28,10 @@ def undamped_errors(model, modes, redundant=None):
     squares = reference.squares(reference.exact(model, redundant))
     assert modes.rigid == sum(v == 0 for v in squares)
     assert not modes.eigenvalues.real.any()
-    found = modes.eigenvalues[0::2].imag
-    assert (found[: modes.rigid] == 0.0).all()
+    result = modes.eigenvalues[0::2].imag
+    assert (result[: modes.rigid] == 0.0).all()
     with mp.workdps(reference.DIGITS):
-        pairs = [(mp.mpf(float(a)), mp.sqrt(b)) for a, b in zip(found, squares, strict=True) if b]
+        pairs = [(mp.mpf(float(a)), mp.sqrt(b)) for a, b in zip(result, squares, strict=True) if b]
         return np.array([float(abs(a / b - 1)) for a, b in pairs])
 
 
@@ -41,11 +41,11 @@ def damped_errors(model, modes):
     errors = []
     with mp.workdps(reference.DIGITS):
         for k in np.argsort(-np.abs(modes.eigenvalues), kind="stable"):
-            found = mp.mpmathify(complex(modes.eigenvalues[k]))
-            expected = left.pop(min(range(len(left)), key=lambda i: abs(left[i] - found)))
-            assert (expected == 0) == (found == 0)
-            if found:
-                errors.append((float(abs(found - expected) / abs(expected)), modes.errors[k]))
+            result = mp.mpmathify(complex(modes.eigenvalues[k]))
+            expected = left.pop(min(range(len(left)), key=lambda i: abs(left[i] - result)))
+            assert (expected == 0) == (result == 0)
+            if result:
+                errors.append((float(abs(result - expected) / abs(expected)), modes.errors[k]))
     return np.array(errors).T
 
 

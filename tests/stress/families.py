@@ -104,8 +104,8 @@ def linkage(seed, loops=4, spatial=False, damping=None, stiffness_span=12.0, mas
     mass, stiffness = decades(rng, loops, mass_span - 0.5), decades(rng, loops, stiffness_span - 0.5, 5.0)
     base, foot = "ground", np.zeros(3)
     for i in range(loops):
-        place = lambda x, y: foot + axes @ (np.array([x, y, 0.0]) + 0.2 * rng.uniform(-1, 1, 3) * [1, 1, spatial])  # noqa: B023, E731
-        corners = [place(0, 0), place(0, 1), place(1, 1), place(1, 0)]
+        location = lambda x, y: foot + axes @ (np.array([x, y, 0.0]) + 0.2 * rng.uniform(-1, 1, 3) * [1, 1, spatial])  # noqa: B023, E731
+        corners = [location(0, 0), location(0, 1), location(1, 1), location(1, 0)]
         centre = axes @ np.array([0.4, 0.5, 0.1]) + foot
         names = [base] + [f"{part}{i}" for part in ("left", "top", "right")]
         if i or floating:

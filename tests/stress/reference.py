@@ -62,8 +62,8 @@ def squares(reference):
     with mp.workdps(DIGITS):
         lower = mp.cholesky(mp.matrix(reference.M))
         half = digits.transpose(digits.solve(lower.tolist(), reference.K))
-        whole = mp.matrix(digits.solve(lower.tolist(), half))
-        values = sorted(fast_digits.symmetric_eigenvalues((whole + whole.T) / 2), key=abs)
+        full = mp.matrix(digits.solve(lower.tolist(), half))
+        values = sorted(fast_digits.symmetric_eigenvalues((full + full.T) / 2), key=abs)
         rigid = m - _elastic_rank(reference)
         assert all(abs(v) < mp.mpf("1e-50") * abs(values[-1]) for v in values[:rigid])
         return [mp.mpf(0)] * rigid + sorted(values[rigid:])
@@ -106,12 +106,12 @@ def _newton(reference, zeros):
     )
 
     def step(s):
-        whole, slope = mass * s**2 + damping * s + stiffness, mass * (2 * s) + damping
+        full, slope = mass * s**2 + damping * s + stiffness, mass * (2 * s) + damping
         try:
-            ratio = fast_digits.solve(whole, slope)
+            ratio = fast_digits.solve(full, slope)
         except ZeroDivisionError:
             return mp.mpc(0)
-        return 1 / (sum(ratio[j, j] for j in range(whole.rows)) - zeros / s)
+        return 1 / (sum(ratio[j, j] for j in range(full.rows)) - zeros / s)
 
     return step
 
@@ -140,8 +140,8 @@ def _aberth(newton, start):
             if not done[i] or abs(move) > 0:
                 z[i] = value - move
     assert all(done), "the reference did not converge"
-    found = z + [mp.conj(v) for v in z if v.imag]
-    radius = [len(found) * ENOUGH * abs(v) for v in found]  # far above |p / p'| after the last step
-    for i, a in enumerate(found):
-        assert all(abs(a - b) > radius[i] + r for b, r in zip(found[:i], radius[:i], strict=True)), "discs overlap"
-    return found
+    result = z + [mp.conj(v) for v in z if v.imag]
+    radius = [len(result) * ENOUGH * abs(v) for v in result]  # far above |p / p'| after the last step
+    for i, a in enumerate(result):
+        assert all(abs(a - b) > radius[i] + r for b, r in zip(result[:i], radius[:i], strict=True)), "discs overlap"
+    return result

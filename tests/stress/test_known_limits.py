@@ -18,8 +18,8 @@ def rod(turn, ratio, tensor):
     moments = np.array([1.0, 1.0 - 0.1 * ratio, ratio])
     model = mv.Model("rod")
     if tensor:
-        whole = turn @ np.diag(moments) @ turn.T
-        model.add_body("rod", 1.0, (whole + whole.T) / 2)
+        full = turn @ np.diag(moments) @ turn.T
+        model.add_body("rod", 1.0, (full + full.T) / 2)
     else:
         model.add_body("rod", 1.0, moments, orientation=turn)
     model.add_joint("spindle", "revolute", "ground", "rod", (0, 0, 0), axis=turn[:, 2])
@@ -35,7 +35,7 @@ def test_the_small_moment_of_a_turned_tensor(ratio):
         turn = rotation(rng)
         for tensor in (True, False):
             model = rod(turn, ratio, tensor)
-            found = float(model.linearize().modes().natural[0])
+            result = float(model.linearize().modes().natural[0])
             with mp.workdps(40):
                 if tensor:
                     axis = mp.matrix([mpf(float(v)) for v in turn[:, 2]])
@@ -44,7 +44,7 @@ def test_the_small_moment_of_a_turned_tensor(ratio):
                     moment = (axis.T * mp.matrix(given.tolist()) * axis)[0] / (axis.T * axis)[0]
                 else:
                     moment = mpf(ratio)
-                error[tensor].append(float(abs(found * mp.sqrt(moment) - 1)))
+                error[tensor].append(float(abs(result * mp.sqrt(moment) - 1)))
     assert max(error[True]) <= EPS / ratio
     assert max(error[False]) <= 2e-15
 
@@ -66,6 +66,6 @@ def test_tiny_terms_beside_strong_dampers():
         with reference.precision():
             expected = Exact(model).frequency_response(omega)
         rows = [i for i, name in enumerate(system.outputs) if name.startswith("displacement")]
-        found, expected = system.frequency_response(omega)[rows], expected[rows]
-        told = np.abs(expected) > 1e-60  # the others are zeros
-        assert (np.abs(found - expected)[told] <= 1e-9 * np.abs(expected)[told]).all()
+        result, expected = system.frequency_response(omega)[rows], expected[rows]
+        stated = np.abs(expected) > 1e-60  # the others are zeros
+        assert (np.abs(result - expected)[stated] <= 1e-9 * np.abs(expected)[stated]).all()

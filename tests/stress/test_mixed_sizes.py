@@ -159,8 +159,8 @@ def arm_determinant(square, stiffness):
         moment = force = mp.mpf(0)
         for k in reversed(stiffness):
             left = -square * (deflection - angle / 2) - force
-            turning = -square * inertia * angle - moment - (force - left) / 2
-            deflection, angle, moment, force = deflection - angle, angle + turning / mp.mpf(float(k)), -turning, -left
+            rotating = -square * inertia * angle - moment - (force - left) / 2
+            deflection, angle, moment, force = deflection - angle, angle + rotating / mp.mpf(float(k)), -rotating, -left
         columns.append((deflection, angle))
     return columns[0][0] * columns[1][1] - columns[1][0] * columns[0][1]
 

@@ -66,10 +66,10 @@ def test_residuals_and_honest_errors(scene, off):
         terms = [value**2 * (system.M @ shape), value * (system.C @ shape), system.K @ shape]
         assert np.linalg.norm(sum(terms)) <= 1e-13 * sum(np.linalg.norm(term) for term in terms)
     expected = list(Exact(model).eigenvalues)
-    for found, promised in zip(modes.eigenvalues, modes.errors, strict=True):
-        nearest = expected.pop(int(np.argmin(np.abs(np.array(expected) - found))))
-        assert abs(found - nearest) <= (2 * promised + 1e-15) * abs(nearest)
-        assert abs(found - nearest) <= 1e-7 * abs(nearest)
+    for result, promised in zip(modes.eigenvalues, modes.errors, strict=True):
+        nearest = expected.pop(int(np.argmin(np.abs(np.array(expected) - result))))
+        assert abs(result - nearest) <= (2 * promised + 1e-15) * abs(nearest)
+        assert abs(result - nearest) <= 1e-7 * abs(nearest)
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -77,8 +77,8 @@ def test_residuals_and_honest_errors(scene, off):
 def test_frequency_response(scene, off):
     model = scenes(off)[scene]
     omega = np.array([0.01, 3.0, 9.9, 10.0, 10.1, 30.0, 31.0, 1e3])
-    found, expected = model.linearize().frequency_response(omega), Exact(model).frequency_response(omega)
-    assert (np.abs(found - expected) <= 2e-12 * np.abs(expected).max(axis=(0, 1))).all()
+    result, expected = model.linearize().frequency_response(omega), Exact(model).frequency_response(omega)
+    assert (np.abs(result - expected) <= 2e-12 * np.abs(expected).max(axis=(0, 1))).all()
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -104,9 +104,9 @@ def check_time_response(scene, off, hold):
     start = rng.normal(size=(2, n))
     for time in (np.linspace(0, 0.8, 9), np.array([0.0, 1e-4, 0.01, 0.2, 0.23, 1.5])):
         u = rng.normal(size=(inputs, len(time)))
-        found = system.time_response(time, u, hold=hold, initial=(start[0], start[1] * 10))
+        result = system.time_response(time, u, hold=hold, initial=(start[0], start[1] * 10))
         expected = marched(model, system.coordinates, time, u, hold, (start[0], start[1] * 10))
-        assert np.abs(found - expected).max() <= 1e-12 * np.abs(expected).max()
+        assert np.abs(result - expected).max() <= 1e-12 * np.abs(expected).max()
 
 
 def marched(model, names, time, u, hold, initial):
@@ -117,8 +117,8 @@ def marched(model, names, time, u, hold, initial):
     lower = mp.matrix(exact.M)
     a = mp.zeros(2 * (n + k))
     a[:n, n : 2 * n] = mp.eye(n)
-    for place, matrix in ((0, exact.K), (n, exact.C)):
-        a[n : 2 * n, place : place + n] = -fast_digits.inverse(lower) * mp.matrix(matrix)
+    for position, matrix in ((0, exact.K), (n, exact.C)):
+        a[n : 2 * n, position : position + n] = -fast_digits.inverse(lower) * mp.matrix(matrix)
     a[n : 2 * n, 2 * n : 2 * n + k] = fast_digits.inverse(lower) * mp.matrix(exact.B)
     a[2 * n : 2 * n + k, 2 * n + k :] = mp.eye(k)
     state = [*(back * mp.matrix(list(map(float, initial[0])))), *(back * mp.matrix(list(map(float, initial[1]))))]
@@ -128,8 +128,8 @@ def marched(model, names, time, u, hold, initial):
         h = mp.mpf(float(time[i + 1])) - mp.mpf(float(time[i]))
         now, then = (mp.matrix([mp.mpf(float(v)) for v in u[:, j]]) for j in (i, i + 1))
         slope = (then - now) / h if hold == "first" else now * 0
-        whole = mp.matrix([*state, *now, *slope])
-        state = list((fast_digits.exponential(a * h) * whole)[: 2 * n])
+        full = mp.matrix([*state, *now, *slope])
+        state = list((fast_digits.exponential(a * h) * full)[: 2 * n])
         result.append([float(v) for v in show * mp.matrix(state[:n])])
     return np.array(result).T
 
@@ -141,6 +141,6 @@ def test_the_reference_marches_exactly():
     u = np.zeros((3, 3))
     u[0] = 1.0
     system = model.linearize()
-    found = marched(model, system.coordinates, time, u, "zero", (np.zeros(3), np.zeros(3)))
+    result = marched(model, system.coordinates, time, u, "zero", (np.zeros(3), np.zeros(3)))
     expected = [float((1 - (1 + 10 * mp.mpf(t)) * mp.exp(-10 * mp.mpf(t))) / 100) for t in time]
-    assert np.abs(found[0] - expected).max() <= 1e-16
+    assert np.abs(result[0] - expected).max() <= 1e-16

@@ -55,10 +55,10 @@ def test_any_mechanism_in_any_order_at_length(model, order):
 @given(ANY, seeds(), seeds())
 def test_order_changes_nothing_but_names(model, first, second):
     """Two orders: the same degrees of freedom, eigenvalues and responses, though coordinates may be others."""
-    one, other = (linearized(rebuilt(model, order=order)) for order in (first, second))
-    assert one.dof == other.dof
-    assert len(one.redundant) == len(other.redundant)
-    assume(one.dof)
-    assert_same_eigenvalues(one.modes().eigenvalues, other.modes().eigenvalues)
+    left, right = (linearized(rebuilt(model, order=order)) for order in (first, second))
+    assert left.dof == right.dof
+    assert len(left.redundant) == len(right.redundant)
+    assume(left.dof)
+    assert_same_eigenvalues(left.modes().eigenvalues, right.modes().eigenvalues)
     omega = np.geomspace(1.0, 1e3, 5)
-    assert_same_response(one.frequency_response(omega), other.frequency_response(omega), rtol=1e-8)
+    assert_same_response(left.frequency_response(omega), right.frequency_response(omega), rtol=1e-8)

@@ -60,5 +60,5 @@ def test_at_the_peaks_of_mechanisms(ratio, family):
     omega = 2 * np.pi * modes.damped_frequencies
     lowest = modes.damping_ratios.min()
     assert lowest < 3 * ratio
-    found, expected = system.frequency_response(omega), Exact(model).frequency_response(omega)
-    assert np.abs(found / expected - 1).max() <= 2e-12 + POLE * EPS / lowest
+    result, expected = system.frequency_response(omega), Exact(model).frequency_response(omega)
+    assert np.abs(result / expected - 1).max() <= 2e-12 + POLE * EPS / lowest

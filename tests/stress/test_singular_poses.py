@@ -51,7 +51,7 @@ def test_a_four_bar_just_off_flat(power):
             warnings.simplefilter("always")
             system = model.linearize()
             modes = system.modes(rtol=1e-12)
-        names = {type(each.message).__name__ for each in caught}
+        names = {type(item.message).__name__ for item in caught}
         pivot = smallest_pivot(system)
         assert ("NearSingularWarning" in names) == (pivot < 1e-4)
         if pivot < 2e-4:

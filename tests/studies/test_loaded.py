@@ -19,10 +19,10 @@ def crank():
 
 def test_a_sweep_finds_the_pose_of_each_point():
     model, masses = crank(), [1.0, 2.0, 3.0]
-    found = mv.sweep(model, {"arm.mass": masses}, of="modes.frequencies")["modes.frequencies"]
-    alone = [model.with_values({"arm.mass": m}).equilibrium().linearize().modes().frequencies for m in masses]
-    assert np.allclose(found, alone, rtol=1e-12)
-    assert np.ptp(found) > 0.1
+    result = mv.sweep(model, {"arm.mass": masses}, of="modes.frequencies")["modes.frequencies"]
+    single = [model.with_values({"arm.mass": m}).equilibrium().linearize().modes().frequencies for m in masses]
+    assert np.allclose(result, single, rtol=1e-12)
+    assert np.ptp(result) > 0.1
 
 
 @pytest.mark.parametrize("name", ["arm.mass", "cord.stiffness", "cord.free_length", "hinge.position.x", "cord.start.x",
@@ -47,9 +47,9 @@ def test_a_search_follows_the_equilibrium():
     model = crank()
     variables = {"cord.free_length": (0.3, 0.6), "arm.mass": (1.0, 4.0)}
     target = st.placement({1: 3.5})
-    found = mv.optimize(model, variables, target)
-    assert found.success
-    system = found.model.linearize()
+    result = mv.optimize(model, variables, target)
+    assert result.success
+    system = result.model.linearize()
     assert system.modes().frequencies[0] == pytest.approx(3.5, rel=1e-6)
     system.reactions  # noqa: B018  # in balance
 

@@ -36,15 +36,15 @@ def test_quantities_and_tracks_are_those_of_the_mode_that_is_printed_under_the_n
 
 
 def test_the_mode_that_is_named_is_the_one_that_is_optimised():
-    found = st.optimize(two(), {"slow.spring.stiffness": (50.0, 300.0)}, (st.frequency(1) - 2.0) ** 2)
-    assert found.model.linearize().modes().frequencies[0] == pytest.approx(2.0, rel=1e-6)
+    result = st.optimize(two(), {"slow.spring.stiffness": (50.0, 300.0)}, (st.frequency(1) - 2.0) ** 2)
+    assert result.model.linearize().modes().frequencies[0] == pytest.approx(2.0, rel=1e-6)
 
 
 def test_labels_of_tolerances_and_columns_of_files_count_from_1(tmp_path):
     model, f = two(), two().linearize().modes().frequencies
-    found = st.tolerances(model, {"slow.mass": 0.01}, st.frequency(), samples=10)
-    assert found.labels == ("frequency 1 [Hz]", "frequency 2 [Hz]")
-    assert found.nominal[found.index("frequency 2 [Hz]")] == pytest.approx(f[1], rel=1e-12)
+    result = st.tolerances(model, {"slow.mass": 0.01}, st.frequency(), samples=10)
+    assert result.labels == ("frequency 1 [Hz]", "frequency 2 [Hz]")
+    assert result.nominal[result.index("frequency 2 [Hz]")] == pytest.approx(f[1], rel=1e-12)
     swept = mv.sweep(model, {"slow.mass": [1.0]}, {"f": "modes.frequencies"})
     assert swept.columns()["f(2)"][0] == pytest.approx(f[1], rel=1e-12)
     assert swept.to_csv(tmp_path / "sweep.csv").read_text().splitlines()[0] == "slow.mass,f(1),f(2)"
@@ -60,15 +60,15 @@ def test_critical_speeds_have_the_number_that_is_printed():
 
 
 def test_root_loci_count_as_they_print():
-    found = locus()
-    number, *_, printed, _ = found.table()["rows"][5]
-    _, ratio = found.best(6)
+    result = locus()
+    number, *_, printed, _ = result.table()["rows"][5]
+    _, ratio = result.best(6)
     assert (number, 100.0 * ratio) == (6, pytest.approx(float(printed), rel=1e-3))
-    assert ratio == pytest.approx(found.damping_ratios[:, 5].max(), rel=1e-12)
+    assert ratio == pytest.approx(result.damping_ratios[:, 5].max(), rel=1e-12)
     with pytest.raises(mv.ResponseError, match=r"modes count from 1, as print\(locus\) lists them; 0 was given"):
-        found.best(0)
+        result.best(0)
     with pytest.raises(mv.ResponseError, match="lists modes from 1 to 6"):
-        found.best(7)
+        result.best(7)
 
 
 @pytest.mark.parametrize("number", [0, -1])

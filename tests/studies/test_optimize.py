@@ -59,7 +59,7 @@ def place(variable=None, change=0.0):
 def test_gradients_are_those_of_the_values(name):
     quantity, model = QUANTITIES[name], absorber(40.0, 0.8, below=2.0)
     here = quantity.at(place())
-    found, size = here.slope, np.abs(here.value).max()
+    result, size = here.slope, np.abs(here.value).max()
     for i, variable in enumerate(VARIABLES):
         p = model.parameters[variable]
         h = 1e-4 * p
@@ -68,7 +68,7 @@ def test_gradients_are_those_of_the_values(name):
             return quantity.at(place(variable, change)).value
 
         expected = (8.0 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12.0 * h)
-        assert np.allclose(found[:, i], expected, rtol=1e-6, atol=1e-8 * size / p), variable
+        assert np.allclose(result[:, i], expected, rtol=1e-6, atol=1e-8 * size / p), variable
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -82,13 +82,13 @@ def test_gradients_of_random_mechanisms_with_loops(seed):
     last = float(f[-1])
     quantity = st.largest(st.frequency(system.dof - 1) / last, 0.0) + st.gain(None, None, 0.7 * last).log()
     slope = quantity.gradient(system, variables)[0]
-    for found, name in zip(slope, variables, strict=True):
+    for result, name in zip(slope, variables, strict=True):
         p = model.parameters[name]
         h = 1e-4 * (abs(p) if not name.endswith(".x") else 1.0)
         values = [quantity(model.with_values({name: p + k * h}).linearize(independent=system.coordinates))
                   for k in (-2, -1, 1, 2)]  # fmt: skip
         expected = np.dot([1.0, -8.0, 8.0, -1.0], values) / (12.0 * h)
-        assert found == pytest.approx(expected, rel=1e-5, abs=1e-9 / h), name
+        assert result == pytest.approx(expected, rel=1e-5, abs=1e-9 / h), name
 
 
 def test_values_are_those_of_the_system():
@@ -130,37 +130,37 @@ def test_root_mean_squares_are_those_of_isolation_studies(spectrum):
 def test_best_absorber_has_two_peaks_of_one_height(method):
     if method == "ipopt":
         pytest.importorskip("casadi")
-    found = st.optimize(absorber(), TUNED, st.peak("x", "F") * STIFF, method=method)
-    assert found.success, found
+    result = st.optimize(absorber(), TUNED, st.peak("x", "F") * STIFF, method=method)
+    assert result.success, result
     w = 2 * np.pi * np.linspace(1.0, 2.5, 20001)
-    gain = STIFF * np.abs(found.model.linearize().frequency_response(w)[0, 0])
+    gain = STIFF * np.abs(result.model.linearize().frequency_response(w)[0, 0])
     tops = gain[1:-1][(gain[1:-1] > gain[:-2]) & (gain[1:-1] > gain[2:])]
     assert len(tops) == 2
     assert np.ptp(tops) < 1e-6 * tops.max()
-    assert found.objective == pytest.approx(tops.max(), rel=1e-6)
+    assert result.objective == pytest.approx(tops.max(), rel=1e-6)
     # the fixed points' rule of thumb, sqrt(1 + 2/mu), is a little lower than the exact optimum, and never reached
-    assert np.sqrt(1 + 2 / SHARE) < found.objective < 1.001 * np.sqrt(1 + 2 / SHARE)
+    assert np.sqrt(1 + 2 / SHARE) < result.objective < 1.001 * np.sqrt(1 + 2 / SHARE)
 
 
 def test_best_absorber_under_white_noise_is_that_of_the_closed_form():
-    found = st.optimize(absorber(), TUNED, st.rms("x", {"F": 1.0}) * 1e3)
-    assert found.success, found
+    result = st.optimize(absorber(), TUNED, st.rms("x", {"F": 1.0}) * 1e3)
+    assert result.success, result
     # Crandall & Mark (1963): tuning sqrt(1 + mu/2) / (1 + mu), damping sqrt(mu (1 + 3 mu/4) / (4 (1 + mu)(1 + mu/2)))
     mu, small = SHARE, SHARE * MAIN
     omega = np.sqrt(STIFF / MAIN) * np.sqrt(1 + mu / 2) / (1 + mu)
     zeta = np.sqrt(mu * (1 + 0.75 * mu) / (4 * (1 + mu) * (1 + 0.5 * mu)))
-    assert found.values["k2.stiffness"] == pytest.approx(small * omega**2, rel=1e-5)
-    assert found.values["k2.damping"] == pytest.approx(2 * zeta * small * omega, rel=1e-4)
+    assert result.values["k2.stiffness"] == pytest.approx(small * omega**2, rel=1e-5)
+    assert result.values["k2.damping"] == pytest.approx(2 * zeta * small * omega, rel=1e-4)
 
 
 def test_frequencies_are_placed_where_they_ought_to_be():
     model = quarter_car()
     names = {"tyre.stiffness": (1e4, 1e6), "suspension.stiffness": (1e3, 1e5)}
-    found = st.optimize(model, names, st.placement({1: 1.6, 2: 14.0}))
-    assert found.success, found
-    assert np.allclose(found.model.linearize().modes().frequencies, [1.6, 14.0], rtol=1e-5)
-    assert "Optimal after" in str(found)
-    assert "tyre.stiffness [N/m]" in str(found)
+    result = st.optimize(model, names, st.placement({1: 1.6, 2: 14.0}))
+    assert result.success, result
+    assert np.allclose(result.model.linearize().modes().frequencies, [1.6, 14.0], rtol=1e-5)
+    assert "Optimal after" in str(result)
+    assert "tyre.stiffness [N/m]" in str(result)
     again = st.optimize(model, {"up": (-1.0, 1.0)}, (st.frequency(1) - 1.6) ** 2,
                         ties={"up": {"suspension.stiffness": 2e4}})  # fmt: skip
     assert again.model.linearize().modes().frequencies[0] == pytest.approx(1.6, rel=1e-6)
@@ -180,10 +180,10 @@ def two(damping=1.0):
 def test_damping_is_shared_out_within_a_budget():
     names = {"slow.spring.damping": (0.1, 10.0), "fast.spring.damping": (0.1, 10.0)}
     budget = st.variable("slow.spring.damping") + st.variable("fast.spring.damping") <= 6.0
-    found = st.optimize(two(), names, -st.smallest(st.damping_ratio()), budget)
-    assert found.success, found
+    result = st.optimize(two(), names, -st.smallest(st.damping_ratio()), budget)
+    assert result.success, result
     # c1 / (2 sqrt(k1 m)) = c2 / (2 sqrt(k2 m)), c1 + c2 = 6
-    assert np.allclose(list(found.values.values()), [2.0, 4.0], rtol=1e-6)
+    assert np.allclose(list(result.values.values()), [2.0, 4.0], rtol=1e-6)
 
 
 def test_damping_floor_holds():
@@ -217,8 +217,8 @@ def test_peaks_are_bounded_as_constraints():
 def test_named_modes_are_followed_through_crossings():
     # mode 0, that of "slow", has to go beyond the other one, which stays
     wanted = 30.0 / (2 * np.pi)
-    found = st.optimize(two(0.0), {"slow.spring.stiffness": (10.0, 1e4)}, (st.frequency(1) - wanted) ** 2)
-    assert found.values["slow.spring.stiffness"] == pytest.approx(900.0, rel=1e-5)
+    result = st.optimize(two(0.0), {"slow.spring.stiffness": (10.0, 1e4)}, (st.frequency(1) - wanted) ** 2)
+    assert result.values["slow.spring.stiffness"] == pytest.approx(900.0, rel=1e-5)
 
 
 @pytest.mark.parametrize(("method", "off"), [("SLSQP", 1e-9), ("ipopt", 1e-6), ("trust-constr", 1e-4)])
@@ -228,11 +228,11 @@ def test_ties_and_equalities(method, off):
     model = stewart()
     names = {"leg*.k.stiffness": (1e6, 1e9), "platform.mass": (0.5, 2.0)}
     held = [st.frequency(3).equals(900.0), st.variable("leg*.k.stiffness") >= 1.8e7]
-    found = st.optimize(model, names, st.variable("platform.mass"), held, method=method)
-    assert found.success, found
-    assert found.model.linearize().modes().frequencies[2] == pytest.approx(900.0, rel=1e-6)
-    assert found.values["leg*.k.stiffness"] == pytest.approx(1.8e7, rel=off)
-    assert len({spring.stiffness for spring in found.model.springs.values() if hasattr(spring, "line")}) == 1
+    result = st.optimize(model, names, st.variable("platform.mass"), held, method=method)
+    assert result.success, result
+    assert result.model.linearize().modes().frequencies[2] == pytest.approx(900.0, rel=1e-6)
+    assert result.values["leg*.k.stiffness"] == pytest.approx(1.8e7, rel=off)
+    assert len({spring.stiffness for spring in result.model.springs.values() if hasattr(spring, "line")}) == 1
 
 
 BAD = [
@@ -255,9 +255,9 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize(("variables", "objective", "words", "said"), BAD)
-def test_bad_input_is_told(variables, objective, words, said):
-    with pytest.raises(ModelError, match=said):
+@pytest.mark.parametrize(("variables", "objective", "words", "message"), BAD)
+def test_bad_input_is_told(variables, objective, words, message):
+    with pytest.raises(ModelError, match=message):
         st.optimize(absorber(), variables, st.frequency(1) if objective is None else objective, **words)
 
 
@@ -311,26 +311,26 @@ def minima():
 
 
 def test_one_start_ends_in_the_nearest_minimum_and_says_that_it_is_local():
-    found = st.optimize(two(), {"slow.position.x": (-2.0, 2.0)}, two_minima(), start={"slow.position.x": 0.8})
+    result = st.optimize(two(), {"slow.position.x": (-2.0, 2.0)}, two_minima(), start={"slow.position.x": 0.8})
     _, (other, value) = minima()
-    assert (found.values["slow.position.x"], found.objective) == pytest.approx((other, value), rel=1e-6)
-    assert len(found.starts) == 1
-    assert "This is a local minimum. A smaller one may exist: starts=n searches from n points." in str(found)
+    assert (result.values["slow.position.x"], result.objective) == pytest.approx((other, value), rel=1e-6)
+    assert len(result.starts) == 1
+    assert "This is a local minimum. A smaller one may exist: starts=n searches from n points." in str(result)
 
 
 def test_several_starts_find_the_lower_minimum_and_report_the_others():
     words = {"variables": {"slow.position.x": (-2.0, 2.0)}, "objective": two_minima(), "starts": 5,
              "start": {"slow.position.x": 0.8}}  # fmt: skip
-    found = st.optimize(two(), **words)
+    result = st.optimize(two(), **words)
     (lower, least), (_, value) = minima()
-    assert (found.values["slow.position.x"], found.objective) == pytest.approx((lower, least), rel=1e-6)
-    assert found.model.bodies["slow"].position[0] == pytest.approx(lower, rel=1e-6)
-    begins = [each.start["slow.position.x"] for each in found.starts]
+    assert (result.values["slow.position.x"], result.objective) == pytest.approx((lower, least), rel=1e-6)
+    assert result.model.bodies["slow"].position[0] == pytest.approx(lower, rel=1e-6)
+    begins = [item.start["slow.position.x"] for item in result.starts]
     assert begins[0] == 0.8, "the start that was given"
     assert np.histogram(begins[1:], bins=4, range=(-2, 2))[0].tolist() == [1, 1, 1, 1], "a Latin hypercube"
-    assert sorted({round(each.objective, 6) for each in found.starts}) == [round(least, 6), round(value, 6)]
-    assert found.start == found.starts[begins.index(found.start["slow.position.x"])].start
-    assert f"The best of local searches from 5 starts: {least:.6g} from" in str(found)
+    assert sorted({round(item.objective, 6) for item in result.starts}) == [round(least, 6), round(value, 6)]
+    assert result.start == result.starts[begins.index(result.start["slow.position.x"])].start
+    assert f"The best of local searches from 5 starts: {least:.6g} from" in str(result)
 
 
 def test_starts_are_those_of_their_seed():
@@ -342,16 +342,16 @@ def test_starts_are_those_of_their_seed():
 
 def test_modes_keep_their_numbers_at_every_start():
     """Beyond the crossing at 400 N/m the mode that was the lower one is the upper one."""
-    found = st.optimize(two(), {"slow.spring.stiffness": (50.0, 5000.0)}, (st.frequency(1) - 3.0) ** 2, starts=4)
-    for each in found.starts:
-        assert each.values["slow.spring.stiffness"] == pytest.approx((6 * np.pi) ** 2, rel=1e-4)
+    result = st.optimize(two(), {"slow.spring.stiffness": (50.0, 5000.0)}, (st.frequency(1) - 3.0) ** 2, starts=4)
+    for item in result.starts:
+        assert item.values["slow.spring.stiffness"] == pytest.approx((6 * np.pi) ** 2, rel=1e-4)
 
 
 def test_starts_that_lead_nowhere_are_told():
     walled = st.given(refuse_far, "walled")
-    found = st.optimize(two(), {"slow.position.x": (0.5, 1.5)}, walled, start={"slow.position.x": 1.4}, starts=4)
-    assert any(not np.isfinite(each.objective) for each in found.starts)
-    assert "none from" in str(found)
+    result = st.optimize(two(), {"slow.position.x": (0.5, 1.5)}, walled, start={"slow.position.x": 1.4}, starts=4)
+    assert any(not np.isfinite(item.objective) for item in result.starts)
+    assert "none from" in str(result)
 
 
 def refuse_far(system, _):
@@ -361,11 +361,11 @@ def refuse_far(system, _):
     return (x - 1.2) ** 2, np.array([[2 * (x - 1.2)]])
 
 
-@pytest.mark.parametrize(("words", "said"), [
+@pytest.mark.parametrize(("words", "message"), [
     ({"starts": 0}, "starts = 0; expected a whole number, at least 1"), ({"starts": 2.0}, "starts = 2.0"),
     ({"starts": 2, "seed": -1}, "seed = -1"),
     ({"starts": 3, "variables": {"slow.mass": (0.1, None)}}, "variable 'slow.mass' has no bounds on both sides"),
 ])  # fmt: skip
-def test_bad_starts_are_told(words, said):
-    with pytest.raises(ModelError, match=said):
+def test_bad_starts_are_told(words, message):
+    with pytest.raises(ModelError, match=message):
         st.optimize(two(), **({"variables": {"slow.mass": (0.5, 2.0)}, "objective": st.frequency(1)} | words))

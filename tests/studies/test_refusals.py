@@ -77,10 +77,10 @@ REFUSALS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("ask", "told"), REFUSALS, ids=[told[:30] for _, told in REFUSALS])
+@pytest.mark.parametrize(("ask", "message"), REFUSALS, ids=[told[:30] for _, told in REFUSALS])
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-def test_refusals_are_told(ask, told):
-    with pytest.raises(mv.MbsvibError, match=told):
+def test_refusals_are_told(ask, message):
+    with pytest.raises(mv.MbsvibError, match=message):
         ask()
 
 
@@ -98,8 +98,8 @@ def test_refusals_on_the_way_say_where():
 
 def test_results_that_are_no_numbers_are_told_at_their_points():
     with pytest.warns(UserWarning, match="all 2 points failed, the first by ModelError: of: 'value' is 'text'"):
-        found = swept(lambda system: "text")
-    assert list(found.errors.values()) == ["ModelError: of: 'value' is 'text'; expected numbers."] * 2
+        result = swept(lambda system: "text")
+    assert list(result.errors.values()) == ["ModelError: of: 'value' is 'text'; expected numbers."] * 2
 
 
 def test_records_that_cannot_be_kept(tmp_path):

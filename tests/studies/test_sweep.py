@@ -37,35 +37,36 @@ def pendulum():
 
 
 def test_grid_of_frequencies_is_that_of_single_models():
-    found = sweep(quarter_car(), GRID, "modes.frequencies")
-    table = found.grid("modes.frequencies")
-    assert found.shape == (7, 5)
+    result = sweep(quarter_car(), GRID, "modes.frequencies")
+    table = result.grid("modes.frequencies")
+    assert result.shape == (7, 5)
     assert table.shape == (7, 5, 2)
     for i, j in ((0, 0), (2, 4), (6, 3)):
         expected = alone(quarter_car(), {"tyre.stiffness": TYRE[i], "suspension.stiffness": SUSPENSION[j]})
         assert np.allclose(table[i, j], expected, rtol=1e-12, atol=0)
-    assert found.units == {"tyre.stiffness": "N/m", "suspension.stiffness": "N/m", "modes.frequencies": "Hz"}
+    assert result.units == {"tyre.stiffness": "N/m", "suspension.stiffness": "N/m", "modes.frequencies": "Hz"}
 
 
 def test_patterns_tie_and_numbers_hold_for_all_points():
     model = stewart()
-    found = sweep(model, {"leg*.k.stiffness": [1e7, 2e7, 3e7], "platform.mass": 2.0}, "modes.frequencies", how="paired")
+    values = {"leg*.k.stiffness": [1e7, 2e7, 3e7], "platform.mass": 2.0}
+    result = sweep(model, values, "modes.frequencies", how="paired")
     expected = alone(model, {"leg*.k.stiffness": 2e7, "platform.mass": 2.0})
-    assert np.allclose(found["modes.frequencies"][1], expected, rtol=1e-12, atol=0)
+    assert np.allclose(result["modes.frequencies"][1], expected, rtol=1e-12, atol=0)
 
 
 def test_patterns_of_any_shape_have_the_unit_of_what_they_pick():
-    found = sweep(quarter_car(), {"*.stiffnes[s]": [1e4, 2e4], "*.inertia.z[z]": 1.0, "wheel.[mp]*": 0.3}, lowest,
+    result = sweep(quarter_car(), {"*.stiffnes[s]": [1e4, 2e4], "*.inertia.z[z]": 1.0, "wheel.[mp]*": 0.3}, lowest,
                   how="paired")  # fmt: skip
-    assert found.units == {"*.stiffnes[s]": "N/m", "*.inertia.z[z]": "kg m^2"}
-    assert np.isfinite(found["lowest"]).all()
+    assert result.units == {"*.stiffnes[s]": "N/m", "*.inertia.z[z]": "kg m^2"}
+    assert np.isfinite(result["lowest"]).all()
 
 
 def test_linear_maps_add_to_what_the_model_has():
-    found = sweep(quarter_car(), {"softer": [0.0, 1.0]}, lowest, ties={"softer": {
+    result = sweep(quarter_car(), {"softer": [0.0, 1.0]}, lowest, ties={"softer": {
         "tyre.stiffness": -1e4, "suspension.stiffness": -2e3}})  # fmt: skip
     expected = alone(quarter_car(), {"tyre.stiffness": 192000.0 - 1e4, "suspension.stiffness": 20000.0})
-    assert found["lowest"][1] == pytest.approx(expected[0], rel=1e-12)
+    assert result["lowest"][1] == pytest.approx(expected[0], rel=1e-12)
 
 
 def test_functions_that_take_batches_are_asked_once():
@@ -75,47 +76,47 @@ def test_functions_that_take_batches_are_asked_once():
         asked.append(len(batch))
         return batch.frequency_response([3.0])[:, 0, 0, 0]
 
-    found = sweep(quarter_car(), GRID, both, batched=True)
+    result = sweep(quarter_car(), GRID, both, batched=True)
     assert len(asked) <= 3  # once to see whether it can, then all in two pieces
-    one = quarter_car().with_values({"tyre.stiffness": TYRE[3], "suspension.stiffness": SUSPENSION[1]}).linearize()
-    assert found.grid("both")[3, 1] == pytest.approx(one.frequency_response([3.0])[0, 0, 0], rel=1e-11)
+    single = quarter_car().with_values({"tyre.stiffness": TYRE[3], "suspension.stiffness": SUSPENSION[1]}).linearize()
+    assert result.grid("both")[3, 1] == pytest.approx(single.frequency_response([3.0])[0, 0, 0], rel=1e-11)
 
 
 def test_models_that_batches_refuse_go_one_by_one():
-    found = sweep(pendulum(), {"bob.position.z": [-0.25, -0.5, -1.0]}, "modes.natural")
+    result = sweep(pendulum(), {"bob.position.z": [-0.25, -0.5, -1.0]}, "modes.natural")
     length = np.array([0.25, 0.5, 1.0])
-    assert np.allclose(found["modes.natural"][:, 0], np.sqrt(9.81 * length / (0.01 + length**2)), rtol=1e-12)
+    assert np.allclose(result["modes.natural"][:, 0], np.sqrt(9.81 * length / (0.01 + length**2)), rtol=1e-12)
 
 
 def test_a_point_that_fails_is_recorded_and_the_others_kept():
-    found = sweep(quarter_car(), {"tyre.stiffness": [1e5, 3e5, 2e5]}, picky)
-    assert found.errors == {1: "ArithmeticError: too stiff"}
-    assert found.failed.tolist() == [False, True, False]
-    assert np.isnan(found["low"][1])
-    assert np.isnan(found["poles"][1]).all()
-    assert found["poles"].dtype == complex
-    assert found["low"][2] == pytest.approx(alone(quarter_car(), {"tyre.stiffness": 2e5})[0], rel=1e-12)
-    assert "Point 1 failed: ArithmeticError: too stiff" in str(found)
+    result = sweep(quarter_car(), {"tyre.stiffness": [1e5, 3e5, 2e5]}, picky)
+    assert result.errors == {1: "ArithmeticError: too stiff"}
+    assert result.failed.tolist() == [False, True, False]
+    assert np.isnan(result["low"][1])
+    assert np.isnan(result["poles"][1]).all()
+    assert result["poles"].dtype == complex
+    assert result["low"][2] == pytest.approx(alone(quarter_car(), {"tyre.stiffness": 2e5})[0], rel=1e-12)
+    assert "Point 1 failed: ArithmeticError: too stiff" in str(result)
 
 
 def test_a_value_that_no_part_can_have_fails_alone():
     mass = np.full(300, 2.0)
     mass[[17, 230]] = -1.0
-    found = sweep(stewart(), {"platform.mass": mass}, "modes.frequencies")
-    assert sorted(found.errors) == [17, 230]
-    assert "mass" in found.errors[17]
-    assert np.isfinite(found["modes.frequencies"][~found.failed]).all()
+    result = sweep(stewart(), {"platform.mass": mass}, "modes.frequencies")
+    assert sorted(result.errors) == [17, 230]
+    assert "mass" in result.errors[17]
+    assert np.isfinite(result["modes.frequencies"][~result.failed]).all()
 
 
 def test_if_every_point_fails_the_sweep_says_so():
     with pytest.warns(UserWarning, match="all 2 points failed, the first by ZeroDivisionError"):
-        found = sweep(quarter_car(), {"tyre.stiffness": [1e5, 2e5]}, lambda system: 1 / 0)
-    assert not found.results
+        result = sweep(quarter_car(), {"tyre.stiffness": [1e5, 2e5]}, lambda system: 1 / 0)
+    assert not result.results
 
 
 def test_results_of_different_shapes_are_kept_as_they_are():
-    found = sweep(quarter_car(), {"tyre.stiffness": [1e5, 2e5]}, lambda s: np.arange(int(s.K.max() // 1e5)))
-    assert [len(value) for value in found["value"]] == [1, 2]
+    result = sweep(quarter_car(), {"tyre.stiffness": [1e5, 2e5]}, lambda s: np.arange(int(s.K.max() // 1e5)))
+    assert [len(value) for value in result["value"]] == [1, 2]
 
 
 def test_record_is_resumed_after_an_interruption(tmp_path):
@@ -129,21 +130,21 @@ def test_record_is_resumed_after_an_interruption(tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         sweep(quarter_car(), {"tyre.stiffness": TYRE}, {"value": interrupted}, file=file, workers=1)
-    kept = len(file.read_bytes().splitlines()) - 1
-    assert 1 <= kept <= 3
+    retained = len(file.read_bytes().splitlines()) - 1
+    assert 1 <= retained <= 3
     with open(file, "ab") as stream:
         stream.write(b'{"point": 6, "resu')  # cut short
     counts = []
-    found = sweep(quarter_car(), {"tyre.stiffness": TYRE}, {"value": interrupted}, file=file, workers=1,
+    result = sweep(quarter_car(), {"tyre.stiffness": TYRE}, {"value": interrupted}, file=file, workers=1,
                   progress=lambda done, total: counts.append((done, total)))  # fmt: skip
-    assert len(asked) == 4 + 7 - kept
+    assert len(asked) == 4 + 7 - retained
     assert counts[-1] == (7, 7)
-    whole = sweep(quarter_car(), {"tyre.stiffness": TYRE}, "poles")
-    assert (found["poles" if "poles" in found.results else "value.poles"] == whole["poles"]).all()
-    assert not found.errors
+    full = sweep(quarter_car(), {"tyre.stiffness": TYRE}, "poles")
+    assert (result["poles" if "poles" in result.results else "value.poles"] == full["poles"]).all()
+    assert not result.errors
     again = sweep(quarter_car(), {"tyre.stiffness": TYRE}, {"value": interrupted}, file=file)
-    assert len(asked) == 4 + 7 - kept
-    assert all((again[label] == found[label]).all() for label in found)
+    assert len(asked) == 4 + 7 - retained
+    assert all((again[label] == result[label]).all() for label in result)
 
 
 def test_failed_points_are_asked_again_only_if_wanted(tmp_path):
@@ -174,7 +175,7 @@ def test_records_of_other_studies_are_refused(tmp_path):
         with pytest.raises(ModelError, match="record of another study"):
             sweep(model, values, of, file=file)
     (tmp_path / "no.jsonl").write_text("hello\n")
-    with pytest.raises(ModelError, match="no record of a study"):
+    with pytest.raises(ModelError, match="not a record of a study"):
         sweep(quarter_car(), GRID, "poles", file=tmp_path / "no.jsonl")
     (tmp_path / "bad.jsonl").write_bytes(before.replace(b'"result"', b'"rest"', 1))
     with pytest.raises(ModelError, match="line 2"):
@@ -183,14 +184,14 @@ def test_records_of_other_studies_are_refused(tmp_path):
 
 
 def test_csv_keeps_every_digit(tmp_path):
-    found = sweep(quarter_car(), {"tyre.stiffness": [1e5, 3e5, 2e5]}, picky)
-    path = found.to_csv(tmp_path / "sweep.csv")
+    result = sweep(quarter_car(), {"tyre.stiffness": [1e5, 3e5, 2e5]}, picky)
+    path = result.to_csv(tmp_path / "sweep.csv")
     rows = list(csv.DictReader(path.read_text().splitlines()))
     assert [float(row["tyre.stiffness"]) for row in rows] == [1e5, 3e5, 2e5]
-    assert float(rows[2]["low"]) == found["low"][2]
-    assert float(rows[0]["poles(2).im"]) == found["poles"][0, 1].imag
+    assert float(rows[2]["low"]) == result["low"][2]
+    assert float(rows[0]["poles(2).im"]) == result["poles"][0, 1].imag
     assert rows[1]["error"] == "ArithmeticError: too stiff"
-    assert set(found.to_numpy()) == {"tyre.stiffness", "low", "poles"}
+    assert set(result.to_numpy()) == {"tyre.stiffness", "low", "poles"}
 
 
 @pytest.mark.parametrize(("values", "of", "kind"), [
@@ -198,13 +199,13 @@ def test_csv_keeps_every_digit(tmp_path):
     ({"tyre.stiffness": TYRE, "body.mass": TYRE / 1e3, "wheel.mass": 40.0}, lowest, "histogram"),
 ])  # fmt: skip
 def test_figures_have_units(values, of, kind):
-    found = sweep(quarter_car(), values, of, how="paired" if kind == "histogram" else "grid")
-    figure = found.plot()
+    result = sweep(quarter_car(), values, of, how="paired" if kind == "histogram" else "grid")
+    figure = result.plot()
     labels = [axes.get_xlabel() + axes.get_ylabel() for axes in figure.axes]
     assert all(label.endswith("]") for label in labels)
     assert len(figure.axes) == (2 if kind == "map" else 1)
     with pytest.raises(ModelError, match="Did you mean"):
-        found.plot("modes.frequences" if kind != "histogram" else "lowes")
+        result.plot("modes.frequences" if kind != "histogram" else "lowes")
 
 
 BAD = [
@@ -228,9 +229,9 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize(("values", "of", "words", "said"), BAD)
-def test_bad_input_is_told(values, of, words, said):
-    with pytest.raises(ModelError, match=said):
+@pytest.mark.parametrize(("values", "of", "words", "message"), BAD)
+def test_bad_input_is_told(values, of, words, message):
+    with pytest.raises(ModelError, match=message):
         sweep(quarter_car(), values, of, **words)
 
 
@@ -243,10 +244,10 @@ def test_progress_bar_is_drawn_if_asked_for(capsys):
 
 def test_record_is_readable_by_others(tmp_path):
     file = tmp_path / "sweep.jsonl"
-    found = sweep(quarter_car(), {"tyre.stiffness": TYRE}, "modes.frequencies", file=file)
+    result = sweep(quarter_car(), {"tyre.stiffness": TYRE}, "modes.frequencies", file=file)
     lines = [json.loads(line) for line in file.read_text().splitlines()]
     assert lines[0]["of"] == {"modes.frequencies": "modes.frequencies"}
-    assert lines[3]["result"]["modes.frequencies"] == found["modes.frequencies"][lines[3]["point"]].tolist()
+    assert lines[3]["result"]["modes.frequencies"] == result["modes.frequencies"][lines[3]["point"]].tolist()
 
 
 def test_many_points_that_fail_do_not_hold_up_the_others(monkeypatch):
@@ -257,7 +258,7 @@ def test_many_points_that_fail_do_not_hold_up_the_others(monkeypatch):
     monkeypatch.setattr(Task, "run", lambda task, numbers, columns: asked.append(len(numbers)) or plain(
         task, numbers, columns))  # fmt: skip
     mass = np.linspace(-1.0, 3.0, 200)
-    found = sweep(stewart(), {"platform.mass": mass}, "modes.frequencies", workers=1)
-    assert sorted(found.errors) == np.flatnonzero(mass <= 0.0).tolist()
+    result = sweep(stewart(), {"platform.mass": mass}, "modes.frequencies", workers=1)
+    assert sorted(result.errors) == np.flatnonzero(mass <= 0.0).tolist()
     assert len(asked) < 20, "what may fail is told beforehand, and taken by itself"
-    assert np.isfinite(found["modes.frequencies"][mass > 0.0]).all()
+    assert np.isfinite(result["modes.frequencies"][mass > 0.0]).all()

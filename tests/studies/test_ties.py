@@ -12,7 +12,7 @@ from mbsvib import library
 from mbsvib import studies as st
 from mbsvib.linalg.rotations import exponential
 from mbsvib.studies.design import design
-from mbsvib.studies.parameter_maps import turning
+from mbsvib.studies.parameter_maps import angular_velocity_map
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ class Power:
         return {"suspension.stiffness": self.scale * at["x"] ** 2, "suspension.dam*": self.scale * at["x"] * at["y"]}
 
     def rates(self, at):
-        whole = self.start | at
-        x, y = self.scale * whole["x"], self.scale * whole["y"]
+        full = self.start | at
+        x, y = self.scale * full["x"], self.scale * full["y"]
         rates = {"x": {"suspension.stiffness": 2 * x, "suspension.damping": y}, "y": {"suspension.damping": x}}
         return {name: rates[name] for name in at}
 
@@ -58,27 +58,27 @@ def test_turning_rates_of_rotation_vectors(angle):
         h = mp.mpf(10) ** -15
         spin = (turned(h) - turned(-h)) / (2 * h) * turned(0).T
         exact = np.array([float(spin[2, 1]), float(spin[0, 2]), float(spin[1, 0])])
-    assert np.allclose(turning(w) @ dw, exact, rtol=1e-14, atol=1e-15)
+    assert np.allclose(angular_velocity_map(w) @ dw, exact, rtol=1e-14, atol=1e-15)
 
 
 def test_linear_maps_and_functions_add_what_they_change():
     model = car()
     k = model.parameters["suspension.stiffness"]
     power, line = Power(1e4), {"suspension.stiffness": 100.0, "tyre.stiffness": 10.0}
-    chosen = design(model, ["x", "line", "y"], {"x": power, "y": power, "line": line})
-    assert chosen.start == power.start | {"line": 0.0}
-    assert chosen.units == {"x": "m"}
+    selected = design(model, ["x", "line", "y"], {"x": power, "y": power, "line": line})
+    assert selected.start == power.start | {"line": 0.0}
+    assert selected.units == {"x": "m"}
     at = {"x": np.array([1.0, 2.0]), "line": np.array([3.0, 0.0]), "y": np.array([0.1, 0.2])}
-    found = chosen.values(at)
-    assert np.allclose(found["suspension.stiffness"], [1e4 + 300.0, 4e4], rtol=1e-15)
-    assert np.allclose(found["suspension.damping"], [1e3, 4e3], rtol=1e-15)
-    rates = chosen.rates({"x": 2.0, "line": 0.0, "y": 0.2})
+    result = selected.values(at)
+    assert np.allclose(result["suspension.stiffness"], [1e4 + 300.0, 4e4], rtol=1e-15)
+    assert np.allclose(result["suspension.damping"], [1e3, 4e3], rtol=1e-15)
+    rates = selected.rates({"x": 2.0, "line": 0.0, "y": 0.2})
     assert list(rates) == ["x", "line", "y"]
     assert rates["x"] == {"suspension.stiffness": 4e4, "suspension.damping": 2e3}
     assert rates["line"] == line
     # one of several variables alone: the others are where they start
-    alone = design(model, ["x"], {"x": power, "y": power}).values({"x": 2.0})
-    assert alone["suspension.damping"] == 1e4 * 2.0 * power.start["y"]
+    single = design(model, ["x"], {"x": power, "y": power}).values({"x": 2.0})
+    assert single["suspension.damping"] == 1e4 * 2.0 * power.start["y"]
     assert design(model, ["line"], {"line": line}).values({"line": 1.0})["suspension.stiffness"] == k + 100.0
 
 
@@ -97,7 +97,7 @@ def turned_arm():
 
 
 def test_orientations_turn_from_where_they_are():
-    # two components of one rotation vector at once, away from zero: rates are those of turning, not of components
+    # two components of one rotation vector at once, away from zero: rates are angular velocities, not of components
     model = turned_arm()
     names = ["hinge.orientation.rx", "hinge.orientation.ry", "flexure.orientation.rz", "flexure.orientation.rx"]
     at = dict(zip(names, (0.4, -0.7, 0.5, 0.9), strict=True))
@@ -110,16 +110,16 @@ def test_orientations_turn_from_where_they_are():
 
 def test_functions_are_searched_and_swept():
     model, power = car(), Power(1e4)
-    found = st.optimize(model, {"x": (0.5, 3.0), "y": (-0.01, 3.0)}, (st.frequency(1) - 1.3) ** 2 * 100
+    result = st.optimize(model, {"x": (0.5, 3.0), "y": (-0.01, 3.0)}, (st.frequency(1) - 1.3) ** 2 * 100
                         + (st.damping_ratio(1) - 0.3) ** 2, ties={"x": power, "y": power})  # fmt: skip
-    assert found.success
-    assert found.start == power.start
-    modes = found.model.linearize().modes()
+    assert result.success
+    assert result.start == power.start
+    modes = result.model.linearize().modes()
     assert modes.frequencies[0] == pytest.approx(1.3, rel=1e-5)
     assert modes.damping_ratios[0] == pytest.approx(0.3, rel=1e-5)
-    assert found.parameters["suspension.stiffness"] == 1e4 * found.values["x"] ** 2
-    assert "x [m]" in str(found)
-    swept = st.sweep(model, {"x": [1.0, found.values["x"]], "y": found.values["y"]}, "modes.frequencies",
+    assert result.parameters["suspension.stiffness"] == 1e4 * result.values["x"] ** 2
+    assert "x [m]" in str(result)
+    swept = st.sweep(model, {"x": [1.0, result.values["x"]], "y": result.values["y"]}, "modes.frequencies",
                      ties={"x": power, "y": power})  # fmt: skip
     assert np.allclose(swept["modes.frequencies"][1], modes.frequencies, rtol=1e-12)
     off = st.tolerances(model, {"x": "1 %"}, st.frequency(1), samples=10, ties={"x": power})
@@ -175,5 +175,5 @@ def test_ties_of_another_model_are_refused():
 def test_rotation_vectors_are_those_of_changes():
     w = np.array([0.3, -0.2, 0.5])
     step = 1e-6 * np.array([1.0, 2.0, -1.0])
-    (one, other), local = (exponential(w + s * step) for s in (1, -1)), 2 * turning(w) @ step
-    assert np.allclose(one @ other.T, exponential(local), atol=1e-15)
+    (first, second), local = (exponential(w + s * step) for s in (1, -1)), 2 * angular_velocity_map(w) @ step
+    assert np.allclose(first @ second.T, exponential(local), atol=1e-15)

@@ -19,51 +19,51 @@ def frequency(stiffness):
 @pytest.mark.parametrize("count", [2, 3, 7, 12])
 def test_names_are_kept_through_a_crossing(count):
     k = np.linspace(100.0, 900.0, count)  # crosses the other's 400 at a point or between two
-    found = mv.track(two(), {"slow.spring.stiffness": k}, NAMES)
-    assert found.modes == ("across", "along")
-    assert np.allclose(found.mode("across"), frequency(k), rtol=1e-12)
-    assert np.allclose(found.mode("along"), frequency(400.0), rtol=1e-12)
-    assert np.allclose(found.mode("along", "damping_ratios"), 1.0 / 40.0, rtol=1e-12)
+    result = mv.track(two(), {"slow.spring.stiffness": k}, NAMES)
+    assert result.modes == ("across", "along")
+    assert np.allclose(result.mode("across"), frequency(k), rtol=1e-12)
+    assert np.allclose(result.mode("along"), frequency(400.0), rtol=1e-12)
+    assert np.allclose(result.mode("along", "damping_ratios"), 1.0 / 40.0, rtol=1e-12)
 
 
 def test_modes_that_veer_change_their_shapes_and_are_followed_along_their_branches():
     model = two()
     model.add_spring("link", "slow", "fast", start=(0, 0, 0), end=(1, 1, 0), stiffness=4.0)
     k = np.linspace(100.0, 900.0, 9)
-    found = mv.track(model, {"slow.spring.stiffness": k}, NAMES)
-    assert (np.diff(np.argsort(found["frequencies"], axis=1), axis=0) == 0).all(), "branches that veer never cross"
+    result = mv.track(model, {"slow.spring.stiffness": k}, NAMES)
+    assert (np.diff(np.argsort(result["frequencies"], axis=1), axis=0) == 0).all(), "branches that veer never cross"
 
 
 def test_modes_are_named_by_what_moves_most():
     model = quarter_car()
-    found = mv.track(model, {"suspension.stiffness": [1e4, 2e4]})
-    assert found.modes == tuple(" ".join(most) for most in model.linearize().modes().strongest())
-    assert found.units["frequencies"] == "Hz"
+    result = mv.track(model, {"suspension.stiffness": [1e4, 2e4]})
+    assert result.modes == tuple(" ".join(most) for most in model.linearize().modes().strongest())
+    assert result.units["frequencies"] == "Hz"
 
 
 def test_names_are_kept_over_grids_and_points_that_fail():
     k = np.linspace(100.0, 900.0, 5)
     mass = np.array([0.5, -1.0, 1.5, 2.0])
-    found = mv.track(two(), {"slow.spring.stiffness": k, "fast.mass": mass}, NAMES)
-    assert len(found.errors) == 5
+    result = mv.track(two(), {"slow.spring.stiffness": k, "fast.mass": mass}, NAMES)
+    assert len(result.errors) == 5
     good = mass > 0
-    table = found.grid("frequencies")[:, good]
+    table = result.grid("frequencies")[:, good]
     assert np.allclose(table[..., 0], frequency(k)[:, None], rtol=1e-12)
     assert np.allclose(table[..., 1], frequency(400.0 / mass[good]), rtol=1e-12)
-    assert np.isnan(found.grid("frequencies")[:, 1]).all()
+    assert np.isnan(result.grid("frequencies")[:, 1]).all()
 
 
 def test_tracks_are_sweeps(tmp_path):
     file = tmp_path / "tracks.jsonl"
     k = np.linspace(100.0, 900.0, 5)
-    found = mv.track(two(), {"slow.spring.stiffness": k}, NAMES, file=file)
+    result = mv.track(two(), {"slow.spring.stiffness": k}, NAMES, file=file)
     again = mv.track(two(), {"slow.spring.stiffness": k}, NAMES, file=file)
-    assert (found["eigenvalues"] == again["eigenvalues"]).all()
-    head = found.to_csv(tmp_path / "tracks.csv").read_text().splitlines()[0]
+    assert (result["eigenvalues"] == again["eigenvalues"]).all()
+    head = result.to_csv(tmp_path / "tracks.csv").read_text().splitlines()[0]
     assert "frequencies[across]" in head
     assert "eigenvalues[along].im" in head
-    assert "frequencies[across]" in str(found)
-    for figure in (found.plot(), found.plot("damping_ratios"), found.root_locus()):
+    assert "frequencies[across]" in str(result)
+    for figure in (result.plot(), result.plot("damping_ratios"), result.root_locus()):
         labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
         assert labels == ["across", "along"]
         assert figure.axes[0].get_xlabel().endswith("]")
@@ -77,15 +77,15 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize(("values", "names", "said"), BAD)
-def test_bad_input_is_told(values, names, said):
-    with pytest.raises(ModelError, match=said):
+@pytest.mark.parametrize(("values", "names", "message"), BAD)
+def test_bad_input_is_told(values, names, message):
+    with pytest.raises(ModelError, match=message):
         mv.track(two(), values, names)
 
 
 def test_unknown_modes_are_told():
-    found = st.track(two(), {"fast.mass": [1.0]}, NAMES)
+    result = st.track(two(), {"fast.mass": [1.0]}, NAMES)
     with pytest.raises(ModelError, match="Did you mean 'across'"):
-        found.mode("acros")
+        result.mode("acros")
     with pytest.warns(UserWarning, match="failed"), pytest.raises(ModelError, match="points failed"):
         mv.track(two(), {"fast.mass": [-1.0]})

@@ -20,33 +20,33 @@ def expected():
     return sweep(quarter_car(), VALUES, where, workers=1)
 
 
-def same(found, here):
+def same(result, here):
     # variants of larger pieces are summed in another order
-    return np.allclose(found["low"], here["low"], rtol=1e-13, atol=0)
+    return np.allclose(result["low"], here["low"], rtol=1e-13, atol=0)
 
 
 def test_processes_give_the_same_numbers():
     here = expected()
     assert set(here["pid"].tolist()) == {os.getpid()}
-    found = sweep(quarter_car(), VALUES, where, workers=2)
-    assert os.getpid() not in found["pid"].tolist()
-    assert same(found, here)
+    result = sweep(quarter_car(), VALUES, where, workers=2)
+    assert os.getpid() not in result["pid"].tolist()
+    assert same(result, here)
 
 
 def test_joblib_says_where():
     with joblib.parallel_config("threading", n_jobs=2):
-        found = sweep(quarter_car(), VALUES, where)
-    assert set(found["pid"].tolist()) == {os.getpid()}
-    assert same(found, expected())
+        result = sweep(quarter_car(), VALUES, where)
+    assert set(result["pid"].tolist()) == {os.getpid()}
+    assert same(result, expected())
 
 
 def test_back_ends_that_answer_at_the_end_are_given_some_at_a_time():
     counts = []
     with joblib.parallel_config("multiprocessing", n_jobs=2):
-        found = sweep(quarter_car(), VALUES, where, progress=lambda done, total: counts.append(done))
+        result = sweep(quarter_car(), VALUES, where, progress=lambda done, total: counts.append(done))
     assert len(counts) > 2
     assert counts[-1] == 9
-    assert same(found, expected())
+    assert same(result, expected())
 
 
 def test_a_point_that_fails_in_a_process_is_recorded(tmp_path):
@@ -55,9 +55,9 @@ def test_a_point_that_fails_in_a_process_is_recorded(tmp_path):
             raise ArithmeticError("too stiff")
         return 1.0
 
-    found = sweep(quarter_car(), VALUES, fails, workers=2, file=tmp_path / "record.jsonl")
-    assert set(found.errors.values()) == {"ArithmeticError: too stiff"}
-    assert 0 < len(found.errors) < 9
+    result = sweep(quarter_car(), VALUES, fails, workers=2, file=tmp_path / "record.jsonl")
+    assert set(result.errors.values()) == {"ArithmeticError: too stiff"}
+    assert 0 < len(result.errors) < 9
     assert len((tmp_path / "record.jsonl").read_text().splitlines()) == 10
 
 
@@ -68,6 +68,6 @@ def test_dask_workers_over_loopback():
     words = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": "127.0.0.1:0", "host": "127.0.0.1"}
     with distributed.LocalCluster(processes=True, **words) as cluster, distributed.Client(cluster), \
             joblib.parallel_config("dask"):  # fmt: skip
-        found = sweep(quarter_car(), VALUES, where)
-    assert os.getpid() not in found["pid"].tolist()
-    assert same(found, expected())
+        result = sweep(quarter_car(), VALUES, where)
+    assert os.getpid() not in result["pid"].tolist()
+    assert same(result, expected())

@@ -19,22 +19,22 @@ def beam(name, a, b):
     return model
 
 
-def reduced(kept):
+def reduced(retained):
     """M and K on the two ends and the lowest modes that are held there."""
     frames = beam("frames", None, None).beams["pipe"].frames()
     numbers = (SECTION.A, SECTION.Iy, SECTION.Iz, SECTION.J, ALLOY.E, ALLOY.shear_modulus, ALLOY.rho)
     k, m = assembled(NODES, [axes for _, axes in frames], lambda i: matrices(frames[i][0], *numbers))
-    return on_ends(k, m, kept)
+    return on_ends(k, m, retained)
 
 
-def on_ends(k, m, kept):
+def on_ends(k, m, retained):
     """M and K on the first and the last node, six coordinates each, and the lowest modes that are held there."""
     ends, inner = [*range(6), *range(len(k) - 6, len(k))], list(range(6, len(k) - 6))
     _, modes = eigh(k[np.ix_(inner, inner)], m[np.ix_(inner, inner)])
-    basis = np.zeros((len(k), 12 + kept))
+    basis = np.zeros((len(k), 12 + retained))
     basis[ends, range(12)] = 1.0
     basis[inner, :12] = -np.linalg.solve(k[np.ix_(inner, inner)], k[np.ix_(inner, ends)])
-    basis[np.ix_(inner, range(12, 12 + kept))] = modes[:, :kept]
+    basis[np.ix_(inner, range(12, 12 + retained))] = modes[:, :retained]
     stiffness = basis.T @ k @ basis
     stiffness[:12, 12:] = 0.0
     stiffness[12:, :12] = 0.0

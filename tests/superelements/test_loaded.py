@@ -19,16 +19,16 @@ def shapes(rng, internal=2, masses=9):
     """Point masses (j,), their places (j, 3) and displacements (j, 3, n) per coordinate, exact for rigid motions."""
     points = np.array(list(NODES.values()))
     size = 6 * len(points) + internal
-    places = rng.uniform(-0.2, 1.2, (masses, 3))
+    positions = rng.uniform(-0.2, 1.2, (masses, 3))
     shape = np.zeros((masses, 3, size))
-    for j, place in enumerate(places):
+    for j, position in enumerate(positions):
         share = rng.uniform(0.1, 1.0, len(points))
         share /= share.sum()
         for i, (point, part) in enumerate(zip(points, share, strict=True)):
-            x, y, z = place - point
+            x, y, z = position - point
             shape[j, :, 6 * i : 6 * i + 6] = part * np.hstack((np.eye(3), [[0, z, -y], [-z, 0, x], [y, -x, 0]]))
         shape[j, :, 18:] = rng.normal(0, 0.3, (3, internal))
-    return rng.uniform(0.1, 0.4, masses), places, shape
+    return rng.uniform(0.1, 0.4, masses), positions, shape
 
 
 def stiffness(rng, internal=2):
@@ -91,21 +91,21 @@ class Reference:
 @pytest.mark.parametrize("hinged", [True, False])
 def test_the_pose_of_least_energy(hinged):
     reference = Reference(hinged)
-    found = reference.model().equilibrium(report=True)
+    actual = reference.model().equilibrium(report=True)
     q = np.zeros(15)
     for _ in range(5):  # Newton, with the exact stiffness of the elastic part as the start of BFGS
         result = minimize(reference.potential, q, jac=reference.gradient, method="BFGS", options={"gtol": 1e-9})
         q = result.x
     angle, x = reference.state(q)
     frame = Rotation.from_rotvec((0, angle, 0))
-    there = found.model
+    there = actual.model
     np.testing.assert_allclose(there.superelements["part"].displacements, x, atol=1e-7)
-    np.testing.assert_allclose(found.displacements["part.right"][:3],
+    np.testing.assert_allclose(actual.displacements["part.right"][:3],
                                frame.apply(NODES["right"] + x[12:15]) - NODES["right"], atol=1e-7)  # fmt: skip
     if hinged:
-        np.testing.assert_allclose(found.displacements["hub"][3:], (0, angle, 0), atol=1e-7)
+        np.testing.assert_allclose(actual.displacements["hub"][3:], (0, angle, 0), atol=1e-7)
         assert abs(angle) > 0.02
-    assert found.residuals[-1] < 1e-11
+    assert actual.residuals[-1] < 1e-11
     assert there.equilibrium(report=True).iterations == 0
 
 
@@ -156,11 +156,11 @@ def test_a_loaded_model_as_described():
         f"push.force.{axis}": 1e-5 * value for axis, value in zip("xyz", (2.0, 1.0, -3.0), strict=True)})  # fmt: skip
     there = model.equilibrium()
     part = there.superelements["part"]
-    told = there.with_parts(composed={"part": dataclasses.replace(part, displacements=None)})
-    found, expected = (one.linearize().provenance.statics.pairs for one in (told, there))
+    stated = there.with_parts(composed={"part": dataclasses.replace(part, displacements=None)})
+    result, expected = (item.linearize().provenance.statics.pairs for item in (stated, there))
     assert np.abs(expected.force).max() > 1e-5
-    np.testing.assert_allclose(found.force, expected.force, atol=1e-4 * np.abs(expected.force).max())
-    np.testing.assert_allclose(found.torque, expected.torque, atol=1e-4 * np.abs(expected.torque).max())
+    np.testing.assert_allclose(result.force, expected.force, atol=1e-4 * np.abs(expected.force).max())
+    np.testing.assert_allclose(result.torque, expected.torque, atol=1e-4 * np.abs(expected.torque).max())
 
 
 def test_gravity_on_what_the_mass_does_not_tell():

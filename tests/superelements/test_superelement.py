@@ -13,14 +13,14 @@ from tests.superelements.craig_bampton import NODES, beam, reduced
 ENDS = {"left": NODES[0], "right": NODES[-1]}
 
 
-def with_hub(kept=18, bodies=None, turn=None, **words):
-    m, k = reduced(kept)
+def with_hub(retained=18, bodies=None, turn=None, **words):
+    m, k = reduced(retained)
     turn = np.eye(3) if turn is None else turn
-    whole = np.eye(len(m))
-    whole[:12, :12] = np.kron(np.eye(4), turn)
+    full = np.eye(len(m))
+    full[:12, :12] = np.kron(np.eye(4), turn)
     model = mv.Model("reduced")
     model.add_body("hub", 0.8, (0.002, 0.003, 0.002), position=(0, -0.25, 0.3))
-    model.add_superelement("pipe", whole.T @ m @ whole, None, whole.T @ k @ whole, ENDS,
+    model.add_superelement("pipe", full.T @ m @ full, None, full.T @ k @ full, ENDS,
                            bodies={"left": "hub"} if bodies is None else bodies, orientation=turn, **words)  # fmt: skip
     return model
 
@@ -34,9 +34,9 @@ def test_with_all_modes_it_is_the_beam():
     expected = beam("whole", "hub", None).linearize().modes().frequencies
     model = with_hub()
     system = model.linearize()
-    found = system.modes().frequencies
-    assert (found[:6] == 0.0).all()
-    assert found == pytest.approx(expected, rel=1e-9)
+    result = system.modes().frequencies
+    assert (result[:6] == 0.0).all()
+    assert result == pytest.approx(expected, rel=1e-9)
     assert {"pipe.right.x", "pipe.mode1", "pipe.mode18"} < set(system.coordinates)
     assert model.superelements["pipe"].rank == (30, 24)
 
@@ -49,9 +49,9 @@ def test_held_at_both_ends_and_in_turned_axes():
 
 def test_few_modes_are_enough_for_the_lowest():
     expected = beam("whole", "hub", "ground").linearize().modes().frequencies[:3]
-    found = with_hub(4, bodies={"left": "hub", "right": "ground"}).linearize().modes().frequencies[:3]
-    assert (found >= expected * (1 - 1e-9)).all()
-    assert found == pytest.approx(expected, rel=0.02)
+    result = with_hub(4, bodies={"left": "hub", "right": "ground"}).linearize().modes().frequencies[:3]
+    assert (result >= expected * (1 - 1e-9)).all()
+    assert result == pytest.approx(expected, rel=0.02)
 
 
 def test_nodes_are_bodies_for_joints_and_ports():
@@ -67,8 +67,8 @@ def test_nodes_are_bodies_for_joints_and_ports():
         assert hung in model.composed
         models.append(model.linearize())
     omega = 2 * np.pi * np.array([1.0, 30.0, 200.0, 700.0])
-    one, other = (system.frequency_response(omega) for system in models)
-    assert np.abs(one / other - 1.0).max() < 1e-7
+    first, second = (system.frequency_response(omega) for system in models)
+    assert np.abs(first / second - 1.0).max() < 1e-7
 
 
 def test_damping_proportional_to_mass_and_stiffness():
@@ -139,7 +139,7 @@ def test_refusals():
     add(r"K resists a motion of all nodes as one rigid body along 'r[xyz]'", nodes={**ENDS, "right": (0.6, 0.25, 0.9)})
     add(r"nodes = \{\}", nodes={})
     add(r"bodies = .*expected names of its nodes \(left, right\)", bodies={"middle": "ground"})
-    add(r"bodies = 'wall' is no body", bodies={"left": "wall"})
+    add(r"bodies = 'wall' is not a body", bodies={"left": "wall"})
     add(r"grounded = 1", grounded=1)
 
 

@@ -21,15 +21,15 @@ def linearized(model, **words):
 
 def both_ways(model):
     """The model's dense and its sparse system; in place of one, the kind of its doubt about the pose."""
-    found = []
+    result = []
     for method in ("dense", "sparse"):
         with warnings.catch_warnings():
             warnings.simplefilter("error", mv.NearSingularWarning)
             try:
-                found.append(model.linearize(method=method))
+                result.append(model.linearize(method=method))
             except (mv.SingularPoseError, mv.NearSingularWarning) as doubt:
-                found.append(type(doubt))
-    return found
+                result.append(type(doubt))
+    return result
 
 
 def elastic_size(model):
@@ -45,15 +45,15 @@ def assert_same_matrices(system, reference, rtol=1e-12):
     exact = reference.minimal(system.coordinates)
     floor = {"K": stiffness, "C": damping, "Cq": max(1.0, stiffness), "Cv": max(1.0, damping)}
     for key in ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D"):
-        found, expected = getattr(system, key), exact[key]
-        assert found.shape == expected.shape, key
+        result, expected = getattr(system, key), exact[key]
+        assert result.shape == expected.shape, key
         size = max(1e-2 * floor.get(key, 1.0), np.abs(expected).max(initial=0.0))
-        assert_allclose(found, expected, rtol=0, atol=rtol * size, err_msg=key)
+        assert_allclose(result, expected, rtol=0, atol=rtol * size, err_msg=key)
 
 
-def nearest_pairs(found, expected):
+def nearest_pairs(result, expected):
     """Both sets of numbers in one order, each expected one with the nearest that is left."""
-    left, pairs = list(found), []
+    left, pairs = list(result), []
     for value in sorted(expected, key=abs, reverse=True):
         k = int(np.argmin([abs(other - value) for other in left]))
         pairs.append((left.pop(k), value))
@@ -61,24 +61,24 @@ def nearest_pairs(found, expected):
     return np.array(pairs).reshape(-1, 2).T
 
 
-def assert_same_eigenvalues(found, expected, rtol=1e-9):
+def assert_same_eigenvalues(result, expected, rtol=1e-9):
     """Equal to a relative tolerance each; zeros exactly."""
-    assert len(found) == len(expected)
-    a, b = nearest_pairs(found, expected)
+    assert len(result) == len(expected)
+    a, b = nearest_pairs(result, expected)
     assert not a[b == 0].any(), "eigenvalues of rigid modes are exact zeros"
     error = np.abs(a - b) / np.where(b == 0, 1.0, np.abs(b))
     assert error.max(initial=0.0) <= rtol, f"{error.max():.1e}: {a[error.argmax()]}, not {b[error.argmax()]}"
 
 
-def assert_same_response(found, expected, rtol=1e-9):
+def assert_same_response(result, expected, rtol=1e-9):
     """Equal to a tolerance relative to the largest response of each output at each frequency."""
-    assert found.shape == expected.shape
-    if not found.size:
+    assert result.shape == expected.shape
+    if not result.size:
         return
     expected = np.where(np.abs(expected) > 1e-35, expected, 0.0)  # zeros, but for what 50 digits leave of them
     size = np.abs(expected).max(axis=1, keepdims=True)
     size = np.maximum(size, 1e-5 * size.max(axis=0, keepdims=True))
-    error = np.abs(found - expected) / np.where(size > 0, size, 1.0)
+    error = np.abs(result - expected) / np.where(size > 0, size, 1.0)
     worst = np.unravel_index(error.argmax(), error.shape)
     assert error.max() <= rtol, f"{error.max():.1e} at (output, input, frequency) {worst}"
 

@@ -14,10 +14,10 @@ MASSES, STIFFNESS = (2.0, 1.0, 3.0), (900.0, 400.0, 700.0, 500.0)
 
 def values(damping=(0.0,) * 4, stiffness=STIFFNESS, maxwell=None):
     """The parameters of the sliders."""
-    found = {f"b{i}.mass": mass for i, mass in enumerate(MASSES)}
+    result = {f"b{i}.mass": mass for i, mass in enumerate(MASSES)}
     for i in range(4):
-        found |= {f"s{i}.stiffness": stiffness[i], f"s{i}.damping": damping[i]}
-    return found | ({} if maxwell is None else {"mx.stiffness": maxwell[0], "mx.damping": maxwell[1]})
+        result |= {f"s{i}.stiffness": stiffness[i], f"s{i}.damping": damping[i]}
+    return result | ({} if maxwell is None else {"mx.stiffness": maxwell[0], "mx.damping": maxwell[1]})
 
 
 # second mode of the sliders without dampers, rad/s: where it is critically damped by dampers proportional to springs
@@ -116,10 +116,10 @@ def time_response(p, t, u, hold, initial):
     x[: len(start)] = start
     y = [c @ x + d @ u[:, 0]]
     for i, h in enumerate(np.diff(t)):
-        whole = np.zeros((n + 4, n + 4))
-        whole[:n, :n], whole[:n, n : n + 2], whole[n : n + 2, n + 2 :] = a, b, np.eye(2)
+        full = np.zeros((n + 4, n + 4))
+        full[:n, :n], full[:n, n : n + 2], full[n : n + 2, n + 2 :] = a, b, np.eye(2)
         slope = (u[:, i + 1] - u[:, i]) / h if hold == "first" else np.zeros(2)
-        x = (expm(whole * h) @ np.concatenate((x, u[:, i], slope)))[:n]
+        x = (expm(full * h) @ np.concatenate((x, u[:, i], slope)))[:n]
         y.append(c @ x + d @ u[:, i + 1])
     return np.array(y).T
 

@@ -15,8 +15,8 @@ GUARD = 32
 def solve(a, b, context=None):
     """A^-1 B."""
     with _working(context or a.ctx) as mp:
-        one, other = _alike(a, b)
-        return _back(one.solve(other, algorithm="approx"), mp, context)
+        first, second = _alike(a, b)
+        return _back(first.solve(second, algorithm="approx"), mp, context)
 
 
 def inverse(a):
@@ -27,8 +27,8 @@ def inverse(a):
 def product(a, b, context=None):
     """A B."""
     with _working(context or a.ctx) as mp:
-        one, other = _alike(a, b)
-        return _back(one * other, mp, context)
+        first, second = _alike(a, b)
+        return _back(first * second, mp, context)
 
 
 def determinant(a, context=None):
@@ -75,7 +75,7 @@ def null_space(rows, width, smallest, context):
     with _working(context) as mp:
         rows = [[flint.arb(v) for v in row] for row in rows]
         largest = [_largest(row) for row in rows]
-        pivots, kept, dropped = [], mp.inf, mp.mpf(0)
+        pivots, retained, dropped = [], mp.inf, mp.mpf(0)
         while len(pivots) < len(rows):
             k = len(pivots)
             r = max(range(k, len(rows)), key=lambda i: (largest[i][0], i))
@@ -84,7 +84,7 @@ def null_space(rows, width, smallest, context):
             if size < smallest:
                 dropped = size
                 break
-            kept = min(kept, size)
+            retained = min(retained, size)
             for line in (rows, largest):
                 line[k], line[r] = line[r], line[k]
             pivot = rows[k][c]
@@ -103,7 +103,7 @@ def null_space(rows, width, smallest, context):
         basis = [[mp.mpf(i == j) for j in free] for i in range(width)]
         for row, c in zip(rows, pivots, strict=False):
             basis[c] = [_number(-row[j], mp) for j in free]
-        return basis, kept, dropped
+        return basis, retained, dropped
 
 
 def _largest(row):

@@ -83,15 +83,15 @@ def constraints(joint, a, b, point):
     rows = [d[i] for i in range(3) if DIRECTIONS[i] not in free]
     if joint.kind == "screw":
         rows[2] -= joint.pitch * ca.atan2(e[1, 0] - e[0, 1], e[0, 0] + e[1, 1])
-    turning = [DIRECTIONS.index(name) - 3 for name in free if name[0] == "r"]  # as they were named
+    rotating = [DIRECTIONS.index(name) - 3 for name in free if name[0] == "r"]  # as they were named
     if joint.kind == "homokinetic":
         rows.append(logarithm(e)[2])
-    elif not turning:
+    elif not rotating:
         rows += ca.vertsplit(axial(e))
-    elif len(turning) == 1:
-        rows += [e[i, turning[0]] for i in range(3) if i != turning[0]]
-    elif len(turning) == 2:
-        one, two = (np.eye(3)[i] for i in turning)
+    elif len(rotating) == 1:
+        rows += [e[i, rotating[0]] for i in range(3) if i != rotating[0]]
+    elif len(rotating) == 2:
+        one, two = (np.eye(3)[i] for i in rotating)
         if joint.axis2 is not None:
             one, two = (q.T @ np.array(v) / np.linalg.norm(v) for v in (joint.axis, joint.axis2))
         rows.append(ca.dot(ca.DM(one), e @ two) - float(one @ two))
@@ -105,13 +105,13 @@ def coordinate(joint, direction, a, b, point):
     k, e = DIRECTIONS.index(direction), first.T @ second
     if k < 3:
         return (first.T @ (b.point(point) - a.point(point)))[k]
-    turning = [name for name, _ in joint.freedom if name[0] == "r"]
-    if len(turning) == 2 and joint.kind != "homokinetic":
-        one, two = (np.eye(3)[DIRECTIONS.index(name) - 3] for name in turning)
+    rotating = [name for name, _ in joint.freedom if name[0] == "r"]
+    if len(rotating) == 2 and joint.kind != "homokinetic":
+        one, two = (np.eye(3)[DIRECTIONS.index(name) - 3] for name in rotating)
         if joint.axis2 is not None:
             one, two = (q.T @ np.array(v) / np.linalg.norm(v) for v in (joint.axis, joint.axis2))
-        return angle(one, two, e @ two) if direction == turning[0] else angle(two, e.T @ one, one)
-    if turning == [direction]:
+        return angle(one, two, e @ two) if direction == rotating[0] else angle(two, e.T @ one, one)
+    if rotating == [direction]:
         i, j = (k - 2) % 3, (k - 1) % 3
         return ca.atan2(e[j, i] - e[i, j], e[i, i] + e[j, j])
     return logarithm(e)[k - 3]
@@ -212,9 +212,9 @@ class Lagrangian:
         for load in getattr(self.model, "loads", {}).values():
             frame, j = frames[load.body], list(self.model.bodies).index(load.body)
             turn = frame.turn if load.follower else ca.DM.eye(3)
-            place = load.position or self.model.bodies[load.body].position
+            location = load.position or self.model.bodies[load.body].position
             own = x[6 * j : 6 * j + 6]
-            total[6 * j : 6 * j + 6] += ca.jacobian(frame.point(place), own).T @ (turn @ ca.DM(load.force))
+            total[6 * j : 6 * j + 6] += ca.jacobian(frame.point(location), own).T @ (turn @ ca.DM(load.force))
             total[6 * j + 3 : 6 * j + 6] += frame.spin.T @ (turn @ ca.DM(load.torque))
         return total
 

@@ -43,10 +43,10 @@ def joint_wrenches(model, applied):
     rows = np.concatenate((balance, np.array(free).reshape(-1, unknowns)))
     right = np.concatenate((-np.reshape(applied, -1), np.zeros(len(free))))
     weight = np.diag([*np.repeat((1.0, length_of(model) ** -2), 3).tolist() * len(joints), *np.zeros(len(couplers))])
-    whole = np.block([[weight, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
-    found, *_ = np.linalg.lstsq(whole, np.concatenate((np.zeros(unknowns), right)), rcond=1e-12)
-    assert np.abs(rows @ found[:unknowns] - right).max() < 1e-9 * max(1.0, np.abs(right).max()), "the bodies balance"
-    return found[: 6 * len(joints)].reshape(-1, 6)
+    full = np.block([[weight, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
+    result, *_ = np.linalg.lstsq(full, np.concatenate((np.zeros(unknowns), right)), rcond=1e-12)
+    assert np.abs(rows @ result[:unknowns] - right).max() < 1e-9 * max(1.0, np.abs(right).max()), "the bodies balance"
+    return result[: 6 * len(joints)].reshape(-1, 6)
 
 
 def at_rest(model):

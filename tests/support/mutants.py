@@ -45,29 +45,29 @@ class Mutant:
 
 def variants(node: ast.AST) -> list[tuple[str, ast.AST | None]]:
     """What may become of a node: (name of the change, new node; None: no statement)."""
-    found: list[tuple[str, ast.AST | None]] = []
+    result: list[tuple[str, ast.AST | None]] = []
 
     def changed(what, **fields):
         other = copy.deepcopy(node)
         for key, value in fields.items():
             setattr(other, key, value)
-        found.append((what, other))
+        result.append((what, other))
 
     match node:
         case ast.BinOp(left=left, op=op, right=right) if not any(map(_is_text, (left, right))):
             if type(op) in SWAPS:
                 changed("operator", op=SWAPS[type(op)]())
             if isinstance(op, (ast.Add, ast.Sub, ast.Mult, ast.BitOr, ast.BitAnd)):
-                found.extend([("dropped right", left), ("dropped left", right)])
+                result.extend([("dropped right", left), ("dropped left", right)])
         case ast.UnaryOp(op=ast.USub() | ast.Not(), operand=operand):
-            found.append(("sign", operand))
+            result.append(("sign", operand))
         case ast.Compare(ops=[op]):
             changed("comparison", ops=[SWAPS[type(op)]()])
         case ast.BoolOp(op=op, values=[first, *rest]):
             changed("and/or", op=SWAPS[type(op)]())
-            found.extend([("dropped condition", first)] if len(rest) == 1 else [])
+            result.extend([("dropped condition", first)] if len(rest) == 1 else [])
         case ast.Attribute(value=value, attr="T"):
-            found.append(("transpose", value))
+            result.append(("transpose", value))
         case ast.Constant(value=float(number)) if number not in (0.0, 1.0):
             changed("factor", value=1.0 if number in (0.5, 2.0) else 2.0 * number)
         case ast.Subscript(slice=ast.Constant(value=int(index))):
@@ -78,18 +78,18 @@ def variants(node: ast.AST) -> list[tuple[str, ast.AST | None]]:
             if ast.unparse(func).rpartition(".")[2] not in SYMMETRIC:
                 changed("argument order", args=[second, first, *rest])
         case ast.IfExp(body=body, orelse=orelse):
-            found.extend([("branch", body), ("branch", orelse)])
+            result.extend([("branch", body), ("branch", orelse)])
         case ast.If(body=[*_, last]):
             check = isinstance(last, ast.Raise) or "warn(" in ast.unparse(last)
-            found.append(("removed check" if check else "branch", ast.Constant(False)))
-            found.extend([] if check else [("branch", ast.Constant(True))])
+            result.append(("removed check" if check else "branch", ast.Constant(False)))
+            result.extend([] if check else [("branch", ast.Constant(True))])
         case ast.AugAssign(op=op):
-            found.append(("dropped statement", None))
+            result.append(("dropped statement", None))
             if type(op) in SWAPS:
                 changed("operator", op=SWAPS[type(op)]())
         case ast.Expr(value=ast.Call()):
-            found.append(("dropped statement", None))
-    return found
+            result.append(("dropped statement", None))
+    return result
 
 
 def _is_text(node: ast.AST) -> bool:
@@ -132,12 +132,12 @@ def mutants(file: Path) -> list[Mutant]:
     begin = [0]
     for line in source.splitlines(keepends=True):
         begin.append(begin[-1] + len(line))
-    found = []
+    result = []
     for node in _mutable(ast.parse(source)):
         for what, other in variants(node):
             at: Any = node.test if isinstance(node, ast.If) else node
             start, stop = begin[at.lineno - 1] + at.col_offset, begin[at.end_lineno - 1] + at.end_col_offset
             text = "pass" if other is None else ast.unparse(other)
             text = text if isinstance(at, ast.stmt) else f"({text})"
-            found.append(Mutant(file, range(at.lineno, at.end_lineno + 1), start, stop, text, what))
-    return found
+            result.append(Mutant(file, range(at.lineno, at.end_lineno + 1), start, stop, text, what))
+    return result

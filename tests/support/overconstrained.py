@@ -28,14 +28,14 @@ def bennett():
     alpha, beta, a, first = 0.7, 1.1, 1.0, 1.0
     b = a * np.sin(beta) / np.sin(alpha)
     second = 2 * np.arctan(np.sin((beta + alpha) / 2) / np.sin((beta - alpha) / 2) / np.tan(first / 2))
-    place, points, axes = np.eye(4), [], []
+    position, points, axes = np.eye(4), [], []
     for angle, twist, length in zip((first, second, -first, -second), (alpha, beta) * 2, (a, b) * 2, strict=True):
-        points.append(place[:3, 3].copy())
-        axes.append(place[:3, 2].copy())
+        points.append(position[:3, 3].copy())
+        axes.append(position[:3, 2].copy())
         c, s, ct, st = np.cos(angle), np.sin(angle), np.cos(twist), np.sin(twist)
-        place = place @ [[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
-        place = place @ [[1, 0, 0, length], [0, ct, -st, 0], [0, st, ct, 0], [0, 0, 0, 1]]
-    assert np.allclose(place, np.eye(4), atol=1e-14), "the loop closes"
+        position = position @ [[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+        position = position @ [[1, 0, 0, length], [0, ct, -st, 0], [0, st, ct, 0], [0, 0, 0, 1]]
+    assert np.allclose(position, np.eye(4), atol=1e-14), "the loop closes"
     return ring("Bennett linkage", points, axes), 3
 
 

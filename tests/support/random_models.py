@@ -49,8 +49,8 @@ def add_random_joint(model, rng, name, kind, first, second, centre):
     if kind == "screw":
         words["pitch"] = rng.choice([-1, 1]) * 10 ** rng.uniform(-2.5, -0.5)
     if kind == "custom":
-        chosen = rng.random(6) < 0.5
-        words["free"] = tuple(d for d, yes in zip(FREE["free"], chosen, strict=True) if yes)
+        selected = rng.random(6) < 0.5
+        words["free"] = tuple(d for d, yes in zip(FREE["free"], selected, strict=True) if yes)
         kind = None
     if kind in ("prismatic", "fixed") and rng.random() < 0.5:
         del words["position"]
@@ -157,9 +157,9 @@ def planar(seed, bodies=3, loops=1, *, damped=True, offset=0.0, ports=True):
     rng = np.random.default_rng(seed)
     model = mv.Model(f"planar{seed}")
     axes, shift = rotation(rng), offset * rng.uniform(-1, 1, size=3)
-    place = lambda: shift + axes @ np.array([*rng.uniform(-1, 1, size=2), rng.uniform(-0.1, 0.1)])  # noqa: E731
+    location = lambda: shift + axes @ np.array([*rng.uniform(-1, 1, size=2), rng.uniform(-0.1, 0.1)])  # noqa: E731
     names = [f"b{i}" for i in range(bodies)]
-    centres = {name: place() for name in ("ground", *names)}
+    centres = {name: location() for name in ("ground", *names)}
     for name in names:
         add_random_body(model, rng, name, centres[name])
     chain = list(zip(["ground", *names[:-1]], names, strict=True))
@@ -169,10 +169,10 @@ def planar(seed, bodies=3, loops=1, *, damped=True, offset=0.0, ports=True):
     for k in rng.permutation(len(pairs)):
         pair = pairs[k] if rng.random() < 0.5 else pairs[k][::-1]
         if rng.random() < 0.8:
-            model.add_joint(f"j{k}", "revolute", *pair, position=place(), axis=axes[:, 2])
+            model.add_joint(f"j{k}", "revolute", *pair, position=location(), axis=axes[:, 2])
         else:
             slide = axes @ np.array([*rng.normal(size=2), 0.0])
-            model.add_joint(f"j{k}", "prismatic", *pair, position=place(), axis=slide)
+            model.add_joint(f"j{k}", "prismatic", *pair, position=location(), axis=slide)
     for k, (first, second) in enumerate(chain):
         add_random_spring(model, rng, f"s{k}", first, second, centres[second], damped, False, k % 2 == 1)
     if ports:

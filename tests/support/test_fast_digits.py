@@ -32,17 +32,17 @@ def test_matrices(matrix, precision):
 def test_symmetric_eigenvalues(precision):
     matrix = mpmath.matrix([[2, 1, 0], [1, 2, 1], [0, 1, 2]])
     expected = [2 - mpmath.sqrt(2), 2, 2 + mpmath.sqrt(2)]
-    found = fast_digits.symmetric_eigenvalues(matrix)
-    assert max(abs(a - b) for a, b in zip(found, expected, strict=True)) < precision
+    result = fast_digits.symmetric_eigenvalues(matrix)
+    assert max(abs(a - b) for a, b in zip(result, expected, strict=True)) < precision
 
 
 def test_null_space_of_a_rank_told_by_a_pivot():
     """Two equal rows but for 1e-20, which counts as nothing, beside one of its own."""
     mp = digits.mp
     rows = [[1, 2, 3, 4], [1, 2, 3, 4 + mp.mpf("1e-20")], [0, 1, 0, 5]]
-    basis, kept, dropped = digits.null_space([[mp.mpf(v) for v in row] for row in rows], 4)
+    basis, retained, dropped = digits.null_space([[mp.mpf(v) for v in row] for row in rows], 4)
     assert [len(row) for row in basis] == [2] * 4
     for row in (rows[0], rows[2]):
         assert all(abs(digits.dot(row, column)) < mp.mpf("1e-19") for column in digits.transpose(basis))
-    assert kept > 1
+    assert retained > 1
     assert 0 < dropped < mp.mpf("1e-19")

@@ -75,13 +75,13 @@ def first_order(system):
     mass, c, k = matrices(system)
     m = system.dof
     loose = [] if not system.massless else np.nonzero(system.null_inertia)[0].tolist()
-    kept = [i for i in range(m) if i not in loose]
-    order = kept + loose
+    retained = [i for i in range(m) if i not in loose]
+    order = retained + loose
     pick = mp.matrix(m, m)
     for i, j in enumerate(order):
         pick[j, i] = 1
     mass, c, k = (pick.T * a * pick for a in (mass, c, k))
-    p, n1 = len(kept), len(loose)
+    p, n1 = len(retained), len(loose)
     # (q, v of those with mass): damping of the massless rates and M of the others are the matrix of the rates
     left = mp.matrix(2 * p + n1, 2 * p + n1)
     right, force = mp.matrix(2 * p + n1, 2 * p + n1), mp.matrix(2 * p + n1, m)
@@ -135,8 +135,8 @@ def realization(system):
 def start(system, q, rate):
     """The state of coordinates and rates."""
     loose = [] if not system.massless else np.nonzero(system.null_inertia)[0].tolist()
-    kept = [i for i in range(system.dof) if i not in loose]
-    return mp.matrix([*[q[i] for i in kept + loose], *[rate[i] for i in kept]])
+    retained = [i for i in range(system.dof) if i not in loose]
+    return mp.matrix([*[q[i] for i in retained + loose], *[rate[i] for i in retained]])
 
 
 def frequency_response(system, omega):
@@ -156,11 +156,11 @@ def time_response(system, t, u, hold, initial):
         a, b, c, d = realization(system)
         n, k = b.rows, b.cols
         h = mp.mpf(float(t[1] - t[0]))
-        whole = mp.zeros(n + 2 * k, n + 2 * k)
-        whole[:n, :n], whole[:n, n : n + k] = a * h, b * h
+        full = mp.zeros(n + 2 * k, n + 2 * k)
+        full[:n, :n], full[:n, n : n + k] = a * h, b * h
         for i in range(k):
-            whole[n + i, n + k + i] = 1
-        power = fast_digits.exponential(whole)
+            full[n + i, n + k + i] = 1
+        power = fast_digits.exponential(full)
         x = start(system, *initial)
         result = np.empty((d.rows, len(t)))
         for i in range(len(t)):
@@ -192,5 +192,5 @@ def zeros(system, output, source):
         still = 0
         while abs(powers[still]) < mp.mpf(10) ** (-2 * DIGITS) * largest:
             still += 1
-        found = mp.polyroots([p.real for p in powers[still:]], asc=True, maxsteps=500, extraprec=1000)
-        return [mp.mpc(0)] * still + [root * size for root in found]
+        result = mp.polyroots([p.real for p in powers[still:]], asc=True, maxsteps=500, extraprec=1000)
+        return [mp.mpc(0)] * still + [root * size for root in result]

@@ -194,7 +194,7 @@ def test_gears_carry_the_weight():
     assert held.linearize().dof == 6
 
 
-@pytest.mark.parametrize(("words", "told"), [
+@pytest.mark.parametrize(("words", "message"), [
     (link("a") + link("b"), "expected one link that no joint carries"),
     (link("a") + link("a"), "'a' is there twice"),
     (link("a") + link("b") + joint("j", "hinge", "a", "b"), "type = 'hinge'"),
@@ -207,8 +207,8 @@ def test_gears_carry_the_weight():
     (link("a") + link("b", -1.0) + joint("j", "revolute", "a", "b"), "mass"),
     ("<link", "no XML"),
 ])  # fmt: skip
-def test_faulty_files_are_told(robot, words, told):
-    with pytest.raises(mv.ModelError, match=told):
+def test_faulty_files_are_told(robot, words, message):
+    with pytest.raises(mv.ModelError, match=message):
         mv.load_urdf(robot(words))
 
 

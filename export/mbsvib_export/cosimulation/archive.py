@@ -9,18 +9,18 @@ from tempfile import TemporaryDirectory
 from typing import IO, TYPE_CHECKING, Any
 
 from mbsvib.errors import ExportError
+from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.cosimulation.check import as_file
 from mbsvib_export.cosimulation.connections import CONTROLLER, PLANT, Connections, connect
-from mbsvib_export.cosimulation.unit import open_unit
+from mbsvib_export.cosimulation.unit_file import open_unit
 from mbsvib_export.fmu_.names import unique_names
 from mbsvib_export.fmu_.variables import attributes
-from mbsvib_export.whole_file import write_whole
 
 if TYPE_CHECKING:
     import os
     from collections.abc import Iterator, Mapping
 
-    from mbsvib_export.cosimulation.unit import UnitFile
+    from mbsvib_export.cosimulation.unit_file import UnitFile
 
 _SPACE = "http://ssp-standard.org/SSP1/SystemStructure"
 _EXPONENTS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
@@ -32,7 +32,7 @@ def to_ssp(
 ) -> Path:  # fmt: skip
     """Write a plant and its controller as one archive that co-simulation tools open: FMUs and connections.
 
-    Inputs that are not connected are inputs of the whole, all outputs of both are outputs of it.
+    Inputs that are not connected are inputs of the system of both, and all outputs are outputs of it.
 
     Parameters
     ----------
@@ -45,9 +45,9 @@ def to_ssp(
     version : str
         FMI "2.0" or "3.0" of what is exported here.
     name : str
-        What the whole is called.
+        Name of the system of both units.
     outer : bool
-        False: the whole has no inputs and outputs of its own, for tools that know none (Ecos).
+        False: the system of both has no inputs and outputs, for tools that know none (Ecos).
 
     Returns
     -------
@@ -77,14 +77,14 @@ def to_ssp(
                 ):
                     archive.writestr(zipfile.ZipInfo(entry, (2020, 1, 1, 0, 0, 0)), content)
 
-        return write_whole(goal, write)
+        return write_atomic(goal, write)
 
 
-def _description(name: str, units: dict[str, UnitFile], links: Connections, wanted: bool) -> Iterator[str]:
+def _description(name: str, units: dict[str, UnitFile], links: Connections, with_outputs: bool) -> Iterator[str]:
     signals = _signals(units)
     free = {(PLANT, "input", i) for i in links.plant_free} | {(CONTROLLER, "input", i) for i in links.controller_free}
-    outer = [key for key in signals if wanted and (key in free or key[1] == "output")]
-    # a name of the whole is that of the signal, but where both units have one
+    outer = [key for key in signals if with_outputs and (key in free or key[1] == "output")]
+    # a name is that of the signal, except where both units have a signal of that name
     names = dict(zip(outer, unique_names({"signal": [signals[key][0] for key in outer]})["signal"], strict=True))
     yield '<?xml version="1.0" encoding="UTF-8"?>'
     yield (f'<ssd:SystemStructureDescription xmlns:ssd="{_SPACE}Description" xmlns:ssc="{_SPACE}Common"'
@@ -115,7 +115,7 @@ def _description(name: str, units: dict[str, UnitFile], links: Connections, want
     yield "</ssd:Connections></ssd:System>"
     yield from _units(units)
     known = [unit.description.defaultExperiment for unit in units.values()]
-    stop = max((float(each.stopTime) for each in known if each is not None and each.stopTime), default=1.0)
+    stop = max((float(item.stopTime) for item in known if item is not None and item.stopTime), default=1.0)
     yield f"<ssd:DefaultExperiment{attributes(startTime=0, stopTime=stop)}/>"
     yield "</ssd:SystemStructureDescription>"
 

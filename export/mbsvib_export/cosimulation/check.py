@@ -18,14 +18,15 @@ from mbsvib_export.cosimulation.masters import MASTERS, Loop, discretised
 from mbsvib_export.cosimulation.result import CosimulationCheck, MasterCheck
 from mbsvib_export.cosimulation.running import run
 from mbsvib_export.cosimulation.stability import is_stable, largest_stable_step, radius
-from mbsvib_export.cosimulation.unit import equations, open_unit
+from mbsvib_export.cosimulation.unit import equations
+from mbsvib_export.cosimulation.unit_file import open_unit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from mbsvib.common.arrays import Array
     from mbsvib_export.cosimulation.connections import Connections
-    from mbsvib_export.cosimulation.unit import UnitFile
+    from mbsvib_export.cosimulation.unit_file import UnitFile
 
 
 _STEPS = 256  # of the first size, where no duration is given
@@ -93,13 +94,13 @@ def check_cosimulation(
         growth = float(np.linalg.eigvals(a).real.max(initial=-np.inf)) if np.isfinite(a).all() else np.inf
         if growth * h * count > 1e-6:
             remarks.append(f"The closed loop itself is unstable: a pole at {growth:.3g} 1/s.")
-        e, told = _excited(units, links, excitation)
+        e, notes = _excited(units, links, excitation)
         x = np.zeros(len(a)) if e.any() else _nominal(units)
         if not e.any():
             remarks.append("No free input is excited: states start at their nominal values.")
         work = _bonds(units[0], bonds)
         checked = tuple(_check(method, units, make, h, count, x, e, growth, work) for method in methods)
-        return CosimulationCheck(units[0].name, units[1].name, h, h * count, links.told, told, growth, checked,
+        return CosimulationCheck(units[0].name, units[1].name, h, h * count, links.notes, notes, growth, checked,
                                  tuple(remarks))  # fmt: skip
 
 
@@ -114,7 +115,7 @@ def _positive(name: str, value: float) -> float:
 
 
 def as_file(source: Any, path: Path, version: str = "3.0") -> Path:
-    """Return the path of an FMU, which is written there if the source is no file."""
+    """Return the path of an FMU, which is written there if the source is not a file."""
     if isinstance(source, (str, os.PathLike)):
         return Path(source)
     from mbsvib_export.fmu_ import to_fmu
@@ -124,8 +125,8 @@ def as_file(source: Any, path: Path, version: str = "3.0") -> Path:
 
 def _able(masters: str | Sequence[str] | None, units: list[UnitFile]) -> tuple[list[str], list[str]]:
     """Masters that the FMUs support, and remarks on those that they do not."""
-    wanted = list(MASTERS) if masters is None else [masters] if isinstance(masters, str) else list(masters)
-    for master in wanted:
+    requested = list(MASTERS) if masters is None else [masters] if isinstance(masters, str) else list(masters)
+    for master in requested:
         if master not in MASTERS:
             raise ExportError(f"check_cosimulation: masters: '{master}' is not among {', '.join(MASTERS)}."
                               f"{nearest(str(master), MASTERS)}")  # fmt: skip
@@ -143,10 +144,10 @@ def _able(masters: str | Sequence[str] | None, units: list[UnitFile]) -> tuple[l
         if not able.canGetAndSetFMUstate:
             lacking["iteration"] = f"'{unit.name}' does not support repeated steps"
     for method, why in lacking.items():
-        if method in wanted and masters is not None:
+        if method in requested and masters is not None:
             raise ExportError(f"check_cosimulation: masters: '{method}' is not possible, as {why}.")
-    return ([master for master in wanted if master not in lacking],
-            [f"Left out: {method}, as {why}." for method, why in lacking.items() if method in wanted])  # fmt: skip
+    return ([master for master in requested if master not in lacking],
+            [f"Left out: {method}, as {why}." for method, why in lacking.items() if method in requested])  # fmt: skip
 
 
 def _loops(
@@ -172,7 +173,7 @@ def _excited(
     names += [units[1].inputs[i].name for i in links.controller_free]
     for name in inputs or {}:
         if name not in names:
-            raise ExportError(f"check_cosimulation: excitation: '{name}' is no free input; these are free: "
+            raise ExportError(f"check_cosimulation: excitation: '{name}' is not a free input; these are free: "
                               f"{', '.join(names) or 'none'}.{nearest(name, names)}")  # fmt: skip
     values = dict.fromkeys(names, 1.0) if inputs is None else {name: float(inputs.get(name, 0.0)) for name in names}
     result = np.array([values[name] for name in names])
@@ -273,7 +274,7 @@ def _made(
     out = len(units[0].outputs)
     actuation = rows[:, out:] @ loop.actuate.T + loop.plant_free @ e
     into, onto = [column[0] for column in work], [column[1] for column in work]
-    moved = np.diff(rows[:, onto], axis=0)
-    meant = (actuation[1:, into] + actuation[:-1, into]) / 2 * moved
-    through = float(np.abs(meant).sum())
-    return float((forces[:, into] * moved - meant).sum() / through) if through else float("nan")
+    displacements = np.diff(rows[:, onto], axis=0)
+    expected = (actuation[1:, into] + actuation[:-1, into]) / 2 * displacements
+    through = float(np.abs(expected).sum())
+    return float((forces[:, into] * displacements - expected).sum() / through) if through else float("nan")

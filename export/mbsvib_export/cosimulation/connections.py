@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
-    from mbsvib_export.cosimulation.unit import Signal, UnitFile
+    from mbsvib_export.cosimulation.unit_file import Signal, UnitFile
 
 
 PLANT, CONTROLLER = "plant", "controller"
-_TINY = 1e-12  # of the largest entry of D: rounding is no feedthrough
+_TINY = 1e-12  # of the largest entry of D: rounding is not feedthrough
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Connections:
     plant_out: tuple[int, ...]
     plant_free: tuple[int, ...]
     controller_free: tuple[int, ...]
-    told: tuple[str, ...]
+    notes: tuple[str, ...]
 
     def selection(self, plant: UnitFile, controller: UnitFile) -> tuple[Array, Array]:
         """Return the matrices from outputs of the controller to inputs of the plant, and back."""
@@ -43,14 +43,14 @@ class Connections:
         return actuate, measure
 
 
-def connect(plant: UnitFile, controller: UnitFile, wanted: Mapping[str, str | None] | None) -> Connections:
+def connect(plant: UnitFile, controller: UnitFile, pairs: Mapping[str, str | None] | None) -> Connections:
     """Return the connections of a plant and a controller: signals of one name, and those that are given.
 
     Parameters
     ----------
     plant, controller : UnitFile
         The FMUs.
-    wanted : mapping of str to str, optional
+    pairs : mapping of str to str, optional
         Output by input; ``"plant:NAME"`` or ``"controller:NAME"`` where both FMUs have an input of this name.
 
     Returns
@@ -64,7 +64,7 @@ def connect(plant: UnitFile, controller: UnitFile, wanted: Mapping[str, str | No
         If a name is unknown, units differ, or the FMUs are not connected both ways.
     """
     wishes: dict[str, dict[int, str | None]] = {PLANT: {}, CONTROLLER: {}}
-    for name, wish in (wanted or {}).items():
+    for name, wish in (pairs or {}).items():
         side, index = _input_of(plant, controller, name)
         wishes[side][index] = wish
     into_plant = _signals_into(plant, controller, PLANT, wishes[PLANT])
@@ -81,29 +81,29 @@ def connect(plant: UnitFile, controller: UnitFile, wanted: Mapping[str, str | No
                 f"connected; say others by connections={{input: output}}, on the command line by --connect "
                 f"INPUT=OUTPUT."
             )
-    told = [*_told(into_plant, controller, plant, PLANT), *_told(into_controller, plant, controller, CONTROLLER)]
+    notes = [*_notes(into_plant, controller, plant, PLANT), *_notes(into_controller, plant, controller, CONTROLLER)]
     return Connections(
         tuple(into_plant), tuple(into_plant.values()), tuple(into_controller), tuple(into_controller.values()),
         tuple(i for i in range(len(plant.inputs)) if i not in into_plant),
-        tuple(i for i in range(len(controller.inputs)) if i not in into_controller), tuple(told),
+        tuple(i for i in range(len(controller.inputs)) if i not in into_controller), tuple(notes),
     )  # fmt: skip
 
 
-def _told(into: Mapping[int, int], source: UnitFile, goal: UnitFile, side: str) -> list[str]:
+def _notes(into: Mapping[int, int], source: UnitFile, goal: UnitFile, side: str) -> list[str]:
     pairs = [(source.outputs[o].name, goal.inputs[i].name) for i, o in into.items()]
     return [f"{side} <- {', '.join(a if a == b else f'{a} as {b}' for a, b in pairs)}"]
 
 
 def _input_of(plant: UnitFile, controller: UnitFile, name: str) -> tuple[str, int]:
     side, _, rest = name.partition(":")
-    places = {PLANT: plant, CONTROLLER: controller}
-    if side in places and rest:
-        places, name = {side: places[side]}, rest
-    matches = [(key, [signal.name for signal in unit.inputs].index(name)) for key, unit in places.items()
+    units = {PLANT: plant, CONTROLLER: controller}
+    if side in units and rest:
+        units, name = {side: units[side]}, rest
+    matches = [(key, [signal.name for signal in unit.inputs].index(name)) for key, unit in units.items()
                if name in [signal.name for signal in unit.inputs]]  # fmt: skip
     if len(matches) == 1:
         return matches[0]
-    known = [signal.name for unit in places.values() for signal in unit.inputs]
+    known = [signal.name for unit in units.values() for signal in unit.inputs]
     if matches:
         raise ExportError(f"check_cosimulation: connections: both FMUs have an input '{name}'; say 'plant:{name}' or "
                           f"'controller:{name}'.")  # fmt: skip
@@ -121,7 +121,7 @@ def _signals_into(goal: UnitFile, source: UnitFile, side: str, wishes: Mapping[i
         if wish not in names:
             if i in wishes:
                 raise ExportError(f"check_cosimulation: connections: '{wish}' for the {side}'s input '{signal.name}' "
-                                  f"is no output of '{source.name}'; outputs are {', '.join(names)}."
+                                  f"is not an output of '{source.name}'; outputs are {', '.join(names)}."
                                   f"{nearest(wish, names)}")  # fmt: skip
             continue
         result[i] = names.index(wish)
@@ -162,26 +162,26 @@ def refuse_algebraic_loop(
     direct[p:, :p] = _filled(through_controller) @ (measure != 0)
     names = [*(f"{signal.name} (plant)" for signal in plant.outputs),
              *(f"{signal.name} (controller)" for signal in controller.outputs)]  # fmt: skip
-    left = set(range(total))
-    while left:  # what depends on nothing that is left cannot be in a loop
-        free = {i for i in left if not direct[i, sorted(left)].any()}
+    remaining = set(range(total))
+    while remaining:  # what depends on nothing that is left cannot be in a loop
+        free = {i for i in remaining if not direct[i, sorted(remaining)].any()}
         if not free:
             raise ExportError(
-                f"check_cosimulation: algebraic loop: {' <- '.join(names[i] for i in _cycle(direct, left))} depend on "
-                f"each other at once, as plant and controller both have feedthrough there. Roll one of them off (a "
+                f"check_cosimulation: algebraic loop: {' <- '.join(names[i] for i in _cycle(direct, remaining))} "
+                f"depend on each other at once, as plant and controller both have feedthrough there. Roll one off (a "
                 f"low-pass filter in the controller), or measure what does not answer at once."
             )
-        left -= free
+        remaining -= free
 
 
 def _filled(through: Array) -> NDArray[np.bool_]:
     return np.asarray(np.abs(through) > _TINY * np.abs(through).max(initial=0.0))
 
 
-def _cycle(direct: NDArray[np.bool_], left: set[int]) -> list[int]:
-    path = [min(left)]
+def _cycle(direct: NDArray[np.bool_], remaining: set[int]) -> list[int]:
+    path = [min(remaining)]
     while True:
-        following = next(j for j in sorted(left) if direct[path[-1], j])
+        following = next(j for j in sorted(remaining) if direct[path[-1], j])
         if following in path:
             return [*path[path.index(following):], following]  # fmt: skip
         path.append(following)

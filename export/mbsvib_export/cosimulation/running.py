@@ -13,7 +13,7 @@ from mbsvib_export.cosimulation.unit import Instance
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib_export.cosimulation.masters import Loop
-    from mbsvib_export.cosimulation.unit import UnitFile
+    from mbsvib_export.cosimulation.unit_file import UnitFile
 
 
 _MOST = 500  # iterations of a step
@@ -72,7 +72,7 @@ def _run(method: str, p: Instance, k: Instance, loop: Loop, x: Array, e: Array, 
     p.enter().set_states(x[:n])
     k.enter().set_states(x[n:])
     y, f = np.zeros(len(p.unit.outputs)), np.zeros(len(k.unit.outputs))
-    for _ in range(len(y) + len(f) + 1):  # what answers at once settles, as no signal does so to itself
+    for _ in range(len(y) + len(f) + 1):  # feedthrough converges, as there is no algebraic loop
         before = y, f
         p.set(loop.actuate @ f + plant_excitation)
         y = p.get()

@@ -254,9 +254,9 @@ def build(name: str, folder: Path, portable: bool = False) -> Path:
 def _compiler(goal: Platform, portable: bool) -> list[str]:
     """The compiler of this machine for itself, zig for the others."""
     if goal.name == this_platform() and not portable:
-        own = next((path for word in ("gcc", "clang", "cc") if (path := shutil.which(word))), None)
-        if own:
-            return [own]
+        system_compiler = next((path for word in ("gcc", "clang", "cc") if (path := shutil.which(word))), None)
+        if system_compiler:
+            return [system_compiler]
     if find_spec("ziglang"):
         return [sys.executable, "-m", "ziglang", "cc", "-target", goal.target, "-fno-sanitize=all"]
     raise ExportError(

@@ -11,6 +11,7 @@ from typing import IO, TYPE_CHECKING, TypeAlias, overload
 from mbsvib import __version__
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
+from mbsvib_export.atomic_file import check_companion, write_atomic
 from mbsvib_export.fmu_.binaries import PLATFORMS, binaries
 from mbsvib_export.fmu_.description_2 import description_2
 from mbsvib_export.fmu_.description_3 import description_3
@@ -18,7 +19,6 @@ from mbsvib_export.fmu_.matrices import matrices_file
 from mbsvib_export.fmu_.names import identifier
 from mbsvib_export.fmu_.sources import plant_of
 from mbsvib_export.fmu_.variables import attributes, variables_of
-from mbsvib_export.whole_file import check_companion, write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -121,17 +121,17 @@ def to_fmu(
     Raises
     ------
     ExportError
-        If the file cannot be written, no compiler is there, a parameter is not affine, or the source is no continuous
-        system. Nothing is left half-written.
+        If the file cannot be written, no compiler is there, a parameter is not affine, or the source is not a
+        continuous system. Nothing is left half-written.
     ModelError
         If a parameter is unknown.
     ResponseError
         If the realization is unknown.
     """
     versions = (version,) if isinstance(version, str) else tuple(dict.fromkeys(version))
-    for one_version in versions:
-        if one_version not in VERSIONS:
-            raise ExportError(f'to_fmu: version = {one_version!r}; expected "2.0", "3.0" or both, ("2.0", "3.0").')
+    for fmi_version in versions:
+        if fmi_version not in VERSIONS:
+            raise ExportError(f'to_fmu: version = {fmi_version!r}; expected "2.0", "3.0" or both, ("2.0", "3.0").')
     if not versions:
         raise ExportError('to_fmu: version = (); expected "2.0", "3.0" or both, ("2.0", "3.0").')
     goal = a_path(path, "to_fmu", ExportError)
@@ -142,12 +142,12 @@ def to_fmu(
     libraries = binaries(platforms if platforms is None or isinstance(platforms, str) else tuple(platforms))
     if isinstance(version, str):
         return _write(plant, goal, version, libraries)
-    places = [goal.with_name(f"{goal.stem}-fmi{one_version[0]}{goal.suffix}") for one_version in versions]
-    for path in places:
+    paths = [goal.with_name(f"{goal.stem}-fmi{fmi_version[0]}{goal.suffix}") for fmi_version in versions]
+    for path in paths:
         check_companion(path, lambda file: _holds(file, plant.name), f"an FMU of '{plant.name}' by mbsvib",
                         "Move it, or take another name.")  # fmt: skip
-    return tuple(_write(plant, path, one_version, libraries)
-                 for path, one_version in zip(places, versions, strict=True))  # fmt: skip
+    return tuple(_write(plant, path, fmi_version, libraries)
+                 for path, fmi_version in zip(paths, versions, strict=True))  # fmt: skip
 
 
 def _write(plant: Plant, path: Path, version: str, libraries: dict[str, bytes]) -> FmuFile:
@@ -170,7 +170,7 @@ def _write(plant: Plant, path: Path, version: str, libraries: dict[str, bytes]) 
                 folder = target if version == "3.0" else PLATFORMS[target].folder_2
                 _put(archive, f"binaries/{folder}/{name}{PLATFORMS[target].suffix}", library)
 
-    return FmuFile(write_whole(path, write), version, tuple(libraries), variables.names)
+    return FmuFile(write_atomic(path, write), version, tuple(libraries), variables.names)
 
 
 def _holds(path: Path, name: str) -> bool:

@@ -57,5 +57,5 @@ def matrices_file(plant: Plant, described: str) -> tuple[bytes, str]:
                         2 * int(first[-1]) + (plant.E is not None))  # fmt: skip
     digest = hashlib.sha256(sizes + body + described.encode()).hexdigest()
     token = "{" + "-".join((digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32])) + "}"
-    rest = sizes + token.encode().ljust(64, b"\0") + body
-    return MAGIC + struct.pack("<Q", zlib.crc32(rest)) + rest, token
+    content = sizes + token.encode().ljust(64, b"\0") + body
+    return MAGIC + struct.pack("<Q", zlib.crc32(content)) + content, token

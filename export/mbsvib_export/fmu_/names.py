@@ -73,7 +73,7 @@ def base_unit(unit: str) -> dict[str, int] | None:
     Returns
     -------
     dict of str to int, or None
-        Exponents other than 0 of kg, m, s and rad; None for what is no SI unit (``"modal"``, ``""``).
+        Exponents other than 0 of kg, m, s and rad; None for other units (``"modal"``, ``""``).
     """
     if not unit or unit == "-":
         return None

@@ -75,16 +75,16 @@ def nominal_values(space: tuple[Array, Array, Array, Array], values: Complex, un
         return np.ones(0)
     if not b.any():  # no inputs: what an unknown force on everything would do
         b, d = np.eye(len(a)), np.zeros((len(c), len(a)))
-    states, outputs, seen = _amplitudes((a, b, c, d), values)
+    states, outputs, observed = _amplitudes((a, b, c, d), values)
     largest = outputs.max(axis=1, keepdims=True, initial=0.0)
     strength = (outputs / np.where(largest > 0.0, largest, 1.0)).max(axis=0, initial=0.0)
     outputs = np.maximum(outputs, LEAST * strength * largest)
     resolved = np.where(outputs > 0.0, outputs, np.inf).min(axis=1, initial=np.inf)
     with np.errstate(divide="ignore", over="ignore"):
-        size = (resolved[:, None] / seen).min(axis=0, initial=np.inf)
+        size = (resolved[:, None] / observed).min(axis=0, initial=np.inf)
     limit = np.empty(len(a))
     for unit in set(units):
-        alike = np.array([each == unit for each in units])
+        alike = np.array([own_unit == unit for own_unit in units])
         limit[alike] = states[alike].max() or 1.0
     return np.array([float(f"{value:.1e}") for value in np.clip(SHARE * np.minimum(size, limit), 1e-100, 1e100)])
 
@@ -94,14 +94,14 @@ def _amplitudes(space: tuple[Array, Array, Array, Array], values: Complex) -> tu
     a, b, c, d = space
     slow, fast = _rates(np.abs(values))
     start = max(0.0, float(values.real.max()))
-    states, outputs, seen = np.zeros(len(a)), np.zeros(d.shape), np.zeros(c.shape)
+    states, outputs, observed = np.zeros(len(a)), np.zeros(d.shape), np.zeros(c.shape)
     for s in start + np.geomspace(slow / BEYOND, BEYOND * fast, PROBES):
         inverse = np.linalg.inv(s * np.eye(len(a)) - a)
-        step = inverse @ b
-        states = np.maximum(states, np.abs(step).max(axis=1))
-        outputs = np.maximum(outputs, np.abs(c @ step + d))
-        seen = np.maximum(seen, s * np.abs(c @ inverse))
-    return states, outputs, seen
+        static = inverse @ b
+        states = np.maximum(states, np.abs(static).max(axis=1))
+        outputs = np.maximum(outputs, np.abs(c @ static + d))
+        observed = np.maximum(observed, s * np.abs(c @ inverse))
+    return states, outputs, observed
 
 
 def experiment_times(values: Complex) -> tuple[float, float]:
@@ -115,8 +115,8 @@ def experiment_times(values: Complex) -> tuple[float, float]:
     Returns
     -------
     tuple of float
-        Stop time: some periods of the slowest rate that is no rigid-body motion, or as many of the fastest oscillation
-        as integrators get through; step.
+        Stop time: some periods of the slowest rate that is not of a rigid-body motion, or as many of the fastest
+        oscillation as integrators can compute; step.
     """
     rates = np.abs(values)
     if not rates.any():
@@ -129,6 +129,6 @@ def experiment_times(values: Complex) -> tuple[float, float]:
 
 
 def _rates(rates: Array) -> tuple[float, float]:
-    """The slowest rate that is no rigid-body motion, and the fastest [1/s]."""
+    """The slowest rate that is not of a rigid-body motion, and the fastest [1/s]."""
     fast = float(rates.max(initial=0.0)) or 1.0
     return float(rates[rates > RIGID * fast].min(initial=fast)), fast

@@ -60,6 +60,6 @@ class Plant:
             return np.unique(np.array([0, n], dtype=np.int64))
         coupled = self.A != 0
         index = np.arange(n)
-        reach = np.maximum(index, np.where(coupled | coupled.T, index, -1).max(axis=1))
-        ends = np.flatnonzero(np.maximum.accumulate(reach) == index) + 1
+        last_index = np.maximum(index, np.where(coupled | coupled.T, index, -1).max(axis=1))
+        ends = np.flatnonzero(np.maximum.accumulate(last_index) == index) + 1
         return np.concatenate(([0], ends)).astype(np.int64)

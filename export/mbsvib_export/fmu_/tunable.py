@@ -42,7 +42,7 @@ def tunable_plant(source: Any, realization: str, tunable: tuple[str, ...]) -> Pl
     Raises
     ------
     ExportError
-        If the source is no System, has motions without mass, or is not affine in a parameter.
+        If the source is not a System, has motions without mass, or is not affine in a parameter.
     ModelError
         If a parameter is unknown.
     """

@@ -102,9 +102,9 @@ def variables_of(plant: Plant) -> Variables:
 
     m, p, n = len(plant.inputs), len(plant.outputs), len(plant.states)
     zeros = [0.0] * max(m, n)
-    add("input", named["input"], plant.input_units, _told("input", plant.inputs, plant.input_units), start=zeros)
-    add("output", named["output"], plant.output_units, _told("output", plant.outputs, plant.output_units))
-    add("state", named["state"], plant.state_units, _told("state", plant.states, plant.state_units), start=zeros,
+    add("input", named["input"], plant.input_units, _texts("input", plant.inputs, plant.input_units), start=zeros)
+    add("output", named["output"], plant.output_units, _texts("output", plant.outputs, plant.output_units))
+    add("state", named["state"], plant.state_units, _texts("state", plant.states, plant.state_units), start=zeros,
         nominal=plant.nominal.tolist())  # fmt: skip
     add("derivative", rates, [_rate(unit) for unit in plant.state_units],
         [f"time derivative of the state {name}" for name in plant.states], state=range(1 + m + p, 1 + m + p + n))
@@ -115,7 +115,7 @@ def variables_of(plant: Plant) -> Variables:
     return Variables(tuple(listed), dict(_dependencies(plant)), names, plant.times)
 
 
-def _told(kind: str, names: Sequence[str], units: Sequence[str]) -> list[str]:
+def _texts(kind: str, names: Sequence[str], units: Sequence[str]) -> list[str]:
     return [f"{kind} {name}" + (f" [{unit}]" if unit and unit != "-" else "")
             for name, unit in zip(names, units, strict=True)]  # fmt: skip
 

@@ -19,8 +19,8 @@ H, COUNT = 1e-3, 100
 def test_the_description_is_valid_and_whole(version, tmp_path):
     path = mx.to_ssp(plant(), speed_feedback(), tmp_path / "loop.ssp", version=version)
     system = read_ssd(str(path)).system  # fmpy holds it against the schema of the standard
-    assert [each.name for each in system.elements] == ["plant", "controller"]
-    assert {(each.name, each.kind) for each in system.connectors} == {
+    assert [item.name for item in system.elements] == ["plant", "controller"]
+    assert {(item.name, item.kind) for item in system.connectors} == {
         ("d", "input"), ("y", "output"), ("z", "output"), ("F", "output"),
     }  # fmt: skip
     assert len(system.connections) == 6
@@ -35,7 +35,7 @@ def truth():
     from mbsvib_export.cosimulation.masters import Loop, discretised
 
     space, law = plant().state_space(), speed_feedback()
-    blocks = [discretised(*(np.asarray(getattr(each, label)) for label in "ABCD"), H) for each in (space, law)]
+    blocks = [discretised(*(np.asarray(getattr(item, label)) for label in "ABCD"), H) for item in (space, law)]
     actuate, measure, free = np.array([[1.0], [0.0]]), np.array([[1.0, 0.0]]), np.array([[0.0], [1.0]])
     loop = Loop(*blocks, actuate, measure, free, np.zeros((1, 1)), H)
     z, rows = loop.start(np.zeros(3), np.ones(1), False), []
@@ -48,14 +48,14 @@ def truth():
 def test_ecos_runs_it(tmp_path):
     package = ecos()
     path = mx.to_ssp(plant(), speed_feedback(), tmp_path / "loop.ssp", outer=False)
-    found = []
+    result = []
     with package.EcosSimulation(ssp_path=str(path), step_size=H) as simulation:
         simulation.init()
         simulation.set_real("plant::d", 1.0)
         for _ in range(COUNT):
             simulation.step()
-            found.append([simulation.get_real("plant::y"), simulation.get_real("plant::z")])
-    assert np.abs(found - truth()).max(axis=0) == pytest.approx(0, abs=1e-12)
+            result.append([simulation.get_real("plant::y"), simulation.get_real("plant::z")])
+    assert np.abs(result - truth()).max(axis=0) == pytest.approx(0, abs=1e-12)
 
 
 def test_fmpy_runs_it(tmp_path):
@@ -74,7 +74,7 @@ def test_units_have_one_name_each(tmp_path):
     path = mx.to_ssp(plant(), law, tmp_path / "loop.ssp", connections={"F": "z"}, name="a & b")
     system = read_ssd(str(path)).system
     assert system.name == "a & b"
-    assert {"z", "z (signal)"} < {each.name for each in system.connectors}
+    assert {"z", "z (signal)"} < {item.name for item in system.connectors}
 
 
 def test_refusals_leave_nothing(tmp_path):

@@ -38,9 +38,9 @@ def check(files):
 def test_units_do_what_numpy_says(check):
     assert check.passed
     assert len(check.masters) == 4
-    for each in check.masters:
-        assert each.difference < 1e-12
-        assert each.steps == (H, H / 2, H / 4)
+    for item in check.masters:
+        assert item.difference < 1e-12
+        assert item.steps == (H, H / 2, H / 4)
 
 
 def test_orders_are_those_of_theory(check):
@@ -62,7 +62,7 @@ def test_coupling_makes_less_energy_with_smaller_steps(files, check):
 
 def test_error_of_jacobi_is_that_of_a_program_without_this_package(files):
     """The whole master again in ten lines: held inputs, both at once; and the loop by one exponential."""
-    found = mx.check_cosimulation(*files, H, masters="jacobi")["jacobi"].errors[0]
+    result = mx.check_cosimulation(*files, H, masters="jacobi")["jacobi"].errors[0]
     a = np.array([[0, 1], [-STIFFNESS / MASS, -DAMPING / MASS]])
     b = np.array([[0], [1 / MASS]])
     ak, bk, ck = (np.asarray(getattr(speed_feedback(), label)) for label in "ABC")
@@ -73,8 +73,8 @@ def test_error_of_jacobi_is_that_of_a_program_without_this_package(files):
         return big[:n, :n], big[:n, n]
 
     (phi, g), (phik, gk) = held(a, b), held(ak, bk)
-    whole = np.block([[a, b @ ck, b], [bk @ [[0, 1]], ak, np.zeros((1, 1))], [np.zeros((1, 4))]])
-    step, z = expm(whole * H), np.array([0, 0, 0, 1.0])
+    full = np.block([[a, b @ ck, b], [bk @ [[0, 1]], ak, np.zeros((1, 1))], [np.zeros((1, 4))]])
+    step, z = expm(full * H), np.array([0, 0, 0, 1.0])
     x, xk, y, f, rows, truth = np.zeros(2), np.zeros(1), 0.0, 0.0, [], []
     for _ in range(256):
         x, xk = phi @ x + g * (f + 1.0), phik @ xk + gk * y
@@ -82,7 +82,7 @@ def test_error_of_jacobi_is_that_of_a_program_without_this_package(files):
         z = step @ z
         rows.append(y)
         truth.append(z[1])
-    assert found == pytest.approx(np.abs(np.subtract(rows, truth)).max() / np.abs(truth).max(), rel=1e-9)
+    assert result == pytest.approx(np.abs(np.subtract(rows, truth)).max() / np.abs(truth).max(), rel=1e-9)
 
 
 def test_the_largest_stable_step_is_where_the_units_begin_to_grow(files):
@@ -100,44 +100,44 @@ def test_the_largest_stable_step_is_where_the_units_begin_to_grow(files):
 def test_feedthrough_lags_a_step(tmp_path):
     """Velocity feedback with a direct part: Gauss-Seidel is of first order then."""
     masters = ("gauss-seidel", "iteration")
-    found = mx.check_cosimulation(plant("velocity"), controller(-40.0, through=-40.0), H, masters=masters,
+    result = mx.check_cosimulation(plant("velocity"), controller(-40.0, through=-40.0), H, masters=masters,
                                   duration=128 * H)  # fmt: skip
-    assert found["gauss-seidel"].order == pytest.approx(1, abs=0.15)
-    assert found["iteration"].order == pytest.approx(2, abs=0.15)
-    assert found.passed
+    assert result["gauss-seidel"].order == pytest.approx(1, abs=0.15)
+    assert result["iteration"].order == pytest.approx(2, abs=0.15)
+    assert result.passed
 
 
 def test_acceleration_is_measured_by_a_controller_without_feedthrough():
-    found = mx.check_cosimulation(plant("acceleration"), controller(-1.0), H, masters=("jacobi", "slopes"))
-    assert found.passed
-    assert found["jacobi"].order == pytest.approx(1, abs=0.15)
+    result = mx.check_cosimulation(plant("acceleration"), controller(-1.0), H, masters=("jacobi", "slopes"))
+    assert result.passed
+    assert result["jacobi"].order == pytest.approx(1, abs=0.15)
 
 
 def test_without_free_inputs_states_start_at_nominal_values():
     masters = ("jacobi", "iteration")
-    found = mx.check_cosimulation(plant(disturbance=False), speed_feedback(), H, masters=masters, duration=128 * H)
-    assert found.excitation == {}
-    assert "nominal" in str(found)
-    assert found.passed
-    assert found["jacobi"].order == pytest.approx(1, abs=0.15)
+    result = mx.check_cosimulation(plant(disturbance=False), speed_feedback(), H, masters=masters, duration=128 * H)
+    assert result.excitation == {}
+    assert "nominal" in str(result)
+    assert result.passed
+    assert result["jacobi"].order == pytest.approx(1, abs=0.15)
 
 
 def test_a_loop_that_is_unstable_itself_is_said_so():
-    found = mx.check_cosimulation(plant(), controller(400.0), H, masters="jacobi")
-    assert found.growth > 0
-    assert "unstable: a pole at" in str(found)
+    result = mx.check_cosimulation(plant(), controller(400.0), H, masters="jacobi")
+    assert result.growth > 0
+    assert "unstable: a pole at" in str(result)
 
 
 def test_connections_and_excitation_by_name():
     law = controller(-40.0, inputs=("speed", "reference"), outputs=("command",))
     law.B[0, 1] = -1.0
-    found = mx.check_cosimulation(
+    result = mx.check_cosimulation(
         plant("velocity"), law, H, masters="jacobi", connections={"F": "command", "controller:speed": "y"},
         excitation={"reference": 2.0},
     )  # fmt: skip
-    assert found.connections == ("plant <- command as F", "controller <- y as speed")
-    assert found.excitation == {"d": 0.0, "reference": 2.0}
-    assert found.passed
+    assert result.connections == ("plant <- command as F", "controller <- y as speed")
+    assert result.excitation == {"d": 0.0, "reference": 2.0}
+    assert result.passed
 
 
 def test_the_table_and_the_figure_tell_all(check):
@@ -161,6 +161,6 @@ def test_the_stewart_platform_with_six_loops():
     gain = GAIN + ROLL_OFF
     law = control.ss(-(gain + 120) * np.eye(6), np.eye(6), gain * np.eye(6), np.zeros((6, 6)), name="iff",
                      inputs=[f"{leg}:force" for leg in legs], outputs=[f"{leg}:f" for leg in legs])  # fmt: skip
-    found = mx.check_cosimulation(stewart(ports="all").linearize(), law, 1e-5)
-    assert found.growth < 0
-    assert all(each.difference < 1e-9 for each in found.masters)
+    result = mx.check_cosimulation(stewart(ports="all").linearize(), law, 1e-5)
+    assert result.growth < 0
+    assert all(item.difference < 1e-9 for item in result.masters)

@@ -51,8 +51,8 @@ def test_units_without_connection():
     ("words", "more"),
     [
         ("no input 'f'.*Did you mean 'F'", {"connections": {"f": "F"}}),
-        ("'G' for the plant's input 'd' is no output of 'law'", {"connections": {"d": "G"}}),
-        ("excitation: 'F' is no free input; these are free: d", {"excitation": {"F": 1.0}}),
+        ("'G' for the plant's input 'd' is not an output of 'law'", {"connections": {"d": "G"}}),
+        ("excitation: 'F' is not a free input; these are free: d", {"excitation": {"F": 1.0}}),
         ("excitation holds NaN", {"excitation": {"d": np.nan}}),
         ("masters: 'jakobi' is not among.*Did you mean 'jacobi'", {"masters": "jakobi"}),
         ("bonds: the plant has no 'Y'", {"bonds": {"F": "Y"}}),
@@ -87,9 +87,9 @@ def test_files_that_are_no_units(tmp_path):
 def rewritten(source, path, change):
     with zipfile.ZipFile(source) as old, zipfile.ZipFile(path, "w") as new:
         for name in old.namelist():
-            found = change(name, old.read(name))
-            if found is not None:
-                new.writestr(name, found)
+            result = change(name, old.read(name))
+            if result is not None:
+                new.writestr(name, result)
     return path
 
 
@@ -119,12 +119,12 @@ def test_units_that_were_tampered_with(version, tmp_path):
             state_space_of_unit(path)
 
 
-@pytest.mark.parametrize(("lacks", "told"), [
+@pytest.mark.parametrize(("lacks", "message"), [
     (("maxOutputDerivativeOrder", "canGetAndSetFMUstate"),
      {"slopes": "'law' gives no derivatives of outputs", "iteration": "'law' does not support repeated steps"}),
     (("canInterpolateInputs",),
      dict.fromkeys(("slopes", "iteration"), "'law' takes no inputs that vary within a step"))])
-def test_masters_that_a_unit_cannot_follow_are_left_out(lacks, told, tmp_path):
+def test_masters_that_a_unit_cannot_follow_are_left_out(lacks, message, tmp_path):
     """Unless they were asked for by name."""
     law = mx.to_fmu(speed_feedback(), tmp_path / "law.fmu", "2.0")
 
@@ -134,10 +134,10 @@ def test_masters_that_a_unit_cannot_follow_are_left_out(lacks, told, tmp_path):
         return content
 
     unit = rewritten(law.path, tmp_path / "less.fmu", less)
-    found = mx.check_cosimulation(plant(), unit, H, duration=H)
-    assert [each.method for each in found.masters] == ["jacobi", "gauss-seidel"]
-    assert found.remarks == tuple(f"Left out: {method}, as {why}." for method, why in told.items())
-    for method, why in told.items():
+    result = mx.check_cosimulation(plant(), unit, H, duration=H)
+    assert [item.method for item in result.masters] == ["jacobi", "gauss-seidel"]
+    assert result.remarks == tuple(f"Left out: {method}, as {why}." for method, why in message.items())
+    for method, why in message.items():
         refused(f"'{method}' is not possible, as {why}", plant(), unit, H, masters=method)
 
 

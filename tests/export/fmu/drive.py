@@ -18,7 +18,7 @@ class Unit:
     def __init__(self, file, folder, kind="cs", inputs_at=None, event_mode=False):
         self.description = read_model_description(str(file), validate=True)
         self.new = self.description.fmiVersion.startswith("3")
-        self.references = {each.name: each.valueReference for each in self.description.modelVariables}
+        self.references = {item.name: item.valueReference for item in self.description.modelVariables}
         words = {"guid": self.description.guid, "unzipDirectory": extract(str(file), str(folder)),
                  "modelIdentifier": self.description.coSimulation.modelIdentifier, "instanceName": "unit"}  # fmt: skip
         classes = {"cs": (FMU2Slave, FMU3Slave), "me": (FMU2Model, FMU3Model)}
@@ -84,14 +84,14 @@ def held(space, h, u):
     """Outputs after each step with inputs held (steps, inputs), scipy's exponential."""
     n, m = space.B.shape
     e = expm(np.block([[space.A, space.B], [np.zeros((m, n + m))]]) * h)
-    x, found = np.zeros(n), []
+    x, result = np.zeros(n), []
     for row in u:
         x = e[:n, :n] @ x + e[:n, n:] @ row
-        found.append(space.C @ x + space.D @ row)
-    return np.array(found)
+        result.append(space.C @ x + space.D @ row)
+    return np.array(result)
 
 
-def worst(found, truth):
+def worst(result, truth):
     """Largest error of each output against its own size, the largest of them."""
     size = np.abs(truth).max(axis=0)
-    return (np.abs(found - truth).max(axis=0) / np.where(size > 0, size, 1.0)).max()
+    return (np.abs(result - truth).max(axis=0) / np.where(size > 0, size, 1.0)).max()

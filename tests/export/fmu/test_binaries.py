@@ -48,9 +48,9 @@ def test_a_cache_that_cannot_be_written_costs_time_only(fake, monkeypatch, tmp_p
 
 def test_the_wheel_is_asked_first_and_all_that_it_brings_is_written(fake, monkeypatch, tmp_path):
     for name in ("x86-windows", HERE):
-        place = tmp_path / "wheel" / binaries.source_hash() / name / f"mbsvib_lti{binaries.PLATFORMS[name].suffix}"
-        place.parent.mkdir(parents=True)
-        place.write_bytes(b"from the wheel")
+        target = tmp_path / "wheel" / binaries.source_hash() / name / f"mbsvib_lti{binaries.PLATFORMS[name].suffix}"
+        target.parent.mkdir(parents=True)
+        target.write_bytes(b"from the wheel")
     monkeypatch.setattr(binaries, "find_spec", lambda name: None)
     file = mx.to_fmu(slider(), tmp_path / "unit.fmu")
     assert file.platforms == (HERE, "x86-windows")
@@ -90,9 +90,9 @@ def test_folders_are_those_of_each_version(fake, tmp_path):
     files = mx.to_fmu(slider(), tmp_path / "unit.fmu", ("2.0", "3.0"), platforms="all")
     for file, folder in zip(files, ("win64", "x86_64-windows"), strict=True):
         with zipfile.ZipFile(file.path) as archive:
-            found = [name for name in archive.namelist() if name.startswith("binaries/")]
-        assert len(found) == len(binaries.PLATFORMS) == 6
-        assert f"binaries/{folder}/slider.dll" in found
+            result = [name for name in archive.namelist() if name.startswith("binaries/")]
+        assert len(result) == len(binaries.PLATFORMS) == 6
+        assert f"binaries/{folder}/slider.dll" in result
 
 
 def test_no_compiler_is_told_with_what_to_install(monkeypatch, tmp_path):

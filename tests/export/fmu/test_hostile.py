@@ -43,12 +43,12 @@ def survived(program, folder, rounds, seeds):
     """How many spoilt files were taken all the same, with and without tunable parameters."""
     taken, system = 0, library.quarter_car().linearize()
     for tunable in ((), ("*.stiffness", "*.mass")):
-        place = folder / f"tunable{len(tunable)}"
-        (place / "spoilt").mkdir(parents=True)
+        target = folder / f"tunable{len(tunable)}"
+        (target / "spoilt").mkdir(parents=True)
         with zipfile.ZipFile(mx.to_fmu(system, folder / "unit.fmu", tunable=tunable).path) as archive:
-            (place / "model.lti").write_bytes(archive.read("resources/model.lti"))
+            (target / "model.lti").write_bytes(archive.read("resources/model.lti"))
         for seed in seeds:
-            ran = subprocess.run([str(program), str(place), str(rounds), str(seed)], capture_output=True, text=True)
+            ran = subprocess.run([str(program), str(target), str(rounds), str(seed)], capture_output=True, text=True)
             assert ran.returncode == 0, ran.stderr[-3000:]
             taken += int(ran.stdout.split()[0])
     return taken

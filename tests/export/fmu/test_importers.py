@@ -25,9 +25,9 @@ EITHER = [pytest.param(name, version, marks=pytest.mark.slow if version == "2.0"
           for version in VERSIONS for name in MODELS]  # fmt: skip
 
 
-def close(found, truth, rtol=1e-12):
-    found = np.asarray(found.full() if isinstance(found, ca.DM) else found)
-    return np.abs(found - truth).max(initial=0.0) <= rtol * np.abs(truth).max(initial=0.0)
+def close(result, truth, rtol=1e-12):
+    result = np.asarray(result.full() if isinstance(result, ca.DM) else result)
+    return np.abs(result - truth).max(initial=0.0) <= rtol * np.abs(truth).max(initial=0.0)
 
 
 def imported(file, folder):
@@ -50,11 +50,11 @@ def test_casadi_takes_values_and_jacobians(name, version, tmp_path):
     assert close(rate, (space.A @ x + space.B @ u)[:, None])
     assert close(y, (space.C @ x + space.D @ u)[:, None])
     jacobian = f.jacobian()
-    found = dict(zip(jacobian.name_out(), jacobian(x, u, [], rate, y), strict=True))
+    result = dict(zip(jacobian.name_out(), jacobian(x, u, [], rate, y), strict=True))
     for word, truth in (("ode_x", space.A), ("ode_u", space.B), ("y_x", space.C), ("y_u", space.D)):
-        assert close(found[f"jac_{word}"], truth)
+        assert close(result[f"jac_{word}"], truth)
         # dependencies are those of the matrices, entry by entry
-        pattern = np.array(ca.DM(found[f"jac_{word}"].sparsity(), 1).full())
+        pattern = np.array(ca.DM(result[f"jac_{word}"].sparsity(), 1).full())
         np.testing.assert_array_equal(pattern != 0, truth != 0)
 
 
@@ -68,17 +68,17 @@ def test_casadi_takes_jacobians_to_parameters(version, tmp_path):
     x, u = rng.standard_normal(2 * system.dof), rng.standard_normal(len(system.inputs))
     rate, y = f(x, u, slopes.values)
     jacobian = f.jacobian()
-    found = dict(zip(jacobian.name_out(), jacobian(x, u, slopes.values, rate, y), strict=True))
+    result = dict(zip(jacobian.name_out(), jacobian(x, u, slopes.values, rate, y), strict=True))
     m = system.dof
     acceleration = rate.full().ravel()[m:]
     parameters = range(len(slopes.names))
     d = {label: slopes.slopes[label] for label in slopes.slopes}
     bent = [np.linalg.solve(system.M, d["B"][i] @ u - d["K"][i] @ x[:m] - d["C"][i] @ x[m:] - d["M"][i] @ acceleration)
             for i in parameters]  # fmt: skip
-    assert close(found["jac_ode_p"], np.array([np.append(np.zeros(m), each) for each in bent]).T)
+    assert close(result["jac_ode_p"], np.array([np.append(np.zeros(m), item) for item in bent]).T)
     outputs = [d["Cq"][i] @ x[:m] + d["Cv"][i] @ x[m:] + d["Ca"][i] @ acceleration + d["D"][i] @ u + system.Ca @ bent[i]
                for i in parameters]  # fmt: skip
-    assert close(found["jac_y_p"], np.array(outputs).T)
+    assert close(result["jac_y_p"], np.array(outputs).T)
 
 
 @pytest.mark.parametrize(("name", "version"), EITHER)
@@ -90,17 +90,17 @@ def test_fmpy_runs_every_library_model(name, version, tmp_path):
     assert validate_fmu(str(file)) == []
     inputs, outputs = names_of(file, "input"), names_of(file, "output")
     rng = np.random.default_rng(2)
-    h, u, found = 0.05, rng.standard_normal((20, len(inputs))), []
+    h, u, result = 0.05, rng.standard_normal((20, len(inputs))), []
     with unit(file, tmp_path / "unit") as slave:
         for k, row in enumerate(u):
             slave.set(dict(zip(inputs, row, strict=True)))
             slave.step(k * h, h)
-            found.append(slave.get(outputs))
+            result.append(slave.get(outputs))
     truth, units = held(space, h, u), np.array(system.output_units)
-    error = np.abs(found - truth).max(axis=0, initial=0.0)
+    error = np.abs(result - truth).max(axis=0, initial=0.0)
     # some outputs hardly move in that time: each is measured by all of its unit
-    for each in set(system.output_units):
-        assert error[units == each].max() < 1e-12 * np.abs(truth[:, units == each]).max()
+    for item in set(system.output_units):
+        assert error[units == item].max() < 1e-12 * np.abs(truth[:, units == item]).max()
     x = rng.standard_normal(len(space.states))
     with unit(file, tmp_path / "unit", "me") as master:
         if version == "2.0":
@@ -144,10 +144,10 @@ def test_model_exchange_is_as_accurate_as_asked_for(name, version, realization, 
     stop = float(read_model_description(str(file)).defaultExperiment.stopTime)
     # of 240 states some make 2000 oscillations until then
     time, count = np.linspace(0.0, stop, 1001)[: 101 if name == "cantilever" else None], len(system.inputs)
-    each = np.array([np.abs(system.time_response(time, np.eye(count)[:, [j]] * np.ones(len(time)))).max(axis=1)
+    item = np.array([np.abs(system.time_response(time, np.eye(count)[:, [j]] * np.ones(len(time)))).max(axis=1)
                      for j in range(count)]).T  # fmt: skip
-    largest = each.max(axis=1, keepdims=True)
-    size = 1.0 / (each / np.where(largest > 0.0, largest, 1.0)).max(axis=0)
+    largest = item.max(axis=1, keepdims=True)
+    size = 1.0 / (item / np.where(largest > 0.0, largest, 1.0)).max(axis=0)
     truth = system.time_response(time, size[:, None] * np.ones(len(time)))
     for rtol in (1e-6, 1e-8):
         result = simulate_fmu(str(file), fmi_type="ModelExchange", stop_time=time[-1], output_interval=time[1],
@@ -189,7 +189,7 @@ def test_ecos_closes_the_loop_as_our_own_master_does(version, tmp_path):
     law = control.ss([[-leak, 0], [roll_off, -roll_off]], [[1], [0]], [[0, -gain]], [[0]],
                      inputs=["body:az"], outputs=["actuator"], name="law")  # fmt: skip
     files = mx.to_fmu(car, tmp_path / "car.fmu", version), mx.to_fmu(law, tmp_path / "law.fmu", version)
-    found = []
+    result = []
     with package.EcosSimulationStructure() as structure:
         structure.add_model("car", str(files[0]))
         structure.add_model("law", str(files[1]))
@@ -200,15 +200,15 @@ def test_ecos_closes_the_loop_as_our_own_master_does(version, tmp_path):
             simulation.init(parameter_set="start")
             for _ in range(count):
                 simulation.step()
-                found.append([simulation.get_real("car::body.z"), simulation.get_real("law::actuator")])
+                result.append([simulation.get_real("car::body.z"), simulation.get_real("law::actuator")])
     space, actuate, measure = car.state_space(), np.zeros((3, 1)), np.zeros((1, len(car.outputs)))
     actuate[car.inputs.index("actuator")] = measure[0, car.outputs.index("body.az")] = 1.0
     free = np.zeros((3, 1))
     free[car.inputs.index("load")] = 1.0
-    blocks = [discretised(*(np.asarray(getattr(each, label)) for label in "ABCD"), h) for each in (space, law)]
+    blocks = [discretised(*(np.asarray(getattr(item, label)) for label in "ABCD"), h) for item in (space, law)]
     loop = Loop(*blocks, actuate, measure, free, np.zeros((1, 1)), h)
     z, truth = loop.start(np.zeros(6), np.ones(1), False), []
     for _ in range(count):
         z = loop.step("jacobi", z, np.ones(1))
         truth.append([z[6 + car.outputs.index("body.z")], z[-1]])
-    assert worst(np.array(found), np.array(truth)) < 1e-11
+    assert worst(np.array(result), np.array(truth)) < 1e-11

@@ -30,8 +30,8 @@ def raw(file, tmp_path):
         return made[-1]
 
     yield make
-    for each in made:
-        each.fmu.freeInstance()
+    for item in made:
+        item.fmu.freeInstance()
 
 
 def refused(capfd, mode, call, *given, **more):
@@ -161,7 +161,7 @@ def test_fmi_3_returns_early_where_it_is_asked_to(tmp_path):
             ctypes.cast(when, ctypes.POINTER(ctypes.c_double))[0] = 0.004
 
     description = read_model_description(str(file))
-    references = {each.name: each.valueReference for each in description.modelVariables}
+    references = {item.name: item.valueReference for item in description.modelVariables}
     slave = FMU3Slave(guid=description.guid, unzipDirectory=extract(str(file), str(tmp_path / "unit")),
                       modelIdentifier=description.coSimulation.modelIdentifier)  # fmt: skip
     slave.instantiate(earlyReturnAllowed=True, intermediateUpdate=early)
@@ -171,6 +171,6 @@ def test_fmi_3_returns_early_where_it_is_asked_to(tmp_path):
     _, _, returned, last = slave.doStep(currentCommunicationPoint=0.0, communicationStepSize=0.01)
     assert (returned, last) == (True, 0.004)
     truth = system.time_response([0.0, 0.004], np.array([[0.0], [0.0], [1.0]]) * np.ones(2), hold="zero")
-    found = slave.getFloat64([references["travel"]])[0]
-    assert found == pytest.approx(truth[system.outputs.index("travel"), 1], rel=1e-10)
+    result = slave.getFloat64([references["travel"]])[0]
+    assert result == pytest.approx(truth[system.outputs.index("travel"), 1], rel=1e-10)
     slave.freeInstance()

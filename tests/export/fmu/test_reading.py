@@ -40,12 +40,12 @@ def test_numbers_in_the_archive_are_those_of_the_binary(case, version, tmp_path)
 
     build, tunable = SYSTEMS[case]
     path = mx.to_fmu(build(), tmp_path / "x.fmu", version, tunable=tunable).path
-    (found, platforms), truth = state_space_in(path), state_space_of_unit(path)
+    (result, platforms), truth = state_space_in(path), state_space_of_unit(path)
     assert platforms
     for key in ("name", "states", "state_units", "inputs", "input_units", "outputs", "output_units"):
-        assert getattr(found, key) == getattr(truth, key), key
+        assert getattr(result, key) == getattr(truth, key), key
     for key in "ABCD":
-        one, two = getattr(found, key), getattr(truth, key)
+        one, two = getattr(result, key), getattr(truth, key)
         assert one.shape == two.shape
         assert np.abs(one - two).max(initial=0.0) <= 1e-12 * np.abs(two).max(initial=0.0), key
 
@@ -66,10 +66,10 @@ def test_a_library_in_the_archive_is_loaded_only_where_the_caller_says_so(tmp_pa
     good = mx.to_fmu(slider(), tmp_path / "x.fmu").path
     path = rewritten(good, tmp_path / "hostile.fmu", lambda name, content:
                      library_file.read_bytes() if this_platform() in name else content)  # fmt: skip
-    found = mx.check_export(path, slider())
-    assert found.passed
-    assert "Not run: its binaries for" in str(found)
-    assert this_platform() in str(found)
+    result = mx.check_export(path, slider())
+    assert result.passed
+    assert "Not run: its binaries for" in str(result)
+    assert this_platform() in str(result)
     assert not mark.exists()
     with pytest.raises(mv.ExportError, match=r"cannot be loaded|cannot be instantiated"):
         mx.check_export(path, slider(), run=True)

@@ -25,13 +25,13 @@ def steps_of(system, seed=0, count=200):
 
 
 def run(file, folder, u, h):
-    inputs, outputs, found = names_of(file, "input"), names_of(file, "output"), []
+    inputs, outputs, result = names_of(file, "input"), names_of(file, "output"), []
     with unit(file, folder) as plant:
         for k, row in enumerate(u):
             plant.set(dict(zip(inputs, row, strict=True)))
             plant.step(k * h, h)
-            found.append(plant.get(outputs))
-    return np.array(found)
+            result.append(plant.get(outputs))
+    return np.array(result)
 
 
 @pytest.mark.parametrize("version", VERSIONS)
@@ -124,11 +124,11 @@ def test_model_exchange_integrates(tmp_path):
         def rate(t, x):
             return plant.derivatives(t, x, dict.fromkeys(inputs, np.sin(frequency * t)))
 
-        nominal = np.array([each.nominal for each in plant.description.modelVariables if each.derivative is None
-                            and each.causality == "local"], dtype=float)  # fmt: skip
-        found = solve_ivp(rate, (0, 2), np.zeros(len(space.states)), method="DOP853", rtol=1e-10, atol=1e-10 * nominal)
+        nominal = np.array([item.nominal for item in plant.description.modelVariables if item.derivative is None
+                            and item.causality == "local"], dtype=float)  # fmt: skip
+        result = solve_ivp(rate, (0, 2), np.zeros(len(space.states)), method="DOP853", rtol=1e-10, atol=1e-10 * nominal)
     n = len(space.states)
     wave = np.array([[0, frequency], [-frequency, 0]])
     big = np.block([[space.A, space.B.sum(axis=1)[:, None], np.zeros((n, 1))], [np.zeros((2, n)), wave]])
     truth = (expm(big * 2) @ np.r_[np.zeros(n), 0, 1])[:n]
-    assert found.y[:, -1] == pytest.approx(truth, rel=1e-7, abs=1e-8 * np.abs(truth).max())
+    assert result.y[:, -1] == pytest.approx(truth, rel=1e-7, abs=1e-8 * np.abs(truth).max())

@@ -43,7 +43,7 @@ def test_parameters_change_between_steps(stewart_file, index, tmp_path):
     assert validate_fmu(str(file)) == []
     changed = model.with_values(VALUES).linearize(model.linearize().coordinates)
     u = np.random.default_rng(3).standard_normal((100, len(changed.inputs)))
-    inputs, outputs, found = names_of(file, "input"), names_of(file, "output"), []
+    inputs, outputs, result = names_of(file, "input"), names_of(file, "output"), []
     with unit(file, tmp_path / "plant") as plant:
         before = plant.get(list(VALUES))
         assert before.tolist() == [model.parameters[name] for name in VALUES]
@@ -53,9 +53,9 @@ def test_parameters_change_between_steps(stewart_file, index, tmp_path):
         for k, row in enumerate(u):
             plant.set(dict(zip(inputs, row, strict=True)))
             plant.step((k + 1) * 1e-3, 1e-3)
-            found.append(plant.get(outputs))
+            result.append(plant.get(outputs))
     # rounding of the physical matrices of a stiff platform decides, not the steps
-    assert worst(np.array(found), held(changed.state_space(), 1e-3, u)) < 1e-9
+    assert worst(np.array(result), held(changed.state_space(), 1e-3, u)) < 1e-9
 
 
 def test_all_matrices_are_those_of_a_new_linearization(stewart_file, tmp_path):
@@ -68,8 +68,8 @@ def test_all_matrices_are_those_of_a_new_linearization(stewart_file, tmp_path):
         x, u = rng.standard_normal(len(space.states)), rng.standard_normal(len(space.inputs))
         dx = plant.derivatives(0.0, x, dict(zip(names_of(file, "input"), u, strict=True)))
         y = plant.get(names_of(file, "output"))
-        for found, truth in ((dx, space.A @ x + space.B @ u), (y, space.C @ x + space.D @ u)):
-            assert np.abs(found - truth).max() < 1e-10 * np.abs(truth).max()
+        for result, truth in ((dx, space.A @ x + space.B @ u), (y, space.C @ x + space.D @ u)):
+            assert np.abs(result - truth).max() < 1e-10 * np.abs(truth).max()
 
 
 def test_derivatives_to_parameters_are_those_of_the_formula(tmp_path):
@@ -85,7 +85,7 @@ def test_derivatives_to_parameters_are_those_of_the_formula(tmp_path):
     with unit(file, tmp_path / "slider", "me") as plant:
         plant.set({"k.stiffness": k, "k.damping": c, "mass.mass": mass, "F": u})
         plant.set(dict(zip(names_of(file, "state"), (q, v), strict=True)))
-        rates = [each.name for each in plant.description.modelVariables if each.name.startswith("der(")]
+        rates = [item.name for item in plant.description.modelVariables if item.name.startswith("der(")]
         seen = [plant.references[name] for name in (*rates, "a")]
         assert plant.get([*rates, "a"]) == pytest.approx([v, acceleration, acceleration], rel=1e-14)
         for name in parameters:
@@ -110,13 +110,13 @@ def test_a_mass_of_zero_is_refused_when_it_is_set(tmp_path):
 
 def test_slopes_are_those_of_every_matrix():
     system = library.quarter_car().linearize()
-    found = affine(system, ["*.stiffness", "*.damping", "*.mass"], "test")
-    values = {name: found.values[i] * (1.5 + 0.1 * i) for i, name in enumerate(found.names)}
+    result = affine(system, ["*.stiffness", "*.damping", "*.mass"], "test")
+    values = {name: result.values[i] * (1.5 + 0.1 * i) for i, name in enumerate(result.names)}
     changed = library.quarter_car().with_values(values).linearize(system.coordinates)
-    shift = np.array(list(values.values())) - found.values
-    for label in found.slopes:
+    shift = np.array(list(values.values())) - result.values
+    for label in result.slopes:
         expected = getattr(changed, label)
-        guess = getattr(system, label) + np.tensordot(shift, found.slopes[label], 1)
+        guess = getattr(system, label) + np.tensordot(shift, result.slopes[label], 1)
         assert guess == pytest.approx(expected, rel=1e-13, abs=1e-13 * max(np.abs(expected).max(initial=0), 1e-300))
 
 
@@ -171,5 +171,5 @@ def test_what_has_no_parameters_is_refused(tmp_path):
         mx.to_fmu(system, path, tunable=("k.stiffness",), realization="modal")
     with pytest.raises(mv.ExportError, match="control, which knows no parameters"):
         mx.to_fmu(mx.to_control(system), path, tunable=("k.stiffness",))
-    with pytest.raises(mv.ExportError, match=r"as model\.linearize\(\) returns it"):
+    with pytest.raises(mv.ExportError, match=r"that model\.linearize\(\) returned"):
         mx.to_fmu(system.reachable(), path, tunable=("k.stiffness",))

@@ -59,6 +59,7 @@ class Kind:
     checked: bool = False
     damage: Callable[[bytes, np.random.Generator], bytes] = damaged
     package: str = "numpy"
+    holes: bool = False  # whether NaN stands for what was not measured
 
 
 def several(write, *systems):
@@ -199,26 +200,26 @@ KINDS = {
     "superelement mat": Kind(matlab_files, read_mat),
     "op4": Kind(op4_files, read_op4),
     "superelement op4": Kind(op4_files, read_reduced_op4),
-    "uff": Kind(uff_files, mx.from_uff),
-    "uff as text": Kind(uff_texts, mx.from_uff, damage=damaged_text),
+    "uff": Kind(uff_files, mx.from_uff, holes=True),
+    "uff as text": Kind(uff_texts, mx.from_uff, damage=damaged_text, holes=True),
     "dmig": Kind(several(mx.to_dmig, slider(), stewart()), read_dmig, damage=damaged_text),
     "superelement punch": Kind(punch_files, read_punch, damage=damaged_text),
 }
 
 
-def content(found):
-    """All numbers and texts of what was read, for comparison and to see that numbers are finite."""
-    if is_dataclass(found) and not isinstance(found, type):
-        return tuple(content(getattr(found, field.name)) for field in fields(found))
-    if isinstance(found, dict):
-        return tuple((key, content(value)) for key, value in found.items())
-    if isinstance(found, (list, tuple)):
-        return tuple(map(content, found))
-    if isinstance(found, np.ndarray):
-        assert found.dtype.kind in "fciuU", found.dtype
-        assert found.dtype.kind == "U" or np.isfinite(found).all() or np.isnan(found).any()
-        return found.shape, found.tobytes()
-    if isinstance(found, mv.Model):
-        return found.name
-    assert found is None or isinstance(found, (str, int, float)), type(found)
-    return found
+def content(value, holes=False):
+    """All numbers and texts of what was read, for comparison, and a look at whether numbers are finite."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return tuple(content(getattr(value, field.name), holes) for field in fields(value))
+    if isinstance(value, dict):
+        return tuple((key, content(item, holes)) for key, item in value.items())
+    if isinstance(value, (list, tuple)):
+        return tuple(content(item, holes) for item in value)
+    if isinstance(value, np.ndarray):
+        assert value.dtype.kind in "fciuU", value.dtype
+        assert value.dtype.kind == "U" or np.isfinite(value).all() or (holes and not np.isinf(value).any())
+        return value.shape, value.tobytes()
+    if isinstance(value, mv.Model):
+        return value.name
+    assert value is None or isinstance(value, (str, int, float)), type(value)
+    return value

@@ -38,13 +38,13 @@ def off_balance(seed, moments=False):
 
 
 def check(model, system, names):
-    found = system.matrix_derivatives(names)
+    result = system.matrix_derivatives(names)
     for k, name in enumerate(names):
         try:
             expected = of_variants(system, name)
         except mv.ModelError:
             assume(False)
-        assert_as_variants(found, k, system, expected, model.parameters[name], RTOL, NOISE)
+        assert_as_variants(result, k, system, expected, model.parameters[name], RTOL, NOISE)
 
 
 @examples(1, slow=8)
@@ -62,15 +62,15 @@ def test_differences_of_equilibria_found_for_every_variant(seed):
     fields = (".mass", ".position.", ".orientation.", ".start.", ".end.", ".stiffness", ".damping.", ".pitch",
               "gravity.")  # fmt: skip
     names = [[name for name in model.parameters if field in name] for field in fields]
-    chosen = [str(rng.choice(some)) for some in names if some]
-    check(model, system, [str(name) for name in rng.choice(chosen, 4, replace=False)])
+    selected = [str(rng.choice(some)) for some in names if some]
+    check(model, system, [str(name) for name in rng.choice(selected, 4, replace=False)])
 
 
 def hanging(angle, **words):
     """A pendulum with a spring, described at some angle from where it comes to rest."""
     model = mv.Model("hanging", gravity=(0, 0, -9.81))
-    place = 0.5 * np.array([np.sin(angle), 0, -np.cos(angle)])
-    model.add_body("bob", 3.0, (0.1, 0.1, 0.1), position=place)
+    location = 0.5 * np.array([np.sin(angle), 0, -np.cos(angle)])
+    model.add_body("bob", 3.0, (0.1, 0.1, 0.1), position=location)
     model.add_joint("hinge", "revolute", "ground", "bob", position=(0, 0, 0), axis=(0, 1, 0))
     for name, value in words.items():
         model.add_bushing(name, "ground", "bob", (0, 0, 0), value)
@@ -82,15 +82,15 @@ def test_a_pendulum_described_at_an_angle():
     m, r, g, angle = 3.0, 0.5, 9.81, 0.7
     _, system = settled(hanging(angle))
     assert system.provenance.settled
-    whole = 0.1 + m * r * r
-    square = m * g * r / whole
-    by_r = m * g / whole - square * 2 * m * r / whole
+    full = 0.1 + m * r * r
+    square = m * g * r / full
+    by_r = m * g / full - square * 2 * m * r / full
     slopes = {"bob.position.x": by_r * np.sin(angle), "bob.position.z": -by_r * np.cos(angle),
               "hinge.position.x": -by_r * np.sin(angle), "hinge.position.z": by_r * np.cos(angle),
-              "bob.mass": g * r / whole - square * r * r / whole, "gravity.z": -square / g,
+              "bob.mass": g * r / full - square * r * r / full, "gravity.z": -square / g,
               "gravity.x": 0.0}  # fmt: skip
-    found = 2 * np.sqrt(square) * system.eigenvalue_sensitivities(list(slopes))[:, 0].imag
-    assert found == pytest.approx(list(slopes.values()), rel=1e-10, abs=1e-10)
+    result = 2 * np.sqrt(square) * system.eigenvalue_sensitivities(list(slopes))[:, 0].imag
+    assert result == pytest.approx(list(slopes.values()), rel=1e-10, abs=1e-10)
 
 
 def test_what_turned_bushings_do_about_axes_is_differenced(monkeypatch):
@@ -100,14 +100,14 @@ def test_what_turned_bushings_do_about_axes_is_differenced(monkeypatch):
     asked = []
     slopes = Variants.slopes
     monkeypatch.setattr(Variants, "slopes", lambda *words: asked.append(1) or slopes(*words))
-    found = system.eigenvalue_sensitivities("spiral.stiffness.ry")[0, 0].imag
+    result = system.eigenvalue_sensitivities("spiral.stiffness.ry")[0, 0].imag
     assert asked
     def omega(stiff):
         rest = brentq(lambda b: stiff * (b - angle) + 3 * 9.81 * 0.5 * np.sin(b), 0, angle, xtol=1e-15)
         return np.sqrt((3 * 9.81 * 0.5 * np.cos(rest) + stiff) / 0.85)
 
     expected = (8 * (omega(k + 0.01) - omega(k - 0.01)) - omega(k + 0.02) + omega(k - 0.02)) / 0.12
-    assert found == pytest.approx(expected, rel=1e-8)
+    assert result == pytest.approx(expected, rel=1e-8)
 
 
 def test_dampers_of_turned_bushings_act_in_axes_of_both_bodies():
@@ -119,9 +119,9 @@ def test_dampers_of_turned_bushings_act_in_axes_of_both_bodies():
                       damping=(0, 0, 0, 0.1, 0.2, 0.3))  # fmt: skip
     _, system = settled(model)
     assert system.provenance.settled
-    found, h = system.matrix_derivatives("mount.damping.rx").C[0], 1e-3
+    result, h = system.matrix_derivatives("mount.damping.rx").C[0], 1e-3
 
     def at(value):
         return settled(model.with_values({"mount.damping.rx": value}))[1].C
 
-    assert found == pytest.approx((at(0.1 + h) - at(0.1 - h)) / (2 * h), rel=1e-9, abs=1e-10)
+    assert result == pytest.approx((at(0.1 + h) - at(0.1 - h)) / (2 * h), rel=1e-9, abs=1e-10)

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, with the exporters' own error."""
+"""Atomic writing of files, with the error class of exports."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from mbsvib.common import atomic_file as whole_file
+from mbsvib.common import atomic_file
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-def write_whole(path: str | os.PathLike[str], write: Callable[[IO[bytes]], object]) -> Path:
+def write_atomic(path: str | os.PathLike[str], write: Callable[[IO[bytes]], object]) -> Path:
     """Write a file atomically: to a temporary file in the same folder, which then replaces it.
 
     Parameters
@@ -36,7 +36,7 @@ def write_whole(path: str | os.PathLike[str], write: Callable[[IO[bytes]], objec
     """
     a_path(path, "file", ExportError)
     try:
-        return whole_file.write_whole(path, write)
+        return atomic_file.write_atomic(path, write)
     except OSError as error:
         raise ExportError(
             f"{os.fspath(path)}: cannot be written: {error.strerror or error}. Give the path of a file in a folder "
@@ -45,16 +45,16 @@ def write_whole(path: str | os.PathLike[str], write: Callable[[IO[bytes]], objec
 
 
 def check_companion(path: Path, is_own: Callable[[Path], bool], what: str, instead: str) -> None:
-    """Refuse to replace a file beside the one that was asked for, unless the same export has written it before.
+    """Refuse to replace a further file next to the requested one, unless the same export has written it before.
 
     Parameters
     ----------
     path : Path
-        Where the companion goes.
+        Path of the companion.
     is_own : callable
-        Tells whether what is there comes from the same export.
+        Tells whether the existing file comes from the same export.
     what, instead : str
-        What the companion is, and what to do, for the message.
+        Description of the companion and advice, for the message.
 
     Raises
     ------
@@ -64,9 +64,9 @@ def check_companion(path: Path, is_own: Callable[[Path], bool], what: str, inste
     if not os.path.lexists(path):
         return
     try:
-        own = path.is_file() and is_own(path)
+        is_same_export = path.is_file() and is_own(path)
     except OSError:
-        own = False
-    if not own:
+        is_same_export = False
+    if not is_same_export:
         raise ExportError(f"{path}: this file is there already and is not {what}, so that it is not replaced. "
                           f"{instead} Nothing was written.")  # fmt: skip

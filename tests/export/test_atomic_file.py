@@ -7,7 +7,7 @@ import pytest
 
 import mbsvib as mv
 import mbsvib_export as mx
-from mbsvib_export.whole_file import write_whole
+from mbsvib_export.atomic_file import write_atomic
 from tests.export.plants import slider
 
 WRITERS = {"json": mx.to_json, "npz": mx.to_npz, "mat": mx.to_mat, "pch": mx.to_dmig, "h5": mx.to_hdf5,
@@ -48,9 +48,9 @@ def test_a_failure_halfway_leaves_the_old_file(tmp_path):
         raise KeyboardInterrupt
 
     with pytest.raises(mv.ExportError, match="kept: cannot be written: No space left"):
-        write_whole(path, full)
+        write_atomic(path, full)
     with pytest.raises(KeyboardInterrupt):
-        write_whole(path, interrupted)
+        write_atomic(path, interrupted)
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
 
@@ -62,14 +62,14 @@ def test_what_a_kill_left_behind_is_removed(tmp_path):
     other.write_bytes(b"mine")
 
     def write(stream):
-        mine = next(each for each in tmp_path.iterdir() if each not in (dead, other))
-        write_whole(tmp_path / "plant.json", lambda inner: inner.write(b"second"))
+        mine = next(item for item in tmp_path.iterdir() if item not in (dead, other))
+        write_atomic(tmp_path / "plant.json", lambda inner: inner.write(b"second"))
         assert mine.exists() or os.name == "nt"
         stream.write(b"first")
 
-    write_whole(tmp_path / "plant.json", write)
+    write_atomic(tmp_path / "plant.json", write)
     assert not dead.exists()
-    assert sorted(each.name for each in tmp_path.iterdir()) == [other.name, "plant.json"]
+    assert sorted(item.name for item in tmp_path.iterdir()) == [other.name, "plant.json"]
     assert (tmp_path / "plant.json").read_bytes() == b"first"
 
 
@@ -80,7 +80,7 @@ def test_fmus_of_others_are_not_replaced(tmp_path):
     before = own.read_bytes()
     with pytest.raises(mv.ExportError, match=r"plant-fmi3\.fmu: .* is not an FMU of 'slider' by mbsvib"):
         mx.to_fmu(slider(), tmp_path / "plant.fmu", ("2.0", "3.0"))
-    assert [each.name for each in tmp_path.iterdir()] == [own.name]
+    assert [item.name for item in tmp_path.iterdir()] == [own.name]
     assert own.read_bytes() == before
     own.unlink()
     for _ in range(2):
@@ -95,11 +95,11 @@ def test_an_old_file_is_replaced_and_keeps_its_mode(kind, tmp_path):
     WRITERS[kind](slider(), path)
     assert path.stat().st_size < 50_000
     assert stat.S_IMODE(path.stat().st_mode) == 0o640
-    assert {each.name for each in tmp_path.iterdir()} - {"load_plant.m"} == {"plant"}
+    assert {item.name for item in tmp_path.iterdir()} - {"load_plant.m"} == {"plant"}
 
 
 def test_a_new_file_has_the_usual_mode(tmp_path):
-    write_whole(tmp_path / "a", lambda stream: stream.write(b""))
+    write_atomic(tmp_path / "a", lambda stream: stream.write(b""))
     (tmp_path / "b").touch()
     assert (tmp_path / "a").stat().st_mode == (tmp_path / "b").stat().st_mode
 

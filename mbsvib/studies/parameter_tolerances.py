@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from mbsvib.studies.design import Ties
 
 
-# standard deviation in parts of the tolerance
+# standard deviation over tolerance
 DEVIATION = {"normal": 1.0 / 3.0, "uniform": 1.0 / np.sqrt(3.0)}
 
 
-def spread(model: Model, tolerances: Mapping[str, Any], ties: Ties | None) -> dict[str, float]:
+def parameter_tolerances(model: Model, tolerances: Mapping[str, Any], ties: Ties | None) -> dict[str, float]:
     """Return the tolerance of each parameter.
 
     Parameters
@@ -38,7 +38,7 @@ def spread(model: Model, tolerances: Mapping[str, Any], ties: Ties | None) -> di
     Returns
     -------
     dict of str to float
-        Tolerances of parameters, each by itself, and of ties.
+        Tolerances of single parameters and of ties.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def _tolerance(name: str, tolerance: Any, value: float) -> float:
     return result
 
 
-def drawn(
+def random_values(
     centre: Mapping[str, float], tolerance: Mapping[str, float], samples: int, distribution: str, seed: int | None
 ) -> dict[str, Array]:
     """Return random values.
@@ -91,7 +91,7 @@ def drawn(
     samples : int
         How many.
     distribution : str
-        "normal": the tolerance is three standard deviations; "uniform": all values within it are alike.
+        "normal": the tolerance is three standard deviations; "uniform": all values within it have the same density.
     seed : int, optional
         Of the random numbers.
 

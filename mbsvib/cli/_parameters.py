@@ -1,0 +1,89 @@
+"""Commands on parameters: params lists them, sweep varies them."""
+
+from __future__ import annotations
+
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mbsvib.cli import _shell as shell
+from mbsvib.cli._looking import JsonOption
+from mbsvib.cli._lookup import ModelArgument, model_of
+from mbsvib.errors import nearest
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+def params(
+    model: ModelArgument,
+    pattern: Annotated[str, typer.Argument(metavar="PATTERN", help="Names to list, such as 'leg*.stiffness'.")] = "*",
+    as_json: JsonOption = False,
+) -> None:
+    """List the parameters of a model with values and units."""
+    known = model_of(model).parameters
+    names = [name for name in known if fnmatchcase(name, pattern)]
+    if not names:
+        raise shell.UsageProblem(f"no parameter of the model fits '{pattern}'.{nearest(pattern, known)}")
+    if as_json:
+        shell.say_json([{"name": name, "value": known[name], "unit": known.units[name]} for name in names])
+        return
+    from mbsvib.common import tables
+
+    rows = [(name, f"{known[name]:.8g}", known.units[name]) for name in names]
+    tables.show(shell.console(), "Parameters", [("name", "left"), ("value", "right"), ("unit", "left")], rows, [])
+
+
+def sweep(
+    model: ModelArgument,
+    ranges: Annotated[list[str], typer.Argument(metavar="PARAMETER=FROM:TO[:COUNT]", help="What is varied; several "
+                                                "parameters make a grid.")],
+    modes: Annotated[int, typer.Option("--modes", metavar="N", help="Number of the lowest modes.")] = 6,
+    log: Annotated[bool, typer.Option("--log", help="Values in equal ratios.")] = False,
+    file: Annotated[Path | None, typer.Option("--file", "-f", metavar="FILE", help="A figure (.png, .pdf, .svg) or a "
+                                              "table (.csv).")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Compute natural frequencies over one or more parameters."""
+    from mbsvib import studies
+    from mbsvib.cli._drawing import FORMATS, write_figure
+
+    if file is not None and file.suffix.lower() not in (*FORMATS, ".csv"):
+        raise shell.UsageProblem(f"'{file}': sweeps end in {', '.join(FORMATS)} or .csv.")
+    source = model_of(model)
+    values = dict(_range(text, log) for text in ranges)
+    count = min(modes, source.linearize().dof)
+    result = studies.sweep(source, values, of={f"mode {k + 1} [Hz]": studies.frequency(k + 1) for k in range(count)})
+    if as_json:
+        shell.say_json({"name": source.name, "parameters": {name: part.tolist() for name, part in values.items()},
+                        "natural_hz": [result[f"mode {k + 1} [Hz]"].tolist() for k in range(count)]})  # fmt: skip
+    elif file is None:
+        from mbsvib.common import tables
+
+        tables.show(shell.console(), **result.table())
+    if file is not None:
+        if file.suffix.lower() == ".csv":
+            result.to_csv(file)
+        else:
+            write_figure(result.plot(), file)
+        shell.say(f"Written: {shell.shown(file)}")
+
+
+def _range(text: str, log: bool) -> tuple[str, NDArray[np.float64]]:
+    """The name and the values of PARAMETER=FROM:TO[:COUNT]."""
+    import numpy as np
+
+    expected = f"'{text}': expected PARAMETER=FROM:TO or PARAMETER=FROM:TO:COUNT, such as mount.stiffness.z=1e4:1e6:50."
+    name, _, words = text.partition("=")
+    try:
+        first, last, *more = [float(word) for word in words.split(":")]
+        count = int(more[0]) if more else 11
+    except ValueError:
+        raise shell.UsageProblem(expected) from None
+    if len(more) > 1 or count < 2 or not name:
+        raise shell.UsageProblem(expected)
+    if log and not (first > 0.0 and last > 0.0):
+        raise shell.UsageProblem(f"'{text}': --log needs positive ends; leave --log out, or give others.")
+    return name, np.geomspace(first, last, count) if log else np.linspace(first, last, count)

@@ -1,0 +1,135 @@
+"""Finite motion of bodies along a spanning tree, one joint coordinate after the other."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.equilibrium.pose import IDENTITY
+from mbsvib.linalg.rotations import exponential
+from mbsvib.mechanism.topology import FLOATS
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array, Index
+    from mbsvib.equilibrium.pose import Pose
+    from mbsvib.kinematics.relative_motion import Twists
+    from mbsvib.mechanism.topology import Topology
+
+ORIGIN = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Tree:
+    """The finite motion of a spanning tree; arrays over bodies have ground last.
+
+    Coordinates are summed in groups that begin at ``start`` (g,): one group for each joint of the tree that moves, and
+    one more for the second of two successive rotations. Of these joints (j,), ``group`` (j,) is the first group and
+    ``body`` (j,) the outer body. The other arrays hold numbers of joints (k,) among these: ``then`` (2, k) of those
+    with a second group, and that group; ``back`` of those whose second body is the inner one; ``rod`` of distance
+    joints, with their ``length`` (k, 1). ``levels`` are the bodies and their parents from level to level of the tree,
+    without the bodies that are joined to ground.
+    """
+
+    start: Index
+    group: Index
+    body: Index
+    then: Index
+    back: Index
+    rod: Index
+    length: Array
+    levels: tuple[tuple[Index, Index], ...]
+
+    def moved(self, pose: Pose, coordinates: Twists, q: Array) -> Pose:
+        """Return the pose after finite joint motions, one coordinate after the other along the tree.
+
+        Parameters
+        ----------
+        pose : Pose
+            The pose before the motion; loops are not closed.
+        coordinates : Twists
+            The joint coordinates there.
+        q : array, shape (n,)
+            Their values [m, rad].
+
+        Returns
+        -------
+        Pose
+            The pose after it.
+        """
+        here = pose.centre
+        sums = np.add.reduceat(np.concatenate((coordinates.linear, coordinates.angular)) * q, self.start, axis=1).T
+        rotations, shifts = exponential(sums[:, 3:]), sums.take(self.group, axis=0)[:, :3]
+        own = rotations.take(self.group, axis=0)
+        if self.then.size:
+            own[self.then[0]] = own[self.then[0]] @ rotations[self.then[1]]
+        if len(self.rod):
+            shifts[self.rod] = self._swing(pose, coordinates, shifts[self.rod])
+        # the second body goes from x to p + shift + rotation (x - p), the first one the other way round
+        arm = here.take(self.body, axis=0) - coordinates.point.take(self.start[self.group], axis=1).T
+        if len(self.back):
+            arm[self.back] -= shifts[self.back]
+            shifts[self.back] *= -1.0
+            own[self.back] = own[self.back].swapaxes(-1, -2)
+        centre, turn = here.copy(), np.empty((len(here), 3, 3))
+        centre[self.body] += shifts + ((own - IDENTITY) @ arm[..., None])[..., 0]
+        turn[:] = IDENTITY
+        turn[self.body] = own
+        for body, parent in self.levels:
+            # x moves with the parent: by its translation, and by its rotation less 1 times the arm
+            rotation, before, there = turn.take(parent, axis=0), here.take(parent, axis=0), centre.take(body, axis=0)
+            turn[body] = rotation @ turn.take(body, axis=0)
+            translation = centre.take(parent, axis=0) - before
+            centre[body] = there + translation + ((rotation - IDENTITY) @ (there - before)[..., None])[..., 0]
+        return pose.moved_to(centre, turn)
+
+    def _swing(self, pose: Pose, coordinates: Twists, across: Array) -> Array:
+        """Displacements of the ends of rods (k, 3) along arcs whose lengths are the coordinates ``across``."""
+        first = self.start[self.group[self.rod]]
+        x, y = coordinates.linear[:, first], coordinates.linear[:, first + 1]
+        line = np.cross(x, y, axis=0).T
+        angle = np.sqrt((across * across).sum(axis=1, keepdims=True)) / self.length
+        back = 0.5 * self.length * angle**2 * np.sinc(0.5 * angle / np.pi) ** 2
+        return np.asarray(np.sinc(angle / np.pi) * across - back * line)
+
+
+def tree_of(topology: Topology) -> Tree:
+    """Return the arrays for the finite motion of a spanning tree."""
+    joints, ground = topology.joints, len(topology.bodies)
+    start: list[int] = []
+    group: list[int] = []
+    body: list[int] = []
+    then: list[tuple[int, int]] = []
+    rods: list[tuple[int, float]] = []
+    back: list[int] = []
+    levels: dict[int, list[tuple[int, int]]] = {}
+    depth = {ground: -1}
+    for branch in topology.branches:
+        depth[branch.body] = depth[branch.parent] + 1
+        levels.setdefault(depth[branch.body], []).append((branch.body, branch.parent))
+    column = 0
+    floats = [branch for branch in topology.branches if branch.joint == FLOATS]
+    for branch in sorted(topology.branches, key=lambda branch: branch.joint)[len(floats) :] + floats:
+        joint = None if branch.joint == FLOATS else joints[branch.joint]
+        count = 6 if joint is None else len(joint.freedom)
+        if not count:
+            continue
+        back += [len(group)] if branch.sign < 0 else []
+        group.append(len(start))
+        body.append(branch.body)
+        start.append(column)
+        if joint is not None and joint.successive:
+            then.append((len(group) - 1, len(start)))
+            start.append(column + count - 1)
+        if joint is not None and joint.kind == "distance":
+            rods.append((len(group) - 1, math.dist(joint.position or ORIGIN, joint.end or ORIGIN)))
+        column += count
+    return Tree(
+        np.array(start, dtype=np.intp), np.array(group, dtype=np.intp), np.array(body, dtype=np.intp),
+        np.array(then, dtype=np.intp).reshape(-1, 2).T, np.array(back, dtype=np.intp),
+        np.array([k for k, _ in rods], dtype=np.intp), np.array([[length] for _, length in rods]),
+        tuple([(bodies, parents) for bodies, parents in (np.array(levels[k], dtype=np.intp).T
+                                                         for k in range(1, len(levels)))]),
+    )  # fmt: skip

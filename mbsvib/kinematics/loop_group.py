@@ -1,0 +1,130 @@
+"""One independent group of loops: its lengths, its rank decision and the constraints that are redundant."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from operator import sub
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import NearSingularWarning, SingularPoseError
+from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, RANK_FACTOR, RANK_GAP, TIE_BREAK
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mbsvib.common.arrays import Array, Index
+
+
+@dataclass(frozen=True)
+class LoopGroup:
+    """The rank decision of one independent group of loops.
+
+    ``joints`` are the cut joints, ``rows`` and ``columns`` the numbers of their locked rows and of the coordinates
+    involved. ``kept`` is the smallest pivot kept, 1 where there is none, and ``dropped`` the largest one dropped; both
+    are those of the matrix that ``length`` [m] scales to entries of about one, over its largest pivot if that exceeds
+    one. ``noise`` is the rounding of its entries.
+    """
+
+    joints: tuple[str, ...]
+    rows: Index
+    columns: Index
+    rank: int
+    kept: float
+    dropped: float
+    length: float
+    noise: float
+    _names: Callable[[], tuple[str, ...]] = field(repr=False, compare=False)
+
+    @property
+    def surplus(self) -> int:
+        """The number of redundant constraint rows."""
+        return len(self.rows) - self.rank
+
+    @cached_property
+    def redundant(self) -> tuple[str, ...]:
+        """Names of the redundant constraint rows, computed on first access."""
+        return self._names() if self.surplus else ()
+
+
+def measures(points: Array, count: int, pitch: float, arm: float = 0.0) -> tuple[float, float]:
+    """Return the unit of length of loops, and the rounding of rows that are scaled by it.
+
+    Parameters
+    ----------
+    points : array, shape (3, n)
+        Points of the joints [m].
+    count : int
+        Number of the rows or of the coordinates, whichever is larger.
+    pitch : float
+        Largest pitch of a screw [m].
+    arm : float
+        Largest distance of the points from the centres of mass of their bodies [m].
+
+    Returns
+    -------
+    length : float
+        The size of the loops [m]; where all points coincide within rounding, the pitch, or 1 m.
+    noise : float
+        Rounding of an entry: that of unit vectors, and of points relative to their distance from the origin, or from
+        the centre of mass about which their body was turned.
+    """
+    if not points.size:  # a coupler of coordinates that other joints lock
+        return 1.0, EPS * count
+    axes = points.tolist()
+    low, high = list(map(min, axes)), list(map(max, axes))
+    length, distance = max(map(sub, high, low)), max(*high, -min(low), arm)
+    if length <= RANK_FACTOR * EPS * count * distance:  # lever arms, which are shorter, are rounding
+        length = pitch or 1.0
+    return length, EPS * count * max(1.0, distance / length)
+
+
+def decided(pivots: list[float], noise: float) -> tuple[int, float, float, float]:
+    """Return the rank, the smallest pivot kept, the largest one dropped, and the limit up to which they are dropped.
+
+    Pivots are those of a matrix with entries of about one, in descending order of size; ``noise`` is the rounding of an
+    entry. ``kept`` and ``dropped`` are as in ``LoopGroup``, the limit is for pivots that are not divided.
+    """
+    sizes = list(map(abs, pivots))
+    # rounding is relative to entries of about one, as the largest pivot may itself be rounding
+    unit = max(1.0, sizes[0]) if sizes else 1.0
+    limit = RANK_FACTOR * noise * unit
+    rank = sum([size > limit for size in sizes])
+    kept, dropped = sizes[rank - 1] if rank else unit, sizes[rank] if rank < len(sizes) else 0.0
+    return rank, kept / unit, dropped / unit, limit
+
+
+@lru_cache
+def preference(n: int) -> Array:
+    """Return weights (n,) by which the first of several equal pivots is taken."""
+    result: Array = 1.0 - TIE_BREAK / max(1, n) * np.arange(float(n))
+    result.setflags(write=False)
+    return result
+
+
+def redundant_rows(a: Array, rank: int, rows: Index, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names of redundant rows: those that a pivoted QR of the transpose takes last."""
+    _, order, _ = pivoted_qr((a * preference(len(rows))[:, None]).T)
+    return tuple(names[rows[k]] for k in sorted(order[rank:].tolist()))
+
+
+def check_gap(group: LoopGroup) -> None:
+    """Refuse a rank decision without a gap between pivots, and warn of nearly singular poses."""
+    if group.dropped * RANK_GAP <= group.kept and group.kept >= NEAR_SINGULAR:
+        return
+    names = ", ".join(group.joints)
+    if group.dropped * RANK_GAP > group.kept:
+        raise SingularPoseError(
+            f"loops closed by {names}: constraint pivots {group.kept:.1e} (kept) and {group.dropped:.1e} (dropped) are "
+            f"too close to tell how many constraints are independent. Move the pose away from the singular one, or "
+            f"give the geometry with all its digits."
+        )
+    warnings.warn(
+        f"loops closed by {names}: nearly singular pose (smallest pivot {group.kept:.1e}); the minimal coordinates "
+        f"lose as many digits. Pin other coordinates with independent=, move the pose, or give joints that are meant "
+        f"to be in line all their digits.", NearSingularWarning, stacklevel=6,
+    )  # fmt: skip

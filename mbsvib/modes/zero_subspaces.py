@@ -1,0 +1,88 @@
+"""Invariant subspaces of the eigenvalue 0 of a system in energy coordinates."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.equations.unresisted_motion import sizes
+from mbsvib.linalg.rank import DEPENDENT_ROWS
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
+
+
+# Generalised eigenvectors of 0 this nearly at right angles to all those from the left belong to a longer chain.
+LONGER = 1e-9
+
+
+def null_basis(rows: Array) -> Array:
+    """Return an orthonormal basis of the null space of the rows."""
+    _, values, turn = np.linalg.svd(rows)
+    return turn[int(np.count_nonzero(values > DEPENDENT_ROWS * values[0])) :].T
+
+
+def zero_subspaces(
+    stiffness: Array, damping: Array, null: tuple[Array, Array], chains: tuple[Array, Array], scale: Array
+) -> tuple[Array, Array, Array, int] | None:
+    """Return the invariant subspaces of the eigenvalue 0 in the states, A restricted to them, and the number of chains
+    of two; None if chains are longer.
+    """
+    (z, y), p = null, len(scale)
+    n, r, count = len(stiffness) + p, z.shape[1], chains[0].shape[1]
+    if r == 0:
+        return np.zeros((n, 0)), np.zeros((n, 0)), np.zeros((0, 0)), 0
+    x0, y0 = z @ chains[0], y @ chains[1]
+    x1, y1 = (answer(k, c @ start, far, near) for k, c, start, far, near in (
+        (stiffness, damping, x0, y, z), (stiffness.T, damping.T, y0, z, y)))  # fmt: skip
+    right, left = np.zeros((n, r + count)), np.zeros((n, r + count))
+    right[:p], right[2 * p :] = (scale[:, None] * np.hstack((z, x1))[:p]), np.hstack((z, x1))[p:]
+    right[p : 2 * p, r:] = x0[:p]
+    left_motions = np.hstack((y, y1))
+    braked = damping.T @ left_motions
+    braked[:p, r:] += y0[:p]
+    left[:p], left[p : 2 * p], left[2 * p :] = braked[:p] / scale[:, None], left_motions[:p], braked[p:]
+    size = np.linalg.norm(right, axis=0), np.linalg.norm(left, axis=0)
+    angles = (left / size[1]).T @ (right / size[0])
+    if np.linalg.svd(angles)[1][-1] < LONGER:
+        return None
+    left = np.linalg.solve(left.T @ right, left.T).T
+    nilpotent = np.zeros((right.shape[1],) * 2)
+    nilpotent[:r, r:] = chains[0]
+    return right, left, nilpotent, count
+
+
+def answer(stiffness: Array, push: Array, far: Array, near: Array) -> Array:
+    """Return x with K x = -push, orthogonal to the null space of K (``near``); ``far`` is the null space of K^T."""
+    m, r = near.shape
+    if not push.any():
+        return np.zeros_like(push)
+    size = sizes(stiffness)
+    bordered = np.zeros((m + r, m + r))
+    bordered[:m, :m] = stiffness / size[:, None] / size
+    bordered[:m, m:], bordered[m:, :m] = far, near.T
+    right = np.concatenate((-push / size[:, None], np.zeros((r, push.shape[1]))))
+    return np.asarray(np.linalg.solve(bordered, right)[:m] / size[:, None])
+
+
+def long_chains(a: Array) -> tuple[Array, Array, Array, int]:
+    """Return the same from A alone, by deflation of its null space until none remains."""
+    left_null, right_null = _lost(a), _lost(a.T)
+    left = np.asarray(np.linalg.solve(left_null.T @ right_null, left_null.T).T, dtype=float)
+    nilpotent = np.asarray(left.T @ a @ right_null, dtype=float)
+    nilpotent[np.abs(nilpotent) <= LONGER * np.abs(a).max()] = 0.0
+    return right_null, left, nilpotent, right_null.shape[1] - len(null_basis(a))
+
+
+def _lost(a: Array) -> Array:
+    """Orthonormal complement of the range of all powers of A."""
+    basis: Array = np.eye(len(a))
+    while basis.shape[1]:
+        inner = basis.T @ a @ basis
+        u, values, _ = np.linalg.svd(inner)
+        rank = int(np.count_nonzero(values > LONGER * np.abs(a).max()))
+        if rank == len(inner):
+            break
+        basis = np.asarray(basis @ u[:, :rank], dtype=float)
+    return np.linalg.qr(basis, mode="complete")[0][:, basis.shape[1] :]

@@ -1,0 +1,196 @@
+"""Power spectral densities: tables, and white noise through filters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common import arguments as check
+from mbsvib.errors import ResponseError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from mbsvib.common.arrays import Array, Complex
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """A density over ``frequencies`` [Hz]: straight between its break-points on log-log axes, zero beyond them."""
+
+    frequencies: Array
+    values: Array
+
+    def at(self, frequencies: Array) -> Array:
+        """Return the density.
+
+        Parameters
+        ----------
+        frequencies : array, shape (n,)
+            Frequencies [Hz].
+
+        Returns
+        -------
+        array, shape (n,)
+            One-sided densities.
+        """
+        f = np.asarray(frequencies, dtype=float)
+        inside = (f >= self.frequencies[0]) & (f <= self.frequencies[-1])
+        result = np.zeros_like(f)
+        result[inside] = np.exp(np.interp(np.log(f[inside]), np.log(self.frequencies), np.log(self.values)))
+        return result
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shaped:
+    """White noise of the one-sided density ``level`` through the filter H = c (s - a)^-1 b + d: ``level`` |H|^2."""
+
+    level: float
+    a: Array
+    b: Array
+    c: Array
+    d: float
+
+    def at(self, frequencies: Array) -> Array:
+        """Return the density.
+
+        Parameters
+        ----------
+        frequencies : array, shape (n,)
+            Frequencies [Hz].
+
+        Returns
+        -------
+        array, shape (n,)
+            One-sided densities.
+        """
+        f = np.asarray(frequencies, dtype=float)
+        if not len(self.a):
+            return np.full_like(f, self.level * self.d**2)
+        s = 2j * np.pi * f[..., None, None]
+        h = (self.c @ np.linalg.solve(s * np.eye(len(self.a)) - self.a, self.b))[..., 0, 0] + self.d
+        return np.asarray(self.level * np.abs(h) ** 2)
+
+    @property
+    def poles(self) -> Complex:
+        """Poles of the filter [1/s]."""
+        return np.linalg.eigvals(self.a).astype(complex) if len(self.a) else np.zeros(0, dtype=complex)
+
+
+def white(level: float) -> Shaped:
+    """Return white noise.
+
+    Parameters
+    ----------
+    level : float
+        One-sided density, of translations [(m/s^2)^2/Hz], of rotations [(rad/s^2)^2/Hz].
+
+    Returns
+    -------
+    Shaped
+        The same density at all frequencies.
+
+    Raises
+    ------
+    ResponseError
+        If the level is negative or no number.
+    """
+    return Shaped(density_level(level), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 1.0)
+
+
+def shaped(numerator: ArrayLike, denominator: ArrayLike, level: float = 1.0) -> Shaped:
+    """Return filtered white noise, level |H(i w)|^2 with H = numerator / denominator.
+
+    Parameters
+    ----------
+    numerator, denominator : array-like, shape (n,)
+        Coefficients of the polynomials in s, the highest power first.
+    level : float
+        One-sided density of the white noise before the filter.
+
+    Returns
+    -------
+    Shaped
+        The density.
+
+    Raises
+    ------
+    ResponseError
+        If the filter is not proper or not stable.
+    """
+    top = np.trim_zeros(np.atleast_1d(np.asarray(numerator, dtype=float)), "f")
+    below = np.trim_zeros(np.atleast_1d(np.asarray(denominator, dtype=float)), "f")
+    if not len(below) or len(top) > len(below) or not (np.isfinite(top).all() and np.isfinite(below).all()):
+        raise ResponseError(f"shaped: numerator has degree {len(top) - 1}, denominator {len(below) - 1}; expected "
+                            f"finite coefficients, and no higher degree above: the filter must be proper.")  # fmt: skip
+    n = len(below) - 1
+    below, top = below / below[0], np.concatenate((np.zeros(len(below) - len(top)), top)) / below[0]
+    # time in units of the filter's mean pole, so that the companion matrix has entries of one size
+    unit = abs(below[-1]) ** (1.0 / n) if n and below[-1] else 1.0
+    powers = unit ** -np.arange(n + 1.0)
+    below, top = below * powers, top * powers
+    a = np.zeros((n, n))
+    a[1:, :-1] = np.eye(max(n - 1, 0))
+    if n:
+        a[0] = -below[1:]
+    if n and np.linalg.eigvals(a).real.max() >= 0.0:
+        raise ResponseError(f"shaped: the filter with denominator {check.shown(denominator)} is not stable; expected "
+                            f"roots with negative real parts, or the noise would have no mean square.")  # fmt: skip
+    b = np.zeros((n, 1))
+    b[:1] = 1.0
+    level = density_level(level, "shaped noise")
+    return Shaped(level, a * unit, b * unit, (top[1:] - top[0] * below[1:])[None, :], float(top[0]))
+
+
+def table(points: ArrayLike, name: str = "spectrum") -> Table:
+    """Return a density from its break-points.
+
+    Parameters
+    ----------
+    points : array-like, shape (n, 2)
+        Frequency [Hz] and one-sided density of each break-point, frequencies ascending.
+    name : str
+        Name of the quantity, for messages.
+
+    Returns
+    -------
+    Table
+        Straight lines on log-log axes between the points, zero beyond.
+
+    Raises
+    ------
+    ResponseError
+        If there are fewer than two points, frequencies do not ascend from above 0, or a density is not positive.
+    """
+    expected = "at least two pairs (frequency [Hz], density)"
+    try:
+        rows = np.asarray(points, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ResponseError(f"{name}: {check.shown(points)}; expected {expected}.") from error
+    if rows.ndim != 2 or rows.shape[1] != 2 or len(rows) < 2 or not np.isfinite(rows).all():
+        raise ResponseError(f"{name}: {check.shown(points)}; expected {expected}, all finite.")
+    f, values = rows.T.copy()
+    out_of_order = np.flatnonzero(np.diff(f) <= 0.0)
+    if f[0] <= 0.0 or len(out_of_order):
+        at = 0 if f[0] <= 0.0 else int(out_of_order[0]) + 1
+        raise ResponseError(f"{name}: point {at + 1} is at {f[at]:g} Hz; expected frequencies above 0 Hz, each higher "
+                            f"than the one before: sort them, and leave out 0 Hz.")  # fmt: skip
+    low = np.flatnonzero(values <= 0.0)
+    if len(low):
+        raise ResponseError(f"{name}: the density at {f[low[0]]:g} Hz is {values[low[0]]:g}; expected a positive one, "
+                            f"since it is a mean square and is interpolated on log-log axes. Give the least one that "
+                            f"matters, or end the table there.")  # fmt: skip
+    return Table(f, values)
+
+
+def density_level(value: Any, name: str = "white noise") -> float:
+    """Return a level of white noise as a float, refused if it is negative or not finite."""
+    try:
+        level = float(value)
+    except (TypeError, ValueError) as error:
+        raise ResponseError(f"{name}: level = {value!r}; expected a density, no less than 0.") from error
+    if not 0.0 <= level < np.inf:
+        raise ResponseError(f"{name}: level = {level:g}; expected a density, no less than 0.")
+    return level

@@ -1,0 +1,41 @@
+"""Two sets of modes beside each other: differences in percent of the first."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.plots import mode_comparison
+
+
+def bars(figure):
+    return np.array([bar.get_height() for bar in figure.axes[1].patches])
+
+
+def test_differences_of_two_systems(tmp_path):
+    model = mv.library.chain(5)
+    heavier = model.with_values({name: 1.21 * value for name, value in model.parameters.items()
+                                 if name.endswith(".mass") or ".inertia." in name})  # fmt: skip
+    figure = mode_comparison(model.linearize(), heavier.linearize(), ["as built", "heavier"])
+    assert np.allclose(bars(figure), 100.0 * (1.0 / 1.1 - 1.0))
+    assert [text.get_text() for text in figure.axes[0].get_legend().get_texts()] == ["as built", "heavier"]
+    figure.savefig(tmp_path / "modes.png")
+
+
+def test_measured_frequencies_and_rigid_modes():
+    figure = mode_comparison([0.0, 10.0, 20.0], [0.0, 11.0, 19.0, 400.0])
+    assert np.allclose(bars(figure)[1:3], [10.0, -5.0])
+    assert np.isnan(bars(figure)[0])
+    assert len(bars(figure)) == 3
+    assert figure.axes[0].get_yscale() == "log"
+    assert len(figure.axes[0].lines[1].get_xdata()) == 4
+
+
+@pytest.mark.parametrize(("values", "words"), [
+    (([], [1.0]), "reference has no modes"), (([2.0, 1.0], [1.0]), "ascending order"),
+    (([1.0], [-1.0]), "none negative"), (([1.0], "text"), "other"),
+])  # fmt: skip
+def test_refusals(values, words):
+    with pytest.raises(mv.MbsvibError, match=words):
+        mode_comparison(*values)
+    with pytest.raises(mv.ResponseError, match="3 labels"):
+        mode_comparison([1.0], [2.0], ["a", "b", "c"])
