@@ -150,7 +150,7 @@ def _line(value: Any, indent: str) -> str:
 
 
 def _refuse_constant(word: str) -> NoReturn:
-    raise ExportError(f"{word} is no number; expected finite numbers only.")
+    raise ExportError(f"{word} is not a number; expected finite numbers only.")
 
 
 def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

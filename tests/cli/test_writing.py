@@ -129,6 +129,18 @@ def test_exports_are_checked_against_their_model(run, suffix, package):
     assert run(f"check-export slider.{suffix} stewart").exit_code == 1
 
 
+def test_binaries_run_where_the_user_says_so(run):
+    pytest.importorskip("fmpy")
+    assert run("export slider.yaml -o slider.fmu").exit_code == 0
+    data = run("check-export slider.fmu slider.yaml")
+    assert "response of A B C D" in data.stdout
+    assert "Not run: its binaries for" in data.stdout
+    binary = run("check-export slider.fmu slider.yaml --run")
+    assert binary.exit_code == 0
+    assert "response of its derivatives" in binary.stdout
+    assert "Not run" not in binary.stdout
+
+
 def test_check_export_has_a_status_for_ci(run, tmp_path):
     run("export slider.yaml -o slider.mat")
     run("export slider.yaml -o slider.pch")
