@@ -23,7 +23,9 @@ single = isolation.actuated(strut, "payload", "leg", directions="z")
 gain, ratio = isolation.force_feedback_optimum(np.sqrt(1.2e5 / 12.0), np.sqrt(3e4 / 12.0))
 assert np.isclose(single.with_gains(isolation.force_feedback(single, gain)).damping_ratios[0], ratio, rtol=1e-9)
 
-plant = isolation.actuated(library.stewart_isolator(torsion_stiffness=20.0), "platform", length=0.1)
+stiff = library.stewart_isolator(leg_stiffness=20e6, leg_damping=20.0, payload_mass=1.0, torsion_stiffness=20.0,
+                                 torsion_damping=5e-5)  # fmt: skip
+plant = isolation.actuated(stiff, "platform", length=0.1)
 pairs = isolation.collocation(plant, [("leg1.k.actuator", "leg1.k.tension"), ("leg1.k.actuator", "leg2.k.tension")])
 assert pairs.pairs[0].passive  # its own force
 assert not pairs.pairs[1].passive  # its neighbour's

@@ -16,7 +16,7 @@ from mbsvib import isolation, library
 
 FLOOR = {"x y z": [(1.0, 1e-6), (10.0, 1e-5), (200.0, 1e-5), (1000.0, 1e-7)]}  # acceleration [(m/s^2)^2/Hz]
 
-model = library.stewart_isolator(leg_stiffness=2e6, torsion_stiffness=2.0, torsion_damping=2e-3)
+model = library.stewart_isolator(leg_stiffness=2e6, leg_damping=20.0, payload_mass=1.0, torsion_stiffness=2.0)
 goal = isolation.passive(model, "platform", length=0.1)
 flexures = {f"leg{i}.{end}.k.stiffness.{axis}": 1.0
             for i in range(1, 7) for end in ("foot", "head") for axis in ("rx", "ry", "rz")}  # fmt: skip

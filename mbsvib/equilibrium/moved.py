@@ -20,7 +20,7 @@ from mbsvib.errors import ModelError, nearest
 from mbsvib.kinematics.loops import reduce
 from mbsvib.kinematics.relative_motion import arm
 from mbsvib.mechanism.mechanism import Mechanism
-from mbsvib.mechanism.topology import span
+from mbsvib.mechanism.topology import cut_elsewhere
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -165,31 +165,10 @@ def _unreachable(here: PosedModel, target: Array, names: list[str], done: float,
     )  # fmt: skip
 
 
-def _cut_elsewhere(model: Mechanism, displacements: Mapping[str, float]) -> tuple[str, ...]:
-    """Return joints to cut such that the joints of the requested coordinates are part of the tree."""
-    wanted = {name.rsplit(".", 1)[0] for name in displacements} & set(model.joints)
-    cut: list[str] = []
-    for _ in range(len(model.joints)):
-        topology = span(model, cut)
-        missing = [topology.joints[k] for k in topology.cut if topology.joints[k].name in wanted]
-        if not missing:
-            break
-        up = {topology.bodies[b.body]: b for b in topology.branches}
-        sides: list[list[str]] = []
-        for body in (missing[0].first, missing[0].second):
-            path: list[str] = []
-            while body in up:
-                branch = up[body]
-                path.append(topology.joints[branch.joint].name if branch.joint >= 0 else "")
-                body = topology.bodies[branch.parent] if branch.parent < len(topology.bodies) else "ground"
-            sides.append(path)
-        loop = [name for name in sides[0] + sides[1] if name and (name in sides[0]) != (name in sides[1])]
-        candidates = [name for name in loop if name not in wanted]
-        if not candidates:
-            name = missing[0].name
-            raise ModelError(f"moved: all joints of the loop that '{name}' closes have a value; leave one of them to "
-                             f"follow from the others.", element=name, field="values")  # fmt: skip
-        cut.append(max(candidates, key=lambda name: len(model.joints[name].freedom)))
-    return tuple(cut)
-
-
+def _cut_elsewhere(model: Mechanism, given: Mapping[str, float]) -> tuple[str, ...]:
+    """Return joints to cut so that the joints of the coordinates asked for are part of the tree."""
+    cut, closing = cut_elsewhere(model, {name.rsplit(".", 1)[0] for name in given} & set(model.joints))
+    if closing is not None:
+        raise ModelError(f"moved: all joints of the loop that '{closing}' closes have a value; leave one of them to "
+                         f"follow from the others.", element=closing, field="values")  # fmt: skip
+    return cut

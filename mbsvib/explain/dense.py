@@ -75,6 +75,9 @@ def _topology(system: Equations) -> list[str]:
         lines.append(f"  body '{name}' is floating: {why}, so a free joint was added")
     if topology.joints:
         lines.append(f"  spanning tree: {listed(system.tree) or 'no joint'}")
+        total = topology.cumulative
+        lines.append("  cumulative degree of freedom (CDOF) from ground: "
+                     + listed([f"{name} {total[name]}" for name in topology.bodies]))  # fmt: skip
     straining = set(system.row_owner.tolist())
     forces = () if system.provenance.statics is None else system.provenance.statics.applied.names
     inerters = {part.name for part in system.provenance.parts if isinstance(part, Inerter)}  # they are part of M
@@ -90,7 +93,7 @@ def _loops(system: Equations) -> list[str]:
     groups = system.provenance.reduction.groups
     if not groups:
         return ["  none"] if not system.cut_joints else [f"  cut at {listed(system.cut_joints)}, no constraint"]
-    lines = [f"  cut at {listed(system.cut_joints)}"] if system.cut_joints else ["  none but those of couplers"]
+    lines = [f"  cut at {listed(_cut(system))}"] if system.cut_joints else ["  none but those of couplers"]
     locking = {name for group in groups for name in group.joints}
     idle = [name for name in system.cut_joints if name not in locking]
     if idle:
@@ -102,6 +105,14 @@ def _loops(system: Equations) -> list[str]:
         if group.redundant:
             lines.append(f"    redundant: {listed(group.redundant)}")
     return lines
+
+
+def _cut(system: Equations) -> list[str]:
+    """The cut joints with the CDOF of the two bodies that each of them joins."""
+    topology = system.provenance.topology
+    total = topology.cumulative
+    joints = [topology.joints[k] for k in topology.cut]
+    return [f"{joint.name} (CDOF {total[joint.first]} and {total[joint.second]})" for joint in joints]
 
 
 def _coordinates(system: Equations) -> list[str]:

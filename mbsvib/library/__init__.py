@@ -10,6 +10,7 @@ import re
 from typing import TYPE_CHECKING
 
 from mbsvib.errors import ModelError, nearest
+from mbsvib.library._arms import gripper, puma, six_link, stanford, two_link
 from mbsvib.library._cantilever import cantilever
 from mbsvib.library._chain import chain
 from mbsvib.library._cubic import cubic_hexapod
@@ -18,11 +19,14 @@ from mbsvib.library._engine import engine_on_mounts
 from mbsvib.library._inclined_chain import inclined_chain
 from mbsvib.library._ladder import ladder
 from mbsvib.library._linkages import four_bar, slider_crank
+from mbsvib.library._machines import carpet_scraper, hoeken
 from mbsvib.library._pendulums import hinged_rod, pendulum_chain, trifilar_pendulum
 from mbsvib.library._quadruped import quadruped
 from mbsvib.library._quarter_car import quarter_car
 from mbsvib.library._rotors import rotor_stator, sleeping_top
+from mbsvib.library._spatial_linkages import rssr, seven_r
 from mbsvib.library._stewart import stewart, stewart_isolator
+from mbsvib.library._toggle import toggle
 from mbsvib.library._tree import tree
 from mbsvib.library._wafer_stage import wafer_stage
 
@@ -32,9 +36,10 @@ if TYPE_CHECKING:
     from mbsvib.api.model import Model
 
 __all__ = [
-    "build", "cantilever", "chain", "cubic_hexapod", "engine_on_mounts", "four_bar", "from_dh", "hinged_rod",
-    "inclined_chain", "ladder", "models", "pendulum_chain", "quadruped", "quarter_car", "rotor_stator",
-    "sleeping_top", "slider_crank", "stewart", "stewart_isolator", "tree", "trifilar_pendulum", "wafer_stage",
+    "build", "cantilever", "carpet_scraper", "chain", "cubic_hexapod", "engine_on_mounts", "four_bar", "from_dh",
+    "gripper", "hinged_rod", "hoeken", "inclined_chain", "ladder", "models", "pendulum_chain", "puma", "quadruped",
+    "quarter_car", "rotor_stator", "rssr", "seven_r", "six_link", "sleeping_top", "slider_crank", "stanford",
+    "stewart", "stewart_isolator", "toggle", "tree", "trifilar_pendulum", "two_link", "wafer_stage",
 ]  # fmt: skip
 
 _FAMILIES: dict[str, Callable[..., Model]] = {"C": chain, "T": tree, "L": ladder}
@@ -65,6 +70,16 @@ def models() -> dict[str, tuple[Callable[[], Model], str]]:
         "trifilar_pendulum": (trifilar_pendulum, "plate on three wires, 3 DOF"),
         "four_bar": (four_bar, "four-bar linkage under gravity, held by a spring, 1 DOF"),
         "slider_crank": (slider_crank, "slider-crank under gravity, held by a spring, 1 DOF"),
+        "toggle": (toggle, "toggle near its stretched pose, whose slider leans on a spring, 1 DOF"),
+        "hoeken": (hoeken, "Hoeken's linkage, a four-bar whose crank turns fully, 1 DOF"),
+        "carpet_scraper": (carpet_scraper, "Hoeken's linkage with a pantograph, 7 bodies in 3 closed loops, 1 DOF"),
+        "rssr": (rssr, "crank and rocker on crossed axes, joined by a coupler between balls, 2 DOF"),
+        "seven_r": (seven_r, "the same linkage of seven revolute joints, 1 DOF"),
+        "two_link": (two_link, "arm of two slender links, 2 DOF"),
+        "gripper": (gripper, "palm with two fingers of one and two links, a tree, 4 DOF"),
+        "six_link": (six_link, "arm of six equal links on axes at right angles, 6 DOF"),
+        "puma": (puma, "PUMA 560 robot arm, 6 DOF"),
+        "stanford": (stanford, "Stanford robot arm with a slide, 6 DOF"),
         "rotor_stator": (rotor_stator, "rotor that spins in a stator on soft mounts, 7 DOF"),
         "sleeping_top": (sleeping_top, "top that spins upright on its tip, 3 DOF"),
         "cantilever": (cantilever, "steel tube of 20 beam elements with a mass at its tip, 120 DOF"),

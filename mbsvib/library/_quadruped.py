@@ -24,9 +24,9 @@ WORM = (0.08, 0.012, 0.04)
 
 
 def quadruped(
-    *, trunk_mass: float = 12.0, yaw_stiffness: float = 4e3, yaw_damping: float = 2.0,
-    gear_stiffness: float = 2e3, gear_damping: float = 2.0,
-    foot_stiffness: ArrayLike = (4e4, 4e4, 8e4), foot_damping: ArrayLike = (40.0, 40.0, 80.0),
+    *, trunk_mass: float = 12.0, yaw_stiffness: float = 4e6, yaw_damping: float = 60.0,
+    gear_stiffness: float = 2e6, gear_damping: float = 60.0,
+    foot_stiffness: ArrayLike = (4e7, 4e7, 8e7), foot_damping: ArrayLike = (1200.0, 1200.0, 2400.0),
     worm_ratio: float | None = None,
 ) -> Model:  # fmt: skip
     """Build the chapter's quadruped robot: 13 bodies, 18 degrees of freedom.
@@ -40,7 +40,8 @@ def quadruped(
     With ``worm_ratio`` the worms are bodies of their own (21 bodies, still 18 degrees of freedom): ``fl.worm1`` and
     ``fl.worm2`` turn about y on ``fl.worm1.shaft`` ... in the part before, and drive the gear by ``fl.worm1.mesh`` ...
 
-    The chapter gives the topology only; masses, geometry, stiffness and damping are chosen.
+    The chapter gives the topology only; masses, geometry, stiffness and damping are chosen, the latter two so that
+    natural frequencies and damping ratios are in the range of the chapter's figure 10: 247 to 5452 Hz, 0.02 to 0.5.
 
     Parameters
     ----------

@@ -56,6 +56,16 @@ class Topology:
         """Names of the joints that are cut."""
         return tuple(self.joints[k].name for k in self.cut)
 
+    @property
+    def cumulative(self) -> dict[str, int]:
+        """Cumulative degree of freedom (CDOF) of ground and every body: that of all joints on its path from ground."""
+        names = (*self.bodies, "ground")
+        result = {"ground": 0}
+        for branch in self.branches:
+            own = 6 if branch.joint == FLOATS else len(self.joints[branch.joint].freedom)
+            result[names[branch.body]] = result[names[branch.parent]] + own
+        return result
+
 
 def span(model: Mechanism, cut: Sequence[str] | None = None) -> Topology:
     """Return the spanning tree of smallest cumulative degree of freedom.
@@ -81,6 +91,52 @@ def span(model: Mechanism, cut: Sequence[str] | None = None) -> Topology:
     """
     excluded = () if cut is None else _excluded(cut, model)
     return _spanned(model, excluded) if excluded else model.derived(_spanned)
+
+
+def cut_elsewhere(model: Mechanism, wanted: Iterable[str]) -> tuple[tuple[str, ...], str | None]:
+    """Return joints to cut so that some joints are part of the tree.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The mechanism.
+    wanted : iterable of str
+        Names of the joints that are to be part of it.
+
+    Returns
+    -------
+    tuple of str
+        Names of joints to cut; none where the tree has the wanted ones anyway.
+    str or None
+        One of the wanted that closes a loop of wanted joints only, which no cut brings into the tree.
+    """
+    keep = set(wanted)
+    cut: list[str] = []
+    for _ in range(len(model.joints)):
+        topology = span(model, cut)
+        missing = [topology.joints[k] for k in topology.cut if topology.joints[k].name in keep]
+        if not missing:
+            break
+        other = [name for name in _loop(topology, missing[0]) if name not in keep]
+        if not other:
+            return tuple(cut), missing[0].name
+        cut.append(max(other, key=lambda name: len(model.joints[name].freedom)))
+    return tuple(cut), None
+
+
+def _loop(topology: Topology, joint: Joint) -> list[str]:
+    """Names of the joints of the tree that a cut joint closes a loop with."""
+    up = {topology.bodies[branch.body]: branch for branch in topology.branches}
+    sides: list[list[str]] = []
+    for end in (joint.first, joint.second):
+        body, way = end, []
+        while body in up:
+            branch = up[body]
+            if branch.joint != FLOATS:
+                way.append(topology.joints[branch.joint].name)
+            body = topology.bodies[branch.parent] if branch.parent < len(topology.bodies) else "ground"
+        sides.append(way)
+    return [name for name in (*sides[0], *sides[1]) if (name in sides[0]) != (name in sides[1])]
 
 
 def _spanned(model: Mechanism, excluded: tuple[str, ...] = ()) -> Topology:

@@ -6,6 +6,7 @@ state. Save it by ``figure.savefig("bode.png")``. Matplotlib is imported by the 
 
 from mbsvib.plots.bode import bode
 from mbsvib.plots.campbell import campbell
+from mbsvib.plots.cycle import cycle
 from mbsvib.plots.energy import energy
 from mbsvib.plots.front import front
 from mbsvib.plots.grid import time_grid
@@ -14,6 +15,7 @@ from mbsvib.plots.mechanism import mechanism
 from mbsvib.plots.mode_comparison import mode_comparison
 from mbsvib.plots.modes import modes
 from mbsvib.plots.nyquist import nyquist
+from mbsvib.plots.periodic import periodic
 from mbsvib.plots.root_locus import root_locus
 from mbsvib.plots.singular_values import singular_values
 from mbsvib.plots.step import step
@@ -22,6 +24,7 @@ from mbsvib.plots.topology import topology
 __all__ = [
     "bode",
     "campbell",
+    "cycle",
     "energy",
     "front",
     "isolation",
@@ -29,6 +32,7 @@ __all__ = [
     "mode_comparison",
     "modes",
     "nyquist",
+    "periodic",
     "root_locus",
     "singular_values",
     "step",

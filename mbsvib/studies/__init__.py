@@ -9,14 +9,17 @@ figures           figures of all of these
 tracks            ``track``: modes that keep their names over a sweep
 scatter, parameter_tolerances, first_order   ``tolerances``: scatter of parameters, to first order and by samples
 dual, evaluation, quantities, extremes   numbers of a system with their gradients, and functions of them
+machines, point_masses   running machines: shaking force and moment, drive torques; what balances them
 measures, modal, responses   frequencies, damping ratios, gains, peaks, root mean squares
 scales, search, solvers, optimizing   ``optimize`` and its result
 """
 
 from mbsvib.studies.extremes import largest, smallest
+from mbsvib.studies.machines import CycleMeasures, cycle
 from mbsvib.studies.measures import damping_ratio, frequency, gain, given, peak, placement, variable
 from mbsvib.studies.optimizing import Optimum, optimize
 from mbsvib.studies.parameter_maps import Tie
+from mbsvib.studies.point_masses import equimomental, with_counterweights
 from mbsvib.studies.quantities import Constraint, Quantity
 from mbsvib.studies.responses import rms
 from mbsvib.studies.results import Sweep
@@ -25,6 +28,7 @@ from mbsvib.studies.sweeps import sweep
 from mbsvib.studies.tracks import Tracks, track
 
 __all__ = [
-    "Constraint", "Optimum", "Quantity", "Sweep", "Tie", "Tolerances", "Tracks", "damping_ratio", "frequency", "gain",
-    "given", "largest", "optimize", "peak", "placement", "rms", "smallest", "sweep", "tolerances", "track", "variable",
+    "Constraint", "CycleMeasures", "Optimum", "Quantity", "Sweep", "Tie", "Tolerances", "Tracks", "cycle",
+    "damping_ratio", "equimomental", "frequency", "gain", "given", "largest", "optimize", "peak", "placement", "rms",
+    "smallest", "sweep", "tolerances", "track", "variable", "with_counterweights",
 ]  # fmt: skip

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.api.system import System
+from mbsvib.common.expected import kind_of
 from mbsvib.errors import ModelError
 from mbsvib.linalg.matching import Station, upper
 from mbsvib.sensitivities.variables import variables as resolved
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.modes import Modes
 
@@ -28,25 +30,44 @@ if TYPE_CHECKING:
 class DesignPoint:
     """A system and its variables (``rates`` of parameters with each). ``scale`` (variables,) converts derivatives with
     respect to variables to those with respect to the unknowns of a search, ``levels`` are bounds that replace the
-    largest of many numbers, ``order`` is the mode number of each track.
+    largest of many numbers, ``order`` is the mode number of each track. ``equations`` are None where no quantity of the
+    study asks for the system; ``changed`` is the model at these values, None where it is that of the system.
     """
 
-    system: System
+    equations: System | None
     rates: Mapping[str, Mapping[str, float]]
     values: Mapping[str, float]
     scale: Array
     levels: Mapping[Hashable, float]
     order: Index | None = None
+    changed: Model | None = None
 
     @classmethod
-    def of(cls, system: Any, variables: str | Iterable[str] | Mapping[str, Mapping[str, float]]) -> DesignPoint:
-        """Return a single system with derivatives to some variables."""
-        checked(system)
+    def of(
+        cls, system: Any, variables: str | Iterable[str] | Mapping[str, Mapping[str, float]], equations: bool = True
+    ) -> DesignPoint:
+        """Return a single system with derivatives to some variables; a model if no equations are requested."""
+        model = system if not equations and kind_of(system) == "model" else None
+        own = None if model is not None else checked(system)
         if isinstance(variables, Mapping):
-            return cls(system, variables, {}, np.ones(len(variables)), {})
+            return cls(own, variables, {}, np.ones(len(variables)), {}, changed=model)
         names, known = [variables] if isinstance(variables, str) else list(variables), system.parameters
         values = {name: known[known.matching(name)[0]] for name in names}
-        return cls(system, {name: {name: 1.0} for name in names}, values, np.ones(len(names)), {})
+        return cls(own, {name: {name: 1.0} for name in names}, values, np.ones(len(names)), {}, changed=model)
+
+    @property
+    def system(self) -> System:
+        """The equations of motion."""
+        return checked(self.equations)
+
+    @property
+    def model(self) -> Model:
+        """The mechanism."""
+        origin: Any = self.changed if self.equations is None else self.equations.provenance.origin
+        if origin is None:
+            raise ModelError("quantities of cycles are those of a model; a system that no model was linearized to has "
+                             "none.", element="system")  # fmt: skip
+        return origin  # type: ignore[no-any-return]
 
     def with_levels(self, levels: Mapping[Hashable, float]) -> DesignPoint:
         """Return the same point, with its cached results, and with bounds that replace the largest of many numbers."""

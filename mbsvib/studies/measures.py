@@ -179,7 +179,13 @@ def variable(name: str) -> Quantity:
         slope[0, list(point.rates).index(name)] = 1.0
         return point.dual(np.array([point.values[name]]), slope)
 
-    return Leaf(name, at)
+    return _Variable(name, at)
+
+
+class _Variable(Leaf):
+    """The value of a variable, which no equations are needed for."""
+
+    equations = False
 
 
 def given(function: Callable[[System, Mapping[str, Mapping[str, float]]], tuple[Any, Any]], label: str) -> Quantity:

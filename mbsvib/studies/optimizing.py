@@ -132,8 +132,8 @@ def optimize(
     within the bounds. ``starts`` begins at several points and keeps the best end.
 
     Quantities are made by ``mbsvib.studies``: ``frequency``, ``damping_ratio``, ``placement``, ``gain``, ``peak``,
-    ``rms``, ``variable``, and sums, products, ``largest`` and ``smallest`` of these. Comparing one with a number makes
-    a constraint: ``damping_ratio() >= 0.05``.
+    ``rms``, ``variable``, those of a ``cycle``, and sums, products, ``largest`` and ``smallest`` of these.
+    Comparing one with a number makes a constraint: ``damping_ratio() >= 0.05``.
 
     Parameters
     ----------
@@ -250,8 +250,9 @@ def _optimum(search: Search, z: Array, solver_result: SolverResult, start: Array
     parameters, values = search.design.values(point.values), dict(point.values)
     success = violation <= FEASIBLE and (solver_result.success or optimality <= OPTIMAL)
     descent = Descent(_named(search, start), values, objective, violation, success, solver_result.message)
+    model = search.model.with_values(parameters)
     return Optimum(
-        settled(search.model.with_values(parameters))[0], values, parameters, descent.start, objective, began,
+        settled(model)[0] if search.needs_equations else model, values, parameters, descent.start, objective, began,
         search.objective.label,
         {item.label: value for item, value in zip(search.constraints, numbers, strict=True)}, violation, optimality,
         success, solver_result.message, solver_result.iterations, search.evaluations, search.design.units, (descent,),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -26,6 +26,7 @@ class Quantity:
     """
 
     __array_ufunc__ = None  # numpy's numbers leave arithmetic to this class
+    equations: ClassVar[bool] = True  # whether it asks for the equations of motion, where it has no parts that tell
 
     def __init__(self, label: str, parts: tuple[Quantity, ...], rule: Callable[..., Dual]) -> None:
         self.label, self.parts, self._rule = label, parts, rule
@@ -46,7 +47,7 @@ class Quantity:
         return self._rule(*[part.at(point) for part in self.parts])
 
     def __call__(self, system: System) -> Any:
-        value = self.at(DesignPoint.of(system, ())).value
+        value = self.at(DesignPoint.of(system, (), self.needs_equations)).value
         return value if len(value) != 1 else float(value[0])
 
     def gradient(self, system: System, variables: Any) -> Array:
@@ -64,7 +65,12 @@ class Quantity:
         array, shape (numbers, variables)
             Derivatives [per unit of the variable].
         """
-        return self.at(DesignPoint.of(system, variables)).slope
+        return self.at(DesignPoint.of(system, variables, self.needs_equations)).slope
+
+    @property
+    def needs_equations(self) -> bool:
+        """Whether it is a number of the linear equations, rather than of the model itself."""
+        return any(part.needs_equations for part in self.parts) if self.parts else self.equations
 
     def inner(self) -> Iterator[Quantity]:
         """Iterate over this quantity and all its parts."""
@@ -163,6 +169,12 @@ class Quantity:
         return f"Quantity({self.label})"
 
 
+class Constant(Quantity):
+    """A quantity that is the same everywhere."""
+
+    equations = False
+
+
 class Leaf(Quantity):
     """A quantity that is computed directly at a point."""
 
@@ -230,7 +242,7 @@ def quantity(value: Any) -> Quantity:
     if fixed.ndim != 1 or not np.isfinite(fixed).all():
         raise check.refuse("quantity", "value", value, "a quantity or finite numbers")
     label = f"{fixed[0]:g}" if len(fixed) == 1 else check.shown(fixed)
-    return Quantity(label, (), lambda: Dual(fixed, np.zeros((len(fixed), 1))))
+    return Constant(label, (), lambda: Dual(fixed, np.zeros((len(fixed), 1))))
 
 
 def _joined(sign: str, a: Quantity, b: Quantity, rule: Callable[[Dual, Dual], Dual]) -> Quantity:

@@ -63,9 +63,11 @@ class Search:
         items = [item for part in (objective, *(c.quantity for c in constraints)) for item in part.inner()]
         self._follows = any(isinstance(item, Modal) for item in items)
         self.largest = tuple(dict.fromkeys(item for item in items if isinstance(item, Largest)))
+        self.needs_equations = any(part.needs_equations for part in (objective, *(c.quantity for c in constraints)))
         start = self.point(np.zeros(len(scales.start)))
-        check_variables(start.system, start.rates)
-        self._independent = start.system.coordinates
+        if self.needs_equations:
+            check_variables(start.system, start.rates)
+            self._independent = start.system.coordinates
         true = {item: float(item.true(start).value[0]) for item in self.largest}
         self.unit = {item: abs(value) or 1.0 for item, value in true.items()}
         self._active = {item: item.seeds(start) for item in self.largest}
@@ -95,7 +97,10 @@ class Search:
             self.evaluations += 1
             p = self.scales.values(x)
             values = dict(zip(self.design.variables, p.tolist(), strict=True))
-            design_point = DesignPoint(self.system(x), self.design.rates(values), values, self.scales.rates(p), {})
+            model = None if self.needs_equations else self.model.with_values(self.design.values(values))
+            system = self.system(x) if self.needs_equations else None
+            design_point = DesignPoint(system, self.design.rates(values), values, self.scales.rates(p), {},
+                                       changed=model)  # fmt: skip
             order = self._followed(x, design_point) if self._follows else None
             self._point = x.copy(), replace(design_point, order=order)
         return self._point[1]

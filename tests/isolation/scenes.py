@@ -19,6 +19,12 @@ def one_axis(ratio=RATIO, frequency=FREQUENCY, mass=MASS):
     return model
 
 
+def stiff_isolator(**values):
+    """A Stewart isolator on stiff legs, hardly damped: platform modes far above those of its spinning legs."""
+    stiff = {"leg_stiffness": 20e6, "leg_damping": 20.0, "payload_mass": 1.0, "torsion_damping": 5e-5}
+    return library.stewart_isolator(**stiff | values)
+
+
 def two_masses(m1=4.0, m2=9.0, k1=3e4, k2=1e4, c1=20.0, c2=35.0):
     """A payload 2 on a stage 1 on the ground."""
     model = mv.Model("two masses")

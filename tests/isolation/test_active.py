@@ -6,7 +6,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import isolation, library
-from tests.isolation.scenes import MASS, OMEGA, active_strut, one_axis, relaxing_hexapod, two_masses
+from tests.isolation.scenes import MASS, OMEGA, active_strut, one_axis, relaxing_hexapod, stiff_isolator, two_masses
 
 
 def strut(**words):
@@ -157,7 +157,7 @@ def test_poles_and_zeros_interlace_in_closed_form():
 
 
 def test_symmetric_legs_are_collocated():
-    plant = isolation.actuated(library.stewart_isolator(), "platform")
+    plant = isolation.actuated(stiff_isolator(), "platform")
     for pair in isolation.collocation(plant, [("leg2.k.actuator", f"leg2.k.{x}") for x in ("tension", "rate")]).pairs:
         assert pair.dual
         assert pair.interlaced

@@ -10,6 +10,7 @@ import pytest
 from mbsvib import isolation, library, studies
 from mbsvib.errors import ModelError
 from mbsvib.studies.design import design
+from tests.isolation.scenes import stiff_isolator
 
 SHAPE = {"base.radius": 0.13, "base.height": 0.01, "base.spread": math.radians(15), "platform.radius": 0.07,
          "platform.height": 0.09, "platform.spread": math.radians(4)}  # fmt: skip
@@ -34,7 +35,7 @@ def stewart():
     return library.stewart(ports="none")
 
 
-@pytest.mark.parametrize("make", [library.stewart, library.stewart_isolator])
+@pytest.mark.parametrize("make", [library.stewart, stiff_isolator])
 @pytest.mark.parametrize("shape", [EVERY, {"base.radius": 0.1151, "platform.spread": 0.3}])
 def test_the_same_mechanism_as_one_built_anew(make, shape):
     model = make(ports="none")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib import isolation, library, plots
-from tests.isolation.scenes import active_strut
+from mbsvib import isolation, plots
+from tests.isolation.scenes import active_strut, stiff_isolator
 
 
 def force_locus(plant, gains):
@@ -47,7 +47,7 @@ def test_poles_of_the_controller_that_vibrate_count():
 
 def test_modes_that_do_not_move_are_told_apart():
     """Legs spin at 637 Hz whatever their force does; the zeros of the platform are far below."""
-    plant = isolation.actuated(library.stewart_isolator(torsion_stiffness=20.0), "platform", length=0.1)
+    plant = isolation.actuated(stiff_isolator(torsion_stiffness=20.0), "platform", length=0.1)
     locus = force_locus(plant, np.linspace(0.0, 5e3, 6))
     gain, ratio = locus.best()
     loop = plant.with_gains(isolation.force_feedback(plant, gain))

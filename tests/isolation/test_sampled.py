@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 import mbsvib as mv
 from mbsvib import isolation, library
-from tests.isolation.scenes import active_strut
+from tests.isolation.scenes import active_strut, stiff_isolator
 
 GAIN = 1500.0
 
@@ -133,7 +133,7 @@ def told(loop):
 @pytest.mark.parametrize("rate", [20e3, 5e3, 3e3])
 def test_unstable_poles_come_from_one_source_each(law, rate):
     """The platform's six modes grow, two of them in pairs; what the delay adds is the controller's, and decays."""
-    p = isolation.actuated(library.stewart_isolator(torsion_stiffness=20.0), "platform", length=0.1)
+    p = isolation.actuated(stiff_isolator(torsion_stiffness=20.0), "platform", length=0.1)
     loop = p.with_gains(law(p, 3000.0)).sampled(rate, delay=1 / rate)
     rows, notes = told(loop)
     modes = [source for _, _, source in rows if source != "controller"]

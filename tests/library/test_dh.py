@@ -41,31 +41,59 @@ def transform(row):
         turn(row.get("alpha", 0.0), 0)  # fmt: skip
 
 
-def frames(rows):
-    result = [mp.eye(4)]
-    for row in rows:
-        result.append(result[-1] * transform(row))
+def placed(row):
+    """The 4x4 matrix of the offset and turn of a row."""
+    result = mp.eye(4)
+    turn = np.array(mv.common.arguments.orientation(row.get("turn"), "row"))
+    for a in range(3):
+        result[a, 3] = mp.mpf(row.get("offset", (0, 0, 0))[a])
+        for b in range(3):
+            result[a, b] = mp.mpf(turn[a, b])
     return result
+
+
+def parents(rows):
+    """Number of the row before each row, -1 for ground."""
+    names = [row.get("name", f"link{i}") for i, row in enumerate(rows, 1)]
+    return [i - 1 if "parent" not in row else ["ground", *names].index(row["parent"]) - 1
+            for i, row in enumerate(rows)]  # fmt: skip
+
+
+def bases(rows):
+    """The frame of every joint."""
+    own, result = [], []
+    for row, parent in zip(rows, parents(rows), strict=True):
+        result.append((mp.eye(4) if parent < 0 else own[parent]) * placed(row))
+        own.append(result[-1] * transform(row))
+    return result
+
+
+def frames(rows):
+    return [mp.eye(4), *(base * transform(row) for base, row in zip(bases(rows), rows, strict=True))]
 
 
 def mass_matrix(rows):
     """Sum of m Jv^T Jv + Jw^T Q I Q^T Jw, the Jacobians from axes and origins of the frames, in 40 digits."""
-    at, n = frames(rows), len(rows)
+    at, base, n = frames(rows), bases(rows), len(rows)
     total = mp.zeros(n, n)
     for k, row in enumerate(rows):
         own = at[k + 1]
         c = mp.matrix([mp.mpf(v) for v in row.get("cm", (0, 0, 0))])
         centre = own[:3, :3] * c + own[:3, 3]
         jv, jw = mp.zeros(3, n), mp.zeros(3, n)
-        for i in range(k + 1):
-            z, arm = at[i][:3, 2], centre - at[i][:3, 3]
+        i = k
+        while i >= 0:
+            z, arm = base[i][:3, 2], centre - base[i][:3, 3]
             if rows[i].get("joint", "R") in ("P", "prismatic"):
                 jv[:, i] = z
-                continue
-            jv[:, i] = mp.matrix([z[1] * arm[2] - z[2] * arm[1], z[2] * arm[0] - z[0] * arm[2],
-                                  z[0] * arm[1] - z[1] * arm[0]])  # fmt: skip
-            jw[:, i] = z
-        inertia = own[:3, :3] * mp.diag([mp.mpf(v) for v in row["inertia"]]) * own[:3, :3].T
+            else:
+                jv[:, i] = mp.matrix([z[1] * arm[2] - z[2] * arm[1], z[2] * arm[0] - z[0] * arm[2],
+                                      z[0] * arm[1] - z[1] * arm[0]])  # fmt: skip
+                jw[:, i] = z
+            i = parents(rows)[i]
+        given = np.array(row["inertia"], dtype=float)
+        tensor = mp.matrix((np.diag(given) if given.ndim == 1 else given).tolist())
+        inertia = own[:3, :3] * tensor * own[:3, :3].T
         total += mp.mpf(row["mass"]) * jv.T * jv + jw.T * inertia * jw
     return np.array(total.tolist(), dtype=float)
 
@@ -90,6 +118,41 @@ def test_kinematics_and_mass_matrix_of_any_arm(seed, n):
     system = model.linearize()
     exact = mass_matrix(rows)
     assert_allclose(system.M, exact, rtol=0, atol=1e-13 * np.abs(exact).max())
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 2**31), st.integers(2, 7))
+def test_mass_matrix_of_any_tree(seed, n):
+    rng = np.random.default_rng(seed)
+    rows = []
+    for i in range(n):
+        sizes = rng.uniform(0.1, 0.6, size=3) ** 2
+        rows.append({
+            "a": rng.uniform(-1, 1), "b": rng.uniform(-1, 1), "alpha": rng.uniform(-4, 4), "theta": rng.uniform(-4, 4),
+            "joint": rng.choice(["R", "P"]), "mass": rng.uniform(0.5, 5), "inertia": sizes.sum() - sizes,
+            "cm": rng.uniform(-0.5, 0.5, size=3), "offset": rng.uniform(-1, 1, size=3),
+            "turn": rng.uniform(-2, 2, size=3),
+            "parent": str(rng.choice(["ground", *(f"link{k + 1}" for k in range(i))])),
+        })  # fmt: skip
+    system, exact = from_dh(rows).linearize(), mass_matrix(rows)
+    order = [system.coordinates.index(f"joint{i + 1}.{'rz' if row['joint'] == 'R' else 'z'}")
+             for i, row in enumerate(rows)]  # fmt: skip
+    assert_allclose(system.M[np.ix_(order, order)], exact, rtol=0, atol=1e-13 * np.abs(exact).max())
+
+
+def test_closing_joints_make_the_linkage_that_is_drawn():
+    """Hoeken's linkage from rows against that of the library, which is drawn by its pins."""
+    hoeken = mv.library.hoeken(angle=0.9)
+    pins = {name: np.array(joint.position) for name, joint in hoeken.joints.items()}
+    bend = lambda start, end: np.arctan2(*(pins[end] - pins[start])[1::-1])  # noqa: E731
+    first, second, third = bend("crank", "pin12"), bend("pin12", "pin23"), bend("rocker", "pin23")
+    bar = lambda length, theta: {"a": length, "theta": theta, "mass": 2 * length, "cm": (-length / 2, 0, 0),  # noqa: E731
+                                 "inertia": (1e-9, length**3 / 6, length**3 / 6)}  # fmt: skip
+    rows = [bar(0.1, first), bar(0.25, second - first), bar(0.25, third) | {"parent": "ground", "offset": (0.2, 0, 0)}]
+    for closing in ([{"first": "link2", "second": "link3"}],
+                    [{"first": "link3", "second": "link2", "joint": "spherical", "name": "pin"}]):  # fmt: skip
+        system = from_dh(rows, closing=closing).linearize(independent=["joint1.rz"])
+        assert_allclose(system.M, hoeken.linearize(independent=["crank.rz"]).M, rtol=1e-12)
 
 
 def test_mass_matrix_of_a_puma():
@@ -179,6 +242,8 @@ MISTAKES = [
     ([ROW | {"about": "com"}], "link 1: about = 'com'; expected 'cm' or 'origin'"),
     ([ROW | {"cm": (1, 2)}], r"link 1: cm = \(1, 2\)"),
     ([ROW | {"about": "origin", "inertia": (1, 2)}], r"body 'link1': inertia = \(1, 2\); expected 3, 6 or 3x3"),
+    ([ROW, ROW | {"parent": "link3"}], "link 2: parent = 'link3'; expected the name of a link before it"),
+    ([ROW | {"offset": (1, 2)}], r"link 1: offset = \(1, 2\)"),
     ([ROW, ROW | {"mass": -1.0}], "body 'link2': mass = -1.0"),
     ([ROW | {"name": "hand"}, ROW | {"name": "hand"}], "body 'hand': the name is taken"),
 ]
@@ -188,3 +253,16 @@ MISTAKES = [
 def test_mistakes_are_named(rows, message):
     with pytest.raises(mv.ModelError, match=message):
         from_dh(rows)
+
+
+@pytest.mark.parametrize(
+    ("closing", "said"),
+    [({"first": "link1"}, "from_dh: closing = .*a mapping for each joint that closes"),
+     ([{"second": "link1"}], "closing joint 1: first = None; expected the link"),
+     ([{"first": "lnk1"}], "closing joint 1: first = 'lnk1'.*Did you mean 'link1'"),
+     ([{"first": "link1", "joint": "screw"}], "closing joint 1: joint = 'screw'.*add_joint"),
+     ([{"frist": "link1"}], "there is no word 'frist'. Did you mean 'first'")],
+)  # fmt: skip
+def test_mistakes_in_closing_joints_are_named(closing, said):
+    with pytest.raises(mv.ModelError, match=said):
+        from_dh([ROW, ROW], closing=closing)

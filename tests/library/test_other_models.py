@@ -67,7 +67,9 @@ def test_quadruped_counts():
     assert (system.dof, len(system.bodies), system.cut_joints) == (18, 13, ())
     modes = system.modes()
     assert np.all((modes.damping_ratios > 0) & (modes.damping_ratios < 1))
-    assert modes.frequencies[0] > 5
+    # the range of the chapter's figure 10
+    assert_allclose(modes.frequencies[[0, -1]], [247, 5452], rtol=0.003)
+    assert_allclose(modes.damping_ratios[[0, -1]], [0.023, 0.514], atol=0.001)
     # left and right, front and rear are alike
     static = system.frequency_response([0.0])[:, :, 0].real
     assert_allclose(static[[2, 2, 2, 0, 0, 1, 1], [0, 1, 3, 1, 3, 0, 5]], 0, atol=1e-18)
@@ -83,6 +85,9 @@ def test_quadruped_against_fifty_digits():
     assert_allclose(np.sort(values.real), np.sort(exact.eigenvalues.real), rtol=1e-12)
 
 
+DRIVEN = {"hoeken", "carpet_scraper", "two_link", "gripper", "six_link", "puma", "stanford"}
+
+
 def test_every_model_builds_and_vibrates():
     for name, (function, line) in models().items():
         model = build(name)
@@ -93,7 +98,10 @@ def test_every_model_builds_and_vibrates():
         assert system.inputs
         assert system.outputs
         modes = system.modes()
-        assert modes.frequencies[modes.rigid] > 0
+        if name in DRIVEN:  # nothing holds their drives: they move freely
+            assert modes.rigid == system.dof
+        else:
+            assert modes.frequencies[modes.rigid] > 0
 
 
 @pytest.mark.parametrize("name", models())

@@ -1,0 +1,224 @@
+"""Running machines: the method of models, and the cycle with what can be asked of it."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+from mbsvib.cycles.result import CycleData
+from mbsvib.errors import MbsvibError
+from mbsvib.mechanism.mechanism import Mechanism
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.cycles.expressions import Statement
+    from mbsvib.cycles.periodic import Periodic
+    from mbsvib.cycles.reactions import Reactions
+    from mbsvib.cycles.sensitivities import CycleSensitivities
+
+
+class Cycle(CycleData):
+    """A running machine: its motion, drive torques, shaking force and moment, and what joints carry."""
+
+    @cached_property
+    def _carried(self) -> Reactions:
+        from mbsvib.cycles.reactions import reactions
+
+        return reactions(self)
+
+    @property
+    def reactions(self) -> Mapping[str, Array]:
+        """What each joint's first body does to its second by constraint: force [N] and moment about the joint's point
+        [N m], arrays (n, 6) in world axes by joint, without the torques of drives.
+
+        Where redundant constraints leave forces open, the smallest ones that balance are taken; ``undetermined`` names
+        them.
+        """
+        return self._carried.wrenches
+
+    @property
+    def undetermined(self) -> Mapping[str, tuple[str, ...]]:
+        """Directions x ... rz of reactions, by joint, that redundant constraints leave open."""
+        return self._carried.undetermined
+
+    def sensitivities(self, parameters: Any = None) -> CycleSensitivities:
+        """Return exact derivatives of torques, reactions, shaking force and moment to parameters.
+
+        The motion of the drives stays as it is; the others follow the lengths.
+
+        Parameters
+        ----------
+        parameters : str or sequence of str, optional
+            Names or patterns of masses, centres (``"link1.position.x"``), inertias, positions of joints, and numbers of
+            springs, loads and gravity; default: masses, centres and inertias of all bodies.
+
+        Returns
+        -------
+        CycleSensitivities
+            Derivatives of the samples, of rms values and peaks.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown or has no derivative here, or takes the loops apart.
+        """
+        from mbsvib.cycles.sensitivities import sensitivities
+
+        return sensitivities(self, parameters)
+
+    def periodic(
+        self, released: Mapping[str, tuple[float, float]] | Sequence[str] | None = None, *, period: float | None = None
+    ) -> Periodic:
+        """Return the linear equations of small motions about the cycle, whose coefficients are periodic.
+
+        M(t) delta'' + (C(t) + c) delta' + (K(t) + k) delta = 0
+
+        Released drives keep the torque of the cycle and deviate by delta from their motion; the others stay on theirs.
+
+        Parameters
+        ----------
+        released : mapping of str to (stiffness, damping), or sequence of str, optional
+            Drives that may deviate, with what stiffness k [N m/rad, N/m] and damping c [N m s/rad, N s/m] they have
+            about their motion, of a shaft or a controller; default: all, with none.
+        period : float, optional
+            Period [s], over which the samples are evenly spread; default: one turn of a drive at constant speed.
+
+        Returns
+        -------
+        Periodic
+            Coefficients, ``frozen`` and ``averaged`` eigenvalues, Floquet ``multipliers``, and whether it is
+            ``stable``.
+
+        Raises
+        ------
+        ModelError
+            If a name is no drive, or the samples are not evenly spread over a period.
+
+        Source: G. Floquet, Sur les equations differentielles lineaires a coefficients periodiques (1883).
+        """
+        from mbsvib.cycles.periodic import periodic
+
+        return periodic(self, released, period)
+
+
+class Running(Mechanism):
+    """Method of ``Model`` for prescribed motion."""
+
+    def cycle(
+        self, drive: str | None = None, angles: ArrayLike | None = None, *, speed: float | None = None,
+        motion: Mapping[str, Any] | None = None, about: ArrayLike | None = None,
+    ) -> Cycle:  # fmt: skip
+        """Return the inverse dynamics of a running machine: what drives must supply, joints carry and the ground feels.
+
+        tau = (dq/dq_i)^T (M(q) q'' - f(q, q')),  F = -sum of m a,
+        M_O = -sum of (r - O) x m a + I alpha + w x I w
+
+        over finite motion, loops followed exactly from the pose as described. Gravity, springs, dampers and loads count
+        in torques and reactions; the shaking force F and moment M_O are those of inertia alone. Inputs are left out.
+
+        Parameters
+        ----------
+        drive : str, optional
+            Driven joint coordinate, ``"crank.rz"``.
+        angles : array-like, shape (n,), optional
+            Its values at the samples, displacements from the pose as described [rad, m].
+        speed : float, optional
+            Its rate, the same at all samples [rad/s, m/s].
+        motion : mapping of str to (q, qd, qdd), optional
+            Instead of these: for each driven coordinate its values, rates and accelerations, arrays (n,) or numbers.
+        about : array-like, shape (3,), optional
+            Point O of the shaking moment [m], world axes; default: the joint of the first drive as
+            described, the origin where that has no point.
+
+        Returns
+        -------
+        Cycle
+            ``torque``, ``shaking_force``, ``shaking_moment``, ``reactions``, the motion of all bodies, ``rms`` and
+            ``peak`` values, and exact ``sensitivities``.
+
+        Raises
+        ------
+        ModelError
+            If a drive is unknown, does not move the mechanism, or leaves some of its motion open; or a part has no
+            statement in finite motion.
+        SingularPoseError
+            If the cycle meets a singular pose, with the angle where.
+        MbsvibError
+            If CasADi is not installed (``pip install "mbsvib[casadi]"``).
+
+        Warns
+        -----
+        NearSingularWarning
+            If the cycle comes so near a singular pose that digits are lost.
+
+        Source: H. Chaudhary, S. K. Saha, "Dynamics and Balancing of Multibody Systems" (2009), chapters 3 to 6.
+        """
+        words = {"drive": drive, "angles": angles, "speed": speed, "motion": motion, "about": about}
+        return cycle_of(self, words)
+
+
+def cycle_of(model: Mechanism, words: Mapping[str, Any], compiled: Statement | None = None) -> Cycle:
+    """Return the cycle of a model.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The machine.
+    words : mapping
+        The arguments of ``Model.cycle``.
+    compiled : Statement, optional
+        Equations of a like machine, to be used with the values of this one.
+
+    Returns
+    -------
+    Cycle
+        As ``Model.cycle`` returns it.
+
+    Raises
+    ------
+    MbsvibError
+        As ``Model.cycle`` does.
+    """
+    _check_casadi()
+    from mbsvib.cycles.inverse_dynamics import inverse_dynamics
+    from mbsvib.cycles.machine import machine
+
+    return inverse_dynamics(machine(model, **words, compiled=compiled), Cycle)
+
+
+def compiled_for(model: Mechanism, words: Mapping[str, Any], parameters: tuple[str, ...]) -> Statement:
+    """Return the equations of a machine in motion, with some of its numbers as symbols.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The machine.
+    words : mapping
+        The arguments of ``Model.cycle``.
+    parameters : tuple of str
+        Names of parameters.
+
+    Returns
+    -------
+    Statement
+        The equations.
+
+    Raises
+    ------
+    MbsvibError
+        As ``Model.cycle`` does.
+    """
+    _check_casadi()
+    from mbsvib.cycles.machine import machine
+
+    return machine(model, **words).with_symbols(parameters)
+
+
+def _check_casadi() -> None:
+    if find_spec("casadi") is None:
+        raise MbsvibError('cycle: needs CasADi, which is not installed; pip install "mbsvib[casadi]".')

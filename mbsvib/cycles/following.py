@@ -1,0 +1,238 @@
+"""Loops followed along a prescribed motion: tree coordinates at every sample, on the branch of the described pose."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import qr
+
+from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError
+from mbsvib.linalg.rank import NEAR_SINGULAR, REDUNDANT_LOOPS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.cycles.prescribed import Prescribed
+
+# The longest step [rad, mechanism sizes] along which loops are followed, and the shortest that is still tried.
+LONGEST, SHORTEST = 0.1, 1e-7
+CORRECTIONS = 12
+# Loops count as closed when they are open by less than this [rad, mechanism sizes]: rounding of some products.
+CLOSED = 1e-13
+# Up to this they count as closed where they get no closer: a thousandth of what results are promised to.
+ACCEPTED = 1e-12
+# Dependent coordinates that move more than 1e7 times as fast as the drive: rates and forces have no digits left.
+SINGULAR = 1e-7
+# Frames from the warning up to the call of the user.
+USER = 8
+# Eigenvalues with a smaller imaginary part, as a share of them, are real.
+REAL = 1e-9
+# A generic neighbour of the described pose, to tell a singular pose from a freedom that no drive has.
+NEARBY = 0.03
+
+
+@dataclass(frozen=True)
+class Loops:
+    """What loops demand of the tree coordinates ``names`` (n,), of which ``driven`` (m,) are prescribed.
+
+    ``openings`` returns their openings (rows,) and the derivative (rows, n) at q (n,), both in units of 1 rad and the
+    mechanism's size, coordinates q as well; ``units`` (n,) are those of q [rad, m]. ``rounding`` is how far loops may
+    be open as points are rounded relative to the origin.
+    """
+
+    names: tuple[str, ...]
+    driven: NDArray[np.intp]
+    units: Array
+    rounding: float
+    openings: Callable[[Array], tuple[Array, Array]]
+
+    @property
+    def dependent(self) -> NDArray[np.intp]:
+        """Numbers of the other coordinates."""
+        return np.setdiff1d(np.arange(len(self.names)), self.driven)
+
+
+def followed(loops: Loops, motion: Prescribed) -> Array:
+    """Return the tree coordinates at every sample.
+
+    Parameters
+    ----------
+    loops : Loops
+        What the loops demand.
+    motion : Prescribed
+        The motion of the driven coordinates.
+
+    Returns
+    -------
+    array, shape (samples, n)
+        Coordinates [rad, m].
+
+    Raises
+    ------
+    SingularPoseError
+        If a pose of the cycle is singular.
+    ModelError
+        If the drives do not determine the motion, or not move.
+    """
+    here, targets = np.zeros(len(loops.names)), motion.values / loops.units[loops.driven]
+    _check_mobility(loops, motion)
+    result: Array = np.zeros((len(targets), len(here)))
+    if not len(loops.dependent):
+        result[:, loops.driven] = motion.values
+        return result
+    least, where = np.inf, 0
+    for i, target in enumerate(targets):
+        here = _to(loops, here, target, motion)
+        result[i] = here
+        smallest = np.linalg.svd(loops.openings(here)[1][:, loops.dependent], compute_uv=False)[-1]
+        if smallest < SINGULAR:
+            raise _singular(loops, motion, motion.said(i), here)
+        if smallest < least:
+            least, where = float(smallest), i
+    if least < NEAR_SINGULAR:
+        warnings.warn(f"cycle: at {motion.said(where)} the mechanism is near a singular pose (smallest singular value "
+                      f"of its loops {least:.1e}); rates and forces lose as many digits there.",
+                      NearSingularWarning, stacklevel=USER)  # fmt: skip
+    return result * loops.units
+
+
+def _to(loops: Loops, here: Array, target: Array, motion: Prescribed) -> Array:
+    """Take the driven coordinates to their values in steps along which the loops stay closed."""
+    depends, driven = loops.dependent, loops.driven
+    way = target - here[driven]
+    start = here[driven]
+    longest = float(np.abs(way).max(initial=0.0))
+    done, step = 0.0, min(1.0, LONGEST / max(longest, LONGEST))
+    _, matrix = loops.openings(here)
+    while done < 1.0:
+        share = min(step, 1.0 - done)
+        there = here.copy()
+        there[driven] = target if done + share >= 1.0 else start + (done + share) * way
+        guess = np.linalg.lstsq(matrix[:, depends], -matrix[:, driven] @ (there - here)[driven], rcond=None)[0]
+        there[depends] += guess
+        closed, after = _closed(loops, there) if np.abs(guess).max(initial=0.0) < 10.0 * LONGEST else (None, matrix)
+        if closed is not None and _same_side(matrix[:, depends], after[:, depends]):
+            here, matrix, done = closed, after, done + share
+            step = min(2.0 * step, LONGEST / max(longest, LONGEST))
+            continue
+        step = 0.5 * share
+        if step * longest < SHORTEST:
+            raise _singular(loops, motion, motion.words((start + done * way) * loops.units[driven]), here)
+    return here
+
+
+def _closed(loops: Loops, there: Array) -> tuple[Array | None, Array]:
+    """Close the loops by the dependent coordinates, Newton's method; None where it does not contract."""
+    depends = loops.dependent
+    before = np.inf
+    for _ in range(CORRECTIONS):
+        error, matrix = loops.openings(there)
+        size = float(np.abs(error).max(initial=0.0))
+        if size < CLOSED:
+            return there, matrix
+        if size > 0.5 * before:
+            return (there, matrix) if before < max(ACCEPTED, loops.rounding) else (None, matrix)
+        before = size
+        there = there.copy()
+        there[depends] -= np.linalg.lstsq(matrix[:, depends], error, rcond=None)[0]
+    return None, matrix
+
+
+def _same_side(before: Array, after: Array) -> bool:
+    """Return whether A = dPhi/dq of the dependent coordinates goes over into that of the next pose without a singular
+    one in between: no real eigenvalue of A(before)^-1 A(after) has changed its sign.
+    """
+    rows = qr(before.T, mode="r", pivoting=True)[1][: before.shape[1]]
+    try:
+        values = np.linalg.eigvals(np.linalg.solve(before[rows], after[rows]))
+    except np.linalg.LinAlgError:
+        return False
+    crossed = (np.abs(values.imag) <= REAL * np.abs(values)) & (values.real <= 0.0)
+    return not bool(crossed.any())
+
+
+def _check_mobility(loops: Loops, motion: Prescribed) -> None:
+    """Refuse drives that do not move the mechanism, or do not determine its motion."""
+    _, here = loops.openings(np.zeros(len(loops.names)))
+    if not len(here) and not len(loops.dependent):
+        return
+    found = _undetermined(loops, here)
+    if found:
+        generic = _neighbour(loops)
+        if generic is not None and not _undetermined(loops, generic):
+            raise _singular(loops, motion, motion.words(np.zeros(len(motion.names))), np.zeros(len(loops.names)))
+        raise ModelError(
+            f"cycle: the drive {_several(motion.names)} does not determine the motion of {_several(found)}; drive "
+            f"{'that' if len(found) == 1 else 'one of these'} too by motion={{...}}, or lock it by another joint.",
+            element=found[0], field="drive",
+        )  # fmt: skip
+    motions = _motions(here)[loops.driven]
+    for name, row in zip(motion.names, motions, strict=True):
+        if np.linalg.norm(row) < REDUNDANT_LOOPS:
+            raise ModelError(f"cycle: the drive '{name}' does not move the mechanism: its loops hold that coordinate. "
+                             f"Drive one of {', '.join(_free(loops, here)) or 'none, it is fully locked'}.",
+                             element=name, field="drive")  # fmt: skip
+    rank = np.linalg.matrix_rank(motions, tol=REDUNDANT_LOOPS)
+    if rank < len(motion.names):
+        raise ModelError(
+            f"cycle: the loops tie the drives {_several(motion.names)} to each other: the mechanism has {rank} degrees "
+            f"of freedom for {len(motion.names)} drives; leave out {len(motion.names) - rank}.",
+            element=motion.names[-1], field="motion",
+        )  # fmt: skip
+
+
+def _motions(matrix: Array) -> Array:
+    """Basis (n, dof) of the motions that loops allow."""
+    if not len(matrix):
+        return np.eye(matrix.shape[1])
+    _, values, v = np.linalg.svd(matrix, full_matrices=True)
+    rank = int((values > REDUNDANT_LOOPS * max(1.0, float(values.max(initial=0.0)))).sum())
+    return np.asarray(v[rank:].T)
+
+
+def _undetermined(loops: Loops, matrix: Array) -> list[str]:
+    """Coordinates that move while the driven ones stand still."""
+    still = _motions(np.vstack([matrix, np.eye(len(loops.names))[loops.driven]]))
+    return [name for name, row in zip(loops.names, still, strict=True) if np.linalg.norm(row) > REDUNDANT_LOOPS]
+
+
+def _free(loops: Loops, matrix: Array) -> list[str]:
+    """Coordinates that move in some motion."""
+    motions = _motions(matrix)
+    return [name for name, row in zip(loops.names, motions, strict=True) if np.linalg.norm(row) > REDUNDANT_LOOPS]
+
+
+def _neighbour(loops: Loops) -> Array | None:
+    """The derivative of the openings at a generic pose near the described one, where loops close; None: not found."""
+    there = NEARBY * np.random.default_rng(0).uniform(-1.0, 1.0, len(loops.names))
+    for _ in range(CORRECTIONS):
+        error, matrix = loops.openings(there)
+        if float(np.abs(error).max(initial=0.0)) < CLOSED:
+            return matrix if np.abs(there).max() > 1e-3 * NEARBY else None
+        u, values, v = np.linalg.svd(matrix, full_matrices=False)
+        kept = values > REDUNDANT_LOOPS * max(1.0, float(values.max(initial=0.0)))
+        there = there - v[kept].T @ ((u.T @ error)[kept] / values[kept])
+    return None
+
+
+def _several(names: Sequence[str]) -> str:
+    quoted = [f"'{name}'" for name in names[:6]]
+    return ", ".join(quoted) + (", ..." if len(names) > 6 else "")
+
+
+def _singular(loops: Loops, motion: Prescribed, where: str, here: Array) -> SingularPoseError:
+    _, matrix = loops.openings(here)
+    values, vectors = np.linalg.svd(matrix[:, loops.dependent])[1:]
+    most = int(np.argmax(np.abs(vectors[min(len(values), len(vectors)) - 1])))
+    moves = loops.names[int(loops.dependent[most])]
+    return SingularPoseError(
+        f"cycle: at {where} the mechanism is in a singular pose (dead centre), and the drive "
+        f"{_several(motion.names)} does not lead it through: '{moves}' could move by itself. Stay short of it, or "
+        f"drive another coordinate."
+    )  # fmt: skip

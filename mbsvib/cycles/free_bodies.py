@@ -1,0 +1,131 @@
+"""Bodies on their own in the motion of a mechanism: what they lack, what joints supply, and what drives do to them.
+
+Every body has a translation and a rotation of its own, x, whose equations M x'' = f are those of the mechanism without
+joints: springs, weight and loads are in f. What bodies lack is M x'' - f. A joint supplies combinations of the
+derivatives dPhi/dx of its openings. All is stated in terms of the tree coordinates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import casadi as ca
+
+from mbsvib.cycles.expressions import statement
+from mbsvib.finite_motion.joints import openings, point_of
+from mbsvib.finite_motion.rotations import Expression, axial
+from mbsvib.mechanism.mechanism import GROUND
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.cycles.expressions import Statement
+    from mbsvib.elements import Joint
+    from mbsvib.mechanism.mechanism import Mechanism
+
+
+@dataclass(frozen=True)
+class FreeBodies:
+    """Expressions of the symbols of a statement: ``required`` (6 N,), what bodies lack; ``rows`` (L, 6 N), dPhi/dx of
+    all joints one after the other, ``counts`` of them each; by body, the ``origins`` (3,) of x and the ``places`` of
+    its six components; by joint, its ``points`` (3,); ``acting`` (6 N, drives + couplers), what one unit along each
+    driven coordinate, and each coupler, does.
+    """
+
+    required: Expression
+    rows: Expression
+    counts: list[int]
+    places: dict[str, int]
+    origins: dict[str, Expression]
+    points: dict[str, Expression]
+    acting: Expression
+
+
+def free_bodies(model: Mechanism, expressions: Statement, drives: Sequence[str]) -> FreeBodies:
+    """Return the equations of bodies on their own.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The mechanism.
+    expressions : Statement
+        Its equations, with parameters as symbols.
+    drives : sequence of str
+        Driven joint coordinates.
+
+    Returns
+    -------
+    FreeBodies
+        Expressions of the same symbols.
+    """
+    tree = expressions.motion.motion
+    mine = [i for i, name in enumerate(expressions.names) if model.parameters.entry(name).part not in model.joints]
+    loose = model.with_parts(joints={}, couplers={}, inputs={}, outputs={})
+    free = statement(loose, None, [expressions.names[i] for i in mine], bases=True)
+    kinematics = free.motion.motion
+    places = {name: kinematics.names.index(f"{name}.x") for name in model.bodies}
+    size = 6 * len(places)
+    q, qd, qdd = (ca.SX.zeros(size) for _ in range(3))
+    bases, origins = ca.SX.zeros(9 * len(places)), {}
+    for name, k in places.items():
+        described = tree.numbers.vector(model.bodies[name], "position")
+        origins[name] = tree.point(name, described)
+        q[k : k + 3] = origins[name] - described
+        twist = ca.vertcat(tree.rate(origins[name]), tree.frames[name].vector(tree.angular_velocity(name)))
+        qd[k : k + 6], qdd[k : k + 6] = twist, expressions.rate(twist)
+        start = 9 * kinematics.based.index(name)
+        bases[start : start + 9] = ca.vec(tree.frames[name].rotation)
+    rows, counts, points = [], [], []
+    for joint in model.joints.values():
+        relative = kinematics.frames[joint.second].seen_from(kinematics.frames[joint.first])
+        opened = [value for _, value in openings(joint, tree.numbers, relative)]
+        rows += opened
+        counts.append(len(opened))
+        points.append(tree.frames[joint.second].point(point_of(joint, tree.numbers)))
+    phi = ca.vertcat(*rows) if rows else ca.SX.zeros(0)
+    own = expressions.p[mine]
+    jacobian = ca.Function("f", [free.q, kinematics.bases, free.p, expressions.p], [ca.jacobian(phi, free.q)])
+    lacking = ca.Function("f", [free.q, free.qd, free.qdd, kinematics.bases, free.p], [free.required])
+    by_joint = dict(zip(model.joints, points, strict=True))
+    acting = _acting(model, expressions, drives, (places, origins, by_joint))
+    return FreeBodies(lacking(q, qd, qdd, bases, own), jacobian(q, bases, own, expressions.p), counts, places, origins,
+                      by_joint, acting)  # fmt: skip
+
+
+def _acting(
+    model: Mechanism, expressions: Statement, drives: Sequence[str],
+    where: tuple[dict[str, int], dict[str, Expression], dict[str, Expression]],
+) -> Expression:  # fmt: skip
+    """Generalized forces (6 N, drives + couplers) of units along driven and coupled coordinates."""
+    places, origins, points = where
+    size = 6 * len(places)
+
+    def onto(name: str) -> Expression:
+        joint = model.joints[name.rpartition(".")[0]]
+        wrench, column = _along(joint, name, expressions), ca.SX.zeros(size)
+        for end, sign in ((joint.second, 1.0), (joint.first, -1.0)):
+            if end != GROUND:
+                k, arm = places[end], points[joint.name] - origins[end]
+                column[k : k + 3] = sign * wrench[:3]
+                column[k + 3 : k + 6] = sign * (wrench[3:] + ca.cross(arm, wrench[:3]))
+        return column
+
+    columns = [onto(name) for name in drives]
+    columns += [sum((value * onto(name) for name, value in part.terms), ca.SX.zeros(size))
+                for part in model.couplers.values()]  # fmt: skip
+    return ca.horzcat(*columns)
+
+
+def _along(joint: Joint, name: str, expressions: Statement) -> Expression:
+    """The wrench (6,) that acts with one unit along a joint coordinate, and not along its others of the same kind."""
+    tree, turns = expressions.motion.motion, name.rpartition(".")[2].startswith("r")
+    mine = [f"{joint.name}.{direction}" for direction, _ in joint.freedom if (direction[0] == "r") is turns]
+    first = tree.frames[joint.first]
+    relative = tree.frames[joint.second].seen_from(first)
+    spin = ca.reshape(tree.rate(ca.vec(relative.rotation)), 3, 3) @ relative.rotation.T
+    rate = axial(spin) if turns else tree.rate(relative.point(point_of(joint, tree.numbers)))
+    twists = ca.jacobian(first.rotation @ rate, expressions.qd)[:, [tree.names.index(each) for each in mine]]
+    dual = ca.densify(twists) @ ca.inv(twists.T @ twists)
+    own = dual[:, mine.index(name)]
+    return ca.vertcat(ca.SX.zeros(3), own) if turns else ca.vertcat(own, ca.SX.zeros(3))

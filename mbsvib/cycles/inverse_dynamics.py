@@ -1,0 +1,81 @@
+"""Inverse dynamics of a mechanism over a prescribed motion, loops included."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeVar
+
+import casadi as ca
+import numpy as np
+
+from mbsvib.cycles.expressions import evaluated
+from mbsvib.cycles.result import CycleData
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.cycles.expressions import Statement
+    from mbsvib.cycles.machine import Machine
+    from mbsvib.finite_motion.rotations import Expression
+
+C = TypeVar("C", bound=CycleData)
+
+
+def inverse_dynamics(plant: Machine, kind: type[C]) -> C:
+    """Return the inverse dynamics over the motion of a machine.
+
+    tau = (dq/dq_i)^T (M q'' - f),  F = -sum of m a,  M_O = -sum of (r - O) x m a + I alpha + w x I w
+
+    Parameters
+    ----------
+    plant : Machine
+        The mechanism and its motion.
+    kind : type
+        Class of the result.
+
+    Returns
+    -------
+    CycleData
+        Motion, drive torques, shaking force and moment.
+    """
+    motion, expressions = plant.solved, plant.statement
+    names, kinematics = list(plant.model.bodies), expressions.motion.motion
+    function = expressions.kept("dynamics", lambda: _outputs(expressions))
+    required, force, moment, at, axes, rates, accelerations = evaluated(
+        function, motion.q, motion.qd, motion.qdd, plant.values(expressions), plant.about)  # fmt: skip
+    n, described = len(motion.q), np.array([plant.model.bodies[name].orientation for name in names])
+    turned = axes.reshape(n, 3, len(names), 3).transpose(2, 0, 1, 3) @ described[:, None]
+    torques = np.einsum("snm,sn->sm", motion.ways, required)
+    by_body = (at.reshape(n, -1, 3), rates.reshape(n, -1, 6), accelerations.reshape(n, -1, 6))
+    positions, velocities, body_accelerations = (
+        {name: _fixed(array[:, i]) for i, name in enumerate(names)} for array in by_body)  # fmt: skip
+    tree = {name: i for i, name in enumerate(kinematics.names)}
+    return kind(
+        plant, plant.motion.names, _columns(tree, motion.q), _columns(tree, motion.qd), _columns(tree, motion.qdd),
+        positions, {name: _fixed(turned[i]) for i, name in enumerate(names)}, velocities, body_accelerations,
+        {name: _fixed(torques[:, i]) for i, name in enumerate(plant.motion.names)}, _fixed(force), _fixed(moment),
+        _fixed(plant.about),
+    )  # fmt: skip
+
+
+def _outputs(expressions: Statement) -> list[Expression]:
+    """Generalized forces, shaking force and moment; centres, rotations, twists and their rates of all bodies."""
+    kinematics, bodies = expressions.motion.motion, expressions.model.bodies
+    centres = [kinematics.point(name, kinematics.numbers.vector(body, "position")) for name, body in bodies.items()]
+    twists = [ca.vertcat(kinematics.rate(r), kinematics.frames[name].vector(kinematics.angular_velocity(name)))
+              for name, r in zip(bodies, centres, strict=True)]  # fmt: skip
+    return [
+        expressions.required, expressions.force, expressions.moment, ca.vertcat(*centres),
+        ca.horzcat(*(kinematics.frames[name].rotation for name in bodies)), ca.vertcat(*twists),
+        ca.vertcat(*map(expressions.rate, twists)),
+    ]  # fmt: skip
+
+
+def _columns(tree: Mapping[str, int], array: Array) -> dict[str, Array]:
+    return {name: _fixed(array[:, i]) for name, i in tree.items()}
+
+
+def _fixed(array: Array) -> Array:
+    result = np.array(array)
+    result.flags.writeable = False
+    return result

@@ -1,0 +1,156 @@
+"""A mechanism with its prescribed motion, and that of all its coordinates: loops followed, rates and accelerations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+
+from mbsvib.common import arguments as check
+from mbsvib.cycles.expressions import Statement, evaluated, matrices, statement
+from mbsvib.cycles.following import Loops, followed
+from mbsvib.cycles.prescribed import Prescribed, prescribed
+from mbsvib.errors import ModelError
+from mbsvib.kinematics.characteristic_length import length_of
+from mbsvib.linalg.rank import EPS, RANK_FACTOR
+from mbsvib.mechanism.topology import cut_elsewhere
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.mechanism.mechanism import Mechanism
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A mechanism with its prescribed motion, the point ``about`` (3,) of moments, ``cut`` joints and ``size`` [m].
+
+    ``farthest`` [m] is the largest coordinate of any point.
+
+    ``compiled`` are its equations, or those of a like machine with other values of its parameters; default: none yet.
+    """
+
+    model: Mechanism
+    motion: Prescribed
+    about: Array
+    cut: tuple[str, ...]
+    size: float
+    farthest: float
+    compiled: Statement | None = None
+
+    @property
+    def rounding(self) -> float:
+        """How far loops may be open as points are rounded relative to the origin, in units of ``size``."""
+        return float(RANK_FACTOR * EPS * max(1.0, self.farthest / self.size))
+
+    @cached_property
+    def statement(self) -> Statement:
+        """Its equations."""
+        return statement(self.model, self.cut) if self.compiled is None else self.compiled
+
+    def values(self, expressions: Statement) -> Array:
+        """Return the values of the parameters of its equations."""
+        known = self.model.parameters
+        return np.array([float(known[name]) for name in expressions.names])
+
+    def with_symbols(self, parameters: tuple[str, ...]) -> Statement:
+        """Return its equations with at least these numbers as symbols."""
+        if set(parameters) <= set(self.statement.names):
+            return self.statement
+        return statement(self.model, self.cut, parameters)
+
+    @cached_property
+    def solved(self) -> Solved:
+        """Coordinates, rates and accelerations at every sample."""
+        return solved(self, self.statement)
+
+
+@dataclass(frozen=True)
+class Solved:
+    """Tree coordinates ``q``, rates ``qd`` and accelerations ``qdd`` (samples, n), and ``ways`` (samples, n, m), their
+    derivatives to the driven coordinates, which are at ``driven`` (m,).
+    """
+
+    q: Array
+    qd: Array
+    qdd: Array
+    ways: Array
+    driven: NDArray[np.intp]
+
+
+def machine(
+    model: Mechanism, drive: Any, angles: Any, speed: Any, motion: Mapping[str, Any] | None, about: ArrayLike | None,
+    compiled: Statement | None = None,
+) -> Machine:  # fmt: skip
+    """Return a mechanism with its prescribed motion, checked; the other arguments are those of ``Model.cycle``."""
+    asked = prescribed(model, drive, angles, speed, motion)
+    coupled = {name.rpartition(".")[0] for part in model.couplers.values() for name, _ in part.terms}
+    cut, closing = cut_elsewhere(model, {*asked.joints, *coupled})
+    if closing is not None:
+        raise ModelError(f"cycle: all joints of the loop that '{closing}' closes are driven or coupled; leave one of "
+                         f"them to follow from the others.", element=closing, field="motion")  # fmt: skip
+    pivot = model.joints[asked.joints[0]].position
+    at = (pivot or (0.0, 0.0, 0.0)) if about is None else check.vector(about, "cycle", "about")
+    points = [body.position for body in model.bodies.values()]
+    points += [joint.position for joint in model.joints.values() if joint.position is not None]
+    array = np.array(points)
+    return Machine(model, asked, np.array(at), cut, length_of(array), float(np.abs(array).max()), compiled)
+
+
+def solved(plant: Machine, expressions: Statement) -> Solved:
+    """Return coordinates, rates and accelerations at every sample.
+
+    J_d q_d' = -J_i q_i',  J_d q_d'' = -J_i q_i'' - J' q'
+
+    Parameters
+    ----------
+    plant : Machine
+        The mechanism and its motion.
+    expressions : Statement
+        Its equations.
+
+    Returns
+    -------
+    Solved
+        The motion of all tree coordinates.
+
+    Raises
+    ------
+    SingularPoseError
+        If a pose of the cycle is singular.
+    ModelError
+        If the drives do not determine the motion, or do not move.
+    """
+    kinematics, motion = expressions.motion.motion, plant.motion
+    driven = np.array([kinematics.names.index(name) for name in motion.names], dtype=np.intp)
+    units = np.where(kinematics.turns, 1.0, plant.size)
+    row_units = np.where(kinematics.closure_turns, 1.0, plant.size)
+    phi, _, phi_acceleration = expressions.closures
+    position = expressions.kept("closures", lambda: (phi, ca.densify(ca.jacobian(phi, expressions.q))))
+    curved = expressions.kept("bias", lambda: (phi_acceleration,))
+    p, still = plant.values(expressions), np.zeros(len(units))
+
+    def openings(q: Array) -> tuple[Array, Array]:
+        value, matrix = position(q * units, still, still, p, plant.about)
+        return np.array(value)[:, 0] / row_units, np.array(matrix) * units / row_units[:, None]
+
+    loops = Loops(kinematics.names, driven, units, plant.rounding, openings)
+    q = followed(loops, motion)
+    matrix = matrices(position, q, still, still, p, plant.about)[1] * units / row_units[:, None]
+    depends = loops.dependent
+    inverse = np.linalg.pinv(matrix[:, :, depends]) if len(depends) else np.zeros((len(q), 0, len(row_units)))
+    ways = np.zeros((len(q), len(units), len(driven)))
+    ways[:, driven, np.arange(len(driven))] = units[driven]
+    ways[:, depends] = -inverse @ (matrix[:, :, driven])
+    ways = ways * np.where(np.isin(np.arange(len(units)), depends), units, 1.0)[:, None] / units[driven]
+    qd = np.einsum("snm,sm->sn", ways, motion.rates)
+    bias = evaluated(curved, q, qd, still, p, plant.about)[0]
+    qdd = np.einsum("snm,sm->sn", ways, motion.accelerations)
+    qdd[:, depends] -= (inverse @ (bias / row_units)[:, :, None])[:, :, 0] * units[depends]
+    return Solved(q, qd, qdd, ways, driven)

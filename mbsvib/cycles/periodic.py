@@ -1,0 +1,233 @@
+"""Linear periodic equations of small motions about a cycle: frozen and averaged modes, Floquet multipliers.
+
+Drives that are released keep the torque tau(t) of the cycle, and may deviate from their prescribed motion by delta:
+
+M(t) delta'' + (C(t) + c) delta' + (K(t) + k) delta = 0,
+M = d tau / d q'', C = d tau / d q', K = d tau / d q
+
+along the motion, where c and k are what the drives themselves have of damping and stiffness. The other drives stay on
+their motion. With x = (delta, delta') and x' = A(t) x, the multipliers are the eigenvalues of the solution after one
+period: all deviations decay if they are within the unit circle (G. Floquet, 1883).
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common import arguments as check
+from mbsvib.cycles.total_derivatives import total_derivatives
+from mbsvib.errors import AccuracyWarning, ModelError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.cycles.result import CycleData
+
+# Samples are evenly spread over a period to this share of it.
+EVEN = 1e-9
+# Relative tolerance of scipy's integrator, well below what multipliers are told to.
+TOLERANCE = 1e-11
+# Highest harmonics above this share of the largest are not resolved by the samples.
+RESOLVED = 1e-6
+# Multipliers this near to the unit circle are on it.
+NEUTRAL = 1e-7
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Periodic:
+    """Linear periodic equations at n samples, evenly spread over the ``period`` [s].
+
+    ``M``, ``C`` and ``K`` (n, m, m) are those of the deviations of ``coordinates``, with what drives have of stiffness
+    and damping.
+    """
+
+    name: str
+    coordinates: tuple[str, ...]
+    period: float
+    M: Array = field(repr=False)
+    C: Array = field(repr=False)
+    K: Array = field(repr=False)
+
+    @property
+    def time(self) -> Array:
+        """Times (n,) of the samples [s]."""
+        return np.asarray(np.arange(len(self.M)) * (self.period / len(self.M)))
+
+    @property
+    def frozen(self) -> Complex:
+        """Eigenvalues (n, 2 m) of the equations with the coefficients of each sample [1/s], ascending by size."""
+        return _eigenvalues(_first_order(self.M, self.C, self.K))
+
+    @property
+    def averaged(self) -> Complex:
+        """Eigenvalues (2 m,) of the equations with mean coefficients [1/s], ascending by size."""
+        mean = (each.mean(axis=0)[None] for each in (self.M, self.C, self.K))
+        return np.asarray(_eigenvalues(_first_order(*mean))[0])
+
+    @property
+    def unresolved(self) -> float:
+        """The highest harmonics of the coefficients as a share of the largest: how far samples leave gaps."""
+        worst = 0.0
+        for each in (self.M, self.C, self.K):
+            size = np.abs(np.fft.rfft(each, axis=0))
+            highest = size[max(1, len(size) - 2) :]
+            worst = max(worst, float(highest.max(initial=0.0)) / (float(size.max()) or 1.0))
+        return worst
+
+    def multipliers(self) -> Complex:
+        """Return the Floquet multipliers.
+
+        Between the samples, coefficients follow their trigonometric interpolation.
+
+        Returns
+        -------
+        array, shape (2 m,)
+            Eigenvalues of the solution after one period, descending by size.
+
+        Warns
+        -----
+        AccuracyWarning
+            If the samples do not resolve the coefficients.
+        """
+        from scipy.integrate import solve_ivp
+
+        if self.unresolved > RESOLVED:
+            warnings.warn(f"cycle: {len(self.M)} samples leave {self.unresolved:.1e} of the coefficients of "
+                          f"'{self.name}' to harmonics that they do not resolve; take more.",
+                          AccuracyWarning, stacklevel=2)  # fmt: skip
+        m = len(self.coordinates)
+        series = [_series(each) for each in (self.M, self.C, self.K)]
+        rate = 2.0 * np.pi / self.period
+
+        def slope(t: float, x: Array) -> Array:
+            angle = rate * t
+            mass, damping, stiffness = (_at(each, angle) for each in series)
+            moved = x.reshape(2 * m, 2 * m)
+            bent = -np.linalg.solve(mass, stiffness @ moved[:m] + damping @ moved[m:])
+            return np.concatenate((moved[m:], bent)).ravel()
+
+        end = solve_ivp(slope, (0.0, self.period), np.eye(2 * m).ravel(), method="DOP853", rtol=TOLERANCE,
+                        atol=TOLERANCE, max_step=self.period / 16.0)  # fmt: skip
+        if not end.success:
+            raise ModelError(f"cycle: the deviations of '{self.name}' cannot be followed over a period: {end.message}",
+                             element=self.name)  # fmt: skip
+        values = np.linalg.eigvals(end.y[:, -1].reshape(2 * m, 2 * m))
+        return np.asarray(values[np.argsort(-np.abs(values), kind="stable")])
+
+    @property
+    def stable(self) -> bool:
+        """Whether no deviation grows: all multipliers are within the unit circle, or on it."""
+        return bool(np.abs(self.multipliers()).max() <= 1.0 + NEUTRAL)
+
+    def __repr__(self) -> str:
+        return f"Periodic({self.name!r}: {', '.join(self.coordinates)}, period {self.period:.6g} s)"
+
+
+def periodic(cycle: CycleData, released: Any = None, period: float | None = None) -> Periodic:
+    """Return the linear periodic equations of small motions about a cycle; see ``Cycle.periodic``.
+
+    Parameters
+    ----------
+    cycle : CycleData
+        The cycle.
+    released : mapping of str to (stiffness, damping), optional
+        Drives that may deviate.
+    period : float, optional
+        Period [s].
+
+    Returns
+    -------
+    Periodic
+        The equations.
+
+    Raises
+    ------
+    ModelError
+        If a name is no drive, or the samples are not evenly spread over a period.
+    """
+    held = _released(cycle, released)
+    drives, m = list(cycle.drives), len(cycle.drives)
+    which = [drives.index(name) for name in held]
+    names = [f"{name}{mark}" for mark in ("", "'", "''") for name in drives]
+    slopes = total_derivatives(cycle, cycle.machine.statement, "drives", names)[:, :m]
+    stiffness, damping, mass = (slopes[:, which, k * m : (k + 1) * m][:, :, which] for k in range(3))
+    own = np.array([held[name] for name in held])
+    symmetric = 0.5 * (mass + mass.transpose(0, 2, 1))
+    result = Periodic(cycle.machine.model.name, tuple(held), _period(cycle, period), symmetric,
+                      damping + np.diag(own[:, 1]), stiffness + np.diag(own[:, 0]))  # fmt: skip
+    for array in (result.M, result.C, result.K):
+        array.flags.writeable = False
+    return result
+
+
+def _released(cycle: CycleData, released: Any) -> dict[str, tuple[float, float]]:
+    who = "cycle"
+    given = dict.fromkeys(cycle.drives, (0.0, 0.0)) if released is None else released
+    if isinstance(given, str) or not hasattr(given, "__iter__"):
+        raise check.refuse(who, "released", released, "{'crank.rz': (stiffness, damping), ...}")
+    pairs: Mapping[str, Any] = given if hasattr(given, "items") else dict.fromkeys(given, (0.0, 0.0))
+    if not pairs:
+        raise check.refuse(who, "released", released, "at least one of the drives")
+    result = {}
+    for name, pair in pairs.items():
+        if name not in cycle.drives:
+            raise ModelError(f"cycle: released '{name}' is none of its drives.{nearest(str(name), cycle.drives)} "
+                             f"They are {', '.join(cycle.drives)}.", element=str(name), field="released")  # fmt: skip
+        k, c = check.numbers(pair, (2,), f"drive '{name}'", "released", "stiffness and damping, two numbers")
+        result[name] = (k, c)
+    return result
+
+
+def _period(cycle: CycleData, period: float | None) -> float:
+    """The period, of a drive at constant speed that of its turn; samples must be spread evenly over it."""
+    n, drive = len(cycle.shaking_force), cycle.drives[0]
+    if period is not None:
+        length = check.number(period, "cycle", "period", "a positive number [s]")
+        if length <= 0.0:
+            raise check.refuse("cycle", "period", period, "a positive number [s]")
+        return length
+    rates, angles = cycle.rates[drive], cycle.angles
+    if len(cycle.drives) > 1 or not rates[0] or np.ptp(rates) > EVEN * abs(rates[0]):
+        raise check.refuse("cycle", "period", None, "the period [s], over which the samples are evenly spread, where "
+                           "not just one drive turns at constant speed")  # fmt: skip
+    step = np.copysign(2.0 * np.pi / n, rates[0])
+    if np.abs(angles - angles[0] - step * np.arange(n)).max() > EVEN * 2.0 * np.pi:
+        raise ModelError(f"cycle: the samples of '{drive}' are not evenly spread over one turn, in the sense of its "
+                         f"speed; give angles = 2 * np.pi * np.arange(n) / n, or the period.",
+                         element=drive, field="angles")  # fmt: skip
+    return float(2.0 * np.pi / abs(rates[0]))
+
+
+def _first_order(mass: Array, damping: Array, stiffness: Array) -> Array:
+    """A (n, 2 m, 2 m) with x' = A x."""
+    n, m, _ = mass.shape
+    result = np.zeros((n, 2 * m, 2 * m))
+    result[:, :m, m:] = np.eye(m)
+    result[:, m:, :m], result[:, m:, m:] = -np.linalg.solve(mass, stiffness), -np.linalg.solve(mass, damping)
+    return result
+
+
+def _eigenvalues(matrices: Array) -> Complex:
+    values = np.linalg.eigvals(matrices)
+    order = np.lexsort((values.imag, np.abs(values)), axis=-1)
+    return np.asarray(np.take_along_axis(values.astype(complex), order, axis=-1))
+
+
+def _series(samples: Array) -> tuple[Array, Complex]:
+    """Harmonics and coefficients of the trigonometric interpolation."""
+    n = len(samples)
+    coefficients = np.fft.rfft(samples, axis=0) / n
+    coefficients[1:] *= 2.0
+    if n % 2 == 0:
+        coefficients[-1] *= 0.5
+    return np.arange(len(coefficients), dtype=float), coefficients
+
+
+def _at(series: tuple[Array, Complex], angle: float) -> Array:
+    harmonics, coefficients = series
+    return np.asarray(np.tensordot(np.exp(1j * harmonics * angle), coefficients, axes=1).real)

@@ -1,0 +1,111 @@
+"""Prescribed motion: which joint coordinates are driven, and their values, rates and accelerations over the samples."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common import arguments as check
+from mbsvib.errors import ModelError, nearest
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements import Joint
+    from mbsvib.mechanism.mechanism import Mechanism
+
+WHO = "cycle"
+
+
+@dataclass(frozen=True)
+class Prescribed:
+    """Driven joint coordinates ``names`` (m) with their ``values``, ``rates`` and ``accelerations`` (n, m), the values
+    as displacements from the pose as described [m, rad].
+    """
+
+    names: tuple[str, ...]
+    values: Array
+    rates: Array
+    accelerations: Array
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints of the drives."""
+        return tuple(name.rpartition(".")[0] for name in self.names)
+
+    def said(self, i: int) -> str:
+        """Return the values of the drives at sample i in words."""
+        return self.words(self.values[i])
+
+    def words(self, values: Array) -> str:
+        """Return values of the drives in words."""
+        return ", ".join(f"{name} = {value:.6g} {'rad' if turns(name) else 'm'}"
+                         for name, value in zip(self.names, values, strict=True))  # fmt: skip
+
+
+def turns(name: str) -> bool:
+    """Return whether a joint coordinate is a rotation."""
+    return name.rpartition(".")[2].startswith("r")
+
+
+def prescribed(
+    model: Mechanism, drive: Any, angles: Any, speed: Any, motion: Mapping[str, Any] | None
+) -> Prescribed:
+    """Return a prescribed motion, checked; the arguments are those of ``Model.cycle``."""
+    if (drive is None) == (motion is None):
+        raise ModelError("cycle: give either a drive with angles and speed, or motion={'joint.rz': (q, qd, qdd)}.",
+                         field="drive")  # fmt: skip
+    if motion is None:
+        if speed is None:
+            raise check.refuse(WHO, "speed", None, "the rate of the drive [rad/s, m/s], such as 2 * np.pi")
+        rate = check.number(speed, WHO, "speed", "the rate of the drive [rad/s, m/s]")
+        motion = {drive: (angles, rate, 0.0)}
+    elif angles is not None or speed is not None:
+        raise ModelError("cycle: angles and speed go with a drive; motion= says the rates itself.", field="angles")
+    if not isinstance(motion, Mapping) or not motion:
+        raise check.refuse(WHO, "motion", motion, "{'joint.rz': (q, qd, qdd), ...} with an array over time each")
+    columns: list[list[Array]] = [[], [], []]
+    for name, three in motion.items():
+        _check_drive(model, name)
+        if not hasattr(three, "__len__") or len(three) != 3:
+            raise check.refuse(WHO, f"motion[{name!r}]", three, "three arrays (n,): values, rates and accelerations")
+        for column, values in zip(columns, three, strict=True):
+            column.append(_samples(values, name))
+    length = max(len(values) for column in columns for values in column)
+    arrays = []
+    for column in columns:
+        for name, values in zip(motion, column, strict=True):
+            if len(values) not in (1, length):
+                raise check.refuse(WHO, f"motion[{name!r}]", values, f"{length} samples, as the others have")
+        arrays.append(np.column_stack([np.broadcast_to(values, length) for values in column]))
+    return Prescribed(tuple(motion), *arrays)
+
+
+def _samples(values: Any, name: str) -> Array:
+    expected = f"a number, or an array (n,) of samples of '{name}'"
+    try:
+        array = np.atleast_1d(np.array(values, dtype=float))
+    except (TypeError, ValueError) as error:
+        raise check.refuse(WHO, "angles", values, expected) from error
+    if array.ndim != 1 or not len(array) or not np.isfinite(array).all():
+        raise check.refuse(WHO, "angles", values, f"{expected}, all finite")
+    return array
+
+
+def _check_drive(model: Mechanism, name: Any) -> None:
+    known = [f"{joint.name}.{direction}" for joint in model.joints.values() for direction, _ in joint.freedom]
+    if not isinstance(name, str) or name not in known:
+        raise ModelError(f"cycle: {name!r} is no joint coordinate of model '{model.name}'.{nearest(str(name), known)} "
+                         f"It has {', '.join(known[:8])}{', ...' if len(known) > 8 else ''}.",
+                         element=str(name), field="drive")  # fmt: skip
+    joint = model.joints[name.rpartition(".")[0]]
+    if turns(name) and _turns_by_a_vector(joint):
+        raise ModelError(f"cycle: '{name}' is a component of the rotation vector of joint '{joint.name}' "
+                         f"({joint.kind}), which is no angle in finite motion; drive a joint with one free rotation, "
+                         f"or two successive ones.", element=name, field="drive")  # fmt: skip
+
+
+def _turns_by_a_vector(joint: Joint) -> bool:
+    return joint.kind == "homokinetic" or sum(direction[0] == "r" for direction, _ in joint.freedom) == 3

@@ -1,0 +1,106 @@
+"""Exact derivatives of the reactions of a cycle.
+
+With the equations of bodies on their own, the openings Phi(x, p) of all joints, their multipliers lambda, the torques
+tau_j of drives and couplers along w_j, and x as a function of the tree coordinates z and of parameters p,
+
+h = (dPhi/dx)^T lambda + sum of w_j tau_j - (M x'' - f) = 0,
+
+d lambda / dp = -(dPhi/dx)^T^+ (h_p + h_z dz/dp + sum of w_j d tau_j / dp),
+
+and so the wrenches, which are linear in lambda. What redundant constraints leave open has no derivative.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.cycles.expressions import matrices
+from mbsvib.cycles.free_bodies import free_bodies
+from mbsvib.cycles.reactions import reactions
+from mbsvib.cycles.total_derivatives import dependent_derivatives, total_derivatives
+from mbsvib.linalg.rank import REDUNDANT_LOOPS
+from mbsvib.mechanism.mechanism import GROUND
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
+    from mbsvib.cycles.free_bodies import FreeBodies
+    from mbsvib.cycles.result import CycleData
+    from mbsvib.elements import Joint
+    from mbsvib.finite_motion.rotations import Expression
+
+
+def reaction_sensitivities(cycle: CycleData, names: tuple[str, ...]) -> dict[str, Array]:
+    """Return the derivatives of the reactions of all joints.
+
+    Parameters
+    ----------
+    cycle : CycleData
+        The cycle.
+    names : tuple of str
+        Names of parameters.
+
+    Returns
+    -------
+    dict of str to array, shape (parameters, samples, 6)
+        By joint; not a number for directions that redundant constraints leave open.
+
+    Raises
+    ------
+    ModelError
+        If a parameter has no derivative here.
+    """
+    plant, motion = cycle.machine, cycle.machine.solved
+    model, expressions = plant.model, plant.with_symbols(names)
+    bodies = free_bodies(model, expressions, cycle.drives)
+    acting = bodies.acting
+    joints = list(model.joints.values())
+    loads, tau = ca.SX.sym("lambda", sum(bodies.counts)), ca.SX.sym("tau", len(cycle.drives))
+    shared = ca.SX.sym("mu", acting.shape[1] - len(cycle.drives))
+    unknown = ca.vertcat(loads, shared)
+    left = bodies.rows.T @ loads + acting @ ca.vertcat(tau, shared) - bodies.required
+    wrenches = ca.vertcat(*_wrenches(joints, bodies, loads))
+    depends = [i for i in range(len(expressions.motion.motion.names)) if i not in set(motion.driven.tolist())]
+    state = ca.vertcat(expressions.q[depends], expressions.qd[depends], expressions.qdd[depends])
+    symbols = [expressions.q, expressions.qd, expressions.qdd, expressions.p, expressions.about]
+    p = plant.values(expressions)
+    at = (motion.q, motion.qd, motion.qdd, p, plant.about)
+    torques = np.column_stack([cycle.torques[name] for name in cycle.drives])
+
+    def found(*outputs: Expression, extra: tuple[Expression, ...] = (), values: tuple[Array, ...] = ()) -> list[Array]:
+        function = ca.Function("f", [*symbols, *extra], [ca.densify(each) for each in outputs])
+        return matrices(function, *at, *values)
+
+    matrix, drives, required = found(ca.jacobian(left, unknown), acting[:, : len(cycle.drives)], bodies.required)
+    inverse = np.linalg.pinv(matrix, rcond=REDUNDANT_LOOPS)
+    carried = (inverse @ (required - drives @ torques[:, :, None]))[:, :, 0]
+    parts = [ca.jacobian(each, to) for each in (left, wrenches) for to in (state, expressions.p)]
+    h_z, h_p, w_z, w_p, w_l = found(*parts, ca.jacobian(wrenches, unknown), extra=(unknown, tau),
+                                    values=(carried, torques))  # fmt: skip
+    moved = dependent_derivatives(cycle, expressions)[:, : state.numel()]
+    d_torque = total_derivatives(cycle, expressions, "parameters", expressions.names)[:, : len(cycle.drives)]
+    change = -inverse @ (h_p + h_z @ moved + drives @ d_torque)
+    total = (w_p + w_z @ moved + w_l @ change)[:, :, [expressions.names.index(name) for name in names]]
+    result, loose = {}, reactions(cycle).undetermined
+    for k, joint in enumerate(joints):
+        own = total[:, 6 * k : 6 * k + 6].transpose(2, 0, 1).copy()
+        own[:, :, [DIRECTIONS.index(each) for each in loose.get(joint.name, ())]] = np.nan
+        own.flags.writeable = False
+        result[joint.name] = own
+    return result
+
+
+def _wrenches(joints: list[Joint], bodies: FreeBodies, loads: Expression) -> list[Expression]:
+    """Wrenches (6,) on the second bodies at the joints' points, world axes."""
+    result, start = [], 0
+    for joint, count in zip(joints, bodies.counts, strict=True):
+        end, sign = (joint.second, 1.0) if joint.second != GROUND else (joint.first, -1.0)
+        k = bodies.places[end]
+        own = sign * (bodies.rows[start : start + count, k : k + 6].T @ loads[start : start + count])
+        arm = bodies.origins[end] - bodies.points[joint.name]
+        result.append(ca.vertcat(own[:3], own[3:] + ca.cross(arm, own[:3])))
+        start += count
+    return result

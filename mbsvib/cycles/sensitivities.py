@@ -1,0 +1,150 @@
+"""Exact derivatives of a cycle to masses, centres, inertias, lengths and all other numbers of finite motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common import arguments as check
+from mbsvib.cycles.total_derivatives import total_derivatives
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.cycles.result import CycleData
+
+
+@dataclass(frozen=True, eq=False)
+class CycleSensitivities:
+    """Derivatives to ``parameters`` (k) of the samples of a cycle: ``torques`` (k, n) by drive, ``shaking_force`` and
+    ``shaking_moment`` (k, n, 3).
+    """
+
+    cycle: CycleData = field(repr=False)
+    parameters: tuple[str, ...]
+    torques: Mapping[str, Array] = field(repr=False)
+    shaking_force: Array = field(repr=False)
+    shaking_moment: Array = field(repr=False)
+
+    @cached_property
+    def reactions(self) -> Mapping[str, Array]:
+        """Derivatives (k, n, 6) of the reactions by joint; not a number where these are undetermined."""
+        from mbsvib.cycles.reaction_sensitivities import reaction_sensitivities
+
+        return reaction_sensitivities(self.cycle, self.parameters)
+
+    @property
+    def torque(self) -> Any:
+        """That of the only drive (k, n), else those of all drives by name."""
+        return next(iter(self.torques.values())) if len(self.torques) == 1 else self.torques
+
+    def values(self, quantity: str, drive: str | None = None) -> Array:
+        """Return the derivatives (k, n, 3) or (k, n, 1) of what ``CycleData.values`` returns."""
+        self.cycle.values(quantity, drive)  # refuses what it does not know
+        if quantity == "torque":
+            return self.torques[self.cycle.drives[0] if drive is None else drive][:, :, None]
+        return self.shaking_force if quantity == "force" else self.shaking_moment
+
+    def square(self, quantity: str, drive: str | None = None) -> Array:
+        """Return the derivatives (k,) of the mean square of a quantity, smooth where that is zero."""
+        values = self.cycle.values(quantity, drive)
+        result: Array = 2.0 * np.einsum("nc,knc->k", values, self.values(quantity, drive)) / len(values)
+        return result
+
+    def rms(self, quantity: str, drive: str | None = None) -> Array:
+        """Return the derivatives (k,) of the root mean square of a quantity.
+
+        Parameters
+        ----------
+        quantity : str
+            "force", "moment" or "torque".
+        drive : str, optional
+            Which drive's torque; default: the only one.
+
+        Returns
+        -------
+        array, shape (k,)
+            Derivatives; not a number where the value is zero, which has none.
+
+        Raises
+        ------
+        ModelError
+            If there is no such quantity or drive.
+        """
+        value = self.cycle.rms(quantity, drive)
+        return self.square(quantity, drive) / (2.0 * value) if value else np.full(len(self.parameters), np.nan)
+
+    def peak(self, quantity: str, drive: str | None = None) -> Array:
+        """Return the derivatives (k,) of the largest absolute value of a quantity, at the sample where it is.
+
+        Parameters
+        ----------
+        quantity : str
+            "force", "moment" or "torque".
+        drive : str, optional
+            Which drive's torque; default: the only one.
+
+        Returns
+        -------
+        array, shape (k,)
+            Derivatives; not a number where the value is zero, which has none.
+
+        Raises
+        ------
+        ModelError
+            If there is no such quantity or drive.
+        """
+        values = self.cycle.values(quantity, drive)
+        sizes = np.linalg.norm(values, axis=1)
+        i = int(sizes.argmax())
+        if not sizes[i]:
+            return np.full(len(self.parameters), np.nan)
+        return np.asarray(self.values(quantity, drive)[:, i] @ values[i] / sizes[i])
+
+
+def sensitivities(cycle: CycleData, parameters: Any = None) -> CycleSensitivities:
+    """Return exact derivatives of a cycle; see ``Cycle.sensitivities``.
+
+    Parameters
+    ----------
+    cycle : Cycle
+        The cycle.
+    parameters : str or sequence of str, optional
+        Names or patterns.
+
+    Returns
+    -------
+    CycleSensitivities
+        The derivatives.
+
+    Raises
+    ------
+    ModelError
+        If a parameter is unknown or has no derivative here, or takes the loops apart.
+    """
+    names = _names(cycle, parameters)
+    expressions = cycle.machine.with_symbols(names)
+    slopes = total_derivatives(cycle, expressions, "parameters", expressions.names)
+    slopes = slopes[:, :, [expressions.names.index(name) for name in names]]
+    drives = len(cycle.drives)
+    torque = slopes[:, :drives].transpose(2, 1, 0)
+    force, moment = (slopes[:, drives + k : drives + k + 3].transpose(2, 0, 1) for k in (0, 3))
+    for array in (torque, force, moment):
+        array.flags.writeable = False
+    return CycleSensitivities(cycle, names, {name: torque[:, i] for i, name in enumerate(cycle.drives)}, force, moment)
+
+
+def _names(cycle: CycleData, parameters: Any) -> tuple[str, ...]:
+    known = cycle.machine.model.parameters
+    if parameters is None:
+        fields = ("mass", "position", "inertia")
+        return tuple([name for name in known if known.entry(name).part in cycle.machine.model.bodies
+                      and known.entry(name).field in fields])  # fmt: skip
+    given = [parameters] if isinstance(parameters, str) else parameters
+    if not hasattr(given, "__iter__"):
+        raise check.refuse("cycle", "parameters", parameters, "names or patterns of parameters")
+    return tuple(dict.fromkeys(name for pattern in given for name in known.matching(pattern)))

@@ -1,0 +1,121 @@
+"""Total derivatives of drive torques, shaking force and moment through the loops.
+
+z are the dependent coordinates, their rates and accelerations, and the ways B = dq/dq_i. They follow from the loops,
+phi = 0, phi' = 0, phi'' = 0 and J B = 0, together F(z, p) = 0, which are differentiated as implicit functions:
+
+d z / dp = -F_z^+ F_p,  d y / dp = y_p + y_z dz / dp
+
+p are parameters, or the values, rates and accelerations of the drives themselves.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from mbsvib.cycles.expressions import matrices
+from mbsvib.errors import ModelError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.cycles.expressions import Statement
+    from mbsvib.cycles.result import CycleData
+    from mbsvib.finite_motion.rotations import Expression
+
+# What the derivatives of the loops leave over, as a share of them: rounding, unless a parameter takes the loops apart.
+ASSEMBLED = 1e-8
+
+
+def total_derivatives(cycle: CycleData, expressions: Statement, to: str, names: Sequence[str]) -> Array:
+    """Return the derivatives of torques, shaking force and moment.
+
+    Parameters
+    ----------
+    cycle : CycleData
+        The cycle.
+    expressions : Statement
+        Its equations, with parameters as symbols.
+    to : str
+        "parameters" of the equations, or "drives": values, rates and accelerations of the driven coordinates.
+    names : sequence of str
+        Names of these, for messages.
+
+    Returns
+    -------
+    array, shape (samples, drives + 6, p)
+        The derivatives.
+
+    Raises
+    ------
+    ModelError
+        If a parameter takes the loops apart.
+    """
+    moved, y_z, y_p = _derivatives(cycle, expressions, to, names)
+    return np.array(y_p + y_z @ moved)
+
+
+def dependent_derivatives(cycle: CycleData, expressions: Statement) -> Array:
+    """Return the derivatives (samples, z, parameters) of dependent coordinates, their rates, accelerations and ways."""
+    return _derivatives(cycle, expressions, "parameters", expressions.names)[0]
+
+
+def _derivatives(
+    cycle: CycleData, expressions: Statement, to: str, names: Sequence[str]
+) -> tuple[Array, Array, Array]:
+    """dz/dp, y_z and y_p at all samples."""
+    plant, motion = cycle.machine, cycle.machine.solved
+    driven = tuple(motion.driven.tolist())
+    function = _slopes(expressions, driven, to)
+    ways = motion.ways.transpose(0, 2, 1).reshape(len(motion.q), -1)
+    found = matrices(function, motion.q, motion.qd, motion.qdd, ways, plant.values(expressions), plant.about)
+    f_z, f_p, y_z, y_p = found
+    if not f_z.shape[2] or not f_p.shape[2]:
+        return np.zeros((len(motion.q), f_z.shape[2], f_p.shape[2])), y_z, y_p
+    # rows and columns in units in which all are of like size
+    row = np.tile(np.where(expressions.motion.motion.closure_turns, 1.0, plant.size), 3 + len(driven))
+    f_z, f_p = f_z / row[:, None], f_p / row[:, None]
+    scale = np.linalg.norm(f_z, axis=1, keepdims=True)
+    moved = -np.linalg.pinv(f_z / scale) @ f_p
+    _check_assembled(f_p, f_p + f_z / scale @ moved, names)
+    return moved / scale.transpose(0, 2, 1), y_z, y_p
+
+
+def _slopes(expressions: Statement, driven: tuple[int, ...], to: str) -> ca.Function:
+    """Function of (q, q', q'', B, p, O) for F_z, F_p, y_z and y_p, compiled once."""
+    wanted = expressions.p if to == "parameters" else _drives(expressions, driven)
+    n = expressions.q.shape[0]
+    depends = [i for i in range(n) if i not in driven]
+    columns = ca.SX.sym("ways", n * len(driven))
+    ways = ca.reshape(columns, n, len(driven))
+    phi, phi_rate, phi_acceleration = expressions.closures
+    key = (to, driven)
+    if key not in expressions.functions:
+        tied = ca.vec(ca.jacobian(phi, expressions.q) @ ways)
+        loops = ca.vertcat(phi, phi_rate, phi_acceleration, tied)
+        free = ca.vertcat(expressions.q[depends], expressions.qd[depends], expressions.qdd[depends],
+                          ca.vec(ways[depends, :]))  # fmt: skip
+        results = ca.vertcat(ways.T @ expressions.required, expressions.force, expressions.moment)
+        slopes = [ca.densify(ca.jacobian(each, by)) for each in (loops, results) for by in (free, wanted)]
+        expressions.functions[key] = ca.Function(
+            "f", [expressions.q, expressions.qd, expressions.qdd, columns, expressions.p, expressions.about], slopes)
+    return expressions.functions[key]
+
+
+def _drives(expressions: Statement, driven: tuple[int, ...]) -> Expression:
+    """Values, rates and accelerations of the driven coordinates."""
+    which = list(driven)
+    return ca.vertcat(expressions.q[which], expressions.qd[which], expressions.qdd[which])
+
+
+def _check_assembled(before: Array, left: Array, names: Sequence[str]) -> None:
+    """Refuse parameters that loops do not allow to change by themselves."""
+    for k, name in enumerate(names):
+        if np.abs(left[:, :, k]).max() > ASSEMBLED * max(1.0, float(np.abs(before[:, :, k]).max())):
+            raise ModelError(f"cycle: a change of '{name}' takes the loops apart, as redundant constraints no longer "
+                             f"agree; there is no derivative to it.", element=name, field="parameters")  # fmt: skip
+
+

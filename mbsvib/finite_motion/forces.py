@@ -1,0 +1,85 @@
+"""Loads and inputs in finite motion: the power of a force is linear in the rates, and so gives generalized forces."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from mbsvib.mechanism.mechanism import GROUND
+
+if TYPE_CHECKING:
+    from mbsvib.elements import Load
+    from mbsvib.elements.ports import Input
+    from mbsvib.finite_motion.kinematics import Kinematics
+    from mbsvib.finite_motion.rotations import Expression
+    from mbsvib.mechanism.mechanism import Mechanism
+
+
+def velocity(motion: Kinematics, body: str, point: Expression) -> tuple[Expression, Expression]:
+    """Return the velocity (3,) of the point of a body that was at ``point`` as described, and its angular velocity,
+    both in world axes [m/s, rad/s].
+    """
+    if body == GROUND:
+        return ca.SX.zeros(3), ca.SX.zeros(3)
+    frame = motion.frames[body]
+    return motion.rate(frame.point(point)), frame.rotation @ motion.angular_velocity(body)
+
+
+def generalized(motion: Kinematics, power: Expression) -> Expression:
+    """Return generalized forces (n,) of a power that is linear in the rates."""
+    return ca.gradient(power, motion.qd)
+
+
+def load_power(part: Load, model: Mechanism, motion: Kinematics) -> Expression:
+    """Return the power [W] of a load.
+
+    Parameters
+    ----------
+    part : Load
+        The load.
+    model : Mechanism
+        Its mechanism.
+    motion : Kinematics
+        The finite motion.
+
+    Returns
+    -------
+    expression
+        Force times velocity and torque times angular velocity.
+    """
+    numbers = motion.numbers
+    point = numbers.vector(model.bodies[part.body], "position") if part.position is None else \
+        numbers.vector(part, "position")  # fmt: skip
+    v, w = velocity(motion, part.body, point)
+    force, torque = numbers.vector(part, "force"), numbers.vector(part, "torque")
+    if part.follower:
+        force, torque = (motion.frames[part.body].vector(value) for value in (force, torque))
+    return ca.dot(force, v) + ca.dot(torque, w)
+
+
+def input_power(part: Input, model: Mechanism, motion: Kinematics) -> Expression:
+    """Return the power [W] of a force input of 1 N or 1 N m; its direction is fixed in the world.
+
+    The reaction acts on the body ``relative_to`` at the same point of the pose as described.
+
+    Parameters
+    ----------
+    part : Input
+        The input.
+    model : Mechanism
+        Its mechanism.
+    motion : Kinematics
+        The finite motion.
+
+    Returns
+    -------
+    expression
+        Wrench times twist.
+    """
+    point = model.bodies[part.body].position if part.position is None else part.position
+    at = ca.SX(np.array(point))
+    (v, w), (u, o) = velocity(motion, part.body, at), velocity(motion, part.relative_to, at)
+    wrench = ca.SX(np.array(part.wrench))
+    return ca.dot(wrench[:3], v - u) + ca.dot(wrench[3:], w - o)

@@ -1,0 +1,152 @@
+"""Joints in finite motion: the displacement of the second body against the first, and what a cut joint demands.
+
+All is said in world axes of the pose as described, which turn with the first body. ``equilibrium.joint_rules`` states
+the same rules for numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+
+from mbsvib.finite_motion.frames import Frame
+from mbsvib.finite_motion.rotations import Expression, about, axial, exponential, sinc
+
+if TYPE_CHECKING:
+    from mbsvib.elements import Joint
+    from mbsvib.finite_motion.numbers import Numbers
+
+
+def free_rotations(joint: Joint) -> list[Any]:
+    """Return the axes (3,) of the free rotations of a joint, world axes."""
+    return [np.array(six[3:]) for name, six in joint.freedom if name[0] == "r"]
+
+
+def point_of(joint: Joint, numbers: Numbers) -> Expression:
+    """Return the point (3,) of a joint as described [m]; the origin where any will do."""
+    if joint.kind == "distance":
+        return ca.SX(np.array(joint.end))
+    return ca.SX.zeros(3) if joint.position is None else numbers.vector(joint, "position")
+
+
+def displacement(joint: Joint, numbers: Numbers, q: Expression, base: Expression | None = None) -> Frame:
+    """Return the displacement of the second body against the first by joint coordinates.
+
+    Parameters
+    ----------
+    joint : Joint
+        The joint.
+    numbers : Numbers
+        The numbers of the mechanism.
+    q : expression, shape (f,)
+        Its coordinates [m, rad].
+    base : expression, shape (3, 3), optional
+        Rotation on top of which those of a joint with three free rotations come; default: none.
+
+    Returns
+    -------
+    Frame
+        The displacement, in the axes of the first body as described.
+    """
+    shift, turns = ca.SX.zeros(3), []
+    for k, (name, six) in enumerate(joint.freedom):
+        shift += q[k] * ca.SX(np.array(six[:3]))
+        if name[0] == "r":
+            turns.append((ca.SX(np.array(six[3:])), q[k]))
+    rotation = _rotation(joint, turns, base)
+    if joint.kind == "distance":
+        shift = _swing(joint, shift)
+    elif joint.successive and 0 < len(joint.freedom) - len(turns) < 3:
+        shift = _turned_axes(joint, rotation) @ shift
+    point = point_of(joint, numbers)
+    return Frame(rotation, point + shift - rotation @ point)
+
+
+def openings(joint: Joint, numbers: Numbers, relative: Frame) -> list[tuple[str, Expression]]:
+    """Return how far a joint is open along each of its locked directions, zero where it is assembled [m, rad].
+
+    Parameters
+    ----------
+    joint : Joint
+        The joint.
+    numbers : Numbers
+        The numbers of the mechanism.
+    relative : Frame
+        Displacement of the second body against the first.
+
+    Returns
+    -------
+    list of (str, expression)
+        Names of the locked directions, and expressions.
+    """
+    point = point_of(joint, numbers)
+    if joint.kind == "distance":
+        rod = relative.point(point) - ca.SX(np.array(joint.position))
+        length = math.dist(joint.position or (0.0, 0.0, 0.0), joint.end or (0.0, 0.0, 0.0))
+        return [("z", 0.5 * (ca.dot(rod, rod) - length**2) / length)]
+    gap, turns, result = relative.point(point) - point, free_rotations(joint), []
+    if joint.successive and any(name[0] != "r" for name, _ in joint.freedom):
+        gap = _turned_axes(joint, relative.rotation).T @ gap
+    for name, six in joint.locked:
+        along, axis = ca.SX(np.array(six[:3])), ca.SX(np.array(six[3:]))
+        if joint.kind == "screw" and name == "z":
+            value = _off_thread(joint, relative.rotation, gap)
+        elif name[0] != "r":
+            value = ca.dot(along, gap)
+        elif joint.successive:
+            one, two = map(ca.SX, turns)
+            change = ca.dot(one, two) - ca.dot(one, relative.rotation @ two)
+            value = change / float(np.linalg.norm(np.cross(*turns)))
+        elif len(turns) == 1:
+            value = ca.dot(axis, ca.cross(ca.SX(turns[0]), relative.rotation @ ca.SX(turns[0])))
+        else:
+            value = ca.dot(axis, axial(relative.rotation))
+        result.append((name, value))
+    return result
+
+
+def _rotation(joint: Joint, turns: list[tuple[Expression, Expression]], base: Expression | None) -> Expression:
+    if len(turns) == 1:
+        return about(*turns[0])
+    if joint.successive:
+        return about(*turns[0]) @ about(*turns[1])
+    if not turns:
+        return ca.SX.eye(3)
+    rotation = exponential(sum((axis * angle for axis, angle in turns), ca.SX.zeros(3)))
+    return rotation if base is None else rotation @ base
+
+
+def _swing(joint: Joint, across: Expression) -> Expression:
+    """How far the end of a rod goes on its sphere: as far along an arc as its coordinates across say."""
+    rod = np.subtract(joint.end or 0.0, joint.position or 0.0)
+    length = float(np.linalg.norm(rod))
+    square = ca.dot(across, across) / length**2
+    return sinc(square) * across - 0.5 * length * square * sinc(0.25 * square) ** 2 * ca.SX(rod / length)
+
+
+def _turned_axes(joint: Joint, rotation: Expression) -> Expression:
+    """Rotation (3, 3) of axes along the first free rotation, across both, and across these."""
+    one, two = map(ca.SX, free_rotations(joint))
+
+    def axes(second: Expression) -> Expression:
+        normal = ca.cross(one, second)
+        normal /= ca.norm_2(normal)
+        return ca.horzcat(one, normal, ca.cross(normal, one))
+
+    return axes(rotation @ two) @ axes(two).T
+
+
+def _off_thread(joint: Joint, rotation: Expression, gap: Expression) -> Expression:
+    """How far a screw is off its thread: pitch times the sine of the angle that its advance is ahead."""
+    axis = free_rotations(joint)[0]
+    first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    first /= np.linalg.norm(first)
+    x, y = ca.SX(first), ca.SX(np.cross(axis, first))
+    sine = 0.5 * (ca.dot(y, rotation @ x) - ca.dot(x, rotation @ y))
+    cosine = 0.5 * (ca.dot(x, rotation @ x) + ca.dot(y, rotation @ y))
+    pitch = joint.pitch or 1.0
+    angle = ca.dot(ca.SX(axis), gap) / pitch
+    return pitch * (ca.sin(angle) * cosine - ca.cos(angle) * sine)

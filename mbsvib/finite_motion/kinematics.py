@@ -1,0 +1,207 @@
+"""Kinematics of a mechanism in finite motion: joint coordinates of the spanning tree to frames of all bodies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from mbsvib.elements.joint import make as make_joint
+from mbsvib.errors import ModelError
+from mbsvib.finite_motion.frames import REST, Frame, angular_velocity, rate
+from mbsvib.finite_motion.joints import displacement, openings
+from mbsvib.finite_motion.rotations import Expression
+from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.mechanism.topology import FLOATS, span
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib.elements import Joint
+    from mbsvib.finite_motion.numbers import Numbers
+    from mbsvib.mechanism.mechanism import Mechanism
+    from mbsvib.mechanism.topology import Branch, Topology
+
+IDENTITY9 = np.eye(3).reshape(-1, order="F")
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """Where bodies are by joint coordinates of the spanning tree, and what loops demand of these.
+
+    ``names`` are those of the coordinates ``q`` (n,), displacements from the pose as described, ``turns`` (n,) tells
+    rotations [rad] from translations [m]; ``qd`` (n,) are their rates. ``frames`` has the displacement of each body by
+    name, ground included. ``closures`` (rows,) are zero where the loops are closed and couplers hold, row by row the
+    opening [m, rad] of ``closure_names``, ``"JOINT.direction"`` or a coupler; ``closure_turns`` (rows,) tells which of
+    them are rotations. ``bases`` (9 b,) are rotation matrices, column by column, on top of which the rotations of the
+    joints ``based`` come: those with three free rotations, if asked for, else none.
+    """
+
+    topology: Topology
+    numbers: Numbers
+    names: tuple[str, ...]
+    turns: NDArray[np.bool_]
+    q: Expression
+    qd: Expression
+    frames: Mapping[str, Frame]
+    closures: Expression
+    closure_names: tuple[str, ...]
+    closure_turns: NDArray[np.bool_]
+    bases: Expression
+    based: tuple[str, ...]
+
+    def point(self, body: str, at: Expression) -> Expression:
+        """Return where the point (3,) of a body is that was ``at`` [m] as described."""
+        return self.frames[body].point(at)
+
+    def rate(self, expression: Expression) -> Expression:
+        """Return the time derivative of an expression of the coordinates."""
+        return rate(expression, self.q, self.qd)
+
+    def angular_velocity(self, body: str) -> Expression:
+        """Return the angular velocity (3,) [rad/s] of a body in axes that turn with it."""
+        return angular_velocity(self.frames[body], self.q, self.qd)
+
+    def relative(self, first: str, second: str) -> Frame:
+        """Return the displacement of the second body against the first, in the axes of the first as described."""
+        return self.frames[second].seen_from(self.frames[first])
+
+
+def kinematics(
+    model: Mechanism, numbers: Numbers, cut: Sequence[str] | None = None, bases: bool = False
+) -> Kinematics:
+    """Return the finite motion of a mechanism along its spanning tree.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The mechanism; beams and superelements are not looked at.
+    numbers : Numbers
+        Its numbers, some of them symbols.
+    cut : sequence of str, optional
+        Joints at which loops are to be cut; default: as ``linearize`` does, but for joints whose coordinates couplers
+        couple.
+    bases : bool
+        Whether joints with three free rotations get a rotation on top of which theirs come, so that no rotation vector
+        needs to be long.
+
+    Returns
+    -------
+    Kinematics
+        Coordinates, frames and closures.
+
+    Raises
+    ------
+    ModelError
+        If all joints of a loop are coupled.
+    """
+    topology = span(model, coupled_in_tree(model) if cut is None else cut)
+    ways = {branch.joint: branch for branch in topology.branches if branch.joint != FLOATS}
+    joints = {topology.joints[k].name: (topology.joints[k], ways[k]) for k in sorted(ways)}
+    floating = {b.body: _floating(topology, model, b) for b in topology.branches if b.joint == FLOATS}
+    order = [*joints.values(), *((floating[k], None) for k in topology.floating)]
+    names: list[str] = []
+    turns: list[bool] = []
+    place: dict[str, int] = {}
+    for joint, _ in order:
+        place[joint.name] = len(names)
+        names += [f"{joint.name}.{direction}" for direction, _ in joint.freedom]
+        turns += [direction[0] == "r" for direction, _ in joint.freedom]
+    q, qd = ca.SX.sym("q", len(names)), ca.SX.sym("qd", len(names))
+    turning = [joint.name for joint, _ in order if sum(d[0] == "r" for d, _ in joint.freedom) == 3]
+    based = tuple(turning) if bases else ()
+    symbols = ca.SX.sym("base", 9 * len(based))
+    frames: dict[str, Frame] = {GROUND: REST}
+    for branch in topology.branches:
+        joint = floating[branch.body] if branch.joint == FLOATS else topology.joints[branch.joint]
+        start = place[joint.name]
+        base = None
+        if joint.name in based:
+            k = 9 * based.index(joint.name)
+            base = ca.reshape(symbols[k : k + 9], 3, 3)
+        motion = displacement(joint, numbers, q[start : start + len(joint.freedom)], base)
+        parent = GROUND if branch.parent == len(topology.bodies) else topology.bodies[branch.parent]
+        frames[topology.bodies[branch.body]] = frames[parent].then(motion if branch.sign > 0 else motion.inverse())
+    rows: list[tuple[str, Expression, bool]] = []
+    for k in topology.cut:
+        joint = topology.joints[k]
+        relative = frames[joint.second].seen_from(frames[joint.first])
+        rows += [(f"{joint.name}.{name}", value, name[0] == "r") for name, value in openings(joint, numbers, relative)]
+    index = {name: i for i, name in enumerate(names)}
+    for part in model.couplers.values():
+        rows.append((part.name, sum((value * q[index[name]] for name, value in part.terms), ca.SX(0.0)),
+                     all(name.rpartition(".")[2][0] == "r" for name, _ in part.terms)))  # fmt: skip
+    return Kinematics(
+        topology, numbers, tuple(names), np.array(turns, dtype=bool), q, qd, frames,
+        ca.vertcat(*(value for _, value, _ in rows)) if rows else ca.SX.zeros(0),
+        tuple([name for name, _, _ in rows]), np.array([turn for _, _, turn in rows], dtype=bool), symbols, based,
+    )  # fmt: skip
+
+
+def _floating(topology: Topology, model: Mechanism, branch: Branch) -> Joint:
+    """The free joint on which a floating body hangs, called like the body."""
+    name = topology.bodies[branch.body]
+    return make_joint(name, "free", GROUND, name, model.bodies[name].position, None, None, None, None, None)
+
+
+def coupled_in_tree(model: Mechanism) -> tuple[str, ...]:
+    """Return joints to cut so that those whose coordinates couplers couple are in the tree.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The mechanism.
+
+    Returns
+    -------
+    tuple of str
+        Names of joints; none where nothing is coupled.
+
+    Raises
+    ------
+    ModelError
+        If all joints of a loop are coupled, or a coupled coordinate is a component of a rotation vector.
+    """
+    wanted = {name.rpartition(".")[0]: part.name for part in model.couplers.values() for name, _ in part.terms}
+    for name, coupler in wanted.items():
+        joint = model.joints[name]
+        if sum(d[0] == "r" for d, _ in joint.freedom) == 3 or joint.kind == "homokinetic":
+            raise ModelError(
+                f"coupler '{coupler}': joint '{name}' ({joint.kind}) turns by a rotation vector, whose components are "
+                f"no angles in finite motion; couple joints with one or two successive free rotations.",
+                element=coupler, field="coefficients",
+            )  # fmt: skip
+    cut: list[str] = []
+    for _ in wanted:
+        topology = span(model, cut)
+        missing = [topology.joints[k] for k in topology.cut if topology.joints[k].name in wanted]
+        if not missing:
+            break
+        name = missing[0].name
+        loop = [other for other in _loop(topology, missing[0]) if other not in wanted]
+        if not loop:
+            raise ModelError(
+                f"coupler '{wanted[name]}': all joints of the loop that '{name}' closes are coupled; leave one out.",
+                element=wanted[name], field="coefficients",
+            )  # fmt: skip
+        cut.append(max(loop, key=lambda other: len(model.joints[other].freedom)))
+    return tuple(cut)
+
+
+def _loop(topology: Topology, joint: Joint) -> list[str]:
+    """Names of the joints of the tree that a cut joint closes a loop with."""
+    up = {topology.bodies[branch.body]: branch for branch in topology.branches}
+    ways: list[list[str]] = []
+    for end in (joint.first, joint.second):
+        body, way = end, []
+        while body in up:
+            branch = up[body]
+            if branch.joint != FLOATS:
+                way.append(topology.joints[branch.joint].name)
+            body = topology.bodies[branch.parent] if branch.parent < len(topology.bodies) else GROUND
+        ways.append(way)
+    return [name for name in (*ways[0], *ways[1]) if (name in ways[0]) != (name in ways[1])]

@@ -1,0 +1,122 @@
+"""Cycles of running machines: torque, shaking force and shaking moment over the drive, and the force's hodograph."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.cycles.result import CycleData
+from mbsvib.errors import ResponseError
+from mbsvib.plots import _style as style
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from mbsvib.common.arrays import Array
+
+# Components below this share of the largest are rounding, and the motion is planar.
+PLANAR = 1e-9
+MOST_DRIVES = 7
+
+
+def cycle(cycles: CycleData | Sequence[CycleData], *, labels: Sequence[str] | None = None) -> Figure:
+    """Draw what drives must supply and the ground feels over a cycle.
+
+    Parameters
+    ----------
+    cycles : Cycle or sequence of Cycle
+        What ``Model.cycle`` returned; several are drawn into the same panels.
+    labels : sequence of str, optional
+        Names of the cycles in the legend; default: those of their models.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Torques, shaking force and moment over the first drive; of a planar motion, the moment is that about the normal
+        of its plane. On the right, the shaking force in the plane of its two largest components.
+
+    Raises
+    ------
+    ResponseError
+        If there is no cycle, or the labels are not as many.
+    """
+    several: list[CycleData] = [cycles] if isinstance(cycles, CycleData) else list(cycles)
+    if not several:
+        raise ResponseError("cycle: cycles = []; expected what model.cycle(...) returned, one or several.")
+    names = [each.machine.model.name for each in several] if labels is None else list(labels)
+    if len(names) != len(several):
+        raise ResponseError(f"cycle: labels = {names}; expected {len(several)}, one for each cycle.")
+    with style.context():
+        figure = style.new_figure(8.6, 5.6)
+        places = figure.add_gridspec(3, 2, width_ratios=(3, 2))
+        upper = figure.add_subplot(places[0, 0])
+        left = [upper, *(figure.add_subplot(places[row, 0], sharex=upper) for row in (1, 2))]
+        hodograph = figure.add_subplot(places[:, 1])
+        plane = _plane(several)
+        for i, (name, each) in enumerate(zip(names, several, strict=True)):
+            look, x = style.line(i), _over(each)
+            for k, drive in enumerate(each.drives[:MOST_DRIVES]):
+                own = look if len(each.drives) == 1 else style.line(k) if len(several) == 1 else look
+                left[0].plot(x, each.torques[drive], **own, label=name if len(each.drives) == 1 else drive)
+            left[1].plot(x, np.linalg.norm(each.shaking_force, axis=1), **look, label=name)
+            left[2].plot(x, _moment(each), **look, label=name)
+            closed = np.concatenate((each.shaking_force, each.shaking_force[:1]))[:, plane]
+            hodograph.plot(*closed.T, **look, label=name)
+        _named(several[0], left, hodograph, plane)
+        if len(several) > 1:
+            style.name_systems(figure, names, left[0])
+        elif len(several[0].drives) > 1:
+            left[0].legend(ncols=2)
+    return figure
+
+
+def _over(each: CycleData) -> Array:
+    """Values of the drive [deg, m], or numbers of samples where there are several."""
+    if len(each.drives) > 1:
+        return np.arange(len(each.shaking_force), dtype=float)
+    return np.degrees(each.angles) if _turns(each.drives[0]) else each.angles
+
+
+def _turns(drive: str) -> bool:
+    return drive.rpartition(".")[2].startswith("r")
+
+
+def _plane(several: Sequence[CycleData]) -> list[int]:
+    """The two largest components of the shaking force, in order."""
+    size = np.max([np.abs(each.shaking_force).max(axis=0) for each in several], axis=0)
+    return sorted(np.argsort(-size, kind="stable")[:2].tolist())
+
+
+def _moment(each: CycleData) -> Array:
+    """The component of the moment that is the only one, else its size."""
+    size = np.abs(each.shaking_moment).max(axis=0)
+    most = int(size.argmax())
+    if np.delete(size, most).max() <= PLANAR * size[most]:
+        return each.shaking_moment[:, most]
+    return np.asarray(np.linalg.norm(each.shaking_moment, axis=1))
+
+
+def _named(first: CycleData, left: Sequence[Axes], hodograph: Axes, plane: Sequence[int]) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    drives = first.drives
+    turning = all(map(_turns, drives))
+    over = f"{drives[0]} [{'deg' if _turns(drives[0]) else 'm'}]" if len(drives) == 1 else "sample [-]"
+    left[0].set_ylabel("torque [N m]" if turning else "force of drive [N]" if len(drives) == 1 else "torque [N m, N]")
+    left[1].set_ylabel("shaking force [N]")
+    left[2].set_ylabel("shaking moment [N m]")
+    left[2].set_xlabel(over)
+    for axes in left[:2]:
+        axes.tick_params(labelbottom=False)
+    if len(drives) == 1 and _turns(drives[0]) and np.ptp(first.angles) > 0.5 * np.pi:
+        left[2].xaxis.set_major_locator(MaxNLocator(nbins=9, steps=[1, 3, 4.5, 6, 9, 10]))
+    x, y = ("xyz"[k] for k in plane)
+    hodograph.set_xlabel(f"shaking force along {x} [N]")
+    hodograph.set_ylabel(f"shaking force along {y} [N]")
+    hodograph.set_aspect("equal", adjustable="datalim")
+    hodograph.axhline(0.0, color=style.MARK, linewidth=0.6)
+    hodograph.axvline(0.0, color=style.MARK, linewidth=0.6)

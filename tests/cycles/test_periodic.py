@@ -1,0 +1,174 @@
+"""Linear periodic equations about cycles: closed forms, Mathieu's equation, and the equations of small motion."""
+
+import mpmath as mp
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
+from scipy.special import mathieu_a, mathieu_b
+
+import mbsvib as mv
+from mbsvib import library
+
+TURN = 2 * np.pi
+
+
+def driven(n=96, speed=TURN, **words):
+    return library.hoeken(**words).cycle("crank.rz", TURN * np.arange(n) / n, speed=speed)
+
+
+def crank_inertia(q):
+    """J(q) of Hoeken's linkage with a = 0.1 m and 2 kg/m, from the closed-form positions of its pins."""
+    a = lambda q: (mp.cos(q) / 10, mp.sin(q) / 10)  # noqa: E731
+
+    def b(q):
+        x, y = a(q)
+        gap = mp.hypot(mp.mpf("0.2") - x, -y)
+        across = mp.sqrt(mp.mpf("0.0625") - gap**2 / 4)
+        return (mp.mpf("0.2") + x) / 2 + across * y / gap, y / 2 + across * (mp.mpf("0.2") - x) / gap
+
+    rest = lambda q: (mp.mpf(0), mp.mpf(0))  # noqa: E731
+    total = mp.mpf(0)
+    for start, end, length in ((rest, a, 0.1), (a, b, 0.25), (rest, b, 0.25)):
+        (xs, ys), (xe, ye) = ([mp.diff(lambda t, c=c, f=f: f(t)[c], q) for c in (0, 1)] for f in (start, end))
+        total += 2 * mp.mpf(str(length)) * (xs**2 + ys**2 + xe**2 + ye**2 + xs * xe + ys * ye) / 3
+    return total
+
+
+def test_coefficients_of_a_linkage():
+    """tau = J q'' + J' q'^2 / 2, so that M = J, C = J' q', K = J'' q'^2 / 2 at constant speed."""
+    found = driven(12).periodic()
+    for i in (0, 3, 7):
+        with mp.workdps(30):
+            j, slope, curve = (mp.diff(crank_inertia, TURN * i / 12, order) for order in range(3))
+        assert_allclose(found.M[i], [[float(j)]], rtol=1e-10)
+        assert_allclose(found.C[i], [[float(slope) * TURN]], rtol=1e-7, atol=1e-10)
+        assert_allclose(found.K[i], [[float(curve) * TURN**2 / 2]], rtol=1e-6, atol=1e-8)
+
+
+def test_at_rest_they_are_those_of_small_motion():
+    """Speed zero: the system that linearize makes of every pose, with springs and gravity."""
+    model = library.four_bar()
+    angles = np.array([0.0, 0.1, -0.2])
+    found = model.cycle("A.rz", angles, speed=0.0).periodic({"A.rz": (3.0, 0.2)}, period=1.0)
+    system = model.linearize(independent=["A.rz"])
+    assert_allclose(found.M[0], system.M, rtol=1e-11)
+    assert_allclose(found.C[0] - 0.2, system.C, rtol=1e-11)
+    assert_allclose(found.K[0] - 3.0, system.K, rtol=1e-9)
+    there = model.moved({"A.rz": angles[1]}).with_parts(springs={}, gravity=None)
+    assert_allclose(found.M[1], there.linearize(independent=["A.rz"]).M, rtol=1e-10)
+    plain = model.cycle("A.rz", [0.0], speed=0.0).periodic(period=1.0)
+    values = system.modes().eigenvalues
+    assert_allclose(np.sort_complex(plain.frozen[0]), np.sort_complex(values), rtol=1e-8)
+    assert_allclose(plain.averaged, plain.frozen[0], rtol=1e-14)
+
+
+def shaken_pendulum(a, q, damping=0.0, n=48):
+    """x'' + (a - 2 q cos 2t) x = 0 of a pendulum of 1 m on a pivot that goes up and down by z, g + z'' = -(...)."""
+    model = mv.Model("shaken", gravity=(0, 0, -9.81))
+    model.add_body("pivot", 0.5, (1, 1, 1))
+    model.add_body("bob", 1.0, (0, 0, 0), (0, 0, -1.0))
+    model.add_joint("slide", "prismatic", "ground", "pivot", axis=(0, 0, 1))
+    model.add_joint("pin", "revolute", "pivot", "bob", (0, 0, 0), axis=(0, 1, 0))
+    t = np.pi * np.arange(n) / n
+    z = (0.5 * q * np.cos(2 * t), -q * np.sin(2 * t), -2 * q * np.cos(2 * t))
+    cycle = model.cycle(motion={"slide.z": z, "pin.rz": (0.0, 0.0, 0.0)})
+    return cycle.periodic({"pin.rz": (a - 9.81, damping)}, period=np.pi)
+
+
+@pytest.mark.parametrize("q", [0.5, 3.0])
+@pytest.mark.parametrize("branch", [(mathieu_a, 0, 1), (mathieu_b, 1, -1), (mathieu_a, 1, -1), (mathieu_b, 2, 1)])
+def test_borders_of_mathieus_equation(branch, q):
+    """On a characteristic curve both multipliers are 1, or -1; beside it the pair is real, or on the unit circle."""
+    curve, order, sign = branch
+    a = float(curve(order, q))
+    on = shaken_pendulum(a, q)
+    assert_allclose(on.M, 1.0, rtol=1e-13)
+    assert_allclose(on.multipliers(), [sign, sign], atol=2e-4)  # a double eigenvalue, to the root of rounding
+    assert_allclose(on.multipliers().sum(), 2 * sign, atol=1e-8)
+    below, above = (shaken_pendulum(a + step, q) for step in (-0.01, 0.01))
+    assert below.stable is not above.stable
+    assert above.stable is (curve is mathieu_a)
+
+
+def test_damping_shrinks_the_product_of_multipliers():
+    """Liouville: the product of all is exp(-integral of trace C / M)."""
+    found = shaken_pendulum(1.2, 0.8, damping=0.3)
+    assert_allclose(np.prod(found.multipliers()), np.exp(-0.3 * np.pi), rtol=1e-9)
+    machine = driven().periodic({"crank.rz": (5.0, 0.02)})
+    trace = (machine.C[:, 0, 0] / machine.M[:, 0, 0]).mean()
+    assert_allclose(np.prod(machine.multipliers()).real, np.exp(-trace * machine.period), rtol=1e-6)
+
+
+def inertia(q):
+    """J(q) of Hoeken's linkage, analytic in q, for steps along the imaginary axis."""
+    step = 1e-30
+
+    def pins(q):
+        a = np.array([0.1 * np.cos(q), 0.1 * np.sin(q)])
+        gap = np.sqrt((0.2 - a[0]) ** 2 + a[1] ** 2)
+        across = np.sqrt(0.0625 - gap**2 / 4) / gap
+        return a, np.array([(0.2 + a[0]) / 2 + across * a[1], a[1] / 2 + across * (0.2 - a[0])])
+
+    a, b = (np.array(pin) / step for pin in np.imag(pins(q + 1j * step)))
+    rest = np.zeros(2)
+    return sum(2 * length * (s @ s + e @ e + s @ e) / 3 for s, e, length in (
+        (rest, a, 0.1), (a, b, 0.25), (rest, b, 0.25)))  # fmt: skip
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 2.0])
+def test_multipliers_against_the_nonlinear_motion(stiffness):
+    """J q'' + J' q'^2 / 2 = tau(t) - k (q - W t), integrated over a turn from neighbouring starts."""
+    slope = lambda q: (inertia(q + 1e-5) - inertia(q - 1e-5)) / 2e-5  # noqa: E731
+
+    def rate(t, x):
+        wanted = 0.5 * slope(TURN * t) * TURN**2 - stiffness * (x[0] - TURN * t)
+        return [x[1], (wanted - 0.5 * slope(x[0]) * x[1] ** 2) / inertia(x[0])]
+
+    ends = []
+    for start in ((1e-5, 0.0), (-1e-5, 0.0), (0.0, 1e-5), (0.0, -1e-5)):
+        end = solve_ivp(rate, (0, 1), np.array([0.0, TURN]) + start, method="DOP853", rtol=1e-9, atol=1e-11)
+        ends.append(end.y[:, -1])
+    over = np.array([ends[0] - ends[1], ends[2] - ends[3]]).T / 2e-5
+    found = driven().periodic({"crank.rz": (stiffness, 0.0)}).multipliers()
+    assert_allclose(np.poly(found).real, np.poly(over), rtol=1e-4, atol=1e-4)
+
+
+def test_stiff_drives_are_those_of_frozen_equations():
+    """A shaft that is fast against the turn: its multipliers wind as the frozen frequency does on average."""
+    found = driven().periodic({"crank.rz": (300.0, 0.0)})
+    frozen = np.abs(found.frozen[:, 0])
+    turns = np.angle(found.multipliers()[0]) % TURN
+    wound = (frozen.mean() * found.period) % TURN
+    assert min(abs(turns - wound), abs(TURN - turns - wound)) < 0.02
+    assert found.stable
+
+
+def test_two_released_drives_of_an_arm():
+    """At rest in one pose: coefficients are those of the arm with the drives' stiffness."""
+    arm = library.two_link()
+    cycle = arm.cycle(motion={"joint1.rz": ([0.0, 0.0], 0, 0), "joint2.rz": ([0.0, 0.0], 0, 0)})
+    found = cycle.periodic({"joint2.rz": (3.0, 0.0), "joint1.rz": (5.0, 0.0)}, period=0.1)
+    assert found.coordinates == ("joint2.rz", "joint1.rz")
+    mass = arm.linearize().M[::-1, ::-1]
+    assert_allclose(found.M[0], mass, rtol=1e-12)
+    values = np.linalg.eigvals(np.linalg.solve(mass, np.diag([3.0, 5.0])))
+    assert_allclose(np.sort(np.abs(found.averaged))[::2], np.sqrt(np.sort(values)), rtol=1e-10)
+    assert_allclose(np.abs(found.multipliers()), 1.0, rtol=1e-9)
+
+
+def test_mistakes_are_named():
+    cycle = driven(12)
+    for released, said in (({"rocker.rz": (0, 0)}, "released 'rocker.rz' is none of its drives"), ({}, "at least one"),
+                           ({"crank.rz": 3.0}, "stiffness and damping"), ("crank.rz", "released")):  # fmt: skip
+        with pytest.raises(mv.ModelError, match=said):
+            cycle.periodic(released)
+    with pytest.raises(mv.ModelError, match="period = -1"):
+        cycle.periodic(period=-1.0)
+    uneven = library.hoeken().cycle("crank.rz", [0.0, 1.0, 2.0], speed=1.0)
+    with pytest.raises(mv.ModelError, match="not evenly spread over one turn"):
+        uneven.periodic()
+    with pytest.raises(mv.ModelError, match="period = None; expected the period"):
+        library.hoeken().cycle("crank.rz", [0.0], speed=0.0).periodic()
+    with pytest.warns(mv.errors.AccuracyWarning, match="12 samples leave"):
+        cycle.periodic({"crank.rz": (5.0, 0.0)}).multipliers()

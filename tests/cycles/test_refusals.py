@@ -1,0 +1,137 @@
+"""Cycles that do not exist, and drives that are none: refused by name, with the angle."""
+
+import re
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib import library
+
+TURN = 2 * np.pi
+
+
+def four_bar(crank, coupler, rocker, ground, angle):
+    return library.hoeken(crank=crank, coupler=coupler, rocker=rocker, ground=ground, angle=angle)
+
+
+def angle_in(error):
+    return float(re.search(r"\.rz = (-?[\d.e-]+) rad", str(error.value)).group(1))
+
+
+@pytest.mark.parametrize("samples", [13, 12, 50])
+def test_a_parallelogram_is_singular_where_it_is_flat(samples):
+    """Crank and rocker alike, coupler and ground alike: at 180 degrees all bars are on one line."""
+    model = four_bar(0.1, 0.3, 0.1, 0.3, 1.0)
+    with pytest.raises(mv.errors.SingularPoseError, match=r"cycle: at crank.rz = .* singular pose") as error:
+        model.cycle("crank.rz", np.linspace(0.0, TURN, samples), speed=1.0)
+    assert angle_in(error) == pytest.approx(np.pi - 1.0, abs=1e-5)
+
+
+def test_a_described_pose_that_is_singular():
+    with pytest.raises(mv.errors.SingularPoseError, match=r"at pin67.rz = 0 rad the mechanism is in a singular pose"):
+        library.carpet_scraper().cycle("pin67.rz", [0.0, 0.1], speed=1.0)
+
+
+def test_a_rocker_reaches_its_dead_centre():
+    """The rocker of Hoeken's linkage turns until crank and coupler are in line: 0.35 m from pivot to pin."""
+    model = four_bar(0.1, 0.25, 0.25, 0.2, 1.2)
+    x, y, _ = model.joints["pin23"].position
+    now = np.arctan2(y, x - 0.2)
+    # cosine law in the triangle of ground 0.2, rocker 0.25 and crank + coupler 0.35
+    inner = np.arccos((0.2**2 + 0.25**2 - 0.35**2) / (2 * 0.2 * 0.25))
+    farthest = np.pi - inner
+    with pytest.raises(mv.errors.SingularPoseError) as error:
+        model.cycle("rocker.rz", [0.0, farthest - now - 0.5], speed=1.0)
+    assert angle_in(error) == pytest.approx(farthest - now, abs=1e-5)
+    before = model.cycle("rocker.rz", [0.0, 0.9 * (farthest - now)], speed=1.0)
+    assert np.isfinite(before.torque).all()
+
+
+def test_near_a_singular_pose_it_warns():
+    model = four_bar(0.1, 0.25, 0.25, 0.2, 1.2)
+    x, y, _ = model.joints["pin23"].position
+    limit = np.pi - np.arccos((0.2**2 + 0.25**2 - 0.35**2) / (2 * 0.2 * 0.25)) - np.arctan2(y, x - 0.2)
+    with pytest.warns(mv.errors.NearSingularWarning, match=r"lose as many digits"):
+        model.cycle("rocker.rz", [limit * (1 - 1e-10)], speed=1.0)
+
+
+def test_a_drive_that_loops_hold():
+    model = library.hoeken().with_parts(joints={})
+    for joint in library.hoeken().joints.values():
+        kind = "cylindrical" if joint.name == "crank" else joint.kind
+        model.add_joint(joint.name, kind, joint.first, joint.second, joint.position, axis=joint.axis)
+    with pytest.raises(mv.ModelError, match=r"the drive 'crank.z' does not move the mechanism.*crank.rz"):
+        model.cycle(motion={"crank.rz": (0, 1, 0), "crank.z": (0, 0, 0)})
+    with pytest.raises(mv.ModelError, match=r"the drive 'crank.z' does not determine the motion of"):
+        model.cycle("crank.z", [0.0], speed=1.0)
+
+
+def test_a_structure_has_no_drive():
+    model = library.hoeken()
+    model.add_joint("lock", "fixed", "ground", "link3")
+    with pytest.raises(mv.ModelError, match=r"'crank.rz' does not move the mechanism.*it is fully locked"):
+        model.cycle("crank.rz", [0.0, 0.1], speed=1.0)
+
+
+def test_drives_that_loops_tie():
+    with pytest.raises(mv.ModelError, match=r"tie the drives 'crank.rz', 'rocker.rz'.*leave out 1"):
+        library.hoeken(angle=0.3).cycle(motion={"crank.rz": (0, 1, 0), "rocker.rz": (0, 1, 0)})
+    every = {f"{name}.rz": (0, 0, 0) for name in ("crank", "pin12", "pin23", "rocker")}
+    with pytest.raises(mv.ModelError, match=r"cycle: all joints of the loop that 'pin.*' closes are driven"):
+        library.hoeken().cycle(motion=every)
+
+
+def test_freedoms_that_no_drive_has():
+    with pytest.raises(mv.ModelError, match=r"'crank.rz' does not determine the motion of 'ball12.r"):
+        library.rssr().cycle("crank.rz", [0.0, 0.1], speed=1.0)
+    with pytest.raises(mv.ModelError, match=r"'joint1.rz' does not determine the motion of 'joint2.rz'; drive that"):
+        library.two_link().cycle("joint1.rz", [0.0], speed=1.0)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [({}, "give either a drive"), ({"drive": "crank.rz"}, "speed = None; expected the rate"),
+     ({"drive": "crank.z", "angles": [0], "speed": 1}, "'crank.z' is no joint coordinate.*Did you mean 'crank.rz'"),
+     ({"drive": "crank.rz", "angles": [0, np.nan], "speed": 1}, "angles = .*all finite"),
+     ({"drive": "crank.rz", "angles": "fast", "speed": 1}, "angles = 'fast'"),
+     ({"drive": "crank.rz", "angles": [0.0], "speed": "fast"}, "speed = 'fast'"),
+     ({"motion": {}}, "motion = {}"), ({"motion": {"crank.rz": (0, 1)}}, "three arrays"),
+     ({"motion": {"crank.rz": ([0, 1], [1, 1, 1], 0)}}, "3 samples, as the others have"),
+     ({"motion": {"crank.rz": (0, 1, 0)}, "speed": 1.0}, "motion= says the rates itself"),
+     ({"drive": "crank.rz", "angles": [0.0], "speed": 1, "about": (0, 0)}, "about")],
+)  # fmt: skip
+def test_mistakes_are_named(words, said):
+    with pytest.raises(mv.ModelError, match=said):
+        library.hoeken().cycle(**words)
+
+
+def test_parts_without_finite_motion():
+    with pytest.raises(mv.ModelError, match=r"ball12.*rotation vector"):
+        library.rssr(rocker_ball="universal").cycle("ball12.rx", [0.0], speed=1.0)
+    model = library.hoeken()
+    model.add_maxwell("soft", "ground", "link1", (0, 0, 0.1), (0.05, 0, 0), stiffness=1.0, damping=1.0)
+    with pytest.raises(mv.ModelError, match=r"maxwell 'soft': has a state of its own"):
+        model.cycle("crank.rz", [0.0], speed=1.0)
+    bending = library.hoeken()
+    steel = {"E": 2.1e11, "nu": 0.3, "rho": 7800.0}
+    bending.add_beam("tube", "ground", None, {"type": "circle", "radius": 0.01}, steel, start=(0, 0, 1), end=(0, 0, 2))
+    with pytest.raises(mv.ModelError, match=r"beam 'tube'"):
+        bending.cycle("crank.rz", [0.0], speed=1.0)
+
+
+def test_questions_that_have_no_answer():
+    cycle = library.hoeken().cycle("crank.rz", [0.0, 1.0], speed=1.0)
+    with pytest.raises(mv.ModelError, match=r"quantity = 'forse'.*Did you mean 'force'"):
+        cycle.rms("forse")
+    with pytest.raises(mv.ModelError, match=r"no parameter"):
+        cycle.sensitivities("crank.mass")
+    with pytest.raises(mv.ModelError, match=r"'link1.orientation.rx' cannot be a symbol"):
+        cycle.sensitivities("link1.orientation.rx")
+    arm = library.two_link().cycle(motion={"joint1.rz": (0, 1, 0), "joint2.rz": (0, 1, 0)})
+    with pytest.raises(mv.ModelError, match=r"drive = None; expected one of the drives: joint1.rz, joint2.rz"):
+        arm.rms("torque")
+    assert arm.rms("torque", "joint2.rz") == abs(arm.torque["joint2.rz"][0])
+    assert "torque at joint2.rz" in str(arm)
+    with pytest.raises(ValueError, match=r"read-only"):
+        cycle.torque[0] = 1.0
