@@ -14,6 +14,9 @@ from mbsvib.errors import MbsvibError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+# The record at the end of an archive, and the number in it where a longer record has the number of entries.
+_END, _UNCOUNTED = b"PK\x05\x06", 0xFFFF
+
 
 @contextmanager
 def archive_of(raw: bytes) -> Iterator[zipfile.ZipFile]:
@@ -41,6 +44,9 @@ def archive_of(raw: bytes) -> Iterator[zipfile.ZipFile]:
                 raise ContentError(f"{len(entries)} files in the archive; expected {MOST_ENTRIES} at most")
             if len({entry.filename for entry in entries}) < len(entries):
                 raise ContentError("a name is there twice in the archive")
+            end = raw.rfind(_END)  # it counts the entries; a damaged one can swallow the next
+            if (counted := int.from_bytes(raw[end + 10 : end + 12], "little")) not in (len(entries), _UNCOUNTED):
+                raise ContentError(f"{len(entries)} files in the archive; its end says {counted}")
             for entry in entries:
                 with archive.open(entry):  # compares its name here and in the table at the end
                     pass
