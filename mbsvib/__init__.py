@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from mbsvib.library import from_dh
     from mbsvib.mjcf import load_mjcf
     from mbsvib.modes.disparity import modal_disparity
+    from mbsvib.responses.measurement import Measurement
     from mbsvib.responses.state_space import StateSpace
     from mbsvib.studies import optimize, sweep, tolerances, track
     from mbsvib.urdf import load_urdf
@@ -42,6 +43,7 @@ __all__ = [
     "LargeDisplacementWarning",
     "LeftOutWarning",
     "MbsvibError",
+    "Measurement",
     "Model",
     "ModelError",
     "Modes",
@@ -72,6 +74,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "Measurement": "mbsvib.responses.measurement",
     "Modes": "mbsvib.api.modes",
     "Run": "mbsvib.api.run",
     "StateSpace": "mbsvib.responses.state_space",

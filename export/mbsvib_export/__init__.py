@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from mbsvib_export.checking import Comparison, ExportCheck, check_export
     from mbsvib_export.control_ import to_control, to_frd
     from mbsvib_export.cosimulation import CosimulationCheck, MasterCheck, check_cosimulation, to_ssp
+    from mbsvib_export.dmig_ import to_dmig
     from mbsvib_export.exudyn_ import to_exudyn
     from mbsvib_export.fmu_ import FmuFile, to_fmu
     from mbsvib_export.hdf5_ import from_hdf5, to_hdf5
@@ -27,12 +28,12 @@ if TYPE_CHECKING:
     from mbsvib_export.modelica_ import to_modelica
     from mbsvib_export.names_ import SignalNames
     from mbsvib_export.naming import named, with_names
-    from mbsvib_export.nastran_ import to_dmig, to_op4
     from mbsvib_export.neutral import SystemData
     from mbsvib_export.npz_ import from_npz, to_npz
+    from mbsvib_export.op4_ import to_op4
     from mbsvib_export.scipy_ import to_scipy
     from mbsvib_export.transfer_ import to_transfer_function
-    from mbsvib_export.uff_ import ResponseData, from_uff, to_uff
+    from mbsvib_export.uff_ import from_uff, to_uff
 
 __all__ = [
     "BatchData",
@@ -43,7 +44,6 @@ __all__ = [
     "ExportCheck",
     "FmuFile",
     "MasterCheck",
-    "ResponseData",
     "SignalNames",
     "SystemData",
     "check_cosimulation",
@@ -88,7 +88,6 @@ _HOMES = {
     "ExportCheck": "checking",
     "FmuFile": "fmu_",
     "MasterCheck": "cosimulation",
-    "ResponseData": "uff_",
     "SignalNames": "names_",
     "SystemData": "neutral",
     "check_cosimulation": "cosimulation",
@@ -106,8 +105,8 @@ _HOMES = {
     "to_casadi_eigenvalues": "casadi_objectives",
     "to_casadi_response": "casadi_objectives",
     "to_control": "control_",
-    "to_dmig": "nastran_",
     "to_exudyn": "exudyn_",
+    "to_dmig": "dmig_",
     "to_fmu": "fmu_",
     "to_frd": "control_",
     "to_hdf5": "hdf5_",
@@ -116,7 +115,7 @@ _HOMES = {
     "to_modelica": "modelica_",
     "to_npz": "npz_",
     "to_npz_batch": "batch_",
-    "to_op4": "nastran_",
+    "to_op4": "op4_",
     "to_scipy": "scipy_",
     "to_ssp": "cosimulation",
     "to_transfer_function": "transfer_",

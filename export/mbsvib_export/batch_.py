@@ -15,10 +15,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.expected import a_path
+from mbsvib.common.file_content import content_of
 from mbsvib.errors import ExportError
 from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.neutral import SECOND_ORDER, SystemData, first_order
-from mbsvib_export.npz_ import STATE_TEXTS, TEXTS, system_data_from
+from mbsvib_export.npz_ import KEYS, STATE_TEXTS, TEXTS, system_data_from
+from mbsvib_export.npz_reading import arrays_in
 from mbsvib_export.read_errors import read_errors
 
 if TYPE_CHECKING:
@@ -125,16 +127,21 @@ def from_npz_batch(path: str | os.PathLike[str]) -> BatchData:
     ExportError
         If the file cannot be read, is damaged, holds a single system, or is of a later version of the format.
     """
-    a_path(path, "from_npz_batch", ExportError)
-    with read_errors(path, ".npz file", "to_npz_batch"):
-        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
-            arrays = dict(file)
+    file = a_path(path, "from_npz_batch", ExportError)
+    content = content_of(file, ExportError, "a file of to_npz_batch")
+    with read_errors(file, ".npz file", "to_npz_batch"):
+        arrays = arrays_in(content, (*KEYS, "parameters", "values"))
         kind, version = str(arrays.pop("format")), int(arrays.pop("version"))
         if (kind, version) != (FORMAT, VERSION):
             raise ExportError(f"format = {kind!r}, version {version}; expected {FORMAT!r}, version {VERSION}. A single "
                               f"system is read by from_npz.")  # fmt: skip
         names, values = arrays.pop("parameters").tolist(), arrays.pop("values")
         shared = {key: arrays.pop(key) for key in ("name", "realization", *TEXTS, *STATE_TEXTS)}
+        if values.ndim != 2 or values.dtype != float:
+            raise ExportError(f"the array 'values' has shape {values.shape}; expected floats (parameters, variants).")
+        for key, array in arrays.items():
+            if array.shape[:1] != values.shape[1:]:
+                raise ExportError(f"the array '{key}' has shape {array.shape}; expected {values.shape[1]} variants.")
         systems = tuple(system_data_from(shared | {key: array[i].copy() for key, array in arrays.items()})
                         for i in range(values.shape[1]))  # fmt: skip
         return BatchData(str(shared["name"]), systems, dict(zip(names, values, strict=True)))

@@ -1,4 +1,7 @@
-"""Check of exports: frequency response and poles of the system in a file against the model of origin."""
+"""Re-reading of exports: frequency response and poles of what stands in a file against the model it came from.
+
+Files are read as data. Only an FMU holds code, and this is run where the caller says so.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +23,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.responses.measurement import Measurement
     from mbsvib.responses.state_space import StateSpace
-    from mbsvib_export.uff_ import ResponseData
 
 
 LIMIT = 1e-6
@@ -46,10 +49,11 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class ExportCheck:
-    """What was compared in a file; printed as a table."""
+    """What was compared in a file, and ``remarks`` on what was not; printed as a table."""
 
     path: Path
     comparisons: tuple[Comparison, ...]
+    remarks: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -59,30 +63,35 @@ class ExportCheck:
     def __str__(self) -> str:
         rows = [(row.what, row.against, f"{row.error:.1e}", f"{row.limit:.0e}", "yes" if row.passed else "NO")
                 for row in self.comparisons]  # fmt: skip
-        return tables.text(
+        table = tables.text(
             f"Check of {self.path.name}",
             [("in the file", "left"), ("against", "left"), ("error [1]", "right"), ("limit", "right"),
              ("passed", "right")], rows,
         )  # fmt: skip
+        return "\n".join((table, *self.remarks))
 
 
 def check_export(
-    path: str | os.PathLike[str], model: System | SystemData | None = None, limit: float = LIMIT
+    path: str | os.PathLike[str], system: System | SystemData | None = None, limit: float = LIMIT, *, run: bool = False
 ) -> ExportCheck:
-    """Read a file of an exporter again, and compare frequency response and poles with the model.
+    """Read a file of an exporter again, and compare frequency response and poles with the system.
 
-    Without a model the equations in the file are compared with each other: state space, second-order equations, and
-    the points that .mat files keep.
+    Without a system the equations in the file are compared with each other: state space, second-order equations, and
+    the points that .mat files keep. Nothing of a file is run unless ``run`` is given. Of an FMU by mbsvib the
+    description and the numbers that its binary computes with are compared; whether the binary does so, ``run`` tells.
 
     Parameters
     ----------
     path : str or path
         File of ``to_json``, ``to_npz``, ``to_mat``, ``to_hdf5``, ``to_uff``, ``to_op4``, ``to_dmig`` or
         ``to_fmu``, by its suffix.
-    model : System or SystemData, optional
+    system : System or SystemData, optional
         What it came from.
     limit : float
         Largest relative error that passes.
+    run : bool
+        Whether to load the binary of an .fmu as well and compare its answers. It is a program and may do anything:
+        only for files whose origin you trust. Other files hold nothing that could be run.
 
     Returns
     -------
@@ -92,21 +101,23 @@ def check_export(
     Raises
     ------
     ExportError
-        If the file cannot be read, its names are not those of the model, or it cannot be checked without one.
+        If the file cannot be read, its names are not those of the system, or it cannot be checked without one.
     """
-    if model is not None and not isinstance(model, (System, SystemData)):
-        refuse_many(model, "check_export")
-        raise ExportError(f"check_export: model = {type(model).__name__}; expected a System (model.linearize()).")
+    if system is not None and not isinstance(system, (System, SystemData)):
+        refuse_many(system, "check_export")
+        raise ExportError(f"check_export: system = {type(system).__name__}; expected a System (model.linearize()).")
     file = a_path(path, "check_export", ExportError)
     suffix = file.suffix.lower()
     if suffix in _READERS:
-        return ExportCheck(file, _of_system(_READERS[suffix](file), model, limit))
-    if suffix in _PARTS:
-        if model is None:
-            raise ExportError(f"{file}: a {suffix} file has nothing in it to compare with; give the model as well.")
-        return ExportCheck(file, _PARTS[suffix](file, model, limit))
-    raise ExportError(f"{file}: no exporter writes '{suffix}' files that can be read again; expected one of "
-                      f"{', '.join(SUFFIXES)}.")  # fmt: skip
+        return ExportCheck(file, _of_system(_READERS[suffix](file), system, limit))
+    if suffix not in SUFFIXES:
+        raise ExportError(f"{file}: no exporter writes '{suffix}' files that can be read again; expected one of "
+                          f"{', '.join(SUFFIXES)}.")  # fmt: skip
+    if system is None:
+        raise ExportError(f"{file}: a {suffix} file has nothing in it to compare with; give the system as well.")
+    if suffix == ".fmu":
+        return _of_unit(file, system, limit, run)
+    return ExportCheck(file, _PARTS[suffix](file, system, limit))
 
 
 def _read_json(path: Path) -> SystemData:
@@ -182,12 +193,13 @@ def _of_responses(path: Path, model: System | SystemData, limit: float) -> tuple
 
     data = from_uff(path)
     _same_names(data, model)
-    error = response_error(data.response, _response(model, data.omega), model, data.omega)
+    error = response_error(data.responses, _response(model, data.omega), model, data.omega)
     return (Comparison("frequency responses", "the model", error, limit),)
 
 
 def _of_matrices(path: Path, model: System | SystemData, limit: float) -> tuple[Comparison, ...]:
-    from mbsvib_export.nastran_ import read_dmig, read_op4
+    from mbsvib_export.dmig_ import read_dmig
+    from mbsvib_export.op4_ import read_op4
 
     matrices = read_dmig(path) if path.suffix.lower() == ".pch" else read_op4(path)
     data = model if isinstance(model, SystemData) else SystemData.of(model)
@@ -202,22 +214,34 @@ def _of_matrices(path: Path, model: System | SystemData, limit: float) -> tuple[
     return tuple(result)
 
 
-def _of_unit(path: Path, model: System | SystemData, limit: float) -> tuple[Comparison, ...]:
-    from mbsvib_export.cosimulation.unit import state_space_of_unit
+def _of_unit(path: Path, model: System | SystemData, limit: float, run: bool) -> ExportCheck:
+    from mbsvib_export.fmu_.reading import state_space_in
 
-    space = state_space_of_unit(path)
+    if run:
+        from mbsvib_export.cosimulation.unit import state_space_of_unit
+
+        return ExportCheck(path, _of_space(state_space_of_unit(path), "its derivatives", model, limit))
+    space, platforms = state_space_in(path)
+    return ExportCheck(
+        path, _of_space(space, "A B C D", model, limit),
+        (f"Not run: its binaries for {', '.join(platforms) or 'no platform'}. Where you trust the file: "
+         "check_export(..., run=True), or --run.",),
+    )  # fmt: skip
+
+
+def _of_space(space: StateSpace, what: str, model: System | SystemData, limit: float) -> tuple[Comparison, ...]:
     _same_names(space, model)
     values = _poles(model)
     omega = check_points(values)
     truth = _response(model, omega)
     error = response_error(state_space_response(space, omega), truth, model, omega)
     return (
-        Comparison("response of its derivatives", "the model", error, limit),
+        Comparison(f"response of {what}", "the model", error, limit),
         Comparison("poles", "the model", pole_error(poles(space.A), values), limit),
     )
 
 
-_PARTS = {".uff": _of_responses, ".unv": _of_responses, ".op4": _of_matrices, ".pch": _of_matrices, ".fmu": _of_unit}
+_PARTS = {".uff": _of_responses, ".unv": _of_responses, ".op4": _of_matrices, ".pch": _of_matrices}
 
 
 def _response(model: System | SystemData, omega: Array) -> Complex:
@@ -228,7 +252,7 @@ def _poles(model: System | SystemData) -> Complex:
     return poles(model.state_space.A) if isinstance(model, SystemData) else model.poles()
 
 
-def _same_names(data: SystemData | StateSpace | ResponseData, model: System | SystemData) -> None:
+def _same_names(data: SystemData | StateSpace | Measurement, model: System | SystemData) -> None:
     for what in ("inputs", "outputs"):
         exported, expected = getattr(data, what), getattr(model, what)
         if exported != expected:

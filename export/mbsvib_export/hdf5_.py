@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.expected import a_path
+from mbsvib.common.file_content import check_shape, content_of
 from mbsvib.errors import ExportError
 from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.format_version import check_version
 from mbsvib_export.neutral import system_data_of
-from mbsvib_export.npz_ import arrays_of, system_data_from
+from mbsvib_export.npz_ import KEYS, arrays_of, system_data_from
 from mbsvib_export.packages import need
 from mbsvib_export.read_errors import read_errors
 
@@ -103,19 +104,27 @@ def from_hdf5(path: str | os.PathLike[str]) -> SystemData:
     """
     h5py = need("h5py", "from_hdf5", _INSTALL)
     file = a_path(path, "from_hdf5", ExportError)
-    with read_errors(path, "HDF5 file", "to_hdf5"):
-        raw = file.read_bytes()
+    raw = content_of(file, ExportError, "a file of to_hdf5")
+    with read_errors(file, "HDF5 file", "to_hdf5"):
         if raw[:HEAD] != head(raw[HEAD:]):
             raise ExportError("no HDF5 file as to_hdf5 wrote it: damaged, or saved by another program; write it again.")
-        with h5py.File(BytesIO(raw), "r") as file:
-            entries: dict[str, Any] = {}
-
-            def take(key: str, item: Any) -> None:
-                if isinstance(item, h5py.Dataset):
-                    is_text = h5py.check_string_dtype(item.dtype) is not None
-                    value = np.array(item.asstr()[()], dtype=str) if is_text else np.array(item[()])
-                    entries[key.replace("/", ".")] = value
-
-            file.visititems(take)
+        with h5py.File(BytesIO(raw), "r") as datasets:
+            entries = _entries(h5py, datasets, len(raw))
         check_version(str(entries.get("format")), int(entries.get("version", 0)))
         return system_data_from(entries)
+
+
+def _entries(h5py: Any, file: Any, size: int) -> dict[str, Any]:
+    """Return the datasets by the keys of ``npz_``, those only whose numbers stand in the file itself."""
+    result: dict[str, Any] = {}
+    for key in KEYS:
+        item = file.get(key.replace(".", "/"))
+        if not isinstance(item, h5py.Dataset):
+            continue
+        needed = check_shape(item.shape, item.dtype.itemsize, size, key)
+        if item.is_virtual or item.external or item.chunks or item.id.get_storage_size() < needed:
+            raise ExportError(f"the numbers of '{key}' are packed, missing or in another file; expected them as "
+                              f"to_hdf5 writes them.")  # fmt: skip
+        is_text = h5py.check_string_dtype(item.dtype) is not None
+        result[key] = np.array(item.asstr()[()], dtype=str) if is_text else np.array(item[()])
+    return result

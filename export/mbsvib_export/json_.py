@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import os
 from importlib.resources import files
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from mbsvib.common.file_content import content_of
 from mbsvib.errors import ExportError
 from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.format_version import FORMAT, VERSION
@@ -79,17 +79,15 @@ def from_json(source: str | os.PathLike[str] | Mapping[str, Any]) -> SystemData:
     is_text = isinstance(source, str) and source.lstrip()[:1] == "{"
     where = "from_json" if is_text else os.fspath(source)
     try:
-        text = source if is_text else Path(source).read_text(encoding="utf-8-sig")
-        return system_data(json.loads(str(text), parse_constant=_refuse_constant))
-    except OSError as error:
-        raise ExportError(f"{where}: cannot be read: {error.strerror or error}; expected a file of to_json.") from error
+        text = source if is_text else content_of(source, ExportError, "a file of to_json").decode("utf-8-sig")
+        return system_data(json.loads(str(text), parse_constant=_refuse_constant, object_pairs_hook=_each_once))
     except json.JSONDecodeError as error:
         raise ExportError(f"{where}: line {error.lineno}, column {error.colno}: {error.msg}; expected JSON as to_json "
                           f"writes it. The file is damaged or of another kind: write it again.") from error  # fmt: skip
     except (ValueError, RecursionError) as error:
         raise ExportError(f"{where}: no JSON that can be read ({error}); expected a file of to_json.") from error
     except ExportError as error:
-        raise ExportError(f"{where}: {error}") from error
+        raise ExportError(str(error) if str(error).startswith(where) else f"{where}: {error}") from error
 
 
 def json_schema() -> dict[str, Any]:
@@ -153,3 +151,13 @@ def _line(value: Any, indent: str) -> str:
 
 def _refuse_constant(word: str) -> NoReturn:
     raise ExportError(f"{word} is not a number; expected finite numbers only.")
+
+
+def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    result = dict(pairs)
+    if len(result) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise ExportError(f"the key '{twice}' is there twice in one object; each key can be there only once. Remove "
+                          f"one.")  # fmt: skip
+    return result

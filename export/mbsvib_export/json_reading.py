@@ -103,6 +103,8 @@ def _word(group: Mapping[str, Any], key: str, where: str) -> str:
     value = _item(group, key, where)
     if not isinstance(value, str):
         raise ExportError(f"{where}: {key} = {str(value)[:60]}; expected a text.")
+    if not value.isascii() and any("\ud800" <= letter <= "\udfff" for letter in value):
+        raise ExportError(f"{where}: {key} = {value[:60]!r}; expected a text, and halves of characters are none.")
     return value
 
 

@@ -25,6 +25,8 @@ import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.common.expected import a_path
+from mbsvib.common.file_content import content_of
+from mbsvib.common.mat_file import read_mat_file
 from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.atomic_file import check_companion, write_atomic
@@ -85,7 +87,7 @@ def to_mat(
     savemat(stream, content, format="5", long_field_names=True, oned_as="column")
     # scipy writes the time into the title; without it the same system gives the same bytes
     rest = stream.getvalue()[TITLE:]
-    document = _title(rest) + rest
+    document = title(rest) + rest
     goal = Path(a_path(path, "to_mat", ExportError))
     is_new = not os.path.lexists(goal)
     name = "load_" + re.sub(r"[^0-9A-Za-z_]", "_", goal.stem)[:50]
@@ -124,21 +126,19 @@ def from_mat(path: str | os.PathLike[str]) -> SystemData:
     ExportError
         If the file cannot be read, is damaged, or is of a later version of the format.
     """
-    from scipy.io import loadmat
-
     file = a_path(path, "from_mat", ExportError)
-    with read_errors(path, ".mat file", "to_mat"):
-        raw = file.read_bytes()
-        if raw[:TITLE] != _title(raw[TITLE:]):
+    raw = content_of(file, ExportError, "a file of to_mat")
+    with read_errors(file, ".mat file", "to_mat"):
+        if raw[:TITLE] != title(raw[TITLE:]):
             raise ExportError("no .mat file as to_mat wrote it: damaged, or saved by another program; write it again.")
-        arrays = loadmat(BytesIO(raw), simplify_cells=False)
-        own = _fields(arrays["mbsvib"])
-        check_version(_word(own["format"]), int(own["version"].item()))
-        return _data(arrays, own, _fields(arrays["mech"]))
+        arrays = read_mat_file(raw)
+        own = arrays["mbsvib"]
+        check_version(own["format"], int(own["version"].item()))
+        return _data(arrays, own, arrays["mech"])
 
 
-def _title(content: bytes) -> bytes:
-    """The free text at the beginning, with a checksum: scipy's reader does not survive some damaged files."""
+def title(content: bytes) -> bytes:
+    """The free text at the beginning, with a checksum of all that follows."""
     return f"MATLAB 5.0 MAT-file, written by mbsvib, crc32 {zlib.crc32(content):08x}".encode().ljust(TITLE)
 
 
@@ -211,26 +211,23 @@ def _cells(values: tuple[Any, ...]) -> NDArray[Any]:
     return result
 
 
-def _fields(struct: NDArray[Any]) -> dict[str, NDArray[Any]]:
-    return {name: struct[name][0, 0] for name in struct.dtype.names or ()}
-
-
-def _word(text: NDArray[Any]) -> str:
-    return str(text.item()) if text.size else ""
-
-
 def _data(arrays: dict[str, Any], own: dict[str, Any], mech: dict[str, Any]) -> SystemData:
     def real(array: NDArray[Any], *shape: int) -> Array:
         # .mat files do not store the shapes of arrays without entries
         result = np.array(array, dtype=float)
         return result.reshape(shape) if shape and not result.size else result
 
-    origin = ({_word(name): bytes(code.ravel()).decode() for name, code in
+    origin = ({word: bytes(code.ravel()).decode() for word, code in
                zip(own["mapped"].ravel(), own["original"].ravel(), strict=True)}
               if "mapped" in own else {})  # fmt: skip
 
     def texts(cells: NDArray[Any]) -> tuple[str, ...]:
-        return tuple(origin.get(_word(cell), _word(cell)) for cell in cells.ravel())
+        return tuple(text(cell) for cell in cells.ravel())
+
+    def text(value: Any) -> str:
+        if not isinstance(value, str):
+            raise ValueError("a name is no text")
+        return origin.get(value, value)
 
     names = {key: texts(arrays[key])
              for key in ("InputName", "InputUnit", "OutputName", "OutputUnit", "StateName", "StateUnit")}  # fmt: skip
@@ -244,8 +241,8 @@ def _data(arrays: dict[str, Any], own: dict[str, Any], mech: dict[str, Any]) -> 
     widths = {"M": (m, m), "C": (m, m), "K": (m, m), "B": (m, i), "Cq": (o, m), "Cv": (o, m), "Ca": (o, m), "D": (o, i)}
     second: dict[str, Any] = {key: real((mech if key in "MCKB" else own)[key], *widths[key]) for key in SECOND_ORDER}
     motion = own["body_motion"].reshape(len(bodies), 6, m)
-    name = origin.get(_word(arrays["Name"]), _word(arrays["Name"]))
-    space = StateSpace(name=name, realization=_word(own["realization"]), states=names["StateName"],
+    name = text(arrays["Name"])
+    space = StateSpace(name=name, realization=text(own["realization"]), states=names["StateName"],
                        state_units=names["StateUnit"], **first, **ports)  # fmt: skip
     return SystemData(name=name, coordinates=coordinates, coordinate_units=texts(mech["CoordinateUnit"]),
                       bodies=bodies, body_motion=real(motion), state_space=space, **ports, **second)  # fmt: skip

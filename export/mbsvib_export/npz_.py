@@ -20,11 +20,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.expected import a_path
+from mbsvib.common.file_content import content_of
 from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.format_version import FORMAT, VERSION, check_version
 from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, first_order, system_data_of
+from mbsvib_export.npz_reading import arrays_in
 from mbsvib_export.read_errors import read_errors
 
 if TYPE_CHECKING:
@@ -34,6 +36,9 @@ if TYPE_CHECKING:
 
 TEXTS = ("coordinates", "coordinate_units", "inputs", "input_units", "outputs", "output_units", "bodies")
 STATE_TEXTS = ("states", "state_units")
+# All that is read of a file.
+KEYS = ("format", "version", "name", "realization", *TEXTS, *STATE_TEXTS, *SECOND_ORDER, "body_motion",
+        *(f"state_space.{key}" for key in (*FIRST_ORDER, THROUGH)))  # fmt: skip
 
 
 def to_npz(system: System | SystemData, path: str | os.PathLike[str], realization: str = "physical") -> Path:
@@ -108,10 +113,10 @@ def from_npz(path: str | os.PathLike[str]) -> SystemData:
     ExportError
         If the file cannot be read, is damaged, or is of a later version of the format.
     """
-    a_path(path, "from_npz", ExportError)
-    with read_errors(path, ".npz file", "to_npz"):
-        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-            entries = dict(arrays)
+    file = a_path(path, "from_npz", ExportError)
+    content = content_of(file, ExportError, "a file of to_npz")
+    with read_errors(file, ".npz file", "to_npz"):
+        entries = arrays_in(content, KEYS)
         check_version(str(entries.get("format")), int(entries.get("version", 0)))
         return system_data_from(entries)
 

@@ -6,6 +6,7 @@ import os
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from mbsvib.common.file_content import shortened
 from mbsvib.errors import ExportError
 
 if TYPE_CHECKING:
@@ -43,4 +44,5 @@ def read_errors(path: str | os.PathLike[str], kind: str, writer: str) -> Iterato
     except ExportError as error:
         raise ExportError(f"{name}: {error}") from error
     except Exception as error:  # readers of damaged files raise exceptions of many kinds
-        raise ExportError(f"{name}: no {kind} of {writer}, or a damaged one ({error}); write it again.") from error
+        raise ExportError(f"{name}: no {kind} of {writer}, or a damaged one ({shortened(error)}); write it "
+                          f"again.") from error

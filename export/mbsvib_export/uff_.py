@@ -1,65 +1,59 @@
-"""Universal file format, data sets 58: frequency response functions as test laboratories exchange them.
+"""Universal files, as test laboratories exchange them: frequency responses, points, geometry and modes.
 
-One set for each output and input, in double precision: function type 4, angular frequency as frequency [Hz], complex
-values. Output i is response node i, input j reference node j; whole names stand in the lines ID 1
-(``"output / input"``) and ID 2 (``"unit / unit"``) and, cut to ten characters, with the nodes. The files are read by
-pyuff; its own writer (2.5) leaves out the head of binary sets and miscounts their bytes.
+Written are units (data set 164), nodes (2411) with their displacement coordinate systems (2420), bodies as groups of
+nodes (2467), lines from bodies to their points (82), frequency responses (58, double precision, function type 4), and
+modes (55). Whole names of output and input stand in the lines ID 1 (``"output / input"``) and ID 2 (``"unit / unit"``)
+of a response and, cut to ten characters, with its nodes.
 """
 
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.common.expected import a_path
+from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.errors import ExportError
 from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.neutral import SystemData, refuse_many
-from mbsvib_export.packages import need
 from mbsvib_export.responses import second_order_response
+from mbsvib_export.uff_functions import MARK
+from mbsvib_export.uff_geometry import geometry_sets, mode_sets
+from mbsvib_export.uff_points import geometry_of
+from mbsvib_export.uff_reading import measurement_of
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.responses.measurement import Measurement, Point
 
 
-_INSTALL = "mbsvib[uff]"
 # specific data types of the format; types without a number are 0, unknown
 _TYPES = {"m": 8, "m/s": 11, "m/s^2": 12, "rad": 8, "rad/s": 11, "rad/s^2": 12, "N": 13, "N m": 13}
 LINE = 80
 
 
-@dataclass(frozen=True, repr=False, eq=False)
-class ResponseData:
-    """Frequency responses out of a file: ``omega`` (n,) [rad/s], ``response`` (outputs, inputs, n), names and units."""
-
-    omega: Array
-    response: Complex
-    inputs: tuple[str, ...]
-    input_units: tuple[str, ...]
-    outputs: tuple[str, ...]
-    output_units: tuple[str, ...]
-
-    def __repr__(self) -> str:
-        return (f"ResponseData({len(self.inputs)} inputs, {len(self.outputs)} outputs, {len(self.omega)} "
-                f"frequencies)")  # fmt: skip
-
-
 def to_uff(
-    system: System | SystemData, path: str | os.PathLike[str], omega: ArrayLike | None = None, binary: bool = True
-) -> Path:
-    """Write the frequency responses of all inputs and outputs to a universal file, data sets 58.
+    system: System | SystemData, path: str | os.PathLike[str], omega: ArrayLike | None = None, binary: bool = True,
+    modes: bool = False,
+) -> Path:  # fmt: skip
+    """Write the frequency responses of all inputs and outputs to a universal file, with nodes and directions.
+
+    A body is a node at its centre of mass, a point of a port another one. Ports along or about an axis have direction
+    ±1 ... ±6 there; others along or about a line have a node of their own, with a displacement coordinate system whose
+    x axis is the line. What is no motion or force of one body has a node without position, and direction 0. Output and
+    input have the same node and direction only if they are a driving point.
 
     Parameters
     ----------
     system : System or SystemData
-        The equations of motion.
+        The equations of motion; SystemData, from files, knows no geometry.
     path : str or path
         File to write, taken as it is: no suffix is added.
     omega : array-like, shape (n,), optional
@@ -67,6 +61,10 @@ def to_uff(
     binary : bool
         Whether values are kept bit for bit (data sets 58b), or as text: the format keeps six digits of a frequency
         then, and the responses, of twelve digits, are those at the rounded frequencies.
+    modes : bool
+        Whether to write the modes as well, to six digits, as the format keeps them: normal ones where damping is
+        proportional, else complex ones, of which the format's readers take translations only; without those that do
+        not oscillate.
 
     Returns
     -------
@@ -87,96 +85,87 @@ def to_uff(
     if not (system.inputs and system.outputs):
         raise ExportError(f"to_uff: '{system.name}' has {len(system.inputs)} inputs and {len(system.outputs)} outputs; "
                           f"expected one of each at least (model.add_input, model.add_output).")  # fmt: skip
-    if omega is None:
-        if isinstance(system, SystemData):
-            raise ExportError("to_uff: omega is missing; a system out of a file has no frequency grid of its own.")
-        omega = system.frequency_grid()
-    frequency = np.atleast_1d(np.asarray(omega, dtype=float)) / (2 * np.pi)
+    if isinstance(system, SystemData) and (omega is None or modes):
+        missing = "omega is missing" if omega is None else "modes = True"
+        raise ExportError(f"to_uff: {missing}; a system out of a file has no frequency grid and no modes of its own.")
+    frequency = np.atleast_1d(np.asarray(_grid(system) if omega is None else omega, dtype=float)) / (2 * np.pi)
     if not binary:
         frequency = np.unique([float(f"{value:.5e}") for value in frequency])
     points = 2 * np.pi * frequency
     response = (second_order_response(system, points) if isinstance(system, SystemData)
                 else system.frequency_response(points))  # fmt: skip
-    content = b"".join(_data_set(system, i, j, frequency, response[i, j], binary)
-                       for j in range(len(system.inputs)) for i in range(len(system.outputs)))  # fmt: skip
-    return write_atomic(path, lambda stream: stream.write(content))
+    geometry = geometry_of(system)
+    sets = [item.encode("ascii", "replace") for item in geometry_sets(geometry)]
+    sets += [_function(system, i, j, (output, source), frequency, response[i, j], binary)
+             for j, source in enumerate(geometry.inputs) for i, output in enumerate(geometry.outputs)]  # fmt: skip
+    if modes and isinstance(system, System):
+        sets += [item.encode("ascii", "replace") for item in mode_sets(system, geometry)]
+    return write_atomic(path, lambda stream: stream.write(b"".join(sets)))
 
 
-def from_uff(path: str | os.PathLike[str]) -> ResponseData:
-    """Return the frequency responses that ``to_uff`` wrote.
+def _grid(system: System | SystemData) -> Array:
+    assert isinstance(system, System)
+    return system.frequency_grid()
+
+
+def from_uff(path: str | os.PathLike[str]) -> Measurement:
+    """Return what a universal file holds: measured frequency responses with their points, nodes and modes.
+
+    Data sets 58 (function type 4, text and binary), 55 (modes), 15 and 2411 (nodes), 2420 (coordinate systems), 2467
+    (groups), 82 (lines) and 164 (units) are read, and converted to SI units. Files of ``to_uff`` give the names of the
+    model; in others, an output or input is called by its entity, node and direction, ``"12+Z"``.
 
     Parameters
     ----------
     path : str or path
-        The file.
+        The file, of any program.
 
     Returns
     -------
-    ResponseData
-        Frequencies, responses, names and units.
+    Measurement
+        Responses, names, units, points, nodes and modes; ``left_out`` lists what else is in the file.
 
     Raises
     ------
     ExportError
-        If pyuff is not installed, the file cannot be read or is damaged, or its sets are not those of ``to_uff``.
+        If the file cannot be read or is damaged, or its responses have different frequencies.
     """
-    pyuff = need("pyuff", "from_uff", _INSTALL)
-    where = str(a_path(path, "from_uff", ExportError))
-    if not Path(path).is_file():
-        raise ExportError(f"{where}: cannot be read: there is no such file; expected a file of to_uff.")
+    where = os.fspath(a_path(path, "from_uff", ExportError))
+    raw = content_of(where, ExportError, "a universal file")
     try:
-        file = pyuff.UFF(where)
-        sets = [file.read_sets(k) for k, kind in enumerate(file.get_set_types()) if kind == 58]
-        return _gathered(sets)
-    except Exception as error:  # pyuff's own errors are plain Exceptions
-        raise ExportError(f"{where}: no universal file of to_uff, or a damaged one ({error}); write it "
-                          f"again.") from error  # fmt: skip
+        return measurement_of(raw)
+    except ContentError as error:
+        raise ExportError(f"{where}: no universal file that can be read, or a damaged one: {error}.") from error
 
 
-def _data_set(system: System | SystemData, i: int, j: int, frequency: Array, values: Complex, binary: bool) -> bytes:
+def _function(
+    system: System | SystemData, i: int, j: int, points: tuple[Point, Point], frequency: Array, values: Complex,
+    binary: bool,
+) -> bytes:  # fmt: skip
     names = f"{system.outputs[i]} / {system.inputs[j]}"
-    if len(names) > LINE or not names.isascii() or names.count(" / ") != 1:
-        raise ExportError(f"to_uff: the names '{names}' do not fit into a line of the format; expected at most {LINE} "
+    if len(names) > LINE or not names.isascii() or not names.isprintable() or names.count(" / ") != 1:
+        raise ExportError(f"to_uff: the names {names!r} do not fit into a line of the format; expected at most {LINE} "
                           f"characters of ASCII without ' / '. Give the input or output another name.")  # fmt: skip
     units = (system.output_units[i], system.input_units[j])
-    samples = np.stack([frequency, values.real, values.imag], axis=1)
+    table = np.stack([frequency, values.real, values.imag], axis=1)
     # little-endian IEEE numbers behind eleven lines of text
-    kind = f"{'    58b'}{1:6}{2:6}{11:12}{samples.nbytes:12}{0:6}{0:6}{0:12}{0:12}" if binary else "    58"
+    kind = f"{'    58b'}{1:6}{2:6}{11:12}{table.nbytes:12}{0:6}{0:6}{0:12}{0:12}" if binary else "    58"
+    output, source = points
     lines = [
-        kind.ljust(LINE), names.ljust(LINE), f"{units[0]} / {units[1]}".ljust(LINE), "written by mbsvib".ljust(LINE),
+        kind.ljust(LINE), names.ljust(LINE), f"{units[0]} / {units[1]}".ljust(LINE), MARK.ljust(LINE),
         "NONE".ljust(LINE), "NONE".ljust(LINE),
-        f"{4:5}{0:10}{0:5}{0:10} {_short(system.outputs[i]):>10}{i + 1:10}{0:4} {_short(system.inputs[j]):>10}"
-        f"{j + 1:10}{0:4}",
+        f"{4:5}{0:10}{0:5}{0:10} {_short(system.outputs[i]):>10}{output.node:10}{output.direction:4} "
+        f"{_short(system.inputs[j]):>10}{source.node:10}{source.direction:4}",
         f"{6:10}{len(frequency):10}{0:10}{0.0:13.5e}{0.0:13.5e}{0.0:13.5e}",
         *(f"{number:10}{0:5}{0:5}{0:5} {label:<20} {unit[:20]:<20}" for number, label, unit in (
             (18, "Frequency", "Hz"), (_TYPES.get(units[0], 0), "Response", units[0]),
             (_TYPES.get(units[1], 0), "Reference", units[1]), (0, "NONE", "NONE"))),
     ]  # fmt: skip
-    content = (samples.astype("<f8").tobytes() if binary else
-               "".join(f"{x:13.5e}{re:20.11e}{im:20.11e}\n" for x, re, im in samples.tolist()).encode())  # fmt: skip
+    content = (table.astype("<f8").tobytes() if binary else
+               "".join(f"{x:13.5e}{re:20.11e}{im:20.11e}\n" for x, re, im in table.tolist()).encode())  # fmt: skip
     head = "\n".join([f"{-1:6}".ljust(LINE), *lines]) + "\n"
     return head.encode("ascii", "replace") + content + f"{-1:6}".ljust(LINE).encode() + b"\n"
 
 
 def _short(name: str) -> str:
     return name.replace(" ", "_")[:10]
-
-
-def _gathered(sets: list[dict[str, Any]]) -> ResponseData:
-    by_nodes = {(int(item["rsp_node"]), int(item["ref_node"])): item for item in sets}
-    outputs, inputs = max(i for i, _ in by_nodes), max(j for _, j in by_nodes)
-    abscissa = np.asarray(by_nodes[1, 1]["x"])
-    response = np.empty((outputs, inputs, len(abscissa)), dtype=complex)
-    for (i, j), item in by_nodes.items():
-        if not np.array_equal(item["x"], abscissa):
-            raise ExportError("the sets have different frequencies.")
-        response[i - 1, j - 1] = item["data"]
-    if len(by_nodes) != outputs * inputs:
-        raise ExportError(f"{len(by_nodes)} sets for {outputs} outputs and {inputs} inputs.")
-
-    def words(key: str, at: int, nodes: list[tuple[int, int]]) -> tuple[str, ...]:
-        return tuple(str(by_nodes[node][key]).split(" / ")[at].strip() for node in nodes)
-
-    rows, columns = [(i + 1, 1) for i in range(outputs)], [(1, j + 1) for j in range(inputs)]
-    return ResponseData(2 * np.pi * abscissa, response, words("id1", 1, columns), words("id2", 1, columns),
-                        words("id1", 0, rows), words("id2", 0, rows))  # fmt: skip

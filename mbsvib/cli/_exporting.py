@@ -19,7 +19,7 @@ KINDS = {
     ".npz": "the linear system with names and units as numpy arrays",
     ".mat": "the linear system for MATLAB and Octave, and a script that loads it",
     ".h5": "the linear system with names and units as HDF5",
-    ".uff": "frequency responses as universal file, data sets 58",
+    ".uff": "frequency responses and geometry as universal file",
     ".op4": "M, C, K and the other matrices for Nastran",
     ".pch": "M, C, K as DMIG cards for Nastran",
     ".fmu": "an FMU (FMI 3.0), for model exchange and co-simulation",

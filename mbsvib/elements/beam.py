@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from mbsvib.elements.bushing import Six
 
 ELEMENTS = 8
+# A line of so many bodies is solved in seconds; more is a slip of a file or a pen.
+MOST_ELEMENTS = 100_000
 # sine of the angle between a beam and the direction that says where its y axis is
 PARALLEL = 1e-6
 MATERIAL = ("E", "rho", "nu", "G")
@@ -282,8 +284,8 @@ def _points(
     who: str, start: Any, end: Any, nodes: Any, elements: Any
 ) -> tuple[tuple[Vector | None, Vector | None], tuple[Vector, ...] | None, tuple[Vector, ...], int | None]:
     count = ELEMENTS if elements is None else elements
-    if type(count) is not int or count < 1:
-        raise check.refuse(who, "elements", elements, "a whole number, 1 or more")
+    if type(count) is not int or not 1 <= count <= MOST_ELEMENTS:
+        raise check.refuse(who, "elements", elements, f"a whole number from 1 to {MOST_ELEMENTS}")
     if nodes is not None:
         if start is not None or end is not None or elements is not None:
             raise ModelError(f"{who}: nodes are given, so leave out start, end and elements.",

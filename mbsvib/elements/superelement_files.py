@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
-from importlib import import_module
-from pathlib import Path
+from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.dmig_cards import read_dmig_cards
+from mbsvib.common.file_content import ContentError, check_dense, content_of, shortened
+from mbsvib.common.mat_file import read_mat_file
+from mbsvib.common.op4_file import read_op4_file
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
     from os import PathLike
 
     from mbsvib.common.arrays import Array
@@ -63,7 +65,7 @@ class Reduced:
 
 
 def read_mat(path: str | PathLike[str], M: str = "M", K: str = "K", C: str | None = None) -> Reduced:
-    """Read reduced matrices from a MATLAB file (scipy.io.loadmat; version 7.3 files are not read).
+    """Read reduced matrices from a MATLAB file of level 5 or 4 (``save -v7``, ``-v6`` or ``-v4``, not ``-v7.3``).
 
     Parameters
     ----------
@@ -84,18 +86,35 @@ def read_mat(path: str | PathLike[str], M: str = "M", K: str = "K", C: str | Non
     ModelError
         If the file cannot be read or has no such matrix.
     """
+    wanted = [name for name in (M, K, C) if name is not None]
+    raw = content_of(path, _error(path), "a MATLAB file")
+    try:
+        content = _level_4(raw) if 0 in raw[:4] else read_mat_file(raw, wanted)
+    except ContentError as error:
+        raise ModelError(f"{path}: cannot be read as a MATLAB file: {error}. Save it with version -v7.",
+                         element=str(path)) from error  # fmt: skip
+    return _picked(path, content, M, K, C)
+
+
+def _level_4(raw: bytes) -> dict[str, Any]:
     from scipy.io import loadmat
 
     try:
-        content = loadmat(str(path), appendmat=False)
-    except (OSError, ValueError, NotImplementedError) as error:
-        raise ModelError(f"{path}: cannot be read as a MATLAB file: {error} Save it with version -v7.",
-                         element=str(path)) from error  # fmt: skip
-    return _picked(path, {name: value for name, value in content.items() if not name.startswith("__")}, M, K, C)
+        content: dict[str, Any] = loadmat(BytesIO(raw))
+        for name, value in content.items():
+            if hasattr(value, "toarray"):
+                rows, columns = value.shape
+                check_dense(rows, columns, len(raw), name)
+                content[name] = value.toarray()
+    except ContentError:
+        raise
+    except Exception as error:  # the reader has no errors of its own
+        raise ContentError(shortened(error)) from error
+    return content
 
 
 def read_op4(path: str | PathLike[str], M: str = "MAA", K: str = "KAA", C: str | None = None) -> Reduced:
-    """Read reduced matrices from a Nastran OUTPUT4 file, text or binary.
+    """Read reduced matrices from a Nastran OUTPUT4 file: text or binary, dense or sparse, of either byte order.
 
     Parameters
     ----------
@@ -114,17 +133,15 @@ def read_op4(path: str | PathLike[str], M: str = "MAA", K: str = "KAA", C: str |
     Raises
     ------
     ModelError
-        If pyNastran is missing, or the file has no such matrix.
+        If the file cannot be read, or has no such matrix.
     """
+    wanted = [name for name in (M, K, C) if name is not None]
+    raw = content_of(path, _error(path), "an OP4 file")
     try:
-        module: Any = import_module("pyNastran.op4.op4")
-    except ImportError as error:
-        raise ModelError("read_op4 needs pyNastran: pip install 'mbsvib[nastran]'.", element=str(path)) from error
-    if not Path(path).is_file():
-        raise ModelError(f"{path}: there is no such file.", element=str(path))
-    found = module.OP4(debug=False).read_op4(str(path))
-    content = {name: getattr(value, "data", value[1] if isinstance(value, tuple) else value)
-               for name, value in found.items()}  # fmt: skip
+        content = read_op4_file(raw, wanted)
+    except ContentError as error:
+        raise ModelError(f"{path}: cannot be read as an OP4 file: {error}. Write it again.",
+                         element=str(path)) from error  # fmt: skip
     return _picked(path, content, M, K, C)
 
 
@@ -145,75 +162,43 @@ def read_punch(
     Returns
     -------
     Reduced
-        The matrices with labels: grid points in ascending order, then scalar points, which have no component.
+        The matrices with labels: grid points in ascending order, then scalar points, which have no component; those of
+        SPOINT cards are there even where all their entries are zero.
 
     Raises
     ------
     ModelError
         If the file cannot be read, has no such matrix, or a card is not understood.
     """
+    raw = content_of(path, _error(path), "a punch file with DMIG cards")
     try:
-        lines = Path(path).read_text("utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ModelError(f"{path}: cannot be read: {error}", element=str(path)) from error
-    entries: dict[str, dict[tuple[tuple[int, int], tuple[int, int]], float]] = {}
-    name, column = "", (0, 0)
-    for number, line in enumerate(lines, 1):
-        card = line[:8].strip().upper()
-        try:
-            if card == "DMIG" or card == "DMIG*":
-                words = _fields(line, card)
-                if words[1] == "0":
-                    if words[2] not in ("1", "6"):
-                        raise ValueError("only square and symmetric matrices are read")
-                    continue
-                name, column = words[0], (int(words[1]), int(words[2] or 0))
-                entries.setdefault(name, {})
-                rest = words[4:] if card == "DMIG" else []
-            elif name and card in ("*", "+", "") and line.strip():
-                rest = _fields(line, "DMIG*" if card == "*" else "DMIG")
-            else:
-                name = name if not line.strip() or line.startswith("$") else ""
-                continue
-            for i in range(0, len(rest) - 2, 4):
-                if rest[i]:
-                    entries[name][(int(rest[i]), int(rest[i + 1] or 0)), column] = _real(rest[i + 2])
-        except (ValueError, IndexError) as error:
-            raise ModelError(f"{path}, line {number}: the DMIG card is not understood: {error}",
-                             element=str(path)) from error  # fmt: skip
-    labels = sorted({label for part in entries.values() for pair in part for label in pair},
-                    key=lambda label: (label[1] == 0, label))  # fmt: skip
-    place = {label: i for i, label in enumerate(labels)}
-    content = {}
-    for key, part in entries.items():
-        matrix = np.zeros((len(labels), len(labels)))
-        for (row, other), value in part.items():
-            matrix[place[row], place[other]] = matrix[place[other], place[row]] = value
-        content[key] = matrix
-    found = _picked(path, content, M, K, C)
-    return Reduced(found.M, found.C, found.K, tuple(labels))
-
-
-def _fields(line: str, card: str) -> list[str]:
-    """Fields of a card after its name: eight columns each, or sixteen where it has a star."""
-    width = 16 if card.endswith("*") else 8
-    text = line[8:72].ljust(64)
-    return [text[i : i + width].strip() for i in range(0, 64, width)]
-
-
-def _real(text: str) -> float:
-    """Nastran writes 1.5D+3 and 1.5+3 for 1.5e3."""
-    plain = text.upper().replace("D", "E")
-    return float(re.sub(r"(?<=[0-9.])([+-]\d+)$", r"E\1", plain) if "E" not in plain else plain)
+        cards = read_dmig_cards(raw)
+    except ContentError as error:
+        raise ModelError(f"{path}, {error}", element=str(path)) from error
+    picked = _picked(path, cards.matrices, M, K, C)
+    return Reduced(picked.M, picked.C, picked.K, cards.labels)
 
 
 def _picked(path: Any, content: Mapping[str, Any], M: str, K: str, C: str | None) -> Reduced:
-    found = []
+    matrices = []
     for name in (M, K) if C is None else (M, K, C):
         if name not in content:
             known = ", ".join(sorted(content)) or "none"
             raise ModelError(f"{path}: there is no matrix '{name}'; the file has {known}.",
                              element=str(path), field=name)  # fmt: skip
-        value = content[name]
-        found.append(np.asarray(value.toarray() if hasattr(value, "toarray") else value, dtype=float))
-    return Reduced(found[0], found[2] if C is not None else None, found[1])
+        value = np.asarray(content[name])
+        if value.dtype.kind not in "fiu" or value.ndim != 2 or value.shape[0] != value.shape[1]:
+            raise ModelError(f"{path}: '{name}' is of type {value.dtype} and shape {value.shape}; expected a square "
+                             f"matrix of real numbers.", element=str(path), field=name)  # fmt: skip
+        if not np.isfinite(value).all():
+            raise ModelError(f"{path}: '{name}' holds NaN or infinity; expected finite numbers.", element=str(path),
+                             field=name)  # fmt: skip
+        matrices.append(value.astype(float))
+    if len({matrix.shape for matrix in matrices}) > 1:
+        raise ModelError(f"{path}: the matrices have {', '.join(str(len(matrix)) for matrix in matrices)} rows; "
+                         f"expected as many in each.", element=str(path))  # fmt: skip
+    return Reduced(matrices[0], matrices[2] if C is not None else None, matrices[1])
+
+
+def _error(path: Any) -> Callable[[str], ModelError]:
+    return lambda text: ModelError(text, element=str(path))

@@ -34,10 +34,11 @@ def _integer(text: str) -> Any:
 
 
 def _lines(text: str, file: str) -> dict[KeyPath, int]:
-    """Return the line of each key that is not inside a list; refuse duplicate keys."""
+    """Return the line of each key that is not inside a list; refuse duplicate keys anywhere."""
     lines: dict[KeyPath, int] = {}
     line = 1
-    stack: list[KeyPath | None] = []
+    # of each object or list: its path, None inside a list, and the lines of its own keys
+    stack: list[tuple[KeyPath | None, dict[str, int]]] = []
     last = ""
     value: KeyPath | None = ()
     for match in _TOKEN.finditer(text):
@@ -45,18 +46,21 @@ def _lines(text: str, file: str) -> dict[KeyPath, int]:
         if token == "\n":
             line += 1
         elif token == ":":
-            parent = stack[-1]
-            value = None if parent is None else (*parent, json.loads(last))
-            if value in lines:
-                raise repeated(file, line, value, lines[value])
+            parent, own = stack[-1]
+            key = json.loads(last)
+            value = None if parent is None else (*parent, key)
+            if key in own:
+                raise repeated(file, line, value or (key,), own[key])
+            own[key] = line
             if value is not None:
                 lines[value] = line
         elif token in "{[":
             lines.setdefault((), line)
             value = value if token == "{" else None
-            stack.append(value)
+            stack.append((value, {}))
         elif token in "}]":
             stack.pop()
+            value = None
         else:
             last = token
     return lines

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from os import PathLike
 from pathlib import Path
 
 from mbsvib.common.expected import a_path
+from mbsvib.common.file_content import content_of
 from mbsvib.errors import ModelError, nearest
 from mbsvib.files.document import Document, fault
 from mbsvib.files.json_text import read_json
@@ -27,12 +29,9 @@ def read(path: str | PathLike[str]) -> Document:
     """Read a file whose suffix is .yaml, .yml or .json."""
     parse = READERS[suffix_of(path)]
     file = Path(path)
-    try:
-        content = file.read_bytes()
-    except FileNotFoundError as error:
-        raise ModelError(f"{path}: there is no such file.{_neighbour(file)}") from error
-    except OSError as error:
-        raise ModelError(f"{path}: cannot be read: {error.strerror}.") from error
+    if not os.path.lexists(path):
+        raise ModelError(f"{path}: there is no such file.{_neighbour(file)}")
+    content = content_of(path, ModelError, "a model file")
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+from mbsvib.common.file_content import shortened
 from mbsvib.errors import ModelError
 from mbsvib.files.document import Document, KeyPath, fault, repeated
 
@@ -23,6 +24,8 @@ _FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
 _SPECIAL = re.compile(r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)")
 # a model needs five levels; far more could exhaust the stack
 MAX_DEPTH = 40
+# Values that aliases stand for: aliases of aliases multiply, and a few lines could stand for any number of values.
+MOST_REPEATED = 1_000_000
 
 
 def read_yaml(text: str, file: str) -> Document:
@@ -40,6 +43,11 @@ def read_yaml(text: str, file: str) -> Document:
         line, column = text.count("\n", 0, position) + 1, position - text.rfind("\n", 0, position)
         raise fault(file, line, (), f"the character {text[position : position + 1]!r} is not allowed in YAML.",
                     column=column) from error  # fmt: skip
+    except ModelError:
+        raise
+    except Exception as error:  # numbers of characters past the last one, and what else the parser does not expect
+        line = max(builder.lines.values())
+        raise fault(file, line, (), f"this is no YAML from here on: {shortened(error)}.") from error
 
 
 def scalar(text: str) -> Any:
@@ -66,7 +74,10 @@ class _Builder:
         self.file = file
         self.events = events
         self.lines: dict[KeyPath, int] = {(): 1}
-        self.anchors: dict[str, Any] = {}
+        # value of each anchor, and the number of values in it
+        self.anchors: dict[str, tuple[Any, int]] = {}
+        self.values = 0
+        self.repeated = 0
 
     def document(self) -> Any:
         from ruamel.yaml.events import DocumentStartEvent
@@ -85,16 +96,24 @@ class _Builder:
         """Build the value that starts with ``event``; ``key_path`` is None inside a list."""
         from ruamel.yaml.events import AliasEvent, MappingStartEvent, ScalarEvent
 
+        value: Any
         if isinstance(event, AliasEvent):
             if event.anchor not in self.anchors:
                 raise self.fault(event, key_path, f"the alias *{event.anchor} stands for nothing; there is no "
                                                f"&{event.anchor} that is complete above it.")  # fmt: skip
-            return self.anchors[event.anchor]
+            value, count = self.anchors[event.anchor]
+            self.values += count
+            self.repeated += count
+            if self.repeated > MOST_REPEATED:
+                raise self.fault(event, key_path, f"the aliases up to here stand for more than {MOST_REPEATED} values; "
+                                               f"write less of them.")  # fmt: skip
+            return value
         if event.tag is not None:
             raise self.fault(event, key_path, f"the tag {event.tag} has no meaning in a model file; leave it out.")
         if depth > MAX_DEPTH:
             raise self.fault(event, key_path, f"lists and mappings are nested more than {MAX_DEPTH} deep.")
-        value: Any
+        self.values += 1
+        before = self.values - 1
         if isinstance(event, ScalarEvent):
             value = event.value if event.style else scalar(event.value)
         elif isinstance(event, MappingStartEvent):
@@ -102,7 +121,7 @@ class _Builder:
         else:
             value = self.sequence(depth)
         if event.anchor is not None:
-            self.anchors[event.anchor] = value
+            self.anchors[event.anchor] = value, self.values - before
         return value
 
     def sequence(self, depth: int) -> list[Any]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.file_content import shortened
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mjcf.kind import check_kind
 
@@ -122,8 +123,8 @@ def compiled(
     with _heard(api, path):
         try:
             m = api.MjModel.from_xml_path(str(path))
-        except ValueError as error:
-            raise ModelError(f"{path}: MuJoCo refuses it: {error}", element=str(path)) from error
+        except (ValueError, api.FatalError, api.UnexpectedError, MemoryError) as error:
+            raise ModelError(f"{path}: MuJoCo refuses it: {shortened(error)}", element=str(path)) from error
         made = Compiled(str(path), api, m, None)
         _leave(made, leave)
         made = Compiled(str(path), api, m, api.MjData(m))

@@ -5,14 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import cos, sin
 from typing import TYPE_CHECKING
-from xml.etree import ElementTree
 
 import numpy as np
 
+from mbsvib.common.file_content import ContentError, content_of
+from mbsvib.common.xml_file import read_xml
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
     from os import PathLike
+    from xml.etree import ElementTree
 
     from mbsvib.common.arrays import Array
 
@@ -84,11 +86,10 @@ def read(path: str | PathLike[str]) -> Robot:
         If the file cannot be read, is no URDF, or its links are no tree.
     """
     try:
-        top = ElementTree.parse(path).getroot()
-    except OSError as error:
-        raise ModelError(f"{path}: cannot be read: {error.strerror or error}.") from error
-    except ElementTree.ParseError as error:
-        raise ModelError(f"{path}: no XML: {error}. Expand xacro files first: xacro a.xacro > a.urdf") from error
+        top = read_xml(content_of(path, ModelError, "a URDF file"))
+    except ContentError as error:
+        raise ModelError(f"{path}: no XML that is read: {error} Expand xacro files first: "
+                         f"xacro a.xacro > a.urdf") from error  # fmt: skip
     if top.tag != "robot":
         raise ModelError(f"{path}: the file's element is <{top.tag}>; expected <robot>, as URDF has it.")
     links = {name: _link(element, name) for name, element in _named(top, "link", path).items()}
@@ -123,6 +124,16 @@ def _root(links: dict[str, Link], joints: dict[str, Hinge], path: str | PathLike
     if len(roots) != 1:
         listed = ", ".join(roots) if roots else "none"
         raise ModelError(f"{path}: expected one link that no joint carries, the root of the tree; found {listed}.")
+    children: dict[str, list[str]] = {}
+    for child, carrier in parents.items():
+        children.setdefault(joints[carrier].parent, []).append(child)
+    reached = [roots[0]]
+    for link in reached:
+        reached.extend(children.get(link, []))
+    known = set(reached)
+    if rest := [name for name in links if name not in known]:
+        raise ModelError(f"{path}: link '{rest[0]}' hangs in a ring of joints that does not reach the root "
+                         f"'{roots[0]}'; a URDF is a tree.", element=rest[0])  # fmt: skip
     return roots[0]
 
 

@@ -12,7 +12,7 @@ from tests.export.plants import slider
 
 WRITERS = {"json": mx.to_json, "npz": mx.to_npz, "mat": mx.to_mat, "pch": mx.to_dmig, "h5": mx.to_hdf5,
            "uff": lambda system, path: mx.to_uff(system, path, [1.0]), "op4": mx.to_op4}  # fmt: skip
-NEEDS = {"h5": "h5py", "op4": "pyNastran"}
+NEEDS = {"h5": "h5py"}
 
 
 @pytest.fixture(autouse=True)

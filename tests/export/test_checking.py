@@ -10,6 +10,7 @@ import mbsvib as mv
 import mbsvib_export as mx
 from mbsvib import library
 from mbsvib_export.checking import pole_error
+from mbsvib_export.fmu_ import reading
 from tests.export.plants import slider, stewart, stiff_model
 from tests.export.test_json import SYSTEMS
 from tests.export.test_massless import plant as massless
@@ -33,26 +34,31 @@ def test_units_are_asked_for_their_derivatives(version, tmp_path):
     pytest.importorskip("fmpy", reason="fmpy is not installed: pip install 'mbsvib[fmu]'")
     system = stewart()
     path = mx.to_fmu(system, tmp_path / "x.fmu", version).path
-    result = mx.check_export(path, system)
+    result = mx.check_export(path, system, run=True)
     assert [item.what for item in result.comparisons] == ["response of its derivatives", "poles"]
     assert all(item.error < 1e-9 for item in result.comparisons), str(result)
     changed = library.stewart(ports="all").with_values({"leg1.k.stiffness": 1.01e7}).linearize()
-    assert not mx.check_export(path, changed).passed
+    for run in (False, True):
+        assert not mx.check_export(path, changed, run=run).passed
     path.write_bytes(path.read_bytes()[:3000])
-    with pytest.raises(mv.ExportError, match=r"x\.fmu: "):
-        mx.check_export(path, system)
+    for run in (False, True):
+        with pytest.raises(mv.ExportError, match=r"x\.fmu: "):
+            mx.check_export(path, system, run=run)
 
 
 def test_units_of_other_platforms_and_ports_of_one_name(tmp_path):
     fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed: pip install 'mbsvib[fmu]'")
     system = slider(inputs=("z",), outputs=("z",))
     path = mx.to_fmu(system, tmp_path / "x.fmu").path
-    assert mx.check_export(path, system).passed
-    with zipfile.ZipFile(path) as first, zipfile.ZipFile(tmp_path / "y.fmu", "w") as second:
-        for name in first.namelist():
-            second.writestr(name.replace(f"/{fmpy.platform_tuple}/", "/sparc-solaris/"), first.read(name))
+    assert mx.check_export(path, system, run=True).passed
+    with zipfile.ZipFile(path) as one, zipfile.ZipFile(tmp_path / "y.fmu", "w") as two:
+        for name in one.namelist():
+            two.writestr(name.replace(f"/{fmpy.platform_tuple}/", "/sparc-solaris/"), one.read(name))
     with pytest.raises(mv.ExportError, match=r"y\.fmu: holds no binary for"):
-        mx.check_export(tmp_path / "y.fmu", system)
+        mx.check_export(tmp_path / "y.fmu", system, run=True)
+    result = mx.check_export(tmp_path / "y.fmu", system)
+    assert result.passed
+    assert "Not run: its binaries for sparc-solaris" in str(result)
 
 
 @pytest.mark.parametrize("name", ["../../evil", "/tmp/evil", "a b", "lib.evil", ""])
@@ -60,22 +66,24 @@ def test_fmus_that_name_a_library_elsewhere_are_refused(name, tmp_path):
     """The name of the binary is made of modelIdentifier: a path would run what lies outside of the archive."""
     pytest.importorskip("fmpy", reason="fmpy is not installed: pip install 'mbsvib[fmu]'")
     path = mx.to_fmu(slider(), tmp_path / "x.fmu").path
-    with zipfile.ZipFile(path) as first, zipfile.ZipFile(tmp_path / "y.fmu", "w") as second:
-        for item in first.namelist():
-            content = first.read(item)
-            second.writestr(item, content.replace(b'modelIdentifier="slider"', f'modelIdentifier="{name}"'.encode()))
-    with pytest.raises(mv.ExportError, match="modelIdentifier"):
-        mx.check_export(tmp_path / "y.fmu", slider())
+    with zipfile.ZipFile(path) as one, zipfile.ZipFile(tmp_path / "y.fmu", "w") as two:
+        for item in one.namelist():
+            content = one.read(item)
+            two.writestr(item, content.replace(b'modelIdentifier="slider"', f'modelIdentifier="{name}"'.encode()))
+    for run in (False, True):
+        with pytest.raises(mv.ExportError, match="modelIdentifier"):
+            mx.check_export(tmp_path / "y.fmu", slider(), run=run)
 
 
-def test_archives_that_would_fill_the_disk_are_refused(tmp_path):
+def test_archives_that_would_fill_the_disk_are_refused(tmp_path, monkeypatch):
     pytest.importorskip("fmpy", reason="fmpy is not installed: pip install 'mbsvib[fmu]'")
     path = mx.to_fmu(slider(), tmp_path / "x.fmu").path
     with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive, archive.open("resources/junk", "w") as stream:
-        for _ in range(1001):
-            stream.write(bytes(1_000_000))
-    with pytest.raises(mv.ExportError, match=r"x\.fmu: holds .* GB together; expected at most"):
-        mx.check_export(path, slider())
+        stream.write(bytes(11_000_000))
+    monkeypatch.setattr(reading, "LARGEST_UNPACKED", 10_000_000)
+    for run in (False, True):
+        with pytest.raises(mv.ExportError, match=r"x\.fmu: holds .* GB together; expected at most"):
+            mx.check_export(path, slider(), run=run)
 
 
 def test_a_spring_that_was_changed_since_is_found(tmp_path):
@@ -107,9 +115,9 @@ def test_what_cannot_be_checked(tmp_path):
         mx.check_export(path, stewart())
     with pytest.raises(mv.ExportError, match=r"no exporter writes '\.txt'"):
         mx.check_export(tmp_path / "x.txt", slider())
-    with pytest.raises(mv.ExportError, match="give the model as well"):
+    with pytest.raises(mv.ExportError, match="give the system as well"):
         mx.check_export(tmp_path / "x.uff")
-    with pytest.raises(mv.ExportError, match="model = Model; expected a System"):
+    with pytest.raises(mv.ExportError, match="system = Model; expected a System"):
         mx.check_export(path, library.stewart())
 
 

@@ -5,17 +5,18 @@ import pytest
 
 import mbsvib as mv
 import mbsvib_export as mx
-from mbsvib_export.nastran_ import read_dmig, read_op4
+from mbsvib_export.dmig_ import read_dmig
+from mbsvib_export.op4_ import read_op4
 from tests.export.plants import slider
 from tests.export.test_json import assert_same
 
 KINDS = {
     "mat": (mx.to_mat, mx.from_mat, "scipy"),
     "h5": (mx.to_hdf5, mx.from_hdf5, "h5py"),
-    "uff": (lambda system, path: mx.to_uff(system, path, [1.0, 2.0]), mx.from_uff, "pyuff"),
-    "text.uff": (lambda system, path: mx.to_uff(system, path, [1.0, 2.0], binary=False), mx.from_uff, "pyuff"),
+    "uff": (lambda system, path: mx.to_uff(system, path, [1.0, 2.0]), mx.from_uff, "numpy"),
+    "text.uff": (lambda system, path: mx.to_uff(system, path, [1.0, 2.0], binary=False), mx.from_uff, "numpy"),
     "pch": (mx.to_dmig, read_dmig, "numpy"),
-    "op4": (mx.to_op4, read_op4, "pyNastran"),
+    "op4": (mx.to_op4, read_op4, "numpy"),
 }
 
 

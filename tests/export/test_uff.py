@@ -1,37 +1,148 @@
-"""Universal files: written here, read by pyuff."""
+"""Universal files: written here and read by pyuff, written by pyuff and read here."""
 
 import numpy as np
 import pytest
 
 import mbsvib as mv
 import mbsvib_export as mx
-from tests.export.plants import same_bits, slider, stewart
+from mbsvib import library
+from mbsvib.responses.measurement import Point
+from tests.export.plants import INERTIA, same_bits, slider, stewart
 
-pyuff = pytest.importorskip("pyuff", reason="pyuff is not installed: pip install 'mbsvib[uff]'")
+pyuff = pytest.importorskip("pyuff", reason="pyuff is not installed: pip install 'mbsvib[test]'")
+
+
+def sets_of(path, kind):
+    """Data sets of a kind, by pyuff."""
+    file = pyuff.UFF(str(path))
+    return [file.read_sets(k) for k, number in enumerate(file.get_set_types()) if number == kind]
+
+
+def arm(damping=0.0):
+    """A rod on a hinge with ports at its end: along axes, against them, at an angle, about the hinge, relative."""
+    model = mv.Model("arm")
+    model.add_body("rod", 2.0, INERTIA, (0.5, 0, 0))
+    model.add_body("cart", 1.0, INERTIA, (1, 0, 2))
+    model.add_joint("hinge", "spherical", "ground", "rod", (0, 0, 0))
+    model.add_joint("guide", "prismatic", "ground", "cart", axis=(1, 0, 0))
+    model.add_bushing("k", "ground", "rod", (0, 0, 0), (0, 0, 0, 30.0, 20.0, 10.0), (0, 0, 0, 0, damping, 0))
+    model.add_spring("s", "rod", "cart", start=(1, 0, 0), end=(1.5, 0.5, 2), stiffness=1e3)
+    model.add_bushing("c", "ground", "cart", (1, 0, 2), (50.0, 0, 0, 0, 0, 0), (0,) * 6)
+    tip = (1.0, 0.0, 0.0)
+    model.add_input("F", "rod", (0, 0, -1), tip)
+    model.add_input("M", "rod", "ry")
+    model.add_input("slant", "rod", (0, -0.6, 0.8), tip)
+    model.add_input("between", "rod", "y", tip, relative_to="cart")
+    model.add_output("z", "rod", "z", tip)
+    model.add_output("v", "rod", "z", tip, quantity="velocity")
+    model.add_output("other", "rod", "z")
+    model.add_output("ry", "rod", "ry")
+    model.add_output("along", "rod", (0, 0.6, -0.8), tip)
+    model.add_output("apart", "rod", "y", tip, relative_to="cart")
+    model.add_force_output("force", "s", "z")
+    return model.linearize()
 
 
 def test_pyuff_reads_every_response(tmp_path):
     system = stewart()
     omega = np.geomspace(10.0, 1e5, 40)
     path = mx.to_uff(system, tmp_path / "plant.uff", omega)
-    result = mx.from_uff(path)
-    assert result.omega == pytest.approx(omega, rel=4e-16)
-    assert same_bits(result.response, system.frequency_response(2 * np.pi * (omega / (2 * np.pi))))
+    exact = system.frequency_response(2 * np.pi * (omega / (2 * np.pi)))
+    for k, item in enumerate(sets_of(path, 58)):
+        i, j = k % len(system.outputs), k // len(system.outputs)
+        assert same_bits(np.asarray(item["data"]), np.ascontiguousarray(exact[i, j]))
+    measured = mx.from_uff(path)
+    assert measured.omega == pytest.approx(omega, rel=4e-16)
+    assert same_bits(measured.responses, exact)
     for key in ("inputs", "input_units", "outputs", "output_units"):
-        assert getattr(result, key) == getattr(system, key)
-    assert "15 inputs, 24 outputs, 40 frequencies" in repr(result)
+        assert getattr(measured, key) == getattr(system, key)
+    assert (measured.is_measured.all(), measured.left_out) == (True, ())
+    assert repr(measured) == "Measurement(15 inputs, 24 outputs, 40 frequencies, 14 nodes, 0 modes)"
+    assert mx.check_export(path, system).passed
 
 
 def test_a_set_says_what_it_is(tmp_path):
     system = slider(outputs=("mass.z",))
     path = mx.to_uff(system, tmp_path / "x.uff")
-    single = pyuff.UFF(str(path)).read_sets()
-    assert (single["func_type"], single["rsp_node"], single["ref_node"]) == (4, 1, 1)
-    assert (single["ordinate_spec_data_type"], single["orddenom_spec_data_type"]) == (8, 13)  # displacement, force
-    assert (single["abscissa_spec_data_type"], single["abscissa_axis_units_lab"].strip()) == (18, "Hz")
-    assert single["rsp_ent_name"].strip() == "mass.z"
-    assert len(single["x"]) == len(system.frequency_grid())
-    assert int(single["n_bytes"]) == 24 * len(single["x"])
+    (one,) = sets_of(path, 58)
+    assert (one["func_type"], one["rsp_node"], one["ref_node"]) == (4, 1, 1)
+    assert (one["rsp_dir"], one["ref_dir"]) == (3, 3)
+    assert (one["ordinate_spec_data_type"], one["orddenom_spec_data_type"]) == (8, 13)  # displacement, force
+    assert (one["abscissa_spec_data_type"], one["abscissa_axis_units_lab"].strip()) == (18, "Hz")
+    assert one["rsp_ent_name"].strip() == "mass.z"
+    assert len(one["x"]) == len(system.frequency_grid())
+    assert int(one["n_bytes"]) == 24 * len(one["x"])
+    (units,) = sets_of(path, 164)
+    assert (units["units_code"], units["length"], units["force"], units["temp_offset"]) == (1, 1.0, 1.0, 273.15)
+
+
+def test_points_are_those_of_the_model(tmp_path, capsys):
+    system = arm()
+    path = mx.to_uff(system, tmp_path / "x.uff", [1.0])
+    measured = mx.from_uff(path)
+    rod, cart, tip, slant, between, force = range(1, 7)
+    assert [(node.number, node.name) for node in measured.nodes] == [
+        (rod, "rod"), (cart, "cart"), (tip, "rod"), (slant, "rod")]  # fmt: skip
+    assert [node.position for node in measured.nodes] == [(0.5, 0, 0), (1, 0, 2), (1, 0, 0), (1, 0, 0)]
+    assert measured.input_points == (Point(tip, -3), Point(rod, 5), Point(slant, -1), Point(between, 0))
+    assert measured.output_points == (Point(tip, 3), Point(tip, 3), Point(rod, 3), Point(rod, 5), Point(slant, 1),
+                                   Point(between, 0), Point(force, 0))  # fmt: skip
+    assert measured.driving_points == (("z", "F"), ("v", "F"), ("ry", "M"), ("along", "slant"), ("apart", "between"))
+    assert measured.lines == ((rod, tip), (rod, slant))
+    (nodes,), (trace,) = sets_of(path, 2411), sets_of(path, 82)
+    assert np.array_equal(np.column_stack([nodes[key] for key in ("node_nums", "x", "y", "z")]),
+                          [(1, 0.5, 0, 0), (2, 1, 0, 2), (3, 1, 0, 0), (4, 1, 0, 0)])  # fmt: skip
+    assert list(nodes["disp_cs"]) == [0, 0, 0, 4]
+    assert list(trace["nodes"]) == [1, 3, 0, 1, 4, 0]
+    (axes,) = sets_of(path, 2420)
+    assert np.allclose(np.ravel(axes["CS_matrices"])[:3], (0, 0.6, -0.8), atol=1e-15)
+    groups = sets_of(path, 2467)
+    assert [group["group_name"] for item in groups for group in item["groups"]] == ["rod", "cart"]
+    capsys.readouterr()  # pyuff prints what it finds in groups
+
+
+def test_parts_that_several_bodies_share_have_nodes(tmp_path):
+    """Nodes of beams are bodies, at the points of the beam."""
+    system = library.cantilever().linearize()
+    measured = mx.from_uff(mx.to_uff(system, tmp_path / "x.uff", [1.0]))
+    assert {node.name for node in measured.nodes} == set(system.bodies)
+    by_name = {node.name: node.position for node in measured.nodes}
+    assert np.allclose(np.diff([by_name[f"tube.{k}"] for k in range(1, 19)], axis=0), [0.5, 0, 0])
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.3])
+def test_modes(damping, tmp_path):
+    """Shapes at all nodes, of a normal mode with rotations, and eigenvectors of the quadratic problem."""
+    system = arm(damping)
+    path = mx.to_uff(system, tmp_path / "x.uff", [1.0], modes=True)
+    measured, modes = mx.from_uff(path), system.modes()
+    assert len(measured.modes) == system.dof
+    assert [mode.frequency for mode in measured.modes] == pytest.approx(modes.frequencies, rel=1e-5)
+    assert [mode.damping_ratio for mode in measured.modes] == pytest.approx(modes.damping_ratios, rel=1e-4, abs=1e-12)
+    rod = dict(zip(system.bodies, system.body_motion, strict=True))["rod"]
+    for k, mode in enumerate(measured.modes):
+        assert np.iscomplexobj(mode.shape) == bool(damping)
+        assert mode.nodes == (1, 2, 3, 4)
+        phi = modes.shapes[:, k]
+        truth = rod @ phi
+        tip = truth[:3] + np.cross(truth[3:], (0.5, 0, 0))
+        for row, expected in ((0, truth[:3]), (2, tip), (3, tip)):  # also in the axes of node 4
+            assert mode.shape[row, :3] == pytest.approx(expected, rel=1e-4, abs=2e-5 * np.abs(truth).max())
+        if damping:
+            assert np.isnan(mode.shape[:, 3:]).all()
+            value = modes.pairs[k, 0]
+            rest = (value**2 * system.M + value * system.C + system.K) @ phi
+            assert np.abs(rest).max() < 1e-9 * np.abs(system.K).max()
+        else:
+            assert mode.shape[2, 3:] == pytest.approx(truth[3:], rel=1e-4, abs=2e-5 * np.abs(truth).max())
+    theirs = sets_of(path, 55)
+    assert [item["analysis_type"] for item in theirs] == [3 if damping else 2] * system.dof
+    for item, mode in zip(theirs, measured.modes, strict=True):
+        if damping:
+            assert abs(item["eig"]) == pytest.approx(2 * np.pi * mode.frequency, rel=1e-5)
+        else:
+            assert item["freq"] == pytest.approx(mode.frequency)
+        assert np.array_equal(item["r2"][:3], mode.shape[:3, 1])
 
 
 def test_text_holds_the_responses_at_the_frequencies_that_it_holds(tmp_path):
@@ -39,10 +150,104 @@ def test_text_holds_the_responses_at_the_frequencies_that_it_holds(tmp_path):
     omega = 1e4 * np.sqrt([0.2, 0.3, 0.5])
     path = mx.to_uff(system, tmp_path / "x.uff", omega, binary=False)
     assert path.read_bytes().isascii()
-    result = mx.from_uff(path)
-    assert result.omega == pytest.approx(omega, rel=1e-5)
-    exact = system.frequency_response(result.omega)
-    assert np.abs(result.response - exact).max(axis=2) == pytest.approx(0.0, abs=1e-9 * np.abs(exact).max())
+    measured = mx.from_uff(path)
+    assert measured.omega == pytest.approx(omega, rel=1e-5)
+    exact = system.frequency_response(measured.omega)
+    assert np.abs(measured.responses - exact).max(axis=2) == pytest.approx(0.0, abs=1e-9 * np.abs(exact).max())
+
+
+def test_systems_without_geometry_have_a_node_for_each_port(tmp_path):
+    data = mx.from_json(mx.to_json(slider()))
+    measured = mx.from_uff(mx.to_uff(data, tmp_path / "x.uff", [1.0]))
+    assert (measured.nodes, measured.driving_points) == ((), ())
+    assert (measured.input_points, measured.output_points) == ((Point(1, 0),), (Point(2, 0),))
+    with pytest.raises(mv.ExportError, match="modes = True; a system out of a file"):
+        mx.to_uff(data, tmp_path / "x.uff", [1.0], modes=True)
+
+
+def function(response, reference, values, frequency, **more):
+    """A data set 58 as pyuff takes it: node and direction of both ends."""
+    return {"type": 58, "func_type": 4, "rsp_node": response[0], "rsp_dir": response[1], "ref_node": reference[0],
+            "ref_dir": reference[1], "data": values, "x": frequency, "id1": "measured", "rsp_ent_name": "NONE",
+            "ref_ent_name": "NONE", "abscissa_spacing": 1, "abscissa_spec_data_type": 18,
+            "ordinate_spec_data_type": 12, "orddenom_spec_data_type": 13, "binary": 0} | more  # fmt: skip
+
+
+@pytest.mark.parametrize("binary", [0, 1])
+@pytest.mark.parametrize("spacing", [0, 1])
+@pytest.mark.parametrize("precision", ["single", "double"])
+def test_what_pyuff_writes_is_read(binary, spacing, precision, tmp_path):
+    """A hammer that roves: not every pair is measured."""
+    rng = np.random.default_rng(0)
+    frequency = np.arange(1.0, 12.0)
+    values = [rng.standard_normal(11) + 1j * rng.standard_normal(11) for _ in range(3)]
+    ends = [((1, 3), (1, -3)), ((2, -1), (1, -3)), ((1, 3), (7, 5))]
+    path = tmp_path / "x.uff"
+    file = pyuff.UFF(str(path))
+    for k, (ends_of, value) in enumerate(zip(ends, values, strict=True)):
+        data = function(*ends_of, value, frequency, abscissa_spacing=spacing, ord_data_type=5 + (precision == "double"),
+                        rsp_ent_name="BEAM" if k else "NONE")  # fmt: skip
+        file._write_set(data, "overwrite" if k == 0 else "add", force_double=precision == "double")
+    file._write_set({"type": 15, "node_nums": [1, 2, 7], "x": [0.0, 1.0, 2.0], "y": [0.0] * 3, "z": [0.5] * 3}, "add")
+    if binary:
+        path.write_bytes(in_binary(path.read_bytes(), values, frequency, spacing, precision))
+    measured = mx.from_uff(path)
+    assert measured.outputs == ("1+Z", "BEAM:2-X", "BEAM:1+Z")
+    assert measured.inputs == ("1-Z", "7+RY")
+    assert (measured.output_units[0], measured.input_units) == ("m/s^2", ("N", "N m"))
+    assert measured.omega == pytest.approx(2 * np.pi * frequency, rel=1e-6)
+    error = 1e-5 if precision == "single" and not binary else 1e-7 if precision == "single" else 1e-11
+    for at, value in zip(((0, 0), (1, 0), (2, 1)), values, strict=True):
+        assert measured.responses[at] == pytest.approx(value, rel=error, abs=error)
+    assert measured.is_measured.tolist() == [[True, False], [True, False], [False, True]]
+    assert measured.nodes[1].position == (1.0, 0.0, 0.5)
+
+
+def in_binary(raw, values, frequency, spacing, precision):
+    """The same sets with big-endian binary numbers behind their heads; pyuff miscounts those that it writes."""
+    parts, kind = raw.decode().split("    58" + " " * 74 + "\n"), {"single": ">f4", "double": ">f8"}[precision]
+    result = parts[0].encode()
+    for part, value in zip(parts[1:], values, strict=True):
+        table = np.column_stack((*(() if spacing else (frequency,)), value.real, value.imag)).astype(kind).tobytes()
+        head = f"    58b{2:6}{2:6}{11:12}{len(table):12}{0:6}{0:6}{0:12}{0:12}\n"
+        lines = part.splitlines(keepends=True)
+        end = next(k for k, line in enumerate(lines) if line.strip() == "-1")
+        result += head.encode() + "".join(lines[:11]).encode() + table + "".join(["\n", *lines[end:]]).encode()
+    return result
+
+
+def test_other_units_are_converted(tmp_path):
+    """Millimetres and kilonewtons: 164 says how many units of the file are one of SI."""
+    path = tmp_path / "x.uff"
+    file = pyuff.UFF(str(path))
+    units = {"type": 164, "units_code": 9, "length": 1000.0, "force": 0.001, "temp": 1.0, "temp_offset": 273.15}
+    file._write_set(units, "overwrite")
+    value = np.ones(3, dtype=complex)
+    for ends in (((1, 3), (1, 3)), ((1, 6), (1, 3)), ((1, 3), (1, 6)), ((1, 6), (1, 6))):
+        file._write_set(function(*ends, value, np.arange(1.0, 4.0), ordinate_spec_data_type=8), "add")
+    file._write_set({"type": 2411, "node_nums": [1], "def_cs": [0], "disp_cs": [0], "color": [0], "x": [500.0],
+                     "y": [0.0], "z": [0.0]}, "add")  # fmt: skip
+    measured = mx.from_uff(path)
+    # mm/kN = 1e-6 m/N, rad/kN = 1e-3 rad/N, mm/(kN mm) = 1e-3 m/(N m), rad/(kN mm) = 1 rad/(N m)
+    assert measured.responses[:, :, 0].real == pytest.approx(np.array([[1e-6, 1e-3], [1e-3, 1.0]]))
+    assert (measured.output_units, measured.input_units) == (("m", "rad"), ("N", "N m"))
+    assert measured.nodes[0].position == (0.5, 0.0, 0.0)
+    file._write_set(function((1, 2), (1, 3), value, np.arange(1.0, 4.0), ordinate_spec_data_type=0), "add")
+    with pytest.raises(mv.ExportError, match=r"x\.uff: .*data of type 0 in a file whose units are not SI"):
+        mx.from_uff(path)
+
+
+def test_what_is_no_response_is_told(tmp_path):
+    path = tmp_path / "x.uff"
+    file = pyuff.UFF(str(path))
+    value = np.ones(3, dtype=complex)
+    file._write_set(function((1, 3), (1, 3), value, np.arange(1.0, 4.0)), "overwrite")
+    file._write_set(function((1, 3), (1, 3), value.real, np.arange(1.0, 4.0), func_type=6), "add")
+    measured = mx.from_uff(path)
+    assert [text.split(",")[0] for text in measured.left_out] == ["1 of data set 58: function type 6"]
+    file._write_set(function((1, 2), (1, 3), value, np.arange(1.0, 7.0, 2.0)), "add")
+    with pytest.raises(mv.ExportError, match="different frequencies; expected one list"):
+        mx.from_uff(path)
 
 
 def test_what_does_not_fit(tmp_path):
@@ -60,9 +265,11 @@ def test_what_does_not_fit(tmp_path):
 
 
 def test_damage(tmp_path):
-    path = mx.to_uff(stewart(), tmp_path / "x.uff", [1.0, 2.0])
+    path = mx.to_uff(stewart(), tmp_path / "x.uff", [1.0, 2.0], modes=True)
     raw = path.read_bytes()
-    for content in (b"", b"text", raw[:400], raw[: len(raw) // 2]):
+    points, size = b"         2         0  0.0", b"          48"
+    for content in (b"", b"text", raw[:400], raw[: len(raw) // 2], raw.replace(size, b"  9999999999", 1),
+                    raw.replace(points, b"-9999999          0  0.0", 1)):  # fmt: skip
         path.write_bytes(content)
         with pytest.raises(mv.ExportError, match=r"x\.uff: "):
             mx.from_uff(path)

@@ -237,3 +237,10 @@ def test_faulty_arguments_are_told(tmp_path):
     (tmp_path / "other.urdf").write_text("<sdf/>")
     with pytest.raises(mv.ModelError, match="expected <robot>"):
         mv.load_urdf(tmp_path / "other.urdf")
+
+
+def test_rings_beside_the_tree_are_refused(robot):
+    path = robot(link("base") + link("a", 1.0) + link("b", 1.0) + joint("ab", "revolute", "a", "b")
+                 + joint("ba", "revolute", "b", "a"))  # fmt: skip
+    with pytest.raises(mv.ModelError, match=r"link 'a' hangs in a ring of joints that does not reach the root 'base'"):
+        mv.load_urdf(path)

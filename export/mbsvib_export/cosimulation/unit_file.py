@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import zipfile
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,15 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
+from mbsvib_export.fmu_.reading import description_of
 from mbsvib_export.packages import need
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
 
-# FMUs are refused beyond: their sources, binaries of six platforms and matrices take a few megabytes.
-MOST_ENTRIES, LARGEST = 10_000, 1_000_000_000
-_IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z_0-9]*")
 _BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad", "factor", "offset")
 
 
@@ -83,12 +80,10 @@ def open_unit(path: str | os.PathLike[str], caller: str) -> Iterator[UnitFile]:
     file = a_path(path, caller, ExportError)
     with TemporaryDirectory(prefix="mbsvib-", ignore_cleanup_errors=True) as folder:
         try:
-            _check_archive(file)
+            description_of(file)
             description = fmpy.read_model_description(str(file))
             platforms = fmpy.supported_platforms(str(file))
             fmpy.extract(str(file), folder)
-        except FileNotFoundError as error:
-            raise ExportError(f"{file}: there is no such file.") from error
         except ExportError:
             raise
         except (zipfile.BadZipFile, KeyError, EOFError) as error:
@@ -98,25 +93,10 @@ def open_unit(path: str | os.PathLike[str], caller: str) -> Iterator[UnitFile]:
             raise ExportError(f"{file}: cannot be read as an FMU: {error}. Export it again.") from error
         if not str(description.fmiVersion).startswith(("2.", "3.")):
             raise ExportError(f"{file}: is an FMU of FMI {description.fmiVersion}; expected 2.0 or 3.0.")
-        for kind in (description.modelExchange, description.coSimulation):
-            # the name of the binary is made of it: a path would load a library from outside of the archive
-            if kind is not None and not _IDENTIFIER.fullmatch(str(kind.modelIdentifier)):
-                raise ExportError(f"{file}: modelIdentifier = {str(kind.modelIdentifier)!r}; expected the name of a C "
-                                  f"function, of letters, digits and underscores. Nothing of it was run.")  # fmt: skip
         if fmpy.platform not in platforms:
             raise ExportError(f"{file}: holds no binary for {fmpy.platform}, but for {', '.join(platforms) or 'none'}; "
                               f'export it on this platform, or for it: to_fmu(..., platforms="all").')  # fmt: skip
         yield _described(file, folder, description)
-
-
-def _check_archive(file: Path) -> None:
-    """Refuse an archive that would fill memory or disk, before anything is unpacked."""
-    with zipfile.ZipFile(file) as archive:
-        entries = archive.infolist()
-    size = sum(entry.file_size for entry in entries)
-    if len(entries) > MOST_ENTRIES or size > LARGEST:
-        raise ExportError(f"{file}: holds {len(entries)} files of {size / 1e9:.3g} GB together; expected at most "
-                          f"{MOST_ENTRIES} files of {LARGEST / 1e9:.3g} GB, as an FMU has. Nothing was unpacked.")
 
 
 def _described(file: Path, folder: str, description: Any) -> UnitFile:

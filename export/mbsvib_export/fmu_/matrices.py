@@ -20,7 +20,7 @@ import numpy as np
 if TYPE_CHECKING:
     from mbsvib_export.fmu_.plant import Plant
 
-_MAGIC = b"MBSLTI02"
+MAGIC = b"MBSLTI02"
 
 
 def matrices_file(plant: Plant, described: str) -> tuple[bytes, str]:
@@ -58,4 +58,4 @@ def matrices_file(plant: Plant, described: str) -> tuple[bytes, str]:
     digest = hashlib.sha256(sizes + body + described.encode()).hexdigest()
     token = "{" + "-".join((digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32])) + "}"
     content = sizes + token.encode().ljust(64, b"\0") + body
-    return _MAGIC + struct.pack("<Q", zlib.crc32(content)) + content, token
+    return MAGIC + struct.pack("<Q", zlib.crc32(content)) + content, token

@@ -1,0 +1,154 @@
+"""Data sets 58 of universal files: a frequency response between two points, as text or binary."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.common.file_content import ContentError, check_shape
+from mbsvib.responses.measurement import Point
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib_export.uff_records import DataSet
+
+# Lines before the numbers.
+HEAD = 11
+FREQUENCY_RESPONSE = 4
+MARK = "written by mbsvib"
+# Specific data types: of the abscissa, and of motions and forces, with their exponents of length and force.
+_FREQUENCY = (0, 18)
+_EXPONENTS = {8: (1, 0), 11: (1, 0), 12: (1, 0), 9: (0, 1), 13: (0, 1)}
+_SI = {8: ("m", "rad"), 11: ("m/s", "rad/s"), 12: ("m/s^2", "rad/s^2"), 9: ("N", "N m"), 13: ("N", "N m")}
+_AXES = {0: "", 1: "X", 2: "Y", 3: "Z", 4: "RX", 5: "RY", 6: "RZ"}
+# Widths of columns, by complex numbers or not and double precision or not, of even abscissas and of others.
+_EVEN = {False: (13,) * 6, True: (20,) * 4}
+_UNEVEN = {False: (13,) * 6, True: (13, 20, 20)}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Axis:
+    """An end of a frequency response: its name, unit, point, and the specific type of its data."""
+
+    name: str
+    unit: str
+    point: Point
+    kind: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Function:
+    """A frequency response as the file has it: ``frequency`` (n,) [Hz], ``values`` (n,), its output and its input."""
+
+    frequency: Array
+    values: Complex
+    output: Axis
+    input: Axis
+
+
+def function_of(data: DataSet, length: float, force: float) -> Function | str:
+    """Return the frequency response of a data set 58 in SI units, or what it is instead.
+
+    Parameters
+    ----------
+    data : DataSet
+        The set.
+    length, force : float
+        Units of the file in a metre and in a newton, as data set 164 says.
+
+    Returns
+    -------
+    Function, or str
+        The response, or the kind of another function.
+
+    Raises
+    ------
+    ContentError
+        If its numbers cannot be read, or it has units that cannot be converted.
+    """
+    function, *_ = data.integers(5, 5)
+    response_node, response_direction, reference_node, reference_direction = data.integers(
+        5, -30, -11, 10, 4, -11, 10, 4)  # fmt: skip
+    kind, count, spacing = data.integers(6, 10, 10, 10)
+    types = [data.integers(k, 10)[0] for k in (7, 8, 9)]
+    if function != FREQUENCY_RESPONSE or kind not in (5, 6) or types[0] not in _FREQUENCY:
+        return f"data set 58: function type {function}, data type {kind}, abscissa of type {types[0]}"
+    frequency, values = _numbers(data, kind == 6, count, spacing == 1)
+    points = (Point(response_node, _direction(response_direction)),
+              Point(reference_node, _direction(reference_direction)))  # fmt: skip
+    names, units = _names(data, points, types[1:])
+    scale = [_unit_factor(t, p, length, force, data.start) for t, p in zip(types[1:], points, strict=True)]
+    if scale != [1.0, 1.0]:
+        units = [_SI[t][abs(p.direction) > 3] for t, p in zip(types[1:], points, strict=True)]
+    output, source = (Axis(names[k], units[k], points[k], types[1 + k]) for k in (0, 1))
+    return Function(frequency, values * (scale[1] / scale[0]), output, source)
+
+
+def _direction(number: int) -> int:
+    if abs(number) > 6:
+        raise ContentError(f"the direction {number} of a node; expected -6 to 6")
+    return number
+
+
+def _numbers(data: DataSet, double: bool, count: int, even: bool) -> tuple[Array, Complex]:
+    """Frequencies and complex values of the lines or bytes behind the head."""
+    first, step = data.reals(6, -30, 13, 13)
+    if count < 1:
+        raise ContentError(f"data set 58 at line {data.start} has {count} points")
+    columns = 2 if even else 3
+    if data.binary is None:
+        width = (_EVEN if even else _UNEVEN)[double]
+        table = data.table(HEAD, columns * count, width).reshape(count, columns)
+    else:
+        table = _binary(data, double, count, columns)
+    if not np.isfinite(table).all():
+        raise ContentError(f"data set 58 at line {data.start} holds NaN or infinity")
+    frequency = first + step * np.arange(count) if even else table[:, 0]
+    if (np.diff(frequency) <= 0.0).any() or (frequency < 0.0).any():
+        raise ContentError(f"the frequencies of data set 58 at line {data.start} do not ascend from 0 on")
+    return np.array(frequency), table[:, -2] + 1j * table[:, -1]
+
+
+def _binary(data: DataSet, double: bool, count: int, columns: int) -> Array:
+    raw, width = data.binary or b"", 8 if double else 4
+    what = f"data set 58 at line {data.start}"
+    check_shape((count, columns), 4, len(raw), what)
+    if len(raw) == count * columns * width:
+        return np.frombuffer(raw, f"{data.order}f{width}").reshape(count, columns).astype(float)
+    if double and columns == 3 and len(raw) == 20 * count:  # some write the frequency in single precision
+        table = np.frombuffer(raw, np.dtype([("x", f"{data.order}f4"), ("y", f"{data.order}f8", 2)]))
+        return np.column_stack((table["x"].astype(float), table["y"]))
+    raise ContentError(f"{what} has {len(raw)} bytes for {count} points")
+
+
+def _names(data: DataSet, points: tuple[Point, Point], types: list[int]) -> tuple[list[str], list[str]]:
+    """Names and units of output and input; files of mbsvib have them whole in their first lines."""
+    whole = [data.line(k).strip().split(" / ") for k in (0, 1)]
+    if data.line(2).strip() == MARK and len(whole[0]) == 2:
+        first, _, second = data.line(1)[:80].rstrip().partition(" / ")
+        return [word.strip() for word in whole[0]], [first.strip(), second.strip()]
+    names: list[str] = []
+    units: list[str] = []
+    for k, (start, point, kind) in enumerate(zip((31, 56), points, types, strict=True)):
+        entity = data.line(5)[start : start + 10].strip()
+        sign = "-" if point.direction < 0 else "+"
+        place = f"{point.node}{sign if point.direction else ''}{_AXES[abs(point.direction)]}"
+        names.append(place if entity in ("", "NONE") else f"{entity}:{place}")
+        unit = data.line(8 + k)[47:67].strip()
+        units.append(_SI.get(kind, ("", ""))[abs(point.direction) > 3] if unit in ("", "NONE") else unit)
+    return names, units
+
+
+def _unit_factor(kind: int, point: Point, length: float, force: float, line: int) -> float:
+    """Unit of the file in that of SI."""
+    if length == force == 1.0:
+        return 1.0
+    if kind not in _EXPONENTS:
+        raise ContentError(f"data set 58 at line {line} has data of type {kind} in a file whose units are not SI; "
+                           f"expected types 8, 9, 11, 12 or 13, which can be converted")  # fmt: skip
+    lengths, forces = _EXPONENTS[kind]
+    if abs(point.direction) > 3:  # an angle, or a moment
+        lengths = lengths - 1 if lengths else forces
+    return float(length**lengths * force**forces)

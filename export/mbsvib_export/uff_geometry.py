@@ -1,0 +1,138 @@
+"""Data sets about a structure: units 164, coordinate systems 2420, nodes 2411, groups 2467, lines 82, modes 55."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib_export.uff_points import Geometry, PlacedNode
+
+_PER_LINE = 8
+_NODES = 7  # type of entities in groups
+_REAL, _COMPLEX = 2, 5
+_LONGEST_NAME = 80
+
+
+def geometry_sets(geometry: Geometry) -> Iterator[str]:
+    """Yield the data sets that say units, nodes, bodies and lines.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Nodes of a system.
+
+    Returns
+    -------
+    iterator of str
+        One text for each data set.
+    """
+    yield _set(164, [f"{1:10}{'SI: metre (newton)':<20}{2:10}", _reals(1.0, 1.0, 1.0), _reals(273.15)])
+    if not geometry.nodes:
+        return
+    systems = [node for node in geometry.nodes if node.axes is not None]
+    if systems:
+        lines = [f"{1:10}", "directions of inputs and outputs"]
+        for node in systems:
+            assert node.axes is not None
+            lines += [f"{node.number:10}{0:10}{0:10}", f"direction at node {node.number}",
+                      *(_reals(*row) for row in node.axes.T.tolist()), _reals(0.0, 0.0, 0.0)]  # fmt: skip
+        yield _set(2420, lines)
+    lines = []
+    for node in geometry.nodes:
+        lines += [f"{node.number:10}{0:10}{0 if node.axes is None else node.number:10}{1:10}", _reals(*node.position)]
+    yield _set(2411, lines)
+    groups: dict[str, list[PlacedNode]] = {}
+    for node in geometry.nodes:
+        groups.setdefault(node.body, []).append(node)
+    lines = []
+    for k, (body, nodes) in enumerate(groups.items(), 1):
+        entries = [f"{_NODES:10}{node.number:10}{0:10}{0:10}" for node in nodes]
+        lines += ["".join(f"{number:10}" for number in (k, 0, 0, 0, 0, 0, 0, len(nodes))), _plain(body),
+                  *("".join(entries[i : i + 2]) for i in range(0, len(entries), 2))]  # fmt: skip
+    yield _set(2467, lines)
+    for k, (body, nodes) in enumerate(groups.items(), 1):
+        centre, *others = nodes
+        apart = [node for node in others if node.position != centre.position]
+        if apart:
+            trace = [number for node in apart for number in (centre.number, node.number, 0)]
+            yield _set(82, [f"{k:10}{len(trace):10}{0:10}", _plain(body), *_integers(trace)])
+
+
+def mode_sets(system: System, geometry: Geometry) -> Iterator[str]:
+    """Yield the modes as data sets 55, at each node of a body: u + theta x r, of normal modes theta as well.
+
+    Modes that creep or diverge without oscillating have no place in the format and are left out.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    geometry : Geometry
+        Its nodes.
+
+    Returns
+    -------
+    iterator of str
+        One text for each mode.
+    """
+    modes = system.modes()
+    rows = dict(zip(system.bodies, system.body_motion, strict=True))
+    centres: dict[str, Array] = {}
+    for node in geometry.nodes:
+        centres.setdefault(node.body, np.array(node.position))
+    nodes = [node for node in geometry.nodes if node.body in rows]
+    is_real = not np.iscomplexobj(modes.shapes)
+    # characteristic, displacement, type and numbers at a node; common readers take three complex numbers, not six
+    kind, layout = (2, (3, 8, _REAL, 6)) if is_real else (3, (2, 8, _COMPLEX, 3))
+    for k, eigenvalue in enumerate(modes.pairs[:, 0].tolist()):
+        frequency, damping = float(modes.frequencies[k]), float(modes.damping_ratios[k])
+        is_rigid = frequency == 0.0 and damping == 0.0
+        if not (is_rigid or abs(damping) < 1.0):
+            continue
+        reals = (frequency, 0.0, damping, 0.0) if is_real else (eigenvalue.real, eigenvalue.imag, 0.0, 0.0, 0.0, 0.0)
+        lines = [
+            f"Mode {k + 1}", _plain(system.name), "NONE", "NONE", "NONE",
+            "".join(f"{number:10}" for number in (1, kind, *layout)),
+            "".join(f"{number:10}" for number in (2, len(reals), 1, k + 1)),
+            "".join(f"{number:13.5E}" for number in reals),
+        ]  # fmt: skip
+        for node in nodes:
+            motion = rows[node.body] @ modes.shapes[:, k]
+            numbers = _at(node, motion, np.array(node.position) - centres[node.body])
+            flat = numbers if is_real else np.stack((numbers.real, numbers.imag), axis=1)[:3].ravel()
+            words = [f"{number:13.5E}" for number in flat.tolist()]
+            lines += [f"{node.number:10}", *("".join(words[i : i + 6]) for i in range(0, len(words), 6))]
+        yield _set(55, lines)
+
+
+def _at(node: PlacedNode, motion: Complex, arm: Array) -> Complex:
+    """Displacement and rotation of a point of a body, in the displacement coordinate system of the node."""
+    moved, turned = motion[:3] + np.cross(motion[3:], arm), motion[3:]
+    axes = np.eye(3) if node.axes is None else node.axes.T
+    result: Complex = np.concatenate((axes @ moved, axes @ turned))
+    return result
+
+
+def _set(kind: int, lines: list[str]) -> str:
+    return "".join(f"{line}\n" for line in (f"{-1:6}", f"{kind:6}", *lines, f"{-1:6}"))
+
+
+def _reals(*values: float) -> str:
+    return "".join(f"{value:25.16E}" for value in values).replace("E", "D")
+
+
+def _integers(numbers: list[int]) -> Iterator[str]:
+    for k in range(0, len(numbers), _PER_LINE):
+        yield "".join(f"{number:10}" for number in numbers[k : k + _PER_LINE])
+
+
+def _plain(name: str) -> str:
+    """A name as a line of ASCII; a line of -1 would end the data set."""
+    text = "".join(letter if letter.isprintable() else " " for letter in name)[:_LONGEST_NAME]
+    return f"'{text}'" if text.strip() == "-1" else text

@@ -1,0 +1,221 @@
+"""From data sets of universal files to a measurement: 58, 55, 15, 2411, 2420, 82, 164 and 2467."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from math import hypot, pi
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.common.file_content import ContentError, check_dense, check_shape
+from mbsvib.responses.measurement import MeasuredMode, Measurement, Node
+from mbsvib_export.uff_functions import Function, function_of
+from mbsvib_export.uff_records import DataSet, data_sets
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib_export.uff_functions import Axis
+
+_NODES = 7  # type of entities in groups
+_NORMAL, _COMPLEX, _COMPLEX_VELOCITY = 2, 3, 7
+# Frequencies of responses that agree to this share are the same: single precision, and five digits of text.
+_SAME = 2e-5
+
+
+@dataclass(slots=True)
+class _Content:
+    """What the sets before have said."""
+
+    length: float = 1.0
+    force: float = 1.0
+    positions: dict[int, tuple[float, float, float]] = field(default_factory=dict)
+    system_of: dict[int, int] = field(default_factory=dict)
+    axes: dict[int, Array] = field(default_factory=dict)
+    names: dict[int, str] = field(default_factory=dict)
+    lines: list[tuple[int, ...]] = field(default_factory=list)
+    functions: list[Function] = field(default_factory=list)
+    modes: list[MeasuredMode] = field(default_factory=list)
+    left_out: Counter[str] = field(default_factory=Counter)
+
+
+def measurement_of(raw: bytes) -> Measurement:
+    """Return what a universal file holds.
+
+    Parameters
+    ----------
+    raw : bytes
+        The file.
+
+    Returns
+    -------
+    Measurement
+        Responses, points, nodes, modes and lines, in SI units.
+
+    Raises
+    ------
+    ContentError
+        If the file is damaged, or holds neither responses nor modes nor nodes.
+    """
+    content = _Content()
+    sets = list(data_sets(raw))
+    units = [_units(item) for item in sets if item.kind == 164]
+    if len(set(units)) > 1:
+        raise ContentError(f"{len(units)} data sets 164 with different units")
+    if units:
+        content.length, content.force = units[0]
+    for item in sorted(sets, key=lambda item: item.kind in _READERS and item.kind == 55):  # modes behind the axes
+        if item.kind in _READERS:
+            _READERS[item.kind](item, content)
+        elif item.kind not in (164, 151):
+            content.left_out[f"data set {item.kind}"] += 1
+    if not (content.functions or content.modes or content.positions):
+        raise ContentError(f"neither responses nor modes nor nodes, but {', '.join(content.left_out) or 'nothing'}")
+    unknown = sorted({number for number in content.system_of.values() if number} - content.axes.keys())
+    if unknown:
+        content.left_out[f"coordinate system {', '.join(map(str, unknown))}, which is not in the file: taken for that "
+                         "of the world"] += 1  # fmt: skip
+    nodes = tuple(Node(number, content.names.get(number, ""), position)
+                  for number, position in content.positions.items())  # fmt: skip
+    left = tuple(f"{count} of {what}" for what, count in content.left_out.items())
+    return _measurement(content, nodes, left, len(raw))
+
+
+def _measurement(content: _Content, nodes: tuple[Node, ...], left: tuple[str, ...], size: int) -> Measurement:
+    functions = content.functions
+    omega = 2 * pi * functions[0].frequency if functions else np.zeros(0)
+    outputs: dict[str, Axis] = {}
+    inputs: dict[str, Axis] = {}
+    for function in functions:
+        for axes, axis in ((outputs, function.output), (inputs, function.input)):
+            known = axes.setdefault(axis.name, axis)
+            if (known.point, known.unit) != (axis.point, axis.unit):
+                raise ContentError(f"'{axis.name}' is at {known.point} in {known.unit!r} and at {axis.point} in "
+                                   f"{axis.unit!r}")  # fmt: skip
+    check_dense(2 * len(outputs) * max(1, len(inputs)), len(omega), size, "all pairs of outputs and inputs")
+    responses = np.full((len(outputs), len(inputs), len(omega)), complex(np.nan, np.nan))
+    rows, columns = ({name: k for k, name in enumerate(axes)} for axes in (outputs, inputs))
+    for function in functions:
+        at = rows[function.output.name], columns[function.input.name]
+        if len(function.frequency) != len(omega) or not np.allclose(2 * pi * function.frequency, omega, _SAME, 0.0):
+            raise ContentError(f"the responses of '{functions[0].output.name}' and '{function.output.name}' have "
+                               f"different frequencies; expected one list for all")  # fmt: skip
+        if not np.isnan(responses[at]).all():
+            raise ContentError(f"the response of '{function.output.name}' to '{function.input.name}' is there twice")
+        responses[at] = function.values
+    return Measurement(
+        omega, responses, tuple(outputs), tuple(axis.unit for axis in outputs.values()),
+        tuple(axis.point for axis in outputs.values()), tuple(inputs), tuple(axis.unit for axis in inputs.values()),
+        tuple(axis.point for axis in inputs.values()), nodes, tuple(content.modes), tuple(content.lines), left,
+    )  # fmt: skip
+
+
+def _units(data: DataSet) -> tuple[float, float]:
+    length, force = data.reals(1, 25, 25)
+    if not (length > 0.0 and force > 0.0):
+        raise ContentError(f"data set 164 at line {data.start} has units of {length} and {force}; expected positive "
+                           f"factors")  # fmt: skip
+    return length, force
+
+
+def _function(data: DataSet, content: _Content) -> None:
+    result = function_of(data, content.length, content.force)
+    if isinstance(result, str):
+        content.left_out[result] += 1
+    else:
+        content.functions.append(result)
+
+
+def _place(content: _Content, number: int, system: int, position: list[float]) -> None:
+    if number < 1 or number in content.positions:
+        raise ContentError(f"the node {number} is there twice, or no number of a node")
+    x, y, z = (value / content.length for value in position)
+    content.positions[number], content.system_of[number] = (x, y, z), system
+
+
+def _nodes_15(data: DataSet, content: _Content) -> None:
+    for k in range(len(data.lines)):
+        number, _, system, _ = data.integers(k, 10, 10, 10, 10)
+        _place(content, number, system, data.reals(k, -40, 13, 13, 13))
+
+
+def _nodes_2411(data: DataSet, content: _Content) -> None:
+    for k in range(0, len(data.lines), 2):
+        number, _, system, _ = data.integers(k, 10, 10, 10, 10)
+        _place(content, number, system, data.reals(k + 1, 25, 25, 25))
+
+
+def _systems(data: DataSet, content: _Content) -> None:
+    for k in range(2, len(data.lines), 6):
+        number, kind, _ = data.integers(k, 10, 10, 10)
+        rows = np.array([data.reals(k + 2 + i, 25, 25, 25) for i in range(4)])
+        if kind != 0 or number in content.axes:
+            raise ContentError(f"the coordinate system {number} of type {kind} is there twice or not Cartesian")
+        content.axes[number] = rows[:3].T
+
+
+def _groups(data: DataSet, content: _Content) -> None:
+    k = 0
+    while k < len(data.lines):
+        count = data.integers(k, *[-10] * 7, 10)[0]
+        name = data.line(k + 1)[:80].strip()
+        check_shape((count,), 1, sum(map(len, data.lines[k + 2 :])), f"data set {data.kind} at line {data.start}")
+        for i in range(count):
+            kind, number = data.integers(k + 2 + i // 2, *([-40] if i % 2 else []), 10, 10)
+            if kind == _NODES:
+                content.names[number] = name
+        k += 2 + -(-count // 2)
+
+
+def _lines(data: DataSet, content: _Content) -> None:
+    count = data.integers(0, -10, 10)[0]
+    numbers = data.table(2, count, (10,) * 8)
+    line: list[int] = []
+    for number in [*numbers.astype(int).tolist(), 0]:
+        if number:
+            line.append(number)
+        elif line:
+            content.lines.append(tuple(line))
+            line = []
+
+
+def _mode(data: DataSet, content: _Content) -> None:
+    _, analysis, characteristic, kind, values, per_node = data.integers(5, *[10] * 6)
+    if analysis not in (_NORMAL, _COMPLEX, _COMPLEX_VELOCITY) or kind != 8 or characteristic not in (2, 3) \
+            or values not in (2, 5) or per_node not in (3, 6):  # fmt: skip
+        content.left_out[f"data set 55: analysis type {analysis}, data type {kind}"] += 1
+        return
+    integers, reals = data.integers(6, 10, 10)
+    if not (2 <= integers <= 100 and 1 <= reals <= 100):
+        raise ContentError(f"data set 55 at line {data.start} announces {integers} and {reals} numbers of a mode")
+    at = 6 + -(-(2 + integers) // 8)
+    numbers = data.table(at, reals, (13,) * 6)
+    at += -(-reals // 6)
+    if analysis == _NORMAL:
+        frequency, damping = float(numbers[0]), float(numbers[2]) if reals > 2 else 0.0
+    else:
+        size = hypot(*numbers[:2])
+        frequency, damping = size / (2 * pi), -float(numbers[0]) / size if size else 0.0
+    width = per_node * (2 if values == 5 else 1)
+    step = 1 + -(-width // 6)
+    numbered, shapes = [], []
+    for k in range(at, len(data.lines), step):
+        numbered.append(data.integers(k, 10)[0])
+        shapes.append(_displacement(data.table(k + 1, width, (13,) * 6), values == 5, numbered[-1], content))
+    if len(set(numbered)) < len(numbered):
+        raise ContentError(f"data set 55 at line {data.start} has a node twice")
+    shape: Array | Complex = np.asarray(shapes, dtype=complex if values == 5 else float).reshape(len(numbered), 6)
+    content.modes.append(MeasuredMode(data.line(0).strip(), frequency, damping, tuple(numbered), shape))
+
+
+def _displacement(numbers: Array, is_complex: bool, node: int, content: _Content) -> Array | Complex:
+    """Six components of a node in world axes; rotations that the file does not have are NaN."""
+    values = numbers[0::2] + 1j * numbers[1::2] if is_complex else numbers
+    six = np.concatenate((values, np.full(6 - len(values), np.nan)))
+    axes = content.axes.get(content.system_of.get(node, 0))
+    six[:3] /= content.length
+    return np.asarray(six if axes is None else np.concatenate((axes @ six[:3], axes @ six[3:])))
+
+
+_READERS = {58: _function, 15: _nodes_15, 2411: _nodes_2411, 2420: _systems, 2467: _groups, 82: _lines, 55: _mode}

@@ -1,0 +1,131 @@
+"""Files of unknown origin: read as plain bytes, and no array larger than the file that is to hold it."""
+
+from __future__ import annotations
+
+import os
+import stat
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from mbsvib.errors import MbsvibError
+
+# Packed content is refused beyond: a gigabyte of nothing packs into one megabyte, so that the file's size says little.
+LARGEST_UNPACKED = 1_000_000_000
+# Sparse matrices are made dense up to this many bytes where their file is smaller: ten thousand rows.
+LARGEST_DENSE = 800_000_000
+# Entries of an archive; those that mbsvib writes have some tens.
+MOST_ENTRIES = 10_000
+# Rows of an array without columns, which takes no bytes, but the time of whoever counts them.
+_MOST_EMPTY = 1_000_000
+# Characters of a message of another library.
+_LONGEST_MESSAGE = 160
+
+
+class ContentError(ValueError):
+    """Content that does not fit its format; readers add the file's name and what to do."""
+
+
+def content_of(path: str | os.PathLike[str], error: Callable[[str], MbsvibError], expected: str) -> bytes:
+    """Return the bytes of a regular file; folders, devices and pipes, which may never end, are refused.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file.
+    error : callable
+        Builds the error from a message.
+    expected : str
+        What the file should be, for the message: "a file of to_npz".
+
+    Returns
+    -------
+    bytes
+        The content.
+
+    Raises
+    ------
+    MbsvibError
+        If there is no such file, or it cannot be read.
+    """
+    name = os.fspath(path)
+    try:
+        mode = os.stat(path).st_mode
+        if not stat.S_ISREG(mode):
+            what = "a folder" if stat.S_ISDIR(mode) else "no regular file"
+            raise error(f"{name}: cannot be read: it is {what}; expected {expected}.")
+        with open(path, "rb") as stream:
+            return stream.read()
+    except FileNotFoundError as reason:
+        raise error(f"{name}: cannot be read: there is no such file; expected {expected}.") from reason
+    except (OSError, ValueError, MemoryError) as reason:  # ValueError: a zero byte in the path
+        message = getattr(reason, "strerror", None) or str(reason) or "not enough memory"
+        raise error(f"{name}: cannot be read: {message}; expected {expected}.") from reason
+
+
+def check_shape(shape: Sequence[int], itemsize: int, available: int, what: str) -> int:
+    """Return the number of bytes of an array after comparing it with what the file holds.
+
+    Parameters
+    ----------
+    shape : sequence of int
+        Rows, columns and so on, as a header says.
+    itemsize : int
+        Bytes of one entry in the file.
+    available : int
+        Bytes that the file has for it.
+    what : str
+        The array, for messages.
+
+    Returns
+    -------
+    int
+        Bytes of the array.
+
+    Raises
+    ------
+    ContentError
+        If a number is negative, or the array needs more bytes than there are.
+    """
+    size = itemsize
+    for number in shape:
+        if number < 0 or number > max(available, _MOST_EMPTY):
+            raise ContentError(f"{what}: the size {_product(shape)} in its header is not possible; {available} bytes "
+                               f"follow")  # fmt: skip
+        size *= number
+    if size > available:
+        raise ContentError(f"{what}: the size {_product(shape)} in its header needs {size} bytes; {available} follow")
+    return size
+
+
+def check_dense(rows: int, columns: int, available: int, what: str) -> None:
+    """Refuse a sparse matrix that would be too large as a dense one.
+
+    Parameters
+    ----------
+    rows, columns : int
+        Its size.
+    available : int
+        Bytes of its file.
+    what : str
+        The matrix, for messages.
+
+    Raises
+    ------
+    ContentError
+        If a number is negative, or the dense matrix exceeds both the file and ``LARGEST_DENSE``.
+    """
+    if rows < 0 or columns < 0 or 8 * rows * columns > max(LARGEST_DENSE, available):
+        raise ContentError(f"{what}: {rows} x {columns} entries; expected a reduced matrix, of at most "
+                           f"{max(LARGEST_DENSE, available) / 1e9:.3g} GB")  # fmt: skip
+
+
+def shortened(error: BaseException) -> str:
+    """Return what another library says of a file, shortened: it may repeat all of the file's bytes."""
+    text = " ".join(str(error).split())
+    return text if len(text) <= _LONGEST_MESSAGE else f"{text[:_LONGEST_MESSAGE]} ..."
+
+
+def _product(shape: Sequence[int]) -> str:
+    return " x ".join(map(str, shape)) or "1"
