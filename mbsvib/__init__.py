@@ -15,6 +15,7 @@ from mbsvib.errors import (
     ModelError,
     NearSingularWarning,
     ResponseError,
+    SimulationError,
     SingularPoseError,
     UndeterminedForceWarning,
 )
@@ -24,10 +25,12 @@ if TYPE_CHECKING:
     from mbsvib import isolation, library, plots, studies
     from mbsvib.api.linearize import linearize
     from mbsvib.api.modes import Modes
+    from mbsvib.api.run import Run
     from mbsvib.api.system import System
     from mbsvib.files import load, save
     from mbsvib.library import from_dh
     from mbsvib.mjcf import load_mjcf
+    from mbsvib.modes.disparity import modal_disparity
     from mbsvib.responses.measurement import Measurement
     from mbsvib.responses.state_space import StateSpace
     from mbsvib.studies import optimize, sweep, tolerances, track
@@ -46,6 +49,8 @@ __all__ = [
     "Modes",
     "NearSingularWarning",
     "ResponseError",
+    "Run",
+    "SimulationError",
     "SingularPoseError",
     "StateSpace",
     "System",
@@ -58,6 +63,7 @@ __all__ = [
     "load",
     "load_mjcf",
     "load_urdf",
+    "modal_disparity",
     "optimize",
     "plots",
     "save",
@@ -70,6 +76,7 @@ __all__ = [
 _HOMES = {
     "Measurement": "mbsvib.responses.measurement",
     "Modes": "mbsvib.api.modes",
+    "Run": "mbsvib.api.run",
     "StateSpace": "mbsvib.responses.state_space",
     "System": "mbsvib.api.system",
     "from_dh": "mbsvib.library",
@@ -80,6 +87,7 @@ _HOMES = {
     "load": "mbsvib.files",
     "load_mjcf": "mbsvib.mjcf",
     "load_urdf": "mbsvib.urdf",
+    "modal_disparity": "mbsvib.modes.disparity",
     "optimize": "mbsvib.studies",
     "save": "mbsvib.files",
     "studies": "mbsvib.studies",

@@ -52,6 +52,22 @@ class EquilibriumError(MbsvibError):
         self.unit = unit
 
 
+class SimulationError(MbsvibError):
+    """A nonlinear time response that could not be carried to its end.
+
+    ``time`` [s] is where it stopped and ``coordinate`` the joint coordinate that moves fastest there; ``run`` is what
+    was reached until then.
+    """
+
+    def __init__(
+        self, message: str, *, time: float | None = None, coordinate: str | None = None, run: object = None
+    ) -> None:
+        super().__init__(message)
+        self.time = time
+        self.coordinate = coordinate
+        self.run = run
+
+
 class NearSingularWarning(UserWarning):
     """A pose so near a singular one that the minimal coordinates lose digits."""
 

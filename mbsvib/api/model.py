@@ -12,6 +12,7 @@ from mbsvib.api.add_parts import RigidMechanism
 from mbsvib.api.add_ports import PortedMechanism
 from mbsvib.api.pose import Posed
 from mbsvib.api.running import Running
+from mbsvib.api.simulated import Simulated
 from mbsvib.elements.families import FAMILIES
 from mbsvib.errors import ModelError, counted, nearest
 
@@ -25,7 +26,9 @@ if TYPE_CHECKING:
     from mbsvib.api.system import System
 
 
-class Model(RigidMechanism, FlexibleMechanism, CoupledMechanism, LoadedMechanism, PortedMechanism, Posed, Running):
+class Model(
+    RigidMechanism, FlexibleMechanism, CoupledMechanism, LoadedMechanism, PortedMechanism, Posed, Running, Simulated
+):
     """A mechanism: bodies, joints, spring-dampers, and the named inputs and outputs one is interested in.
 
     SI units and radians; positions and axes in world coordinates. To refer to a body, its name or the

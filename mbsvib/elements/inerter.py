@@ -33,7 +33,8 @@ class Inerter(Connection):
     Its force on both bodies is inertance times the second derivative of their distance along the unit vector ``line``.
     """
 
-    stiffness = damping = 0.0
+    stiffness = damping = tension = 0.0
+    preload = free_length = None
 
     start: Vector
     end: Vector

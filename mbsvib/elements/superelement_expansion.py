@@ -159,6 +159,26 @@ def elastic_part(part: Superelement, gravity: Vector | None = None) -> ElasticPa
     return result if gravity is None or not any(gravity) else _weighed(part, result, layout, point, gravity)
 
 
+def weight_rows(part: Superelement) -> Array:
+    """Return the first moments L of the weight g . L d, on the displacements d that the rows of K see.
+
+    Parameters
+    ----------
+    part : Superelement
+        The superelement, without displacements.
+
+    Returns
+    -------
+    array, shape (3, 6 nodes)
+        The mass that moves along world axes per displacement of each node but the one that carries the part, and of
+        each body of internal coordinates [kg, kg m].
+    """
+    layout = Layout.of(part, part.root)
+    translations = rigid_motions(np.array(part.points_without_forces), layout.axes, len(part.M))[:, :3]
+    moments = translations.T @ np.array(part.M)
+    return layout.rows(layout.axes @ moments[:, layout.coordinates])
+
+
 def _weighed(part: Superelement, elastic: ElasticPart, layout: Layout, point: Vector, gravity: Vector) -> ElasticPart:
     """The same under gravity g, V = -g . (m p + A (s0 + G x)) with the frame A at p, first moments s0 and G = R^T M.
 

@@ -226,6 +226,31 @@ def bent_lines(beam: Beam, elements: dict[str, Bushing]) -> list[Piece]:
     return result
 
 
+def bent_forms(beam: Beam) -> Array:
+    """Return what unit tension adds to the stiffness of rigid halves, for each element in its axes.
+
+    Parameters
+    ----------
+    beam : Beam
+        The beam.
+
+    Returns
+    -------
+    array, shape (elements, 6, 6)
+        On the displacement of an element's end against its start, at the midpoint [N/m, N, N m per N].
+    """
+    result = []
+    for length, _ in beam.frames():
+        form = np.zeros((6, 6))
+        ratios = element.shear_ratios(length, beam.properties, beam.material, beam.shear)
+        for (across, about, sign), phi in zip(((1, 5, 1.0), (2, 4, -1.0)), ratios, strict=True):
+            form[across, across] = (0.2 / (1.0 + phi) ** 2 + 1.0) / length
+            form[across, about] = form[about, across] = 0.5 * sign
+            form[about, about] = -length / 6.0
+        result.append(form)
+    return np.array(result)
+
+
 def _rows(length: float, phi: float) -> tuple[Array, Array]:
     """Signed values and rows in (d, r) of the form above, for a unit tension; twice the form is a stiffness."""
     across = 0.2 / (1.0 + phi) ** 2 + 1.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -128,6 +128,13 @@ def ports(model: Mechanism, bodies: list[Body], number: Mapping[str, int]) -> Po
 
 
 @lru_cache
+def output_unit(output: Any) -> str:
+    """Return the unit of an output of any kind."""
+    if isinstance(output, ForceOutput):
+        return unit(output.wrench, _FORCE)
+    return output.unit or unit(output.wrench, _MOTION[QUANTITIES.index(output.quantity)])
+
+
 def unit(wrench: tuple[float, ...], units: tuple[str, str]) -> str:
     """Return the unit of a direction: of translations, of rotations, or both where it mixes them."""
     translates, turns = any(wrench[:3]), any(wrench[3:])

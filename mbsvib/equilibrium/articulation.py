@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -153,6 +153,7 @@ def with_preloads_of(model: M, held: Equilibrium[M]) -> Equilibrium[M]:
     if not model.composed:
         return held
 
-    changes = {name: {word: value for word, value in part.words().items() if word in ("preload", "free_length")}
+    changes = {name: {field.name: getattr(part, field.name) for field in fields(part)
+                      if field.name in ("preload", "free_length")}
                for name, part in held.model.springs.items()}  # fmt: skip
     return replace(held, model=changed(model, changes))

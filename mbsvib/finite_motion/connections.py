@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.common.arguments import frame_along
-from mbsvib.elements.bushing import Bushing
+from mbsvib.elements.bushing import FARTHEST, Bushing
 from mbsvib.elements.inerter import Inerter
 from mbsvib.elements.maxwell import Maxwell
 from mbsvib.elements.spring import Spring
@@ -33,7 +33,7 @@ class Connected:
     ``potential`` V [J], ``dissipation`` R [W] (half the power that dampers take) and ``kinetic`` [J]. ``yields`` (k,)
     are its first-order states and ``yield_rates`` (k,) their derivatives; ``deformation`` (d,) [m, rad] is what its
     force acts along and ``force`` (d,) [N, N m] that force, positive where it pulls the first body to the second.
-    ``angle`` [rad] must stay below the limit of bushings, where it is not None.
+    ``angle`` [rad] must stay below the limit of bushings, where it is not None; beyond it forces are NaN.
     """
 
     deformation: Expression
@@ -86,6 +86,9 @@ def _made(
     angle: Expression | None = None,
 ) -> Connected:  # fmt: skip
     """A spring-damper of stiffness k and damping c (d, d) on the deformation x (d,)."""
+    if angle is not None:  # beyond the limit the moment is no number, so that nothing goes on with it
+        defined = ca.if_else(angle < FARTHEST, 1.0, ca.SX(np.nan))
+        k, c = k * defined, c * defined
     xd = motion.rate(x)
     pull = preload + k @ x + c @ xd
     return Connected(x, pull, 0.5 * ca.dot(x, k @ x) + ca.dot(preload, x), 0.5 * ca.dot(xd, c @ xd), ca.SX(0.0),

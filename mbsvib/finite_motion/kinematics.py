@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
+from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.elements.joint import make as make_joint
 from mbsvib.errors import ModelError
+from mbsvib.finite_motion.elastic_nodes import coordinates_of, node_displacement
 from mbsvib.finite_motion.frames import REST, Frame, angular_velocity, rate
 from mbsvib.finite_motion.joints import displacement, openings
 from mbsvib.finite_motion.rotations import Expression
@@ -17,11 +19,12 @@ from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.mechanism.topology import FLOATS, span
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from mbsvib.elements import Joint
+    from mbsvib.finite_motion.elastic_block import ElasticBlock
     from mbsvib.finite_motion.numbers import Numbers
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Branch, Topology
@@ -38,7 +41,8 @@ class Kinematics:
     name, ground included. ``closures`` (rows,) are zero where the loops are closed and couplers hold, row by row the
     opening [m, rad] of ``closure_names``, ``"JOINT.direction"`` or a coupler; ``closure_turns`` (rows,) tells which of
     them are rotations. ``bases`` (9 b,) are rotation matrices, column by column, on top of which the rotations of the
-    joints ``based`` come: those with three free rotations, if asked for, else none.
+    joints ``based`` come: those with three free rotations, if asked for, else none. ``elastic`` has the displacements b
+    of its interface and its modes z for each beam or superelement.
     """
 
     topology: Topology
@@ -53,6 +57,7 @@ class Kinematics:
     closure_turns: NDArray[np.bool_]
     bases: Expression
     based: tuple[str, ...]
+    elastic: Mapping[str, tuple[Expression, Expression]] = field(default_factory=dict)
 
     def point(self, body: str, at: Expression) -> Expression:
         """Return where the point (3,) of a body is that was ``at`` [m] as described."""
@@ -72,14 +77,15 @@ class Kinematics:
 
 
 def kinematics(
-    model: Mechanism, numbers: Numbers, cut: Sequence[str] | None = None, bases: bool = False
-) -> Kinematics:
+    model: Mechanism, numbers: Numbers, cut: Sequence[str] | None = None, bases: bool = False,
+    blocks: Sequence[ElasticBlock] = (), still: Collection[str] = (),
+) -> Kinematics:  # fmt: skip
     """Return the finite motion of a mechanism along its spanning tree.
 
     Parameters
     ----------
     model : Mechanism
-        The mechanism; beams and superelements are not looked at.
+        The mechanism; its beams and superelements are fixed joints between root and interface.
     numbers : Numbers
         Its numbers, some of them symbols.
     cut : sequence of str, optional
@@ -88,6 +94,10 @@ def kinematics(
     bases : bool
         Whether joints with three free rotations get a rotation on top of which theirs come, so that no rotation vector
         needs to be long.
+    blocks : sequence of ElasticBlock
+        Its beams and superelements.
+    still : collection of str
+        Coordinates of these that stay 0 and are left out.
 
     Returns
     -------
@@ -104,42 +114,73 @@ def kinematics(
     joints = {topology.joints[k].name: (topology.joints[k], ways[k]) for k in sorted(ways)}
     floating = {b.body: _floating(topology, model, b) for b in topology.branches if b.joint == FLOATS}
     order = [*joints.values(), *((floating[k], None) for k in topology.floating)]
-    names: list[str] = []
-    turns: list[bool] = []
-    place: dict[str, int] = {}
-    for joint, _ in order:
-        place[joint.name] = len(names)
-        names += [f"{joint.name}.{direction}" for direction, _ in joint.freedom]
-        turns += [direction[0] == "r" for direction, _ in joint.freedom]
+    links = {name: (block, k) for block in blocks for k, name in enumerate(block.joints)}
+    own = {joint.name: _directions(joint, links) for joint, _ in order}
+    names = [f"{joint}.{d}" for joint, directions in own.items() for d in directions if f"{joint}.{d}" not in still]
+    names += [name for block in blocks for name in block.mode_names if name not in still]
+    turns = [name.rpartition(".")[2][0] == "r" for name in names]
     q, qd = ca.SX.sym("q", len(names)), ca.SX.sym("qd", len(names))
+    symbol = {name: q[i] for i, name in enumerate(names)}
+
+    def values(names: Iterable[str]) -> Expression:
+        return ca.vertcat(*(symbol.get(name, ca.SX(0.0)) for name in names))
+
     turning = [joint.name for joint, _ in order if sum(d[0] == "r" for d, _ in joint.freedom) == 3]
     based = tuple(turning) if bases else ()
     symbols = ca.SX.sym("base", 9 * len(based))
     frames: dict[str, Frame] = {GROUND: REST}
     for branch in topology.branches:
         joint = floating[branch.body] if branch.joint == FLOATS else topology.joints[branch.joint]
-        start = place[joint.name]
+        own_q = values(f"{joint.name}.{d}" for d in own[joint.name])
         base = None
         if joint.name in based:
             k = 9 * based.index(joint.name)
             base = ca.reshape(symbols[k : k + 9], 3, 3)
-        motion = displacement(joint, numbers, q[start : start + len(joint.freedom)], base)
+        if joint.name in links:
+            block, k = links[joint.name]
+            both = ca.vertcat(values(block.mode_names), values(block.interface_names))
+            motion = node_displacement(block, block.interface[k], both)
+        else:
+            motion = displacement(joint, numbers, own_q, base)
         parent = GROUND if branch.parent == len(topology.bodies) else topology.bodies[branch.parent]
         frames[topology.bodies[branch.body]] = frames[parent].then(motion if branch.sign > 0 else motion.inverse())
     rows: list[tuple[str, Expression, bool]] = []
     for k in topology.cut:
         joint = topology.joints[k]
+        if joint.name in links:  # its coordinates follow
+            continue
         relative = frames[joint.second].seen_from(frames[joint.first])
         rows += [(f"{joint.name}.{name}", value, name[0] == "r") for name, value in openings(joint, numbers, relative)]
-    index = {name: i for i, name in enumerate(names)}
     for part in model.couplers.values():
-        rows.append((part.name, sum((value * q[index[name]] for name, value in part.terms), ca.SX(0.0)),
+        rows.append((part.name, sum((value * symbol[name] for name, value in part.terms), ca.SX(0.0)),
                      all(name.rpartition(".")[2][0] == "r" for name, _ in part.terms)))  # fmt: skip
     return Kinematics(
         topology, numbers, tuple(names), np.array(turns, dtype=bool), q, qd, frames,
         ca.vertcat(*(value for _, value, _ in rows)) if rows else ca.SX.zeros(0),
         tuple([name for name, _, _ in rows]), np.array([turn for _, _, turn in rows], dtype=bool), symbols, based,
+        {block.name: (_interface(block, values, own, frames), values(block.mode_names)) for block in blocks},
     )  # fmt: skip
+
+
+def _directions(joint: Joint, links: Mapping[str, tuple[ElasticBlock, int]]) -> tuple[str, ...]:
+    """Names of the directions in which a joint, or the link to an interface node, has coordinates."""
+    if joint.name not in links:
+        return tuple([direction for direction, _ in joint.freedom])
+    block, k = links[joint.name]
+    return tuple([DIRECTIONS[d] for d in block.held[k]])
+
+
+def _interface(
+    block: ElasticBlock, values: Callable[[Iterable[str]], Expression], own: Collection[str],
+    frames: Mapping[str, Frame],
+) -> Expression:  # fmt: skip
+    """Displacements b of the interface of a block: coordinates of the tree, or what follows from the frames."""
+    parts = [
+        values(f"{joint}.{DIRECTIONS[d]}" for d in held) if joint in own else
+        coordinates_of(block, station, frames[body].seen_from(frames[block.root]))
+        for joint, body, station, held in zip(block.joints, block.bodies, block.interface, block.held, strict=True)
+    ]  # fmt: skip
+    return ca.vertcat(*parts)
 
 
 def _floating(topology: Topology, model: Mechanism, branch: Branch) -> Joint:

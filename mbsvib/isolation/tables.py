@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.isolation.csv_columns import write_columns
+from mbsvib.common.csv_columns import write_columns
 from mbsvib.isolation.study_scene import DIRECTIONS
 
 if TYPE_CHECKING:

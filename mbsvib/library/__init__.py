@@ -24,6 +24,7 @@ from mbsvib.library._pendulums import hinged_rod, pendulum_chain, trifilar_pendu
 from mbsvib.library._quadruped import quadruped
 from mbsvib.library._quarter_car import quarter_car
 from mbsvib.library._rotors import rotor_stator, sleeping_top
+from mbsvib.library._singular_beam import singular_beam
 from mbsvib.library._spatial_linkages import rssr, seven_r
 from mbsvib.library._stewart import stewart, stewart_isolator
 from mbsvib.library._toggle import toggle
@@ -38,8 +39,8 @@ if TYPE_CHECKING:
 __all__ = [
     "build", "cantilever", "carpet_scraper", "chain", "cubic_hexapod", "engine_on_mounts", "four_bar", "from_dh",
     "gripper", "hinged_rod", "hoeken", "inclined_chain", "ladder", "models", "pendulum_chain", "puma", "quadruped",
-    "quarter_car", "rotor_stator", "rssr", "seven_r", "six_link", "sleeping_top", "slider_crank", "stanford",
-    "stewart", "stewart_isolator", "toggle", "tree", "trifilar_pendulum", "two_link", "wafer_stage",
+    "quarter_car", "rotor_stator", "rssr", "seven_r", "singular_beam", "six_link", "sleeping_top", "slider_crank",
+    "stanford", "stewart", "stewart_isolator", "toggle", "tree", "trifilar_pendulum", "two_link", "wafer_stage",
 ]  # fmt: skip
 
 _FAMILIES: dict[str, Callable[..., Model]] = {"C": chain, "T": tree, "L": ladder}
@@ -81,6 +82,7 @@ def models() -> dict[str, tuple[Callable[[], Model], str]]:
         "puma": (puma, "PUMA 560 robot arm, 6 DOF"),
         "stanford": (stanford, "Stanford robot arm with a slide, 6 DOF"),
         "rotor_stator": (rotor_stator, "rotor that spins in a stator on soft mounts, 7 DOF"),
+        "singular_beam": (singular_beam, "clamped beam with two arms that swing through their stretched pose, 42 DOF"),
         "sleeping_top": (sleeping_top, "top that spins upright on its tip, 3 DOF"),
         "cantilever": (cantilever, "steel tube of 20 beam elements with a mass at its tip, 120 DOF"),
         "wafer_stage": (wafer_stage, "long and short stroke, and a metrology frame on isolators, 21 DOF"),

@@ -54,7 +54,7 @@ class Fields:
     would have to do to bodies that float and to all that hangs on them, ``tied`` (rows, ...) the forces in the rows
     that close loops. ``stiff``, ``rate`` and ``square`` are factors of stiffness, damping and inertia: 1, s and s^2.
     ``turned`` (j, 3, ...) is how far joints are turned open, whose moments at rest go with their first bodies,
-    ``alone`` (b, 6, ...) what part of the motions of bodies only their inertia does work on; ``side``
+    ``inertia_only`` (b, 6, ...) what part of the motions of bodies only their inertia does work on; ``side``
     tells the right (1) from the left (-1) of forms that need not be symmetric.
     """
 
@@ -70,13 +70,13 @@ class Fields:
     rate: Field
     square: Field
     turned: Field | None = None
-    alone: Field | None = None
+    inertia_only: Field | None = None
     side: int = 0
 
     @property
     def carrying(self) -> Field:
         """Motions of the bodies that forces at rest see."""
-        return self.body if self.alone is None else self.body - self.alone
+        return self.body if self.inertia_only is None else self.body - self.inertia_only
 
     def take(self, columns: Any) -> Fields:
         """Return some of the motions, numbered along the last axis."""
@@ -118,7 +118,7 @@ def momentum(network: Network, body: Field) -> Field:
 
 def fields(
     network: Network, motion: Motions, stiff: Field, rate: Field, square: Field, load: Field | None = None,
-    strain: Field | None = None, side: int = 0, turned: Field | None = None, alone: Field | None = None,
+    strain: Field | None = None, side: int = 0, turned: Field | None = None, inertia_only: Field | None = None,
 ) -> Fields:  # fmt: skip
     """Return motions with the wrenches that go with them.
 
@@ -126,8 +126,8 @@ def fields(
     or 0 to have the derivatives of one matrix only; ``load`` (b, 6, ...): further wrenches on bodies, at their centres
     of mass, counted as inertia is; ``strain`` (s, 6, ...): what springs see, where that is not their relative motion;
     ``side``: 1 for the right, -1 for the left side of forms between two motions, which need not be symmetric;
-    ``turned`` (j, 3, ...): how far joints are turned open; ``alone`` (b, 6, ...): motions that only inertia does work
-    on, part of those of the bodies. Returns motions and wrenches of bodies and connections.
+    ``turned`` (j, 3, ...): how far joints are turned open; ``inertia_only`` (b, 6, ...): the part of the motions of
+    bodies that only inertia does work on. Returns motions and wrenches of bodies and connections.
     """
     body_wrench = motion.momentum * square
     joints = len(network.joints)
@@ -148,11 +148,11 @@ def fields(
         if network.spin.turning is not None:
             spring_wrench += network.spin.in_springs(motion.relative[joints:], stiff, side)
     if network.forces is not None:
-        carrying = motion.body if alone is None else motion.body - alone
+        carrying = motion.body if inertia_only is None else motion.body - inertia_only
         on_bodies = on_bodies + geometric_wrenches(network.forces, carrying, side, turned) * stiff
     wrench[:joints], support, tied = transmitted(network, on_bodies, spring_wrench)
     seen = motion.relative[joints:] if strain is None else strain
     return Fields(motion.vectors, motion.body, body_wrench, motion.relative, seen, wrench, support, tied,
-                  stiff, rate, square, turned, alone, side)  # fmt: skip
+                  stiff, rate, square, turned, inertia_only, side)  # fmt: skip
 
 

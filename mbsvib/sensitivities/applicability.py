@@ -10,20 +10,30 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mbsvib.elements import Body, Bushing, Joint, Load, Maxwell, Spring
+from mbsvib.elements.beam import Beam
 from mbsvib.elements.coupler import Coupling
+from mbsvib.elements.inerter import Inerter
 from mbsvib.elements.load import Gravity
+from mbsvib.elements.part import Composed
 from mbsvib.elements.rotor import Rotor
+from mbsvib.elements.superelement import Superelement
+from mbsvib.elements.torsion_spring import TorsionSpring
 from mbsvib.equations.wrenches import is_loaded as carries_loads
+from mbsvib.sensitivities.beam_rules import has_rule
 from mbsvib.sensitivities.displaced_bodies import holds_turns, turned
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from mbsvib.elements.part import Part
     from mbsvib.equations.equations import Equations
+    from mbsvib.sensitivities.network import Limit
 
-    Limit = frozenset[tuple[str, str]]
-
-_STIFFNESS, _DAMPING = ("spring", "stiffness"), ("spring", "damping")
-_MASS, _INERTIA = ("body", "mass"), ("body", "inertia")
-_KNOWN = (Body, Bushing, Coupling, Gravity, Joint, Load, Maxwell, Spring)
+_STIFFNESS = {("spring", "stiffness"), ("torsion", "stiffness")}
+_DAMPING = {("spring", "damping"), ("torsion", "damping")}
+_INERTIA, _MASS = {("body", "inertia"), ("spring", "inertance")}, {("body", "mass")}
+_KNOWN = (Beam, Body, Bushing, Coupling, Gravity, Inerter, Joint, Load, Maxwell, Rotor, Spring, Superelement,
+          TorsionSpring)
 
 
 def limits(system: Equations) -> tuple[Limit, ...]:
@@ -35,11 +45,16 @@ def limits(system: Equations) -> tuple[Limit, ...]:
     parts, result = came.parts, []
     if is_loaded(system):
         falls = any(isinstance(part, Gravity) for part in parts)
-        still = {_STIFFNESS, _DAMPING, _INERTIA} if falls else {_STIFFNESS, _DAMPING, _INERTIA, _MASS}
-        result.append(({_INERTIA} if _turned(system) else {_DAMPING, _INERTIA}) if came.settled else still)
+        if came.settled:
+            result.append(_INERTIA if _turned(system) else _DAMPING | _INERTIA)
+        else:
+            result.append(_STIFFNESS | _DAMPING | _INERTIA | (set() if falls else _MASS))
     if any(isinstance(part, Rotor) for part in parts) and (is_loaded(system) or came.origin is None):
         # dampers that turn with a rotor are stiffness, too
-        result.append({_STIFFNESS, _DAMPING} if system.circulatory is None else {_STIFFNESS})
+        result.append(_STIFFNESS | _DAMPING if system.circulatory is None else _STIFFNESS)
+    if came.massless is not None and came.massless.transform is not None and system.circulatory is not None:
+        # motions without mass follow others by K, from the left in other ways than from the right
+        result.append(_DAMPING | _INERTIA | _MASS)
     return tuple(map(frozenset, result))
 
 
@@ -49,26 +64,52 @@ def is_loaded(system: Equations) -> bool:
     return came.statics is not None or (came.origin is not None and carries_loads(came.origin))
 
 
+def may_move(system: Equations) -> bool:
+    """Tell whether parameters may move the pose: forces act on it, or are zero and may be changed."""
+    came = system.provenance
+    return came.statics is not None or any(
+        isinstance(part, Gravity) or getattr(part, "preload", None) is not None
+        or getattr(part, "free_length", None) is not None for part in came.parts)  # fmt: skip
+
+
 def follows(system: Equations) -> bool:
     """Tell whether derivatives through the equilibrium of a loaded scene are known of all its parts.
 
-    True for rigid bodies, joints, couplers, springs, bushings, Maxwell elements, gravity and loads, where all motions
-    without mass have dampers; unless bushings with moments were turned on the way to an equilibrium that was found,
-    couplers or Maxwell elements went along or these carry a preload, couplers contradict each other, or a joint's
-    rotations turn against its locked translations, which parameters of joints cannot say.
+    True where all motions without mass have dampers, and each part has rules for what forces at the pose do.
     """
     came = system.provenance
+    turned_bushings = _turned(system)
     return (
-        came.statics is not None and came.dropped is None and system.gyroscopic is None
+        may_move(system) and came.dropped is None
+        and (came.statics is not None or not (is_loaded(system) or _has(came.parts, Composed)))
         and (came.massless is None or came.massless.transform is None)
-        and all(isinstance(part, _KNOWN) for part in came.parts)
-        and not any(isinstance(part, Joint) and _skews(part) for part in came.parts)
-        and not any(isinstance(part, Maxwell) and (came.settled or part.loaded) for part in came.parts)
-        and not (any(isinstance(part, Coupling) for part in came.parts)
-                 and (came.settled or any(group.surplus for group in came.reduction.groups)))
-        and not any(isinstance(part, Bushing) and part.name in _turned(system) and holds_turns(part)
-                    for part in came.parts)
+        and not any(group.surplus for group in came.reduction.groups if _has(came.parts, Coupling))
+        and not (_has(came.parts, Superelement) and any(
+            isinstance(part, Gravity) and not any(part.acceleration) for part in came.parts))
+        and all(isinstance(part, _KNOWN) and not _is_exception(part, came.settled, turned_bushings)
+                for part in came.parts)
     )  # fmt: skip
+
+
+def _has(parts: Iterable[Part], kind: type[Part]) -> bool:
+    return any(isinstance(part, kind) for part in parts)
+
+
+def _is_exception(part: Part, settled: bool, turned_bushings: frozenset[str]) -> bool:
+    """Whether no rule says what a part of a loaded scene does; ``settled``: the equilibrium was found elsewhere."""
+    if isinstance(part, Beam):  # the axes of an upright one without a y axis jump as it is tilted
+        return part.displacements is not None or not has_rule(part, "start")
+    if isinstance(part, Superelement):
+        return part.displacements is not None
+    if isinstance(part, Joint):
+        return _skews(part)
+    if isinstance(part, Rotor):  # bearings may leave the axis of a body that spins itself
+        return part.inertia is None
+    if isinstance(part, Maxwell):
+        return settled or part.loaded
+    if isinstance(part, Bushing):  # what its moments do about axes changes in ways of its own
+        return part.name in turned_bushings and holds_turns(part)
+    return isinstance(part, Coupling) and settled
 
 
 def _skews(joint: Joint) -> bool:

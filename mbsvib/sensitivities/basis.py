@@ -107,9 +107,9 @@ class SensitivityBasis:
         return Variants(self.equations)
 
     @cached_property
-    def whole(self) -> SensitivityBasis | None:
+    def unreduced(self) -> SensitivityBasis | None:
         """The basis of the system that ``reachable`` took this one out of; None where this one is whole."""
-        equations = self.variants.whole
+        equations = self.variants.unreduced
         return None if equations is None else SensitivityBasis.of(equations)
 
     def ported(self, inputs: list[int], outputs: list[int]) -> tuple[Network, Loads, Loads]:
@@ -159,15 +159,15 @@ class SensitivityBasis:
         takes degrees of freedom away. Raises an error if the matrices do not change smoothly, or a parameter loads a
         motion that nothing holds.
         """
-        if self.whole is None:
+        if self.unreduced is None:
             return self.variants.slopes(directions, every)
-        own, whole = self.equations, self.whole.equations
+        own, unreduced = self.equations, self.unreduced.equations
         wanted = {str(k): dict(direction.rates) for k, direction in enumerate(directions)}
-        known = self.whole.matrix_derivatives(None if every else wanted)
+        known = self.unreduced.matrix_derivatives(None if every else wanted)
         row = {name: k for k, name in enumerate(known.variables)}
         rows = [row[next(iter(rates))] if every else row[k] for k, rates in wanted.items()]
         q, i, o = ([all_names.index(name) for name in names] for names, all_names in (
-            (own.coordinates, whole.coordinates), (own.inputs, whole.inputs), (own.outputs, whole.outputs),
+            (own.coordinates, unreduced.coordinates), (own.inputs, unreduced.inputs), (own.outputs, unreduced.outputs),
         ))  # fmt: skip
         ends = {"B": (q, i), "D": (o, i)} | dict.fromkeys(("M", "C", "K"), (q, q)) | dict.fromkeys(
             ("Cq", "Cv", "Ca"), (o, q))  # fmt: skip

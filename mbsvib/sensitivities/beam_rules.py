@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements.beam_expansion import elements, masses, modal_damper
+from mbsvib.equations.beam_prestress import bent_forms
 from mbsvib.errors import ModelError
 from mbsvib.linalg.differences import slope
+from mbsvib.linalg.rotations import skew
 from mbsvib.linalg.vectors import transformed
 from mbsvib.sensitivities.part_rules import cross_terms
 
@@ -42,18 +44,25 @@ def beam_rule(network: Network, beam: Beam, field: str, index: tuple[int, ...] =
     Its data are the bodies (1, n) that nodes of the beam are, and how their centres of mass move (1, n, 3). Raises an
     error if the beam does not change smoothly with the number.
     """
+    return changed_beam(network, beam, slopes(beam, field, index))
+
+
+def changed_beam(network: Network, beam: Beam, change: dict[str, Array]) -> tuple[Rule, tuple[Array, ...]]:
+    """Return the rule of a change of a beam, given by its ``slopes``; see ``beam_rule``."""
     number = {body.name: i for i, body in enumerate(network.bodies)}
     springs = {spring.name: i for i, spring in enumerate(network.springs)}
     joints = {joint.name: i for i, joint in enumerate(network.joints)}
     which = np.array([springs[name] for name in beam.element_names])
     own = np.array([joints[name] for name in beam.element_names])
     ends = [(number.get(beam.node(i), -1), np.array(point)) for i, point in enumerate(beam.points)]
-    change, present = slopes(beam, field, index), numbers(beam)
+    present = numbers(beam)
     axes = present["axes"].swapaxes(1, 2)
     stiff, rate = change["stiffness"], change["damping"]
     mass, by_mass, (modal,) = (_factors(change[key]) for key in ("mass", "by_mass", "modal"))
-    nodes, middles, turns = change["points"], 0.5 * (change["points"][1:] + change["points"][:-1]), change["turns"]
+    nodes, middles, turns = change["points"], middle_rates(change), change["turns"]
     first = len(network.joints)
+    bent, bends = _bent_lines(network, first + which, present, change)
+    bends_as = _factors(bends)
     floats = {int(body): k for k, body in enumerate(network.floating)}
 
     def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
@@ -65,19 +74,22 @@ def beam_rule(network: Network, beam: Beam, field: str, index: tuple[int, ...] =
                 result.append((weight * local[e : e + 1, i], local[e : e + 1, i]))
             moved = _ends(network, fields.body, ends[e : e + 2])
             result += _terms(mass[e], moved, 0.5 * fields.square) + _terms(by_mass[e], moved, 0.5 * fields.rate)
+            result += _terms(bends_as[e], fields.relative[first + which[e]], 0.5 * fields.stiff)
         return [result + (_moved(fields) if nodes.any() else [])]
 
     def _moved(fields: Fields) -> Terms:
         """Nodes, midpoints and axes move."""
         result: Terms = []
         in_joint, in_spring = fields.wrench[own], fields.wrench[first + which]
-        opened, bent = -fields.relative[own], fields.relative[first + which]
-        for wrench, moves in ((in_joint, opened), (in_spring, bent)):
+        opened, strained = -fields.relative[own], fields.relative[first + which]
+        for wrench, moves in ((in_joint, opened), (in_spring, strained)):
             result += _along(wrench[:, :3], moves[:, 3:], middles)
             result += _along(wrench[:, :3], moves[:, :3], turns) + _along(wrench[:, 3:], moves[:, 3:], turns)
         if present["modal"].any():
-            braked = (np.tensordot(present["modal"], _flat(bent), axes=1) * fields.rate).reshape(bent.shape)
-            result += _along(braked[:, :3], bent[:, 3:], middles)
+            braked = (np.tensordot(present["modal"], _flat(strained), axes=1) * fields.rate).reshape(strained.shape)
+            result += _along(braked[:, :3], strained[:, 3:], middles)
+        if bent.any():
+            result += _along((transformed(bent, strained) * fields.stiff)[:, :3], strained[:, 3:], middles)
         for e in range(len(which)):
             moved = _ends(network, fields.body, ends[e : e + 2])
             force = np.tensordot(present["mass"][e], moved, axes=1) * (fields.square + beam.alpha * fields.rate)
@@ -95,6 +107,47 @@ def beam_rule(network: Network, beam: Beam, field: str, index: tuple[int, ...] =
     return rule, (np.array([[ends[i][0] for i in own_nodes]]), nodes[None, own_nodes])
 
 
+def _bent_lines(
+    network: Network, which: Array, present: dict[str, Array], change: dict[str, Array]
+) -> tuple[Array, Array]:  # fmt: skip
+    """Stiffness T B (e, 6, 6) of the bent lines of elements under tension, world axes, and how it changes while their
+    forces (connections ``which``) stay as they are: T = -f . a changes as the axis a turns.
+    """
+    axes, turns = present["axes"], change["turns"]
+    if network.forces is None:
+        return np.zeros((len(axes), 6, 6)), np.zeros((len(axes), 6, 6))
+    force, along = network.forces.wrench[which, :3], axes[:, :, 0]
+    tension, less = (-(force * way).sum(axis=1)[:, None, None] for way in (along, np.cross(turns, along)))
+    local = np.zeros((len(axes), 6, 6))
+    local[:, :3, :3] = local[:, 3:, 3:] = axes
+    spin = np.zeros((len(axes), 6, 6))
+    spin[:, :3, :3] = spin[:, 3:, 3:] = skew(turns)
+    own, changed = (local @ form @ local.swapaxes(1, 2) for form in (present["bent"], change["bent"]))
+    return tension * own, tension * (changed + spin @ own - own @ spin) + less * own
+
+
+def motion_slopes(beam: Beam, direction: int) -> dict[str, Array]:
+    """Return how ``numbers`` change as a beam shifts along x, y, z (0 to 2), or turns about these at its first node."""
+    present = numbers(beam)
+    count, way = len(present["axes"]), np.eye(3)[direction % 3]
+    result = {key: np.zeros_like(present[key]) for key in ("stiffness", "damping", "mass", "by_mass", "bent", "weight")}
+    result |= {"modal": np.zeros_like(present["modal"])[None], "turns": np.zeros((count, 3)),
+               "points": np.tile(way, (count + 1, 1))}  # fmt: skip
+    if direction < 3:
+        return result
+    for key, copies in (("mass", 4), ("by_mass", 4), ("modal", 2 * count)):
+        spin = np.kron(np.eye(copies), skew(way))
+        result[key] = spin @ present[key] - present[key] @ spin
+    result["modal"] = result["modal"][None]
+    arms = present["points"] - present["points"][0]
+    return result | {"turns": np.tile(way, (count, 1)), "points": np.cross(way, arms)}
+
+
+def middle_rates(change: dict[str, Array]) -> Array:
+    """Return how the midpoints of elements move (e, 3)."""
+    return np.asarray(0.5 * (change["points"][1:] + change["points"][:-1]))
+
+
 def has_rule(beam: Beam, field: str) -> bool:
     """Tell whether a beam changes smoothly with a number: the axes of one that stands upright jump as it is tilted."""
     upright = any(np.hypot(axes[0][0], axes[1][0]) < UPRIGHT for _, axes in beam.frames())
@@ -106,19 +159,22 @@ def numbers(beam: Beam) -> dict[str, Array]:
 
     They are ``stiffness`` and ``damping`` (e, 6) of the elements' springs in their axes; ``mass`` (e, 12, 12) on their
     ends, the damping ``by_mass`` and ``modal`` damping (6 e, 6 e) at their midpoints, world axes; ``points`` (e + 1, 3)
-    and ``axes`` (e, 3, 3).
+    and ``axes`` (e, 3, 3); ``bent`` (e, 6, 6), what unit tension adds to the stiffness, in axes of the elements, and
+    ``weight`` (e + 1,), the mass at each node by which gravity acts.
     """
     springs = [spring for _, spring in elements(beam)]
     axes = np.array([spring.orientation for spring in springs])
     stiffness = np.array([spring.stiffness for spring in springs])
     mass = np.array([piece.matrix.T @ piece.matrix for piece in masses(beam)])
-    modal = np.zeros((6 * len(springs), 6 * len(springs)))
+    modal, half = np.zeros((6 * len(springs), 6 * len(springs))), 0.5 * beam.material.rho * beam.properties.A
+    weight = half * (np.append(beam.lengths(), 0.0) + np.append(0.0, beam.lengths()))
     if beam.damping_ratio:
         damper = modal_damper(beam)
         assert damper.damping is not None
         modal = damper.matrix.T @ (damper.damping[:, None] * damper.matrix)
     return {"stiffness": stiffness, "damping": beam.beta * stiffness, "mass": mass, "by_mass": beam.alpha * mass,
-            "modal": modal, "points": np.array(beam.points), "axes": axes}  # fmt: skip
+            "modal": modal, "points": np.array(beam.points), "axes": axes, "bent": bent_forms(beam),
+            "weight": weight}  # fmt: skip
 
 
 def slopes(beam: Beam, field: str, index: tuple[int, ...] = ()) -> dict[str, Array]:
@@ -133,7 +189,7 @@ def slopes(beam: Beam, field: str, index: tuple[int, ...] = ()) -> dict[str, Arr
     ends = np.cumsum([part.size for part in present.values()])[:-1]
     if field in ("alpha", "beta", "damping_ratio"):  # linear, and not to be negative
         twice = numbers(beam.with_values({field: 2.0 * start or 1.0}))
-        found = {key: (twice[key] - present[key]) / (start or 1.0) for key in present}
+        result = {key: (twice[key] - present[key]) / (start or 1.0) for key in present}
     else:
         length = min(size for size, _ in beam.frames())
         scale = length if index or field == "length" else abs(start) or 1.0
@@ -153,13 +209,13 @@ def slopes(beam: Beam, field: str, index: tuple[int, ...] = ()) -> dict[str, Arr
                 f"sensitivities: beam '{beam.name}' does not change smoothly with its '{field}' (differences agree to "
                 f"{error.max():.1e} only). Compare variants by model.with_values.", element=beam.name, field=field,
             )  # fmt: skip
-        found = {key: part.reshape(shape) for (key, shape), part in zip(shapes.items(), np.split(flat, ends),
+        result = {key: part.reshape(shape) for (key, shape), part in zip(shapes.items(), np.split(flat, ends),
                                                                         strict=True)}  # fmt: skip
-    spin = found.pop("axes") @ present["axes"].swapaxes(1, 2)
-    found["modal"] = found["modal"][None]
-    found["turns"] = 0.5 * np.stack((spin[:, 2, 1] - spin[:, 1, 2], spin[:, 0, 2] - spin[:, 2, 0],
+    spin = result.pop("axes") @ present["axes"].swapaxes(1, 2)
+    result["modal"] = result["modal"][None]
+    result["turns"] = 0.5 * np.stack((spin[:, 2, 1] - spin[:, 1, 2], spin[:, 0, 2] - spin[:, 2, 0],
                                      spin[:, 1, 0] - spin[:, 0, 1]), axis=1)  # fmt: skip
-    return found
+    return result
 
 
 def _factors(matrices: Array) -> list[tuple[Array, Array]]:

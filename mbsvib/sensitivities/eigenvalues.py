@@ -78,24 +78,24 @@ def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Asked = None) 
     scale[len(spectrum.lead) :] = 1.0
     for some in (resting, *pairs.groups):
         scale[some] = 1.0
-    alone = spectrum.left is None
-    right = _fields(groups.network, x, widened.lead, 2.0 * scale if alone else scale, 0 if alone else 1)
-    left = None if alone else _fields(groups.network, y, spectrum.lead, scale, -1)
-    result, beside = _simple(groups, spectrum, left, right)
+    symmetric = spectrum.left is None
+    right = _fields(groups.network, x, widened.lead, 2.0 * scale if symmetric else scale, 0 if symmetric else 1)
+    left = None if symmetric else _fields(groups.network, y, spectrum.lead, scale, -1)
+    result, of_sums = _simple(groups, spectrum, left, right)
     if len(resting):
-        lead = np.abs(result[:, spectrum.place])
+        lead = np.abs(result[:, spectrum.index])
         size = (lead / np.abs(scale[: len(spectrum.lead)])).max(axis=1, keepdims=True)
         zero = ZERO_FORM
         if groups.matrix_group is not None or groups.loaded is not None:
             zero = ZERO_WHOLE
-            work = basis.variants.sizes(groups.variables.each()) * float(np.abs(spectrum.right).max()) ** 2
+            work = basis.variants.sizes(groups.variables.as_directions()) * float(np.abs(spectrum.right).max()) ** 2
             size = np.maximum(size, work[:, None])
         _set(result, spectrum, resting, np.where(lead[:, resting] <= zero * size, 0.0, np.inf))
     if len(pairs.groups):
-        own = np.ascontiguousarray(result.T[spectrum.place])
+        own = np.ascontiguousarray(result.T[spectrum.index])
         if left is None:  # between two motions: half of what both together have beyond each
             cross = 0.5 * (gram[len(spectrum.lead) :] - gram[pairs.first] - gram[pairs.second])
-            form = 0.5 * (np.ascontiguousarray(beside.T) - own[pairs.first] - own[pairs.second])
+            form = 0.5 * (np.ascontiguousarray(of_sums.T) - own[pairs.first] - own[pairs.second])
         else:
             first, second = np.concatenate((pairs.first, pairs.second)), np.concatenate((pairs.second, pairs.first))
             cross = _gram(x.take(second), y.take(first), spectrum.lead[first] + spectrum.lead[second])
@@ -137,20 +137,20 @@ def _simple(groups: ParameterGroups, spectrum: Spectrum, left: Fields | None, ri
     if groups.variables.identity and groups.loaded is None and spectrum.alternates:
         padded = groups.size + PADDING
         result = np.zeros((padded, spectrum.count), dtype=complex)
-        beside = np.zeros((padded, right.wrench.shape[-1] - lead), dtype=complex)
+        of_sums = np.zeros((padded, right.wrench.shape[-1] - lead), dtype=complex)
         for rows, stride, block in forms(groups.members, first, second):
-            view, sums = picked(result, rows, stride), picked(beside, rows, stride)
+            view, sums = picked(result, rows, stride), picked(of_sums, rows, stride)
             if view is None:
                 into = np.empty((*rows.shape, spectrum.count), dtype=complex)
                 _with_conjugates(into, block, lead)
-                result[rows], beside[rows] = into, _joined(block[..., lead:])  # -1 is the padding
+                result[rows], of_sums[rows] = into, _joined(block[..., lead:])  # -1 is the padding
             else:
                 _with_conjugates(view, block, lead)
                 if len(sums.T):
                     sums[:] = _joined(block[..., lead:])
-        result, beside = result[: groups.size], beside[: groups.size]
+        result, of_sums = result[: groups.size], of_sums[: groups.size]
         result[groups.loses_freedom] = np.nan
-        return result, beside
+        return result, of_sums
     form = _joined(groups.chain(groups.forms(first, second)))
     result = np.empty((len(form), spectrum.count), dtype=complex)
     _set(result, spectrum, np.arange(lead), form[:, :lead])
@@ -181,7 +181,7 @@ def _joined(form: Field) -> Complex:
 
 def _set(result: Complex, spectrum: Spectrum, which: Index, form: Complex | Array) -> None:
     """Set the columns of some of the lead eigenvalues, and of their conjugates."""
-    result[:, spectrum.place[which]] = form
+    result[:, spectrum.index[which]] = form
     mirror = np.full(len(spectrum.lead), -1)
     mirror[spectrum.mirrored] = spectrum.mirror
     paired = mirror[which] >= 0

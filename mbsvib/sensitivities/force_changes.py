@@ -8,10 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse import csr_array
 
-from mbsvib.elements import Bushing, Load, Spring
+from mbsvib.elements import Bushing, Spring
+from mbsvib.elements.beam import Beam
 from mbsvib.elements.load import Gravity
+from mbsvib.elements.superelement import Superelement
+from mbsvib.elements.superelement_expansion import elastic_part
 from mbsvib.equilibrium.joints import ALONG_AXIS
-from mbsvib.linalg.vectors import cross, wide
+from mbsvib.linalg.vectors import cross, moved, wide
+from mbsvib.sensitivities.beam_rules import middle_rates, motion_slopes, numbers, slopes
+from mbsvib.sensitivities.internal_parameters import AXIS, MOTION, internal_parameters
 from mbsvib.sensitivities.network import maxwell_lines
 from mbsvib.sensitivities.part_rules import line_turn_rates
 
@@ -81,7 +86,7 @@ class ForceChanges:
 
     @property
     def count(self) -> int:
-        """Number of parameters."""
+        """Number of parameters, internal ones included."""
         return len(self.row)
 
 
@@ -120,7 +125,8 @@ class RowTerms:
 def force_changes(network: Network, forces: Forces, entries: Sequence[Parameter]) -> ForceChanges:
     """Return what parameters change of the forces at the pose."""
     at = ForceLayout.of(forces)
-    terms = RowTerms({(entry.part, entry.field, entry.index): k for k, entry in enumerate(entries)}, at)
+    keys = (*[(entry.part, entry.field, entry.index) for entry in entries], *internal_parameters(network))
+    terms = RowTerms({key: k for k, key in enumerate(keys)}, at)
     joints, springs, bodies, _ = forces.counts
     weight = joints + springs
     for k, joint in enumerate(network.joints):
@@ -144,13 +150,57 @@ def force_changes(network: Network, forces: Forces, entries: Sequence[Parameter]
         terms.put((body.name, "mass", ()), at.wrench_of(weight + k), forces.gravity)
         for i in range(3 if any(isinstance(part, Gravity) for part in network.parts) else 0):
             terms.put(("gravity", "", (i,)), at.wrench_of(weight + k) + i, (body.mass,))
-    loads = [part for part in network.parts if isinstance(part, Load)]
-    for k, load in enumerate(loads, weight + bodies):
+    for k, load in enumerate(network.loads, weight + bodies):
         terms.along(load.name, "force", at.wrench_of(k))
         terms.along(load.name, "torque", at.wrench_of(k) + 3)
         owner = (load.body, "position") if load.position is None else (load.name, "position")
         terms.along(*owner, at.point_of(k))
+    for beam in (part for part in network.parts if isinstance(part, Beam)):
+        _beam(terms, network, forces, beam)
+    for part in (part for part in network.parts if isinstance(part, Superelement)):
+        _superelement(terms, network, forces, part)
     return ForceChanges(terms.row, at, terms.matrix(at.size))
+
+
+def _beam(terms: RowTerms, network: Network, forces: Forces, beam: Beam) -> None:
+    """Its elements carry forces at their midpoints, its nodes the weight and loads without points of their own."""
+    number = {part.name: k for k, part in enumerate((*network.joints, *network.springs))}  # springs come later
+    elements = [terms.at.point_of(number[name]) for name in beam.element_names]
+    weight_of = {f"{beam.name}.weight{i}": i for i in range(len(beam.points))}
+    node_of = {beam.node(i): i for i in range(len(beam.points)) if beam.node(i) in beam.node_names}
+    loads = [(load, k) for load, k in zip(network.loads, forces.loads.tolist(), strict=True)]
+    weights = [(weight_of[load.name], k) for load, k in loads if load.name in weight_of]
+    at_nodes = [(node_of[load.body], k) for load, k in loads if load.position is None and load.body in node_of]
+    for part, field, index in [key for key in terms.row if key[0] == beam.name]:
+        change = motion_slopes(beam, index[0]) if field == MOTION else slopes(beam, field, index)
+        for point, middle in zip(elements, middle_rates(change), strict=True):
+            terms.put((part, field, index), point, middle)
+        for i, k in (*weights, *at_nodes):
+            terms.put((part, field, index), terms.at.point_of(k), change["points"][i])
+        for i, k in weights:
+            terms.put((part, field, index), terms.at.wrench_of(k), change["weight"][i] * forces.gravity)
+    for i, k in weights:
+        for j in range(3):
+            terms.put(("gravity", "", (j,)), terms.at.wrench_of(k) + j, (numbers(beam)["weight"][i],))
+
+
+def _superelement(terms: RowTerms, network: Network, forces: Forces, part: Superelement) -> None:
+    """It acts at its nodes; the body that carries it takes its weight."""
+    points = np.array([point for _, point in part.nodes])
+    number = {spring.name: k for k, spring in enumerate(network.springs, len(network.joints))}
+    elements = [(i, number[name]) for i, (node, _) in enumerate(part.nodes)
+                if (name := f"{part.name}.{node}") in number]  # fmt: skip
+    node_of = {part.body_of(i): i for i in range(len(points)) if part.body_of(i) in part.node_names}
+    loads = list(zip(network.loads, forces.loads.tolist(), strict=True))
+    weights = [(np.array(load.position), k) for load, k in loads if load.name == f"{part.name}.weight"]
+    moving = [(points[i], k) for i, k in elements] + weights + [
+        (points[node_of[load.body]], k) for load, k in loads if load.position is None and load.body in node_of]
+    for i, way in enumerate(np.tile(np.eye(3), (2, 1))):
+        for at, k in moving:
+            terms.put((part.name, MOTION, (i,)), terms.at.point_of(k), way if i < 3 else np.cross(way, at - points[0]))
+    for i, way in enumerate(np.eye(3) if weights else ()):
+        for load in elastic_part(part, tuple(way.tolist())).loads:
+            terms.put(("gravity", "", (i,)), terms.at.wrench_of(weights[0][1]), load.force)
 
 
 def _spring(terms: RowTerms, spring: Spring, k: int) -> None:
@@ -178,6 +228,7 @@ def _bushing(terms: RowTerms, bushing: Bushing, k: int) -> None:
     wrench = np.array(bushing.preload).reshape(2, 3) @ axes.T
     for i in range(6):
         terms.put((bushing.name, "preload", (i,)), column + 3 * (i // 3), axes[:, i % 3])
+    terms.put((bushing.name, "preload", ()), column + 3, axes[:, 2])  # of torsion springs
     for i, unit in enumerate(np.eye(3)):
         terms.put((bushing.name, "orientation", (i,)), column, np.cross(unit, wrench).reshape(6))
 
@@ -198,9 +249,9 @@ def parameter_rates(network: Network, forces: Forces, changes: ForceChanges, mot
         for i in range(3 if (part, field, (0,)) in changes.row else 0):  # nodes of Maxwell elements have no parameters
             result[changes.row[part, field, (i,)]] = value[i]
 
-    for k, body in enumerate(network.bodies):
-        put(body.name, "position", motion[k, :3])
-        put(body.name, "orientation", motion[k, 3:])
+    for k, part in enumerate(network.bodies):
+        put(part.name, "position", motion[k, :3])
+        put(part.name, "orientation", motion[k, 3:])
     for k, joint in enumerate(network.joints):
         if joint.end is not None:
             put(joint.name, "position", start[k])
@@ -218,9 +269,22 @@ def parameter_rates(network: Network, forces: Forces, changes: ForceChanges, mot
     for maxwell, k in maxwell_lines(network):
         put(maxwell, "start", start[joints + k])
         put(maxwell, "end", second[joints + k, :3])
-    for k, load in zip(forces.loads, (part for part in network.parts if isinstance(part, Load)), strict=True):
+    for k, load in zip(forces.loads, network.loads, strict=True):
         if load.position is not None:
             put(load.name, "position", second[k, :3])
+    number = {body.name: k for k, body in enumerate(network.bodies)}
+    for flexible in network.parts:
+        if not isinstance(flexible, (Beam, Superelement)):
+            continue
+        body, point = (flexible.node(0), flexible.points[0]) if isinstance(flexible, Beam) else (
+            flexible.body_of(0), flexible.nodes[0][1])  # fmt: skip
+        if body != "ground":
+            arm = np.array(point) - network.position[number[body]]
+            shift = moved(motion[number[body]][None], arm[None])[0]
+            for i in range(6):
+                result[changes.row[flexible.name, MOTION, (i,)]] = shift[i]
+    for name, (k, _) in ({} if network.spin is None else network.spin.rotor).items():
+        put(name, AXIS, motion[k, 3:])
     return result
 
 

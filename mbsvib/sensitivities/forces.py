@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse import csr_array
 
-from mbsvib.elements import Bushing, Load
+from mbsvib.elements import Bushing
 from mbsvib.elements.load import Gravity
 from mbsvib.linalg.rotations import logarithm
 from mbsvib.linalg.vectors import cross, dot, incidence_sum, moved, moved_wrench, wide
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements import Body, Joint, Spring
+    from mbsvib.elements import Body, Joint, Load, Spring
     from mbsvib.equations.equations import Equations
     from mbsvib.linalg.vectors import Field
 
@@ -173,7 +173,7 @@ class Forces:
 
 def forces_at_rest(
     system: Equations, bodies: Sequence[Body], joints: Sequence[Joint], springs: Sequence[Bushing | Spring],
-    number: dict[str, int], point: Array,
+    loads: Sequence[Load], number: dict[str, int], point: Array,
 ) -> Forces:  # fmt: skip
     """Return the forces at the pose of a system.
 
@@ -181,9 +181,7 @@ def forces_at_rest(
     connections.
     """
     statics, parts = system.provenance.statics, system.provenance.parts
-    assert statics is not None
     gravity = next((np.array(part.acceleration) for part in parts if isinstance(part, Gravity)), np.zeros(3))
-    loads = [part for part in parts if isinstance(part, Load)]
     ground, j = len(bodies), len(joints)
     connections = (*joints, *springs)
     n = len(connections) + len(bodies) + len(loads)
@@ -194,9 +192,10 @@ def forces_at_rest(
     points[: len(connections)] = point
     halves = np.array([k for k, joint in enumerate(joints) if joint.kind == "homokinetic"], dtype=np.intp)
     for k, joint in enumerate(joints):
-        at = statics.pairs.end[:, len(statics.applied.names) + k]
-        wrench[k] = statics.joints[:, k]
-        wrench[k, 3:] += np.cross(at - points[k], wrench[k, :3])
+        if statics is not None:
+            at = statics.pairs.end[:, len(statics.applied.names) + k]
+            wrench[k] = statics.joints[:, k]
+            wrench[k, 3:] += np.cross(at - points[k], wrench[k, :3])
         if joint.end is not None:
             span[k] = np.subtract(joint.end, joint.position or np.zeros(3))
         if joint.successive:

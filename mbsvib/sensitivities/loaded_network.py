@@ -25,9 +25,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.linalg.vectors import cross, moved, product, wide
+from mbsvib.elements.beam import Beam
+from mbsvib.elements.torsion_spring import TorsionSpring
+from mbsvib.equations.beam_prestress import bent_forms
+from mbsvib.linalg.vectors import cross, dot, moved, product, transformed, wide
 from mbsvib.sensitivities.adjoint_fields import Fields
 from mbsvib.sensitivities.force_changes import force_changes, force_rates, parameter_rates
+from mbsvib.sensitivities.internal_parameters import internal_groups
 from mbsvib.sensitivities.parameter_group import groups_by_rule
 from mbsvib.sensitivities.products import form_table
 from mbsvib.sensitivities.second_order_work import point_slopes, turn_slopes, work_slopes, wrench_slopes
@@ -37,7 +41,7 @@ from mbsvib.sensitivities.variables import FieldLayout
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.equations import Equations
     from mbsvib.linalg.vectors import Field
     from mbsvib.mechanism.parameters import Parameter
@@ -49,7 +53,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LoadedNetwork:
-    """A network in balance under its ``forces``, with all its parameters ``entries``, their ``groups`` and ``changes``.
+    """A network in balance under its ``forces``, with all its parameters ``entries``, their ``groups`` and ``changes``;
+    internal parameters come behind them.
 
     The pose may make the ``motions`` (bodies, 6, c), first those along the m coordinates; parameters are then
     carried along at ``parameter_rates`` (p, c), and forces change at ``force_rates`` (e, c) beside these. Forces of
@@ -68,8 +73,9 @@ class LoadedNetwork:
 
     @property
     def dof(self) -> int:
-        """Number m of minimal coordinates."""
-        return int(self.network.displacements.shape[1])
+        """Number m of coordinates along which the pose moves: all minimal ones unless beams keep their shape."""
+        reactions = self.network.reactions
+        return int(self.network.displacements.shape[1]) - (0 if reactions is None else len(reactions.dependent))
 
     @property
     def size(self) -> int:
@@ -97,7 +103,9 @@ class LoadedNetwork:
         gap = wrench_slopes(self.forces, x, None if right is None else y)
         if left.turned is not None:
             gap[:joints, 3:] += 0.5 * cross(left.turned, y[1][:joints, 3:])
-        second = self.forces.seen(joint_release_motion(self.network, gap[:joints]))[1] - gap
+        if self.network.reactions is not None:
+            self._add_tensions(gap, x[1], y[1])
+        second = self._released(gap)
         row = self._given(second, gap)
         point, start = point_slopes(self.forces, x, None if right is None else y)
         turn, twist = turn_slopes(self.forces, x, y), self._stiffened(left, right)
@@ -107,6 +115,25 @@ class LoadedNetwork:
         if left.turned is not None:
             self._open(result, weight * cross(left.turned, cross(y[1][:joints, 3:], wide(
                 self.forces.wrench[:joints, 3:], y[1]))))  # fmt: skip
+
+    def _released(self, gap: Field) -> Field:
+        """Relative motions (n, 6, ...), less the gaps, in which joints and elements of beams give way by gaps."""
+        joints, reactions = self.forces.counts[0], self.network.reactions
+        second = self.forces.seen(joint_release_motion(self.network, gap[:joints]))[1] - gap
+        if reactions is None:
+            return second
+        motion = np.tensordot(self.network.displacements, reactions.opened(-second[joints + reactions.springs]), axes=1)
+        return second + self.forces.seen(motion.reshape(len(self.forces.centre), 6, *gap.shape[2:]))[1]
+
+    def _add_tensions(self, gap: Field, x: Field, y: Field) -> None:
+        """Add what the tension of elements does by the bent lines of beams, in place; x, y: relative motions."""
+        number = {spring.name: k for k, spring in enumerate(self.network.springs, self.forces.counts[0])}
+        for beam in (part for part in self.network.parts if isinstance(part, Beam)):
+            which = np.array([number[name] for name in beam.element_names])
+            axes = np.array([axes for _, axes in beam.frames()])
+            r, s = (_in_axes(axes, seen[which]) for seen in (x, y))
+            works = (r * transformed(bent_forms(beam), s)).sum(axis=1, keepdims=True)
+            gap[which, :3] -= wide(axes[:, :, 0], gap) * works
 
     def _open(self, result: Field, slope: Field) -> None:
         """Add what turning the axes of joints does that are turned open, twice ``slope`` (joints, 3, ...)."""
@@ -141,7 +168,7 @@ class LoadedNetwork:
         e): what changes of the forces then.
         """
         motion = joint_release_motion(self.network, gaps)
-        more = tuple(each(self.network, self.forces, self.changes, motion) for each in (parameter_rates, force_rates))
+        more = tuple(of(self.network, self.forces, self.changes, motion) for of in (parameter_rates, force_rates))
         return replace(self, motions=np.concatenate((self.motions, motion), axis=2),
                        parameter_rates=np.concatenate((self.parameter_rates, more[0]), axis=1),
                        force_rates=np.concatenate((self.force_rates, more[1] + forces.T), axis=1))  # fmt: skip
@@ -196,12 +223,28 @@ class LoadedNetwork:
         return transmitted(self.network, -self.forces.applied, still)[2]
 
     def _stiffened(self, left: Fields, right: Fields | None) -> Field:
-        """What turning the second body of each bushing does to its moment's part in K, (bushings, 3, ...)."""
+        """What turning the second body of each bushing does to its moment's part in K, (bushings, 3, ...).
+
+        About an axis e it is e (e . s) (m . r) / 2 - ((m . r) s + (m . s) r) / 4, see ``elements.torsion_spring``.
+        """
         own = self.forces.bushings
         strained = own - self.forces.counts[0]
-        r, s = (each.strain[strained, 3:] for each in (left, left if right is None else right))
+        r, s = (side.strain[strained, 3:] for side in (left, left if right is None else right))
         m = wide(self.forces.wrench[own, 3:], r)
-        return (cross(s, cross(m, r)) + cross(r, cross(m, s))) / 12.0
+        result = (cross(s, cross(m, r)) + cross(r, cross(m, s))) / 12.0
+        about, axis = self._torsion_springs
+        if len(about):
+            r, s, m, e = r[about], s[about], m[about], wide(axis, r)
+            result[about] = 0.5 * e * dot(e, s) * dot(m, r) - 0.25 * (s * dot(m, r) + r * dot(m, s))
+        return result
+
+    @cached_property
+    def _torsion_springs(self) -> tuple[Index, Array]:
+        """Which of the bushings are torsion springs, whose angle is a twist, and their axes (n, 3)."""
+        axes = {part.name: part.axis for part in self.network.parts if isinstance(part, TorsionSpring)}
+        names = [self.network.springs[k - self.forces.counts[0]].name for k in self.forces.bushings.tolist()]
+        about = [i for i, name in enumerate(names) if name in axes]
+        return np.array(about, dtype=np.intp), np.array([axes[names[i]] for i in about]).reshape(-1, 3)
 
     def _twisted(self, left: Fields, right: Fields | None) -> Field:
         """The same for its stiffness and damping: K and C go with (1 - [rho]x / 2) on both sides."""
@@ -213,6 +256,12 @@ class LoadedNetwork:
         return twisted
 
 
+def _in_axes(axes: Array, vectors: Field) -> Field:
+    """Six-vectors (n, 6, ...) in axes (n, 3, 3), their columns."""
+    turn = axes.swapaxes(1, 2)
+    return np.concatenate((transformed(turn, vectors[:, :3]), transformed(turn, vectors[:, 3:])), axis=1)
+
+
 def _put(row: Field, at: slice, part: Field) -> None:
     """Add derivatives (k, 3, ...) or (k, 6, ...) at their place in a row."""
     row[at] += part.reshape(at.stop - at.start, *row.shape[1:])
@@ -222,13 +271,17 @@ def loaded_network(network: Network, system: Equations) -> LoadedNetwork:
     """Return a network in balance."""
     statics = system.provenance.statics
     assert network.forces is not None
-    assert statics is not None
     forces, entries = network.forces, system.parameters.entries
     layout = FieldLayout.of(system.parameters.parts.values())
     changes = force_changes(network, forces, entries)
+    reactions, size = network.reactions, np.zeros(system.dof) if statics is None else statics.size
     motions = network.displacements.reshape(len(network.bodies), 6, -1)
+    if reactions is not None:
+        motions, size = motions @ reactions.motions, abs(reactions.motions).T @ size
+    gravity = changes.row.get(("gravity", "", (0,)))
+    groups = (*groups_by_rule(network, layout), *internal_groups(network, len(entries), gravity))
     return LoadedNetwork(
-        network, forces, entries, tuple(groups_by_rule(network, layout)), changes, motions,
+        network, forces, entries, groups, changes, motions,
         parameter_rates(network, forces, changes, motions),
-        force_rates(network, forces, changes, motions), statics.size,
+        force_rates(network, forces, changes, motions), size,
     )  # fmt: skip

@@ -64,7 +64,7 @@ def _rates(coupler: Coupling, field: str, index: tuple[int, ...]) -> list[tuple[
 def maxwell_rule(network: Network, part: Maxwell, field: str, index: tuple[int, ...]) -> Rule:
     """Return the rule by which a number of a Maxwell element enters the equations."""
     number_of = {spring.name: k for k, spring in enumerate(network.springs)}
-    static, spring, _ = (number_of[line_name(part, each)] for each in ("static_stiffness", "stiffness", "damping"))
+    static, spring, _ = (number_of[line_name(part, name)] for name in ("static_stiffness", "stiffness", "damping"))
     line, joints = np.array([part.line]), len(network.joints)
     span = np.array([np.subtract(part.end, part.start)])
 
@@ -76,8 +76,8 @@ def maxwell_rule(network: Network, part: Maxwell, field: str, index: tuple[int, 
     def point(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
         own = slice(joints + static, joints + static + 1)
         change = moved_end(line, span, fields.relative[own], field == "end")
-        beside = joints + spring
-        tension = along(line, fields.wrench[own, :3] + fields.wrench[beside : beside + 1, :3])
+        in_series = joints + spring
+        tension = along(line, fields.wrench[own, :3] + fields.wrench[in_series : in_series + 1, :3])
         return [[(tension, change[:, index[0]])]]
 
     return point if field in ("start", "end") else coefficient
@@ -90,11 +90,28 @@ def rotor_rule(network: Network, rotor: Rotor, field: str, _: tuple[int, ...] = 
     h = per_speed if field == "speed" else per_speed * (rotor.speed / (rotor.inertia or 1.0))
 
     def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
-        turn = fields.body[body : body + 1, 3:]
-        return [[(-fields.side * value * fields.rate * turn[:, i], turn[:, j])
-                 for value, (i, j) in zip(h.tolist(), ((1, 2), (2, 0), (0, 1)), strict=True) if value]]  # fmt: skip
+        return [_spin_terms(fields, body, h)]
 
     return rule
+
+
+def rotor_axis_rule(network: Network, rotor: Rotor) -> Rule:
+    """Return the rule by which turns of a rotor's axis, about x, y and z, enter the equations."""
+    assert network.spin is not None
+    body, per_speed = network.spin.rotor[rotor.name]
+    changes = np.cross(np.eye(3), rotor.speed * per_speed)
+
+    def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
+        return [_spin_terms(fields, body, change) for change in changes]
+
+    return rule
+
+
+def _spin_terms(fields: Fields, body: int, momentum: Array) -> Terms:
+    """Terms of x^T C y = h . (x x y) for an angular momentum (3,)."""
+    turn = fields.body[body : body + 1, 3:]
+    return [(-fields.side * value * fields.rate * turn[:, i], turn[:, j])
+            for value, (i, j) in zip(momentum.tolist(), ((1, 2), (2, 0), (0, 1)), strict=True) if value]  # fmt: skip
 
 
 def torsion_rule(network: Network, part: TorsionSpring, field: str, _: tuple[int, ...] = ()) -> Rule:

@@ -80,12 +80,12 @@ class MatrixDerivatives:
                 f"factors('{variable}', '{matrix}'): there is no '{asked}'.{nearest(asked, known)} There is: "
                 f"{', '.join(known[:12])}{', ...' if len(known) > 12 else ''}.", element=asked,
             )  # fmt: skip
-        place = self.variables.index(variable)
+        index = self.variables.index(variable)
         # what the equilibrium does, and spin, is no symmetric product of few parts
         if self._groups.loaded is not None or self._groups.network.spin is not None:
-            p, q = factored(getattr(self, matrix)[place], matrix, variable, SYMMETRIC)
+            p, q = factored(getattr(self, matrix)[index], matrix, variable, SYMMETRIC)
             return p.T, q.T
-        return _factors(self._groups, place, matrix)
+        return _factors(self._groups, index, matrix)
 
     def __repr__(self) -> str:
         return f"MatrixDerivatives({len(self.variables)} variables, {self.M.shape[1]} DOF)"
@@ -131,9 +131,9 @@ def matrix_derivatives(
     at_rest, blind = np.zeros((m, 1, len(i), 1)), np.zeros((m, len(o), 1, 1))
     seen = {_SEEN[key]: ports(_SEEN[key], (free, seeing), powers, (right, blind)) for key, powers in _POWERS.items()}
     seen["D"] = ports("D", (acting, seeing), _STILL, (at_rest, blind))
-    if seeing.beside:
+    if seeing.excluded:
         for key, change in seen.items():
-            change[:, seeing.beside] = groups.variable_slopes[key][:, seeing.beside]
+            change[:, seeing.excluded] = groups.variable_slopes[key][:, seeing.excluded]
     return MatrixDerivatives(
         tuple(groups.variables.names), square("M"), square("C"), square("K"),
         ports("B", (acting, free), _STILL, (at_rest, left)), seen["Cq"], seen["Cv"], seen["Ca"], seen["D"], groups,

@@ -16,6 +16,7 @@ import numpy as np
 from mbsvib.elements import Maxwell, Spring
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.coupler import Coupling
+from mbsvib.elements.load import Gravity
 from mbsvib.elements.maxwell_rows import Node
 from mbsvib.elements.rotor import Rotor
 from mbsvib.elements.torsion_spring import TorsionSpring
@@ -25,14 +26,15 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements import Body, Bushing, Joint
+    from mbsvib.elements import Body, Bushing, Joint, Load
     from mbsvib.elements.part import Part
     from mbsvib.kinematics.relative_motion import Twists
-    from mbsvib.sensitivities.applicability import Limit
+    from mbsvib.sensitivities.element_reactions import ElementReactions
     from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.network_kinematics import Constraints
     from mbsvib.sensitivities.shared_wrenches import SharedForces, Spin
 
+    Limit = frozenset[tuple[str, str]]  # kinds of parts with their fields
 
 # Parts that are made of bodies and connections, or act on these, with rules of their own.
 MADE = {"beam": Beam, "coupler": Coupling, "maxwell": Maxwell, "rotor": Rotor, "torsion": TorsionSpring}
@@ -51,7 +53,8 @@ class Network:
     that are not zero, ``floating`` (f,) the bodies that hang on nothing. ``limits`` say which parameters act by rules
     of their own. A ``bare`` network has no parts, as no parameter has a rule. ``forces`` are those at the pose of a
     loaded scene whose derivatives through the equilibrium are known, ``shared`` what more than two bodies share,
-    ``spin`` what rotors add and ``inertance`` (s, 6, 6) what inerters.
+    ``spin`` what rotors add and ``inertance`` (s, 6, 6) what inerters. ``loads`` are those of the model and the weights
+    of beams and superelements, ``reactions`` the elements of these whose forces statics gives.
     """
 
     parts: tuple[Part, ...]
@@ -84,6 +87,8 @@ class Network:
     shared: SharedForces | None = None
     spin: Spin | None = None
     inertance: Array | None = None
+    loads: tuple[Load, ...] = ()
+    reactions: ElementReactions | None = None
 
     @property
     def partial(self) -> bool:
@@ -111,6 +116,11 @@ class Network:
         assert self.coordinates is not None
         return body_motion(self.coordinates, self.position)[:, :, self.constraints.dependent]
 
+    @property
+    def gravity(self) -> Array:
+        """Acceleration of free fall (3,), zero without gravity."""
+        return next((np.array(part.acceleration) for part in self.parts if isinstance(part, Gravity)), np.zeros(3))
+
     @cached_property
     def damped(self) -> bool:
         """Whether any damper acts."""
@@ -119,9 +129,9 @@ class Network:
 
 def maxwell_parts(parts: Sequence[Part]) -> tuple[list[Body], list[Spring]]:
     """Return the nodes and the lines of all Maxwell elements."""
-    found = [part for part in parts if isinstance(part, Maxwell)]
-    nodes: list[Body] = [Node(part.node, 0.0, (0.0,) * 6, part.end) for part in found]
-    return nodes, [line for part in found for line in _lines(part)]
+    elements = [part for part in parts if isinstance(part, Maxwell)]
+    nodes: list[Body] = [Node(part.node, 0.0, (0.0,) * 6, part.end) for part in elements]
+    return nodes, [line for part in elements for line in _lines(part)]
 
 
 def _lines(part: Maxwell) -> tuple[Spring, Spring, Spring]:
@@ -143,6 +153,6 @@ def line_name(part: Maxwell, field: str) -> str:
 
 def maxwell_lines(network: Network) -> list[tuple[str, int]]:
     """Return the name of each Maxwell element, with the number of the line between its two bodies."""
-    place = {spring.name: k for k, spring in enumerate(network.springs)}
-    found = [part for part in network.parts if isinstance(part, Maxwell)]
-    return [(part.name, place[line_name(part, "static_stiffness")]) for part in found]
+    number_of = {spring.name: k for k, spring in enumerate(network.springs)}
+    elements = [part for part in network.parts if isinstance(part, Maxwell)]
+    return [(part.name, number_of[line_name(part, "static_stiffness")]) for part in elements]

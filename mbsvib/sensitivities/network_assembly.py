@@ -16,6 +16,7 @@ from mbsvib.linalg.vectors import entries_matrix, transformed
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sensitivities.adjoint_fields import motions
 from mbsvib.sensitivities.applicability import follows, is_loaded, limits
+from mbsvib.sensitivities.element_reactions import element_reactions
 from mbsvib.sensitivities.forces import forces_at_rest
 from mbsvib.sensitivities.network import Network, maxwell_parts
 from mbsvib.sensitivities.network_kinematics import JointCoordinates
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.equations import Equations
+    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.sensitivities.network_kinematics import Kinematics
 
 _TENSOR = [0, 3, 4, 3, 1, 5, 4, 5, 2]  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
@@ -70,8 +72,8 @@ def is_complete(system: Equations, network: Network) -> bool:
     if network.shared is not None and motion.nodes is not None:
         shared = [float((motion.body * network.shared.wrench(motion.nodes, powers)).sum()) for powers in _POWERS]
     return all(
-        bool(abs(work + beside - terms.sum()) <= COMPLETE * np.abs(terms).sum())
-        for work, beside, terms in (
+        bool(abs(work + shared_work - terms.sum()) <= COMPLETE * np.abs(terms).sum())
+        for work, shared_work, terms in (
             ((own * motion.elastic).sum(), shared[0], system.stiffness * strained**2),
             (0.0 if motion.viscous is None else (own * motion.viscous).sum(), shared[1], system.damping * strained**2),
             ((motion.body * motion.momentum).sum(), shared[2] + _inertial(network, own), moved[:, 0] ** 2),
@@ -107,16 +109,17 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
     # inerters are line springs of which only the mass counts
     springs = cast("tuple[Bushing | Spring, ...]", tuple(
         part for part in parts if isinstance(part, (Bushing, Inerter, Spring))))  # fmt: skip
-    origin = system.provenance.origin
+    origin = model_in_pose(system)
     plain = None if origin is None else expanded(origin)
     if (plain is not None and plain.pieces is not None) or any(isinstance(part, Maxwell) for part in parts):
         nodes, lines = maxwell_parts(parts)
         known = ({} if plain is None else dict(plain.bodies)) | {body.name: body for body in (*bodies, *nodes)}
         own = {spring.name for spring in springs}
-        elements = () if plain is None else tuple([part for part in plain.springs.values() if part.name not in own])
+        made = () if plain is None else tuple([part for part in plain.springs.values() if part.name not in own])
         bodies, joints = tuple([known[name] for name in topology.bodies]), topology.joints
-        springs += (*[part for part in elements if isinstance(part, Bushing)], *lines)
+        springs += (*[part for part in made if isinstance(part, Bushing)], *lines)
     number = {body.name: i for i, body in enumerate(bodies)} | {"ground": len(bodies)}
+    analytic = ways is None and follows(system)  # amplitudes of some modes do not tell how the pose moves
     ways = JointCoordinates.of(system, bodies) if ways is None else ways
     point = np.array([*(_point(joint, bodies, number) for joint in joints),
                       *(part.position if isinstance(part, Bushing) else part.start for part in springs),
@@ -133,22 +136,41 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
     ties = ways.constraints(bodies, number, centre)
     six = np.tile(_SIX, (len(first), 1)).T
     rows = Rows(np.repeat(first, 6), np.repeat(second, 6), np.repeat(point, 6, axis=0).T, six[:3], six[3:])
-    loaded = is_loaded(system)
     stiffness, damping = _world(springs)
+    loads = () if plain is None else tuple(plain.loads.values())
+    relative, reactions = ways.relative(rows), None
+    if analytic and any(isinstance(part, Composed) for part in parts):
+        at_joints = relative if ways.reduction is None else relative @ ways.reduction
+        moves = np.asarray(at_joints @ np.eye(system.dof)).reshape(-1, 6, system.dof)[len(joints) :]
+        reactions = element_reactions(parts, {part.name: k for k, part in enumerate(springs)}, moves,
+                                      dict(zip(system.bodies, system.body_motion, strict=True)))  # fmt: skip
+        analytic = reactions is not None
     return Network(
         parts, bodies, joints, springs, ways.coordinates, ways.reduction, np.array([body.mass for body in bodies]),
         axes @ tensors @ axes.transpose(0, 2, 1), position, axes, point,
-        ways.relative(rows), stiffness, damping,
+        relative, stiffness, damping,
         tuple((branch.body, branch.parent) for branch in topology.branches), behind, sign,
         _incidence(first[len(joints) :], second[len(joints) :], len(bodies)),
         _incidence(first[: len(joints)], second[: len(joints)], len(bodies)), ties, centre,
         displacements, np.flatnonzero(displacements.any(axis=1)), np.array(topology.floating, dtype=np.intp),
         limits(system),
-        forces=forces_at_rest(system, bodies, joints, springs, number, point) if follows(system) else None,
+        forces=forces_at_rest(system, bodies, joints, springs, loads, number, point) if analytic else None,
+        loads=loads, reactions=reactions,
         shared=None if plain is None else shared_forces(plain, bodies, number, ways),
         inertance=_inertance(springs),
-        spin=spin(plain, bodies, springs) if plain is not None and not loaded else None,
+        spin=spin(plain, bodies, springs) if plain is not None and (analytic or not is_loaded(system)) else None,
     )  # fmt: skip
+
+
+def model_in_pose(system: Equations) -> Mechanism | None:
+    """Return the model of a system in the pose of its equations; None where there is none."""
+    came = system.provenance
+    if came.origin is None or not came.settled:
+        return came.origin
+    there = {part.name: part for part in came.parts}
+    groups: Any = {key: {name: there[name] for name in group} for key, group in came.origin.groups().items()
+              if key not in ("inputs", "outputs")}  # fmt: skip
+    return came.origin.with_parts(**groups)
 
 
 def _point(joint: Joint, bodies: Sequence[Body], number: dict[str, int]) -> tuple[float, float, float]:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 class Constraints:
     """What cut joints lock and couplers tie: rows of Phi. A force in one is ``share`` (t, rows) of ``wrench`` (t, 6)
     of each term, a locked row or what a coupler measures in a cut joint, at its joint's point, world axes; ``closing``
-    (j, t) adds them up by joint. Of ``dependent`` coordinates (d,): the body ``carried`` and from the network's origin
+    (j, t) adds them up by joint. Of ``dependent`` coordinates (d,): the ``body`` behind and from the network's origin
     the ``arm`` (d, 3) of the ``twist`` (d, 6); ``pull`` (rows, d), a matrix or what multiplies like one, leads from
     what they feel to the forces in the rows, the smallest; ``stress`` (rows, r) are combinations of redundant rows that
     load nothing.
@@ -42,7 +42,7 @@ class Constraints:
     closing: Any
     share: Any
     dependent: Index
-    carried: Index
+    body: Index
     arm: Array
     twist: Array
     pull: Any

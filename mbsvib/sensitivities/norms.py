@@ -174,8 +174,8 @@ def hinf_norm(
 def _response(basis: Basis, i: list[int], o: list[int], w: Array) -> Complex:
     """G (n, outputs, inputs) as good as its largest entry, which is all that the largest singular value asks for."""
     system = basis.equations
-    found, s = solutions(basis, system.B[:, i], w).transpose(2, 0, 1), 1j * w[:, None, None]
-    return np.asarray((system.Cq[o] @ found) + s * (system.Cv[o] @ found + s * (system.Ca[o] @ found))
+    motion, s = solutions(basis, system.B[:, i], w).transpose(2, 0, 1), 1j * w[:, None, None]
+    return np.asarray((system.Cq[o] @ motion) + s * (system.Cv[o] @ motion + s * (system.Ca[o] @ motion))
                       + system.D[np.ix_(o, i)])  # fmt: skip
 
 

@@ -52,8 +52,8 @@ class ParameterGroup:
         number = self.number[start:stop]
         first, last = int(number[0]), int(number[-1])
         if last - first == len(number) - 1:
-            return slice(first, last + 1), tuple(each[start:stop] for each in self.data), self.rows[start:stop]
-        return number, tuple(each[start:stop] for each in self.data), self.rows[start:stop]
+            return slice(first, last + 1), tuple(array[start:stop] for array in self.data), self.rows[start:stop]
+        return number, tuple(array[start:stop] for array in self.data), self.rows[start:stop]
 
 
 def have_rules(network: Network, layout: FieldLayout) -> NDArray[np.bool_]:

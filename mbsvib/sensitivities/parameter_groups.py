@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.sparse import csr_array, eye_array
 
 from mbsvib.linalg.vectors import incidence_sum, product
 from mbsvib.sensitivities.adjoint_fields import fields, motions
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
-    from scipy.sparse import csr_array
 
     from mbsvib.common.arrays import Array
     from mbsvib.linalg.vectors import Field
@@ -63,7 +63,7 @@ class ParameterGroups:
     def unsymmetric(self) -> bool:
         """Whether derivatives of K may have an antisymmetric part where K has none, as those to torques have."""
         if self.loaded is not None:
-            return bool(self.loaded.forces.counts[3])
+            return bool(self.loaded.forces.counts[3]) or self.network.spin is not None
         if self.network.spin is not None:
             return True
         return self.matrix_group is not None and not self.matrix_group.symmetric
@@ -88,7 +88,7 @@ class ParameterGroups:
     @cached_property
     def variable_slopes(self) -> Mapping[str, Array]:
         """Derivatives of whole matrices to the variables, for outputs that are no motions and no forces in springs."""
-        return self.slopes(self.variables.each(), self.every)
+        return self.slopes(self.variables.as_directions(), self.every)
 
     def of_bodies(self, *fields: str) -> tuple[ParameterGroup, ...]:
         """Return the groups of bodies, or of some of their fields."""
@@ -113,14 +113,14 @@ class ParameterGroups:
         if self.loaded is None or self.motion is None or self.lost is None:
             values[broken] = np.nan
             return self.variables.chain(values)
-        count = len(self.variables.parameters)
+        count = self.loaded.changes.count
         own = values[:count]
         moved = product(self.loaded.parameter_rates.T, own)
         moved += values[count:]
         result = product(self.motion, moved)
         result += own if self.rates is None else incidence_sum(self.rates, own)
-        asked = self.variables.rates
-        result[self.lost | (broken[:count] if asked is None else abs(asked) @ broken[:count] > 0.0)] = np.nan
+        asked, broken = self.variables.rates, broken[: len(self.loaded.entries)]
+        result[self.lost | (broken if asked is None else abs(asked) @ broken > 0.0)] = np.nan
         return result
 
 
@@ -158,10 +158,14 @@ def grouped_through_equilibrium(
     have no derivative. Returns the groups; variables that load a motion which nothing holds are ``lost``.
     """
     asked = asked.among(loaded.entries)
-    rates = asked.rates
+    rates, count = asked.rates, loaded.changes.count
+    if rates is not None:
+        rates = csr_array((rates.data, rates.indices, rates.indptr), shape=(rates.shape[0], count))
+    elif count > len(loaded.entries):
+        rates = csr_array(eye_array(len(loaded.entries), count))
     if reference is not None:
         moved = (reference.rates, reference.forces, reference.gaps)
-        rates, forces, gaps = moved if rates is None else tuple(rates @ each for each in moved)
+        rates, forces, gaps = moved if rates is None else tuple(rates @ matrix for matrix in moved)
         apart = gaps.toarray().reshape(len(asked.names), len(loaded.network.joints), 6)
         loaded = loaded.with_gaps(apart.transpose(1, 2, 0), forces)
     motion, lost = pose_motion(loaded, rates)

@@ -150,8 +150,8 @@ def _moved_body(fields: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:
 
 def moved_floating(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
     """A body that floats: its coordinates are those of its centre of mass, so that all that hangs on it follows."""
-    carried = cross_terms(fields.support[data[0], :3], -fields.body[k, 3:])
-    return [a + b for a, b in zip(_moved_body(fields, k, ()), carried, strict=True)]
+    support = cross_terms(fields.support[data[0], :3], -fields.body[k, 3:])
+    return [a + b for a, b in zip(_moved_body(fields, k, ()), support, strict=True)]
 
 
 def _turned_body(fields: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:

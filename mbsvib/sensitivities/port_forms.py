@@ -43,7 +43,7 @@ def checked_loads(
 
     Returns inputs and outputs; None where ports are more than loads of the network.
     """
-    acting, seeing = (loads(system, network, *each) for each in ((inputs, "inputs"), (outputs, "outputs")))
+    acting, seeing = (loads(system, network, *ports) for ports in ((inputs, "inputs"), (outputs, "outputs")))
     wrong = _wrong(system, network, (inputs, acting), (outputs, seeing))
     if wrong:
         seeing = loads(system, network, outputs, "outputs", wrong)
@@ -76,7 +76,7 @@ def feedthrough(
 def _at_rest(network: Network, forces: Forces, seeing: Loads, motion: Array) -> Array:
     """What forces at rest do to those seen in joints, (p, m) per unit of the motion (b, 6, m) of the bodies."""
     turned = seeing.turned if seeing.turned.any() else None
-    wrench = geometric_wrenches(forces, seeing.given * seeing.works, -1, turned)
+    wrench = geometric_wrenches(forces, seeing.release * seeing.works, -1, turned)
     return np.asarray(np.einsum("bip,bim->pm", wrench, motion))
 
 
@@ -87,27 +87,27 @@ def _wrong(
     (i, acting), (o, seeing), joints = inputs, outputs, len(network.joints)
     relative = network.relative if network.reduction is None else network.relative @ network.reduction
     strains = np.asarray(relative @ np.eye(system.dof)).reshape(len(network.point), 6, system.dof)[joints:]
-    momenta = momentum(network, acting.carried)
+    momenta = momentum(network, acting.base_motion)
     acts = np.einsum("pi,pim->mp", acting.wrench, acting.motion)
     acts -= np.einsum("bim,bip->mp", system.body_motion, momenta)
     moves = np.einsum("pi,pim->pm", seeing.wrench, seeing.motion)
-    felt = seeing.strain - seeing.apart[joints:]
-    forces = [np.einsum("sip,sij,sjm->pm", felt, z, strains) for z in (network.stiffness, network.damping)]
-    forces.append(-np.einsum("bip,bim->pm", seeing.given, momentum(network, system.body_motion)))
+    strain = seeing.strain - seeing.apart[joints:]
+    forces = [np.einsum("sip,sij,sjm->pm", strain, z, strains) for z in (network.stiffness, network.damping)]
+    forces.append(-np.einsum("bip,bim->pm", seeing.release, momentum(network, system.body_motion)))
     if network.forces is not None:
         forces[0] -= _at_rest(network, network.forces, seeing, system.body_motion)
     ours = [moves * (seeing.order == k)[:, None] + forces[k] for k in range(3)]
-    direct = feedthrough(system, inputs, outputs)[0] - np.einsum("bio,bip->op", seeing.given, momenta)
-    direct += np.einsum("bio,bip->op", seeing.given * seeing.works, acting.on_bodies)
+    direct = feedthrough(system, inputs, outputs)[0] - np.einsum("bio,bip->op", seeing.release, momenta)
+    direct += np.einsum("bio,bip->op", seeing.release * seeing.works, acting.on_bodies)
     if np.abs(acts - system.B[:, i]).max(initial=0.0) > SAME * np.abs(system.B[:, i]).max(initial=0.0):
         return None
     off = np.zeros(len(o), dtype=bool)
-    for found, given in zip((direct, *ours), (system.D[np.ix_(o, i)], system.Cq[o], system.Cv[o], system.Ca[o]),
+    for computed, expected in zip((direct, *ours), (system.D[np.ix_(o, i)], system.Cq[o], system.Cv[o], system.Ca[o]),
                             strict=True):  # fmt: skip
-        size = np.abs(given)
+        size = np.abs(expected)
         allowed = SAME * size.max(axis=1, initial=0.0) + ROUNDING * size.max(initial=0.0)
-        off |= np.abs(found - given).max(axis=1, initial=0.0) > allowed
-    off[list(seeing.beside)] = False
+        off |= np.abs(computed - expected).max(axis=1, initial=0.0) > allowed
+    off[list(seeing.excluded)] = False
     return np.flatnonzero(off).tolist()
 
 
@@ -123,7 +123,7 @@ def port_forms(
     """
     network, (acting, seeing) = groups.network, ports
     x, y = motions(network, vectors[0]), _with_given(network, motions(network, vectors[1]), seeing)
-    momenta = momentum(network, acting.carried)
+    momenta = momentum(network, acting.base_motion)
     on_right = (momenta - acting.on_bodies)[:, :, None, :, None]
     by_order = np.array([powers[k] for k in seeing.order]).reshape(-1, 1, len(powers[0]))
     on_left = -seeing.on_bodies[:, :, :, None, None] * by_order
@@ -131,10 +131,10 @@ def port_forms(
     left = _seeing(network, y, seeing, powers, on_left)
     result: Field = -groups.forms(left, right)
     bodies = groups.of_bodies()
-    for at in np.flatnonzero(acting.carried.any(axis=(0, 1))):
-        one, carried = np.ones(1), acting.carried[:, :, at, None, None]
+    for at in np.flatnonzero(acting.base_motion.any(axis=(0, 1))):
+        one, base_motion = np.ones(1), acting.base_motion[:, :, at, None, None]
         none = np.zeros((len(network.floating), 6, 1, 1))
-        by_base = replace(right, body=carried, body_wrench=momenta[:, :, at, None, None], support=none, square=one)
+        by_base = replace(right, body=base_motion, body_wrench=momenta[:, :, at, None, None], support=none, square=one)
         still = replace(left, body=y.body[..., 0, :], body_wrench=y.momentum[..., 0, :], support=none, square=one)
         result[:, :, at] -= form_table(bodies, groups.size, still, by_base)
     _move_ports(result, groups, (acting, seeing), vectors, by_order[:, 0], turns)
@@ -143,9 +143,9 @@ def port_forms(
 
 def _with_given(network: Network, motion: Motions, seeing: Loads) -> Motions:
     """L with the motions on which forces in joints and sums of forces do work."""
-    if not seeing.given.any():
+    if not seeing.release.any():
         return motion
-    body, apart = (each[:, :, :, None, None] for each in (seeing.given, seeing.apart))
+    body, apart = (array[:, :, :, None, None] for array in (seeing.release, seeing.apart))
     strained = apart[len(network.joints) :]
     viscous = None if motion.viscous is None else motion.viscous + transformed(network.damping, strained)
     return replace(motion, body=motion.body + body, relative=motion.relative + apart,
@@ -157,17 +157,17 @@ def _seeing(
     network: Network, motion: Motions, seeing: Loads, powers: tuple[Field, Field, Field], load: Field
 ) -> Fields:
     """Fields of L; forces in springs are seen through strains that lack their directions."""
-    turned = alone = None
-    if network.forces is not None and seeing.given.any():
-        turned, alone = (each[:, :, :, None, None] for each in (seeing.turned, seeing.given * ~seeing.works))
+    turned = inertia_only = None
+    if network.forces is not None and seeing.release.any():
+        turned, inertia_only = (array[:, :, :, None, None] for array in (seeing.turned, seeing.release * ~seeing.works))
     if not seeing.strain.any():
-        return fields(network, motion, *powers, load=load, side=-1, turned=turned, alone=alone)
+        return fields(network, motion, *powers, load=load, side=-1, turned=turned, inertia_only=inertia_only)
     asked = seeing.strain[:, :, :, None, None]
     strain = motion.relative[len(network.joints) :] - asked
     viscous = None if motion.viscous is None else motion.viscous - transformed(network.damping, asked)
     lacking = replace(motion, elastic=motion.elastic - transformed(network.stiffness, asked), viscous=viscous)
     return fields(network, lacking, *powers, load=load, strain=strain, side=-1, turned=turned,
-                  alone=alone)  # fmt: skip
+                  inertia_only=inertia_only)  # fmt: skip
 
 
 def _move_ports(
@@ -176,7 +176,7 @@ def _move_ports(
 ) -> None:  # fmt: skip
     """Ports move with centres of mass, and with the bodies as the pose moves: dG = wrench . (angular x dp)."""
     (acting, seeing), (right, left) = ports, (vectors[0][:, 0], vectors[1][:, :, 0])
-    turned = np.concatenate((seeing.given[:, 3:] * seeing.works, np.zeros((1, 3, len(seeing.wrench)))))
+    turned = np.concatenate((seeing.release[:, 3:] * seeing.works, np.zeros((1, 3, len(seeing.wrench)))))
     moves = [(acting, i, result[:, :, i], np.tensordot(acting.motion[i, 3:], left, axes=1)
               + (turned[acting.ends[i, 1]] - turned[acting.ends[i, 0]])[:, :, None])
              for i in range(len(acting.wrench))]  # fmt: skip

@@ -40,15 +40,15 @@ class Loads:
     """Inputs or outputs (p,) as ``wrench`` (p, 6), world axes, in ``motion`` (p, 6, m) of one body against another at a
     point, ``on_bodies`` (b, 6, p) at the centres of mass; ``order`` (p,) is how often an output is differentiated.
 
-    ``strain`` (s, 6, p) is what forces in springs take from the strain, ``carried`` (b, 6, p) the motion of the bodies
-    with the base. ``centre`` (p,) is the body with whose centre of mass the port moves, -1 where its ``point`` (p, 3)
-    is given, and ``carrier`` (p,) the body that carries this point along, -1 for none. Ports ``beside`` these are
+    ``strain`` (s, 6, p) is what forces in springs take from the strain, ``base_motion`` (b, 6, p) the motion of the
+    bodies with the base. ``centre`` (p,) is the body with whose centre of mass the port moves, -1 where its ``point``
+    (p, 3) is given, and ``carrier`` (p,) the body that carries this point along, -1 for none. Ports ``excluded`` are
     forces in joints and sums of forces, which are none of that.
 
-    A force in a joint is minus the work of all others on the motion ``given`` (b, 6, p) in which the joint comes apart
-    along it, ``apart`` (j + s, 6, p) in connections and ``turned`` (j, 3, p) open; the sum of forces on bodies is that
-    of their inertia as these move alone. Inputs do work on the former, which ``works`` (p,) tells; ``ends`` (p, 2) are
-    the bodies of ports.
+    A force in a joint is minus the work of all others on the motion ``release`` (b, 6, p) in which the joint comes
+    apart along it, ``apart`` (j + s, 6, p) in connections and ``turned`` (j, 3, p) open; the sum of forces on bodies is
+    that of their inertia as these move alone. Inputs do work on the former, which ``works`` (p,) tells; ``ends`` (p, 2)
+    are the bodies of ports.
     """
 
     wrench: Array
@@ -56,22 +56,22 @@ class Loads:
     on_bodies: Array
     order: Index
     strain: Array
-    carried: Array
+    base_motion: Array
     centre: Index
     carrier: Index
     point: Array
     ends: Index
-    given: Array
+    release: Array
     apart: Array
     turned: Array
     works: NDArray[np.bool_]
-    beside: tuple[int, ...] = ()
+    excluded: tuple[int, ...] = ()
 
 
-def loads(system: Equations, network: Network, which: list[int], kind: str, beside: Sequence[int] = ()) -> Loads:
+def loads(system: Equations, network: Network, which: list[int], kind: str, excluded: Sequence[int] = ()) -> Loads:
     """Return some of a system's inputs or outputs as loads.
 
-    ``kind``: "inputs" or "outputs"; ``beside``: places of forces in joints and sums of forces that are no work on a
+    ``kind``: "inputs" or "outputs"; ``excluded``: places of forces in joints and sums of forces that are no work on a
     motion.
     """
     kinds = (Input, BaseMotion) if kind == "inputs" else (Output, ForceOutput)
@@ -86,24 +86,24 @@ def loads(system: Equations, network: Network, which: list[int], kind: str, besi
     wrench, point = np.zeros((count, 6)), np.zeros((count, 3))
     first, second = np.full(count, bodies), np.full(count, bodies)
     centre, carrier = np.full(count, -1), np.full(count, -1)
-    strain, carried = np.zeros((len(network.springs), 6, count)), np.zeros((bodies, 6, count))
-    given, apart = np.zeros((bodies, 6, count)), np.zeros((len(network.point), 6, count))
+    strain, base_motion = np.zeros((len(network.springs), 6, count)), np.zeros((bodies, 6, count))
+    release, apart = np.zeros((bodies, 6, count)), np.zeros((len(network.point), 6, count))
     turned = np.zeros((len(network.joints), 3, count))
     order, works, others = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=bool), []
     for i, part in enumerate(parts):
-        if part.name in made or i in beside:
+        if part.name in made or i in excluded:
             others.append(i)
         elif isinstance(part, ForceOutput):
-            felt = _spring(network, part)
-            worked = _worked(system, network, part) if felt is None else None
-            if felt is not None:
-                strain[felt[0], :, i] = felt[1]
+            spring_strain = _spring(network, part)
+            worked = _worked(system, network, part) if spring_strain is None else None
+            if spring_strain is not None:
+                strain[spring_strain[0], :, i] = spring_strain[1]
             elif worked is not None:
-                given[:, :, i], apart[:, :, i], turned[:, :, i], works[i] = worked
+                release[:, :, i], apart[:, :, i], turned[:, :, i], works[i] = worked
             else:
                 others.append(i)
         elif isinstance(part, BaseMotion):
-            carried[:, :, i] = _carried(network, part)
+            base_motion[:, :, i] = _carried(network, part)
         else:
             first[i], second[i] = number[part.relative_to], number[part.body]
             owner = int(second[i] if second[i] < bodies else first[i])
@@ -120,8 +120,8 @@ def loads(system: Equations, network: Network, which: list[int], kind: str, besi
             if body < bodies:
                 on_bodies[body, :, i] += sign * wrench[i]
                 on_bodies[body, 3:, i] += sign * np.cross(point[i] - network.position[body], wrench[i, :3])
-    return Loads(wrench, _motion(network, first, second, point), on_bodies, order, strain, carried, centre, carrier,
-                 point, np.stack((first, second), axis=1), given, apart, turned, works, tuple(others))  # fmt: skip
+    return Loads(wrench, _motion(network, first, second, point), on_bodies, order, strain, base_motion, centre, carrier,
+                 point, np.stack((first, second), axis=1), release, apart, turned, works, tuple(others))  # fmt: skip
 
 
 def no_loads(network: Network, count: int) -> Loads:
@@ -144,21 +144,21 @@ def _worked(system: Equations, network: Network, part: ForceOutput) -> tuple[Arr
     number = {body.name: i for i, body in enumerate(network.bodies)}
     k = next((k for k, joint in enumerate(network.joints) if joint.name == part.element), None)
     about_centre = k is None or network.joints[k].point is None
-    tied = any(isinstance(each, Coupling) for each in network.parts)
+    tied = any(isinstance(other, Coupling) for other in network.parts)
     loaded = system.provenance.statics is not None and (
         network.forces is None or k in network.forces.twice or k in network.forces.halves)
     if loaded or tied or (about_centre and wrench[3:].any()):
         return None
     still, gap = np.zeros((len(network.point), 6)), np.zeros((len(network.joints), 6, 1))
     if k is None:
-        whole = np.zeros((len(network.bodies), 6))
+        release = np.zeros((len(network.bodies), 6))
         if part.element == "ground":
-            whole[:] = wrench
+            release[:] = wrench
         elif part.element in number:
-            whole[number[part.element]] = -wrench
+            release[number[part.element]] = -wrench
         else:
             return None
-        return whole, still, gap[:, 3:, 0], False
+        return release, still, gap[:, 3:, 0], False
     if _shared(network)[k] or (network.joints[k].pitch is not None and wrench[5]):
         return None
     gap[k, :, 0] = (wrench.reshape(2, 3) @ np.array(network.joints[k].axes).T).reshape(6)
@@ -168,7 +168,8 @@ def _worked(system: Equations, network: Network, part: ForceOutput) -> tuple[Arr
 
 def _spring(network: Network, part: ForceOutput) -> tuple[list[int], Array] | None:
     """Numbers of springs and the direction of their force that is asked for, world axes; None for joints."""
-    maxwell = next((each for each in network.parts if isinstance(each, Maxwell) and each.name == part.element), None)
+    maxwell = next((other for other in network.parts
+                    if isinstance(other, Maxwell) and other.name == part.element), None)  # fmt: skip
     names = [part.element] if maxwell is None else [line_name(maxwell, field) for field in
                                                     ("static_stiffness", "stiffness")]  # fmt: skip
     numbers = [k for k, spring in enumerate(network.springs) if spring.name in names]

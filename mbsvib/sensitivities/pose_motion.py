@@ -32,21 +32,20 @@ def pose_motion(loaded: LoadedNetwork, rates: csr_array | None) -> tuple[Array, 
     count, m = loaded.changes.count, loaded.dof
     own = loaded.generalized_force_jacobian[:count]
     pushed = own if rates is None else rates @ own
-    beside = np.eye(len(pushed), loaded.motions.shape[2] - m)
-    if beside.size:
+    of_gaps = np.eye(len(pushed), loaded.motions.shape[2] - m)
+    if of_gaps.size:
         pushed = pushed + loaded.parameter_rates[:, m:].T @ own + loaded.generalized_force_jacobian[count + m :]
     # K but for couplers of several rotations of one joint, which go by small rotations in each pose anew
     stiffness = -(loaded.parameter_rates[:, :m].T @ own + loaded.generalized_force_jacobian[count : count + m]).T
-    sizes = _sizes(loaded)
-    unit = inverse_root(np.abs(np.diagonal(stiffness)) + _works(sizes) + _least(loaded))
+    unit = inverse_root(np.abs(np.diagonal(stiffness)) + _least(loaded))
 
     def terms() -> Array:
         # forces that all but vanish at rest are rounding of those that cancel
-        size = _term_sizes(loaded, sizes) + CANCELLED / ZERO_UNHELD_FORCE * loaded.size_of_forces
+        size = _term_sizes(loaded, _sizes(loaded)) + CANCELLED / ZERO_UNHELD_FORCE * loaded.size_of_forces
         return size if rates is None else np.asarray(abs(rates) @ size)
 
     motion, lost = balancing_motion(stiffness, unit, pushed, terms)
-    return np.concatenate((motion, beside), axis=1), lost
+    return np.concatenate((motion, of_gaps), axis=1), lost
 
 
 def balancing_motion(
@@ -59,7 +58,7 @@ def balancing_motion(
     stiffness : array, shape (m, m)
         K.
     unit : array, shape (m,)
-        One over the root of the products that the stiffness along each coordinate is a sum of.
+        One over the root of what the stiffness along each coordinate is measured by.
     forces : array, shape (v, m)
         Forces f, one row after the other.
     terms : callable
@@ -92,14 +91,8 @@ def _sizes(loaded: LoadedNetwork) -> Sizes:
     return f, t, np.abs(forces.bend)[:, None], v, w
 
 
-def _works(sizes: Sizes) -> Array:
-    """Sizes (m,) of the products whose sums are the geometric stiffness along each coordinate."""
-    f, t, bend, v, w = sizes
-    return np.asarray((f * v * w + t * w * w + bend * v * v).sum(axis=0))
-
-
 def _least(loaded: LoadedNetwork) -> Array:
-    """Sizes (m,) of the geometric stiffness along coordinates that forces do not feel: their points are rounded."""
+    """Sizes (m,) of the stiffness that the forces, which cancel, have at least along each coordinate."""
     m = loaded.dof
     turns = np.abs(loaded.motions[:, 3:, :m]).max(axis=(0, 1), initial=0.0) > 0.0
     reach = float(np.ptp(loaded.forces.point, axis=0).max(initial=0.0)) or 1.0

@@ -51,7 +51,7 @@ class MatrixDerivativeGroup:
             weight = getattr(left, power) if right is None else getattr(left, power) + getattr(right, power)
             shape = other.vectors.shape
             pushed = change @ other.vectors.reshape(len(other.vectors), prod(shape[1:]))
-            works = np.stack([(left.vectors * each.reshape(shape)).sum(axis=0) for each in pushed])
+            works = np.stack([(left.vectors * push.reshape(shape)).sum(axis=0) for push in pushed])
             result = result + 0.5 * weight * works
         if isinstance(result, float):
             tail = np.broadcast_shapes(left.vectors.shape[1:], other.vectors.shape[1:], np.shape(left.stiff))
@@ -67,16 +67,16 @@ class MatrixDerivativeGroup:
 
     def with_ports(
         self, result: Field, ports: tuple[list[int], list[int]], powers: tuple[Field, Field, Field],
-        vectors: tuple[Field, Field], beside: tuple[int, ...] = (),
+        vectors: tuple[Field, Field], excluded: tuple[int, ...] = (),
     ) -> None:  # fmt: skip
         """Add dD + L^T dB + (dCq + s dCv + s^2 dCa) R to the derivatives of responses, in place.
 
         ``result`` (parameters, outputs, inputs, n): derivatives to all parameters of a plan; ``powers`` (n,): 1, s and
-        s^2; ``vectors`` (m, 1, inputs, n) and (m, outputs, 1, n): R and L; ``beside``: places of outputs whose D and H
-        are counted elsewhere.
+        s^2; ``vectors`` (m, 1, inputs, n) and (m, outputs, 1, n): R and L; ``excluded``: outputs whose D and H are
+        counted elsewhere.
         """
         (i, o), (right, left) = ports, vectors
-        counts = np.array([k not in beside for k in range(len(o))])[:, None, None]
+        counts = np.array([k not in excluded for k in range(len(o))])[:, None, None]
         for k, row in enumerate(self.rows[:, 0].tolist()):
             result[row] += counts * self.slopes["D"][k][np.ix_(o, i)][:, :, None]
             result[row] += np.einsum("mi,mon->oin", self.slopes["B"][k][:, i], left[:, :, 0])
@@ -174,7 +174,7 @@ def picked(array: Any, rows: Index, stride: int) -> Any:
 
 def _tail(left: Fields, right: Fields | None) -> tuple[int, ...]:
     pair = (left,) if right is None else (left, right)
-    return np.broadcast_shapes(*(each.shape[2:] for found in pair for each in (found.body, found.body_wrench)))
+    return np.broadcast_shapes(*(array.shape[2:] for side in pair for array in (side.body, side.body_wrench)))
 
 
 def _acting(first: list[Terms], second: list[Terms] | None) -> list[int] | None:
@@ -191,7 +191,7 @@ def _acting(first: list[Terms], second: list[Terms] | None) -> list[int] | None:
 def _block(first: list[Terms], second: list[Terms] | None, parts: int) -> Field:
     p, q = first[0][0]
     factors = (p, q) if second is None else (p, second[0][0][1], q, second[0][0][0])
-    shape = np.broadcast_shapes(*(each.shape[1:] for each in factors))
+    shape = np.broadcast_shapes(*(factor.shape[1:] for factor in factors))
     result: Field = np.empty((parts, len(first), *shape), dtype=np.result_type(*factors))
     for i, terms in enumerate(first):
         out = result[:, i]

@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from mbsvib.elements import Bushing, Load
+from mbsvib.elements import Bushing, Spring
+from mbsvib.elements.torsion_spring import TorsionSpring
+from mbsvib.linalg.rotations import quaternion
 from mbsvib.sensitivities.displaced_bodies import Displaced, turned
 from mbsvib.sensitivities.force_changes import RowTerms
 
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements import Joint, Spring
+    from mbsvib.elements import Joint
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.parameters import Parameter
     from mbsvib.sensitivities.force_changes import ForceChanges
@@ -51,12 +53,12 @@ class ReferencePose:
 def reference_pose(network: Network, forces: Forces, changes: ForceChanges, origin: Mechanism) -> ReferencePose:
     """Return what parameters as described do in the pose there."""
     pose = Displaced(origin, {body.name: body for body in network.bodies})
-    own, beside, gaps = (RowTerms(changes.row, changes.at) for _ in range(3))
-    told = set()
+    own, force_terms, gaps = (RowTerms(changes.row, changes.at) for _ in range(3))
+    known = set()
 
     def follows(part: str, field: str, turn: Array) -> None:
         for i in range(3):
-            told.add((part, field, (i,)))
+            known.add((part, field, (i,)))
             for j in range(3):
                 own.put((part, field, (i,)), changes.row[part, field, (j,)], (turn[j, i],))
 
@@ -76,41 +78,43 @@ def reference_pose(network: Network, forces: Forces, changes: ForceChanges, orig
                 name = network.joints[k].name
                 own.put((name, "orientation", (i,)), changes.row[name, "orientation", (j,)], (turned_axes[k, j, i],))
     for k, spring in enumerate(network.springs, len(network.joints)):
-        turns, place = (pose.turn(spring.first), pose.turn(spring.second)), changes.at.wrench_of(k)
-        given: Any = origin.springs[spring.name]
-        if isinstance(spring, Bushing):
+        turns, column = (pose.turn(spring.first), pose.turn(spring.second)), changes.at.wrench_of(k)
+        described: Any = origin.springs[spring.name]
+        if isinstance(described, TorsionSpring):
+            force_terms.put((spring.name, "stiffness", ()), column + 3, _moment_rate(described, *turns))
+        elif isinstance(spring, Bushing):
             follows(spring.name, "position", turns[1])
             follows(spring.name, "orientation", turns[0])
-            gap = pose.point(spring.second, given.position) - pose.point(spring.first, given.position)
-            _bushing(beside, spring, place, network.stiffness[k - len(network.joints)], turns, gap)
+            gap = pose.point(spring.second, described.position) - pose.point(spring.first, described.position)
+            _bushing(force_terms, spring, column, network.stiffness[k - len(network.joints)], turns, gap)
         else:
             follows(spring.name, "start", turns[0])
             follows(spring.name, "end", turns[1])
-            if spring.free_length is None:
-                _spring(beside, spring, given, place, turns)
-    for load in (part for part in network.parts if isinstance(part, Load)):
+            if isinstance(spring, Spring) and spring.free_length is None:
+                _spring(force_terms, spring, described, column, turns)
+    for load in network.loads:
         turn = pose.turn(load.body)
         for field in ("force", "torque") if load.follower else ():
             follows(load.name, field, turn)
         if load.position is not None:
             follows(load.name, "position", turn)
     for key, row in changes.row.items():
-        if key not in told:
+        if key not in known:
             own.put(key, row, (1.0,))
-    return ReferencePose(own.matrix(changes.count), beside.matrix(changes.at.size),
+    return ReferencePose(own.matrix(changes.count), force_terms.matrix(changes.at.size),
                          gaps.matrix(6 * len(network.joints)), turned(origin, network.parts))  # fmt: skip
 
 
-def _joint(follows: Follows, gaps: RowTerms, k: int, given: Joint, joint: Joint, pose: Displaced) -> None:
+def _joint(follows: Follows, gaps: RowTerms, k: int, described: Joint, joint: Joint, pose: Displaced) -> None:
     """Both bodies carry its point and axes; how far it has moved along its free directions turns with the first."""
     first, second = pose.turn(joint.first), pose.turn(joint.second)
-    at = given.position or (0.0, 0.0, 0.0)  # joints without a point turn nothing: any will do
+    at = described.position or (0.0, 0.0, 0.0)  # joints without a point turn nothing: any will do
     gap = pose.point(joint.second, at) - pose.point(joint.first, at)
     follows(joint.name, "orientation", first)
-    if given.position is not None:
+    if described.position is not None:
         follows(joint.name, "position", second)
     for i in range(3):
-        if given.position is not None:
+        if described.position is not None:
             gaps.put((joint.name, "position", (i,)), 6 * k, (first - second)[:, i])
         gaps.put((joint.name, "orientation", (i,)), 6 * k, np.cross(first[:, i], gap))
         gaps.put((joint.name, "orientation", (i,)), 6 * k + 3, (first - second)[:, i])
@@ -119,9 +123,9 @@ def _joint(follows: Follows, gaps: RowTerms, k: int, given: Joint, joint: Joint,
         gaps.put((joint.name, "pitch", ()), 6 * k, (axis @ gap) / joint.pitch * axis)
 
 
-def _rod(follows: Follows, gaps: RowTerms, k: int, given: Any, joint: Any, pose: Displaced) -> None:
+def _rod(follows: Follows, gaps: RowTerms, k: int, described: Any, joint: Any, pose: Displaced) -> None:
     """It keeps its length as described."""
-    before, after = (np.subtract(rod.end, rod.position) for rod in (given, joint))
+    before, after = (np.subtract(rod.end, rod.position) for rod in (described, joint))
     before, after = before / np.linalg.norm(before), after / np.linalg.norm(after)
     for field, body, sign in (("position", joint.first, -1.0), ("end", joint.second, 1.0)):
         turn = pose.turn(body)
@@ -130,32 +134,38 @@ def _rod(follows: Follows, gaps: RowTerms, k: int, given: Any, joint: Any, pose:
             gaps.put((joint.name, field, (i,)), 6 * k, sign * (before[i] - after @ turn[:, i]) * after)
 
 
-def _spring(beside: RowTerms, spring: Spring, given: Spring, place: int, turns: tuple[Array, Array]) -> None:
+def _spring(force_terms: RowTerms, spring: Spring, described: Spring, column: int, turns: tuple[Array, Array]) -> None:
     """Its tension there is T + k (L there - L as described)."""
-    before, after = np.array(given.line), np.array(spring.line)
-    beside.put((spring.name, "stiffness", ()), place, -(spring.length - given.length) * after)
+    before, after = np.array(described.line), np.array(spring.line)
+    force_terms.put((spring.name, "stiffness", ()), column, -(spring.length - described.length) * after)
     for field, turn, sign in (("start", turns[0], -1.0), ("end", turns[1], 1.0)):
         for i in range(3):
             change = sign * spring.stiffness * (after @ turn[:, i] - before[i])
-            beside.put((spring.name, field, (i,)), place, -change * after)
+            force_terms.put((spring.name, field, (i,)), column, -change * after)
+
+
+def _moment_rate(described: TorsionSpring, first: Array, second: Array) -> Array:
+    """Its moment there is its preload less stiffness times its angle, about the axis that its first body carries."""
+    w, vector = quaternion(first.T @ second)
+    return np.asarray(-2.0 * np.arctan2(np.dot(vector, described.axis), w) * (first @ described.axis))
 
 
 def _bushing(
-    beside: RowTerms, bushing: Bushing, place: int, stiffness: Array, turns: tuple[Array, Array], gap: Array
+    force_terms: RowTerms, bushing: Bushing, column: int, stiffness: Array, turns: tuple[Array, Array], gap: Array
 ) -> None:
     """Its force there is its preload less stiffness times how far it has been moved, in axes of the first body."""
     axes = np.array(bushing.orientation)
     for i in range(3):
         moved = stiffness[:, :3] @ (turns[1] - turns[0])[:, i]
-        beside.put((bushing.name, "position", (i,)), place, -moved)
+        force_terms.put((bushing.name, "position", (i,)), column, -moved)
         back = stiffness[:, :3] @ np.cross(turns[0][:, i], gap)
-        beside.put((bushing.name, "orientation", (i,)), place, back)
+        force_terms.put((bushing.name, "orientation", (i,)), column, back)
     local = np.concatenate((axes.T @ gap, np.zeros(3)))
-    whole = isinstance(bushing.stiffness[0], tuple)
+    full = isinstance(bushing.stiffness[0], tuple)
     for i in range(6):
-        for j in range(i, 6) if whole else (i,):
+        for j in range(i, 6) if full else (i,):
             force = np.zeros(6)
             force[i] = -local[j]
             force[j] = -local[i]
             in_world = (force.reshape(2, 3) @ axes.T).reshape(6)
-            beside.put((bushing.name, "stiffness", (i, j) if whole else (i,)), place, in_world)
+            force_terms.put((bushing.name, "stiffness", (i, j) if full else (i,)), column, in_world)

@@ -136,11 +136,11 @@ def frequency_response_sensitivities(
         vectors = _vectors(basis.responses, i, o, size)
         forms = port_forms(groups, (acting, seeing), powers, vectors, turns)
         if groups.matrix_group is not None:
-            groups.matrix_group.with_ports(forms, (i, o), powers, vectors, seeing.beside)
-        found = groups.chain(forms)
-        for k in seeing.beside:
-            found[:, k] += _seen_beside(groups, o[k], i, vectors[0][:, 0], powers)
-        result[..., part] = found
+            groups.matrix_group.with_ports(forms, (i, o), powers, vectors, seeing.excluded)
+        solution = groups.chain(forms)
+        for k in seeing.excluded:
+            solution[:, k] += _excluded_outputs(groups, o[k], i, vectors[0][:, 0], powers)
+        result[..., part] = solution
     result[..., w < 0.0] = result[..., w < 0.0].conj()
     return result
 
@@ -153,16 +153,16 @@ def _vectors(basis: Basis, i: list[int], o: list[int], w: Array) -> tuple[Comple
     right, rows = system.B[:, i], rates[order, output].T
     if system.gyroscopic is None and system.circulatory is None:
         both = solutions(basis, np.concatenate((right, rows), axis=1), w)
-        found, back = both[:, : len(i)], both[:, len(i) :]
+        solution, back = both[:, : len(i)], both[:, len(i) :]
     else:
-        found, back = solutions(basis, right, w), solutions(basis, rows, w, adjoint=True)
+        solution, back = solutions(basis, right, w), solutions(basis, rows, w, adjoint=True)
     left = np.zeros((system.dof, len(o), len(w)), dtype=complex)
-    for k, (power, place) in enumerate(zip(order.tolist(), output.tolist(), strict=True)):
-        left[:, place] += (1j * w) ** power * back[:, k]
-    return found[:, None], left[:, :, None]
+    for k, (power, row) in enumerate(zip(order.tolist(), output.tolist(), strict=True)):
+        left[:, row] += (1j * w) ** power * back[:, k]
+    return solution[:, None], left[:, :, None]
 
 
-def _seen_beside(
+def _excluded_outputs(
     groups: ParameterGroups, output: int, inputs: list[int], right: Field, powers: tuple[Field, Field, Field]
 ) -> Field:
     """dD + (dCq + s dCv + s^2 dCa) R (variables, inputs, n) of an output that is no motion, R (m, inputs, n)."""

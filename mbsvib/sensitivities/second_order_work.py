@@ -65,7 +65,7 @@ def geometric_wrenches(forces: Forces, body: Field, side: int, turned: Field | N
 
 def wrench_slopes(forces: Forces, x: tuple[Field, Field], y: tuple[Field, Field] | None) -> Field:
     """Return the derivatives of H(x, y) to the wrenches, (n, 6, ...), by which bodies give way. None: y = x."""
-    alone, y = y is None, x if y is None else y
+    same, y = y is None, x if y is None else y
     (a, r), (b, s) = x, y
     force = 0.5 * (cross(a[:, 3:], s[:, :3]) - cross(s[:, 3:], a[:, :3]) + cross(b[:, 3:], r[:, :3])
                    - cross(r[:, 3:], b[:, :3]) - cross(r[:, 3:], s[:, :3]) - cross(s[:, 3:], r[:, :3]))  # fmt: skip
@@ -77,7 +77,7 @@ def wrench_slopes(forces: Forces, x: tuple[Field, Field], y: tuple[Field, Field]
         torque[k] += 0.5 * wide(forces.normal[k], torque) * dot(_coupled(forces, r[k, 3:]), s[k, 3:])
     follower = forces.follower
     force[follower] = 0.0
-    if not alone:
+    if not same:
         turned = 0.5 * cross(r[:, 3:], s[:, 3:])
         torque[forces.dead] += turned[forces.dead]
         torque[follower] = -turned[follower]
@@ -97,10 +97,10 @@ def point_slopes(forces: Forces, x: tuple[Field, Field], y: tuple[Field, Field] 
     r, s = x[1][:, :3], y[1][:, :3]
     line = wide(forces.line, point)
     bend, inverse = wide(forces.bend[:, None], point), wide(1.0 / forces.length[:, None], point)
-    along, beside = dot(line, r), dot(line, s)
-    turned = r * beside + s * along
+    along, along_other = dot(line, r), dot(line, s)
+    turned = r * along_other + s * along
     turned = turned - line * dot(line, turned)
-    stretched = -bend * inverse * (turned + line * (dot(r, s) - along * beside))
+    stretched = -bend * inverse * (turned + line * (dot(r, s) - along * along_other))
     return point + stretched, -stretched
 
 
@@ -134,5 +134,5 @@ def work_slopes(forces: Forces, left: Field, gap: Field) -> tuple[Field, Field, 
 
 def _coupled(forces: Forces, turn: Field) -> Field:
     """The derivatives of x_a y_b + x_b y_a to the relative rotation of y, for that of x (joints, 3, ...)."""
-    p, q = (wide(each[forces.twice], turn) for each in forces.picks)
+    p, q = (wide(pick[forces.twice], turn) for pick in forces.picks)
     return np.asarray(p * dot(q, turn) + q * dot(p, turn))

@@ -173,8 +173,8 @@ def _pushed(groups: ParameterGroups, shapes: Any, values: Complex) -> Complex:
     x, y = motions(network, shapes[:, None]), motions(network, unit)
     none, one = np.zeros(len(values)), np.ones(len(values))
     result = np.empty((2, groups.size, len(shapes), len(values)), dtype=complex)
-    for place, powers in enumerate(((one.astype(complex), values, values * values), (none, none, one))):
-        result[place] = groups.forms(fields(network, y, *powers, side=-1), fields(network, x, *powers, side=1))
+    for index, powers in enumerate(((one.astype(complex), values, values * values), (none, none, one))):
+        result[index] = groups.forms(fields(network, y, *powers, side=-1), fields(network, x, *powers, side=1))
     return result
 
 
@@ -192,10 +192,10 @@ def _bordered(states: StateBasis, value: complex, own: Any, held: Any, forms: Co
     column = 1.0 / np.maximum(np.abs(matrix).max(axis=0), np.finfo(float).tiny)
     right = np.concatenate((forms, np.zeros((len(forms), k, k))), axis=1).transpose(1, 0, 2).reshape(m + k, -1)
     try:
-        found = column[:, None] * np.linalg.solve(matrix * column, row[:, None] * right)
+        solution = column[:, None] * np.linalg.solve(matrix * column, row[:, None] * right)
     except np.linalg.LinAlgError:
-        found = np.full(right.shape, np.nan, dtype=complex)  # a defective pair has no derivative
-    result = found.reshape(m + k, -1, k).transpose(1, 0, 2)
+        solution = np.full(right.shape, np.nan, dtype=complex)  # a defective pair has no derivative
+    result = solution.reshape(m + k, -1, k).transpose(1, 0, 2)
     if value == 0.0:
         moved = np.abs(result[:, m:]).max(axis=(1, 2)) > RIGID * np.abs(forms).max(axis=(1, 2), initial=0.0)
         result[moved] = np.nan

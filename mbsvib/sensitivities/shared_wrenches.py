@@ -135,7 +135,7 @@ def spin(plain: Mechanism, bodies: Sequence[Body], springs: Sequence[Bushing | S
     for rotor, (i, per_speed) in zip(rotors, momenta(unit, bodies), strict=True):
         momentum[i] += rotor.speed * per_speed
         of[rotor.name] = i, per_speed
-    place, turning = {spring.name: k for k, spring in enumerate(springs)}, np.zeros((len(springs), 6, 6))
+    number_of, turning = {spring.name: k for k, spring in enumerate(springs)}, np.zeros((len(springs), 6, 6))
     for damper in rotating_dampers(plain, bodies, springs):
-        turning[place[damper.name]] = 0.5 * (damper.matrix - damper.matrix.T)
+        turning[number_of[damper.name]] = 0.5 * (damper.matrix - damper.matrix.T)
     return Spin(momentum, of, turning if turning.any() else None, frozenset(own_spin(plain)))

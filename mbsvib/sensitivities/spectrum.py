@@ -47,14 +47,14 @@ class Pairs:
 @dataclass(frozen=True, slots=True)
 class Spectrum:
     """Eigenvalues ``lead`` (h,) of which conjugates are left out, with ``right`` and ``left`` vectors (m, h), left None
-    where they are the same. ``place`` (h,) are their places among all, and the eigenvalues at ``mirror`` are conjugate
+    where they are the same. ``index`` (h,) are their places among all, and the eigenvalues at ``mirror`` are conjugate
     to the lead ones ``mirrored``.
     """
 
     lead: Complex
     right: Field
     left: Field | None
-    place: Index
+    index: Index
     mirror: Index
     mirrored: Index
     count: int
@@ -64,7 +64,7 @@ class Spectrum:
         """Whether each lead eigenvalue is followed by its conjugate, and there are no others."""
         pairs = len(self.lead)
         return 2 * pairs == self.count and len(self.mirror) == pairs and \
-            bool((self.place == np.arange(0, self.count, 2)).all())  # fmt: skip
+            bool((self.index == np.arange(0, self.count, 2)).all())  # fmt: skip
 
     def clusters(self) -> list[Index]:
         """Return groups of eigenvalues that coincide, those at 0 left out."""
@@ -105,18 +105,20 @@ def spectrum(modes: Modes) -> Spectrum:
 
 def _symmetric(damped: Damped) -> Spectrum:
     values = damped.pairs.reshape(-1)
-    turns = damped.pairs[:, 0].imag != 0.0
+    second_alike = damped.pairs[:, 0].imag != 0.0
+    if damped.vectors is None:  # both eigenvalues 0 of a rigid-body motion have its shape
+        second_alike |= ~damped.pairs.any(axis=1)
     keep = np.ones(damped.pairs.shape, dtype=bool)
-    keep[turns, 1] = False
-    place = np.flatnonzero(keep)
+    keep[second_alike, 1] = False
+    index = np.flatnonzero(keep)
     mirror = np.flatnonzero(~keep)
     position = np.cumsum(keep) - 1
     right: Field
     if damped.vectors is None:
-        right = damped.shapes[:, place // 2]
+        right = damped.shapes[:, index // 2]
     else:
-        right = damped.shapes @ damped.vectors.reshape(len(damped.pairs), -1)[:, place]
-    return Spectrum(values[place], right, None, place, mirror, position[mirror - 1], len(values))
+        right = damped.shapes @ damped.vectors.reshape(len(damped.pairs), -1)[:, index]
+    return Spectrum(values[index], right, None, index, mirror, position[mirror - 1], len(values))
 
 
 def _general(values: Complex, general: General) -> Spectrum:
@@ -128,6 +130,6 @@ def _general(values: Complex, general: General) -> Spectrum:
         nearest = int(np.argmin(np.where(free, np.abs(known - values[i]), np.inf)))
         free[nearest] = False
         x[:, i], y[:, i] = right[:, nearest], left[:, nearest]
-    place = np.arange(len(values))
+    index = np.arange(len(values))
     none = np.zeros(0, dtype=np.intp)
-    return Spectrum(values, x, y, place, none, none, len(values))
+    return Spectrum(values, x, y, index, none, none, len(values))

@@ -79,7 +79,7 @@ def states(basis: Basis, inputs: list[int], outputs: list[int]) -> States:
     a = np.concatenate((np.zeros((k, rows.shape[1])), rows))
     a[np.arange(k), k + np.arange(k)] = scale
     force = chosen.vectors.T @ system.B[:, inputs]
-    rates = tuple(each[outputs] @ chosen.vectors for each in (system.Cq, system.Cv, system.Ca))
+    rates = tuple(slope[outputs] @ chosen.vectors for slope in (system.Cq, system.Cv, system.Ca))
     b = np.concatenate((np.zeros_like(force[:k]), force))
     moving = _moving(rates, k)
     c = _seen(rates, scale, k) + moving @ rows
@@ -132,12 +132,12 @@ def changed(base: States, change: MatrixDerivatives, inputs: list[int], outputs:
     own, k = base.basis, base.basis.massive
     vectors, theta = own.vectors, turning(own, change)
     back = theta.swapaxes(1, 2)
-    stiffness, damping = (vectors.T @ each @ vectors + back @ whole + whole @ theta
-                          for each, whole in ((change.K, own.stiffness), (change.C, own.damping)))  # fmt: skip
+    stiffness, damping = (vectors.T @ slope @ vectors + back @ matrix + matrix @ theta
+                          for slope, matrix in ((change.K, own.stiffness), (change.C, own.damping)))  # fmt: skip
     rows = _rows(stiffness, damping, base.scale)
     force = vectors.T @ change.B[:, :, inputs] + back @ base.force
-    rates = tuple(each[:, outputs] @ vectors + whole @ theta
-                  for each, whole in zip((change.Cq, change.Cv, change.Ca), base.rates, strict=True))  # fmt: skip
+    rates = tuple(slope[:, outputs] @ vectors + matrix @ theta
+                  for slope, matrix in zip((change.Cq, change.Cv, change.Ca), base.rates, strict=True))  # fmt: skip
     moving, moved = _moving(base.rates, k), _moving(rates, k)
     c = _seen(rates, base.scale, k) + moved @ base.A[k:] + moving @ rows
     d = _sum(change.D[:, outputs][:, :, inputs], (moved, base.force), (moving, force))
@@ -150,7 +150,7 @@ def turning(own: StateBasis, change: MatrixDerivatives) -> Array:
     Returns Theta (v, m, m).
     """
     k, vectors = own.massive, own.vectors
-    mass, damping = (vectors.T @ each @ vectors for each in (change.M, change.C))
+    mass, damping = (vectors.T @ slope @ vectors for slope in (change.M, change.C))
     result = np.zeros_like(mass)
     result[:, :k, :k], result[:, :k, k:] = -0.5 * mass[:, :k, :k], -mass[:, :k, k:]
     result[:, k:, :k] = mass[:, k:, :k] @ own.damping[:k, :k] - damping[:, k:, :k]

@@ -79,8 +79,8 @@ def time_response_sensitivities(
     count = max(1, BLOCK // max(size * size * len(steps), len(begin) * len(time), 1))
     for which, change in basis.matrix_derivatives_in_parts(parameters, count):
         da, db, dc, dd = changed(base, change, *ports)
-        found = [_exponential(base, h, da, db) for h in steps]
-        x, z = _march(found, kind, force, (begin, _begun(base, system, change, start)), hold == "first")
+        matrices = [_exponential(base, h, da, db) for h in steps]
+        x, z = _march(matrices, kind, force, (begin, _begun(base, system, change, start)), hold == "first")
         result[which] = base.C @ z + dc @ x + dd @ force
     return result
 
@@ -88,7 +88,7 @@ def time_response_sensitivities(
 def _begin(base: States, system: Equations, start: Array) -> Array:
     """The states of q and q' (2, m)."""
     own, k = base.basis, base.first
-    eta, rate = (own.vectors[:, :k].T @ (system.M @ each) for each in start)
+    eta, rate = (own.vectors[:, :k].T @ (system.M @ state) for state in start)
     return np.concatenate((base.scale * eta, rate, own.vectors[:, k:].T @ (system.C @ start[0])))
 
 
@@ -99,10 +99,10 @@ def _begun(base: States, system: Equations, change: MatrixDerivatives, start: Ar
     own, k = base.basis, base.first
     theta, heavy = turning(own, change), own.vectors[:, :k]
     within = np.concatenate((heavy.T @ (system.M @ start[0]), own.vectors[:, k:].T @ (system.C @ start[0])))
-    place = -(theta @ within)
+    displacement = -(theta @ within)
     mass = heavy.T @ change.M @ start[1]
     rate = mass + (theta[:, :, :k].swapaxes(1, 2) @ (own.vectors.T @ (system.M @ start[1])))
-    return np.concatenate((base.scale * place[:, :k], rate, place[:, k:]), axis=1)
+    return np.concatenate((base.scale * displacement[:, :k], rate, displacement[:, k:]), axis=1)
 
 
 def _steps(time: Array) -> tuple[Array, Index]:
@@ -129,21 +129,21 @@ def _exponential(base: States, h: float, da: Array, db: Array) -> tuple[Array, A
     halvings = max(0, ceil(log2(max(np.abs(matrix).sum(axis=0).max(initial=0.0) / SMALL, 1.0))))
     matrix, change = matrix * 0.5**halvings, change * 0.5**halvings
     power, slope = np.eye(len(matrix)), np.zeros_like(change)
-    whole, moved = power.copy(), slope.copy()
+    exponential, derivative = power.copy(), slope.copy()
     for k in range(1, TERMS):
         slope = (matrix @ slope + change @ power) / k
         power = matrix @ power / k
-        whole += power
-        moved += slope
+        exponential += power
+        derivative += slope
     for _ in range(halvings):
-        moved = whole @ moved + moved @ whole
-        whole = whole @ whole
+        derivative = exponential @ derivative + derivative @ exponential
+        exponential = exponential @ exponential
     back = np.concatenate((np.ones(n), unit, unit))
-    return whole[:n] * back, moved[:, :n] * back
+    return exponential[:n] * back, derivative[:, :n] * back
 
 
 def _march(
-    found: list[tuple[Array, Array]], kind: Index, u: Array, start: tuple[Array, Array], first: bool
+    matrices: list[tuple[Array, Array]], kind: Index, u: Array, start: tuple[Array, Array], first: bool
 ) -> tuple[Array, Array]:
     """States (2m, n) and their derivatives (v, 2m, n)."""
     begin, begun = start
@@ -152,16 +152,17 @@ def _march(
     x[:, 0] = begin
     held, rise = u[:, :-1], np.diff(u) if first else np.zeros((i, u.shape[1] - 1))
     for k, step in enumerate(kind):
-        whole = found[step][0]
-        x[:, k + 1] = whole[:, :n] @ x[:, k] + whole[:, n : n + i] @ held[:, k] + whole[:, n + i :] @ rise[:, k]
+        exponential = matrices[step][0]
+        at_once, by_input, by_rise = exponential[:, :n], exponential[:, n : n + i], exponential[:, n + i :]
+        x[:, k + 1] = at_once @ x[:, k] + by_input @ held[:, k] + by_rise @ rise[:, k]
     drive = np.concatenate((x[:, :-1], held, rise))
     z = np.empty((len(begun), n, u.shape[1]))
     z[:, :, 0] = begun
     pushed = np.empty((*z.shape[:2], len(kind)))
-    for step, (_, moved) in enumerate(found):
-        pushed[:, :, kind == step] = moved @ drive[:, kind == step]
+    for step, (_, derivative) in enumerate(matrices):
+        pushed[:, :, kind == step] = derivative @ drive[:, kind == step]
     state = z[:, :, 0]
     for k, step in enumerate(kind):
-        state = state @ found[step][0][:, :n].T + pushed[:, :, k]
+        state = state @ matrices[step][0][:, :n].T + pushed[:, :, k]
         z[:, :, k + 1] = state
     return x, z

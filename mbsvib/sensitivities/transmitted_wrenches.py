@@ -35,14 +35,14 @@ def transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> t
         load += incidence_sum(network.acting, moved_wrench(on_springs, at))
     behind = _behind(network, load)
     if network.constraints is None:
-        carried, mu = _at_joints(network, behind), np.zeros((0, behind.shape[2]), dtype=behind.dtype)
+        in_joint, mu = _at_joints(network, behind), np.zeros((0, behind.shape[2]), dtype=behind.dtype)
     else:
         mu = multipliers(network, behind)
         behind, closing = _closed(network, behind, mu)
-        carried = _at_joints(network, behind) + closing
+        in_joint = _at_joints(network, behind) + closing
     floating = network.floating
     support = moved_wrench(behind[floating], network.origin - network.position[floating])
-    return (carried.reshape(len(network.joints), 6, *tail), support.reshape(len(floating), 6, *tail),
+    return (in_joint.reshape(len(network.joints), 6, *tail), support.reshape(len(floating), 6, *tail),
             mu.reshape(len(mu), *tail))  # fmt: skip
 
 
@@ -87,9 +87,9 @@ def multipliers(network: Network, behind: Field) -> Field:
     """
     ties = network.constraints
     assert ties is not None
-    own = moved_wrench(behind[ties.carried], ties.arm)
-    felt = transformed(ties.twist[:, None], own)[:, 0]
-    return np.asarray(ties.pull @ felt)
+    own = moved_wrench(behind[ties.body], ties.arm)
+    on_dependent = transformed(ties.twist[:, None], own)[:, 0]
+    return np.asarray(ties.pull @ on_dependent)
 
 
 def joint_release_motion(network: Network, gap: Field) -> Field:

@@ -161,11 +161,11 @@ class Variables:
         """Return the same variables with more parameters than they move, ``every`` one there is."""
         if self.every is not None:
             return self
-        place = {entry.name: k for k, entry in enumerate(every)}
-        own = np.array([place[entry.name] for entry in self.parameters], dtype=np.intp)
+        number_of = {entry.name: k for k, entry in enumerate(every)}
+        own = np.array([number_of[entry.name] for entry in self.parameters], dtype=np.intp)
         return Variables(self.names, every, self.parts, self.variable, own[self.parameter], self.rate)
 
-    def each(self) -> tuple[Direction, ...]:
+    def as_directions(self) -> tuple[Direction, ...]:
         """Return every variable with all parameters that it moves."""
         rates: list[dict[str, float]] = [{} for _ in self.names]
         for v, p, rate in zip(self.variable.tolist(), self.parameter.tolist(), self.rate.tolist(), strict=True):
@@ -182,12 +182,12 @@ class Variables:
         moves any of these.
         """
         left = np.flatnonzero(~together)
-        place = np.full(len(together), -1)
-        place[left] = np.arange(len(left))
+        number_of = np.full(len(together), -1)
+        number_of[left] = np.arange(len(left))
         directions: list[Direction] = []
         own = together[self.parameter]
-        terms = list(zip(self.variable[~own].tolist(), place[self.parameter[~own]].tolist(), self.rate[~own].tolist(),
-                         strict=True))  # fmt: skip
+        terms = list(zip(self.variable[~own].tolist(), number_of[self.parameter[~own]].tolist(),
+                         self.rate[~own].tolist(), strict=True))  # fmt: skip
         rates: dict[int, dict[str, float]] = {}
         for v, p, rate in zip(self.variable[own].tolist(), self.parameter[own].tolist(), self.rate[own].tolist(),
                               strict=True):  # fmt: skip
@@ -245,7 +245,7 @@ def variables(known: Parameters, asked: Asked) -> Variables:
                          f"to {{parameter: rate}}.", element="parameters")  # fmt: skip
     names = [asked] if isinstance(asked, str) else list(asked)
     maps = asked if isinstance(asked, Mapping) else {name: {name: 1.0} for name in names}
-    place: dict[str, int] = {}
+    number_of: dict[str, int] = {}
     terms: list[tuple[int, int, float]] = []
     for i, name in enumerate(names):
         if not isinstance(maps[name], Mapping) or not maps[name]:
@@ -253,7 +253,7 @@ def variables(known: Parameters, asked: Asked) -> Variables:
                              f"{{name or pattern: rate}}.", element=str(name))  # fmt: skip
         for pattern, rate in maps[name].items():
             rate = check.number(rate, f"variable '{name}'", pattern, "a finite rate")
-            terms += [(i, place.setdefault(match, len(place)), rate) for match in known.matching(pattern)]
+            terms += [(i, number_of.setdefault(match, len(number_of)), rate) for match in known.matching(pattern)]
     table = np.array(terms, dtype=float).reshape(-1, 3)
-    return Variables(tuple(names), tuple(known.entry(name) for name in place), known.parts,
+    return Variables(tuple(names), tuple(known.entry(name) for name in number_of), known.parts,
                      table[:, 0].astype(np.intp), table[:, 1].astype(np.intp), table[:, 2])  # fmt: skip

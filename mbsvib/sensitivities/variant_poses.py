@@ -83,7 +83,7 @@ class VariantPoses:
             return -slope(lambda q: self.residual(self.at(q * unit)), step)[0]
 
         units = np.eye(len(self.names))
-        return np.transpose([along(*each) for each in zip(units, STEP * self.steps, strict=True)])
+        return np.transpose([along(*direction) for direction in zip(units, STEP * self.steps, strict=True)])
 
     def motion(self, force: Array, scale: float) -> Array | None:
         """Return the motion (m,) that balances forces, T x = f with the tangent T.

@@ -29,6 +29,7 @@ from mbsvib.equilibrium.pose_kinematics import size_of
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.linalg.differences import slope
 from mbsvib.mechanism.changes import scale_of
+from mbsvib.sensitivities.applicability import may_move
 from mbsvib.sensitivities.matrix_entries import MatrixEntries
 from mbsvib.sensitivities.variant_poses import VariantPoses
 
@@ -98,7 +99,7 @@ class Variants:
         return {key: part.reshape(len(flat), *shape) for key, part, shape in zip(MATRICES, parts, shapes, strict=True)}
 
     @cached_property
-    def whole(self) -> Equations | None:
+    def unreduced(self) -> Equations | None:
         """The system that ``reachable`` took this one out of; None where this one is whole."""
         own, came = self.system, self.system.provenance
         if came.dropped is None:
@@ -106,9 +107,9 @@ class Variants:
         independent = (*own.coordinates, *came.dropped.names)
         if not came.settled:
             return linearized(self._model, independent, self._cut)
-        whole: Equations | SparseEquations = at_equilibrium(self._model, independent, self._cut, "dense")[1]
-        assert isinstance(whole, Equations)
-        return whole
+        unreduced: Equations | SparseEquations = at_equilibrium(self._model, independent, self._cut, "dense")[1]
+        assert isinstance(unreduced, Equations)
+        return unreduced
 
     def sizes(self, directions: Sequence[Direction]) -> Array:
         """Return the largest of the forces that cancel in the pose, over what is a large change along directions."""
@@ -163,9 +164,11 @@ class Variants:
 
     @cached_property
     def _poses(self) -> VariantPoses | None:
-        """The poses next to that of the system; None without loads, or where each variant finds its own."""
+        """The poses next to that of the system; None where no parameter moves it, or each variant finds its own."""
         came = self.system.provenance
-        return None if came.settled or came.statics is None else VariantPoses.of(self._model, self._cut)
+        if came.settled or not may_move(self.system):
+            return None
+        return VariantPoses.of(self._model, self._cut)
 
     def _along(self, k: int) -> Array:
         """Derivatives of all entries along a motion of the pose."""

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
     from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
+    from mbsvib.common.progress import Progress
     from mbsvib.studies.design import Ties
-    from mbsvib.studies.progress import Progress
     from mbsvib.studies.results import Sweep
 
 

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
     from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
+    from mbsvib.common.progress import Progress
     from mbsvib.modes import Modes
     from mbsvib.studies.design import Design, Ties
-    from mbsvib.studies.progress import Progress
 
 
 UNITS = {"eigenvalues": "1/s", "frequencies": "Hz", "damped_frequencies": "Hz", "damping_ratios": "-"}

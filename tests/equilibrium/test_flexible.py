@@ -229,3 +229,17 @@ def test_axes_of_twisted_elements_turn():
     twist = np.array(rod.displacements)[:, 3]
     assert twist[-1] > 0.05
     np.testing.assert_allclose(angles, 0.5 * (twist[1:] + twist[:-1]), rtol=1e-3)
+
+
+def test_preloads_of_springs_with_a_free_length_beside_a_beam():
+    """A spring that was slack holds a hinged beam as it stands: T = m g / 2 at the end of a beam of the weight m g."""
+    model = mv.Model("boom", gravity=(0, 0, -9.81))
+    model.add_body("hub", 0.5, (1e-3, 1e-3, 1e-3))
+    model.add_joint("hinge", "revolute", "ground", "hub", (0, 0, 0), axis=(0, 1, 0))
+    model.add_beam("boom", "hub", None, SECTION, STEEL, start=(0, 0, 0), end=(LENGTH, 0, 0), elements=2)
+    model.add_spring("stay", "ground", "boom.2", (LENGTH, 0, 1.0), (LENGTH, 0, 0), 1e3, free_length=1.0)
+    there = model.equilibrium(preload=True)
+    weight = 9.81 * STEEL["rho"] * there.beams["boom"].properties.A * LENGTH
+    assert there.springs["stay"].free_length is None
+    assert there.springs["stay"].preload == pytest.approx(0.5 * weight, rel=1e-12)
+    assert there.linearize().dof == 13

@@ -167,8 +167,3 @@ def test_bases_turn_first_and_change_nothing():
 def test_parameters_that_cannot_be_symbols_are_refused(name, words):
     with pytest.raises(mv.ModelError, match=words):
         finite_motion(mv.library.four_bar(), [name])
-
-
-def test_beams_are_refused_by_name():
-    with pytest.raises(mv.ModelError, match="beam 'tube': bends"):
-        finite_motion(mv.library.cantilever())

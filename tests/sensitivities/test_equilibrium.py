@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given
 
 import mbsvib as mv
-from tests.sensitivities.differences import eigenvalues, step_of
+from tests.sensitivities.differences import eigenvalues, of_variants, step_of
 from tests.sensitivities.test_limits import pendulum
 from tests.support.loaded_models import stiffened
 from tests.support.random_models import seeds
@@ -140,3 +140,37 @@ def test_what_nothing_holds_is_refused_by_name():
     every = system.matrix_derivatives()
     lost = [name for name, change in zip(every.variables, every.M, strict=True) if np.isnan(change).any()]
     assert lost == ["gravity.x", "way.orientation.ry"]
+
+
+def test_forces_that_are_zero_move_the_pose_once_they_are_not():
+    """A preload of 0 N on a slanted spring turns its arm, whose other spring then pulls from elsewhere."""
+    model = mv.Model("arm", gravity=(0, 0, 0))
+    model.add_body("arm", 2.0, (0.02, 0.03, 0.02), position=(0.3, 0, 0))
+    model.add_joint("hinge", "revolute", "ground", "arm", position=(0, 0, 0), axis=(0, 1, 0))
+    model.add_spring("stay", "ground", "arm", (0.1, 0, 0.5), (0.4, 0, 0), 800.0)
+    model.add_spring("line", "ground", "arm", (0.5, 0, 0.3), (0.6, 0, 0), 300.0, preload=0.0)
+    system = model.linearize()
+    assert system.provenance.statics is None
+    names = ["line.preload", "gravity.z", "arm.mass", "stay.start.x"]
+    for row, name in zip(system.eigenvalue_sensitivities(names), names, strict=True):
+        expected, _ = settled(model, system, name, eigenvalues)
+        np.testing.assert_allclose(row, expected, rtol=RTOL)
+        assert np.abs(row).max() > 0.0
+
+
+def test_stiffness_beside_a_condensed_node_under_a_dead_torque():
+    """K is not symmetric, so that what condenses the node acts from the left in another way than from the right."""
+    model = mv.Model("node")
+    model.add_body("body", 2.0, (0.2, 0.3, 0.25), position=(0.1, 0.2, 0.3))
+    model.add_body("node", 0.0, (0, 0, 0), position=(0.4, 0.1, 0.3))
+    model.add_bushing("inner", "body", "node", (0.4, 0.1, 0.3), (900, 800, 700, 60, 50, 40))
+    model.add_bushing("outer", "ground", "node", (0.45, 0.2, 0.3), (400, 500, 600, 30, 40, 50))
+    model.add_bushing("hold", "ground", "body", (0.0, 0.1, 0.2), (500, 700, 600, 50, 60, 40))
+    model.add_load("twist", "body", torque=(5.0, -3.0, 4.0))
+    model.add_load("turn", "node", torque=(-2.0, 1.0, 3.0))
+    system = model.equilibrium(preload=True).linearize()
+    assert system.provenance.massless.transform is not None
+    names = ["inner.stiffness.rx", "outer.stiffness.y", "hold.stiffness.rz", "body.mass", "outer.position.x"]
+    found = system.matrix_derivatives(names)
+    for k, name in enumerate(names):
+        np.testing.assert_allclose(found.K[k], of_variants(system, name)["K"], rtol=1e-7, atol=1e-9)

@@ -105,7 +105,7 @@ def test_forces_that_constraints_do_not_tell_stay_beside():
     model.add_input("push", "door", "x", position=(0.4, 0, 0.7))
     model.add_force_output("held", "upper", "x")
     system = model.linearize()
-    assert system.sensitivity_basis.ported([0], [0])[2].beside == (0,)
+    assert system.sensitivity_basis.ported([0], [0])[2].excluded == (0,)
     result = system.matrix_derivatives("door.mass")
     expected = of_variants(system, "door.mass")
     assert result.Ca[0] == pytest.approx(expected["Ca"], abs=1e-9)
@@ -132,7 +132,7 @@ def test_forces_beside_parameters_that_are_differenced():
     model.add_force_output("held", "upper", "x")
     model.add_output("seen", "disc", "x")
     system, w = model.linearize(), np.array([5.0, 40.0])
-    assert system.sensitivity_basis.ported([0], [0, 1])[2].beside == (0,)
+    assert system.sensitivity_basis.ported([0], [0, 1])[2].excluded == (0,)
     names = ["spin.speed", "mount.stiffness.x", "mount.position.z"]
     result = system.frequency_response_sensitivities(w, names)
     for k, name in enumerate(names):

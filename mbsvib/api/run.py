@@ -1,0 +1,345 @@
+"""Runs: nonlinear time responses, and all that can be asked of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ResponseError, nearest
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from matplotlib.figure import Figure
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.mechanism.mechanism import Mechanism
+    from mbsvib.plots.animation import Animation
+    from mbsvib.simulation.trace import Trace
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Energy:
+    """Energies of a run over time [J].
+
+    The kinetic and the potential energy by part; springs, elastic parts and weights are potential energy, a weight
+    being 0 in the pose as described. ``dissipated`` is what dampers have taken since the start, ``supplied`` the work
+    of loads and inputs. So total + dissipated - supplied stays what it was: ``balance`` is its change.
+    """
+
+    parts: tuple[str, ...]
+    kinetic_by_part: Array = field(repr=False)
+    potential_by_part: Array = field(repr=False)
+    dissipated: Array = field(repr=False)
+    supplied: Array = field(repr=False)
+
+    @property
+    def kinetic(self) -> Array:
+        """Kinetic energy (n,) [J]."""
+        return np.asarray(self.kinetic_by_part.sum(axis=0))
+
+    @property
+    def potential(self) -> Array:
+        """Potential energy (n,) [J]."""
+        return np.asarray(self.potential_by_part.sum(axis=0))
+
+    @property
+    def total(self) -> Array:
+        """Kinetic and potential energy (n,) [J]."""
+        return self.kinetic + self.potential
+
+    @property
+    def balance(self) -> Array:
+        """Energy that has come from nowhere (n,) [J]: the error of the integration, as the energy shows it."""
+        kept = self.total + self.dissipated - self.supplied
+        return np.asarray(kept - kept[0])
+
+    def of(self, part: str) -> Array:
+        """Return the kinetic and potential energy of one part.
+
+        Parameters
+        ----------
+        part : str
+            Name of a body, beam, superelement or connection.
+
+        Returns
+        -------
+        array, shape (n,)
+            Energy [J].
+
+        Raises
+        ------
+        ResponseError
+            If no such part holds energy.
+        """
+        if part not in self.parts:
+            raise ResponseError(f"energy: '{part}' is no part that holds energy.{nearest(part, self.parts)} There are "
+                                f"{', '.join(self.parts)}.")  # fmt: skip
+        k = self.parts.index(part)
+        return np.asarray(self.kinetic_by_part[k] + self.potential_by_part[k])
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Run:
+    """A nonlinear time response.
+
+    ``run["w"]`` is an output over ``time`` (n,) [s]; ``coordinates`` and ``rates`` are those of the joints of the
+    spanning tree by name, displacements from the pose as described [m, rad]; ``energy`` tells energies. ``complete``
+    tells whether it came to the last time that was asked for.
+    """
+
+    name: str
+    time: Array
+    outputs: Mapping[str, Array]
+    output_units: Mapping[str, str]
+    coordinates: Mapping[str, Array]
+    rates: Mapping[str, Array]
+    energy: Energy
+    complete: bool
+    trace: Trace = field(repr=False)
+
+    def __getitem__(self, name: str) -> Array:
+        """Return an output, (n,).
+
+        Parameters
+        ----------
+        name : str
+            Name of the output.
+
+        Returns
+        -------
+        array, shape (n,)
+            Its values; displacements and forces count from the pose as described.
+
+        Raises
+        ------
+        ResponseError
+            If there is no such output, or a run does not tell it.
+        """
+        if name in self.outputs:
+            return self.outputs[name]
+        if name in self.trace.measured.refused:
+            raise ResponseError(f"{self.trace.measured.refused[name]}; linearize() has it for small motions.")
+        raise ResponseError(f"run of '{self.name}': '{name}' is no output.{nearest(str(name), self.outputs)} It has "
+                            f"{', '.join(self.outputs) or 'none'}.")  # fmt: skip
+
+    def __len__(self) -> int:
+        """Return the number of times."""
+        return len(self.time)
+
+    def __repr__(self) -> str:
+        stop = "" if self.complete else ", interrupted"
+        return (f"Run({self.name!r}: {len(self.time)} times to {self.time[-1]:g} s, {len(self.coordinates)} "
+                f"coordinates, {len(self.outputs)} outputs{stop})")  # fmt: skip
+
+    @property
+    def model(self) -> Mechanism:
+        """The model that ran."""
+        return self.trace.session.model
+
+    def crossings(self, name: str, value: float = 0.0) -> Array:
+        """Return the times at which a coordinate or output passes a value.
+
+        Each is found between two samples, by the cubic through values and rates, and refined by integrating up to it:
+        it is as exact as the run itself. What passes twice between two samples is found where this cubic does so.
+
+        Parameters
+        ----------
+        name : str
+            Name of a coordinate (``"elbow.rz"``) or of an output that is a displacement or velocity.
+        value : float
+            The value [m, rad, or the unit of the output].
+
+        Returns
+        -------
+        array, shape (k,)
+            Times [s], ascending.
+
+        Raises
+        ------
+        ResponseError
+            If there is no such coordinate or output.
+        """
+        from mbsvib.simulation.crossings import crossings
+
+        if name in self.coordinates:
+            values, rates = self.coordinates[name], self.rates[name]
+        else:
+            values = self[name]
+            rates = self.trace.told().output_rates[name]
+        index = list(self.coordinates).index(name) if name in self.coordinates else -1
+
+        def at(k: int, time: float) -> tuple[float, float]:
+            told = self.trace.told([self.trace.samples[k], self.trace.at(k, time)])
+            if index >= 0:
+                # whole turns are counted from the sample before
+                turns = values[k] - told.coordinates[index, 0]
+                return float(told.coordinates[index, 1] + turns), float(told.rates[index, 1])
+            turns = values[k] - told.outputs[name][0]
+            return float(told.outputs[name][1] + turns), float(told.output_rates[name][1])
+
+        return crossings(self.time, values, rates, float(value), at)
+
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write time, outputs, coordinates and energies as a table with a header, whole or not at all.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Name of the file.
+
+        Returns
+        -------
+        Path
+            The path.
+
+        Raises
+        ------
+        ExportError
+            If the file cannot be written.
+        """
+        from mbsvib.common.csv_columns import write_columns
+        from mbsvib.errors import ExportError
+
+        table = self.table()
+        try:
+            return write_columns(path, list(table), list(table.values()))
+        except OSError as error:
+            raise ExportError(f"{path}: cannot be written: {error.strerror or error}. Give the path of a file in a "
+                              f"folder that exists and that you may write to.") from error  # fmt: skip
+
+    def table(self) -> dict[str, Array]:
+        """Return time, outputs, coordinates and energies as columns (n,) by name."""
+        columns = {"time": self.time} | dict(self.outputs)
+        columns |= {name: values for name, values in self.coordinates.items() if name not in columns}
+        energy = {"kinetic": self.energy.kinetic, "potential": self.energy.potential,
+                  "dissipated": self.energy.dissipated, "supplied": self.energy.supplied}  # fmt: skip
+        return columns | {f"energy.{name}": values for name, values in energy.items()}
+
+    def to_dataframe(self) -> Any:
+        """Return ``table`` as a DataFrame of pandas over time.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row a time.
+
+        Raises
+        ------
+        ExportError
+            If pandas is not installed.
+        """
+        from importlib import import_module
+
+        from mbsvib.errors import ExportError
+
+        try:
+            pandas: Any = import_module("pandas")
+        except ImportError as error:
+            raise ExportError("to_dataframe: needs pandas, which is not installed; pip install pandas, or take "
+                              "run.table().") from error  # fmt: skip
+        return pandas.DataFrame(self.table()).set_index("time")
+
+    def plot(self, names: Sequence[str] | str | None = None) -> Figure:
+        """Return a figure of outputs or coordinates, and of the energies, over time.
+
+        Parameters
+        ----------
+        names : str or sequence of str, optional
+            Outputs and coordinates; default: the outputs, or the coordinates where there are none.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            One panel for each unit, and one for the energies.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown.
+        """
+        from mbsvib.plots.run import run_figure
+
+        return run_figure(self, names)
+
+    def animate(self, *, view: Any = "3-D", frames: int = 120, rate: float = 25.0) -> Animation:
+        """Return the motion as it was, true to scale, for Jupyter or to ``save``.
+
+        Parameters
+        ----------
+        view : str or sequence of 2 float
+            From where: "3-D", "x", "y", "z", or azimuth and elevation [deg].
+        frames : int
+            Pictures, at the samples nearest to equal times.
+        rate : float
+            Pictures in a second [Hz].
+
+        Returns
+        -------
+        Animation
+            The motion; ``.save("run.gif")``.
+
+        Raises
+        ------
+        ResponseError
+            If a number is refused or there is no such view.
+        """
+        from mbsvib.plots.run import run_animation
+
+        return run_animation(self, view, frames, rate)
+
+    def frames(self) -> dict[str, tuple[Array, Array]]:
+        """Return where all bodies and nodes are over time.
+
+        Returns
+        -------
+        dict of str to (array, array)
+            By body, ground among them: rotation R (n, 3, 3) and shift s (n, 3) [m], so that what was at p in the pose
+            as described is at R p + s.
+        """
+        from mbsvib.simulation.poses import frames
+
+        return frames(self.trace)
+
+
+def run_of(name: str, trace: Trace, complete: bool) -> Run:
+    """Return a run by the trace of its states.
+
+    Parameters
+    ----------
+    name : str
+        Name of the model.
+    trace : Trace
+        Its states.
+    complete : bool
+        Whether it came to its end.
+
+    Returns
+    -------
+    Run
+        What can be asked of it.
+    """
+    told = trace.told()
+    arrays = [trace.time, told.coordinates, told.rates, told.kinetic, told.potential, told.work, *told.outputs.values()]
+    for array in arrays:
+        array.setflags(write=False)
+    names = trace.session.names
+    energy = Energy(trace.parts, told.kinetic, told.potential, told.work[0], told.work[1] + told.work[2])
+    return Run(
+        name, arrays[0], MappingProxyType(told.outputs), MappingProxyType(units(trace)),
+        MappingProxyType({name: told.coordinates[i] for i, name in enumerate(names)}),
+        MappingProxyType({name: told.rates[i] for i, name in enumerate(names)}), energy, complete, trace,
+    )  # fmt: skip
+
+
+def units(trace: Trace) -> dict[str, str]:
+    """Return the units of the outputs that a run tells."""
+    from mbsvib.equations.ports import output_unit
+
+    outputs = trace.session.model.outputs
+    return {name: output_unit(outputs[name]) for name in trace.measured.names}

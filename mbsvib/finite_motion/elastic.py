@@ -1,0 +1,121 @@
+"""Linear blocks in the frame of a body that moves finitely: their energies.
+
+Stations have the velocities V = (R^T v, R^T w + rho') in the axes of the root, and T = 1/2 V^T M V with the mass matrix
+of the part as described: M is that of small displacements, and exact for motions of the root.
+
+Source: Zwoelfer & Gerstmayr (2021), The nodal-based floating frame of reference formulation, Acta Mechanica 232.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from mbsvib.finite_motion.rotations import Expression
+from mbsvib.mechanism.mechanism import GROUND
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
+    from mbsvib.finite_motion.elastic_block import ElasticBlock
+    from mbsvib.finite_motion.kinematics import Kinematics
+
+# Entries of products below this share of the largest are rounding of what is zero by symmetry.
+ROUNDING = 1e-13
+
+
+@dataclass(frozen=True)
+class ElasticEnergies:
+    """What a linear block stores and dissipates [J, W]; ``angle`` [rad] is the largest rotation at its interface."""
+
+    kinetic: Expression
+    potential: Expression
+    dissipation: Expression
+    angle: Expression
+
+
+def elastic_energies(block: ElasticBlock, b: Expression, z: Expression, motion: Kinematics) -> ElasticEnergies:
+    """Return the energies of a linear block.
+
+    Parameters
+    ----------
+    block : ElasticBlock
+        The block.
+    b : expression, shape (6 interface nodes,)
+        Displacements of the interface since as described.
+    z : expression, shape (modes,)
+        Modes of the part with its interface held.
+    motion : Kinematics
+        The finite motion.
+
+    Returns
+    -------
+    ElasticEnergies
+        T, V and R.
+    """
+    both, span = ca.vertcat(z, b), block.span
+    rates = motion.rate(both)
+    stiffness = span.T @ block.stiffness @ span
+    count = len(block.eigenvalues)
+    stiffness[:count, :count] = np.diag(block.eigenvalues)
+    stiffness[:count, count:] = stiffness[count:, :count] = 0.0
+    pull = span.T @ (block.stiffness @ block.state - block.force)
+    offset = 0.5 * block.state @ block.stiffness @ block.state
+    potential = 0.5 * _form(stiffness, both) + ca.dot(ca.SX(_clean(pull)), both) + offset
+    relative = 0.5 * _form(span.T @ block.relative_damping @ span, rates)
+    columns = [6 * i + j for i in block.elastic for j in range(6)] + list(range(6 * len(block.points), len(block.mass)))
+    if block.root == GROUND:
+        forms = [0.5 * _form(span.T @ matrix[np.ix_(columns, columns)] @ span, rates)
+                 for matrix in (block.mass, block.damping)]  # fmt: skip
+        potential -= sum((ca.dot(ca.SX(_clean(force)), both) for force in [_weight(block) @ span]), ca.SX(0.0))
+    else:
+        change, speed = ca.SX(span) @ both, ca.SX(span) @ rates
+        velocities, fallen = _stations(block, change, speed, motion)
+        forms = [0.5 * _form(matrix, velocities) for matrix in (block.mass, block.damping)]
+        potential -= fallen
+    turns = [ca.norm_2(ca.SX(span[6 * s + 3 : 6 * s + 6]) @ both + ca.SX(block.state[6 * s + 3 : 6 * s + 6]))
+             for s in block.interface]  # fmt: skip
+    largest = ca.mmax(ca.vertcat(*turns)) if turns else ca.SX(0.0)
+    return ElasticEnergies(forms[0], potential, relative + forms[1], largest)
+
+
+def _stations(
+    block: ElasticBlock, change: Expression, speed: Expression, motion: Kinematics
+) -> tuple[Expression, Expression]:
+    """Velocities of all stations and rates of internal coordinates in the axes of the root, and the work of weights."""
+    frame, spin = motion.frames[block.root], motion.angular_velocity(block.root)
+    place = {station: k for k, station in enumerate(block.elastic)}
+    parts, fallen = [], ca.SX(0.0)
+    origin = frame.rotation.T @ motion.rate(frame.shift)
+    for i, point in enumerate(block.points):
+        at, v, w = ca.SX(point), ca.SX.zeros(3), ca.SX.zeros(3)
+        start = at
+        if i in place:
+            k = 6 * place[i]
+            start = at + ca.SX(block.state[k : k + 3])
+            at, v, w = start + change[k : k + 3], speed[k : k + 3], speed[k + 3 : k + 6]
+        parts.append(ca.vertcat(origin + ca.cross(spin, at) + v, spin + w))
+        if block.weight[i].any():
+            fallen += ca.dot(ca.SX(block.weight[i]), frame.point(at) - start)
+    return ca.vertcat(*parts, speed[6 * len(block.elastic) :]), fallen
+
+
+def _weight(block: ElasticBlock) -> Array:
+    """Forces of the weight along x."""
+    result = np.zeros(len(block.state))
+    for k, station in enumerate(block.elastic):
+        result[6 * k : 6 * k + 3] = block.weight[station]
+    return result
+
+
+def _form(matrix: Array, vector: Expression) -> Expression:
+    """v^T A v of a symmetric matrix, without what is rounding of zeros."""
+    scale = np.sqrt(np.abs(matrix.diagonal()))
+    kept = np.where(np.abs(matrix) > ROUNDING * np.outer(scale, scale), matrix, 0.0)
+    return ca.dot(vector, ca.sparsify(ca.DM(0.5 * (kept + kept.T))) @ vector)
+
+
+def _clean(vector: Array) -> Array:
+    return np.where(np.abs(vector) > ROUNDING * np.abs(vector).max(initial=0.0), vector, 0.0)

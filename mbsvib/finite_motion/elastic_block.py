@@ -1,0 +1,288 @@
+"""Beams and superelements as linear blocks: interface displacements and the modes of the part with its interface held.
+
+In the frame of the body that carries it the part has small displacements x = x0 + P b + N z: b are those of interface
+nodes since the pose as described, z modes of the part with its interface held,
+
+    K_ii N_i = M_ii N_i Lambda,  N_i^T M_ii N_i = 1,  P_i = -K_ii^-1 K_ib,  P_b = 1,  N_b = 0,
+
+i being all coordinates but those of the interface. So the potential has no term of b and z together, the mass has.
+Motions of i without mass follow statically and are not among the modes.
+
+Source: Craig & Bampton (1968), Coupling of substructures for dynamic analyses, AIAA Journal 6.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, eigh
+
+from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.elements import beam_expansion, superelement_expansion
+from mbsvib.elements.beam import Beam
+from mbsvib.equations.beam_prestress import weights
+from mbsvib.errors import ModelError
+from mbsvib.linalg.rank import MASSLESS
+from mbsvib.linalg.rotations import skew
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements.elastic_part import ElasticPart
+    from mbsvib.elements.shared_rows import Node, Piece
+    from mbsvib.elements.superelement import Superelement
+    from mbsvib.mechanism.mechanism import Mechanism
+
+
+ALL_SIX = (0, 1, 2, 3, 4, 5)
+
+
+@dataclass(frozen=True)
+class ElasticBlock:
+    """A beam or superelement as a linear block carried by body ``root``.
+
+    Its stations (s,) are all nodes at ``points`` (s, 3) without forces [m]; ``elastic`` (e,) numbers those that move
+    against the root, ``nodes`` names their bodies. Coordinates x (6 e + internal,) are their displacements and
+    rotations, then internal ones, ``state`` x0 what they are as described. ``mass`` and ``damping`` (6 s + internal,
+    6 s + internal) act on the velocities of all stations and the rates of internal coordinates, ``relative_damping``
+    (6 e + internal, 6 e + internal) and ``stiffness`` on those of x; ``weight`` (s, 3) are forces at the stations [N]
+    and ``force`` (6 e + internal,) forces along x. ``interface`` numbers the elastic stations at which something is
+    attached, ``joints`` names their links to the root, ``bodies`` the bodies there and ``held`` the directions (0 to 5)
+    of each that belong to b. ``modes`` N and ``static`` P (6 e + internal, ...) span x.
+    """
+
+    name: str
+    root: str
+    points: Array
+    elastic: tuple[int, ...]
+    internal: int
+    state: Array
+    mass: Array
+    damping: Array
+    relative_damping: Array
+    stiffness: Array
+    weight: Array
+    force: Array
+    interface: tuple[int, ...]
+    joints: tuple[str, ...]
+    bodies: tuple[str, ...]
+    held: tuple[tuple[int, ...], ...]
+    modes: Array
+    static: Array
+    eigenvalues: Array
+    nodes: tuple[str, ...]
+
+
+    @property
+    def span(self) -> Array:
+        """(N, P), which makes x - x0 of (z, b)."""
+        return np.concatenate((self.modes, self.static), axis=1)
+
+    @property
+    def interface_names(self) -> tuple[str, ...]:
+        """Names of the coordinates b."""
+        return tuple([f"{joint}.{DIRECTIONS[d]}" for joint, held in zip(self.joints, self.held, strict=True)
+                      for d in held])  # fmt: skip
+
+    @property
+    def mode_names(self) -> tuple[str, ...]:
+        """Names of the coordinates z."""
+        return tuple([f"{self.name}.mode{k + 1}" for k in range(len(self.eigenvalues))])
+
+
+def elastic_blocks(model: Mechanism) -> tuple[ElasticBlock, ...]:
+    """Return all beams and superelements of a mechanism as linear blocks.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The mechanism.
+
+    Returns
+    -------
+    tuple of ElasticBlock
+        One for each.
+
+    Raises
+    ------
+    ModelError
+        If one holds two moving bodies that other joints hold as well, so that no body carries it, or gravity acts on a
+        superelement on a moving body.
+    """
+    used = _used(model)
+    result = []
+    for part in model.composed.values():
+        block = _of_beam(part, model, used) if isinstance(part, Beam) else \
+            _of_superelement(part, model, used)  # type: ignore[arg-type]  # fmt: skip
+        _check_carrier(model, block)
+        result.append(block)
+    return tuple(result)
+
+
+def with_interface(block: ElasticBlock, touched: Mapping[str, tuple[int, ...]]) -> ElasticBlock:
+    """Return a block in which only some directions of its interface nodes belong to b, and modes move the others.
+
+    Parameters
+    ----------
+    block : ElasticBlock
+        The block.
+    touched : mapping of str to tuple of int
+        These directions by the names of links; all of those that are not named.
+
+    Returns
+    -------
+    ElasticBlock
+        The same part in other coordinates.
+    """
+    held = tuple([touched.get(joint, ALL_SIX) for joint in block.joints])
+    columns = [6 * i + j for i in block.elastic for j in range(6)] + list(range(6 * len(block.points), len(block.mass)))
+    kept = [6 * k + d for k, directions in zip(block.interface, held, strict=True) for d in directions]
+    modes, static, values = _craig_bampton(block.mass[np.ix_(columns, columns)], block.stiffness, kept)
+    return replace(block, held=held, modes=modes, static=static, eigenvalues=values)
+
+
+def _used(model: Mechanism) -> set[str]:
+    """Bodies and nodes at which something acts or is measured."""
+    result = set(model.bodies)
+    for group in (model.joints, model.springs):
+        result |= {body for part in group.values() for body in (part.first, part.second)}
+    for group in (model.loads, model.inputs, model.outputs, model.rotors):
+        for part in group.values():
+            result |= {body for key in ("body", "relative_to") if (body := getattr(part, key, None)) is not None}
+    for flexible in model.composed.values():
+        result |= {body for key in ("a", "b") if (body := getattr(flexible, key, None)) is not None}
+        result |= {body for _, body in getattr(flexible, "bodies", ())}
+    return result
+
+
+def _of_beam(beam: Beam, model: Mechanism, used: set[str]) -> ElasticBlock:
+    rest, whole = beam.without_forces(), beam_expansion.elastic_part(beam)
+    points = np.array(rest.points)
+    elastic = tuple([i for i in range(len(points)) if beam.node(i) != beam.root])
+    names = {beam.node(i): i for i in reversed(range(len(points)))}
+    mass = _matrix(beam_expansion.masses(rest), names, points, 0)
+    damping = _matrix(beam_expansion.dampers(rest), names, points, 0)
+    weight = np.zeros((len(points), 3))
+    if model.gravity is not None and any(model.gravity):
+        falls = {load.body: load.force for load in weights(rest, model.gravity)}
+        for i in range(len(points)):
+            weight[i] = falls.get(beam.node(i), (0.0, 0.0, 0.0))
+    return _block(whole, points, elastic, 0, mass, damping, beam.beta, weight, used)
+
+
+def _of_superelement(part: Superelement, model: Mechanism, used: set[str]) -> ElasticBlock:
+    falls = model.gravity is not None and any(model.gravity)
+    if falls and superelement_expansion.elastic_part(part).root != "ground":
+        raise ModelError(
+            f"superelement '{part.name}': gravity on a superelement that a moving body carries has no statement in "
+            f"finite motion yet; leave gravity out, or give its weight as loads on its nodes.", element=part.name,
+        )  # fmt: skip
+    whole = superelement_expansion.elastic_part(part, model.gravity)
+    points = np.array(part.points_without_forces)
+    count = len(points)
+    elastic = tuple([i for i in range(count) if i != part.root and part.body_of(i) != whole.root])
+    names = {part.body_of(i): i for i in range(count)}
+    names |= {name: count + i for i, name in enumerate(part.carriers)}
+    mass = _matrix(superelement_expansion.masses(part), names, points, part.internal)
+    damped = [piece for piece in superelement_expansion.elastic(part) if piece.damping is not None]
+    damping = _matrix(damped, names, points, part.internal)
+    return _block(whole, points, elastic, part.internal, mass, damping, 0.0, np.zeros((count, 3)), used)
+
+
+def _block(
+    whole: ElasticPart, points: Array, elastic: tuple[int, ...], internal: int, mass: Array, damping: Array,
+    beta: float, weight: Array, used: set[str],
+) -> ElasticBlock:  # fmt: skip
+    # nodes that the root holds as well do not move against it
+    moving = [k for k, (body, _) in enumerate(whole.nodes) if body != whole.root]
+    inner_ones = range(6 * len(whole.nodes), whole.rows.shape[1])
+    own_columns = [6 * k + j for k in moving for j in range(6)] + list(inner_ones)
+    rows, state = whole.rows[:, own_columns], whole.state[own_columns]
+    force = np.zeros(len(state)) if whole.force is None else whole.force[own_columns]
+    nodes = [(whole.names[k], whole.nodes[k][0]) for k in moving]
+    stiffness = rows.T @ (whole.values[:, None] * rows)
+    interface = tuple([k for k, (_, body) in enumerate(nodes) if body in used])
+    columns = [6 * i + j for i in elastic for j in range(6)] + list(range(6 * len(points), len(mass)))
+    own = mass[np.ix_(columns, columns)]
+    modes, static, values = _craig_bampton(own, stiffness, [6 * k + j for k in interface for j in range(6)])
+    return ElasticBlock(
+        whole.owner, whole.root, points, elastic, internal, state, mass, damping, beta * stiffness, stiffness, weight,
+        force, interface, tuple([nodes[k][0] for k in interface]), tuple([nodes[k][1] for k in interface]),
+        (ALL_SIX,) * len(interface), modes, static, values, tuple([body for _, body in nodes]),
+    )  # fmt: skip
+
+
+def _craig_bampton(mass: Array, stiffness: Array, held: list[int]) -> tuple[Array, Array, Array]:
+    """Modes N with some coordinates held, static shapes P of these, and eigenvalues."""
+    inner = [k for k in range(len(mass)) if k not in set(held)]
+    static, modes, values = np.zeros((len(mass), len(held))), np.zeros((len(mass), 0)), np.zeros(0)
+    static[held, range(len(held))] = 1.0
+    if inner:
+        own = stiffness[np.ix_(inner, inner)]
+        static[inner] = -cho_solve(cho_factor(own), stiffness[np.ix_(inner, held)])
+        # M phi = mu K phi: what has no mass has mu = 0
+        mu, vectors = eigh(mass[np.ix_(inner, inner)], own)
+        kept = np.flatnonzero(mu > MASSLESS * mu[-1])[::-1]
+        values = 1.0 / mu[kept]
+        modes = np.zeros((len(mass), len(kept)))
+        modes[inner] = vectors[:, kept] / np.sqrt(mu[kept])
+    return modes, static, values
+
+
+def _matrix(pieces: Sequence[Piece], names: dict[str, int], points: Array, internal: int) -> Array:
+    """The products of shared rows, with their coefficients, over the displacements of stations and internal ones."""
+    count = len(points)
+    result = np.zeros((6 * count + internal, 6 * count + internal))
+    for piece in pieces:
+        rows = np.zeros((len(piece.matrix), len(result)))
+        for k, node in enumerate(piece.nodes):
+            own = piece.matrix[:, 6 * k : 6 * k + 6]
+            _add(rows, own, node, node.body, names, points)
+            if node.against in names:
+                _add(rows, -own, node, node.against, names, points)
+        value = np.ones(len(rows)) if piece.damping is None else piece.damping
+        result += rows.T @ (value[:, None] * rows)
+    return result
+
+
+def _add(rows: Array, own: Array, node: Node, body: str, names: dict[str, int], points: Array) -> None:
+    """Add rows on the displacements of a point of a body, as rows on those of its station."""
+    i, count = names[body], len(points)
+    if i >= count:  # the carrier of three internal coordinates
+        start = 6 * count + 3 * (i - count)
+        width = min(3, rows.shape[1] - start)
+        rows[:, start : start + width] += own[:, :width]
+        return
+    rows[:, 6 * i : 6 * i + 3] += own[:, :3]
+    rows[:, 6 * i + 3 : 6 * i + 6] += own[:, 3:] - own[:, :3] @ skew(np.array(node.point) - points[i])
+
+
+def _check_carrier(model: Mechanism, block: ElasticBlock) -> None:
+    """Refuse a part between moving bodies that the rest of the mechanism holds by itself."""
+    others = [body for body in block.bodies if body in model.bodies]
+    if block.root == "ground" or not others:
+        return
+    links = [(joint.first, joint.second) for joint in model.joints.values()]
+    for part in model.composed.values():
+        if part.name != block.name:
+            ends = [body for body in (getattr(part, "a", None), getattr(part, "b", None), *part.node_names,
+                                      *[body for _, body in getattr(part, "bodies", ())]) if body is not None]
+            links += [(ends[0], end) for end in ends[1:]]
+    reached, front = {"ground"}, ["ground"]
+    while front:
+        body = front.pop()
+        for pair in links:
+            for here, there in (pair, pair[::-1]):
+                if here == body and there not in reached and there != block.root:
+                    reached.add(there)
+                    front.append(there)
+    for body in others:
+        if body in reached:
+            raise ModelError(
+                f"'{block.name}' bends between the moving bodies '{block.root}' and '{body}', which other joints hold "
+                f"as well, so that neither carries it; its displacements would not stay small. Fix it to one body "
+                f"only, or make rigid bodies and bushings of it.", element=block.name,
+            )  # fmt: skip

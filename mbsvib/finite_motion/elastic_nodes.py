@@ -1,0 +1,60 @@
+"""Nodes of linear blocks as frames: where their coordinates put them, and these coordinates where frames are known."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from mbsvib.finite_motion.frames import Frame
+from mbsvib.finite_motion.rotations import Expression, exponential, logarithm
+from mbsvib.linalg.rotations import exponential as rotation_matrix
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
+    from mbsvib.finite_motion.elastic_block import ElasticBlock
+
+
+def node_displacement(block: ElasticBlock, station: int, both: Expression) -> Frame:
+    """Return the displacement of an interface node against the root by the coordinates of the block.
+
+    Parameters
+    ----------
+    block : ElasticBlock
+        The block.
+    station : int
+        Number of the node among the elastic ones.
+    both : expression, shape (modes + interface,)
+        Its coordinates (z, b).
+
+    Returns
+    -------
+    Frame
+        The displacement since the pose as described, in the axes of the root as described.
+    """
+    rho, rows = block.state[6 * station + 3 : 6 * station + 6], block.span[6 * station : 6 * station + 6]
+    b = ca.sparsify(ca.DM(rows)) @ both
+    rotation = exponential(ca.SX(rho) + b[3:])
+    if rho.any():
+        rotation = rotation @ ca.DM(_inverse(rho))
+    point = ca.SX(point_as_described(block, station))
+    return Frame(rotation, point + b[:3] - rotation @ point)
+
+
+def coordinates_of(block: ElasticBlock, station: int, relative: Frame) -> Expression:
+    """Return the coordinates b (6,) of an interface node whose displacement against the root follows from others."""
+    rho = block.state[6 * station + 3 : 6 * station + 6]
+    point = ca.SX(point_as_described(block, station))
+    rotation = relative.rotation @ ca.DM(_inverse(rho)).T if rho.any() else relative.rotation
+    return ca.vertcat(relative.point(point) - point, logarithm(rotation) - ca.SX(rho))
+
+
+def point_as_described(block: ElasticBlock, station: int) -> Array:
+    """Return where a node is in the pose as described [m]."""
+    return np.asarray(block.points[block.elastic[station]] + block.state[6 * station : 6 * station + 3])
+
+
+def _inverse(rho: Array) -> Array:
+    """The rotation matrix of -rho."""
+    return rotation_matrix(-rho)

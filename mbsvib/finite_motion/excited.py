@@ -1,0 +1,158 @@
+"""Beams and superelements within a mechanism: their interfaces as bodies, and which of their coordinates ever move."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+from mbsvib.elements.body import Body
+from mbsvib.elements.joint import make as make_joint
+from mbsvib.finite_motion.elastic_nodes import point_as_described
+from mbsvib.mechanism.mechanism import GROUND
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.common.arrays import Array, Index
+    from mbsvib.finite_motion.elastic_block import ElasticBlock
+    from mbsvib.finite_motion.lagrange import FiniteMotion
+    from mbsvib.mechanism.mechanism import Mechanism
+
+# Derivatives below this share of the largest of their kind are rounding of zeros.
+ROUNDING = 1e-11
+# Where derivatives are looked at: coordinates and rates of this size, in as many states.
+SIZE, STATES = 0.05, 3
+
+
+def with_interfaces(model: Mechanism, blocks: Sequence[ElasticBlock]) -> Mechanism:
+    """Return a mechanism in which fixed joints stand for beams and superelements, from their root to their interface.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The mechanism.
+    blocks : sequence of ElasticBlock
+        Its beams and superelements.
+
+    Returns
+    -------
+    Mechanism
+        With interface nodes among its bodies, without mass of their own.
+    """
+    bodies, joints = dict(model.bodies), dict(model.joints)
+    for block in blocks:
+        for body, station in zip(block.bodies, block.interface, strict=True):
+            x, y, z = point_as_described(block, station).tolist()
+            bodies.setdefault(body, Body(body, 0.0, (0.0,) * 6, (x, y, z)))
+        if block.root not in bodies and block.root != GROUND:
+            x, y, z = block.points[0].tolist()
+            bodies[block.root] = Body(block.root, 0.0, (0.0,) * 6, (x, y, z))
+    for block in blocks:
+        for name, body, station in zip(block.joints, block.bodies, block.interface, strict=True):
+            point = point_as_described(block, station)
+            joints[name] = make_joint(name, "fixed", block.root, body, point, None, None, None, None, None)
+    return model.with_parts(bodies=bodies, joints=joints, composed={})
+
+
+def touched(whole: FiniteMotion, blocks: Sequence[ElasticBlock]) -> dict[str, tuple[int, ...]]:
+    """Return the directions of interface nodes that the rest of the mechanism acts on, by the names of their links.
+
+    Parameters
+    ----------
+    whole : FiniteMotion
+        The statement with all directions of all interface nodes as coordinates.
+    blocks : sequence of ElasticBlock
+        The beams and superelements.
+
+    Returns
+    -------
+    dict of str to tuple of int
+        Directions; links that are no coordinates of the tree are not among them.
+    """
+    motion = whole.motion
+    q, qd, names = motion.q, motion.qd, motion.names
+    bending = {block.name for block in blocks}
+    energies = [value for group in (whole.kinetic, whole.potential, whole.dissipation) for name, value in group.items()
+                if name not in bending] + [whole.gyroscopic]  # fmt: skip
+    slopes = [ca.gradient(value, way) for value in energies for way in (q, qd)]
+    powers = [ca.gradient(value, qd) for value in (*whole.loads.values(), *whole.inputs.values())]
+    frames = [ca.jacobian(motion.closures, q).T, *slopes, *powers]
+    links = [joint for block in blocks for joint in block.joints if f"{joint}.x" in names]
+    place = {joint: names.index(f"{joint}.x") for joint in links}
+    function = ca.Function("touch", [q, qd, whole.yields, motion.bases], [ca.horzcat(*map(ca.densify, frames))])
+    generator = np.random.default_rng(0)
+    size = np.zeros(len(names))
+    for _ in range(STATES):
+        where, rates = (SIZE * generator.standard_normal(len(names)) for _ in range(2))
+        values = np.abs(np.asarray(function(where, rates, 0.1 * np.ones(whole.yields.shape),
+                                            np.tile(np.eye(3).reshape(-1), len(motion.based)))))  # fmt: skip
+        values /= np.maximum(values.max(axis=0), 1e-300)
+        size = np.maximum(size, values.max(axis=1, initial=0.0))
+    return {joint: tuple([d for d in range(6) if size[k + d] > ROUNDING]) for joint, k in place.items()}
+
+
+def at_rest(whole: FiniteMotion, blocks: Sequence[ElasticBlock]) -> frozenset[str]:
+    """Return modes of blocks on the ground that nothing moves, neither forces nor other coordinates.
+
+    Parameters
+    ----------
+    whole : FiniteMotion
+        The statement with all coordinates.
+    blocks : sequence of ElasticBlock
+        The beams and superelements.
+
+    Returns
+    -------
+    frozenset of str
+        Names of modes that stay 0.
+    """
+    motion = whole.motion
+    names = motion.names
+    modes = {name for block in blocks if block.root == GROUND for name in block.mode_names}
+    movable = [i for i, name in enumerate(names) if name in modes]
+    if not movable:
+        return frozenset()
+    bending = {name for block in blocks for name in (*block.interface_names, *block.mode_names)}
+    links, excited = _coupling(whole, movable, [i for i, name in enumerate(names) if name in bending])
+    _, label = connected_components(csr_matrix(links), directed=False)
+    alive = set(label[excited].tolist())
+    return frozenset(names[i] for i in movable if label[i] not in alive)
+
+
+def _coupling(whole: FiniteMotion, movable: list[int], bending: list[int]) -> tuple[Array, Index]:
+    """Which coordinates (n, n) act on one another, and which (k,) are moved from outside of the movable ones.
+
+    Forces on the movable ones are rounding beside the largest on all that are ``bending``.
+    """
+    motion = whole.motion
+    q, qd, n = motion.q, motion.qd, len(motion.names)
+    pull = ca.densify(whole.forces)
+    inputs = ca.densify(ca.sum2(ca.fabs(whole.input_forces))) if whole.inputs else ca.DM.zeros(n)
+    wanted = [whole.mass, ca.jacobian(whole.forces, q), ca.jacobian(whole.forces, qd), whole.jacobian, pull, inputs]
+    function = ca.Function("coupling", [q, qd, whole.yields, motion.bases], wanted)
+    generator = np.random.default_rng(0)
+    yields, bases = np.zeros(whole.yields.shape), np.tile(np.eye(3).reshape(-1), len(motion.based))
+    links, force = np.zeros((n, n)), np.zeros(n)
+    rows = np.zeros((whole.jacobian.shape[0], n))
+    inside = np.zeros(n, dtype=bool)
+    inside[movable] = True
+    for k in range(STATES):
+        # the movable ones at rest, so that only what the others do to them shows
+        where, rates = (SIZE * generator.standard_normal(n) * (k > 0) for _ in range(2))
+        where[inside] = rates[inside] = 0.0
+        mass, stiffness, damping, jacobian, pulled, driven = (
+            np.abs(np.asarray(array)) for array in function(where, rates, yields, bases))  # fmt: skip
+        for matrix in (mass, stiffness, damping):
+            scale = np.sqrt(np.maximum(matrix.diagonal(), 1e-300))
+            links = np.maximum(links, matrix / np.outer(scale, scale))
+        rows = np.maximum(rows, jacobian / max(float(jacobian.max(initial=0.0)), 1e-300))
+        size = np.sqrt(np.maximum(stiffness.diagonal(), 1e-300))
+        force = np.maximum(force, (pulled[:, 0] + driven[:, 0]) / size)
+    excited = ~inside | (rows > ROUNDING).any(axis=0)
+    excited |= inside & (force > ROUNDING * max(float(force[bending].max()), 1e-300))
+    coupled = links > ROUNDING
+    return (coupled | coupled.T).astype(float), np.flatnonzero(excited)

@@ -1,0 +1,103 @@
+"""A clamped beam that carries two arms: a mechanism that swings through its stretched, singular pose."""
+
+from __future__ import annotations
+
+from math import acos, cos, sin
+
+import numpy as np
+
+from mbsvib.api.model import Model
+from mbsvib.common import arguments as check
+from mbsvib.elements.beam_expansion import elastic_part
+from mbsvib.library._families import count, positive
+
+LENGTH, WIDTH, THICKNESS = 1.0, 0.020, 0.004  # of the beam [m]
+STEEL = {"E": 2.1e11, "nu": 0.3, "rho": 7800.0}
+LOAD = 30.0  # that bends the beam until it is dropped [N]
+Y, Z = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+
+
+def singular_beam(
+    arm_mass: float = 0.05, gap: float = 1e-3, damping: float = 0.0, *, arm: float = 0.1, elements: int = 8
+) -> Model:
+    """Build a beam that two arms hang from, bent by a load that may be dropped.
+
+    The beam (1 m of steel, 20 x 4 mm) is clamped at both ends and bends over its thickness in the x-z plane. Two
+    slender arms are pinned to its middle, to each other and to a base 2 ``arm`` + ``gap`` below. The pose as described
+    is the one at rest under the load ``drop`` of 30 N at the middle, w0 = -6.975446 mm, where the arms stand at the
+    angle theta0 = acos(1 + (w0 + gap) / (2 arm)) from the vertical: ``model.simulate(t, without="drop")`` follows the
+    drop. Then theta = theta0 + ``base.rz``, and the middle of the beam is at w = w0 + output ``w`` = 2 arm (cos(theta)
+    - 1) - gap. Where theta = 0 both arms are in line: the middle passes at a rate of 0 whatever that of theta, and a
+    mechanism on rigid ground would be singular there.
+
+    The arms guide the middle along z only, so that the beam bends and does not stretch. By itself the straight beam has
+    21.33625854, 58.84641055 and 115.56285039 Hz, and 4300.8 N/m at its middle. ``simulate`` takes it as linear;
+    ``linearize`` sees the arch that the sag makes of it, which is stiffer where its ends are held apart.
+
+    Parameters
+    ----------
+    arm_mass : float
+        Mass of each arm [kg].
+    gap : float
+        How far the base is below the point where the arms just stretch to the straight beam [m]; below 0 they never do.
+    damping : float
+        beta [s] of the beam's damping C = beta K.
+    arm : float
+        Length of each arm [m].
+    elements : int
+        Elements of the beam, an even number.
+
+    Returns
+    -------
+    Model
+        Bodies ``lower``, ``upper`` and ``guide``, joints ``base``, ``elbow``, ``pin``, ``rail`` and ``contact``, beam
+        ``beam``, load ``drop``; input ``F`` at the middle of the beam, outputs ``w`` there and ``theta`` of the lower
+        arm.
+
+    Raises
+    ------
+    ModelError
+        If a value is refused, or the gap is so large that the arms do not reach the bent beam.
+    """
+    who = "singular_beam"
+    mass, long = positive(arm_mass, who, "arm_mass", "kg"), positive(arm, who, "arm", "m")
+    apart = check.number(gap, who, "gap", "a distance [m]")
+    if count(elements, who, "elements", 2) % 2:
+        raise check.refuse(who, "elements", elements, "an even number, as the arms hang from the middle")
+    middle = f"beam.{elements // 2}"
+    model = Model(who)
+    straight = model.add_beam("beam", "ground", "ground", {"type": "rectangle", "width": WIDTH, "height": THICKNESS},
+                              STEEL, (-0.5 * LENGTH, 0.0, 0.0), (0.5 * LENGTH, 0.0, 0.0), elements=elements, y_axis=Y,
+                              beta=damping)  # fmt: skip
+    displacements = np.zeros((elements + 1, 6))
+    whole = elastic_part(straight)
+    force = np.zeros(whole.rows.shape[1])
+    force[6 * (elements // 2 - 1) + 2] = -LOAD
+    displacements[1:-1] = np.linalg.solve(whole.rows.T @ (whole.values[:, None] * whole.rows), force).reshape(-1, 6)
+    w0 = float(displacements[elements // 2, 2])
+    cosine = 1.0 + (w0 + apart) / (2.0 * long)
+    if not -1.0 < cosine < 1.0:
+        raise check.refuse(who, "gap", gap, f"less than the sag of the beam, {-w0:.6g} m, and more than "
+                           f"{-4.0 * long - w0:.6g} m")  # fmt: skip
+    bent = straight.through(np.array(straight.points) + displacements[:, :3], np.tile(Y, (elements, 1)), displacements)
+    model = Model(who)
+    model.add_beam(**bent.words())
+    theta = acos(cosine)
+    base = (0.0, 0.0, -2.0 * long - apart)
+    elbow = (long * sin(theta), 0.0, base[2] + long * cos(theta))
+    top = (0.0, 0.0, w0)
+    moment = mass * long**2 / 12.0
+    for name, start, end, angle in (("lower", base, elbow, theta), ("upper", elbow, top, -theta)):
+        centre = tuple(0.5 * (a + b) for a, b in zip(start, end, strict=True))
+        model.add_body(name, mass, (moment, moment, 0.01 * moment), centre, (0.0, angle, 0.0))
+    model.add_body("guide", 0.0, (0.0, 0.0, 0.0), top)
+    model.add_joint("base", "revolute", "ground", "lower", base, axis=Y)
+    model.add_joint("elbow", "revolute", "lower", "upper", elbow, axis=Y)
+    model.add_joint("pin", "revolute", "upper", "guide", top, axis=Y)
+    model.add_joint("rail", "prismatic", "ground", "guide", axis=Z)
+    model.add_joint("contact", "point_on_plane", "guide", middle, top, axis=Z)
+    model.add_load("drop", middle, (0.0, 0.0, -LOAD))
+    model.add_input("F", middle, "z")
+    model.add_output("w", middle, "z")
+    model.add_output("theta", "lower", "ry")
+    return model

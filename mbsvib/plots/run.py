@@ -1,0 +1,182 @@
+"""Runs as figures and in motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from mbsvib.errors import ResponseError, nearest
+from mbsvib.plots import _style as style
+from mbsvib.plots._projection import axes_of
+from mbsvib.plots._scene import GROUND, of_model
+from mbsvib.plots.animation import Animation
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from matplotlib.figure import Figure
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.mechanism.mechanism import Mechanism
+    from mbsvib.plots._projection import View
+
+MOST_CURVES = 12  # in one panel that was not asked for by name
+
+
+class RunData(Protocol):
+    """What a run tells of itself."""
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+
+    @property
+    def time(self) -> Array:
+        """Times (n,) [s]."""
+
+    @property
+    def outputs(self) -> Mapping[str, Array]:
+        """Outputs (n,) by name."""
+
+    @property
+    def output_units(self) -> Mapping[str, str]:
+        """Their units."""
+
+    @property
+    def coordinates(self) -> Mapping[str, Array]:
+        """Joint coordinates (n,) by name."""
+
+    @property
+    def energy(self) -> Any:
+        """Energies ``kinetic``, ``potential``, ``total`` and ``dissipated`` (n,) [J]."""
+
+    @property
+    def model(self) -> Mechanism:
+        """The mechanism."""
+
+    def frames(self) -> dict[str, tuple[Array, Array]]:
+        """Rotations and shifts of all bodies."""
+
+
+@dataclass(frozen=True, eq=False)
+class RunAnimation(Animation):
+    """A run in motion: ``positions`` (frames, points, 3) [m] of all points."""
+
+    positions: Array = field(repr=False, default_factory=lambda: np.zeros((1, 0, 3)))
+
+    def points(self, phase: float) -> Array:
+        """Return where all points are at a share of the run.
+
+        Parameters
+        ----------
+        phase : float
+            Share of the run times 2 pi.
+
+        Returns
+        -------
+        array, shape (points, 3)
+            World positions [m].
+        """
+        return np.asarray(self.positions[round(phase / (2.0 * np.pi) * self.frames) % self.frames])
+
+
+def run_figure(run: RunData, names: Sequence[str] | str | None) -> Figure:
+    """Return outputs or coordinates, and energies, over time.
+
+    Parameters
+    ----------
+    run : Run
+        The run.
+    names : str or sequence of str, optional
+        What to draw; default: the outputs, or the coordinates where there are none.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        One panel for each unit, and one for the energies.
+
+    Raises
+    ------
+    ResponseError
+        If a name is unknown.
+    """
+    known: dict[str, Any] = dict(run.coordinates) | dict(run.outputs)
+    unit = {name: "rad" if name.rpartition(".")[2].startswith("r") else "m" for name in run.coordinates}
+    unit |= dict(run.output_units)
+    if names is None:
+        chosen = list(run.outputs or run.coordinates)[:MOST_CURVES]
+    else:
+        chosen = [names] if isinstance(names, str) else list(names)
+    for name in chosen:
+        if name not in known:
+            raise ResponseError(f"plot: '{name}' is neither an output nor a coordinate of the run."
+                                f"{nearest(str(name), known)}")  # fmt: skip
+    groups: dict[str, list[str]] = {}
+    for name in chosen:
+        groups.setdefault(unit[name], []).append(name)
+    with style.context():
+        figure = style.new_figure(6.6, 1.9 * (len(groups) + 1) + 0.5)
+        panels = figure.subplots(len(groups) + 1, 1, sharex=True, squeeze=False)[:, 0]
+        for axes, (own_unit, members) in zip(panels, groups.items(), strict=False):
+            for i, name in enumerate(members):
+                axes.plot(run.time, known[name], label=name, **style.line(i))
+            axes.set_ylabel(f"[{own_unit}]")
+            axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+        for i, kind in enumerate(("total", "kinetic", "potential", "dissipated")):
+            panels[-1].plot(run.time, getattr(run.energy, kind), label=kind, **style.line(i))
+        panels[-1].set_ylabel("energy [J]")
+        panels[-1].set_xlabel("time [s]")
+        panels[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+        panels[-1].set_xlim(run.time[0], run.time[-1])
+        panels[0].set_title(run.name, loc="right", color=style.MARK, fontsize=8.5)
+    return figure
+
+
+def run_animation(run: RunData, view: View, frames: int, rate: float) -> RunAnimation:
+    """Return a run in motion, true to scale.
+
+    Parameters
+    ----------
+    run : Run
+        The run.
+    view : str or sequence of 2 float
+        From where.
+    frames : int
+        Pictures.
+    rate : float
+        Pictures in a second [Hz].
+
+    Returns
+    -------
+    RunAnimation
+        The motion.
+
+    Raises
+    ------
+    ResponseError
+        If a number is refused or there is no such view.
+    """
+    for name, value, least in (("frames", frames, 2), ("rate", rate, 0.1)):
+        if not least <= value < np.inf:
+            raise ResponseError(f"{name} = {value!r}: expected a number of at least {least:g}.")
+    axes_of(view)
+    scene = of_model(run.model)
+    times = np.linspace(run.time[0], run.time[-1], int(frames))
+    samples = np.array([int(np.argmin(np.abs(run.time - time))) for time in times])
+    places = run.frames()
+    still = (np.tile(np.eye(3), (len(run.time), 1, 1)), np.zeros((len(run.time), 3)))
+    moves = [places.get(body, still) for body in (*scene.bodies, GROUND)]
+    # the coils of springs keep their offset from the line between their ends
+    positions = np.tile(scene.points, (len(samples), 1, 1))
+    for share, body, at in ((1.0 - scene.share, scene.first, scene.start), (scene.share, scene.second, scene.end)):
+        for number in np.unique(body):
+            which = body == number
+            rotation, shift = (array[samples] for array in moves[number])
+            there = np.einsum("fij,pj->fpi", rotation, at[which]) + shift[:, None]
+            positions[:, which] += share[which][:, None] * (there - at[which])
+    went = positions - scene.points
+    farthest = went[np.argmax(np.linalg.norm(went, axis=2), axis=0), np.arange(len(scene.points))]
+    title = f"{run.time[0]:g} to {run.time[-1]:g} s"
+    return RunAnimation(scene, farthest, title, view, len(samples), float(rate), positions)

@@ -1,0 +1,100 @@
+"""Where a run starts: displacements and rates of some coordinates, to which the others follow through the loops."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common import arguments as check
+from mbsvib.errors import ModelError, nearest
+from mbsvib.simulation.states import State
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
+    from mbsvib.simulation.session import Session
+
+# The longest step [rad, mechanism sizes] along which loops are followed, and how far they may stay open.
+LONGEST, OPEN = 0.05, 1e-11
+
+
+def initial_state(run: Session, given: Any, time: float) -> State:
+    """Return the state in which a run starts.
+
+    Parameters
+    ----------
+    run : Session
+        What to integrate.
+    given : mapping of str to number or (number, number), or None
+        Displacement [m, rad] of coordinates from the pose as described, or displacement and rate. Coordinates that are
+        not named are 0, or as near to it as loops allow.
+    time : float
+        When [s].
+
+    Returns
+    -------
+    State
+        With loops closed.
+
+    Raises
+    ------
+    ModelError
+        If a name is unknown or the loops cannot be closed with these values.
+    """
+    q, qd = np.zeros(len(run.names)), np.zeros(len(run.names))
+    given = {} if given is None else given
+    if not isinstance(given, Mapping):
+        raise check.refuse("simulate", "initial", given, "a mapping of joint coordinates to a displacement, or to "
+                           "(displacement, rate): {'hinge.rz': (0.1, 2.0)}")  # fmt: skip
+    fixed = []
+    for name, value in given.items():
+        if name not in run.names:
+            raise ModelError(f"simulate: '{name}' is no coordinate of the spanning tree of model '{run.model.name}'."
+                             f"{nearest(str(name), run.names)} It has {', '.join(run.names[:12])}.",
+                             element=str(name), field="initial")  # fmt: skip
+        k = run.names.index(name)
+        pair = (value, 0.0) if np.ndim(value) == 0 else value
+        q[k], qd[k] = check.numbers(pair, (2,), "simulate", f"initial['{name}']", "a displacement, or (displacement, "
+                                    "rate)")  # fmt: skip
+        fixed.append(k)
+    bases = np.tile(np.eye(3).reshape(-1), len(run.turning))
+    moved = _moved(run, q, np.array(fixed, dtype=np.intp), bases)
+    return State(time, moved, _rates(run, moved, qd, fixed, bases), np.zeros(run.equations.yields), np.zeros(3))
+
+
+def _moved(run: Session, target: Array, fixed: Array, bases: Array) -> Array:
+    """Coordinates with some at their values and loops closed, followed from the pose as described."""
+    here = run.loops.projected(np.zeros(len(target)), bases)[0]
+    others = np.setdiff1d(np.arange(len(target)), fixed)
+    way = target[fixed] - here[fixed]
+    longest = float(np.abs(way / run.loops.coordinate_scale[fixed]).max(initial=0.0))
+    steps = int(np.ceil(longest / LONGEST)) if len(run.loops.row_scale) else 1
+    start = here[fixed]
+    for i in range(1, steps + 1):
+        trial = here.copy()
+        trial[fixed] = start + way * i / steps
+        there, left = run.loops.projected(trial, bases, others)
+        if left > OPEN or np.abs((there - trial) / run.loops.coordinate_scale).max(initial=0.0) > 1.0:
+            names = ", ".join(f"{run.names[k]} = {trial[k]:.6g}" for k in fixed)
+            raise ModelError(f"simulate: the loops cannot be closed with {names}; give fewer coordinates, or others.",
+                             field="initial")  # fmt: skip
+        here = there
+    return here
+
+
+def _rates(run: Session, q: Array, qd: Array, fixed: list[int], bases: Array) -> Array:
+    """Rates with some at their values; the others are the least that keep the loops closed."""
+    if not len(run.loops.row_scale):
+        return qd
+    _, jacobian = run.loops.scaled(q, bases)
+    scale = run.loops.coordinate_scale
+    others = np.setdiff1d(np.arange(len(q)), fixed)
+    result = qd / scale
+    right = -jacobian[:, fixed] @ result[fixed]
+    result[others] = np.linalg.lstsq(jacobian[:, others], right, rcond=1e-9)[0]
+    if np.abs(jacobian @ result).max() > 1e-8 * max(1.0, float(np.abs(result).max())):
+        names = ", ".join(run.names[k] for k in fixed)
+        raise ModelError(f"simulate: the loops do not allow these rates of {names}; give fewer of them.",
+                         field="initial")  # fmt: skip
+    return np.asarray(result * scale)

@@ -1,0 +1,170 @@
+"""What a run needs from its first to its last step: equations, loops, inputs and the integrator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+from scipy.linalg import eigh
+
+from mbsvib.elements.bushing import FARTHEST
+from mbsvib.equilibrium.pose_kinematics import size_of
+from mbsvib.errors import ModelError, SingularPoseError
+from mbsvib.linalg.rank import MASSLESS
+from mbsvib.simulation.charts import Loops, chart_at
+from mbsvib.simulation.equations import MotionEquations, motion_equations
+from mbsvib.simulation.integrator import Integrator
+from mbsvib.simulation.states import turnings
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.finite_motion.lagrange import FiniteMotion
+    from mbsvib.mechanism.mechanism import Mechanism
+    from mbsvib.simulation.signals import Signals
+    from mbsvib.simulation.states import Turning
+
+# Poses this far off (rad, mechanism sizes), in which as many closures must be independent as where a run starts.
+NEIGHBOUR = 1e-3
+# Decays over the time of a run, beyond which an explicit method takes more steps for its stability than for accuracy.
+STIFF = 1e6
+# Where a run stops at this share of the angle up to which moments are defined, that is why.
+NEXT_TO = 0.9
+
+
+@dataclass(frozen=True)
+class Session:
+    """A mechanism that is ready to be integrated.
+
+    ``limits`` are functions (q, bases) -> angles [rad] of the connections ``limited``, which must stay below that up to
+    which moments are defined.
+    """
+
+    model: Mechanism
+    statement: FiniteMotion
+    equations: MotionEquations
+    loops: Loops
+    turning: tuple[Turning, ...]
+    integrator: Integrator
+    signals: Signals
+    limited: tuple[str, ...]
+    limits: Any
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the tree coordinates."""
+        return self.statement.motion.names
+
+    def at_limit(self, q: Array, bases: Array) -> str | None:
+        """Return the connection whose angle is next to the limit, or None."""
+        if not self.limited:
+            return None
+        angles = np.asarray(self.limits(q, bases))[:, 0]
+        worst = int(np.argmax(angles))
+        return self.limited[worst] if angles[worst] > NEXT_TO * FARTHEST else None
+
+
+def session(model: Mechanism, statement: FiniteMotion, signals: Signals, tolerance: float) -> Session:
+    """Return a mechanism that is ready to be integrated.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The mechanism.
+    statement : FiniteMotion
+        Its energies and forces, with bases.
+    signals : Signals
+        Its inputs.
+    tolerance : float
+        Error of results that is asked for.
+
+    Returns
+    -------
+    Session
+        Equations and integrator.
+
+    Raises
+    ------
+    SingularPoseError
+        If loops have another number of degrees of freedom in the pose as described than next to it.
+    ModelError
+        If a motion has no inertia.
+    """
+    motion = statement.motion
+    size = size_of(model)
+    scale = np.where(motion.turns, 1.0, size)
+    rows = np.where(motion.closure_turns, 1.0, 1.0 / size)
+    bases = np.tile(np.eye(3).reshape(-1), len(motion.based))
+    rank = _rank(model, statement, scale, rows, bases)
+    equations = motion_equations(statement, rank, scale)
+    loops = Loops(equations, scale, rows)
+    mass = _checked_mass(model, loops, motion.names, bases)
+    stiff = _fastest_decay(statement, mass, bases) * float(np.ptp(signals.breaks)) > STIFF
+    angles = {name: part.angle for name, part in statement.connections.items() if part.angle is not None}
+    return Session(
+        model, statement, equations, loops, turnings(motion),
+        Integrator(equations, scale, signals.coefficients.shape[2] - 1, tolerance, stiff), signals, tuple(angles),
+        ca.Function("limits", [motion.q, motion.bases], [ca.vertcat(*angles.values())]),
+    )  # fmt: skip
+
+
+def _rank(model: Mechanism, statement: FiniteMotion, scale: Array, rows: Array, bases: Array) -> int:
+    """Number of independent closures, the same where the run starts and next to it."""
+    if not len(rows):
+        return 0
+    motion = statement.motion
+    closures = ca.Function("closures", [motion.q, motion.bases], [motion.closures, statement.jacobian])
+    blank = MotionEquations(len(scale), 0, 0, (), closures, None, None, None, None)
+    loops, here = Loops(blank, scale, rows), np.zeros(len(scale))
+    rank = loops.rank(here, bases)
+    generator = np.random.default_rng(0)
+    step = loops.rates(here, bases, NEIGHBOUR * generator.standard_normal(len(scale)) * scale)
+    next_to, left = loops.projected(step, bases)
+    if left > NEIGHBOUR**2 or loops.rank(next_to, bases) != rank:
+        raise SingularPoseError(
+            f"simulate: the loops of model '{model.name}' have another number of degrees of freedom in the pose as "
+            f"described than next to it; start from a pose a little off, model.moved(...).simulate(...)."
+        )  # fmt: skip
+    return rank
+
+
+def _fastest_decay(statement: FiniteMotion, reduced: tuple[Array, Array], bases: Array) -> float:
+    """The largest rate [1/s] at which dampers alone would bring a motion to rest where a run starts."""
+    to_all, mass = reduced
+    motion = statement.motion
+    taken = sum(statement.dissipation.values(), ca.SX(0.0))
+    damping = ca.jacobian(ca.gradient(taken, motion.qd), motion.qd)
+    yielding = ca.jacobian(statement.yield_rates, statement.yields)
+    function = ca.Function("damping", [motion.q, motion.qd, statement.yields, motion.bases], [damping, yielding])
+    here = np.zeros(len(motion.names))
+    own, yields = map(np.asarray, function(here, here, np.zeros(statement.yields.shape), bases))
+    rates = [*np.abs(eigh(to_all.T @ own @ to_all, mass, eigvals_only=True)), *np.abs(np.diag(yields))]
+    return float(max(rates, default=0.0))
+
+
+def _checked_mass(
+    model: Mechanism, loops: Loops, names: tuple[str, ...], bases: Array
+) -> tuple[Array, Array]:
+    """Motions (n, m) of the independent coordinates and their mass; refuse those without inertia by name."""
+    n = loops.equations.n
+    here = np.zeros(n)
+    if loops.equations.dof == 0:
+        raise ModelError(f"simulate: model '{model.name}' is fully locked; it has no motion to follow.",
+                         element=model.name)  # fmt: skip
+    chart = chart_at(loops, here, bases)
+    jacobian = chart.rows @ np.asarray(loops.equations.closures(here, bases)[1])
+    to_all = np.linalg.solve(np.concatenate((chart.select, jacobian)), np.eye(n)[:, : loops.equations.dof])
+    mass = to_all.T @ np.asarray(loops.equations.mass(here, bases)) @ to_all
+    diagonal = mass.diagonal()
+    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    values, vectors = np.linalg.eigh(mass / scale[:, None] / scale)
+    if values[0] <= MASSLESS:
+        name = names[chart.independent[int(np.argmax(np.abs(vectors[:, 0])))]]
+        raise ModelError(
+            f"simulate: the motion '{name}' has no inertia, so that no acceleration follows from the forces; give the "
+            f"body behind it a mass, or join it firmly to one that has.", element=name,
+        )  # fmt: skip
+    return to_all, mass

@@ -1,0 +1,139 @@
+"""Inputs over time as polynomials, one an interval: samples as straight lines, functions resolved to rounding."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from mbsvib.common import arguments as check
+from mbsvib.errors import ModelError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mbsvib.common.arrays import Array
+
+# Degree of the polynomials that functions are told by, and the share of its size to which they tell it.
+DEGREE, RESOLVED = 9, 1e-11
+# Intervals of a function are halved at most so often: a jump is then told to this share of an interval.
+HALVINGS = 20
+# Intervals in one run at most, so that a function that no polynomial tells does not fill the memory.
+MOST = 200_000
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Inputs on intervals between ``breaks`` (k + 1,) [s].
+
+    ``coefficients`` (k, inputs, degree + 1) are those of powers of the time from an interval's start over its length.
+    """
+
+    breaks: Array
+    coefficients: Array
+
+    def at(self, t: Array) -> Array:
+        """Return the inputs (inputs, len(t)) at some times [s]."""
+        k = np.clip(np.searchsorted(self.breaks, t, side="right") - 1, 0, len(self.breaks) - 2)
+        share = (t - self.breaks[k]) / (self.breaks[k + 1] - self.breaks[k])
+        powers = share[:, None] ** np.arange(self.coefficients.shape[2])
+        return np.asarray(np.einsum("kip,kp->ik", self.coefficients[k], powers))
+
+
+def signals(given: Any, names: tuple[str, ...], t: Array) -> Signals:
+    """Return inputs over time as polynomials.
+
+    Parameters
+    ----------
+    given : mapping of str to array, number or function of t, or None
+        Inputs by name; samples (len(t),) are joined by straight lines, what is not named is 0.
+    names : tuple of str
+        Names of all inputs.
+    t : array, shape (n,)
+        Times [s].
+
+    Returns
+    -------
+    Signals
+        The polynomials; functions may add breaks between the times.
+
+    Raises
+    ------
+    ModelError
+        If a name is unknown or a value is no signal.
+    """
+    if given is None:
+        given = {}
+    if not isinstance(given, Mapping):
+        raise check.refuse("simulate", "inputs", given, "a mapping of inputs to samples or functions, {'F': f}")
+    for name in given:
+        if name not in names:
+            raise ModelError(f"simulate: '{name}' is no force input of the model.{nearest(str(name), names)} It has "
+                             f"{', '.join(names) or 'none'}.", element=str(name), field="inputs")  # fmt: skip
+    functions = {name: value for name, value in given.items() if callable(value)}
+    breaks = _breaks(functions, t)
+    start, length = breaks[:-1], np.diff(breaks)
+    result = np.zeros((len(start), len(names), DEGREE + 1 if functions else 2))
+    for i, name in enumerate(names):
+        if name in functions:
+            result[:, i] = _powers(functions[name], name, start, length)[0]
+        elif name in given:
+            samples = _samples(given[name], name, t)
+            at = np.interp(breaks, t, samples)
+            result[:, i, 0], result[:, i, 1] = at[:-1], np.diff(at)
+    return Signals(breaks, result)
+
+
+def _samples(value: Any, name: str, t: Array) -> Array:
+    who, expected = "simulate", f"a number, {len(t)} samples, one for each time, or a function of t"
+    array = np.asarray(value, dtype=float) if np.ndim(value) <= 1 else np.zeros((0, 0))
+    if array.ndim == 0:
+        array = np.full(len(t), float(array))
+    if array.shape != t.shape or not np.isfinite(array).all():
+        raise check.refuse(who, f"inputs['{name}']", value, expected)
+    return array
+
+
+def _breaks(functions: Mapping[str, Callable[[float], Any]], t: Array) -> Array:
+    """Times between which all functions are polynomials to rounding."""
+    breaks = t
+    for name, function in functions.items():
+        size = max(float(np.abs(_values(function, name, t)).max()), 1e-300)
+        for _ in range(HALVINGS):
+            start, length = breaks[:-1], np.diff(breaks)
+            powers, error = _powers(function, name, start, length)
+            size = max(size, float(np.abs(powers[:, 0]).max()))
+            rough = np.flatnonzero(error > RESOLVED * size)
+            if not len(rough) or len(breaks) > MOST:
+                break
+            breaks = np.sort(np.concatenate((breaks, start[rough] + 0.5 * length[rough])))
+    return breaks
+
+
+def _powers(function: Callable[[float], Any], name: str, start: Array, length: Array) -> tuple[Array, Array]:
+    """Coefficients (k, degree + 1) of powers of the share of intervals, and the size (k,) of the last ones of
+    Chebyshev's series.
+    """
+    nodes = 0.5 + 0.5 * np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
+    values = _values(function, name, (start[:, None] + length[:, None] * nodes).reshape(-1)).reshape(len(start), -1)
+    to_series = np.linalg.inv(chebyshev.chebvander(2.0 * nodes - 1.0, DEGREE))
+    series = values @ to_series.T
+    shift = np.zeros((DEGREE + 1, DEGREE + 1))  # powers of 2 s - 1 in powers of s
+    for j in range(DEGREE + 1):
+        power = np.polynomial.polynomial.polypow((-1.0, 2.0), j)
+        shift[: len(power), j] = power
+    to_powers = np.array([np.pad(chebyshev.cheb2poly(row[: j + 1]), (0, DEGREE - j))
+                          for j, row in enumerate(np.eye(DEGREE + 1))])  # fmt: skip
+    return series @ to_powers @ shift.T, np.abs(series[:, -2:]).max(axis=1)
+
+
+def _values(function: Callable[[float], Any], name: str, t: Array) -> Array:
+    result = np.array([float(function(float(time))) for time in t])
+    if not np.isfinite(result).all():
+        at = float(t[~np.isfinite(result)][0])
+        raise ModelError(f"simulate: input '{name}' is not finite at t = {at:.6g} s; give a function that is finite at "
+                         f"all times.", element=name, field="inputs")  # fmt: skip
+    return result

@@ -1,0 +1,123 @@
+"""Simulate: from what the user asks to the trace of a run."""
+
+from __future__ import annotations
+
+import warnings
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common import arguments as check
+from mbsvib.common.expected import names as as_names
+from mbsvib.common.progress import counting
+from mbsvib.elements.ports import Input
+from mbsvib.equilibrium.linear_range import TURNED
+from mbsvib.errors import LargeDisplacementWarning, ModelError, SimulationError, nearest
+from mbsvib.finite_motion.statement import finite_motion
+from mbsvib.simulation.initial import initial_state
+from mbsvib.simulation.session import session
+from mbsvib.simulation.signals import signals
+from mbsvib.simulation.stepping import march, settled
+from mbsvib.simulation.trace import Trace, trace
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.common.progress import Progress
+    from mbsvib.mechanism.mechanism import Mechanism
+
+# Tolerances for which the integrator is made.
+LEAST, MOST = 1e-11, 1e-2
+
+
+def simulate(
+    model: Mechanism, t: Any, inputs: Any, initial: Any, without: Any, tolerance: Any, progress: Progress,
+    failed: Callable[[Trace], object],
+) -> tuple[Trace, bool]:  # fmt: skip
+    """Return the trace of a nonlinear time response; see ``Model.simulate``.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The model.
+    t, inputs, initial, without, tolerance, progress
+        As in ``Model.simulate``.
+    failed : callable
+        Makes the run that an error carries of the trace until then.
+
+    Returns
+    -------
+    Trace
+        States at the times.
+    bool
+        Whether it came to the last one.
+
+    Raises
+    ------
+    ModelError
+        If what was given is refused.
+    SimulationError
+        If a step cannot be taken.
+    """
+    time = _times(t)
+    error = check.number(tolerance, "simulate", "tolerance", f"a number between {LEAST:g} and {MOST:g}")
+    if not LEAST <= error <= MOST:
+        raise check.refuse("simulate", "tolerance", tolerance, f"a number between {LEAST:g} and {MOST:g}")
+    dropped = _dropped(model, without)
+    driven = signals(inputs, tuple(name for name, part in model.inputs.items() if isinstance(part, Input)), time)
+    run = session(model, finite_motion(model, bases=True, without=dropped), driven, error)
+    bases = np.tile(np.eye(3).reshape(-1), len(run.turning))
+    here = settled(run, initial_state(run, initial, float(time[0])), bases)
+    samples, intervals, wanted = [here], [0], set(np.searchsorted(driven.breaks, time).tolist())
+    complete = True
+    with counting(progress, len(time) - 1, "simulate") as tell:
+        try:
+            for k, sample in enumerate(march(run, here), 1):
+                if k in wanted:
+                    samples.append(sample)
+                    intervals.append(k)
+                    tell(1)
+        except KeyboardInterrupt:
+            complete = False
+        except SimulationError as stop:
+            stop.run = failed(trace(run, samples, intervals))
+            raise
+    if not complete:
+        warnings.warn(f"simulate: interrupted at t = {samples[-1].state.time:g} s; the run holds what was reached.",
+                      RuntimeWarning, stacklevel=4)  # fmt: skip
+    result = trace(run, samples, intervals)
+    _warn_of_bending(result)
+    return result, complete
+
+
+def _warn_of_bending(run: Trace) -> None:
+    """Warn of beams and superelements whose interface turns further than small displacements hold."""
+    for name, angle in run.largest_bending().items():
+        if angle > TURNED:
+            warnings.warn(
+                f"simulate: '{name}' bends by {angle:.2g} rad; its displacements are small ones in the frame of the "
+                f"body that carries it, good to about {0.5 * angle**2:.0%} there. Make several parts of it, with a "
+                f"body between them.", LargeDisplacementWarning, stacklevel=5,
+            )  # fmt: skip
+
+
+def _times(t: Any) -> Array:
+    expected = "two or more times in ascending order [s]"
+    try:
+        time = np.array(t, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise check.refuse("simulate", "t", t, expected) from error
+    if time.ndim != 1 or len(time) < 2 or not np.isfinite(time).all() or not (np.diff(time) > 0.0).all():
+        raise check.refuse("simulate", "t", t, expected)
+    return time
+
+
+def _dropped(model: Mechanism, without: Any) -> tuple[str, ...]:
+    result = tuple(as_names(without, "simulate", "without", ModelError))
+    for name in result:
+        if name not in model.loads:
+            raise ModelError(f"simulate: '{name}' is no load of model '{model.name}'.{nearest(str(name), model.loads)} "
+                             f"It has {', '.join(model.loads) or 'none'}.", element=str(name),
+                             field="without")  # fmt: skip
+    return result

@@ -1,0 +1,156 @@
+"""The march through time: blocks of intervals, independent coordinates chosen anew between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import comb
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import SimulationError
+from mbsvib.simulation.charts import LONG_TURN, LONGEST_TURN, SINGULAR, WORN, chart_at, wear
+from mbsvib.simulation.states import State, restarted
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.simulation.charts import Chart
+    from mbsvib.simulation.session import Session
+
+# Intervals in one call of the integrator at most, and at first.
+BLOCK, FIRST_BLOCK = 64, 8
+# An interval that cannot be taken is halved at most so often.
+HALVINGS = 12
+# Independent coordinates are chosen anew between blocks where they have become worse by this factor.
+TIRED = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """A state of a run with the independent coordinates from there on."""
+
+    state: State
+    chart: Chart
+
+
+def settled(run: Session, state: State, bases: Array) -> Sample:
+    """Return a state with its loops closed, rotation vectors started anew and coordinates chosen."""
+    state, bases = restarted(state, bases, run.turning, LONG_TURN)
+    q, left = run.loops.projected(state.q, bases)
+    if not np.isfinite(left) or left > 1e-6:
+        raise _stopped(run, state, f"the loops stay open by {left:.1e} of the mechanism's size")
+    return Sample(replace(state, q=q, qd=run.loops.rates(q, bases, state.qd)), chart_at(run.loops, q, bases))
+
+
+def march(run: Session, start: Sample) -> Iterator[Sample]:
+    """Go through the intervals of the inputs and yield the state at the end of each.
+
+    Parameters
+    ----------
+    run : Session
+        What to integrate.
+    start : Sample
+        Where to start.
+
+    Returns
+    -------
+    iterator of Sample
+        The state at each of the breaks but the first.
+
+    Raises
+    ------
+    SimulationError
+        If a step cannot be taken.
+    """
+    breaks, coefficients = run.signals.breaks, run.signals.coefficients
+    here, k, count = start, 0, FIRST_BLOCK
+    while k < len(coefficients):
+        end = min(k + count, len(coefficients))
+        states = _taken(run, here, breaks[k + 1 : end + 1], coefficients[k:end])
+        if not states:
+            if end - k > 1:
+                count = max(1, (end - k) // 4)
+                continue
+            here = _halved(run, here, float(breaks[k + 1]), coefficients[k], HALVINGS)
+            k += 1
+            yield here
+            continue
+        for state in states[:-1]:
+            yield Sample(_closed(run, state, here.chart), here.chart)
+        here = _next(run, states[-1], here.chart)
+        yield here
+        count = min(BLOCK, 2 * count) if k + len(states) == end else max(1, len(states))
+        k += len(states)
+
+
+def reached(run: Session, here: Sample, interval: int, time: float) -> State:
+    """Return the state at a time within the interval of the inputs that starts at a sample."""
+    start, end = run.signals.breaks[interval : interval + 2]
+    share = (time - here.state.time) / (end - start)
+    powers = run.signals.coefficients[interval] * share ** np.arange(run.signals.coefficients.shape[2])
+    states = run.integrator.block(here.state, here.chart, np.array([time]), powers[None])
+    return _closed(run, states[0], here.chart)
+
+
+def _taken(run: Session, here: Sample, grid: Array, coefficients: Array) -> list[State]:
+    """The states at the ends of intervals, as far as the choice of coordinates holds; none if it cannot be taken."""
+    try:
+        states = run.integrator.block(here.state, here.chart, grid, coefficients)
+    except RuntimeError:
+        return []
+    fresh = wear(run.loops, here.chart, here.state.q)[0]
+    good = 0
+    for state in states:
+        if _angles(run, state.q) > LONGEST_TURN or wear(run.loops, here.chart, state.q)[0] < WORN * fresh:
+            break
+        good += 1
+    return states[:good]
+
+
+def _angles(run: Session, q: Array) -> float:
+    return max((float(np.linalg.norm(q[joint.place])) for joint in run.turning), default=0.0)
+
+
+def _halved(run: Session, here: Sample, end: float, coefficients: Array, left: int) -> Sample:
+    """The state at the end of an interval that has to be gone in parts."""
+    if not left:
+        name = run.at_limit(here.state.q, here.chart.bases)
+        raise _stopped(run, here.state, "the integrator takes no step, however short" if name is None else
+                       f"'{name}' is turned so far that its moment is no longer defined")  # fmt: skip
+    middle = 0.5 * (here.state.time + end)
+    degrees = range(coefficients.shape[1])
+    first = coefficients * 0.5 ** np.array(degrees)
+    # powers of 1/2 + s/2 in powers of s
+    shift = np.array([[comb(p, j) * 0.5**p for p in degrees] for j in degrees])
+    for time, powers in ((middle, first), (end, coefficients @ shift.T)):
+        states = _taken(run, here, np.array([time]), powers[None])
+        here = _next(run, states[0], here.chart) if states else _halved(run, here, time, powers, left - 1)
+    return here
+
+
+def _closed(run: Session, state: State, chart: Chart) -> State:
+    """The state with what the integrator has left of openings taken away."""
+    q, _ = run.loops.projected(state.q, chart.bases)
+    return replace(state, q=q, qd=run.loops.rates(q, chart.bases, state.qd))
+
+
+def _next(run: Session, state: State, chart: Chart) -> Sample:
+    """Where the next block starts: loops closed, and coordinates chosen anew if that pays."""
+    own, singular = wear(run.loops, chart, state.q)
+    if singular < SINGULAR:
+        raise _stopped(run, state, "the loops come to a singular pose, from which they could go on in several ways")
+    best = chart_at(run.loops, state.q, chart.bases)
+    if _angles(run, state.q) > LONG_TURN or own < TIRED * wear(run.loops, best, state.q)[0]:
+        return settled(run, state, chart.bases)
+    return Sample(_closed(run, state, chart), chart)
+
+
+def _stopped(run: Session, state: State, why: str) -> SimulationError:
+    name = run.names[int(np.argmax(np.abs(state.qd / run.loops.coordinate_scale)))]
+    return SimulationError(
+        f"simulate: model '{run.model.name}' stops at t = {state.time:.9g} s: {why}. The fastest coordinate there is "
+        f"'{name}'. The attribute 'run' of this error has what was reached; ask for a time before, or change what "
+        f"leads there.", time=state.time, coordinate=name,
+    )  # fmt: skip

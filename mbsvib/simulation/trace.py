@@ -1,0 +1,129 @@
+"""The trace of a run: states at the times asked for, and all that is told of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from mbsvib.simulation.outputs import Measured, measured
+from mbsvib.simulation.states import as_described
+from mbsvib.simulation.stepping import Sample, reached
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.simulation.session import Session
+
+
+@dataclass(frozen=True)
+class Told:
+    """What is told of states side by side: tree ``coordinates`` and ``rates`` (n, samples), ``outputs`` and
+    ``output_rates`` by name (samples,), ``kinetic`` and ``potential`` energies (parts, samples) [J], and ``work`` (3,
+    samples) [J].
+    """
+
+    coordinates: Array
+    rates: Array
+    outputs: dict[str, Array]
+    output_rates: dict[str, Array]
+    kinetic: Array
+    potential: Array
+    work: Array
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Samples of a run at ``time`` (n,) [s]; ``intervals`` (n,) number the intervals of the inputs that start there."""
+
+    session: Session
+    samples: tuple[Sample, ...]
+    intervals: tuple[int, ...]
+    measured: Measured
+    parts: tuple[str, ...]
+    energies: Any
+
+    @property
+    def time(self) -> Array:
+        """Times (n,) [s]."""
+        return np.array([sample.state.time for sample in self.samples])
+
+    def told(self, samples: Sequence[Sample] | None = None) -> Told:
+        """Return what is told of the samples of the run, or of others."""
+        samples = self.samples if samples is None else samples
+        states, bases = [sample.state for sample in samples], [sample.chart.bases for sample in samples]
+        run = self.session
+        q, qd, y = (np.array([getattr(state, name) for state in states]).T for name in ("q", "qd", "y"))
+        base = np.array(bases).T
+        qdd = self._accelerations(samples) if self.measured.needs_accelerations else np.zeros(q.shape)
+        kinetic, potential = (np.asarray(array) for array in self.energies(q, qd, y, base))
+        time = np.array([state.time for state in states])
+        outputs, slopes = self.measured.values(time, (q, qd, qdd, y, base))
+        where, rates = (array.T for array in as_described(q.T, qd.T, time, bases, run.turning))
+        return Told(where, rates, outputs, slopes, kinetic, potential, np.array([state.work for state in states]).T)
+
+    def largest_bending(self) -> dict[str, float]:
+        """Return the largest angle [rad] at the interface of each beam and superelement."""
+        statement = self.session.statement
+        if not statement.bends:
+            return {}
+        motion = statement.motion
+        angles = ca.vertcat(*(part.angle for part in statement.bends.values()))
+        function = ca.Function("angles", [motion.q, motion.bases], [angles])
+        q = np.array([sample.state.q for sample in self.samples]).T
+        bases = np.array([sample.chart.bases for sample in self.samples]).T
+        return dict(zip(statement.bends, np.asarray(function(q, bases)).max(axis=1).tolist(), strict=True))
+
+    def _accelerations(self, samples: Sequence[Sample]) -> Array:
+        """Second derivatives (n, samples) of the tree coordinates."""
+        run, columns = self.session, []
+        signals = run.signals.at(np.array([sample.state.time for sample in samples]))
+        for k, sample in enumerate(samples):
+            state, chart = sample.state, sample.chart
+            v = state.qd[chart.independent]
+            second = run.equations.unfolded(state.q, v, state.y, chart.select, chart.rows, chart.bases, signals[:, k])
+            columns.append(np.asarray(second[1])[:, 0])
+        return np.array(columns).T
+
+    def at(self, k: int, time: float) -> Sample:
+        """Return the state at a time between the samples k and k + 1."""
+        run, sample, interval = self.session, self.samples[k], self.intervals[k]
+        breaks = run.signals.breaks
+        here = sample
+        while interval + 1 < len(breaks) - 1 and breaks[interval + 1] < time:
+            here = Sample(reached(run, here, interval, float(breaks[interval + 1])), here.chart)
+            interval += 1
+        if time == here.state.time:
+            return here
+        return Sample(reached(run, here, interval, time), here.chart)
+
+
+def trace(session: Session, samples: Sequence[Sample], intervals: Sequence[int]) -> Trace:
+    """Return the trace of a run.
+
+    Parameters
+    ----------
+    session : Session
+        What was integrated.
+    samples : sequence of Sample
+        States at the times asked for.
+    intervals : sequence of int
+        The intervals of the inputs that start at them.
+
+    Returns
+    -------
+    Trace
+        What can be told of them.
+    """
+    statement = session.statement
+    parts = tuple(dict.fromkeys((*statement.kinetic, *statement.potential)))
+    none = ca.SX(0.0)
+    arguments = [statement.motion.q, statement.motion.qd, statement.yields, statement.motion.bases]
+    energies = ca.Function("energies", arguments, [
+        ca.vertcat(*(statement.kinetic.get(name, none) for name in parts)),
+        ca.vertcat(*(statement.potential.get(name, none) for name in parts))])  # fmt: skip
+    return Trace(session, tuple(samples), tuple(intervals), measured(session.model, statement), parts, energies)
