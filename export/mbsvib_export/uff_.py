@@ -74,7 +74,7 @@ def to_uff(
     Raises
     ------
     ExportError
-        If the file cannot be written, there is nothing to write, or a name does not fit.
+        If the file cannot be written, there is nothing to write, frequencies do not ascend, or a name does not fit.
     ResponseError
         If a frequency is not finite or is an undamped pole of the system.
     """
@@ -89,6 +89,9 @@ def to_uff(
         missing = "omega is missing" if omega is None else "modes = True"
         raise ExportError(f"to_uff: {missing}; a system out of a file has no frequency grid and no modes of its own.")
     frequency = np.atleast_1d(np.asarray(_grid(system) if omega is None else omega, dtype=float)) / (2 * np.pi)
+    if frequency.ndim != 1 or not len(frequency) or (frequency < 0.0).any() or (np.diff(frequency) <= 0.0).any():
+        raise ExportError("to_uff: omega does not ascend from 0 on; expected a vector of ascending angular frequencies "
+                          "[rad/s], each once, as readers of the format take them: np.unique(omega).")  # fmt: skip
     if not binary:
         frequency = np.unique([float(f"{value:.5e}") for value in frequency])
     points = 2 * np.pi * frequency

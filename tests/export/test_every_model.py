@@ -54,8 +54,9 @@ def test_files_are_read_again(name, suffix, tmp_path):
 @pytest.mark.parametrize("name", MODELS)
 def test_universal_files(name, tmp_path):
     omega, truth = truth_of(name)
-    measured = mx.from_uff(mx.to_uff(system_of(name), tmp_path / "x.uff", omega))
-    assert error(name, measured.responses) < 1e-9
+    points, places = np.unique(omega, return_inverse=True)
+    measured = mx.from_uff(mx.to_uff(system_of(name), tmp_path / "x.uff", points))
+    assert error(name, measured.responses[..., places]) < 1e-9
     assert measured.outputs == system_of(name).outputs
     assert truth.any()
 
