@@ -44,7 +44,7 @@ class Statement:
     moment: Expression
     functions: dict[Any, ca.Function] = field(default_factory=dict, repr=False)
 
-    def kept(self, key: Any, outputs: Callable[[], Sequence[Expression]]) -> ca.Function:
+    def compiled(self, key: Any, outputs: Callable[[], Sequence[Expression]]) -> ca.Function:
         """Return a function of (q, q', q'', p, O), compiled when it is asked for first."""
         if key not in self.functions:
             self.functions[key] = self.function(*outputs())
@@ -143,7 +143,7 @@ def evaluated(function: ca.Function, *arguments: Array) -> list[Array]:
     list of array, shape (samples, rows, columns) or (samples, rows)
         Its outputs.
     """
-    return [each[:, :, 0] if each.shape[2] == 1 else each for each in matrices(function, *arguments)]
+    return [array[:, :, 0] if array.shape[2] == 1 else array for array in matrices(function, *arguments)]
 
 
 def matrices(function: ca.Function, *arguments: Array) -> list[Array]:
@@ -161,8 +161,9 @@ def matrices(function: ca.Function, *arguments: Array) -> list[Array]:
     list of array, shape (samples, rows, columns)
         Its outputs.
     """
-    samples = max(len(each) for each in arguments if each.ndim == 2)
-    columns: list[Any] = [each.T if each.ndim == 2 else np.repeat(each[:, None], samples, axis=1) for each in arguments]
+    samples = max(len(array) for array in arguments if array.ndim == 2)
+    columns: list[Any] = [array.T if array.ndim == 2 else np.repeat(array[:, None], samples, axis=1)
+                          for array in arguments]  # fmt: skip
     outputs = function.map(samples).call([ca.DM(column) for column in columns])
     shapes = [function.size_out(i) for i in range(len(outputs))]
     return [np.array(output).reshape(rows, samples, width).transpose(1, 0, 2)

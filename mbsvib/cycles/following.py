@@ -80,67 +80,67 @@ def followed(loops: Loops, motion: Prescribed) -> Array:
     ModelError
         If the drives do not determine the motion, or not move.
     """
-    here, targets = np.zeros(len(loops.names)), motion.values / loops.units[loops.driven]
+    pose, targets = np.zeros(len(loops.names)), motion.values / loops.units[loops.driven]
     _check_mobility(loops, motion)
-    result: Array = np.zeros((len(targets), len(here)))
+    result: Array = np.zeros((len(targets), len(pose)))
     if not len(loops.dependent):
         result[:, loops.driven] = motion.values
         return result
     least, where = np.inf, 0
     for i, target in enumerate(targets):
-        here = _to(loops, here, target, motion)
-        result[i] = here
-        smallest = np.linalg.svd(loops.openings(here)[1][:, loops.dependent], compute_uv=False)[-1]
+        pose = _to(loops, pose, target, motion)
+        result[i] = pose
+        smallest = np.linalg.svd(loops.openings(pose)[1][:, loops.dependent], compute_uv=False)[-1]
         if smallest < SINGULAR:
-            raise _singular(loops, motion, motion.said(i), here)
+            raise _singular(loops, motion, motion.at_sample(i), pose)
         if smallest < least:
             least, where = float(smallest), i
     if least < NEAR_SINGULAR:
-        warnings.warn(f"cycle: at {motion.said(where)} the mechanism is near a singular pose (smallest singular value "
-                      f"of its loops {least:.1e}); rates and forces lose as many digits there.",
+        warnings.warn(f"cycle: at {motion.at_sample(where)} the mechanism is near a singular pose (smallest singular "
+                      f"value of its loops {least:.1e}); rates and forces lose as many digits there.",
                       NearSingularWarning, stacklevel=USER)  # fmt: skip
     return result * loops.units
 
 
-def _to(loops: Loops, here: Array, target: Array, motion: Prescribed) -> Array:
+def _to(loops: Loops, pose: Array, target: Array, motion: Prescribed) -> Array:
     """Take the driven coordinates to their values in steps along which the loops stay closed."""
     depends, driven = loops.dependent, loops.driven
-    way = target - here[driven]
-    start = here[driven]
+    way = target - pose[driven]
+    start = pose[driven]
     longest = float(np.abs(way).max(initial=0.0))
     done, step = 0.0, min(1.0, LONGEST / max(longest, LONGEST))
-    _, matrix = loops.openings(here)
+    _, matrix = loops.openings(pose)
     while done < 1.0:
         share = min(step, 1.0 - done)
-        there = here.copy()
-        there[driven] = target if done + share >= 1.0 else start + (done + share) * way
-        guess = np.linalg.lstsq(matrix[:, depends], -matrix[:, driven] @ (there - here)[driven], rcond=None)[0]
-        there[depends] += guess
-        closed, after = _closed(loops, there) if np.abs(guess).max(initial=0.0) < 10.0 * LONGEST else (None, matrix)
+        trial = pose.copy()
+        trial[driven] = target if done + share >= 1.0 else start + (done + share) * way
+        guess = np.linalg.lstsq(matrix[:, depends], -matrix[:, driven] @ (trial - pose)[driven], rcond=None)[0]
+        trial[depends] += guess
+        closed, after = _closed(loops, trial) if np.abs(guess).max(initial=0.0) < 10.0 * LONGEST else (None, matrix)
         if closed is not None and _same_side(matrix[:, depends], after[:, depends]):
-            here, matrix, done = closed, after, done + share
+            pose, matrix, done = closed, after, done + share
             step = min(2.0 * step, LONGEST / max(longest, LONGEST))
             continue
         step = 0.5 * share
         if step * longest < SHORTEST:
-            raise _singular(loops, motion, motion.words((start + done * way) * loops.units[driven]), here)
-    return here
+            raise _singular(loops, motion, motion.words((start + done * way) * loops.units[driven]), pose)
+    return pose
 
 
-def _closed(loops: Loops, there: Array) -> tuple[Array | None, Array]:
+def _closed(loops: Loops, trial: Array) -> tuple[Array | None, Array]:
     """Close the loops by the dependent coordinates, Newton's method; None where it does not contract."""
     depends = loops.dependent
     before = np.inf
     for _ in range(CORRECTIONS):
-        error, matrix = loops.openings(there)
+        error, matrix = loops.openings(trial)
         size = float(np.abs(error).max(initial=0.0))
         if size < CLOSED:
-            return there, matrix
+            return trial, matrix
         if size > 0.5 * before:
-            return (there, matrix) if before < max(ACCEPTED, loops.rounding) else (None, matrix)
+            return (trial, matrix) if before < max(ACCEPTED, loops.rounding) else (None, matrix)
         before = size
-        there = there.copy()
-        there[depends] -= np.linalg.lstsq(matrix[:, depends], error, rcond=None)[0]
+        trial = trial.copy()
+        trial[depends] -= np.linalg.lstsq(matrix[:, depends], error, rcond=None)[0]
     return None, matrix
 
 
@@ -159,24 +159,24 @@ def _same_side(before: Array, after: Array) -> bool:
 
 def _check_mobility(loops: Loops, motion: Prescribed) -> None:
     """Refuse drives that do not move the mechanism, or do not determine its motion."""
-    _, here = loops.openings(np.zeros(len(loops.names)))
-    if not len(here) and not len(loops.dependent):
+    _, matrix = loops.openings(np.zeros(len(loops.names)))
+    if not len(matrix) and not len(loops.dependent):
         return
-    found = _undetermined(loops, here)
-    if found:
+    undriven = _undetermined(loops, matrix)
+    if undriven:
         generic = _neighbour(loops)
         if generic is not None and not _undetermined(loops, generic):
             raise _singular(loops, motion, motion.words(np.zeros(len(motion.names))), np.zeros(len(loops.names)))
         raise ModelError(
-            f"cycle: the drive {_several(motion.names)} does not determine the motion of {_several(found)}; drive "
-            f"{'that' if len(found) == 1 else 'one of these'} too by motion={{...}}, or lock it by another joint.",
-            element=found[0], field="drive",
+            f"cycle: the drive {_several(motion.names)} does not determine the motion of {_several(undriven)}; drive "
+            f"{'that' if len(undriven) == 1 else 'one of these'} too by motion={{...}}, or lock it by another joint.",
+            element=undriven[0], field="drive",
         )  # fmt: skip
-    motions = _motions(here)[loops.driven]
+    motions = _motions(matrix)[loops.driven]
     for name, row in zip(motion.names, motions, strict=True):
         if np.linalg.norm(row) < REDUNDANT_LOOPS:
             raise ModelError(f"cycle: the drive '{name}' does not move the mechanism: its loops hold that coordinate. "
-                             f"Drive one of {', '.join(_free(loops, here)) or 'none, it is fully locked'}.",
+                             f"Drive one of {', '.join(_free(loops, matrix)) or 'none, it is fully locked'}.",
                              element=name, field="drive")  # fmt: skip
     rank = np.linalg.matrix_rank(motions, tol=REDUNDANT_LOOPS)
     if rank < len(motion.names):
@@ -210,14 +210,14 @@ def _free(loops: Loops, matrix: Array) -> list[str]:
 
 def _neighbour(loops: Loops) -> Array | None:
     """The derivative of the openings at a generic pose near the described one, where loops close; None: not found."""
-    there = NEARBY * np.random.default_rng(0).uniform(-1.0, 1.0, len(loops.names))
+    trial = NEARBY * np.random.default_rng(0).uniform(-1.0, 1.0, len(loops.names))
     for _ in range(CORRECTIONS):
-        error, matrix = loops.openings(there)
+        error, matrix = loops.openings(trial)
         if float(np.abs(error).max(initial=0.0)) < CLOSED:
-            return matrix if np.abs(there).max() > 1e-3 * NEARBY else None
+            return matrix if np.abs(trial).max() > 1e-3 * NEARBY else None
         u, values, v = np.linalg.svd(matrix, full_matrices=False)
-        kept = values > REDUNDANT_LOOPS * max(1.0, float(values.max(initial=0.0)))
-        there = there - v[kept].T @ ((u.T @ error)[kept] / values[kept])
+        significant = values > REDUNDANT_LOOPS * max(1.0, float(values.max(initial=0.0)))
+        trial = trial - v[significant].T @ ((u.T @ error)[significant] / values[significant])
     return None
 
 
@@ -226,8 +226,8 @@ def _several(names: Sequence[str]) -> str:
     return ", ".join(quoted) + (", ..." if len(names) > 6 else "")
 
 
-def _singular(loops: Loops, motion: Prescribed, where: str, here: Array) -> SingularPoseError:
-    _, matrix = loops.openings(here)
+def _singular(loops: Loops, motion: Prescribed, where: str, pose: Array) -> SingularPoseError:
+    _, matrix = loops.openings(pose)
     values, vectors = np.linalg.svd(matrix[:, loops.dependent])[1:]
     most = int(np.argmax(np.abs(vectors[min(len(values), len(vectors)) - 1])))
     moves = loops.names[int(loops.dependent[most])]

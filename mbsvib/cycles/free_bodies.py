@@ -60,9 +60,9 @@ def free_bodies(model: Mechanism, expressions: Statement, drives: Sequence[str])
         Expressions of the same symbols.
     """
     tree = expressions.motion.motion
-    mine = [i for i, name in enumerate(expressions.names) if model.parameters.entry(name).part not in model.joints]
-    loose = model.with_parts(joints={}, couplers={}, inputs={}, outputs={})
-    free = statement(loose, None, [expressions.names[i] for i in mine], bases=True)
+    selected = [i for i, name in enumerate(expressions.names) if model.parameters.entry(name).part not in model.joints]
+    without_joints = model.with_parts(joints={}, couplers={}, inputs={}, outputs={})
+    free = statement(without_joints, None, [expressions.names[i] for i in selected], bases=True)
     kinematics = free.motion.motion
     places = {name: kinematics.names.index(f"{name}.x") for name in model.bodies}
     size = 6 * len(places)
@@ -84,12 +84,12 @@ def free_bodies(model: Mechanism, expressions: Statement, drives: Sequence[str])
         counts.append(len(opened))
         points.append(tree.frames[joint.second].point(point_of(joint, tree.numbers)))
     phi = ca.vertcat(*rows) if rows else ca.SX.zeros(0)
-    own = expressions.p[mine]
+    p = expressions.p[selected]
     jacobian = ca.Function("f", [free.q, kinematics.bases, free.p, expressions.p], [ca.jacobian(phi, free.q)])
     lacking = ca.Function("f", [free.q, free.qd, free.qdd, kinematics.bases, free.p], [free.required])
     by_joint = dict(zip(model.joints, points, strict=True))
     acting = _acting(model, expressions, drives, (places, origins, by_joint))
-    return FreeBodies(lacking(q, qd, qdd, bases, own), jacobian(q, bases, own, expressions.p), counts, places, origins,
+    return FreeBodies(lacking(q, qd, qdd, bases, p), jacobian(q, bases, p, expressions.p), counts, places, origins,
                       by_joint, acting)  # fmt: skip
 
 
@@ -120,12 +120,13 @@ def _acting(
 def _along(joint: Joint, name: str, expressions: Statement) -> Expression:
     """The wrench (6,) that acts with one unit along a joint coordinate, and not along its others of the same kind."""
     tree, turns = expressions.motion.motion, name.rpartition(".")[2].startswith("r")
-    mine = [f"{joint.name}.{direction}" for direction, _ in joint.freedom if (direction[0] == "r") is turns]
+    coordinates = [f"{joint.name}.{direction}" for direction, _ in joint.freedom if (direction[0] == "r") is turns]
     first = tree.frames[joint.first]
     relative = tree.frames[joint.second].seen_from(first)
     spin = ca.reshape(tree.rate(ca.vec(relative.rotation)), 3, 3) @ relative.rotation.T
     rate = axial(spin) if turns else tree.rate(relative.point(point_of(joint, tree.numbers)))
-    twists = ca.jacobian(first.rotation @ rate, expressions.qd)[:, [tree.names.index(each) for each in mine]]
+    columns = [tree.names.index(coordinate) for coordinate in coordinates]
+    twists = ca.jacobian(first.rotation @ rate, expressions.qd)[:, columns]
     dual = ca.densify(twists) @ ca.inv(twists.T @ twists)
-    own = dual[:, mine.index(name)]
-    return ca.vertcat(ca.SX.zeros(3), own) if turns else ca.vertcat(own, ca.SX.zeros(3))
+    direction = dual[:, coordinates.index(name)]
+    return ca.vertcat(ca.SX.zeros(3), direction) if turns else ca.vertcat(direction, ca.SX.zeros(3))

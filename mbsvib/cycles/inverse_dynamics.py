@@ -40,7 +40,7 @@ def inverse_dynamics(plant: Machine, kind: type[C]) -> C:
     """
     motion, expressions = plant.solved, plant.statement
     names, kinematics = list(plant.model.bodies), expressions.motion.motion
-    function = expressions.kept("dynamics", lambda: _outputs(expressions))
+    function = expressions.compiled("dynamics", lambda: _outputs(expressions))
     required, force, moment, at, axes, rates, accelerations = evaluated(
         function, motion.q, motion.qd, motion.qdd, plant.values(expressions), plant.about)  # fmt: skip
     n, described = len(motion.q), np.array([plant.model.bodies[name].orientation for name in names])

@@ -89,18 +89,18 @@ def machine(
     compiled: Statement | None = None,
 ) -> Machine:  # fmt: skip
     """Return a mechanism with its prescribed motion, checked; the other arguments are those of ``Model.cycle``."""
-    asked = prescribed(model, drive, angles, speed, motion)
+    prescription = prescribed(model, drive, angles, speed, motion)
     coupled = {name.rpartition(".")[0] for part in model.couplers.values() for name, _ in part.terms}
-    cut, closing = cut_elsewhere(model, {*asked.joints, *coupled})
+    cut, closing = cut_elsewhere(model, {*prescription.joints, *coupled})
     if closing is not None:
         raise ModelError(f"cycle: all joints of the loop that '{closing}' closes are driven or coupled; leave one of "
                          f"them to follow from the others.", element=closing, field="motion")  # fmt: skip
-    pivot = model.joints[asked.joints[0]].position
+    pivot = model.joints[prescription.joints[0]].position
     at = (pivot or (0.0, 0.0, 0.0)) if about is None else check.vector(about, "cycle", "about")
     points = [body.position for body in model.bodies.values()]
     points += [joint.position for joint in model.joints.values() if joint.position is not None]
     array = np.array(points)
-    return Machine(model, asked, np.array(at), cut, length_of(array), float(np.abs(array).max()), compiled)
+    return Machine(model, prescription, np.array(at), cut, length_of(array), float(np.abs(array).max()), compiled)
 
 
 def solved(plant: Machine, expressions: Statement) -> Solved:
@@ -132,8 +132,8 @@ def solved(plant: Machine, expressions: Statement) -> Solved:
     units = np.where(kinematics.turns, 1.0, plant.size)
     row_units = np.where(kinematics.closure_turns, 1.0, plant.size)
     phi, _, phi_acceleration = expressions.closures
-    position = expressions.kept("closures", lambda: (phi, ca.densify(ca.jacobian(phi, expressions.q))))
-    curved = expressions.kept("bias", lambda: (phi_acceleration,))
+    position = expressions.compiled("closures", lambda: (phi, ca.densify(ca.jacobian(phi, expressions.q))))
+    curved = expressions.compiled("bias", lambda: (phi_acceleration,))
     p, still = plant.values(expressions), np.zeros(len(units))
 
     def openings(q: Array) -> tuple[Array, Array]:

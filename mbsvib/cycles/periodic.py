@@ -66,15 +66,15 @@ class Periodic:
     @property
     def averaged(self) -> Complex:
         """Eigenvalues (2 m,) of the equations with mean coefficients [1/s], ascending by size."""
-        mean = (each.mean(axis=0)[None] for each in (self.M, self.C, self.K))
+        mean = (samples.mean(axis=0)[None] for samples in (self.M, self.C, self.K))
         return np.asarray(_eigenvalues(_first_order(*mean))[0])
 
     @property
     def unresolved(self) -> float:
         """The highest harmonics of the coefficients as a share of the largest: how far samples leave gaps."""
         worst = 0.0
-        for each in (self.M, self.C, self.K):
-            size = np.abs(np.fft.rfft(each, axis=0))
+        for samples in (self.M, self.C, self.K):
+            size = np.abs(np.fft.rfft(samples, axis=0))
             highest = size[max(1, len(size) - 2) :]
             worst = max(worst, float(highest.max(initial=0.0)) / (float(size.max()) or 1.0))
         return worst
@@ -101,15 +101,15 @@ class Periodic:
                           f"'{self.name}' to harmonics that they do not resolve; take more.",
                           AccuracyWarning, stacklevel=2)  # fmt: skip
         m = len(self.coordinates)
-        series = [_series(each) for each in (self.M, self.C, self.K)]
+        series = [_series(samples) for samples in (self.M, self.C, self.K)]
         rate = 2.0 * np.pi / self.period
 
         def slope(t: float, x: Array) -> Array:
             angle = rate * t
-            mass, damping, stiffness = (_at(each, angle) for each in series)
-            moved = x.reshape(2 * m, 2 * m)
-            bent = -np.linalg.solve(mass, stiffness @ moved[:m] + damping @ moved[m:])
-            return np.concatenate((moved[m:], bent)).ravel()
+            mass, damping, stiffness = (_at(samples, angle) for samples in series)
+            deviations = x.reshape(2 * m, 2 * m)
+            accelerations = -np.linalg.solve(mass, stiffness @ deviations[:m] + damping @ deviations[m:])
+            return np.concatenate((deviations[m:], accelerations)).ravel()
 
         end = solve_ivp(slope, (0.0, self.period), np.eye(2 * m).ravel(), method="DOP853", rtol=TOLERANCE,
                         atol=TOLERANCE, max_step=self.period / 16.0)  # fmt: skip
@@ -150,16 +150,16 @@ def periodic(cycle: CycleData, released: Any = None, period: float | None = None
     ModelError
         If a name is no drive, or the samples are not evenly spread over a period.
     """
-    held = _released(cycle, released)
+    impedances = _released(cycle, released)
     drives, m = list(cycle.drives), len(cycle.drives)
-    which = [drives.index(name) for name in held]
+    which = [drives.index(name) for name in impedances]
     names = [f"{name}{mark}" for mark in ("", "'", "''") for name in drives]
     slopes = total_derivatives(cycle, cycle.machine.statement, "drives", names)[:, :m]
     stiffness, damping, mass = (slopes[:, which, k * m : (k + 1) * m][:, :, which] for k in range(3))
-    own = np.array([held[name] for name in held])
+    impedance = np.array([impedances[name] for name in impedances])
     symmetric = 0.5 * (mass + mass.transpose(0, 2, 1))
-    result = Periodic(cycle.machine.model.name, tuple(held), _period(cycle, period), symmetric,
-                      damping + np.diag(own[:, 1]), stiffness + np.diag(own[:, 0]))  # fmt: skip
+    result = Periodic(cycle.machine.model.name, tuple(impedances), _period(cycle, period), symmetric,
+                      damping + np.diag(impedance[:, 1]), stiffness + np.diag(impedance[:, 0]))  # fmt: skip
     for array in (result.M, result.C, result.K):
         array.flags.writeable = False
     return result
@@ -167,10 +167,10 @@ def periodic(cycle: CycleData, released: Any = None, period: float | None = None
 
 def _released(cycle: CycleData, released: Any) -> dict[str, tuple[float, float]]:
     who = "cycle"
-    given = dict.fromkeys(cycle.drives, (0.0, 0.0)) if released is None else released
-    if isinstance(given, str) or not hasattr(given, "__iter__"):
+    requested = dict.fromkeys(cycle.drives, (0.0, 0.0)) if released is None else released
+    if isinstance(requested, str) or not hasattr(requested, "__iter__"):
         raise check.refuse(who, "released", released, "{'crank.rz': (stiffness, damping), ...}")
-    pairs: Mapping[str, Any] = given if hasattr(given, "items") else dict.fromkeys(given, (0.0, 0.0))
+    pairs: Mapping[str, Any] = requested if hasattr(requested, "items") else dict.fromkeys(requested, (0.0, 0.0))
     if not pairs:
         raise check.refuse(who, "released", released, "at least one of the drives")
     result = {}

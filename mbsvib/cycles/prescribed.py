@@ -35,7 +35,7 @@ class Prescribed:
         """Names of the joints of the drives."""
         return tuple(name.rpartition(".")[0] for name in self.names)
 
-    def said(self, i: int) -> str:
+    def at_sample(self, i: int) -> str:
         """Return the values of the drives at sample i in words."""
         return self.words(self.values[i])
 

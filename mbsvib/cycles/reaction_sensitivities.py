@@ -70,26 +70,28 @@ def reaction_sensitivities(cycle: CycleData, names: tuple[str, ...]) -> dict[str
     at = (motion.q, motion.qd, motion.qdd, p, plant.about)
     torques = np.column_stack([cycle.torques[name] for name in cycle.drives])
 
-    def found(*outputs: Expression, extra: tuple[Expression, ...] = (), values: tuple[Array, ...] = ()) -> list[Array]:
-        function = ca.Function("f", [*symbols, *extra], [ca.densify(each) for each in outputs])
+    def evaluated(
+        *outputs: Expression, extra: tuple[Expression, ...] = (), values: tuple[Array, ...] = ()
+    ) -> list[Array]:
+        function = ca.Function("f", [*symbols, *extra], [ca.densify(item) for item in outputs])
         return matrices(function, *at, *values)
 
-    matrix, drives, required = found(ca.jacobian(left, unknown), acting[:, : len(cycle.drives)], bodies.required)
+    matrix, drives, required = evaluated(ca.jacobian(left, unknown), acting[:, : len(cycle.drives)], bodies.required)
     inverse = np.linalg.pinv(matrix, rcond=REDUNDANT_LOOPS)
-    carried = (inverse @ (required - drives @ torques[:, :, None]))[:, :, 0]
-    parts = [ca.jacobian(each, to) for each in (left, wrenches) for to in (state, expressions.p)]
-    h_z, h_p, w_z, w_p, w_l = found(*parts, ca.jacobian(wrenches, unknown), extra=(unknown, tau),
-                                    values=(carried, torques))  # fmt: skip
-    moved = dependent_derivatives(cycle, expressions)[:, : state.numel()]
+    multipliers = (inverse @ (required - drives @ torques[:, :, None]))[:, :, 0]
+    parts = [ca.jacobian(item, to) for item in (left, wrenches) for to in (state, expressions.p)]
+    h_z, h_p, w_z, w_p, w_l = evaluated(*parts, ca.jacobian(wrenches, unknown), extra=(unknown, tau),
+                                        values=(multipliers, torques))  # fmt: skip
+    d_state = dependent_derivatives(cycle, expressions)[:, : state.numel()]
     d_torque = total_derivatives(cycle, expressions, "parameters", expressions.names)[:, : len(cycle.drives)]
-    change = -inverse @ (h_p + h_z @ moved + drives @ d_torque)
-    total = (w_p + w_z @ moved + w_l @ change)[:, :, [expressions.names.index(name) for name in names]]
-    result, loose = {}, reactions(cycle).undetermined
+    change = -inverse @ (h_p + h_z @ d_state + drives @ d_torque)
+    total = (w_p + w_z @ d_state + w_l @ change)[:, :, [expressions.names.index(name) for name in names]]
+    result, undetermined = {}, reactions(cycle).undetermined
     for k, joint in enumerate(joints):
-        own = total[:, 6 * k : 6 * k + 6].transpose(2, 0, 1).copy()
-        own[:, :, [DIRECTIONS.index(each) for each in loose.get(joint.name, ())]] = np.nan
-        own.flags.writeable = False
-        result[joint.name] = own
+        derivatives = total[:, 6 * k : 6 * k + 6].transpose(2, 0, 1).copy()
+        derivatives[:, :, [DIRECTIONS.index(item) for item in undetermined.get(joint.name, ())]] = np.nan
+        derivatives.flags.writeable = False
+        result[joint.name] = derivatives
     return result
 
 
@@ -99,8 +101,8 @@ def _wrenches(joints: list[Joint], bodies: FreeBodies, loads: Expression) -> lis
     for joint, count in zip(joints, bodies.counts, strict=True):
         end, sign = (joint.second, 1.0) if joint.second != GROUND else (joint.first, -1.0)
         k = bodies.places[end]
-        own = sign * (bodies.rows[start : start + count, k : k + 6].T @ loads[start : start + count])
+        at_centre = sign * (bodies.rows[start : start + count, k : k + 6].T @ loads[start : start + count])
         arm = bodies.origins[end] - bodies.points[joint.name]
-        result.append(ca.vertcat(own[:3], own[3:] + ca.cross(arm, own[:3])))
+        result.append(ca.vertcat(at_centre[:3], at_centre[3:] + ca.cross(arm, at_centre[:3])))
         start += count
     return result

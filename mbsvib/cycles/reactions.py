@@ -55,10 +55,11 @@ def reactions(cycle: CycleData) -> Reactions:
     bodies, (lacking, rows, acting, points, origins) = _evaluated(cycle)
     units = np.tile([1.0, 1.0, 1.0, 1 / size, 1 / size, 1 / size], len(bodies.places))
     by_joint = np.split(rows, np.cumsum(bodies.counts)[:-1], axis=1)
+    at = np.split(points, len(by_joint), axis=1)
     effects, frames = [], []
-    for joint, own, point in zip(model.joints.values(), by_joint, np.split(points, len(by_joint), axis=1), strict=True):
+    for joint, joint_rows, point in zip(model.joints.values(), by_joint, at, strict=True):
         arms = {name: point - origins[:, 3 * i : 3 * i + 3] for i, name in enumerate(bodies.places)}
-        frames.append(_orthonormal(own, joint, bodies, arms, size))
+        frames.append(_orthonormal(joint_rows, joint, bodies, arms, size))
         effects.append(_onto(joint, bodies, arms) @ frames[-1])
     drives = len(cycle.drives)
     effects.append(acting[:, :, drives:])
@@ -80,9 +81,9 @@ def reactions(cycle: CycleData) -> Reactions:
         wrench = (basis @ shares[:, start:end, None])[:, :, 0]
         wrench.flags.writeable = False
         wrenches[joint.name] = wrench
-        loose = np.linalg.norm(basis / _units(size) @ free[:, start:end], axis=2).max(axis=0, initial=0.0)
-        if (loose > DETERMINED).any():
-            undetermined[joint.name] = tuple([d for d, size_of in zip(DIRECTIONS, loose, strict=True)
+        indeterminacy = np.linalg.norm(basis / _units(size) @ free[:, start:end], axis=2).max(axis=0, initial=0.0)
+        if (indeterminacy > DETERMINED).any():
+            undetermined[joint.name] = tuple([d for d, size_of in zip(DIRECTIONS, indeterminacy, strict=True)
                                               if size_of > DETERMINED])  # fmt: skip
         start = end
     return Reactions(wrenches, undetermined)
@@ -101,9 +102,9 @@ def _evaluated(cycle: CycleData) -> tuple[FreeBodies, list[Array]]:
     bodies = free_bodies(plant.model, expressions, cycle.drives)
     outputs = (bodies.required, bodies.rows, bodies.acting, ca.vertcat(*bodies.points.values()),
                ca.vertcat(*bodies.origins.values()))  # fmt: skip
-    function = expressions.kept("free bodies", lambda: list(map(ca.densify, outputs)))
-    found = matrices(function, motion.q, motion.qd, motion.qdd, plant.values(expressions), plant.about)
-    return bodies, [found[0][:, :, 0], found[1], found[2], found[3][:, :, 0], found[4][:, :, 0]]
+    function = expressions.compiled("free bodies", lambda: list(map(ca.densify, outputs)))
+    arrays = matrices(function, motion.q, motion.qd, motion.qdd, plant.values(expressions), plant.about)
+    return bodies, [arrays[0][:, :, 0], arrays[1], arrays[2], arrays[3][:, :, 0], arrays[4][:, :, 0]]
 
 
 def _orthonormal(rows: Array, joint: Joint, bodies: FreeBodies, arms: Mapping[str, Array], size: float) -> Array:

@@ -144,7 +144,7 @@ def _names(cycle: CycleData, parameters: Any) -> tuple[str, ...]:
         fields = ("mass", "position", "inertia")
         return tuple([name for name in known if known.entry(name).part in cycle.machine.model.bodies
                       and known.entry(name).field in fields])  # fmt: skip
-    given = [parameters] if isinstance(parameters, str) else parameters
-    if not hasattr(given, "__iter__"):
+    patterns = [parameters] if isinstance(parameters, str) else parameters
+    if not hasattr(patterns, "__iter__"):
         raise check.refuse("cycle", "parameters", parameters, "names or patterns of parameters")
-    return tuple(dict.fromkeys(name for pattern in given for name in known.matching(pattern)))
+    return tuple(dict.fromkeys(name for pattern in patterns for name in known.matching(pattern)))

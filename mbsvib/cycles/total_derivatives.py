@@ -54,8 +54,8 @@ def total_derivatives(cycle: CycleData, expressions: Statement, to: str, names: 
     ModelError
         If a parameter takes the loops apart.
     """
-    moved, y_z, y_p = _derivatives(cycle, expressions, to, names)
-    return np.array(y_p + y_z @ moved)
+    d_dependent, y_z, y_p = _derivatives(cycle, expressions, to, names)
+    return np.array(y_p + y_z @ d_dependent)
 
 
 def dependent_derivatives(cycle: CycleData, expressions: Statement) -> Array:
@@ -71,22 +71,22 @@ def _derivatives(
     driven = tuple(motion.driven.tolist())
     function = _slopes(expressions, driven, to)
     ways = motion.ways.transpose(0, 2, 1).reshape(len(motion.q), -1)
-    found = matrices(function, motion.q, motion.qd, motion.qdd, ways, plant.values(expressions), plant.about)
-    f_z, f_p, y_z, y_p = found
+    derivatives = matrices(function, motion.q, motion.qd, motion.qdd, ways, plant.values(expressions), plant.about)
+    f_z, f_p, y_z, y_p = derivatives
     if not f_z.shape[2] or not f_p.shape[2]:
         return np.zeros((len(motion.q), f_z.shape[2], f_p.shape[2])), y_z, y_p
     # rows and columns in units in which all are of like size
     row = np.tile(np.where(expressions.motion.motion.closure_turns, 1.0, plant.size), 3 + len(driven))
     f_z, f_p = f_z / row[:, None], f_p / row[:, None]
     scale = np.linalg.norm(f_z, axis=1, keepdims=True)
-    moved = -np.linalg.pinv(f_z / scale) @ f_p
-    _check_assembled(f_p, f_p + f_z / scale @ moved, names)
-    return moved / scale.transpose(0, 2, 1), y_z, y_p
+    d_dependent = -np.linalg.pinv(f_z / scale) @ f_p
+    _check_assembled(f_p, f_p + f_z / scale @ d_dependent, names)
+    return d_dependent / scale.transpose(0, 2, 1), y_z, y_p
 
 
 def _slopes(expressions: Statement, driven: tuple[int, ...], to: str) -> ca.Function:
     """Function of (q, q', q'', B, p, O) for F_z, F_p, y_z and y_p, compiled once."""
-    wanted = expressions.p if to == "parameters" else _drives(expressions, driven)
+    variables = expressions.p if to == "parameters" else _drives(expressions, driven)
     n = expressions.q.shape[0]
     depends = [i for i in range(n) if i not in driven]
     columns = ca.SX.sym("ways", n * len(driven))
@@ -99,7 +99,7 @@ def _slopes(expressions: Statement, driven: tuple[int, ...], to: str) -> ca.Func
         free = ca.vertcat(expressions.q[depends], expressions.qd[depends], expressions.qdd[depends],
                           ca.vec(ways[depends, :]))  # fmt: skip
         results = ca.vertcat(ways.T @ expressions.required, expressions.force, expressions.moment)
-        slopes = [ca.densify(ca.jacobian(each, by)) for each in (loops, results) for by in (free, wanted)]
+        slopes = [ca.densify(ca.jacobian(numerator, by)) for numerator in (loops, results) for by in (free, variables)]
         expressions.functions[key] = ca.Function(
             "f", [expressions.q, expressions.qd, expressions.qdd, columns, expressions.p, expressions.about], slopes)
     return expressions.functions[key]

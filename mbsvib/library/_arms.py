@@ -72,7 +72,7 @@ def two_link(
     who = "two_link"
     long, heavy, turns = (check.numbers(value, (2,), who, field, "two numbers") for value, field in (
         (lengths, "lengths"), (masses, "masses"), (angles, "angles")))  # fmt: skip
-    rows = [_slender(*each, who) for each in zip(long, heavy, turns, strict=True)]
+    rows = [_slender(*link, who) for link in zip(long, heavy, turns, strict=True)]
     return from_dh(rows, name=who, gravity=gravity)
 
 
@@ -112,7 +112,7 @@ def gripper(
     long, heavy, turns = (check.numbers(value, (4,), who, field, expected) for value, field in (
         (lengths, "lengths"), (masses, "masses"), (angles, "angles")))  # fmt: skip
     half = 0.5 * check.number(width, who, "width", "a width [m]")
-    rows = [_slender(*each, who) for each in zip(long, heavy, turns, strict=True)]
+    rows = [_slender(*link, who) for link in zip(long, heavy, turns, strict=True)]
     rows[0] |= {"name": "palm"}
     rows[1] |= {"name": "finger", "parent": "palm", "offset": (0.0, half, 0.0)}
     rows[2] |= {"name": "knuckle", "parent": "palm", "offset": (0.0, -half, 0.0)}

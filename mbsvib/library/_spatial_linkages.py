@@ -150,13 +150,13 @@ def _linkage(
 
 def _add_chain(model: Model, name: str, first: str, last: str, point: Vector, axes: tuple[ArrayLike, ...]) -> None:
     """Join two bodies by revolute joints in one point, with bodies without mass between them."""
-    before = first
+    previous = first
     for i, axis in enumerate(axes, 1):
         after = last if i == len(axes) else f"{name}.part{i}"
         if after != last:
             model.add_body(after, 0.0, (0.0, 0.0, 0.0), point)
-        model.add_joint(f"{name}.{i}", "revolute", before, after, point, axis=axis)
-        before = after
+        model.add_joint(f"{name}.{i}", "revolute", previous, after, point, axis=axis)
+        previous = after
 
 
 def _add_drive(model: Model, stiffness: float, damping: float) -> None:

@@ -47,7 +47,7 @@ def cycle(cycles: CycleData | Sequence[CycleData], *, labels: Sequence[str] | No
     several: list[CycleData] = [cycles] if isinstance(cycles, CycleData) else list(cycles)
     if not several:
         raise ResponseError("cycle: cycles = []; expected what model.cycle(...) returned, one or several.")
-    names = [each.machine.model.name for each in several] if labels is None else list(labels)
+    names = [data.machine.model.name for data in several] if labels is None else list(labels)
     if len(names) != len(several):
         raise ResponseError(f"cycle: labels = {names}; expected {len(several)}, one for each cycle.")
     with style.context():
@@ -57,15 +57,16 @@ def cycle(cycles: CycleData | Sequence[CycleData], *, labels: Sequence[str] | No
         left = [upper, *(figure.add_subplot(places[row, 0], sharex=upper) for row in (1, 2))]
         hodograph = figure.add_subplot(places[:, 1])
         plane = _plane(several)
-        for i, (name, each) in enumerate(zip(names, several, strict=True)):
-            look, x = style.line(i), _over(each)
-            for k, drive in enumerate(each.drives[:MOST_DRIVES]):
-                own = look if len(each.drives) == 1 else style.line(k) if len(several) == 1 else look
-                left[0].plot(x, each.torques[drive], **own, label=name if len(each.drives) == 1 else drive)
-            left[1].plot(x, np.linalg.norm(each.shaking_force, axis=1), **look, label=name)
-            left[2].plot(x, _moment(each), **look, label=name)
-            closed = np.concatenate((each.shaking_force, each.shaking_force[:1]))[:, plane]
-            hodograph.plot(*closed.T, **look, label=name)
+        for i, (name, data) in enumerate(zip(names, several, strict=True)):
+            line, x = style.line(i), _over(data)
+            for k, drive in enumerate(data.drives[:MOST_DRIVES]):
+                by_drive = len(data.drives) > 1 and len(several) == 1
+                label = drive if len(data.drives) > 1 else name
+                left[0].plot(x, data.torques[drive], **(style.line(k) if by_drive else line), label=label)
+            left[1].plot(x, np.linalg.norm(data.shaking_force, axis=1), **line, label=name)
+            left[2].plot(x, _moment(data), **line, label=name)
+            closed = np.concatenate((data.shaking_force, data.shaking_force[:1]))[:, plane]
+            hodograph.plot(*closed.T, **line, label=name)
         _named(several[0], left, hodograph, plane)
         if len(several) > 1:
             style.name_systems(figure, names, left[0])
@@ -74,11 +75,11 @@ def cycle(cycles: CycleData | Sequence[CycleData], *, labels: Sequence[str] | No
     return figure
 
 
-def _over(each: CycleData) -> Array:
+def _over(data: CycleData) -> Array:
     """Values of the drive [deg, m], or numbers of samples where there are several."""
-    if len(each.drives) > 1:
-        return np.arange(len(each.shaking_force), dtype=float)
-    return np.degrees(each.angles) if _turns(each.drives[0]) else each.angles
+    if len(data.drives) > 1:
+        return np.arange(len(data.shaking_force), dtype=float)
+    return np.degrees(data.angles) if _turns(data.drives[0]) else data.angles
 
 
 def _turns(drive: str) -> bool:
@@ -87,17 +88,17 @@ def _turns(drive: str) -> bool:
 
 def _plane(several: Sequence[CycleData]) -> list[int]:
     """The two largest components of the shaking force, in order."""
-    size = np.max([np.abs(each.shaking_force).max(axis=0) for each in several], axis=0)
+    size = np.max([np.abs(data.shaking_force).max(axis=0) for data in several], axis=0)
     return sorted(np.argsort(-size, kind="stable")[:2].tolist())
 
 
-def _moment(each: CycleData) -> Array:
+def _moment(data: CycleData) -> Array:
     """The component of the moment that is the only one, else its size."""
-    size = np.abs(each.shaking_moment).max(axis=0)
+    size = np.abs(data.shaking_moment).max(axis=0)
     most = int(size.argmax())
     if np.delete(size, most).max() <= PLANAR * size[most]:
-        return each.shaking_moment[:, most]
-    return np.asarray(np.linalg.norm(each.shaking_moment, axis=1))
+        return data.shaking_moment[:, most]
+    return np.asarray(np.linalg.norm(data.shaking_moment, axis=1))
 
 
 def _named(first: CycleData, left: Sequence[Axes], hodograph: Axes, plane: Sequence[int]) -> None:

@@ -126,18 +126,18 @@ class CycleMeasures:
         """
         if not isinstance(weights, Mapping) or not weights:
             raise check.refuse("cycle", "weights", weights, "weights by name, {'force': 1.0, 'torque': 0.5}")
-        given = {name: check.number(value, "cycle", f"weights[{name!r}]") for name, value in weights.items()}
-        for name in given:
+        factors = {name: check.number(value, "cycle", f"weights[{name!r}]") for name, value in weights.items()}
+        for name in factors:
             _checked(name)
-        if min(given.values()) < 0.0 or not any(given.values()):
+        if min(factors.values()) < 0.0 or not any(factors.values()):
             raise check.refuse("cycle", "weights", weights, "weights that are not negative, and one that is positive")
         cycle = self.cycle(model)
         total: Quantity = quantity(0.0)
-        for name, weight in given.items():
+        for name, weight in factors.items():
             if weight:
                 for drive in cycle.drives if name == "torque" else (None,):
                     total = total + (weight / (cycle.rms(name, drive) ** 2 or 1.0)) * self.mean_square(name, drive)
-        total.label = "weighted mean square of " + ", ".join(f"{name} ({weight:g})" for name, weight in given.items())
+        total.label = "weighted mean square of " + ", ".join(f"{name} ({weight:g})" for name, weight in factors.items())
         return total
 
     def __repr__(self) -> str:

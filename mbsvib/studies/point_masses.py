@@ -71,10 +71,10 @@ def equimomental(model: M, bodies: str | Sequence[str] | None = None, *, points:
     wide = check.number(reach, "equimomental", "reach", "a number of at least 1")
     if wide < 1.0:
         raise check.refuse("equimomental", "reach", reach, "a number of at least 1")
-    wanted = [name for name, body in model.bodies.items() if body.mass] if bodies is None else \
+    selected = [name for name, body in model.bodies.items() if body.mass] if bodies is None else \
         names(bodies, "equimomental", "bodies", ModelError)  # fmt: skip
     result = model.with_parts()
-    for name in wanted:
+    for name in selected:
         body = _body(model, name, "equimomental")
         result = result.with_parts(bodies=dict(result.bodies) | {name: replace(body, mass=0.0, inertia=(0.0,) * 6)})
         for i, (mass, point) in enumerate(_points(body, points, wide), 1):

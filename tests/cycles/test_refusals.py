@@ -135,3 +135,9 @@ def test_questions_that_have_no_answer():
     assert "torque at joint2.rz" in str(arm)
     with pytest.raises(ValueError, match=r"read-only"):
         cycle.torque[0] = 1.0
+
+
+def test_without_casadi(monkeypatch):
+    monkeypatch.setattr("mbsvib.api.running.find_spec", lambda name: None)
+    with pytest.raises(mv.MbsvibError, match=r"needs CasADi, which is not installed; pip install"):
+        library.hoeken().cycle("crank.rz", [0.0], speed=1.0)
