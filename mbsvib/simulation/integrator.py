@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from mbsvib.simulation.equations import MotionEquations
 
 # CVODES controls the error of single steps; these shares of the tolerance leave the sum of some thousand below it.
-RELATIVE, ABSOLUTE = 1e-2, 1e-3
+RELATIVE, ABSOLUTE = 1e-2, 1e-6
 # Adams' method without Newton's takes a third of the time of BDF where little is damped strongly.
 SMOOTH = {"linear_multistep_method": "adams", "nonlinear_solver_iteration": "functional"}
 STRONGLY_DAMPED = {"linear_multistep_method": "bdf", "nonlinear_solver_iteration": "newton"}
