@@ -42,7 +42,7 @@ model.add_spring("tie", "platform", "absorber", start=place, end=(0, 0, 0.105),
                  stiffness=guess[0], damping=guess[1])  # fmt: skip
 system = model.linearize()
 grid = vertical * np.linspace(0.85, 1.1, 121)
-response = mx.to_casadi_response(system, grid, ("tie.stiffness", "tie.damping"), "Fz", "z")
+response = mx.to_casadi_response(system, grid, ("tie.stiffness", "tie.damping"), "z", "Fz")
 
 factor, bar = casadi.MX.sym("factor", 2), casadi.MX.sym("bar")
 real, imag = response(factor * response.values)

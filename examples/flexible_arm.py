@@ -40,11 +40,11 @@ plain = arm(gripper=0.0).linearize()
 section = BAR.properties(ALUMINIUM.poisson)
 beta = np.array([1.87510407, 4.69409113, 7.85475744])
 clamped = beta**2 / LENGTH**2 * np.sqrt(ALUMINIUM.E * section.Iz / (ALUMINIUM.rho * section.A)) / (2 * np.pi)
-zeros = plain.transmission_zeros("torque", "encoder")
+zeros = plain.transmission_zeros("encoder", "torque")
 hertz = np.sort(abs(zeros[zeros.imag > 1.0])) / (2 * np.pi)
 assert all(np.abs(hertz / f - 1.0).min() < 1e-3 for f in clamped)
 # and those of the tip come in pairs +-s: it is not minimum phase.
-wrong = plain.transmission_zeros("torque", "tip")
+wrong = plain.transmission_zeros("tip", "torque")
 lowest = wrong[abs(wrong) < 2 * np.pi * 60.0]
 assert (lowest.real > 10.0).any()
 

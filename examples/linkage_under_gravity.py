@@ -29,7 +29,7 @@ rest = found.model
 print(found)
 system = rest.linearize(independent=["A.rz"])
 spring = system.row_owner == 0  # the rows that the spring owns; those of K_g are others'
-elastic = float(system.stiffness[spring] @ system.elastic_rows[spring, 0] ** 2)
+elastic = float(system.row_stiffness[spring] @ system.elastic_rows[spring, 0] ** 2)
 right, wrong = system.modes().frequencies[0], np.sqrt(elastic / system.M[0, 0]) / (2 * np.pi)
 print(f"{right:.4f} Hz; {wrong:.4f} Hz if gravity and the spring's tension counted once")
 

@@ -26,13 +26,13 @@ if TYPE_CHECKING:
     from mbsvib.api.linearize import linearize
     from mbsvib.api.modes import Modes
     from mbsvib.api.run import Run
+    from mbsvib.api.state_space import StateSpace
     from mbsvib.api.system import System
     from mbsvib.files import load, save
     from mbsvib.library import from_dh
     from mbsvib.mjcf import load_mjcf
     from mbsvib.modes.disparity import modal_disparity
     from mbsvib.responses.measurement import Measurement
-    from mbsvib.responses.state_space import StateSpace
     from mbsvib.studies import optimize, sweep, tolerances, track
     from mbsvib.urdf import load_urdf
 
@@ -77,7 +77,7 @@ _HOMES = {
     "Measurement": "mbsvib.responses.measurement",
     "Modes": "mbsvib.api.modes",
     "Run": "mbsvib.api.run",
-    "StateSpace": "mbsvib.responses.state_space",
+    "StateSpace": "mbsvib.api.state_space",
     "System": "mbsvib.api.system",
     "from_dh": "mbsvib.library",
     "isolation": "mbsvib.isolation",

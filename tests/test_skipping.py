@@ -142,13 +142,13 @@ def test_springs_that_nothing_moves_are_left_out():
     model.add_bushing("idle", "a", "b", (1.5, 0, 0), (1e9,) * 6, (1e3,) * 6)
     model.add_bushing("k", "ground", "a", (0, 0, 0), (1e9, 1e9, 1e9, 1e9, 1e9, 50.0))
     system = model.linearize()
-    assert len(system.stiffness) == 1
+    assert len(system.row_stiffness) == 1
     assert "as no motion of the mechanism strains them: idle" in system.explain()
     scene = assembly.scene(model)
     relative = scene.relative()
     reduction = draft.reduce(scene.coordinates, scene.cuts, relative.dense(0, scene.locked))
     full = draft.matrices(scene, relative, reduction)
-    assert len(full.stiffness) == 12
+    assert len(full.row_stiffness) == 12
     for key in MATRICES:
         assert_array_equal(getattr(system, key), getattr(full, key), err_msg=key)
 
@@ -175,7 +175,7 @@ def test_classical_damping_takes_no_problem_of_twice_the_size(monkeypatch, kind)
 
     def forced(system, basis):
         rows = system.elastic_rows @ basis.shapes
-        return "", rows.T @ (system.damping[:, None] * rows)
+        return "", rows.T @ (system.row_damping[:, None] * rows)
 
     monkeypatch.setattr(damped, "classical_damping", forced)
     monkeypatch.setattr(modal, "proportional", lambda system: False, raising=False)

@@ -11,7 +11,7 @@ import numpy as np
 
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
-from mbsvib.isolation.controller import Controller
+from mbsvib.feedback.controller import Controller
 from mbsvib_export.atomic_file import check_companion, write_atomic
 from mbsvib_export.c_text import MARK, Plan, ascii_text, header, source, test_program
 from mbsvib_export.fmu_.names import identifier

@@ -67,8 +67,8 @@ def to_casadi_eigenvalues(system: System, parameters: str | Sequence[str]) -> An
 
 
 def to_casadi_response(
-    system: System, omega: ArrayLike, parameters: str | Sequence[str], input: str | None = None,
-    output: str | None = None,
+    system: System, omega: ArrayLike, parameters: str | Sequence[str], output: str | None = None,
+    input: str | None = None,
 ) -> Any:  # fmt: skip
     """Return the frequency response from one input to one output as a function of CasADi: p -> (real, imag).
 
@@ -82,7 +82,7 @@ def to_casadi_response(
         Angular frequencies [rad/s].
     parameters : str or sequence of str
         Names or patterns (``"leg*.k.stiffness"``) of any parameters of the model, the entries of p.
-    input, output : str, optional
+    output, input : str, optional
         Names; may be left out where there is one.
 
     Returns
@@ -109,7 +109,7 @@ def to_casadi_response(
         return result
 
     def derivatives(variant: System) -> Complex:
-        return variant.frequency_response_sensitivities(w, names, input_name, output_name)[:, 0, 0, :].T
+        return variant.frequency_response_sensitivities(w, names, output_name, input_name)[:, 0, 0, :].T
 
     return _callback("response", system, names, response, derivatives)
 

@@ -5,38 +5,48 @@ from __future__ import annotations
 import warnings
 from typing import TYPE_CHECKING, overload
 
-from mbsvib.api.system import System
 from mbsvib.errors import ExportError
 from mbsvib_export.names_ import SignalNames
-from mbsvib_export.neutral import refuse_many, state_space_of
+from mbsvib_export.neutral import linear_of, refuse_many, state_space_of
 from mbsvib_export.packages import need
 from mbsvib_export.sampling import step_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import control
     from numpy.typing import ArrayLike
 
     from mbsvib.api.batch import Batch
     from mbsvib.api.sparse_system import SparseSystem
+    from mbsvib.api.system import System
+    from mbsvib.feedback.closed_loop import ClosedLoop
+    from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.neutral import SystemData
+
+    Ports = str | Sequence[str] | None
 
 _INSTALL = "control>=0.10.1"
 
 
 @overload
 def to_control(
-    system: System | StateSpace | SystemData, realization: str = ..., dt: float | None = ...
-) -> control.StateSpace: ...
+    system: System | ClosedLoop | Controller | StateSpace | SystemData, realization: str = ...,
+    dt: float | None = ..., *, outputs: Ports = ..., inputs: Ports = ...,
+) -> control.StateSpace: ...  # fmt: skip
 
 
 @overload
-def to_control(system: Batch, realization: str = ..., dt: float | None = ...) -> list[control.StateSpace]: ...
+def to_control(
+    system: Batch, realization: str = ..., dt: float | None = ..., *, outputs: Ports = ..., inputs: Ports = ...
+) -> list[control.StateSpace]: ...
 
 
 def to_control(
-    system: System | StateSpace | SystemData | Batch, realization: str = "physical", dt: float | None = None
-) -> control.StateSpace | list[control.StateSpace]:
+    system: System | ClosedLoop | Controller | StateSpace | SystemData | Batch, realization: str = "physical",
+    dt: float | None = None, *, outputs: Ports = None, inputs: Ports = None,
+) -> control.StateSpace | list[control.StateSpace]:  # fmt: skip
     """Return a system as a state space of python-control, with the names of its states, inputs and outputs.
 
     x' = A x + B u,  y = C x + D u, the matrices bit for bit those of ``system.state_space(realization)``; no state is
@@ -50,13 +60,17 @@ def to_control(
 
     Parameters
     ----------
-    system : System, StateSpace, SystemData or Batch
-        The equations of motion, or a state space that is ready; a batch gives a list. Of a system that is held sparse
-        give some modes, ``system.reduced(20, correction=True)``; ``system.truncation_error`` tells what is missing.
+    system : System, ClosedLoop, Controller, StateSpace, control.StateSpace, SystemData or Batch
+        The equations of motion, a closed loop, or a state space that is ready; a batch gives a list. Of a system that
+        is held sparse give some modes, ``system.reduced(20, correction=True)``; ``system.truncation_error`` tells what
+        is missing.
     realization : str
         The states of a System: "physical" (q and q'), "modal" or "balanced".
     dt : float, optional
         Step [s] of a discrete system, exact for inputs that are held over it; default: continuous in time.
+    outputs, inputs : str or sequence of str, optional
+        Names or patterns of those that are exported; default: all. ``control.interconnect`` warns of every signal that
+        it does not connect, so that a loop is best made of the signals that it needs.
 
     Returns
     -------
@@ -68,7 +82,7 @@ def to_control(
     ExportError
         If python-control is not installed or cannot hold the system, or the step is not a positive number.
     ResponseError
-        If the realization is unknown.
+        If the realization or a name is unknown.
 
     Warns
     -----
@@ -79,8 +93,9 @@ def to_control(
     from mbsvib.api.batch import Batch
 
     if isinstance(system, Batch):
-        return [to_control(variant, realization, dt) for variant in system.state_space(realization)]
-    space = state_space_of(system, realization, "to_control")
+        return [to_control(variant, realization, dt, outputs=outputs, inputs=inputs)
+                for variant in system.state_space(realization)]  # fmt: skip
+    space = state_space_of(system, realization, "to_control").with_ports(outputs, inputs)
     if not space.inputs and 1 in (len(space.outputs), len(space.states)):
         raise ExportError(
             f"to_control: '{space.name}' has no inputs, and python-control cannot hold that together with a single "
@@ -104,7 +119,10 @@ def to_control(
     )  # fmt: skip
 
 
-def to_frd(system: System | SparseSystem, omega: ArrayLike) -> control.FrequencyResponseData:
+def to_frd(
+    system: System | SparseSystem | ClosedLoop | StateSpace | Controller, omega: ArrayLike, *, outputs: Ports = None,
+    inputs: Ports = None,
+) -> control.FrequencyResponseData:
     """Return the frequency response of a system as data of python-control, with the names of inputs and outputs.
 
     G(i w) as ``system.frequency_response`` computes it, from the factors of the matrices and not from a state space,
@@ -112,10 +130,12 @@ def to_frd(system: System | SparseSystem, omega: ArrayLike) -> control.Frequency
 
     Parameters
     ----------
-    system : System or SparseSystem
-        The equations of motion.
+    system : System, SparseSystem, ClosedLoop, StateSpace, Controller or control.StateSpace
+        The linear equations.
     omega : array-like, shape (n,)
         Angular frequencies [rad/s].
+    outputs, inputs : str or sequence of str, optional
+        Names or patterns of those that are exported; default: all.
 
     Returns
     -------
@@ -130,14 +150,17 @@ def to_frd(system: System | SparseSystem, omega: ArrayLike) -> control.Frequency
         If a frequency is not finite or is an undamped pole of the system.
     """
     control = need("control", "to_frd", _INSTALL)
-    if not isinstance(system, System) and type(system).__name__ != "SparseSystem":
+    linear = linear_of(system)
+    if linear is None:
         refuse_many(system, "to_frd")
-        raise ExportError(f"to_frd: system = {type(system).__name__}; expected a System (model.linearize()), whose "
-                          f"factors the response is computed from.")  # fmt: skip
+        raise ExportError(f"to_frd: system = {type(system).__name__}; expected a System (model.linearize()), a closed "
+                          f"loop or a state space, which have a frequency response.")  # fmt: skip
+    if outputs is not None or inputs is not None:
+        linear = linear.with_ports(outputs, inputs)
     return control.FrequencyResponseData(
-        system.frequency_response(omega), omega,
-        name=SignalNames.system_to_control(system.name, system.inputs + system.outputs),
-        inputs=_names(system.inputs), outputs=_names(system.outputs),
+        linear.frequency_response(omega), omega,
+        name=SignalNames.system_to_control(linear.name, linear.inputs + linear.outputs),
+        inputs=_names(linear.inputs), outputs=_names(linear.outputs),
     )  # fmt: skip
 
 

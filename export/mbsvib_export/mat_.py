@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.api.system import System
-from mbsvib.common.expected import a_path
+from mbsvib.common.expected import a_path, kind_of
 from mbsvib.common.file_content import content_of
 from mbsvib.common.mat_file import read_mat_file
 from mbsvib.errors import ExportError
@@ -32,9 +32,15 @@ from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.atomic_file import check_companion, write_atomic
 from mbsvib_export.format_version import FORMAT, VERSION, check_version
 from mbsvib_export.mat_script import is_script_of, script
-from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, system_data_of
+from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, space_of, system_data_of
 from mbsvib_export.read_errors import read_errors
-from mbsvib_export.responses import check_points, poles, response_scale, second_order_response
+from mbsvib_export.responses import (
+    check_points,
+    poles,
+    response_scale,
+    second_order_response,
+    state_space_response,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -58,8 +64,8 @@ def to_mat(
 
     Parameters
     ----------
-    system : System or SystemData
-        The equations of motion.
+    system : System, ClosedLoop, Controller, StateSpace, control.StateSpace or SystemData
+        The equations of motion, or first-order equations alone, which make no ``mechss`` object.
     path : str or path
         File to write, taken as it is: no suffix is added.
     realization : str
@@ -79,8 +85,14 @@ def to_mat(
     ResponseError
         If the realization is unknown.
     """
-    data = system_data_of(system, realization, "to_mat")
-    content = _content(data, system if isinstance(system, System) else None)
+    space = space_of(system, realization)
+    second = kind_of(system) == "closed loop" and getattr(system, "second_order", None) is not None
+    if isinstance(space, StateSpace) and not second:
+        data: SystemData | StateSpace = space
+        content = _space_content(space)
+    else:
+        data = system_data_of(system, realization, "to_mat")
+        content = _content(data, system if isinstance(system, System) else None)
     from scipy.io import savemat
 
     stream = BytesIO()
@@ -134,6 +146,9 @@ def from_mat(path: str | os.PathLike[str]) -> SystemData:
         arrays = read_mat_file(raw)
         own = arrays["mbsvib"]
         check_version(own["format"], int(own["version"].item()))
+        if "transform" not in own:
+            raise ExportError("a state space without equations of motion, which from_mat does not return; read A, B, C "
+                              "and D by scipy.io.loadmat.")
         return _data(arrays, own, arrays["mech"])
 
 
@@ -163,6 +178,31 @@ def _content(data: SystemData, system: System | None) -> dict[str, Any]:
                  "CoordinateName": words.cells(data.coordinates), "CoordinateUnit": words.cells(data.coordinate_units)},
         "check": {"omega": omega[:, None], "response": response,
                   "scale": response_scale(response, data, omega)},
+        "mbsvib": own,
+    }  # fmt: skip
+    if words.changed:
+        own["mapped"] = _cells(tuple(words.changed.values()))
+        own["original"] = _cells(tuple(np.frombuffer(name.encode(), dtype=np.uint8) for name in words.changed))
+    return result
+
+
+def _space_content(space: StateSpace) -> dict[str, Any]:
+    """First-order equations alone: what belongs to the equations of motion is empty."""
+    omega = check_points(poles(space.A))
+    words = _Words()
+    none, names = np.zeros((0, 0)), words.cells(())
+    response = state_space_response(space, omega)
+    size = np.abs(response).max(axis=2, initial=0.0)[:, :, None]
+    own = {"format": FORMAT, "version": float(VERSION), "realization": space.realization}
+    result = {
+        **{key: getattr(space, key) for key in "ABCD"}, "E": none, "Ts": 0.0, "Name": words.plain(space.name),
+        "InputName": words.cells(space.inputs), "InputUnit": words.cells(space.input_units),
+        "OutputName": words.cells(space.outputs), "OutputUnit": words.cells(space.output_units),
+        "StateName": words.cells(space.states), "StateUnit": words.cells(space.state_units),
+        "mech": {**dict.fromkeys(("M", "C", "K", "B", "F", "G", "D"), none), "CoordinateName": names,
+                 "CoordinateUnit": names},
+        "check": {"omega": omega[:, None], "response": response,
+                  "scale": np.broadcast_to(np.where(size > 0.0, size, 1.0), response.shape)},
         "mbsvib": own,
     }  # fmt: skip
     if words.changed:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import ExportError
-from mbsvib.isolation.controller import Controller
+from mbsvib.feedback.controller import Controller
 from mbsvib.version import __version__
 from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.fmu_.names import base_unit, identifier

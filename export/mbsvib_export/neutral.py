@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.api.system import System
+from mbsvib.common.expected import kind_of
 from mbsvib.errors import ExportError
+from mbsvib.responses.from_control import is_control
 from mbsvib.responses.state_space import StateSpace
 
 if TYPE_CHECKING:
@@ -21,6 +23,8 @@ SECOND_ORDER = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
 FIRST_ORDER = ("A", "B", "C", "D", "transform")
 # What a state space has only where damped motions without mass have rates that inputs change at once.
 THROUGH = "through"
+# State spaces that have no other realization: exporters take them as they are.
+READY = ("given", "controller")
 
 
 def first_order(space: StateSpace) -> dict[str, Array]:
@@ -152,13 +156,13 @@ class SystemData:
                 f"{len(self.outputs)} outputs)")  # fmt: skip
 
 
-def state_space_of(source: System | StateSpace | SystemData, realization: str, caller: str) -> StateSpace:
+def state_space_of(source: object, realization: str, caller: str) -> StateSpace:
     """Return the state space of what an exporter was given.
 
     Parameters
     ----------
-    source : System, StateSpace or SystemData
-        A system, or a state space that is ready and taken as it is.
+    source : System, ClosedLoop, Controller, StateSpace, control.StateSpace or SystemData
+        A system or closed loop, or a state space that is ready and taken as it is.
     realization : str
         The states wanted of a system; of a ready state space, "physical" (the default) asks for nothing.
     caller : str
@@ -178,15 +182,58 @@ def state_space_of(source: System | StateSpace | SystemData, realization: str, c
     """
     if isinstance(source, System):
         return source.state_space(realization)
-    ready = source.state_space if isinstance(source, SystemData) else source
+    ready = source.state_space if isinstance(source, SystemData) else space_of(source, realization)
     if not isinstance(ready, StateSpace):
         refuse_many(source, caller)
         raise ExportError(f"{caller}: system = {type(source).__name__}; expected a System (model.linearize()), a "
                           f"StateSpace (system.state_space()) or SystemData (from_json, from_npz).")  # fmt: skip
-    if realization not in ("physical", ready.realization):
+    if realization not in ("physical", ready.realization) and ready.realization not in READY:
         raise ExportError(f"{caller}: realization = {realization!r}, and the state space given is "
                           f"{ready.realization!r}; give the System instead, or leave the realization out.")  # fmt: skip
     return ready
+
+
+def space_of(source: object, realization: str) -> object:
+    """Return the state space of a closed loop, a controller or a state space of python-control; else the source.
+
+    Parameters
+    ----------
+    source : object
+        What an exporter was given.
+    realization : str
+        The states wanted of a closed loop of second order.
+
+    Returns
+    -------
+    object
+        A StateSpace where there is one.
+    """
+    kind = kind_of(source)
+    if kind == "closed loop":
+        second = getattr(source, "second_order", None)
+        return source.state_space() if second is None else second.state_space(realization)  # type: ignore[attr-defined]
+    if kind == "controller":
+        return source.state_space()  # type: ignore[attr-defined]
+    return StateSpace.from_control(source) if kind is None and is_control(source) else source
+
+
+def linear_of(source: object) -> Any:
+    """Return what answers with responses, poles and zeros: systems, closed loops, state spaces.
+
+    Parameters
+    ----------
+    source : object
+        What an exporter was given.
+
+    Returns
+    -------
+    object
+        None if it is nothing of this kind.
+    """
+    if kind_of(source) in ("system", "sparse system", "closed loop", "state space"):
+        return source
+    ready = space_of(source, "modal")
+    return ready if isinstance(ready, StateSpace) else None
 
 
 def refuse_many(source: object, caller: str) -> None:
@@ -242,8 +289,12 @@ def system_data_of(source: System | SystemData, realization: str, caller: str) -
     """
     if isinstance(source, System):
         return SystemData.of(source, realization)
+    second = getattr(source, "second_order", None) if kind_of(source) == "closed loop" else None
+    if second is not None:
+        return SystemData.of(second, realization)
     state_space_of(source, realization, caller)
     if not isinstance(source, SystemData):
-        raise ExportError(f"{caller}: system = StateSpace; expected a System or SystemData: the file also holds the "
-                          f"second-order equations, which a state space does not have.")  # fmt: skip
+        raise ExportError(f"{caller}: system = {type(source).__name__}; expected a System, a closed loop with static "
+                          f"gains, or SystemData: the file also holds second-order equations. State spaces go to "
+                          f"to_control, to_scipy, to_casadi, to_fmu, to_c and to_modelica.")  # fmt: skip
     return source

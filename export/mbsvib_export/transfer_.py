@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.api.system import System
+from mbsvib.common.expected import kind_of
 from mbsvib.errors import ExportError
 from mbsvib_export.names_ import SignalNames
-from mbsvib_export.neutral import refuse_many
+from mbsvib_export.neutral import linear_of, refuse_many
 from mbsvib_export.packages import need
 
 if TYPE_CHECKING:
     import control
 
+    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.feedback.closed_loop import ClosedLoop
+    from mbsvib.responses.state_space import StateSpace
 
 
 WORST = 1e-6
@@ -25,7 +28,7 @@ SAME = 1e-9
 
 
 def to_transfer_function(
-    system: System, input: str | None = None, output: str | None = None
+    system: System | ClosedLoop | StateSpace, output: str | None = None, input: str | None = None
 ) -> tuple[control.TransferFunction, float]:
     """Return the transfer function of one input and output as polynomials, and its error.
 
@@ -36,12 +39,12 @@ def to_transfer_function(
 
     Parameters
     ----------
-    system : System
+    system : System, ClosedLoop, StateSpace or control.StateSpace
         The equations of motion.
-    input : str, optional
-        Name of the input; may be left out where there is one.
     output : str, optional
         Name of the output; may be left out where there is one.
+    input : str, optional
+        Name of the input; may be left out where there is one.
 
     Returns
     -------
@@ -58,28 +61,29 @@ def to_transfer_function(
         If a name is unknown.
     """
     control = need("control", "to_transfer_function", "control>=0.10.1")
-    if not isinstance(system, System):
+    if linear_of(system) is None or kind_of(system) == "sparse system":
         refuse_many(system, "to_transfer_function")
         raise ExportError(f"to_transfer_function: system = {type(system).__name__}; expected a System "
                           f"(model.linearize()), whose poles and zeros are computed from its factors.")  # fmt: skip
-    source = _only(input, system.inputs, "input", system.name)
-    target = _only(output, system.outputs, "output", system.name)
-    omega = _grid(system, source, target)
-    exact = system.frequency_response(omega)[system.outputs.index(target), system.inputs.index(source)]
-    poles, zeros = _without_common(system.poles(), system.transmission_zeros(source, target))
+    linear = linear_of(system)
+    source = _only(input, linear.inputs, "input", linear.name)
+    target = _only(output, linear.outputs, "output", linear.name)
+    omega = _grid(linear, source, target)
+    exact = linear.frequency_response(omega)[linear.outputs.index(target), linear.inputs.index(source)]
+    poles, zeros = _without_common(linear.poles(), linear.transmission_zeros(outputs=target, inputs=source))
     numerator, denominator = _polynomials(poles, zeros, omega, exact)
     with np.errstate(all="ignore"):  # what overflows is refused below
         response = np.polyval(numerator, 1j * omega) / np.polyval(denominator, 1j * omega)
     error = _error(response, exact)
     if not error <= WORST:
         raise ExportError(
-            f"to_transfer_function: '{source}' to '{target}' of '{system.name}' has {len(poles)} poles, and as "
+            f"to_transfer_function: '{source}' to '{target}' of '{linear.name}' has {len(poles)} poles, and as "
             f"polynomials its frequency response is off by {error:.1e}; expected at most {WORST:.0e}. Use "
             f"to_control, whose state space keeps the digits, or a model of fewer modes."
         )
     result = control.TransferFunction(
         numerator, denominator, inputs=[SignalNames.to_control(source)], outputs=[SignalNames.to_control(target)],
-        name=SignalNames.system_to_control(system.name, (source, target)),
+        name=SignalNames.system_to_control(linear.name, (source, target)),
     )  # fmt: skip
     return result, error
 
@@ -95,10 +99,10 @@ def _only(name: str | None, known: tuple[str, ...], what: str, owner: str) -> st
     return known[0] if name is None else name
 
 
-def _grid(system: System, source: str, target: str) -> Array:
-    if not system.dof:
+def _grid(system: Any, source: str, target: str) -> Array:
+    if not len(system.poles()):
         return np.array([1.0])
-    return np.asarray(system.frequency_grid(source, target), dtype=float)
+    return np.asarray(system.frequency_grid(outputs=target, inputs=source), dtype=float)
 
 
 def _without_common(poles: Complex, zeros: Complex) -> tuple[Complex, Complex]:

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.api.system import System
-from mbsvib.common.expected import a_path
+from mbsvib.common.expected import a_path, kind_of
 from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.errors import ExportError
 from mbsvib_export.atomic_file import write_atomic
-from mbsvib_export.neutral import SystemData, refuse_many
+from mbsvib_export.neutral import SystemData, linear_of, refuse_many
 from mbsvib_export.responses import second_order_response
 from mbsvib_export.uff_functions import MARK
 from mbsvib_export.uff_geometry import geometry_sets, mode_sets
@@ -78,7 +78,7 @@ def to_uff(
     ResponseError
         If a frequency is not finite or is an undamped pole of the system.
     """
-    if not isinstance(system, (System, SystemData)):
+    if not isinstance(system, SystemData) and (linear_of(system) is None or kind_of(system) == "sparse system"):
         refuse_many(system, "to_uff")
         raise ExportError(f"to_uff: system = {type(system).__name__}; expected a System (model.linearize()) or what "
                           f"was read from a file.")  # fmt: skip

@@ -60,6 +60,8 @@ class Modes(result.Modes):
         """
         from mbsvib.plots.animation import animation
 
+        if self._provenance is not None:
+            self._provenance.check_mechanism(self.name, "animate")
         result = animation(self, self._provenance, mode, amplitude, view, frames, rate)
         if path is not None:
             result.save(path)

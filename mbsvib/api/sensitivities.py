@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Self
 
+from mbsvib.common.selection import key_ports
 from mbsvib.equations.equations import Equations
+from mbsvib.equations.selection import with_ports
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -14,9 +16,9 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.responses.basis import Basis
+    from mbsvib.responses.norms import Norm
     from mbsvib.sensitivities.basis import SensitivityBasis
     from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
-    from mbsvib.sensitivities.norms import Norm
     from mbsvib.sensitivities.shapes import ModeSensitivities
 
     Ports = str | Sequence[str] | None
@@ -40,6 +42,56 @@ class Sensitive(Equations):
         from mbsvib.sensitivities.basis import SensitivityBasis
 
         return SensitivityBasis(self.basis)
+
+    def __getitem__(self, key: Any) -> Self:
+        """Return the system with some of its outputs and inputs, ``system[outputs, inputs]``.
+
+        y_selected = G(outputs, inputs) u_selected; the coordinates and modes stay the same, and modes are shared.
+
+        Parameters
+        ----------
+        key : pair of str, sequence of str or slice
+            Names or patterns of outputs, then of inputs: ``system["tilt", "motor"]``,
+            ``system[["x", "y"], "leg*.F"]``; ``:`` takes all. The order of the names is kept; what a pattern picks is
+            in the order of the system.
+
+        Returns
+        -------
+        System
+            The same equations with these ports.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, or a pattern picks nothing; the nearest name is suggested.
+        """
+        return self.with_ports(*key_ports(key, self.name))
+
+    def with_ports(
+        self, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
+    ) -> Self:
+        """Return the system with some of its outputs and inputs, as ``system[outputs, inputs]`` does.
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns, in the order in which they are wanted; default: all.
+
+        Returns
+        -------
+        System
+            The same equations with these ports.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, or a pattern picks nothing.
+        """
+        if outputs is None and inputs is None:
+            return self
+        selection = with_ports(self, outputs, inputs)
+        selection.__dict__["basis"] = self.basis.with_equations(selection)
+        return selection
 
     def eigenvalue_sensitivities(self, parameters: Asked = None) -> Complex:
         """Return the derivatives of all eigenvalues to parameters.
@@ -70,8 +122,8 @@ class Sensitive(Equations):
         return eigenvalue_sensitivities(self.sensitivity_basis, parameters)
 
     def frequency_response_sensitivities(
-        self, omega: ArrayLike, parameters: Asked = None, inputs: str | Sequence[str] | None = None,
-        outputs: str | Sequence[str] | None = None,
+        self, omega: ArrayLike, parameters: Asked = None, outputs: str | Sequence[str] | None = None,
+        inputs: str | Sequence[str] | None = None,
     ) -> Complex:  # fmt: skip
         """Return the derivatives of the frequency response to parameters, for about one more solution a frequency.
 
@@ -85,8 +137,8 @@ class Sensitive(Equations):
             Angular frequencies [rad/s]; 0 gives the static compliance.
         parameters : str, iterable of str or mapping, optional
             Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every parameter.
-        inputs, outputs : str or sequence of str, optional
-            Names of ports; default: all.
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all.
 
         Returns
         -------
@@ -103,7 +155,7 @@ class Sensitive(Equations):
         """
         from mbsvib.sensitivities import frequency_response_sensitivities
 
-        return frequency_response_sensitivities(self.sensitivity_basis, omega, parameters, inputs, outputs)
+        return frequency_response_sensitivities(self.sensitivity_basis, omega, parameters, outputs, inputs)
 
     def matrix_derivatives(self, parameters: Asked = None) -> MatrixDerivatives:
         """Return the derivatives of M, C, K, B, Cq, Cv, Ca and D to parameters.
@@ -149,7 +201,7 @@ class Sensitive(Equations):
         return mode_sensitivities(self.sensitivity_basis, parameters)
 
     def compliance_sensitivities(
-        self, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None
+        self, parameters: Asked = None, outputs: Ports = None, inputs: Ports = None
     ) -> Array:  # fmt: skip
         """Return the derivatives of the static compliance, G(0) = Cq K^-1 B + D, to parameters.
 
@@ -157,8 +209,8 @@ class Sensitive(Equations):
         ----------
         parameters : str, iterable of str or mapping, optional
             Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every parameter.
-        inputs, outputs : str or sequence of str, optional
-            Names of ports; default: all.
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all.
 
         Returns
         -------
@@ -174,7 +226,7 @@ class Sensitive(Equations):
         """
         from mbsvib.sensitivities import frequency_response_sensitivities
 
-        derivatives = frequency_response_sensitivities(self.sensitivity_basis, [0.0], parameters, inputs, outputs)
+        derivatives = frequency_response_sensitivities(self.sensitivity_basis, [0.0], parameters, outputs, inputs)
         return derivatives[..., 0].real
 
     def time_response_sensitivities(
@@ -212,17 +264,18 @@ class Sensitive(Equations):
 
         return time_response_sensitivities(self.sensitivity_basis, t, u, parameters, hold, initial)
 
-    def h2_norm(self, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None) -> Norm:
+    def h2_norm(self, outputs: Ports = None, inputs: Ports = None, parameters: Asked = None) -> Norm:
         """Return the H2 norm of the frequency response, the rms under white noise, with its derivatives.
 
         ||G||^2 = 1 / 2 pi integral of tr(G(i w)^H G(i w)) dw over all frequencies
 
         Parameters
         ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all. Their units are not weighed.
         parameters : str, iterable of str or mapping, optional
-            Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every parameter.
-        inputs, outputs : str or sequence of str, optional
-            Names of ports; default: all. Their units are not weighed.
+            Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every
+            parameter; ``[]`` for none.
 
         Returns
         -------
@@ -238,19 +291,20 @@ class Sensitive(Equations):
         """
         from mbsvib.sensitivities import h2_norm
 
-        return h2_norm(self.sensitivity_basis, parameters, inputs, outputs)
+        return h2_norm(self.sensitivity_basis, outputs, inputs, parameters)
 
-    def hinf_norm(self, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None) -> Norm:
+    def hinf_norm(self, outputs: Ports = None, inputs: Ports = None, parameters: Asked = None) -> Norm:
         """Return the highest peak of the frequency response (its largest singular value), with its derivatives.
 
         ||G|| = max over w of sigma(G(i w))
 
         Parameters
         ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all. Their units are not weighed.
         parameters : str, iterable of str or mapping, optional
-            Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every parameter.
-        inputs, outputs : str or sequence of str, optional
-            Names of ports; default: all. Their units are not weighed.
+            Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every
+            parameter; ``[]`` for none.
 
         Returns
         -------
@@ -266,4 +320,4 @@ class Sensitive(Equations):
         """
         from mbsvib.sensitivities import hinf_norm
 
-        return hinf_norm(self.sensitivity_basis, parameters, inputs, outputs)
+        return hinf_norm(self.sensitivity_basis, outputs, inputs, parameters)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NoReturn, cast
 
+import numpy as np
+
 from mbsvib.api.system import System
 from mbsvib.errors import ResponseError, counted
 from mbsvib.sparse.equations import SparseEquations
@@ -117,8 +119,10 @@ class SparseSystem(SparseEquations):
             self._refuse("mode_sensitivities", "mode_sensitivities(parameters, modes=k)")
         return sparse_mode_sensitivities(self, parameters, modes, near, System, SomeModes)
 
-    def frequency_response(self, omega: ArrayLike) -> Complex:
-        """Return the frequency response of all inputs and outputs, from one sparse factorisation a frequency.
+    def frequency_response(
+        self, omega: ArrayLike, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
+    ) -> Complex:
+        """Return the frequency response from inputs to outputs, from one sparse factorisation a frequency.
 
         G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D
 
@@ -126,6 +130,8 @@ class SparseSystem(SparseEquations):
         ----------
         omega : array-like, shape (n,)
             Angular frequencies [rad/s].
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all.
 
         Returns
         -------
@@ -135,11 +141,13 @@ class SparseSystem(SparseEquations):
         Raises
         ------
         ResponseError
-            If a frequency is not finite or is an undamped pole of the system.
+            If a frequency is not finite or is an undamped pole of the system, or a name is unknown.
         """
+        from mbsvib.common.selection import port_numbers
         from mbsvib.sparse.response import frequency_response
 
-        return frequency_response(self, omega)
+        rows, columns = port_numbers(outputs, inputs, (self.outputs, self.inputs), self.name)
+        return frequency_response(self, omega)[np.ix_(rows, columns)]
 
     def static_compliance(self) -> Array:
         """Return the static displacements of the outputs per unit input, Cq K^-1 B (and D where it has accelerations).
@@ -159,7 +167,7 @@ class SparseSystem(SparseEquations):
         return static_compliance(self)
 
     def reachable(
-        self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
+        self, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
     ) -> SparseSystem:
         """Return the controllable and observable bodies for the given inputs and outputs, with these ports only.
 
@@ -168,7 +176,7 @@ class SparseSystem(SparseEquations):
 
         Parameters
         ----------
-        inputs, outputs : str or sequence of str, optional
+        outputs, inputs : str or sequence of str, optional
             Names of ports; default: all.
 
         Returns
@@ -183,7 +191,7 @@ class SparseSystem(SparseEquations):
         """
         from mbsvib.sparse.reachable import reachable
 
-        return reachable(self, inputs, outputs)
+        return reachable(self, outputs, inputs)
 
     def reduced(self, count: int, near: float = 0.0, *, correction: bool = False) -> System:
         """Return the system that the lowest modes make: a small dense one with the coordinates mode1, mode2, ...

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
+from mbsvib.api.connecting import Connecting
 from mbsvib.api.sensitivities import Sensitive
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import counted
@@ -15,19 +16,66 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.api.modes import Modes
+    from mbsvib.api.state_space import StateSpace
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.explain.energy_shares import StiffnessShares
     from mbsvib.modes import result
-    from mbsvib.responses.state_space import StateSpace
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class System(Sensitive, Equations):
+class System(Connecting, Sensitive, Equations):
     """M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u, in minimal coordinates q.
 
     Matrices, factors and names are those of ``Equations``; modes are computed once, and results are
     cached.
     """
+
+    @classmethod
+    def from_matrices(
+        cls, M: ArrayLike, C: ArrayLike | None, K: ArrayLike, B: ArrayLike | None = None, Cq: ArrayLike | None = None,
+        Cv: ArrayLike | None = None, Ca: ArrayLike | None = None, D: ArrayLike | None = None,
+        inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None,
+        coordinates: Sequence[str] | None = None, name: str = "system",
+    ) -> System:  # fmt: skip
+        """Return a system of matrices that come from elsewhere, such as a finite element program.
+
+        M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u
+
+        Parameters
+        ----------
+        M : array-like, shape (m, m)
+            Mass matrix, symmetric and positive definite.
+        C : array-like, shape (m, m), or None
+            Damping matrix; its antisymmetric part counts as gyroscopic.
+        K : array-like, shape (m, m)
+            Stiffness matrix; its antisymmetric part counts as circulatory. Eigenvalues that are rounding of the matrix,
+            scaled to a diagonal of ones, are 0: rigid-body modes.
+        B : array-like, shape (m, inputs), optional
+            Input matrix; default: no inputs.
+        Cq, Cv, Ca : array-like, shape (outputs, m), optional
+            Output matrices of displacements, velocities and accelerations. If these and D are left out, outputs are the
+            coordinates.
+        D : array-like, shape (outputs, inputs), optional
+            Feedthrough.
+        inputs, outputs, coordinates : sequence of str, optional
+            Names; default: u1, u2, ...; y1, y2, ...; q1, q2, ....
+        name : str
+            Name for tables and figures.
+
+        Returns
+        -------
+        System
+            With modes, responses, norms and exports of any system. There are no bodies and parameters: shapes of
+            bodies, sensitivities, reactions and the mechanism's pictures are refused.
+
+        Raises
+        ------
+        ModelError
+            If shapes do not match, M is not symmetric positive definite, or numbers are not finite.
+        """
+        from mbsvib.equations.given_matrices import given_matrices
+
+        return given_matrices((M, C, K), (B, Cq, Cv, Ca, D), (inputs, outputs, coordinates), name, cls)
 
     def modes(self, count: int | None = None, *, near: float = 0.0, rtol: float | None = None) -> Modes:
         """Return modes: eigenvalues, frequencies, damping ratios, shapes and error estimates.
@@ -59,8 +107,10 @@ class System(Sensitive, Equations):
             result.check_accuracy(rtol)
         return cast("Modes", result)
 
-    def frequency_response(self, omega: ArrayLike) -> Complex:
-        """Return the frequency response of all inputs and outputs.
+    def frequency_response(
+        self, omega: ArrayLike, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
+    ) -> Complex:
+        """Return the frequency response from inputs to outputs.
 
         G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D
 
@@ -68,6 +118,8 @@ class System(Sensitive, Equations):
         ----------
         omega : array-like, shape (n,)
             Angular frequencies [rad/s].
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all.
 
         Returns
         -------
@@ -77,15 +129,16 @@ class System(Sensitive, Equations):
         Raises
         ------
         ResponseError
-            If a frequency is not finite or is an undamped pole of the system.
+            If a frequency is not finite or is an undamped pole of the system, or a name is unknown.
         """
         from mbsvib.responses.frequency_response import frequency_response
 
-        return frequency_response(self.basis, omega)
+        return frequency_response(self.with_ports(outputs, inputs).basis, omega)
 
     def time_response(
-        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: tuple[ArrayLike, ArrayLike] | None = None
-    ) -> Array:
+        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: tuple[ArrayLike, ArrayLike] | None = None,
+        outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None,
+    ) -> Array:  # fmt: skip
         """Return the time response to inputs that are held or vary linearly between the samples; exact for these.
 
         Parameters
@@ -98,6 +151,8 @@ class System(Sensitive, Equations):
             "first": linear between samples; "zero": constant from each sample to the next.
         initial : pair of array-like, shape (m,), optional
             q and q' at t[0]; default: rest.
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all. Rows of ``u`` are those of ``inputs``, other inputs are 0.
 
         Returns
         -------
@@ -107,11 +162,11 @@ class System(Sensitive, Equations):
         Raises
         ------
         ResponseError
-            If times do not ascend, shapes do not match, or the hold is unknown.
+            If times do not ascend, shapes do not match, or the hold or a name is unknown.
         """
         from mbsvib.responses.time_response import time_response
 
-        return time_response(self.basis, t, u, hold, initial)
+        return time_response(self.with_ports(outputs, inputs).basis, t, u, hold, initial)
 
     def poles(self) -> Complex:
         """Return the poles: all 2m eigenvalues, (lambda^2 M + lambda C + K) phi = 0, as accurate as responses need.
@@ -125,7 +180,7 @@ class System(Sensitive, Equations):
         return self.basis.poles.copy()
 
     def transmission_zeros(
-        self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
+        self, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
     ) -> Complex:
         """Return the invariant zeros from some inputs to some outputs.
 
@@ -133,7 +188,7 @@ class System(Sensitive, Equations):
 
         Parameters
         ----------
-        inputs, outputs : str or sequence of str, optional
+        outputs, inputs : str or sequence of str, optional
             Names; default: all. Their numbers may differ.
 
         Returns
@@ -149,17 +204,17 @@ class System(Sensitive, Equations):
         """
         from mbsvib.responses.transmission_zeros import transmission_zeros
 
-        return transmission_zeros(self.basis, inputs, outputs)
+        return transmission_zeros(self.basis, outputs, inputs)
 
     def frequency_grid(
-        self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None,
+        self, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None,
         n: int | None = None, *, f_min: float | None = None, f_max: float | None = None,
     ) -> Array:  # fmt: skip
         """Return angular frequencies that resolve every resonance and antiresonance from inputs to outputs.
 
         Parameters
         ----------
-        inputs, outputs : str or sequence of str, optional
+        outputs, inputs : str or sequence of str, optional
             Names; default: all. Each pair's zeros count, so that a choice saves points and time.
         n : int, optional
             Number of points on an even logarithmic spacing, to which the others are added; default: 150 a decade.
@@ -180,10 +235,10 @@ class System(Sensitive, Equations):
         """
         from mbsvib.responses.frequency_grid import frequency_grid
 
-        return frequency_grid(self.basis, inputs, outputs, n, f_min=f_min, f_max=f_max)
+        return frequency_grid(self.basis, outputs, inputs, n, f_min=f_min, f_max=f_max)
 
     def reachable(
-        self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
+        self, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
     ) -> System:
         """Return the controllable and observable part for the given inputs and outputs, with these ports only.
 
@@ -192,7 +247,7 @@ class System(Sensitive, Equations):
 
         Parameters
         ----------
-        inputs, outputs : str or sequence of str, optional
+        outputs, inputs : str or sequence of str, optional
             Names of ports; default: all.
 
         Returns
@@ -207,7 +262,7 @@ class System(Sensitive, Equations):
         """
         from mbsvib.equations.controllable_part import reachable
 
-        return reachable(self, inputs, outputs)
+        return reachable(self, outputs, inputs)
 
     def state_space(self, realization: str = "physical", reachable: bool = False) -> StateSpace:
         """Return first-order equations x' = A x + B u, y = C x + D u.
@@ -229,9 +284,10 @@ class System(Sensitive, Equations):
         ResponseError
             If the realization is unknown, or modes all but meet, so that they have no modal states of their own.
         """
-        from mbsvib.responses.state_space import state_space
+        from mbsvib.api.state_space import StateSpace
+        from mbsvib.responses.realizations import state_space
 
-        return state_space((self.reachable() if reachable else self).basis, realization)
+        return state_space((self.reachable() if reachable else self).basis, realization, StateSpace)
 
     @property
     def reactions(self) -> dict[str, Array]:

@@ -14,14 +14,14 @@ FOLDER = Path("mbsvib-demo")
 # (extra, what it is for, the command that needs it)
 EXTRAS = (
     ("report", "a page for any browser, the modes in motion", "report stewart"),
-    ("video", "a mode as MP4 (.gif needs no extra)", "animate stewart -f mode.mp4"),
+    ("video", "a mode as MP4 (.gif needs no extra)", "animate stewart -o mode.mp4"),
     ("fmu", "a functional mock-up unit where no C compiler is", "export stewart -o stewart.fmu"),
     ("hdf5", "matrices and state space as HDF5", "export stewart -o stewart.h5"),
 )
 
 
 def demo(
-    folder: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the files go.")] = FOLDER,
+    folder: Annotated[Path, typer.Option("--folder", "-o", metavar="FOLDER", help="Where the files go.")] = FOLDER,
 ) -> None:
     """Compute the Stewart platform end to end: modes, Bode plots, step response, files in a folder."""
     from mbsvib import library, plots
@@ -50,11 +50,11 @@ def demo(
     content = csv_text(modes).encode()
     write_atomic(wrote("modes.csv", "the table above, with every digit"), lambda stream: stream.write(content))
     write_figure(plots.modes(system), wrote("modes.png", "natural frequencies and damping ratios"))
-    force = plots.bode(system, "Fx", "x")
+    force = plots.bode(system, "x", "Fx")
     write_figure(force, wrote("bode-force.png", "Bode plot, force on the platform to its displacement"))
-    base = plots.bode(system, "ax", "platform.ax")
+    base = plots.bode(system, "platform.ax", "ax")
     write_figure(base, wrote("bode-base.png", "Bode plot, acceleration of the base to that of the platform"))
-    write_figure(plots.step(system, "Fx", "x"), wrote("step.png", "response to a step of that force"))
+    write_figure(plots.step(system, "x", "Fx"), wrote("step.png", "response to a step of that force"))
     save(model, wrote("stewart.yaml", "the model: bodies, joints, springs, inputs, outputs; edit and try again"))
     to_npz(system, wrote("stewart.npz", "M C K B, state space, names and units for numpy"))
     to_json(system, wrote("stewart.json", "the same for any language"))

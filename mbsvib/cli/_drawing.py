@@ -17,7 +17,7 @@ FORMATS = (".png", ".pdf", ".svg")
 MOTIONS = (".gif", ".mp4", ".html")
 ViewOption = Annotated[str, typer.Option("--view", metavar="VIEW", help="From where: 3-D, x, y or z.")]
 FileOption = Annotated[
-    Path | None, typer.Option("--file", "-f", metavar="FILE", help=f"Where to: {', '.join(FORMATS)}.")
+    Path | None, typer.Option("--file", "-o", metavar="FILE", help=f"Where to: {', '.join(FORMATS)}.")
 ]
 FirstOption = Annotated[float | None, typer.Option("--from", metavar="HZ", help="First frequency [Hz].")]
 LastOption = Annotated[float | None, typer.Option("--to", metavar="HZ", help="Last frequency [Hz].")]
@@ -33,7 +33,7 @@ def bode(
     sources, results, remark = ports(system, inputs, outputs)
     from mbsvib import plots
 
-    figure = plots.bode(system, sources, results, span=(first, last))
+    figure = plots.bode(system, results, sources, span=(first, last))
     _deliver(figure, file, f"{system.name}-bode.png", remark)
 
 
@@ -47,7 +47,7 @@ def nyquist(
     sources, results, remark = ports(system, inputs, outputs)
     from mbsvib import plots
 
-    figure = plots.nyquist(system, sources, results, span=(first, last))
+    figure = plots.nyquist(system, results, sources, span=(first, last))
     _deliver(figure, file, f"{system.name}-nyquist.png", remark)
 
 
@@ -60,7 +60,7 @@ def sigma(
     system = system_of(model)
     from mbsvib import plots
 
-    figure = plots.singular_values(system, inputs or None, outputs or None, span=(first, last))
+    figure = plots.singular_values(system, outputs or None, inputs or None, span=(first, last))
     _deliver(figure, file, f"{system.name}-sigma.png", "")
 
 
@@ -68,7 +68,7 @@ def step(
     model: ModelArgument,
     inputs: InputOption = None,
     outputs: OutputOption = None,
-    until: Annotated[float | None, typer.Option("--until", metavar="SECONDS", help="Last time, in s.")] = None,
+    duration: Annotated[float | None, typer.Option("--duration", metavar="SECONDS", help="Time shown.")] = None,
     file: FileOption = None,
 ) -> None:
     """Draw responses to unit steps into a file (default: NAME-step.png)."""
@@ -77,7 +77,7 @@ def step(
     sources, results, remark = ports(system, inputs, outputs)
     from mbsvib import plots
 
-    _deliver(plots.step(system, sources, results, until), file, f"{system.name}-step.png", remark)
+    _deliver(plots.step(system, results, sources, duration), file, f"{system.name}-step.png", remark)
 
 
 def draw(model: ModelArgument, view: ViewOption = "3-D", file: FileOption = None) -> None:
@@ -94,7 +94,7 @@ def animate(
     mode: Annotated[int, typer.Option("--mode", "-m", metavar="N", help="The mode's number in the table, from 1.")] = 1,
     view: ViewOption = "3-D",
     file: Annotated[
-        Path | None, typer.Option("--file", "-f", metavar="FILE", help="Where to: .gif, .mp4 or .html.")
+        Path | None, typer.Option("--file", "-o", metavar="FILE", help="Where to: .gif, .mp4 or .html.")
     ] = None,
 ) -> None:
     """Write a mode in motion into a file (default: NAME-modeN.gif)."""

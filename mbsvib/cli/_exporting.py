@@ -31,15 +31,18 @@ KINDS = {
 
 def export(
     model: ModelArgument,
-    file: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help=f"Where to: {', '.join(KINDS)}.")],
+    file: Annotated[Path, typer.Option("--file", "-o", metavar="FILE", help=f"Where to: {', '.join(KINDS)}.")],
     realization: Annotated[
-        str | None, typer.Option("--states", metavar="KIND", help="States: physical (of .c: modal), modal or balanced.")
+        str | None,
+        typer.Option("--realization", metavar="KIND", help="States: physical (of .c: modal), modal or balanced."),
+    ] = None,
+    step: Annotated[
+        float | None, typer.Option("--step", metavar="SECONDS", help="Time between samples, for .c.")
     ] = None,
     fmi: Annotated[str, typer.Option("--fmi", metavar="VERSION", help="Of an FMU: 2.0 or 3.0.")] = "3.0",
     platforms: Annotated[
         str | None, typer.Option("--platforms", metavar="NAMES", help="Of an FMU: all, or names with commas between.")
     ] = None,
-    dt: Annotated[float | None, typer.Option("--dt", metavar="SECONDS", help="Time between samples, for .c.")] = None,
 ) -> None:
     """Write the linear system, frequency responses or the model (.yaml), by the suffix of the file."""
     suffix = file.suffix.lower()
@@ -47,8 +50,9 @@ def export(
         known = "; ".join(f"{kind}: {words}" for kind, words in KINDS.items())
         hint = nearest(suffix, KINDS)
         raise shell.UsageProblem(f"'{file}': no format goes by the suffix '{suffix}'.{hint} Known: {known}.")
-    if dt is not None and suffix != ".c":
-        raise shell.UsageProblem(f"--dt {dt:g}: '{file}' is continuous in time; give --dt with a file that ends in .c.")
+    if step is not None and suffix != ".c":
+        raise shell.UsageProblem(f"--step {step:g}: '{file}' is continuous in time; give --step with a file that ends "
+                                 f"in .c.")  # fmt: skip
     if suffix != ".fmu" and (fmi != "3.0" or platforms is not None):
         raise shell.UsageProblem(f"--fmi and --platforms: '{file}' is no FMU; give them with a file that ends in .fmu.")
     source = model_of(model)
@@ -68,7 +72,7 @@ def export(
         }  # fmt: skip
         states = {} if realization is None else {"realization": realization}
         if suffix == ".c":
-            mx.to_c(system, file.parent, name=file.stem, **states, **({} if dt is None else {"step": dt}))  # type: ignore[arg-type]
+            mx.to_c(system, file.parent, name=file.stem, **states, **({} if step is None else {"step": step}))  # type: ignore[arg-type]
         elif suffix == ".fmu":
             asked = platforms if platforms in (None, "all") else tuple(platforms.split(","))
             written = mx.to_fmu(system, file, fmi, platforms=asked, **states)

@@ -21,7 +21,7 @@ InputOption = Annotated[
     list[str] | None, typer.Option("--input", "-i", metavar="NAME", help="Input; may be given several times.")
 ]
 OutputOption = Annotated[
-    list[str] | None, typer.Option("--output", "-o", metavar="NAME", help="Output; may be given several times.")
+    list[str] | None, typer.Option("--output", metavar="NAME", help="Output; may be given several times.")
 ]
 
 
@@ -116,8 +116,8 @@ def ports(system: System, inputs: list[str] | None, outputs: list[str] | None) -
     sources, results = pick(system, "input", inputs or None), pick(system, "output", outputs or None)
     if len(sources) * len(results) <= MOST_PANELS or (inputs and outputs):
         return sources, results, ""
-    remark = (f"Drawn: {sources[0]} to {results[0]}. Others by -i and -o; inputs: {', '.join(system.inputs)}; "
-              f"outputs: {', '.join(system.outputs)}.")  # fmt: skip
+    remark = (f"Drawn: {sources[0]} to {results[0]}. Others by --input and --output; inputs: "
+              f"{', '.join(system.inputs)}; outputs: {', '.join(system.outputs)}.")  # fmt: skip
     return sources[:1], results[:1], remark
 
 

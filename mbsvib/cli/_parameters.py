@@ -42,7 +42,7 @@ def sweep(
                                                 "parameters make a grid.")],
     modes: Annotated[int, typer.Option("--modes", metavar="N", help="Number of the lowest modes.")] = 6,
     log: Annotated[bool, typer.Option("--log", help="Values in equal ratios.")] = False,
-    file: Annotated[Path | None, typer.Option("--file", "-f", metavar="FILE", help="A figure (.png, .pdf, .svg) or a "
+    file: Annotated[Path | None, typer.Option("--file", "-o", metavar="FILE", help="A figure (.png, .pdf, .svg) or a "
                                               "table (.csv).")] = None,
     as_json: JsonOption = False,
 ) -> None:

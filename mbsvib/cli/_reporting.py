@@ -16,13 +16,13 @@ NamesOption = list[str] | None
 def report(
     model: ModelArgument,
     file: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Where to (default: NAME-report.html).")
+        Path | None, typer.Option("--file", "-o", metavar="FILE", help="Where to (default: NAME-report.html).")
     ] = None,
     inputs: Annotated[
-        NamesOption, typer.Option("--inputs", metavar="NAME", help="Input to show; may be given several times.")
+        NamesOption, typer.Option("--input", "-i", metavar="NAME", help="Input to show; may be given several times.")
     ] = None,
     outputs: Annotated[
-        NamesOption, typer.Option("--outputs", metavar="NAME", help="Output to show; may be given several times.")
+        NamesOption, typer.Option("--output", metavar="NAME", help="Output to show; may be given several times.")
     ] = None,
 ) -> None:
     """Write one page for a browser: the model in 3-D, its modes in motion, any Bode plot, topology, accuracy."""
@@ -32,5 +32,5 @@ def report(
     from mbsvib.report import write
 
     path = file if file is not None else Path(f"{source.name}-report.html".replace("/", "_"))
-    write(source, path, inputs or None, outputs or None)
+    write(source, path, outputs or None, inputs or None)
     shell.say(f"Written: {shell.shown(path)} ({path.stat().st_size / 1e6:.1f} MB, needs no network)")

@@ -39,6 +39,14 @@ def a_system(value: T, caller: str, field: str = "system") -> T:
     raise _refuse(ResponseError, value, caller, field, "a System", way_to_system(value))
 
 
+def a_linear(value: T, caller: str, field: str = "system") -> T:
+    """Return ``value`` if it is a system, a closed loop or a state space, which all have responses."""
+    if kind_of(value) in ("system", "closed loop", "state space"):
+        return value
+    hint = f"{way_to_system(value)} Closed loops and state spaces will do as well."
+    raise _refuse(ResponseError, value, caller, field, "a System", hint)
+
+
 def way_to_system(value: Any) -> str:
     """Return advice on how to obtain a system from another object."""
     if kind_of(value) == "model":
@@ -49,7 +57,9 @@ def way_to_system(value: Any) -> str:
 
 
 def kind_of(value: Any) -> str | None:
-    """Return what an object of mbsvib is: "model", "system", "sparse system" or "batch"; None of all others."""
+    """Return what an object of mbsvib is: "model", "system", "sparse system", "batch", "closed loop", "state space" or
+    "controller"; None of all others.
+    """
     kind = getattr(type(value), "kind", None)
     return kind if isinstance(kind, str) else None
 

@@ -124,7 +124,7 @@ def _varies_otherwise(scene: Scene, values: Values) -> bool:
 
 def _depth(key: str) -> int:
     """Number of axes of an array of a single system."""
-    return {"stiffness": 1, "damping": 1, "body_motion": 3}.get(key, 2)
+    return {"row_stiffness": 1, "row_damping": 1, "body_motion": 3}.get(key, 2)
 
 
 def _piece(scene: Scene, values: Values) -> int:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.batch_values import Values
 
-FACTORS = ("inertia_factor", "elastic_rows", "stiffness", "damping", "body_motion")
+FACTORS = ("inertia_factor", "elastic_rows", "row_stiffness", "row_damping", "body_motion")
 # What equations without spin, follower loads and massless motions lack.
 PARTS = ("gyroscopic", "circulatory", "null_inertia")
 
@@ -51,8 +51,8 @@ class BatchEquations:
     D: Array
     inertia_factor: Array
     elastic_rows: Array
-    stiffness: Array
-    damping: Array
+    row_stiffness: Array
+    row_damping: Array
     row_owner: Index
     body_motion: Array
     own: tuple[Provenance, ...] | None = field(default=None, repr=False)
@@ -149,6 +149,21 @@ class BatchEquations:
         motion = (self.body_motion @ vector.reshape(len(vector) if vector.ndim > 1 else 1, 1, self.dof, 1))[..., 0]
         return {name: motion[:, i] for i, name in enumerate(self.bodies)}
 
+    @property
+    def mass(self) -> Array:
+        """The mass matrices M (variants, m, m) by their other name."""
+        return self.M
+
+    @property
+    def damping(self) -> Array:
+        """The damping matrices C (variants, m, m) by their other name."""
+        return self.C
+
+    @property
+    def stiffness(self) -> Array:
+        """The stiffness matrices K (variants, m, m) by their other name."""
+        return self.K
+
     def __len__(self) -> int:
         return self.values.count
 
@@ -157,10 +172,10 @@ class BatchEquations:
 
     def __getitem__(self, i: int) -> Equations:
         k = range(len(self))[i]
-        used = (self.stiffness[k] != 0.0) | (self.damping[k] != 0.0)
+        used = (self.row_stiffness[k] != 0.0) | (self.row_damping[k] != 0.0)
         used &= self.elastic_rows[k].any(axis=1)
         arrays = {name: getattr(self, name)[k] for name in (*MATRICES, "inertia_factor", "body_motion")}
-        arrays |= {name: getattr(self, name)[k][used] for name in ("elastic_rows", "stiffness", "damping")}
+        arrays |= {name: getattr(self, name)[k][used] for name in ("elastic_rows", "row_stiffness", "row_damping")}
         arrays |= {name: getattr(self, name)[k] if getattr(self, name)[k].any() else None for name in self._parts}
         return replace(self.nominal, row_owner=self.row_owner[used], provenance=self._provenance(k), **arrays)
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 B = TypeVar("B", bound=BatchEquations)
 
-ROWS = ("elastic_rows", "stiffness", "damping")
+ROWS = ("elastic_rows", "row_stiffness", "row_damping")
 
 
 def one_by_one(
@@ -74,7 +74,7 @@ def one_by_one(
         owner = each.row_owner[order]
         place = start[owner] + np.arange(len(owner)) - np.searchsorted(owner, owner)
         rows[i, place], values[i, place], damping[i, place] = (getattr(each, key)[order] for key in ROWS)
-    return batch(nominal, variants, None, elastic_rows=rows, stiffness=values, damping=damping,
+    return batch(nominal, variants, None, elastic_rows=rows, row_stiffness=values, row_damping=damping,
                  row_owner=np.repeat(np.arange(width), most), own=tuple(each.provenance for each in systems),
                  **arrays)  # fmt: skip
 

@@ -101,8 +101,8 @@ def carried(
     direction = view.springs.unit[springs].argmax(axis=1)
     apart = relative.dense(view.locked, relative.shape[0])
     opened = [apart[springs]]
-    felt, root = [terms.elastic_rows[springs]], [np.sqrt(terms.stiffness[springs])]
-    known = [_deformations(beams)[element, direction] * -terms.stiffness[springs]]
+    felt, root = [terms.elastic_rows[springs]], [np.sqrt(terms.row_stiffness[springs])]
+    known = [_deformations(beams)[element, direction] * -terms.row_stiffness[springs]]
     elastic = None if view.shared is None else view.shared.elastic
     if elastic is not None:
         every = elastic.composite.of(apart[len(apart) - len(elastic.composite.rows.first) :])

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from mbsvib.common.expected import names
+from mbsvib.common.selection import selected
 from mbsvib.equations.equations import Dropped, Equations
-from mbsvib.errors import ResponseError, nearest
+from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,7 +30,9 @@ if TYPE_CHECKING:
 E = TypeVar("E", bound=Equations)
 
 
-def chosen(known: tuple[str, ...], asked: str | Sequence[str] | None, what: str, name: str) -> list[int]:
+def chosen(
+    known: tuple[str, ...], asked: str | Sequence[str] | None, what: str, name: str, others: tuple[str, ...] = ()
+) -> list[int]:
     """Return the numbers of the ports asked for, in the system's order.
 
     Parameters
@@ -43,6 +45,8 @@ def chosen(known: tuple[str, ...], asked: str | Sequence[str] | None, what: str,
         "inputs" or "outputs".
     name : str
         The system's name, for messages.
+    others : tuple of str
+        Names of the ports of the other kind, to recognize exchanged arguments.
 
     Returns
     -------
@@ -54,15 +58,11 @@ def chosen(known: tuple[str, ...], asked: str | Sequence[str] | None, what: str,
     ResponseError
         If a name is unknown, or there is none.
     """
-    wanted = known if asked is None else tuple(names(asked, "reachable", what))
-    for each in wanted:
-        if each not in known:
-            raise ResponseError(f"reachable: '{name}' has no {what[:-1]} {each!r}.{nearest(str(each), known)} It has "
-                                f"{', '.join(known) or 'none'}.")  # fmt: skip
+    wanted = selected(asked, known, what[:-1], name, others)
     if not wanted:
         raise ResponseError(f"reachable: no {what} are asked for, which leaves nothing of '{name}'; expected one or "
                             f"more of {', '.join(known) or 'its ' + what + ', yet it has none'}.")  # fmt: skip
-    return sorted({known.index(each) for each in wanted})
+    return sorted(wanted)
 
 
 def parts(*matrices: Array) -> Index:
@@ -86,7 +86,7 @@ def parts(*matrices: Array) -> Index:
 
 
 def reachable(
-    system: E, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
+    system: E, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
 ) -> E:
     """Return the controllable and observable part of a system for the given inputs and outputs, with these ports only.
 
@@ -94,7 +94,7 @@ def reachable(
     ----------
     system : Equations
         The equations of motion.
-    inputs, outputs : str or sequence of str, optional
+    outputs, inputs : str or sequence of str, optional
         Names of ports; default: all.
 
     Returns
@@ -107,8 +107,8 @@ def reachable(
     ResponseError
         If a name is unknown, or there is none.
     """
-    i = chosen(system.inputs, inputs, "inputs", system.name)
-    o = chosen(system.outputs, outputs, "outputs", system.name)
+    i = chosen(system.inputs, inputs, "inputs", system.name, system.outputs)
+    o = chosen(system.outputs, outputs, "outputs", system.name, system.inputs)
     label = parts(system.M, system.C, system.K) if system.dof else np.zeros(0, dtype=np.intp)
     acted = np.asarray(system.B[:, i].any(axis=1))
     seen = np.asarray((system.Cq[o] != 0.0).any(axis=0) | system.Cv[o].any(axis=0) | system.Ca[o].any(axis=0))
@@ -152,7 +152,8 @@ def _part(system: E, kept: Index, inputs: list[int], outputs: list[int], gone: D
         M=system.M[square], C=system.C[square], K=system.K[square], B=system.B[np.ix_(kept, i)],
         Cq=system.Cq[np.ix_(o, kept)], Cv=system.Cv[np.ix_(o, kept)], Ca=system.Ca[np.ix_(o, kept)],
         D=system.D[np.ix_(o, i)], inertia_factor=system.inertia_factor[:, kept], elastic_rows=rows[acts],
-        stiffness=system.stiffness[acts], damping=system.damping[acts], row_owner=system.row_owner[acts],
+        row_stiffness=system.row_stiffness[acts], row_damping=system.row_damping[acts],
+        row_owner=system.row_owner[acts],
         body_motion=np.ascontiguousarray(system.body_motion[:, :, kept]),
         gyroscopic=_block(system.gyroscopic, square), circulatory=_block(system.circulatory, square),
         massless=0 if null is None else null.shape[1], null_inertia=null,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from mbsvib.errors import ResponseError
+from mbsvib.errors import ModelError, ResponseError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -81,7 +81,8 @@ class Provenance:
     inputs, then the outputs themselves, ``origin`` the model as it was, which found its equilibrium elsewhere if
     ``settled``; ``planar`` says that loops are redundant as planar ones are, in every pose; ``undetermined`` is what
     redundant constraints leave open of forces in joints, as far as these were asked for; ``truncation`` says how a
-    reduced model was made.
+    reduced model was made, ``closed`` that a controller acts on the mechanism, ``given`` that there is no mechanism, as
+    the matrices came from elsewhere.
     """
 
     topology: Topology
@@ -98,6 +99,43 @@ class Provenance:
     settled: bool = False
     undetermined: tuple[Undetermined, ...] = ()
     truncation: Truncation | None = None
+    closed: bool = False
+    given: bool = False
+
+    def check_mechanism(self, name: str, what: str) -> None:
+        """Refuse what only a mechanism has.
+
+        Parameters
+        ----------
+        name, what : str
+            Name of the system, and what was asked for.
+
+        Raises
+        ------
+        ModelError
+            If the matrices came from elsewhere.
+        """
+        if self.given:
+            raise ModelError(f"{what}: '{name}' was made of matrices and has no bodies, joints and elements; this "
+                             f"needs a mechanism: build a Model and linearize it.")  # fmt: skip
+
+    def check_parameters(self, name: str, what: str) -> None:
+        """Refuse what only a mechanism without controllers has.
+
+        Parameters
+        ----------
+        name, what : str
+            Name of the system, and what was asked for.
+
+        Raises
+        ------
+        ModelError
+            If the matrices came from elsewhere, or a controller acts on the mechanism.
+        """
+        self.check_mechanism(name, what)
+        if self.closed:
+            raise ModelError(f"{what}: a controller acts on '{name}', and derivatives with closed loops are not "
+                             f"available. Ask the system with open loops, loop.open_loop.")  # fmt: skip
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -106,10 +144,13 @@ class Equations:
 
     ``M``, ``C``, ``K`` (m, m), ``B`` (m, inputs), ``Cq``, ``Cv``, ``Ca`` (outputs, m), ``D`` (outputs, inputs); SI
     units and radians. ``coordinates``, ``inputs`` and ``outputs`` are their names, ``..._units`` their units.
+    ``mass``, ``damping`` and ``stiffness`` are other names of M, C and K. C is damping: the output matrix that
+    python-control and MATLAB call C is ``state_space().C``.
 
     The factors are kept: M = W^T W with W = ``inertia_factor`` (6 bodies, m), K = D^T diag(k) D and C = D^T diag(c) D
-    with D = ``elastic_rows`` (rows, m), k = ``stiffness`` and c = ``damping`` (rows,); ``row_owner`` (rows,) numbers
-    the spring-damper of each row. ``body_motion`` (bodies, 6, m) gives the bodies' displacements. Arrays are read-only.
+    with D = ``elastic_rows`` (rows, m), k = ``row_stiffness`` and c = ``row_damping`` (rows,); ``row_owner`` (rows,)
+    numbers the spring-damper of each row. ``body_motion`` (bodies, 6, m) gives the bodies' displacements. Arrays are
+    read-only.
 
     What no such rows can be is None where the mechanism has none: ``gyroscopic`` G (m, m), antisymmetric, is part of C
     beside D^T diag(c) D, as spinning bodies add it; ``circulatory`` N (m, m), antisymmetric, is part of K beside
@@ -139,8 +180,8 @@ class Equations:
     D: Array
     inertia_factor: Array
     elastic_rows: Array
-    stiffness: Array
-    damping: Array
+    row_stiffness: Array
+    row_damping: Array
     row_owner: NDArray[np.intp]
     body_motion: Array
     provenance: Provenance = field(repr=False)
@@ -168,6 +209,23 @@ class Equations:
         return None if made is None else made.error_bound
 
     @property
+    def mass(self) -> Array:
+        """The mass matrix M (m, m) by its other name."""
+        return self.M
+
+    @property
+    def damping(self) -> Array:
+        """The damping matrix C (m, m) by its other name; the output matrix of first-order equations is
+        ``state_space().C``.
+        """
+        return self.C
+
+    @property
+    def stiffness(self) -> Array:
+        """The stiffness matrix K (m, m) by its other name."""
+        return self.K
+
+    @property
     def tree(self) -> tuple[str, ...]:
         """Names of the joints of the spanning tree, from ground outwards."""
         return self.provenance.topology.tree
@@ -185,6 +243,7 @@ class Equations:
     @cached_property
     def parameters(self) -> Parameters:
         """Every number that the system was made of by its name (``"leg1.k.stiffness"``), read-only; see ``units``."""
+        self.provenance.check_parameters(self.name, "parameters")
         from mbsvib.mechanism.parameters import Parameters
 
         return Parameters(self.provenance.parts)
@@ -207,6 +266,7 @@ class Equations:
         ResponseError
             If ``q`` does not have one entry for each coordinate.
         """
+        self.provenance.check_mechanism(self.name, "displacements")
         vector = np.asarray(q)
         if vector.ndim not in (1, 2) or len(vector) != self.dof:
             raise ResponseError(

@@ -24,6 +24,7 @@ def joint_wrenches(system: Equations) -> dict[str, Array]:
     dict of str to array, shape (6,)
         Force [N] and moment [N m] at the joint's point.
     """
+    system.provenance.check_mechanism(system.name, "reactions")
     joints, statics = system.provenance.topology.joints, system.provenance.statics
     if statics is None:
         return {joint.name: np.zeros(6) for joint in joints}

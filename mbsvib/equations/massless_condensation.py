@@ -107,7 +107,7 @@ def _check_held(
     acting: Mapping[str, Array],
 ) -> None:  # fmt: skip
     """Refuse motions without mass and damper that no spring feels either."""
-    parts = [terms.elastic_rows[terms.stiffness != 0.0]]
+    parts = [terms.elastic_rows[terms.row_stiffness != 0.0]]
     if terms.circulatory is not None:
         parts.append(acting.get("circulatory", terms.circulatory))
     loose = unfelt(parts, null, unit)[0]
@@ -137,8 +137,8 @@ def _solved(null: Array, terms: Terms, names: tuple[str, ...]) -> tuple[Array, A
     """Return X = (N^T K N)^-1 N^T K, exactly the identity on N but for rounding, and (N^T K N)^-1 N^T B."""
     pushed = null.T @ terms.B
     pushed[np.abs(pushed) <= 64.0 * EPS * (np.abs(null).T @ np.abs(terms.B))] = 0.0
-    used = terms.stiffness != 0.0
-    k, rows = terms.stiffness[used], terms.elastic_rows[used]
+    used = terms.row_stiffness != 0.0
+    k, rows = terms.row_stiffness[used], terms.elastic_rows[used]
     if terms.circulatory is None and (k > 0.0).all():
         # least squares on the rows: as accurate as the springs' stiffness, however wide it spans
         rows = rows * np.sqrt(k)[:, None]

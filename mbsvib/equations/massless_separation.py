@@ -160,7 +160,7 @@ def _largest(motion: Array, unit: Array, names: tuple[str, ...]) -> str:
 
 
 def _damping_parts(terms: Terms, acting: Mapping[str, Array]) -> list[Array]:
-    parts = [terms.elastic_rows[terms.damping != 0.0]]
+    parts = [terms.elastic_rows[terms.row_damping != 0.0]]
     if terms.gyroscopic is not None:
         parts.append(acting.get("gyroscopic", terms.gyroscopic))
     return parts
@@ -175,7 +175,7 @@ def _condensed(terms: Terms, condensation: Condensation) -> Terms:
     rows[np.abs(rows) <= ZERO_PRODUCT * len(t) * largest(terms.elastic_rows, t)] = 0.0
     rows = _resting(rows, terms, condensation.kept)
     stays = rows.any(axis=1)
-    rows, k, c, factor = rows[stays], terms.stiffness[stays], terms.damping[stays], terms.inertia_factor @ t
+    rows, k, c, factor = rows[stays], terms.row_stiffness[stays], terms.row_damping[stays], terms.inertia_factor @ t
     gyroscopic, circulatory = (None if matrix is None else t.T @ matrix @ t
                                for matrix in (terms.gyroscopic, terms.circulatory))  # fmt: skip
     b = t.T @ terms.B
@@ -192,7 +192,7 @@ def _resting(rows: Array, terms: Terms, kept: Index) -> Array:
 
     In series with a soft spring a stiff one changes its length so little that rounding would hold rigid-body motions.
     """
-    stiff, acts = terms.stiffness != 0.0, (terms.stiffness != 0.0) | (terms.damping != 0.0)
+    stiff, acts = terms.row_stiffness != 0.0, (terms.row_stiffness != 0.0) | (terms.row_damping != 0.0)
     result = rows.copy()
     for which, all_rows in ((stiff, terms.elastic_rows[stiff]), (acts & ~stiff, terms.elastic_rows[acts])):
         result[which] = unmoved(rows[which], all_rows, kept)

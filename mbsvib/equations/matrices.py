@@ -73,5 +73,5 @@ def matrices(
         factor = np.concatenate((factor, np.sqrt(springs.inertance[inertial])[:, None] * elastic[inertial]))
     return Terms(
         gram_matrix(factor), weighted_gram(rows, c), weighted_gram(rows, k), **seen_by_ports,
-        inertia_factor=factor, elastic_rows=rows, stiffness=k, damping=c, row_owner=owner, body_motion=motion,
+        inertia_factor=factor, elastic_rows=rows, row_stiffness=k, row_damping=c, row_owner=owner, body_motion=motion,
     )  # fmt: skip

@@ -28,8 +28,8 @@ class Terms:
     D: Array
     inertia_factor: Array
     elastic_rows: Array
-    stiffness: Array
-    damping: Array
+    row_stiffness: Array
+    row_damping: Array
     row_owner: Index
     body_motion: Array
     gyroscopic: Array | None = None
@@ -59,8 +59,8 @@ class Terms:
         more = rows.T.dot(stiffness[:, None] * rows)
         return replace(
             self, K=self.K + 0.5 * (more + more.T), elastic_rows=np.concatenate((self.elastic_rows, rows)),
-            stiffness=np.concatenate((self.stiffness, stiffness)),
-            damping=np.concatenate((self.damping, np.zeros(len(rows)))),
+            row_stiffness=np.concatenate((self.row_stiffness, stiffness)),
+            row_damping=np.concatenate((self.row_damping, np.zeros(len(rows)))),
             row_owner=np.concatenate((self.row_owner, owner)),
         )  # fmt: skip
 

@@ -36,7 +36,11 @@ def explain(system: Equations, basis: Basis | None = None) -> str:
     str
         A few lines of text.
     """
+    if system.provenance.given:
+        return _given(system, basis)
     lines = [f"{system.name}: {system.dof} DOF"]
+    if system.provenance.closed:
+        lines.append("  a controller acts on it: C and K contain its gains; the rest is said of the open loop")
     if system.dof == 0 and system.provenance.dropped is not None:
         lines.append("  No part is controllable and observable with the given inputs and outputs: y = D u.")
     elif system.dof == 0:
@@ -57,6 +61,21 @@ def explain(system: Equations, basis: Basis | None = None) -> str:
     if doubtful:
         lines += ["doubtful", *(f"  {text}" for text in doubtful)]
     lines += ["skipped", *(f"  {text}" for text in skipped(system, basis))]
+    return "\n".join(lines)
+
+
+def _given(system: Equations, basis: Basis | None) -> str:
+    """Description of a system that was made of matrices."""
+    lines = [f"{system.name}: {system.dof} DOF, made of matrices; there is no mechanism to be explained",
+             f"  coordinates: {listed(system.coordinates) or 'none'}"]  # fmt: skip
+    if system.gyroscopic is not None:
+        lines.append("  C has an antisymmetric part: modes have right and left vectors")
+    if system.circulatory is not None:
+        lines.append("  K has an antisymmetric part: flutter is possible")
+    if system.provenance.dropped is not None:
+        lines += [f"  {text}" for text in dropped(system.provenance.dropped)]
+    if system.dof:
+        lines += ["skipped", *(f"  {text}" for text in _modal_skips(basis))]
     return "\n".join(lines)
 
 
@@ -196,7 +215,7 @@ def skipped(system: Equations, basis: Basis | None = None) -> list[str]:
         result.append("no redundant constraint: neighbouring poses were not checked")
     elif system.provenance.planar:
         result.append("planar loops with the largest possible constraint rank: neighbouring poses were not checked")
-    if not system.damping.any():
+    if not system.row_damping.any():
         result.append("no damper acts: C is zero and modes are real")
     if not any(branch.joint == FLOATS for branch in system.provenance.topology.branches):
         result.append("joints connect every body to ground: no free joint was added")

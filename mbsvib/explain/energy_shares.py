@@ -104,6 +104,7 @@ def stiffness_shares(basis: Basis, modes: Modes | None = None) -> StiffnessShare
         Signed shares, with a table as text.
     """
     system, modes = basis.equations, basis.modes if modes is None else modes
+    system.provenance.check_mechanism(system.name, "stiffness_shares")
     names, kinds, energy = energies(system, modes.shapes)
     total = energy.sum(axis=0)
     rigid = np.abs(total) <= ZERO_SUM * np.abs(energy).sum(axis=0)
@@ -129,7 +130,7 @@ def energies(system: Equations, shapes: Array | Complex) -> tuple[tuple[str, ...
         Energies [J].
     """
     springs, statics = system.provenance.springs, system.provenance.statics
-    rows = system.stiffness[:, None] * np.square(np.abs(system.elastic_rows @ shapes))
+    rows = system.row_stiffness[:, None] * np.square(np.abs(system.elastic_rows @ shapes))
     owners = len(springs) + (len(statics.owners) if statics is not None else 0)
     sums = _sums_by_owner(rows, system.row_owner, owners)
     names, kinds = list(springs), [ELASTIC] * len(springs)

@@ -12,22 +12,21 @@ struts, ring      ideal legs J^T k J, and their ends as variables
 platform          radius, height, spread and angle of both rings of ends as variables, legs with bodies following
 """
 
+from mbsvib.feedback.controller import Controller, controller
+from mbsvib.feedback.margins import Margins
 from mbsvib.isolation.actuated import Active, actuated
-from mbsvib.isolation.closed_loop import ClosedLoop
 from mbsvib.isolation.collocation import Collocation, Pair, collocation
-from mbsvib.isolation.controller import Controller, controller
 from mbsvib.isolation.design import Design
 from mbsvib.isolation.feedback_laws import force_feedback, force_feedback_optimum, skyhook, velocity_feedback
 from mbsvib.isolation.isolation_study import Isolation, study
-from mbsvib.isolation.margins import Margins
 from mbsvib.isolation.maxwell_parts import unfolded
 from mbsvib.isolation.octaves import vc_curve
 from mbsvib.isolation.pareto import Front
 from mbsvib.isolation.passive import Passive, passive
 from mbsvib.isolation.platform import Platform, platform
 from mbsvib.isolation.root_locus import RootLocus, root_locus
-from mbsvib.isolation.sampled import SampledLoop
 from mbsvib.isolation.struts import Struts, ring, struts
+from mbsvib.isolation.study_loops import ClosedLoop, SampledLoop
 from mbsvib.isolation.synthesis import hinf, lqg
 from mbsvib.isolation.vibration import Vibration
 from mbsvib.responses.densities import Shaped, Table, shaped, table, white

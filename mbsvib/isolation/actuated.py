@@ -1,18 +1,19 @@
-"""Active legs: actuators in parallel with the springs of a mechanism, and their sensors."""
+"""Active legs: actuators in parallel with the legs of a mechanism, and their sensors."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.common.expected import a_model, names
-from mbsvib.elements import Bushing
-from mbsvib.errors import ModelError, nearest
-from mbsvib.isolation.closed_loop import close
+from mbsvib.common.expected import a_model
+from mbsvib.errors import ModelError
+from mbsvib.feedback.controller import Controller, as_controller
+from mbsvib.isolation.active_legs import active_legs
 from mbsvib.isolation.isolation_study import figures
 from mbsvib.isolation.plant import Plant
+from mbsvib.isolation.study_loops import close
 from mbsvib.isolation.study_scene import scene
 from mbsvib.mechanism.mechanism import GROUND
 
@@ -22,9 +23,10 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.api.model import Model
-    from mbsvib.isolation.closed_loop import ClosedLoop
-    from mbsvib.isolation.controller import Controller
+    from mbsvib.api.system import System
+    from mbsvib.isolation.active_legs import ActiveLeg
     from mbsvib.isolation.isolation_study import Isolation
+    from mbsvib.isolation.study_loops import ClosedLoop
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -33,23 +35,51 @@ class Active(Plant):
 
     ``system`` has, in addition to the ports of an isolation study, the inputs ``LEG.actuator`` [N], which push the ends
     of the leg apart, and the outputs ``LEG.tension`` [N], ``LEG.stroke`` [m], ``LEG.rate`` [m/s] and
-    ``LEG.acceleration`` [m/s^2].
+    ``LEG.acceleration`` [m/s^2]. Inputs and outputs of the model itself come first and keep their names.
     """
 
-    def with_gains(self, *controllers: Controller) -> ClosedLoop:
+    def feedback(
+        self, controller: Any, sensors: str | Sequence[str] | None = None, actuators: str | Sequence[str] | None = None,
+        name: str | None = None,
+    ) -> ClosedLoop:  # fmt: skip
+        """Return the closed loop with a controller from any sensors to any actuators, u = w + K y.
+
+        Parameters
+        ----------
+        controller : Controller, StateSpace, control.StateSpace or array-like, shape (actuators, sensors)
+            In continuous time; an array is a static gain.
+        sensors, actuators : str or sequence of str, optional
+            Names or patterns of outputs and of inputs; default: the names that the controller has.
+        name : str, optional
+            Name of the controller in tables.
+
+        Returns
+        -------
+        ClosedLoop
+            The mechanism with the loop closed.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, shapes do not match, or the controller is discrete.
+        """
+        return close(self, as_controller(controller, self.system, sensors, actuators, name))
+
+    def with_gains(self, *controllers: Any) -> ClosedLoop:
         """Return the closed loop; several controllers act together (HAC-LAC: an inner and an outer one).
 
         Parameters
         ----------
-        *controllers : Controller
-            Their outputs on the same actuator add up.
+        *controllers : Controller, StateSpace or control.StateSpace
+            Their signals have the names of sensors and actuators. Outputs on the same actuator add up.
 
         Returns
         -------
         ClosedLoop
             The mechanism with all loops closed.
         """
-        return close(self, *controllers)
+        return close(self, *[law if isinstance(law, Controller) or not hasattr(law, "A")
+                             else as_controller(law, self.system) for law in controllers])  # fmt: skip
 
     def isolation(self, frequencies: ArrayLike | None = None) -> Isolation:
         """Return the figures with open loops.
@@ -74,16 +104,18 @@ def actuated(
     model: Model, body: str, legs: Sequence[str] | None = None, base: str = GROUND, *, point: ArrayLike | None = None,
     length: float | None = None, directions: Sequence[str] | None = None,
 ) -> Active:  # fmt: skip
-    """Return a mechanism with an actuator in parallel with the spring of each leg, and sensors.
+    """Return a mechanism with an actuator in parallel with the springs of each leg, and sensors.
 
     Parameters
     ----------
     model : Model
-        The mechanism, which is not changed.
+        The mechanism; it stays as it is. Its inputs and outputs are kept.
     body : str
         The isolated body.
     legs : sequence of str, optional
-        Line springs or Maxwell elements that get actuators; default: all of them.
+        Names or patterns of legs that get actuators: line springs, Maxwell elements, prismatic and cylindrical joints,
+        and directions of bushings (``"mount1.z"``). Default: all line springs and Maxwell elements, without any of
+        these all prismatic joints. ``[]``: none, where the model has actuators and sensors of its own.
     base : str
         What is shaken: the ground, or a body whose motion is prescribed.
     point : array-like, shape (3,), optional
@@ -101,44 +133,69 @@ def actuated(
     Raises
     ------
     ModelError
-        If a name is unknown, or a leg has no line.
+        If a name is unknown, a leg has no line, or an input or output of the model has the name of a port.
     """
-    lines = [name for name, part in a_model(model, "actuated").springs.items() if not isinstance(part, Bushing)]
-    leg_names = tuple(lines if legs is None else names(legs, "actuated", "legs", ModelError))
-    for name in leg_names:
-        if name not in lines:
-            raise ModelError(f"active: leg '{name}' is neither a line spring nor a Maxwell element of model "
-                             f"'{model.name}'."
-                             f"{nearest(str(name), lines)} It has {', '.join(lines) or 'none'}.", element=str(name),
-                             field="legs")  # fmt: skip
-    if not leg_names:
-        raise ModelError(f"active: model '{model.name}' has no line spring to which an actuator could be parallel; add "
-                         f"legs by add_spring.", field="legs")  # fmt: skip
-    made = scene(model, body, base, point, length, directions)
+    a_model(model, "actuated")
+    selected = active_legs(model, legs)
+    made = scene(model, body, base, point, length, directions, keep_ports=True)
     changed = made.model
-    missing = [name for name in leg_names if name not in changed.springs]
-    if missing:
-        raise ModelError(f"active: leg '{missing[0]}' is below the base '{base}'; choose legs above it.",
-                         element=missing[0], field="legs")  # fmt: skip
-    attached = _attached_bodies(changed, body, leg_names)
-    for name in leg_names:
-        leg = changed.springs[name]
-        assert not isinstance(leg, Bushing)
-        changed.add_input(f"{name}.actuator", leg.second, leg.line, leg.start, leg.first)
-        changed.add_output(f"{name}.rate", leg.second, leg.line, leg.start, leg.first, quantity="velocity")
-        changed.add_force_output(f"{name}.tension", name)
-        away = leg.first in attached and leg.second not in attached
-        end, push = (leg.start, -np.array(leg.line)) if away else (leg.end, np.array(leg.line))
-        changed.add_output(f"{name}.acceleration", body, push, end, quantity="acceleration")
+    for leg in selected:
+        if leg.elements[0] not in changed.springs and leg.elements[0] not in changed.joints:
+            raise ModelError(f"active: leg '{leg.name}' is below the base '{base}'; choose legs above it.",
+                             element=leg.name, field="legs")  # fmt: skip
+    taken = active_legs(changed, [leg.name for leg in selected]) if selected else ()
+    attached = _attached_bodies(changed, body, {name for leg in taken for name in leg.elements})
+    for leg in taken:
+        _add_ports(changed, body, leg, attached)
     system = changed.linearize(method="dense")
-    direct = system.D.copy()
-    for name in leg_names:
-        # the sensor in series measures the force of spring and actuator
-        direct[system.outputs.index(f"{name}.tension"), system.inputs.index(f"{name}.actuator")] -= 1.0
-    return Active(replace(made, system=replace(system, D=direct)), leg_names)
+    return Active(replace(made, system=_with_tensions(system, taken)), tuple([leg.name for leg in taken]))
 
 
-def _attached_bodies(model: Model, body: str, legs: Sequence[str]) -> set[str]:
+def _add_ports(model: Model, body: str, leg: ActiveLeg, attached: set[str]) -> None:
+    """Add the actuator and the sensors of a leg; tensions of elements in parallel are outputs of their own."""
+    ends = leg.start, leg.first
+    model.add_input(f"{leg.name}.actuator", leg.second, leg.axis, *ends)
+    if f"{leg.name}.stroke" not in model.outputs:
+        model.add_output(f"{leg.name}.stroke", leg.second, leg.axis, *ends)
+    model.add_output(f"{leg.name}.rate", leg.second, leg.axis, *ends, quantity="velocity")
+    for name, direction, _ in leg.forces:
+        model.add_force_output(_part(leg, name), name, direction)
+    away = leg.first in attached and leg.second not in attached
+    end, push = (leg.start, -leg.axis) if away else (leg.end, leg.axis)
+    model.add_output(f"{leg.name}.acceleration", body, push, end, quantity="acceleration")
+
+
+def _part(leg: ActiveLeg, element: str) -> str:
+    return f"{leg.name}.tension" if len(leg.forces) == 1 else f"{leg.name}.tension.{element}"
+
+
+def _with_tensions(system: System, legs: Sequence[ActiveLeg]) -> System:
+    """The system whose outputs ``LEG.tension`` are the force of the whole leg, as a sensor in series measures it: the
+    sum over its elements less the force of its actuator.
+    """
+    outputs, units = list(system.outputs), list(system.output_units)
+    rows = {name: list(getattr(system, name)) for name in ("Cq", "Cv", "Ca", "D")}
+    for leg in legs:
+        parts = [(system.outputs.index(_part(leg, name)), factor) for name, _, factor in leg.forces]
+        sums = {key: sum((factor * matrix[i] for i, factor in parts), np.zeros(matrix.shape[1]))
+                for key, matrix in ((key, getattr(system, key)) for key in rows)}  # fmt: skip
+        sums["D"] = sums["D"].copy()
+        sums["D"][system.inputs.index(f"{leg.name}.actuator")] -= 1.0
+        if len(parts) == 1:
+            for key, row in sums.items():
+                rows[key][parts[0][0]] = row
+            continue
+        for key, row in sums.items():
+            rows[key].append(row)
+        outputs.append(f"{leg.name}.tension")
+        units.append("N")
+    cq, cv, ca, d = (np.array(rows[key]).reshape(len(outputs), -1) for key in ("Cq", "Cv", "Ca", "D"))
+    whole = replace(system, outputs=tuple(outputs), output_units=tuple(units), Cq=cq, Cv=cv, Ca=ca, D=d)
+    inner = {_part(leg, name) for leg in legs if len(leg.forces) > 1 for name, _, _ in leg.forces}
+    return whole.with_ports([name for name in outputs if name not in inner]) if inner else whole
+
+
+def _attached_bodies(model: Model, body: str, legs: set[str]) -> set[str]:
     """The bodies that are connected to the isolated one by elements other than legs, not through the ground."""
     pairs = [(part.first, part.second) for group in (model.joints, model.springs) for part in group.values()
             if part.name not in legs]  # fmt: skip

@@ -9,7 +9,7 @@ import numpy as np
 
 from mbsvib.elements import Spring
 from mbsvib.errors import ResponseError
-from mbsvib.isolation.integrand import response
+from mbsvib.feedback.integrand import response
 from mbsvib.responses.extrema import Band, panels
 from mbsvib.responses.transmission_zeros import numbers
 
@@ -103,7 +103,8 @@ def collocation(plant: Plant, pairs: Iterable[tuple[str, str]] | None = None) ->
     port_pairs = list(pairs)
     if not port_pairs:
         raise ResponseError("collocation: no pairs; give at least one (actuator, sensor).")
-    undamped = replace(system, C=np.zeros_like(system.C), damping=np.zeros_like(system.damping), gyroscopic=None)
+    none = np.zeros_like(system.row_damping)
+    undamped = replace(system, C=np.zeros_like(system.C), row_damping=none, gyroscopic=None)
     still = undamped if not system.massless else None
     return Collocation(system.name, tuple([_pair(plant, still, *pair) for pair in port_pairs]))
 
@@ -134,13 +135,13 @@ def removable(plant: Plant, legs: Sequence[str]) -> bool:
     """Return whether legs are plain springs without preload, so that they have no effect without tension."""
     system, springs = plant.system, plant.scene.model.springs
     rows = np.bincount(system.row_owner, minlength=len(system.provenance.springs))
-    return all(isinstance(springs[leg], Spring) and rows[system.provenance.springs.index(leg)] == 1 for leg in legs)
+    return all(isinstance(springs.get(leg), Spring) and rows[system.provenance.springs.index(leg)] == 1 for leg in legs)
 
 
 def without(system: System, legs: Sequence[str]) -> System:
     """Return a system without the springs and dampers of some legs: its poles are the zeros of their tensions."""
     removed = np.isin(system.row_owner, [system.provenance.springs.index(leg) for leg in legs])
-    k, c = np.where(removed, 0.0, system.stiffness), np.where(removed, 0.0, system.damping)
+    k, c = np.where(removed, 0.0, system.row_stiffness), np.where(removed, 0.0, system.row_damping)
     rows = system.elastic_rows[~removed]
     # summed again: a difference would leave rounding errors
     stiffness, damping = (rows.T @ (values[~removed, None] * rows) for values in (k, c))
@@ -148,13 +149,13 @@ def without(system: System, legs: Sequence[str]) -> System:
         stiffness += system.circulatory
     if system.gyroscopic is not None:
         damping += system.gyroscopic
-    return replace(system, stiffness=k, damping=c, K=stiffness, C=damping)
+    return replace(system, row_stiffness=k, row_damping=c, K=stiffness, C=damping)
 
 
 def _visible_frequencies(system: System, actuator: str, sensor: str, free: System | None) -> tuple[Array, Array, bool]:
     """Frequencies [Hz] of poles and zeros that do not cancel, and whether all zeros are on the imaginary axis."""
     poles = system.poles()
-    zeros = system.transmission_zeros(actuator, sensor) if free is None else free.poles()
+    zeros = system.transmission_zeros(sensor, actuator) if free is None else free.poles()
     unit = np.abs(poles).max(initial=0.0)
     up = np.sort(poles.imag[poles.imag > SAME * unit])
     nonzero = zeros[np.abs(zeros) > SAME * unit]
@@ -173,7 +174,7 @@ def _visible_frequencies(system: System, actuator: str, sensor: str, free: Syste
 def _damped(system: System) -> System:
     """A system with damping proportional to stiffness: without damping no mode exchanges energy."""
     ratio = 2.0 * LIGHT / np.abs(system.poles()).max(initial=1.0)
-    return replace(system, C=ratio * system.K, damping=ratio * system.stiffness)
+    return replace(system, C=ratio * system.K, row_damping=ratio * system.row_stiffness)
 
 
 def _passive(system: System, i: int, j: int, force: bool, order: int) -> bool:

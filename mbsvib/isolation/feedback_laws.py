@@ -8,7 +8,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.errors import ResponseError
-from mbsvib.isolation.controller import Controller, controller, integrators
+from mbsvib.feedback.controller import Controller, controller, integrators
 from mbsvib.isolation.study_scene import ACCELERATIONS
 
 if TYPE_CHECKING:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.api.system import System
+from mbsvib.feedback.integrand import response
+from mbsvib.feedback.resolution import resolution
 from mbsvib.isolation.asymptote import Asymptote, asymptote
-from mbsvib.isolation.integrand import response
-from mbsvib.isolation.linear import resolution
 from mbsvib.isolation.study_scene import ACCELERATIONS, Scene
 from mbsvib.responses import extrema
 

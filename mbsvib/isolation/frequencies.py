@@ -8,11 +8,10 @@ import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.errors import ResponseError
-from mbsvib.isolation.linear import resolution
+from mbsvib.feedback.resolution import resolution
 from mbsvib.responses import extrema
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.isolation.linear import Linear
@@ -21,35 +20,6 @@ POINTS = 400  # evenly spaced default frequencies; more points are added at reso
 THINNING = 3.0  # distance of the first added point in half-widths, and ratio of successive distances
 SAME = 1e-10  # share of a frequency within which points are duplicates
 BELOW, ABOVE = 0.02, 20.0  # default band, in parts of the lowest and highest natural frequency
-
-
-def checked(frequencies: ArrayLike) -> Array:
-    """Return frequencies [Hz] as an array.
-
-    Parameters
-    ----------
-    frequencies : array-like, shape (n,)
-        From 0 Hz on, ascending.
-
-    Returns
-    -------
-    array, shape (n,)
-        A copy.
-
-    Raises
-    ------
-    ResponseError
-        If there are none, or they do not ascend.
-    """
-    try:
-        f = np.array(frequencies, dtype=float, ndmin=1)
-    except (TypeError, ValueError) as error:
-        raise ResponseError(f"isolation: frequencies = {frequencies!r}; expected numbers [Hz].") from error
-    if f.ndim != 1 or not len(f) or not np.isfinite(f).all() or f[0] < 0.0 or (np.diff(f) <= 0.0).any():
-        what = "an empty range" if not f.size else f"shape {f.shape}, from {f.flat[0]:g} to {f.flat[-1]:g} Hz"
-        raise ResponseError(f"isolation: frequencies: {what}; expected at least one frequency from 0 Hz on, each "
-                            f"higher than the one before.")  # fmt: skip
-    return f
 
 
 def default(linear: Linear) -> Array:

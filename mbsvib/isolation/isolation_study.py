@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import tables
+from mbsvib.feedback.frequencies import checked
 from mbsvib.isolation.figures import Figures
-from mbsvib.isolation.frequencies import checked, default
+from mbsvib.isolation.frequencies import default
 from mbsvib.isolation.study_scene import ACCELERATIONS, DISPLACEMENTS, LOADS, Scene, scene
 from mbsvib.isolation.tables import isolation_csv, isolation_table
 from mbsvib.isolation.vibration import vibration

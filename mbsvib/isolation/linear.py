@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias
-
-import numpy as np
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from mbsvib.api.system import System
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.feedback.resolution import Resolution
     from mbsvib.responses.state_space import StateSpace
-
-
-class Resolution(NamedTuple):
-    """Structure of responses: ``poles`` [1/s], repeated after the ``period`` [Hz]; ``longest`` [Hz] is the maximum
-    length of a panel on which other factors are polynomials of the frequency.
-    """
-
-    poles: Complex
-    longest: float = np.inf
-    period: float = np.inf
 
 
 class LoopResponse(Protocol):
@@ -51,7 +42,9 @@ class LoopResponse(Protocol):
     def poles(self) -> Complex:
         """Return the poles [1/s]."""
 
-    def frequency_response(self, omega: ArrayLike) -> Complex:
+    def frequency_response(
+        self, omega: ArrayLike, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
+    ) -> Complex:
         """Return responses (outputs, inputs, n) at angular frequencies [rad/s]."""
 
     def state_space(self, realization: str = "modal") -> StateSpace:
@@ -62,19 +55,3 @@ class LoopResponse(Protocol):
 
 
 Linear: TypeAlias = System | LoopResponse
-
-
-def resolution(linear: Linear) -> Resolution:
-    """Return poles and panels of the responses of a system or a closed loop.
-
-    Parameters
-    ----------
-    linear : Linear
-        A system or a closed loop.
-
-    Returns
-    -------
-    Resolution
-        Poles and panels.
-    """
-    return Resolution(linear.poles()) if isinstance(linear, System) else linear.resolution

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import ResponseError
+from mbsvib.feedback.resolution import resolution
 from mbsvib.isolation.asymptote import direct as at_once
-from mbsvib.isolation.linear import resolution
 from mbsvib.responses import extrema
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ import numpy as np
 from mbsvib.api.settled import settled
 from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, nearest
+from mbsvib.feedback.frequencies import checked
 from mbsvib.isolation.design import Design
-from mbsvib.isolation.frequencies import checked
 from mbsvib.isolation.isolation_study import Isolation, figures
 from mbsvib.isolation.pareto import Front, front
 from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS, DISPLACEMENTS, LOADS, Scene, scene

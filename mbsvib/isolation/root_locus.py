@@ -12,9 +12,9 @@ from mbsvib.common import tables
 from mbsvib.common.arguments import shown
 from mbsvib.common.expected import mode_index, reals
 from mbsvib.errors import ResponseError
-from mbsvib.isolation.closed_loop import close
+from mbsvib.feedback.pole_track import AT_REST, Track, has_moved, least_damping, ratios, stable
 from mbsvib.isolation.collocation import removable, without
-from mbsvib.isolation.pole_track import AT_REST, Track, has_moved, least_damping, ratios, stable
+from mbsvib.isolation.study_loops import close
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.isolation.controller import Controller
+    from mbsvib.feedback.controller import Controller
     from mbsvib.isolation.plant import Plant
 
 
@@ -198,7 +198,7 @@ def root_locus(plant: Plant, law: Callable[[float], Controller], gains: ArrayLik
     tensions = [name.removesuffix(".actuator") for name in first.actuators]
     force_feedback = set(first.sensors) == {f"{leg}.tension" for leg in tensions} and removable(plant, tensions)
     zeros = without(system, tensions).poles() if force_feedback else system.transmission_zeros(
-        first.actuators, first.sensors)  # fmt: skip
+        first.sensors, first.actuators)  # fmt: skip
     start = table[0]
     largest = np.abs(start).max(initial=0.0)
     modes = np.flatnonzero((start.imag > 0.0) & (np.abs(start) > AT_REST * largest))

@@ -79,7 +79,7 @@ class Scene:
 
 def scene(
     model: Model, body: str, base: str = GROUND, point: ArrayLike | None = None, length: float | None = None,
-    directions: Sequence[str] | None = None,
+    directions: Sequence[str] | None = None, *, keep_ports: bool = False,
 ) -> Scene:  # fmt: skip
     """Return a mechanism with the ports of an isolation study without changing the model.
 
@@ -98,6 +98,8 @@ def scene(
         centre.
     directions : sequence of str, optional
         In which the base is shaken; default: all six, or x y z where weight or other loads do not turn with the base.
+    keep_ports : bool
+        Whether inputs and outputs of the model are kept; they come first.
 
     Returns
     -------
@@ -126,7 +128,7 @@ def scene(
     if size <= 0.0:
         hint = "A body of no extent has no length of its own: give one." if length is None else ""
         raise check.refuse(who, "length", length, "a positive length [m]", hint)
-    copy = model.with_parts(inputs={}, outputs={}) if base == GROUND else _welded(model, base)
+    copy = _with_base(model, base, keep_ports)
     base_directions, notes = _base_directions(copy, directions)
     for direction in base_directions:
         copy.add_base_motion(f"base.{direction}", direction, at)
@@ -143,6 +145,25 @@ def scene(
 def _size(body: Body) -> float:
     """Root mean square distance of a body's mass from its centre."""
     return sqrt(0.5 * sum(body.inertia[:3]) / body.mass) if body.mass > 0.0 else 0.0
+
+
+def _with_base(model: Model, base: str, keep_ports: bool) -> Model:
+    """A copy of the model that stands on its base, with its own ports or without any."""
+    if base == GROUND:
+        return model.with_parts() if keep_ports else model.with_parts(inputs={}, outputs={})
+    result = _welded(model, base)
+    for part in [*model.inputs.values(), *model.outputs.values()] if keep_ports else ():
+        words = part.words()
+        for field in ("body", "relative_to", "element"):
+            if words.get(field) == base:
+                words[field] = GROUND
+        try:
+            getattr(result, ADDERS[type(part)])(**words)
+        except ModelError as error:
+            raise ModelError(f"isolation: base = '{base}' takes the place of the ground, and '{part.name}' of model "
+                             f"'{model.name}' cannot be kept: {error} Leave it out of the model, or take the ground as "
+                             f"the base.", element=part.name, field="base") from error  # fmt: skip
+    return result
 
 
 def _welded(model: Model, base: str) -> Model:

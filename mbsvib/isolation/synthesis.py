@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import ExportError, ResponseError
-from mbsvib.isolation.controller import Controller
+from mbsvib.feedback.controller import Controller
 from mbsvib.isolation.study_scene import ACCELERATIONS
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ import numpy as np
 from mbsvib.common import tables
 from mbsvib.common.csv_columns import write_columns
 from mbsvib.errors import ResponseError
+from mbsvib.feedback.frequencies import checked
 from mbsvib.isolation import octaves
-from mbsvib.isolation.frequencies import checked
 from mbsvib.isolation.mean_square import integrals, moments, panels
 from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS
 from mbsvib.responses.densities import Shaped

@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from mbsvib.isolation.integrand import DENSE, response, solved
+from mbsvib.feedback.integrand import DENSE, response, solved
 from mbsvib.studies.responses import Ports, quadrature
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def _with_slopes(
         value = response(system, w, outputs, inputs)
         if not point.rates:
             return value, np.zeros((0, *value.shape), dtype=complex)
-        return value, system.frequency_response_sensitivities(w, point.rates, list(inputs), list(outputs))
+        return value, system.frequency_response_sensitivities(w, point.rates, list(outputs), list(inputs))
     o, i = [system.outputs.index(name) for name in outputs], [system.inputs.index(name) for name in inputs]
     d = _derivatives(system, point.rates)
     s = np.asarray(1j * w[:, None, None], dtype=complex)

@@ -85,7 +85,7 @@ def damped_batch(batch: BatchEquations, basis: UndampedBatch, rtol: float) -> Da
     pairs[classical_variants] = roots.reshape(len(classical_variants), m, 2)
     flat_basis = Undamped(square, basis.shapes[:0], basis.errors[classical_variants].reshape(-1), 0, "", 0.0)
     own, sum_rounding = [i for i, reason in enumerate(classical) if reason == COMMUTES], np.zeros((n, m))
-    sum_rounding[own] = rounding_of_sums(batch.elastic_rows[own], batch.damping[own], basis.shapes[own])
+    sum_rounding[own] = rounding_of_sums(batch.elastic_rows[own], batch.row_damping[own], basis.shapes[own])
     flat_errors = classical_errors(roots, flat_basis, diagonal, sum_rounding[classical_variants].reshape(-1))
     errors[classical_variants] = flat_errors.reshape(len(classical_variants), m, 2)
     together = np.flatnonzero(~simple & accurate)
@@ -102,7 +102,7 @@ def damped_batch(batch: BatchEquations, basis: UndampedBatch, rtol: float) -> Da
 def _classical(batch: BatchEquations, basis: UndampedBatch) -> tuple[tuple[str, ...], Array]:
     """Why damping is classical in each variant ("" where it is not), and Phi^T C Phi."""
     n, m = basis.square.shape
-    c, k = batch.damping, batch.stiffness
+    c, k = batch.row_damping, batch.row_stiffness
     gamma = np.zeros((n, m, m))
     at = np.arange(m)
     moves = batch.elastic_rows.any(axis=2)
@@ -137,8 +137,8 @@ def _coupled(
     shapes, rows, factor = (some(array, which) for array in (basis.shapes, batch.elastic_rows, batch.inertia_factor))
     h, e, cancel = factor @ shapes, rows @ shapes, np.abs(rows) @ np.abs(shapes)
     forms = Forms(
-        h.swapaxes(1, 2) @ h, some(gamma, which), e.swapaxes(1, 2) @ (e * some(batch.stiffness, which)[:, :, None]),
-        cancel.swapaxes(1, 2) @ (np.abs(e) * np.abs(some(batch.damping, which))[:, :, None]),
+        h.swapaxes(1, 2) @ h, some(gamma, which), e.swapaxes(1, 2) @ (e * some(batch.row_stiffness, which)[:, :, None]),
+        cancel.swapaxes(1, 2) @ (np.abs(e) * np.abs(some(batch.row_damping, which))[:, :, None]),
     )  # fmt: skip
     values, y, slope, bound, reducible = refined(forms, start.values, start.y, some(basis.square, which),
                                                 some(basis.errors, which), start.complex_count)  # fmt: skip

@@ -51,7 +51,7 @@ def undamped_batch(batch: BatchEquations, rtol: float) -> UndampedBatch:
     square, shapes, accurate = _by_products(batch)
     largest = np.abs(square).max(axis=1, initial=0.0)
     # variants with rigid-body modes or negative stiffness are solved separately
-    accurate &= (square > SUSPECT**2 * largest[:, None]).all(axis=1) & (batch.stiffness >= 0.0).all(axis=1)
+    accurate &= (square > SUSPECT**2 * largest[:, None]).all(axis=1) & (batch.row_stiffness >= 0.0).all(axis=1)
     square[~accurate] = 1.0
     growth = _growth(batch, shapes) ** 2
     errors = 4.0 * EPS * growth.max(axis=1, initial=0.0)[:, None] * square.max(axis=1, initial=0.0)[:, None] / square
@@ -80,7 +80,7 @@ def _growth(batch: BatchEquations, shapes: Array) -> Array:
 
 def _refined(batch: BatchEquations, which: Index, shapes: Array) -> tuple[Array, Array, Array, Array]:
     """Frequencies from the factors, orthonormalized shapes, errors, and the largest error that other solvers reduce."""
-    rows = batch.elastic_rows[which] * np.sqrt(batch.stiffness[which])[:, :, None]
+    rows = batch.elastic_rows[which] * np.sqrt(batch.row_stiffness[which])[:, :, None]
     h = batch.inertia_factor[which] @ shapes
     length = np.sqrt(np.einsum("vij,vij->vj", h, h))[:, None]
     h, phi = h / length, shapes / length

@@ -27,7 +27,7 @@ def classical_damping(system: Equations, basis: Undamped) -> tuple[str, Array]:
     """Return why damping is classical ("" if it is not, ``IN_DOUBT`` if the basis mixes too much to decide), and Gamma
     as its diagonal (m,) or the full matrix (m, m).
     """
-    c, k = system.damping, system.stiffness
+    c, k = system.row_damping, system.row_stiffness
     if not np.count_nonzero(c):
         return NO_DAMPER, np.zeros(system.dof)
     if proportional(system):
@@ -49,7 +49,7 @@ def classical_damping(system: Equations, basis: Undamped) -> tuple[str, Array]:
 
 def proportional(system: Equations) -> bool:
     """Return whether every damping is the same multiple of its stiffness (or all zero); this needs no modes."""
-    c, k = system.damping, system.stiffness
+    c, k = system.row_damping, system.row_stiffness
     if not np.count_nonzero(c):
         return True
     if np.count_nonzero(k) < len(k):

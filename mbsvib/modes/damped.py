@@ -98,7 +98,9 @@ def damped(system: Equations, basis: Undamped, rtol: float) -> Damped | None:
         return None
     if reason:
         pairs = quadratic_roots(basis.square, gamma)
-        rounding = rounding_of_sums(system.elastic_rows, system.damping, basis.shapes) if reason == COMMUTES else None
+        rounding = None
+        if reason == COMMUTES:
+            rounding = rounding_of_sums(system.elastic_rows, system.row_damping, basis.shapes)
         errors = classical_errors(pairs, basis, gamma, rounding)
         return Damped(pairs, errors, basis.shapes, basis.square, gamma, reason, None, None)
     shapes, gamma, free = _split_rigid(system, basis, gamma)
@@ -120,29 +122,29 @@ def _split_rigid(system: Equations, basis: Undamped, gamma: Array) -> tuple[Arra
     shapes[:, :r], count = completed(w, free, shapes[:, :r]), free.shape[1]
     # diagonalize the damping of the others; the most strongly damped comes last
     relative_motion = product(system.elastic_rows, shapes[:, :r])
-    _, turn = np.linalg.eigh(weighted_gram(relative_motion, system.damping)[count:, count:])
+    _, turn = np.linalg.eigh(weighted_gram(relative_motion, system.row_damping)[count:, count:])
     shapes[:, count:r] = shapes[:, count:r] @ turn
     relative_motion = product(system.elastic_rows, shapes)
     relative_motion[:, :count] = 0.0
-    return shapes, weighted_gram(relative_motion, system.damping), count
+    return shapes, weighted_gram(relative_motion, system.row_damping), count
 
 
 def _forms(system: Equations, shapes: Array, gamma: Array, rigid: int) -> _Forms:
     h = system.inertia_factor.dot(shapes)
     e = system.elastic_rows.dot(shapes)
-    stiffness = e.T.dot(e * system.stiffness[:, None])
+    stiffness = e.T.dot(e * system.row_stiffness[:, None])
     stiffness[:rigid] = stiffness[:, :rigid] = 0.0
     cancel = np.abs(system.elastic_rows).dot(np.abs(shapes))
-    magnitude = cancel.T.dot(np.abs(e) * np.abs(system.damping)[:, None])
+    magnitude = cancel.T.dot(np.abs(e) * np.abs(system.row_damping)[:, None])
     return _Forms(np.array((h.T.dot(h), gamma, stiffness)), magnitude)
 
 
 def _dampers(system: Equations, shapes: Array) -> Array | None:
     """Rows L with L^T L = Gamma; None if a damper is negative."""
-    used = system.damping != 0.0
-    if (system.damping < 0.0).any():
+    used = system.row_damping != 0.0
+    if (system.row_damping < 0.0).any():
         return None
-    rows: Array = (system.elastic_rows[used] @ shapes) * np.sqrt(system.damping[used])[:, None]
+    rows: Array = (system.elastic_rows[used] @ shapes) * np.sqrt(system.row_damping[used])[:, None]
     return rows
 
 
@@ -311,7 +313,7 @@ def _from_factors(system: Equations, shapes: Array, count: int, rtol: float) -> 
     if complex_count + len(order) != count or not np.isfinite(solution.errors).all():
         return None
     inertia, relative_motion = system.inertia_factor @ solution.right, system.elastic_rows @ solution.right
-    slope = 2.0 * solution.values * (inertia**2).sum(axis=0) + system.damping @ relative_motion**2
+    slope = 2.0 * solution.values * (inertia**2).sum(axis=0) + system.row_damping @ relative_motion**2
     y = shapes.T @ (system.M @ solution.right)
     size = np.linalg.norm(y, axis=0)
     return solution.values[order], (y / size)[:, order], (slope / size**2)[order], solution.errors[order]

@@ -25,9 +25,9 @@ class Factors:
     """
 
     def __init__(self, system: Equations) -> None:
-        used = system.stiffness.nonzero()[0]
-        every = len(used) == len(system.stiffness)
-        self.k = system.stiffness if every else system.stiffness.take(used)
+        used = system.row_stiffness.nonzero()[0]
+        every = len(used) == len(system.row_stiffness)
+        self.k = system.row_stiffness if every else system.row_stiffness.take(used)
         self.rows = system.elastic_rows if every else system.elastic_rows.take(used, axis=0)
         self.mass = system.M
         self.stiffness = system.K if system.circulatory is None else system.K - system.circulatory

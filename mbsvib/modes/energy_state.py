@@ -101,7 +101,8 @@ def energy_state(system: Equations, rtol: float) -> EnergyState:
     if zeros is None:
         zeros = long_chains(a)
     right, left, nilpotent, count = zeros
-    conservative = bool(not system.damping.any() and system.circulatory is None and not n1 and (square >= 0.0).all())
+    no_damping = not system.row_damping.any() and system.circulatory is None
+    conservative = bool(no_damping and not n1 and (square >= 0.0).all())
     reduction = min((group.kept for group in system.provenance.reduction.groups), default=1.0)
     doubt = 0.0 if reduction >= WELL_CLOSED else EPS / reduction
     return EnergyState(a, basis @ show, force @ basis.T, position, rate, scale, conservative, right, left, nilpotent,
@@ -110,12 +111,13 @@ def energy_state(system: Equations, rtol: float) -> EnergyState:
 
 def _resists(system: Equations) -> bool:
     """Whether K and C (without spin) are sums of squares, so that the rows determine which motions they resist."""
-    return system.circulatory is None and bool((system.stiffness >= 0.0).all() and (system.damping >= 0.0).all())
+    positive = (system.row_stiffness >= 0.0).all() and (system.row_damping >= 0.0).all()
+    return system.circulatory is None and bool(positive)
 
 
 def _stiff_rows(system: Equations) -> Array:
     """Relative displacements at springs."""
-    rows: Array = system.elastic_rows[system.stiffness != 0.0]
+    rows: Array = system.elastic_rows[system.row_stiffness != 0.0]
     return rows
 
 
@@ -128,8 +130,8 @@ def _basis(system: Equations, rtol: float) -> tuple[Array, Undamped, int]:
         turn, loose, null = _separated(system)
     rows, w = product(system.elastic_rows, turn), system.inertia_factor @ turn
     part: Any = SimpleNamespace(
-        dof=turn.shape[1], stiffness=system.stiffness, elastic_rows=rows, inertia_factor=w, circulatory=None,
-        M=gram_matrix(w), K=weighted_gram(rows, system.stiffness), provenance=system.provenance,
+        dof=turn.shape[1], row_stiffness=system.row_stiffness, elastic_rows=rows, inertia_factor=w, circulatory=None,
+        M=gram_matrix(w), K=weighted_gram(rows, system.row_stiffness), provenance=system.provenance,
     )  # fmt: skip
     undamped_modes = undamped(part, rtol, null=null)
     basis = turn @ undamped_modes.shapes
@@ -173,12 +175,12 @@ def _in_basis(system: Equations, basis: Array, undamped_modes: Undamped, free: i
     p = len(undamped_modes.square)
     rows = product(system.elastic_rows, basis)
     flexible_rows = rows * (np.arange(len(basis)) >= undamped_modes.rigid)
-    stiffness = weighted_gram(flexible_rows, system.stiffness)
+    stiffness = weighted_gram(flexible_rows, system.row_stiffness)
     stiffness[:p, :p] = np.diag(undamped_modes.square)
     if system.circulatory is not None:
         stiffness += product(product(basis.T, system.circulatory), basis)
     braked = rows * (np.arange(len(basis)) >= free)
-    damping = weighted_gram(braked, system.damping)
+    damping = weighted_gram(braked, system.row_damping)
     if system.gyroscopic is not None:
         damping += product(product(basis.T, system.gyroscopic), basis)
     damping[p:, :p] = 0.0  # by the choice of the basis
@@ -221,7 +223,7 @@ def _null_spaces(
     if system.circulatory is None and not system.massless:
         return null, null
     if not _resists(system):
-        return null_pair(stiffness, _terms(system, basis, system.stiffness, system.circulatory))
+        return null_pair(stiffness, _terms(system, basis, system.row_stiffness, system.circulatory))
     # motions that damping couples to massless ones are not among the undamped modes
     motions = product(back, free_motions(_stiff_rows(system)))
     tied = pivoted_qr(motions[rigid:])[1][: motions.shape[1] - rigid]
@@ -237,5 +239,5 @@ def _chains(
     z, y = null
     if _resists(system) and system.gyroscopic is None:
         return np.eye(z.shape[1])[:, :free], np.eye(y.shape[1])[:, :free]
-    terms = np.abs(y).T @ _terms(system, basis, system.damping, system.gyroscopic) @ np.abs(z)
+    terms = np.abs(y).T @ _terms(system, basis, system.row_damping, system.gyroscopic) @ np.abs(z)
     return null_pair(y.T @ damping @ z, terms)

@@ -85,8 +85,8 @@ def refined(system: Equations, state: EnergyState, start: Spectrum) -> Spectrum:
     Source: Tisseur & Meerbergen, SIAM Review 43 (2001), for the resolvent of quadratic eigenvalue problems.
     """
     w = system.inertia_factor
-    factors = _Factors(w[w.any(axis=1)], system.elastic_rows, system.stiffness, system.damping, system.gyroscopic,
-                       system.circulatory)  # fmt: skip
+    factors = _Factors(w[w.any(axis=1)], system.elastic_rows, system.row_stiffness, system.row_damping,
+                       system.gyroscopic, system.circulatory)  # fmt: skip
     eigen = start
     if not len(eigen.values):
         return eigen

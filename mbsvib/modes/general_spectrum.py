@@ -32,7 +32,7 @@ NEARLY_REAL = 1e-6
 def spectrum(system: Equations, rtol: float) -> tuple[EnergyState, Spectrum]:
     """Return all eigenvalues and vectors, those of 0 by their invariant subspaces."""
     state = energy_state(system, rtol)
-    even = system.circulatory is None and not system.damping.any()
+    even = system.circulatory is None and not system.row_damping.any()
     start = _imaginary(state) if state.conservative else _any(state, even)
     return state, refined(system, state, start)
 

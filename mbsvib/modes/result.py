@@ -124,7 +124,12 @@ class Modes:
     @cached_property
     def body_shapes(self) -> dict[str, Array | Complex]:
         """Displacements of the bodies, {name: (6, m)}: translation of the centre of mass and rotation, world axes."""
+        self._check_mechanism("body_shapes")
         return dict(zip(self.bodies, self.body_motion @ self.shapes, strict=True))
+
+    def _check_mechanism(self, what: str) -> None:
+        if self._provenance is not None:
+            self._provenance.check_mechanism(self.name, what)
 
     @cached_property
     def stable(self) -> bool:
@@ -229,22 +234,27 @@ class Modes:
 
         Zeros for a mode in which nothing moves that has mass.
         """
+        self._check_mechanism("kinetic_energy")
         energy = self._energy().sum(axis=1)
         total = energy.sum(axis=0)
         return dict(zip(self.bodies, energy / np.where(total > 0.0, total, 1.0), strict=True))
 
-    def strongest(self) -> tuple[tuple[str, str], ...]:
+    def strongest(self) -> tuple[tuple[str, ...], ...]:
         """Return for each mode the body with most kinetic energy, and the direction in which it moves most.
 
-        Where nothing that moves has mass, it is the body that moves furthest.
+        Where nothing that moves has mass, it is the body that moves furthest. Without bodies it is the coordinate with
+        the largest momentum.
 
         Returns
         -------
-        tuple of (str, str)
-            Body, and out of x y z rx ry rz; one entry a mode.
+        tuple of (str, str) or (str,)
+            Body, and out of x y z rx ry rz, or a coordinate; one entry a mode.
         """
-        if not len(self) or not self.bodies:
+        if not len(self):
             return ()
+        if not self.bodies:
+            inertia = np.sum(self.inertia_factor**2, axis=0)[:, None]
+            return tuple([(self.coordinates[i],) for i in (inertia * np.abs(self.shapes) ** 2).argmax(axis=0)])
         energy = self._energy()
         still = ~energy.any(axis=(0, 1))  # nodes without mass: by how far they move
         energy[..., still] = np.abs(self.body_motion @ self.shapes[:, still])

@@ -16,9 +16,10 @@ def unbraked(system: Equations, rigid: Array) -> Array:
     """Return the rigid-body motions among (m, r) that no damper resists, (m, f); with negative dampers, those that
     deform neither a spring nor a damper.
     """
-    if (system.stiffness >= 0.0).all() or (system.damping < 0.0).any():
-        free = free_motions(system.elastic_rows[(system.stiffness != 0.0) | (system.damping != 0.0)])
+    if (system.row_stiffness >= 0.0).all() or (system.row_damping < 0.0).any():
+        free = free_motions(system.elastic_rows[(system.row_stiffness != 0.0) | (system.row_damping != 0.0)])
         return free if free.shape[1] <= rigid.shape[1] else rigid[:, :0]
     # stiffness of loads has both signs: only its sum determines the motions, and the same holds for dampers in them
     relative_motion, most = product(system.elastic_rows, rigid), largest(system.elastic_rows, rigid)
-    return rigid @ null_pair(weighted_gram(relative_motion, system.damping), weighted_gram(most, system.damping))[0]
+    c = system.row_damping
+    return rigid @ null_pair(weighted_gram(relative_motion, c), weighted_gram(most, c))[0]

@@ -2,24 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import TypeAlias
+from collections.abc import Sequence
+from typing import Any, TypeAlias, cast
 
-from mbsvib.common.expected import a_system
-from mbsvib.common.expected import names as listed_names
-from mbsvib.errors import ResponseError, nearest
-from mbsvib.plots._system import System
+from mbsvib.common.expected import a_linear, kind_of
+from mbsvib.common.selection import selected
+from mbsvib.errors import ResponseError
+from mbsvib.plots._system import Linear
+from mbsvib.responses.from_control import is_control
 
 Names: TypeAlias = str | Sequence[str] | None
-Systems: TypeAlias = System | Sequence[System]
+Systems: TypeAlias = Linear | Sequence[Linear]
 
 MOST_PANELS = 12
 
 
-def listed(systems: Systems, labels: Sequence[str] | None) -> list[tuple[str, System]]:
+def linear(value: Any) -> Linear:
+    """Return a system, closed loop or state space; controllers and state spaces of python-control become one."""
+    if kind_of(value) == "controller":
+        return cast("Linear", value.state_space())
+    if is_control(value):
+        from mbsvib.responses.state_space import StateSpace
+
+        return cast("Linear", StateSpace.from_control(value))
+    return cast("Linear", a_linear(value, "plots", "systems"))
+
+
+def listed(systems: Systems, labels: Sequence[str] | None) -> list[tuple[str, Linear]]:
     """Return systems with their labels in a legend."""
-    several = systems if isinstance(systems, Iterable) and not isinstance(systems, str) else [systems]
-    group = [a_system(item, "plots", "systems") for item in several]
+    several = systems if isinstance(systems, (list, tuple)) else [systems]
+    group = [linear(item) for item in several]
     if not group:
         raise ResponseError("no system is given; pass one or a list of them.")
     names = list(labels) if labels is not None else [system.name for system in group]
@@ -30,46 +42,40 @@ def listed(systems: Systems, labels: Sequence[str] | None) -> list[tuple[str, Sy
     return list(zip(names, group, strict=True))
 
 
-def pick(system: System, what: str, names: Names) -> list[str]:
-    """Return the selected names of inputs or outputs; None selects all.
+def pick(system: Linear, what: str, names: Names) -> list[str]:
+    """Return the selected names of inputs or outputs; None selects all, a pattern those that it fits.
 
     Raises
     ------
     ResponseError
         If the system has none, or has no such name; the nearest one is suggested.
     """
-    known = system.inputs if what == "input" else system.outputs
+    known, others = (system.inputs, system.outputs) if what == "input" else (system.outputs, system.inputs)
     if not known:
         raise ResponseError(f"system '{system.name}' has no {what}s, so there is no response to draw; "
                             f"add some to the model by add_{what}().")  # fmt: skip
-    selected = list(known) if names is None else listed_names(names, "plots", f"{what}s")
-    for name in selected:
-        if name not in known:
-            raise ResponseError(
-                f"{what} {name!r}: system '{system.name}' has no such {what}.{nearest(str(name), known)} "
-                f"It has {', '.join(known)}."
-            )
-    if not selected:
+    result = [known[i] for i in selected(names, known, what, system.name, others)]
+    if not result:
         raise ResponseError(f"the list of {what}s is empty; name at least one of {', '.join(known)}.")
-    return selected
+    return result
 
 
-def pairs(system: System, inputs: Names, outputs: Names) -> list[list[tuple[str, str]]]:
-    """Return the panels of a figure, row by row, as (input, output).
+def pairs(system: Linear, outputs: Names, inputs: Names) -> list[list[tuple[str, str]]]:
+    """Return the panels of a figure, row by row, as (output, input).
 
-    Several inputs and outputs make a matrix, as the transfer matrix is written; a single input or output fills rows
+    Several outputs and inputs make a matrix, as the transfer matrix is written; a single input or output fills rows
     of at most three.
     """
-    sources, results = pick(system, "input", inputs), pick(system, "output", outputs)
+    results, sources = pick(system, "output", outputs), pick(system, "input", inputs)
     count = len(sources) * len(results)
     if count > MOST_PANELS:
         raise ResponseError(
-            f"{len(sources)} inputs x {len(results)} outputs are {count} panels; a figure holds at "
-            f"most {MOST_PANELS}: choose, for example, input {sources[0]!r} and output {results[0]!r}. "
-            f"Inputs: {', '.join(sources)}. Outputs: {', '.join(results)}."
+            f"{len(results)} outputs x {len(sources)} inputs are {count} panels; a figure holds at "
+            f"most {MOST_PANELS}: choose, for example, output {results[0]!r} and input {sources[0]!r}. "
+            f"Outputs: {', '.join(results)}. Inputs: {', '.join(sources)}."
         )
     if len(sources) > 1 and len(results) > 1:
-        return [[(source, result) for source in sources] for result in results]
-    flat = [(source, result) for source in sources for result in results]
+        return [[(result, source) for source in sources] for result in results]
+    flat = [(result, source) for source in sources for result in results]
     width = 2 if count in (2, 4) else min(count, 3)
     return [flat[start : start + width] for start in range(0, count, width)]

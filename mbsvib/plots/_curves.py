@@ -10,7 +10,7 @@ import numpy as np
 from mbsvib.common.expected import reals
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _choice as choice
-from mbsvib.responses.frequency_grid import placed, roots
+from mbsvib.responses.frequency_grid import placed
 from mbsvib.responses.frequency_grid import span as range_of
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.plots._system import System
+    from mbsvib.plots._system import Linear
 
 
 MOST_LEAD = 0.75 * np.pi  # a response that starts near +-180 degrees is drawn as a lag
@@ -59,7 +59,7 @@ class Curve:
 
 
 def shared_grid(
-    systems: Sequence[System], pairs: Sequence[tuple[str, str]], frequencies: ArrayLike | None,
+    systems: Sequence[Linear], pairs: Sequence[tuple[str, str]], frequencies: ArrayLike | None,
     span: tuple[float | None, float | None],
 ) -> Array:  # fmt: skip
     """Return the frequencies [Hz] for curves of several systems: as given, or such that none misses a peak or a dip.
@@ -69,7 +69,7 @@ def shared_grid(
     systems : sequence of System
         Whose poles and zeros decide.
     pairs : sequence of (str, str)
-        Names of inputs and outputs.
+        Names of outputs and inputs.
     frequencies : array-like, shape (n,), optional
         Frequencies [Hz] to use as they are.
     span : (float or None, float or None)
@@ -92,23 +92,23 @@ def shared_grid(
         return grid
     poles = np.concatenate([system.poles() for system in systems])
     low, high = range_of(poles, *span)
-    inputs, outputs = ([*dict.fromkeys(names)] for names in zip(*pairs, strict=True))
-    places = [
-        roots(system.basis, choice.pick(system, "input", inputs), choice.pick(system, "output", outputs))
-        for system in systems
-    ]
+    for system in systems:
+        for output, source in pairs:
+            choice.pick(system, "output", output)
+            choice.pick(system, "input", source)
+    places = [poles, *(system.transmission_zeros(*pair) for system in systems for pair in pairs)]
     return placed(np.concatenate(places), poles, low, high)
 
 
-def curves(system: System, pairs: Sequence[tuple[str, str]], grid: Array) -> list[Curve]:
-    """Return the curves of a system for pairs of (input, output).
+def curves(system: Linear, pairs: Sequence[tuple[str, str]], grid: Array) -> list[Curve]:
+    """Return the curves of a system for pairs of (output, input).
 
     Parameters
     ----------
     system : System
         Whose responses.
     pairs : sequence of (str, str)
-        Names of inputs and outputs.
+        Names of outputs and inputs.
     grid : array, shape (n,)
         Frequencies [Hz].
 
@@ -122,8 +122,8 @@ def curves(system: System, pairs: Sequence[tuple[str, str]], grid: Array) -> lis
     ResponseError
         If a name is unknown or a frequency is an undamped pole.
     """
-    sources = [system.inputs.index(choice.pick(system, "input", name)[0]) for name, _ in pairs]
-    results = [system.outputs.index(choice.pick(system, "output", name)[0]) for _, name in pairs]
+    results = [system.outputs.index(choice.pick(system, "output", name)[0]) for name, _ in pairs]
+    sources = [system.inputs.index(choice.pick(system, "input", name)[0]) for _, name in pairs]
     response = system.frequency_response(2.0 * np.pi * grid)
     height = np.abs(response).max(axis=2)
     result = []

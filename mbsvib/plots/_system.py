@@ -1,8 +1,8 @@
-"""The interface of systems for figures: names and units, modes and responses."""
+"""The interfaces of systems, closed loops and state spaces for figures."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -12,6 +12,64 @@ if TYPE_CHECKING:
     from mbsvib.explain.energy_shares import StiffnessShares
     from mbsvib.modes.result import Modes
     from mbsvib.responses.basis import Basis
+
+
+class LinearModes(Protocol):
+    """Natural frequencies, and whether responses settle."""
+
+    @property
+    def frequencies(self) -> Array:
+        """Natural frequencies [Hz]."""
+
+    @property
+    def rigid(self) -> int:
+        """Number of modes at rest."""
+
+    @property
+    def stable(self) -> bool:
+        """Whether no mode is unstable."""
+
+
+class Linear(Protocol):
+    """What response figures need; systems, closed loops and state spaces have it."""
+
+    @property
+    def name(self) -> str:
+        """Name of the equations."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Units of the inputs."""
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+
+    @property
+    def output_units(self) -> tuple[str, ...]:
+        """Units of the outputs."""
+
+    def modes(self) -> LinearModes:
+        """Return the modes."""
+
+    def poles(self) -> Complex:
+        """Return the poles [1/s]."""
+
+    def transmission_zeros(self, outputs: Any = None, inputs: Any = None) -> Complex:
+        """Return the zeros [1/s]."""
+
+    def frequency_response(self, omega: ArrayLike, outputs: Any = None, inputs: Any = None) -> Complex:
+        """Return the frequency response (outputs, inputs, n) at angular frequencies [rad/s]."""
+
+    def time_response(
+        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: Any = None, outputs: Any = None,
+        inputs: Any = None,
+    ) -> Array:  # fmt: skip
+        """Return the outputs (outputs, n) at times [s]."""
 
 
 class System(Protocol):
@@ -75,10 +133,16 @@ class System(Protocol):
     def poles(self) -> Complex:
         """Return the poles [1/s]."""
 
-    def frequency_response(self, omega: ArrayLike) -> Complex:
+    def transmission_zeros(self, outputs: Any = None, inputs: Any = None) -> Complex:
+        """Return the zeros [1/s]."""
+
+    def frequency_response(self, omega: ArrayLike, outputs: Any = None, inputs: Any = None) -> Complex:
         """Return the frequency response (outputs, inputs, n) at angular frequencies [rad/s]."""
 
-    def time_response(self, t: ArrayLike, u: ArrayLike, hold: str = "first") -> Array:
+    def time_response(
+        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: Any = None, outputs: Any = None,
+        inputs: Any = None,
+    ) -> Array:  # fmt: skip
         """Return the outputs (outputs, n) at times [s]."""
 
     def stiffness_shares(self, modes: Modes | None = None) -> StiffnessShares:

@@ -27,7 +27,7 @@ MOST_MARKS = 25
 
 
 def bode(
-    systems: Systems, inputs: Names = None, outputs: Names = None, frequencies: ArrayLike | None = None, *,
+    systems: Systems, outputs: Names = None, inputs: Names = None, frequencies: ArrayLike | None = None, *,
     span: tuple[float | None, float | None] = (None, None), labels: Sequence[str] | None = None,
     wrap: bool = False, marks: bool = True, decibels: bool = False, radians: bool = False, shared: bool = True,
 ) -> Figure:  # fmt: skip
@@ -35,9 +35,9 @@ def bode(
 
     Parameters
     ----------
-    systems : System or sequence of System
-        One system, or several that are drawn into the same panels.
-    inputs, outputs : str or sequence of str, optional
+    systems : System, ClosedLoop, StateSpace, Controller, control.StateSpace, or sequence of these
+        One, or several that are drawn into the same panels.
+    outputs, inputs : str or sequence of str, optional
         Names; default: all, if they are not too many.
     frequencies : array-like, shape (n,), optional
         Where to compute [Hz]; default: a grid that resolves every resonance and antiresonance in ``span``.
@@ -67,7 +67,7 @@ def bode(
         If a name is unknown, there are more than twelve panels, or a frequency is an undamped pole.
     """
     named = choice.listed(systems, labels)
-    panels = choice.pairs(named[0][1], inputs, outputs)
+    panels = choice.pairs(named[0][1], outputs, inputs)
     flat = [pair for row in panels for pair in row]
     grid = shared_grid([system for _, system in named], flat, frequencies, span)
     lines = [curves(system, flat, grid) for _, system in named]

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
-    from mbsvib.plots._system import System
+    from mbsvib.plots._system import Linear
 
 
 PERIODS = 25.0
@@ -23,14 +23,14 @@ DECAY_TIMES = 5.0  # time constants: 0.7 % is left
 MOST_TIMES = 20_000
 
 
-def upper_eigenvalues(systems: Sequence[System]) -> NDArray[np.complex128]:
+def upper_eigenvalues(systems: Sequence[Linear]) -> NDArray[np.complex128]:
     """Return the eigenvalues [1/s] of all ``systems`` that are neither zero nor the lower half of a pair."""
-    values = np.concatenate([np.zeros(0, complex), *(np.asarray(system.modes().eigenvalues) for system in systems)])
+    values = np.concatenate([np.zeros(0, complex), *(np.asarray(system.poles()) for system in systems)])
     upper: NDArray[np.complex128] = values[(values != 0.0) & (values.imag >= 0.0)]
     return upper
 
 
-def time_grid(systems: System | Sequence[System], duration: float | None = None) -> Array:
+def time_grid(systems: Linear | Sequence[Linear], duration: float | None = None) -> Array:
     """Return evenly spaced times that show a step response.
 
     Until the slowest mode has settled (five time constants) or 25 of the longest period have passed, whichever is

@@ -49,7 +49,9 @@ def mechanism(source: Mechanism | System, view: View = "3-D", names: bool = True
     if isinstance(source, Mechanism):
         scene = _scene.of_model(source)
     else:
-        scene = _scene.of_system(a_system(source, "mechanism", "source").name, source.provenance)
+        system = a_system(source, "mechanism", "source")
+        system.provenance.check_mechanism(system.name, "plots.mechanism")
+        scene = _scene.of_system(system.name, system.provenance)
     with style.context():
         figure = style.new_figure(6.4, 5.0)
         axes = figure.subplots()

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def nyquist(
-    systems: Systems, inputs: Names = None, outputs: Names = None, frequencies: ArrayLike | None = None, *,
+    systems: Systems, outputs: Names = None, inputs: Names = None, frequencies: ArrayLike | None = None, *,
     span: tuple[float | None, float | None] = (None, None), labels: Sequence[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw G(i w) in the complex plane, for positive frequencies full and for negative ones dashed.
@@ -30,9 +30,9 @@ def nyquist(
 
     Parameters
     ----------
-    systems : System or sequence of System
-        One system, or several that are drawn into the same panels.
-    inputs, outputs : str or sequence of str, optional
+    systems : System, ClosedLoop, StateSpace, Controller, control.StateSpace, or sequence of these
+        One, or several that are drawn into the same panels.
+    outputs, inputs : str or sequence of str, optional
         Names; default: all, if they are not too many.
     frequencies : array-like, shape (n,), optional
         Where to compute [Hz]; default: a grid that resolves every circle in ``span``.
@@ -53,7 +53,7 @@ def nyquist(
         If a name is unknown, there are more than twelve panels, or a frequency is an undamped pole.
     """
     named = choice.listed(systems, labels)
-    panels = choice.pairs(named[0][1], inputs, outputs)
+    panels = choice.pairs(named[0][1], outputs, inputs)
     flat = [pair for row in panels for pair in row]
     grid = shared_grid([system for _, system in named], flat, frequencies, span)
     if frequencies is None:  # circles, not polygons
@@ -64,7 +64,7 @@ def nyquist(
     with style.context():
         figure = style.new_figure(*style.panel_size(rows, columns, 3.6, 4.6))
         places = figure.add_gridspec(rows, columns)
-        for number, (source, output) in enumerate(flat):
+        for number, (output, source) in enumerate(flat):
             axes = figure.add_subplot(places[number // columns, number % columns])
             drawn = [group[number] for group in lines]
             largest = max(float(np.abs(curve.values).max()) for curve in drawn)

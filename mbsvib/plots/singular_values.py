@@ -19,20 +19,20 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.plots._choice import Names, Systems
-    from mbsvib.plots._system import System
+    from mbsvib.plots._system import Linear
 
 
 def singular_values(
-    systems: Systems, inputs: Names = None, outputs: Names = None, frequencies: ArrayLike | None = None, *,
+    systems: Systems, outputs: Names = None, inputs: Names = None, frequencies: ArrayLike | None = None, *,
     span: tuple[float | None, float | None] = (None, None), labels: Sequence[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw the singular values of the matrix G(i w) from inputs to outputs.
 
     Parameters
     ----------
-    systems : System or sequence of System
-        One system, or several that are drawn into the same panel.
-    inputs, outputs : str or sequence of str, optional
+    systems : System, ClosedLoop, StateSpace, Controller, control.StateSpace, or sequence of these
+        One, or several that are drawn into the same panel.
+    outputs, inputs : str or sequence of str, optional
         Names, all of one unit each; default: those that have the unit of the first.
     frequencies : array-like, shape (n,), optional
         Where to compute [Hz]; default: a grid that resolves every resonance in ``span``.
@@ -54,7 +54,7 @@ def singular_values(
     named = choice.listed(systems, labels)
     sources, source_unit = _alike(named[0][1], "input", inputs)
     results, result_unit = _alike(named[0][1], "output", outputs)
-    pairs = [(source, result) for source in sources for result in results]
+    pairs = [(result, source) for source in sources for result in results]
     grid = shared_grid([system for _, system in named], pairs, frequencies, span)
     with style.context():
         figure = style.new_figure(6.4, 4.0)
@@ -82,7 +82,7 @@ def _few(names: Sequence[str]) -> str:
     return ", ".join(names) if len(names) <= 4 else f"{names[0]}, {names[1]}, … ({len(names)})"
 
 
-def _alike(system: System, what: str, names: Names) -> tuple[list[str], str]:
+def _alike(system: Linear, what: str, names: Names) -> tuple[list[str], str]:
     """Names that have one unit, and this unit."""
     known = dict(zip(*((system.inputs, system.input_units) if what == "input" else
                        (system.outputs, system.output_units)), strict=True))  # fmt: skip

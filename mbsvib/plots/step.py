@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.plots._choice import Names, Systems
-    from mbsvib.plots._system import System
+    from mbsvib.plots._system import Linear
 
 
 NEGLIGIBLE = 1e-11
@@ -29,16 +29,16 @@ BEFORE = 0.03  # of the time shown: the rest before the step
 
 
 def step(
-    systems: Systems, inputs: Names = None, outputs: Names = None, duration: float | None = None, *,
+    systems: Systems, outputs: Names = None, inputs: Names = None, duration: float | None = None, *,
     labels: Sequence[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw responses to a step of one unit of each input at t = 0, from rest.
 
     Parameters
     ----------
-    systems : System or sequence of System
-        One system, or several that are drawn into the same panels.
-    inputs, outputs : str or sequence of str, optional
+    systems : System, ClosedLoop, StateSpace, Controller, control.StateSpace, or sequence of these
+        One, or several that are drawn into the same panels.
+    outputs, inputs : str or sequence of str, optional
         Names; default: all, if they are not too many.
     duration : float, optional
         Time shown [s]; default: until the slowest mode has settled, but at most 25 of its periods.
@@ -56,16 +56,16 @@ def step(
         If a name is unknown, there are more than twelve panels, or the duration is not positive.
     """
     named = choice.listed(systems, labels)
-    panels = choice.pairs(named[0][1], inputs, outputs)
+    panels = choice.pairs(named[0][1], outputs, inputs)
     t = time_grid([system for _, system in named], duration)
     factor, unit = units.prefix("s", t[-1])
-    responses = [_responses(system, t, {source for row in panels for source, _ in row}) for _, system in named]
+    responses = [_responses(system, t, {source for row in panels for _, source in row}) for _, system in named]
     rows, columns, count = len(panels), max(map(len, panels)), sum(map(len, panels))
     with style.context():
         figure = style.new_figure(*style.panel_size(rows, columns, 2.6, 3.6))
         places = figure.add_gridspec(rows, columns)
         for i, row in enumerate(panels):
-            for j, (source, output) in enumerate(row):
+            for j, (output, source) in enumerate(row):
                 axes = figure.add_subplot(places[i, j])
                 drawn = [(name, system, y[source]) for (name, system), y in zip(named, responses, strict=True)]
                 _panel(axes, t * factor, drawn, source, output)
@@ -75,7 +75,7 @@ def step(
     return figure
 
 
-def _responses(system: System, t: Array, sources: set[str]) -> dict[str, Array]:
+def _responses(system: Linear, t: Array, sources: set[str]) -> dict[str, Array]:
     result = {}
     for source in sources:
         choice.pick(system, "input", source)
@@ -85,7 +85,7 @@ def _responses(system: System, t: Array, sources: set[str]) -> dict[str, Array]:
     return result
 
 
-def _panel(axes: Axes, t: Array, drawn: list[tuple[str, System, Array]], source: str, output: str) -> None:
+def _panel(axes: Axes, t: Array, drawn: list[tuple[str, Linear, Array]], source: str, output: str) -> None:
     shown, largest, negligible = [], 0.0, True
     for name, system, response in drawn:
         choice.pick(system, "output", output)
@@ -118,7 +118,7 @@ def _panel(axes: Axes, t: Array, drawn: list[tuple[str, System, Array]], source:
         style.remark(axes, "rigid-body motion: need not settle", top=bool(shown[0][2][-1] > 0.0))
 
 
-def static(system: System, source: str, output: str) -> float | None:
+def static(system: Linear, source: str, output: str) -> float | None:
     """Return the response that remains long after a unit step, or None where the system does not settle.
 
     Parameters

@@ -41,7 +41,7 @@ def topology(system: System) -> Figure:
     matplotlib.figure.Figure
         Joints of the tree black, cut joints red and dashed, springs orange, gears and other couplers green and dotted.
     """
-    a_system(system, "topology")
+    a_system(system, "topology").provenance.check_mechanism(system.name, "plots.topology")
     graph = layout.graph(system.provenance.topology, system.provenance.parts)
     nodes, edges = graph["nodes"], graph["edges"]
     at = np.array([node[1:3] for node in nodes], dtype=float)

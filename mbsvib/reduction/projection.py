@@ -44,14 +44,15 @@ def projected(system: E, shapes: Array, names: Sequence[str], units: Sequence[st
     rows[np.abs(rows) <= ZERO_PRODUCT * len(shapes) * (np.abs(system.elastic_rows) @ np.abs(shapes))] = 0.0
     gyroscopic, circulatory = (None if matrix is None else _antisymmetric(shapes.T @ matrix @ shapes)
                                for matrix in (system.gyroscopic, system.circulatory))  # fmt: skip
-    damping, stiffness = weighted_gram(rows, system.damping), weighted_gram(rows, system.stiffness)
+    damping, stiffness = weighted_gram(rows, system.row_damping), weighted_gram(rows, system.row_stiffness)
     came = system.provenance
     return replace(
         system, coordinates=tuple(names), coordinate_units=tuple(units), M=factor.T @ factor,
         C=damping if gyroscopic is None else damping + gyroscopic,
         K=stiffness if circulatory is None else stiffness + circulatory,
         B=shapes.T @ system.B, Cq=system.Cq @ shapes, Cv=system.Cv @ shapes, Ca=system.Ca @ shapes, D=system.D.copy(),
-        inertia_factor=factor, elastic_rows=rows, stiffness=system.stiffness.copy(), damping=system.damping.copy(),
+        inertia_factor=factor, elastic_rows=rows, row_stiffness=system.row_stiffness.copy(),
+        row_damping=system.row_damping.copy(),
         row_owner=system.row_owner.copy(), body_motion=system.body_motion @ shapes, gyroscopic=gyroscopic,
         circulatory=circulatory,
         provenance=replace(came, reduction=Reduction(np.arange(shapes.shape[1]), shapes, ()), parts=(), origin=None,

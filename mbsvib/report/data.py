@@ -31,14 +31,14 @@ MOST_SAMPLES = 75_000  # of all curves together: 0.8 megabytes of the page
 MOST_ZEROS = 5e7  # DOF cubed times pairs up to which zeros of each curve are computed: a second
 
 
-def collect(system: System, inputs: Names = None, outputs: Names = None) -> dict[str, Any]:
+def collect(system: System, outputs: Names = None, inputs: Names = None) -> dict[str, Any]:
     """Return everything that a report shows.
 
     Parameters
     ----------
     system : System
         The equations of motion.
-    inputs, outputs : str or sequence of str, optional
+    outputs, inputs : str or sequence of str, optional
         Names of those to show; default: all.
 
     Returns
@@ -47,7 +47,7 @@ def collect(system: System, inputs: Names = None, outputs: Names = None) -> dict
         Lists, texts and numbers.
     """
     modes = system.modes()
-    responses = _responses(system, inputs, outputs)  # before `skipped`, which describes their computation
+    responses = _responses(system, outputs, inputs)  # before `skipped`, which describes their computation
     topology = system.provenance.topology
     return {
         "name": system.name,
@@ -117,7 +117,7 @@ def _modes(system: System, modes: Modes) -> dict[str, Any]:
             "motion": packed(np.moveaxis(both, 2, 0))}  # fmt: skip
 
 
-def _responses(system: System, inputs: Names, outputs: Names) -> dict[str, Any] | None:
+def _responses(system: System, outputs: Names, inputs: Names) -> dict[str, Any] | None:
     """Magnitude and phase over frequency of as many pairs as fit into the page, and which ones these are."""
     if not (system.inputs and system.outputs and system.dof):
         return None
@@ -127,10 +127,10 @@ def _responses(system: System, inputs: Names, outputs: Names) -> dict[str, Any] 
     grid = placed(poles, poles, *span(poles, None, None))
     sources, results = _fitting(sources, results, len(grid))
     if system.dof**3 * len(sources) * len(results) <= MOST_ZEROS:
-        places = roots(system.basis, sources, results)
+        places = roots(system.basis, results, sources)
         grid = placed(places, poles, *span(poles, None, None))
         sources, results = _fitting(sources, results, len(grid))
-    pairs = [(source, result) for source in sources for result in results]
+    pairs = [(result, source) for source in sources for result in results]
     drawn_curves = curves(system, pairs, grid)
     return {
         "inputs": [[name, units.pretty(_unit(system.inputs, system.input_units, name))] for name in sources],
@@ -158,6 +158,8 @@ def _unit(names: Sequence[str], known: Sequence[str], name: str) -> str:
 
 def _shares(system: System, modes: Modes) -> dict[str, Any]:
     shown = min(len(modes), MOST_MODES)
+    if system.provenance.given:
+        return {"strain": [], "kinetic": []}
     return {kind: [[name, _percent(values[:shown])] for name, values in largest(*shares(system, modes, kind))]
             for kind in ("strain", "kinetic")}  # fmt: skip
 

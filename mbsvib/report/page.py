@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 _UNSAFE = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
 
 
-def html(source: Model | System, inputs: Names = None, outputs: Names = None) -> str:
+def html(source: Model | System, outputs: Names = None, inputs: Names = None) -> str:
     """Return the report of a mechanism as one page of HTML that needs no network.
 
     Parameters
     ----------
     source : Model or System
         What to report on.
-    inputs, outputs : str or sequence of str, optional
+    outputs, inputs : str or sequence of str, optional
         Names of those whose responses are shown; default: all, or as many as fit into a page.
 
     Returns
@@ -49,7 +49,7 @@ def html(source: Model | System, inputs: Names = None, outputs: Names = None) ->
     """
     script = _plotly()
     system = source if isinstance(source, System) else _linearized(a_model(source, "report", "source"))
-    data = collect(system, inputs, outputs)
+    data = collect(system, outputs, inputs)
     pieces = {
         "TITLE": escape(system.name),
         "STYLE": _read("page.css"),
@@ -61,7 +61,7 @@ def html(source: Model | System, inputs: Names = None, outputs: Names = None) ->
 
 
 def write(
-    source: Model | System, path: str | os.PathLike[str], inputs: Names = None, outputs: Names = None
+    source: Model | System, path: str | os.PathLike[str], outputs: Names = None, inputs: Names = None
 ) -> Path:  # fmt: skip
     """Write the report of a mechanism to a file, whole or not at all.
 
@@ -71,7 +71,7 @@ def write(
         What to report on.
     path : str or path-like
         Where the page goes.
-    inputs, outputs : str or sequence of str, optional
+    outputs, inputs : str or sequence of str, optional
         Names of those whose responses are shown; default: all, or as many as fit into a page.
 
     Returns
@@ -86,7 +86,7 @@ def write(
     """
     from mbsvib.common.atomic_file import write_atomic
 
-    text = html(source, inputs, outputs).encode("utf-8")
+    text = html(source, outputs, inputs).encode("utf-8")
     try:
         return write_atomic(path, lambda stream: stream.write(text))
     except OSError as error:

@@ -30,11 +30,29 @@ class Basis:
         The equations of motion.
     form : type
         The class of their modes.
+    source : Basis, optional
+        That of the same equations with other inputs and outputs, whose modes are shared.
     """
 
-    def __init__(self, equations: Equations, form: type[Modes] = Modes) -> None:
+    def __init__(self, equations: Equations, form: type[Modes] = Modes, source: Basis | None = None) -> None:
         self.equations = equations
         self.form = form
+        self.source = source
+
+    def with_equations(self, equations: Equations) -> Basis:
+        """Return the basis of the same equations with other inputs and outputs; modes are computed once for both.
+
+        Parameters
+        ----------
+        equations : Equations
+            With the same M, C and K.
+
+        Returns
+        -------
+        Basis
+            Their basis.
+        """
+        return Basis(equations, self.form, self)
 
     def assume(self, modal: Damped | General) -> None:
         """Set the basis of the responses, if it is already known, such as one of a batch.
@@ -49,11 +67,13 @@ class Basis:
     @property
     def computed(self) -> frozenset[str]:
         """Names of the quantities computed so far."""
-        return frozenset(self.__dict__) - {"equations", "form"}
+        return frozenset(self.__dict__) - {"equations", "form", "source"}
 
     @cached_property
     def modes(self) -> Modes:
         """All modes at the default accuracy."""
+        if self.source is not None:
+            return self.source.modes
         return modes(self.equations, RTOL, False, self.form)
 
     def modes_within(self, rtol: float) -> Modes:
@@ -79,6 +99,8 @@ class Basis:
 
         Near a resonance a relative error of a frequency is amplified by 1 / (2 damping ratio); one of a shape is not.
         """
+        if self.source is not None:
+            return self.source.response_modes
         known = self.modes
         good = max(known.mixed, float(known.errors.max(initial=0.0))) <= RESPONSE_RTOL
         return known if good else modes(self.equations, RESPONSE_RTOL, True, self.form)
@@ -86,7 +108,7 @@ class Basis:
     @cached_property
     def modal(self) -> Damped | General:
         """The basis of the responses."""
-        return self.response_modes.damped
+        return self.response_modes.damped if self.source is None else self.source.modal
 
     @property
     def poles(self) -> Complex:
@@ -103,6 +125,8 @@ class Basis:
     @cached_property
     def schur(self) -> EnergySchur:
         """The Schur form of the state matrix in energy coordinates."""
+        if self.source is not None:
+            return self.source.schur
         from mbsvib.responses.energy_schur import energy_schur
 
         return energy_schur(cast("Damped", self.modal))
@@ -110,6 +134,8 @@ class Basis:
     @cached_property
     def strong_dampers(self) -> Array | None:
         """Rows L with Gamma = L^T L if rounding of Gamma affects the other motions, else None."""
+        if self.source is not None:
+            return self.source.strong_dampers
         from mbsvib.responses.strong_dampers import strong_dampers
 
         return strong_dampers(self.equations, cast("Damped", self.modal))

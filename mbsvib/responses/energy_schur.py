@@ -34,18 +34,25 @@ class EnergySchur:
         m, columns, n = right.shape
         upper, lower = self.vectors[:m], self.vectors[m:]
         x = (lower.conj().T @ np.ascontiguousarray(right).reshape(m, -1)).reshape(2 * m, columns, n)
-        for stop in range(2 * m, 0, -BLOCK):
-            start = max(0, stop - BLOCK)
-            if stop < 2 * m:
-                done = x[stop:].reshape(2 * m - stop, -1)
-                x[start:stop] += (self.triangle[start:stop, stop:] @ done).reshape(stop - start, columns, n)
-            for i in range(stop - 1, start - 1, -1):
-                if i + 1 < stop:
-                    x[i] += np.tensordot(self.triangle[i, i + 1 : stop], x[i + 1 : stop], axes=1)
-                with np.errstate(divide="ignore", invalid="ignore"):
-                    x[i] /= s - self.triangle[i, i]
+        x = triangular_solutions(self.triangle, x, s)
         eta: Complex = (upper @ x.reshape(2 * m, -1)).reshape(m, columns, n) / self.scale[:, None, None]
         return eta
+
+
+def triangular_solutions(triangle: Complex, right: Complex, s: Complex) -> Complex:
+    """Return x (n, columns, points) with (s - T) x = right for an upper triangular T (n, n), in place of ``right``."""
+    x, (n, columns, points) = right, right.shape
+    for stop in range(n, 0, -BLOCK):
+        start = max(0, stop - BLOCK)
+        if stop < n:
+            done = x[stop:].reshape(n - stop, -1)
+            x[start:stop] += (triangle[start:stop, stop:] @ done).reshape(stop - start, columns, points)
+        for i in range(stop - 1, start - 1, -1):
+            if i + 1 < stop:
+                x[i] += np.tensordot(triangle[i, i + 1 : stop], x[i + 1 : stop], axes=1)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                x[i] /= s - triangle[i, i]
+    return x
 
 
 def energy_schur(modal: Damped) -> EnergySchur:

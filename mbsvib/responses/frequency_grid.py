@@ -37,7 +37,7 @@ APART = 1e-9  # share of the frequency of an undamped pole in which no point lie
 
 
 def frequency_grid(
-    basis: Basis, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None,
+    basis: Basis, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None,
     n: int | None = None, *, f_min: float | None = None, f_max: float | None = None,
 ) -> Array:  # fmt: skip
     """Return angular frequencies that resolve every resonance and antiresonance from inputs to outputs.
@@ -50,7 +50,7 @@ def frequency_grid(
     ----------
     basis : Basis
         The equations of motion and their modes.
-    inputs, outputs : str or sequence of str, optional
+    outputs, inputs : str or sequence of str, optional
         Names; default: all. Each pair's zeros count, so that a choice saves points and time.
     n : int, optional
         Number of points on an even logarithmic spacing, to which the others are added; default: 150 a decade.
@@ -69,17 +69,17 @@ def frequency_grid(
         If a name is unknown, n is less than 2, or f_min and f_max are not positive and in ascending order.
     """
     low, high = span(basis.poles, f_min, f_max)
-    return 2.0 * np.pi * placed(roots(basis, inputs, outputs), basis.poles, low, high, n)
+    return 2.0 * np.pi * placed(roots(basis, outputs, inputs), basis.poles, low, high, n)
 
 
-def roots(basis: Basis, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> Complex:
+def roots(basis: Basis, outputs: str | Sequence[str] | None, inputs: str | Sequence[str] | None) -> Complex:
     """Return all poles, and the zeros of each single response.
 
     Parameters
     ----------
     basis : Basis
         The equations of motion and their modes.
-    inputs, outputs : str or sequence of str, optional
+    outputs, inputs : str or sequence of str, optional
         Names; default: all.
 
     Returns
@@ -92,7 +92,7 @@ def roots(basis: Basis, inputs: str | Sequence[str] | None, outputs: str | Seque
     system = basis.equations
     sources = [system.inputs[i] for i in numbers(system, "input", inputs)]
     results = [system.outputs[i] for i in numbers(system, "output", outputs)]
-    zeros = [transmission_zeros(basis, source, result) for source in sources for result in results]
+    zeros = [transmission_zeros(basis, result, source) for source in sources for result in results]
     return np.concatenate([basis.poles, *zeros])
 
 

@@ -68,16 +68,16 @@ class Factors:
     @staticmethod
     def of(system: Equations, w: Array) -> Factors:
         """Return the factors of a system at the angular frequencies ``w`` (n,) [rad/s]."""
-        used = (system.stiffness != 0.0) | (system.damping != 0.0)
+        used = (system.row_stiffness != 0.0) | (system.row_damping != 0.0)
         inertia = system.inertia_factor[system.inertia_factor.any(axis=1)]
         square = double_double(w).times(double_double(w))
         springs = int(np.count_nonzero(used))
         stiffness = np.empty((springs + len(inertia), len(w)))
-        stiffness[:springs], stiffness[springs:] = system.stiffness[used][:, None], -square.high
+        stiffness[:springs], stiffness[springs:] = system.row_stiffness[used][:, None], -square.high
         low = np.zeros_like(stiffness)
         low[springs:] = -square.low
         rows = np.concatenate((system.elastic_rows[used], inertia))
-        return Factors(rows, stiffness, low, system.damping[used], w)
+        return Factors(rows, stiffness, low, system.row_damping[used], w)
 
     def force(self) -> Callable[[DoubleDouble], DoubleDouble]:
         """Return the function that maps D q to (k + i w c) D q and W q to -w^2 W q, (rows, loads, n, 2)."""

@@ -177,13 +177,13 @@ class Changes:
 
     @staticmethod
     def _of(system: Equations, inertia: Array) -> Changes:
-        used = (system.stiffness != 0.0) | (system.damping != 0.0)
+        used = (system.row_stiffness != 0.0) | (system.row_damping != 0.0)
         rows = np.concatenate((system.elastic_rows[used], inertia))
         outputs = differentiated(system)
         near = [_sizes(c) for c in (rows, *(c for _, c in outputs), system.B.T)]
         sizes, orders = np.concatenate((np.abs(rows), *near)), tuple(order for order, _ in outputs)
-        stiffness = np.abs(system.stiffness[used])
-        return Changes(rows, stiffness[:, None], system.damping[used][:, None], sizes, orders, np.abs(system.D))
+        stiffness = np.abs(system.row_stiffness[used])
+        return Changes(rows, stiffness[:, None], system.row_damping[used][:, None], sizes, orders, np.abs(system.D))
 
     def at(self, w: Array, motion: Complex, relative_motion: Complex | None = None) -> Array:
         """Return the sum over all numbers.

@@ -1,35 +1,37 @@
-"""State space: first-order equations with names, in physical, modal or balanced states."""
+"""State space: first-order equations with names, and their responses."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, cast
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
-from mbsvib.errors import ResponseError, counted, nearest
-from mbsvib.linalg.qr import triangle
-from mbsvib.modes.general import is_general
+from mbsvib.common.expected import reals
+from mbsvib.errors import ResponseError, counted
+from mbsvib.responses.linear import LinearVerbs
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Equations
-    from mbsvib.modes.damped import Damped
-    from mbsvib.responses.basis import Basis
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.modes.state_modes import StateModes
+    from mbsvib.responses.first_order_solver import FirstOrderSolver
 
 
-REALIZATIONS = ("physical", "modal", "balanced")
-_RATE = {"m": "m/s", "rad": "rad/s", "modal": "modal/s"}
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class StateSpace:
+@dataclass(frozen=True, repr=False, eq=False)
+class StateSpace(LinearVerbs):
     """x' = A x + B u, y = C x + D u, with names and units of states, inputs and outputs.
 
     ``transform`` (2m, states) recovers (q, q') = transform x + ``through`` u. ``through`` (2m, inputs) is None except
     for damped massless motions, whose rates depend directly on inputs. Of a reduced model ``error_bound`` bounds the
     largest singular value of the error of its frequency response, output by input in SI units. Arrays are read-only.
     """
+
+    kind: ClassVar[str] = "state space"
 
     name: str
     realization: str
@@ -52,152 +54,241 @@ class StateSpace:
             if array is not None:
                 array.setflags(write=False)
 
+    @classmethod
+    def from_arrays(
+        cls, A: ArrayLike, B: ArrayLike, C: ArrayLike, D: ArrayLike, inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None, states: Sequence[str] | None = None, name: str = "state space",
+    ) -> Self:  # fmt: skip
+        """Return a state space of matrices that come from elsewhere.
+
+        x' = A x + B u,  y = C x + D u
+
+        Parameters
+        ----------
+        A : array-like, shape (n, n)
+            State matrix [1/s].
+        B : array-like, shape (n, inputs)
+            Input matrix.
+        C : array-like, shape (outputs, n)
+            Output matrix.
+        D : array-like, shape (outputs, inputs)
+            Feedthrough; 0 for none.
+        inputs, outputs, states : sequence of str, optional
+            Names; default: u1, u2, ...; y1, y2, ...; x1, x2, ....
+        name : str
+            Name for tables and figures.
+
+        Returns
+        -------
+        StateSpace
+            With copies of the matrices; signals have no units.
+
+        Raises
+        ------
+        ResponseError
+            If shapes do not match, numbers are not finite, or names are repeated.
+        """
+        a, b, c = (_matrix(name, label, value) for label, value in zip("ABC", (A, B, C), strict=True))
+        n = len(a)
+        if a.shape != (n, n) or b.shape[:1] != (n,) or c.shape[1:] != (n,):
+            raise ResponseError(f"StateSpace '{name}': A has shape {a.shape}, B {b.shape}, C {c.shape}; expected "
+                                f"(n, n), (n, inputs) and (outputs, n) with one number of states n.")  # fmt: skip
+        shape = (len(c), b.shape[1])
+        d = np.zeros(shape) if np.ndim(D) == 0 and not np.any(D) else _matrix(name, "D", D)
+        if d.shape != shape:
+            raise ResponseError(f"StateSpace '{name}': D has shape {d.shape}; expected {shape}, a row for each output "
+                                f"and a column for each input, or 0.")  # fmt: skip
+        into, out, at = (_named(name, label, given, count) for label, given, count in
+                         (("inputs", inputs, shape[1]), ("outputs", outputs, shape[0]), ("states", states, n)))
+        return cls(name, "given", a, b, c, d, np.zeros((0, n)), at, ("",) * n, into, ("",) * shape[1], out,
+                   ("",) * shape[0])  # fmt: skip
+
+    @classmethod
+    def from_control(cls, space: Any) -> Self:
+        """Return a state space of python-control with its names.
+
+        Parameters
+        ----------
+        space : control.StateSpace
+            In continuous time.
+
+        Returns
+        -------
+        StateSpace
+            With copies of the matrices.
+
+        Raises
+        ------
+        ResponseError
+            If it is no such state space, or discrete.
+        """
+        from mbsvib.responses.from_control import arguments, is_control
+
+        if not is_control(space):
+            raise ResponseError(f"from_control: {type(space).__name__}; expected a control.StateSpace.")
+        return cls.from_arrays(**arguments(space))
+
+    @cached_property
+    def _solver(self) -> FirstOrderSolver:
+        from mbsvib.responses.first_order_solver import first_order_solver
+
+        return first_order_solver(self.A, self.B, self.C, self.name)
+
+    def state_space(self, realization: str | None = None) -> Self:
+        """Return these equations.
+
+        Parameters
+        ----------
+        realization : str, optional
+            That of these equations; no other one is computed.
+
+        Returns
+        -------
+        StateSpace
+            This object.
+
+        Raises
+        ------
+        ResponseError
+            If another realization is asked for.
+        """
+        if realization not in (None, self.realization):
+            raise ResponseError(f"state_space: realization = {realization!r}; '{self.name}' is a state space whose "
+                                f"states are {self.realization!r}. Ask the system for other states.")  # fmt: skip
+        return self
+
+    def with_ports(
+        self, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
+    ) -> Self:
+        """Return the state space with some of its outputs and inputs, as ``space[outputs, inputs]`` does.
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns, in the order in which they are wanted; default: all.
+
+        Returns
+        -------
+        StateSpace
+            The same states.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, or a pattern picks nothing.
+        """
+        from mbsvib.common.selection import port_numbers
+
+        if outputs is None and inputs is None:
+            return self
+        o, i = port_numbers(outputs, inputs, (self.outputs, self.inputs), self.name)
+        return replace(
+            self, B=self.B[:, i], C=self.C[o], D=self.D[np.ix_(o, i)],
+            through=None if self.through is None else self.through[:, i],
+            inputs=tuple([self.inputs[k] for k in i]), input_units=tuple([self.input_units[k] for k in i]),
+            outputs=tuple([self.outputs[k] for k in o]), output_units=tuple([self.output_units[k] for k in o]),
+        )  # fmt: skip
+
+    def modes(self) -> StateModes:
+        """Return the eigenvalues of A mode by mode: natural frequencies, damping ratios, shapes of the states.
+
+        Returns
+        -------
+        StateModes
+            Printed as a table.
+        """
+        from mbsvib.modes.state_modes import state_modes
+
+        return state_modes(self.A, self.name, self.states)
+
+    def poles(self) -> Complex:
+        """Return the eigenvalues of A.
+
+        Returns
+        -------
+        array, shape (states,)
+            Poles [1/s] in ascending magnitude.
+        """
+        return self.modes().eigenvalues.copy()
+
+    def frequency_response(
+        self, omega: ArrayLike, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
+    ) -> Complex:
+        """Return the frequency response from inputs to outputs.
+
+        G(i w) = C (i w - A)^-1 B + D
+
+        Parameters
+        ----------
+        omega : array-like, shape (n,)
+            Angular frequencies [rad/s].
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all.
+
+        Returns
+        -------
+        array, shape (outputs, inputs, n)
+            Complex responses [output unit / input unit].
+
+        Raises
+        ------
+        ResponseError
+            If a frequency is not finite or is a pole, or a name is unknown.
+        """
+        part = self.with_ports(outputs, inputs)
+        return self._solver.frequency_response(omega, part.B, part.C, part.D)
+
+    def time_response(
+        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: ArrayLike | None = None,
+        outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None,
+    ) -> Array:  # fmt: skip
+        """Return the time response to inputs that are held or vary linearly between the samples; exact for these.
+
+        x(t + h) = exp(A h) x(t) + integral over the step of exp(A (h - s)) B u(t + s) ds
+
+        Parameters
+        ----------
+        t : array-like, shape (n,)
+            Ascending times [s].
+        u : array-like, shape (inputs, n), or (n,) for a single input
+            Inputs at these times.
+        hold : str
+            "first": linear between samples; "zero": constant from each sample to the next.
+        initial : array-like, shape (states,), optional
+            States at t[0]; default: 0.
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all. Rows of ``u`` are those of ``inputs``, other inputs are 0.
+
+        Returns
+        -------
+        array, shape (outputs, n)
+            Outputs at these times.
+
+        Raises
+        ------
+        ResponseError
+            If times do not ascend, shapes do not match, or the hold or a name is unknown.
+        """
+        from mbsvib.responses.first_order_solver import time_response
+
+        part = self.with_ports(outputs, inputs)
+        return time_response((part.A, part.B, part.C, part.D), part.inputs, (t, u, hold, initial))
+
     def __repr__(self) -> str:
         groups = ((self.states, "state"), (self.inputs, "input"), (self.outputs, "output"))
         counts = ", ".join(counted(len(names), what) for names, what in groups)
         return f"StateSpace({self.name!r}, {self.realization}: {counts})"
 
 
-def state_space(basis: Basis, realization: str = "physical") -> StateSpace:
-    """Return first-order equations of a system.
-
-    physical: x = (q, q'),  A = [[0, 1], [-M^-1 K, -M^-1 C]];  modal: x = (z1, z1', z2, z2', ...) with one block
-    [[0, 1], [-l1 l2, l1 + l2]] for each mode's eigenvalues l1, l2 (one state for a mode of first order);  balanced:
-    the physical states scaled by powers of two, so that rows and columns of A, B and C are of like size
-
-    The equations are proper, with as many states as eigenvalues. The system contains no undamped massless motions (they
-    are condensed). Damped massless motions have no rates among the states: the physical states are then q and the rates
-    that move mass (``"d(node.z + body.z)/dt"`` if a rate is a sum).
-
-    Parameters
-    ----------
-    basis : Basis
-        The equations of motion and their modes.
-    realization : str
-        "physical", "modal" or "balanced".
-
-    Returns
-    -------
-    StateSpace
-        Matrices, names and units.
-
-    Raises
-    ------
-    ResponseError
-        If the realization is unknown, or eigenvalues of modes nearly coincide, so that they have no modal states.
-    """
-    if not isinstance(realization, str) or realization not in REALIZATIONS:
-        raise ResponseError(f"state_space: realization = {realization!r}; expected one of {', '.join(REALIZATIONS)}."
-                            f"{nearest(str(realization), REALIZATIONS)}")  # fmt: skip
-    if realization == "balanced":
-        return _balanced(state_space(basis, "physical"))
-    system = basis.equations
-    if system.massless or (realization == "modal" and is_general(system)):
-        return _massless(basis, realization)
-    a, b, transform, names, units = _physical(system) if realization == "physical" else _modal(basis)
-    m = system.dof
-    q, rate = transform[:m], transform[m:]
-    # q'' = T' A x + T' B u with T' the rows of q', whatever the states are
-    c = system.Cq @ q + system.Cv @ rate + system.Ca @ (rate @ a)
-    d = system.D + system.Ca @ (rate @ b)
-    return StateSpace(system.name, realization, a, b, c, d, transform, names, units, system.inputs, system.input_units,
-                      system.outputs, system.output_units)  # fmt: skip
+def _matrix(name: str, label: str, value: Any) -> Array:
+    array = np.array(reals(value, f"StateSpace '{name}'", label, "a matrix of real numbers"), ndmin=2)
+    if array.ndim != 2 or not np.isfinite(array).all():
+        raise ResponseError(f"StateSpace '{name}': {label} has shape {array.shape}; expected a matrix of finite "
+                            f"numbers.")  # fmt: skip
+    return array
 
 
-def _balanced(space: StateSpace) -> StateSpace:
-    """The same equations in states of similar magnitude; the unit of a state includes its scale (``"2^-13 rad"``)."""
-    from mbsvib.linalg.balancing import balanced
+def _named(name: str, label: str, given: Sequence[str] | None, count: int) -> tuple[str, ...]:
+    from mbsvib.common.selection import signal_names
 
-    a, b, c, transform, power = balanced(space.A, space.B, space.C, space.transform)
-    units = tuple(f"2^{k} {unit}" if k else unit for k, unit in zip(power.tolist(), space.state_units, strict=True))
-    return replace(space, realization="balanced", A=a, B=b, C=c, transform=transform, state_units=units)
-
-
-def _massless(basis: Basis, realization: str) -> StateSpace:
-    from mbsvib.modes.general import General
-    from mbsvib.responses import first_order
-    from mbsvib.responses.general_states import modal_states
-
-    system = basis.equations
-    modal = basis.modal if realization == "modal" else None
-    reduced = modal_states(system, modal) if isinstance(modal, General) else first_order.physical(system)
-    m = system.dof
-    q, rate = reduced.transform[:m], reduced.transform[m:]
-    through = reduced.through[m:]
-    # q'' = rate x' + through u': linearize ensures that no output depends on the rate of an input
-    c = system.Cq @ q + system.Cv @ rate + system.Ca @ (rate @ reduced.a)
-    d = system.D + system.Cv @ through + system.Ca @ (rate @ reduced.b)
-    return StateSpace(
-        system.name, realization, reduced.a, reduced.b, c, d, reduced.transform, reduced.names, reduced.units,
-        system.inputs, system.input_units, system.outputs, system.output_units,
-        reduced.through if system.massless else None,
-    )  # fmt: skip
-
-
-def _physical(system: Equations) -> tuple[Array, Array, Array, tuple[str, ...], tuple[str, ...]]:
-    m = system.dof
-    a = np.zeros((2 * m, 2 * m))
-    b = np.zeros((2 * m, system.B.shape[1]))
-    if m:
-        root = triangle(system.inertia_factor)
-        right = np.concatenate((system.K, system.C, system.B), axis=1)
-        solution = np.linalg.solve(root, np.linalg.solve(root.T, right))
-        a[:m, m:] = np.eye(m)
-        a[m:] = -solution[:, : 2 * m]
-        b[m:] = solution[:, 2 * m :]
-    names = (*system.coordinates, *(f"d({name})/dt" for name in system.coordinates))
-    units = (*system.coordinate_units, *(_RATE[unit] for unit in system.coordinate_units))
-    return a, b, np.eye(2 * m), names, units
-
-
-def _modal(basis: Basis) -> tuple[Array, Array, Array, tuple[str, ...], tuple[str, ...]]:
-    system, modes = basis.equations, basis.response_modes
-    modal = cast("Damped", modes.damped)
-    m = system.dof
-    product = (modes.eigenvalues[0::2] * modes.eigenvalues[1::2]).real
-    total = (modes.eigenvalues[0::2] + modes.eigenvalues[1::2]).real
-    even = 2 * np.arange(m)
-    a = np.zeros((2 * m, 2 * m))
-    a[even, even + 1] = 1.0
-    a[even + 1, even] = -product
-    a[even + 1, even + 1] = total
-    transform: Array = np.zeros((2 * m, 2 * m))
-    b: Array = np.zeros((2 * m, system.B.shape[1]))
-    if modal.vectors is None:
-        phi = modal.shapes
-        transform[:m, even] = phi
-        transform[m:, even + 1] = phi
-        b[even + 1] = phi.T @ system.B
-    else:
-        change = np.zeros((2 * m, 2 * m))
-        change[:m, :m] = change[m:, m:] = modal.shapes
-        forces = np.concatenate((np.zeros_like(b[:m]), modal.shapes.T @ system.B))
-        local, b = _blocks(modal, a, forces, system.name)
-        transform = change @ local
-    names = tuple(f"mode{i + 1}{rate}" for i in range(m) for rate in ("", "'"))
-    return a, b, transform, names, ("modal", "modal/s") * m
-
-
-def _blocks(modal: Damped, a: Array, forces: Array, name: str) -> tuple[Array, Array]:
-    """Columns T that transform the state matrix to companion blocks ``a`` (this sets those of close pairs), and the
-    inputs B.
-    """
-    from mbsvib.responses.energy_schur import energy_matrix
-    from mbsvib.responses.modal_blocks import modal_inputs, pair_block
-
-    m = len(modal.square)
-    result = np.zeros((2 * m, 2 * m))
-    assert modal.vectors is not None
-    scale, matrix = energy_matrix(modal)
-    size = np.concatenate((scale, np.ones(m)))
-    for k, (first_value, second_value) in enumerate(modal.pairs):
-        first, second = modal.vectors[:, k, 0], modal.vectors[:, k, 1]
-        if first_value == second_value == 0.0:  # an undamped rigid-body mode: z and z' themselves
-            result[:m, 2 * k], result[m:, 2 * k + 1] = scale * first.real, first.real
-            continue
-        v1 = np.concatenate((scale * first, first_value * first))
-        v2 = np.concatenate((scale * second, second_value * second))
-        at = slice(2 * k, 2 * k + 2)
-        a[at, at], result[:, at] = pair_block(matrix, first_value, second_value, v1, v2)
-    inputs = modal_inputs(matrix, a, result, [2] * m, forces, [f"mode{k // 2 + 1}" for k in range(2 * m)], name)
-    return result / size[:, None], inputs
+    return signal_names(given, count, label, f"StateSpace '{name}'")

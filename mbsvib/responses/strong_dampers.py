@@ -30,10 +30,10 @@ def strong_dampers(system: Equations, modal: Damped) -> Array | None:
     array or None
         Rows in the basis.
     """
-    used = system.damping != 0.0
-    if modal.vectors is None or (system.damping < 0.0).any():
+    used = system.row_damping != 0.0
+    if modal.vectors is None or (system.row_damping < 0.0).any():
         return None
-    root = np.sqrt(system.damping[used])[:, None]
+    root = np.sqrt(system.row_damping[used])[:, None]
     rows = system.elastic_rows[used]
     dampers = (rows @ modal.shapes) * root
     omega = np.sqrt(np.abs(modal.square))

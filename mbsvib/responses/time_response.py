@@ -19,6 +19,8 @@ from mbsvib.responses.modal_steps import Exponentials, Oscillators
 from mbsvib.responses.time_steps import Block, run, stepped
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
@@ -191,23 +193,29 @@ def _general_blocks(system: Equations, modal: General, initial: tuple[Array, Arr
     return blocks
 
 
-def checked_question(
-    system: Equations, t: ArrayLike, u: ArrayLike, hold: str, initial: tuple[ArrayLike, ArrayLike] | None
-) -> tuple[Array, Array, Array]:
-    """Return times (n,), inputs (inputs, n) and the initial state of a time response, checked."""
+def checked_record(names: Sequence[str], t: ArrayLike, u: ArrayLike, hold: str) -> tuple[Array, Array]:
+    """Return times (n,) and inputs (inputs, n) of a time response, checked; ``names`` are those of the inputs."""
     if not isinstance(hold, str) or hold not in HOLDS:
         raise ResponseError(f"time_response: hold = {hold!r}; expected 'zero' or 'first'.")
     time, inputs = _numbers("t", t, "times [s]"), _numbers("u", u, "inputs")
     if time.ndim != 1 or not len(time) or not np.isfinite(time).all() or (np.diff(time) <= 0.0).any():
         raise ResponseError(f"time_response: t has shape {time.shape}; expected a vector of finite times [s], each "
                             f"later than the one before.")  # fmt: skip
-    if inputs.ndim == 1 and len(system.inputs) == 1:
+    if inputs.ndim == 1 and len(names) == 1:
         inputs = inputs[None, :]
-    if inputs.shape != (len(system.inputs), len(time)) or not np.isfinite(inputs).all():
+    if inputs.shape != (len(names), len(time)) or not np.isfinite(inputs).all():
         raise ResponseError(
-            f"time_response: u has shape {np.shape(u)}; expected finite values of shape ({len(system.inputs)}, "
-            f"{len(time)}), one row for each of the inputs {', '.join(system.inputs) or '(none)'}."
+            f"time_response: u has shape {np.shape(u)}; expected finite values of shape ({len(names)}, "
+            f"{len(time)}), one row for each of the inputs {', '.join(names) or '(none)'}."
         )
+    return time, inputs
+
+
+def checked_question(
+    system: Equations, t: ArrayLike, u: ArrayLike, hold: str, initial: tuple[ArrayLike, ArrayLike] | None
+) -> tuple[Array, Array, Array]:
+    """Return times (n,), inputs (inputs, n) and the initial state of a time response, checked."""
+    time, inputs = checked_record(system.inputs, t, u, hold)
     state = np.zeros((2, system.dof)) if initial is None else _numbers("initial", initial, "q and q'")
     if state.shape != (2, system.dof) or not np.isfinite(state).all():
         raise ResponseError(f"time_response: initial has shape {state.shape}; expected q and q', {system.dof} finite "

@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.common.expected import names as listed
-from mbsvib.errors import ResponseError, nearest
+from mbsvib.common.selection import selected
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.finite_zeros import finite_zeros
@@ -50,7 +49,7 @@ INTEGER_POWER = 0.1
 
 
 def transmission_zeros(
-    basis: Basis, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
+    basis: Basis, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
 ) -> Complex:
     """Return the invariant zeros of a system from some of its inputs to some of its outputs.
 
@@ -60,7 +59,7 @@ def transmission_zeros(
     ----------
     basis : Basis
         The equations of motion and their modes.
-    inputs, outputs : str or sequence of str, optional
+    outputs, inputs : str or sequence of str, optional
         Names; default: all. Their numbers may differ.
 
     Returns
@@ -112,13 +111,8 @@ def numbers(system: Equations, what: str, names: str | Sequence[str] | None) -> 
     ResponseError
         If a name is unknown.
     """
-    known = system.inputs if what == "input" else system.outputs
-    selected = list(known) if names is None else listed(names, system.name, what)
-    for name in selected:
-        if name not in known:
-            raise ResponseError(f"{what} {name!r}: system '{system.name}' has no such {what}."
-                                f"{nearest(str(name), known)} It has {', '.join(known) or 'none'}.")  # fmt: skip
-    return [known.index(name) for name in selected]
+    known, others = (system.inputs, system.outputs) if what == "input" else (system.outputs, system.inputs)
+    return selected(names, known, what, system.name, others)
 
 
 def _realized(

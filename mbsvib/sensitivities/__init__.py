@@ -45,9 +45,10 @@ forces                 the forces at the pose, collected from the equations
 displaced_bodies       bodies in the pose against where they are described
 """
 
+from mbsvib.responses.norms import Norm
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
 from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
-from mbsvib.sensitivities.norms import Norm, h2_norm, hinf_norm
+from mbsvib.sensitivities.norms import h2_norm, hinf_norm
 from mbsvib.sensitivities.responses import frequency_response_sensitivities
 from mbsvib.sensitivities.shapes import ModeSensitivities, mode_sensitivities
 from mbsvib.sensitivities.sparse_modes import sparse_mode_sensitivities

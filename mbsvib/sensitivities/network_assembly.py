@@ -40,6 +40,7 @@ COMPLETE = 1e-8
 
 def complete_network(system: Equations) -> Network:
     """Return the network of a system, without any of its parts where these do not make up all of its forces."""
+    system.provenance.check_parameters(system.name, "sensitivities")
     if not has_network(system):
         return bare_network(system)
     network = assembled(system)
@@ -74,8 +75,9 @@ def is_complete(system: Equations, network: Network) -> bool:
     return all(
         bool(abs(work + shared_work - terms.sum()) <= COMPLETE * np.abs(terms).sum())
         for work, shared_work, terms in (
-            ((own * motion.elastic).sum(), shared[0], system.stiffness * strained**2),
-            (0.0 if motion.viscous is None else (own * motion.viscous).sum(), shared[1], system.damping * strained**2),
+            ((own * motion.elastic).sum(), shared[0], system.row_stiffness * strained**2),
+            (0.0 if motion.viscous is None else (own * motion.viscous).sum(), shared[1],
+             system.row_damping * strained**2),
             ((motion.body * motion.momentum).sum(), shared[2] + _inertial(network, own), moved[:, 0] ** 2),
         )
     )

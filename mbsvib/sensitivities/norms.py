@@ -7,16 +7,17 @@ frequency does not count, and sigma moves by Re(u^H dG v).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 
-from mbsvib.equations.controllable_part import chosen, reachable
+from mbsvib.common.selection import needed_ports
+from mbsvib.equations.controllable_part import reachable
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.extrema import Band, panels
+from mbsvib.responses.norms import Norm
 from mbsvib.sensitivities.basis import SensitivityBasis
 from mbsvib.sensitivities.responses import frequency_response_sensitivities, solutions
 from mbsvib.sensitivities.states import changed, states
@@ -42,20 +43,8 @@ ASIDE = np.array([0.83 + 0.41j, 1.07 + 0.29j, 0.91 + 0.57j])
 NOTHING = 1e-12
 
 
-@dataclass(frozen=True)
-class Norm:
-    """A norm's ``value`` and its derivatives ``slopes`` (v,) to ``variables`` (v,); ``omega`` [rad/s] is the frequency
-    of the peak, None for the H2 norm.
-    """
-
-    value: float
-    variables: tuple[str, ...]
-    slopes: Array
-    omega: float | None = None
-
-
 def h2_norm(
-    basis: SensitivityBasis, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None
+    basis: SensitivityBasis, outputs: Ports = None, inputs: Ports = None, parameters: Asked = None
 ) -> Norm:
     """Return the H2 norm and its derivatives.
 
@@ -65,10 +54,10 @@ def h2_norm(
     ----------
     basis : SensitivityBasis
         The equations of motion, their modes and their network.
+    outputs, inputs : str or sequence of str, optional
+        Names of ports; default: all.
     parameters : str, iterable of str, mapping or None
         Names, patterns or linear maps of parameters; None: every parameter of the system.
-    inputs, outputs : str or sequence of str, optional
-        Names of ports; default: all.
 
     Returns
     -------
@@ -86,7 +75,7 @@ def h2_norm(
     system = basis.equations
     ports = _ports(system, inputs, outputs)
     base = states(basis.responses, *ports)
-    names = tuple(variables(system.parameters, parameters).names)
+    names = _names(system, parameters)
     _refuse_feedthrough(system, base.D, ports)
     k = base.first
     lasting = _lasting(basis.responses)
@@ -95,14 +84,16 @@ def h2_norm(
             return Norm(0.0, names, np.zeros(len(names)))
         part = _apart(system, *ports)
         if part is not None:
-            return h2_norm(part, parameters)
+            return h2_norm(part, parameters=parameters)
         raise ResponseError(
             f"H2 norm of '{system.name}': mode {lasting} does not decay, so that the norm is infinite. Give it "
-            f"damping, or leave it out: system.reachable(inputs, outputs) drops what these ports do not reach or see."
+            f"damping, or leave it out: system.reachable(outputs, inputs) drops what these ports do not reach or see."
         )
     p = solve_continuous_lyapunov(base.A, -base.B @ base.B.T)
     q = solve_continuous_lyapunov(base.A.T, -base.C.T @ base.C)
     value = float(np.sqrt(max(0.0, np.sum(base.C @ p * base.C))))
+    if not names:
+        return Norm(value)
     slopes = np.zeros(len(names))
     state, force, seen = (p @ q)[:, k:].T, (q @ base.B)[k:], base.C @ p
     for which, change in basis.matrix_derivatives_in_parts(parameters, max(1, BLOCK // max(1, system.dof**2))):
@@ -114,7 +105,7 @@ def h2_norm(
 
 
 def hinf_norm(
-    basis: SensitivityBasis, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None
+    basis: SensitivityBasis, outputs: Ports = None, inputs: Ports = None, parameters: Asked = None
 ) -> Norm:
     """Return the highest peak of the largest singular value of the frequency response, and its derivatives.
 
@@ -124,10 +115,10 @@ def hinf_norm(
     ----------
     basis : SensitivityBasis
         The equations of motion, their modes and their network.
+    outputs, inputs : str or sequence of str, optional
+        Names of ports; default: all.
     parameters : str, iterable of str, mapping or None
         Names, patterns or linear maps of parameters; None: every parameter of the system.
-    inputs, outputs : str or sequence of str, optional
-        Names of ports; default: all.
 
     Returns
     -------
@@ -144,17 +135,17 @@ def hinf_norm(
     """
     system = basis.equations
     i, o = _ports(system, inputs, outputs)
-    names, lasting = tuple(variables(system.parameters, parameters).names), _lasting(basis.responses)
+    names, lasting = _names(system, parameters), _lasting(basis.responses)
     if lasting is not None:
         if _silent(basis.responses, i, o):
             return Norm(0.0, names, np.zeros(len(names)), 0.0)
         part = _apart(system, i, o)
         if part is not None:
-            return hinf_norm(part, parameters)
+            return hinf_norm(part, parameters=parameters)
         raise ResponseError(f"Hinf norm of '{system.name}': mode {lasting} does not decay, so that its peak is "
-                            f"infinite. Give it damping, or ask system.reachable(inputs, outputs) for its norm."
+                            f"infinite. Give it damping, or ask system.reachable(outputs, inputs) for its norm."
                             )  # fmt: skip
-    named = [system.inputs[k] for k in i], [system.outputs[k] for k in o]
+    named = [system.outputs[k] for k in o], [system.inputs[k] for k in i]
     values = basis.responses.poles
     fastest = float(np.abs(values).max(initial=0.0)) or 1.0
     band = Band(lambda w: _response(basis.responses, i, o, w), panels(values, 0.0, LAST * fastest))
@@ -165,10 +156,19 @@ def hinf_norm(
             f"Hinf norm of '{system.name}': the response is highest at infinite frequency ({far:.4g}, against "
             f"{value:.4g} below). Ask for outputs that do not see the inputs at once."
         )
+    if not names:
+        return Norm(value, omega=omega)
     u, _, v = np.linalg.svd(_response(basis.responses, i, o, np.array([omega]))[0])
     change = frequency_response_sensitivities(basis, [omega], parameters, *named)[..., 0]
     slopes = np.einsum("o,poi,i->p", u[:, 0].conj(), change, v[0].conj()).real
     return Norm(value, names, slopes, omega)
+
+
+def _names(system: Equations, parameters: Asked) -> tuple[str, ...]:
+    """The variables; without a mechanism, or with a controller, there are none unless they are named."""
+    if parameters is None and (system.provenance.given or system.provenance.closed):
+        return ()
+    return tuple(variables(system.parameters, parameters).names)
 
 
 def _response(basis: Basis, i: list[int], o: list[int], w: Array) -> Complex:
@@ -184,7 +184,8 @@ def _largest(g: Complex) -> Array:
 
 
 def _ports(system: Equations, inputs: Ports, outputs: Ports) -> tuple[list[int], list[int]]:
-    return chosen(system.inputs, inputs, "inputs", system.name), chosen(system.outputs, outputs, "outputs", system.name)
+    o, i = needed_ports(outputs, inputs, (system.outputs, system.inputs), system.name)
+    return i, o
 
 
 def _lasting(basis: Basis) -> int | None:
@@ -196,7 +197,7 @@ def _lasting(basis: Basis) -> int | None:
 
 def _apart(system: Equations, inputs: list[int], outputs: list[int]) -> SensitivityBasis | None:
     """The part that the ports have to do with, if all its modes decay; None if it is all, or they reach or see more."""
-    part = reachable(system, [system.inputs[k] for k in inputs], [system.outputs[k] for k in outputs])
+    part = reachable(system, [system.outputs[k] for k in outputs], [system.inputs[k] for k in inputs])
     gone = ~np.isin(system.coordinates, part.coordinates)
     rows = np.concatenate([c[outputs] for c in (system.Cq, system.Cv, system.Ca)])
     more = system.B[gone][:, inputs].any() or rows[:, gone].any()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.expected import angular
-from mbsvib.equations.controllable_part import chosen
+from mbsvib.common.selection import needed_ports
 from mbsvib.errors import ResponseError
 from mbsvib.modes.damped import Damped
 from mbsvib.responses import frequency_response as responses
@@ -87,7 +87,7 @@ PAIRED = 48
 
 
 def frequency_response_sensitivities(
-    basis: SensitivityBasis, omega: ArrayLike, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None
+    basis: SensitivityBasis, omega: ArrayLike, parameters: Asked = None, outputs: Ports = None, inputs: Ports = None
 ) -> Complex:
     """Return the derivatives of the frequency response.
 
@@ -101,7 +101,7 @@ def frequency_response_sensitivities(
         Angular frequencies [rad/s]; 0 gives the static compliance.
     parameters : str, iterable of str, mapping or None
         Names, patterns or linear maps of parameters; None: every parameter of the system.
-    inputs, outputs : str or sequence of str, optional
+    outputs, inputs : str or sequence of str, optional
         Names of ports; default: all.
 
     Returns
@@ -118,8 +118,7 @@ def frequency_response_sensitivities(
     """
     system = basis.equations
     w = angular(omega)
-    i = chosen(system.inputs, inputs, "inputs", system.name)
-    o = chosen(system.outputs, outputs, "outputs", system.name)
+    o, i = needed_ports(outputs, inputs, (system.outputs, system.inputs), system.name)
     network, acting, seeing = basis.ported(i, o)
     groups = basis.groups(parameters, network)
     turns = feedthrough(system, (i, acting), (o, seeing))[1]

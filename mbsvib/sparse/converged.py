@@ -299,7 +299,7 @@ def error_bound(
     values, x, y = vectors.values, vectors.right, vectors.left
     speed = np.abs(values)
     slope = np.abs(np.einsum("ij,ij->j", y, 2.0 * values * (small.M @ x) + small.C @ x))
-    weights = np.abs(small.stiffness)[:, None] + speed * np.abs(small.damping)[:, None]
+    weights = np.abs(small.row_stiffness)[:, None] + speed * np.abs(small.row_damping)[:, None]
     energy = [np.sqrt(speed**2 * (np.abs(small.inertia_factor @ v) ** 2).sum(axis=0)
                       + (weights * np.abs(small.elastic_rows @ v) ** 2).sum(axis=0)) for v in (x, y)]  # fmt: skip
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -31,7 +31,7 @@ S = TypeVar("S", bound=SparseEquations)
 
 
 def reachable(
-    system: S, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
+    system: S, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
 ) -> S:
     """Return the controllable and observable bodies for the given inputs and outputs, with these ports only.
 
@@ -39,7 +39,7 @@ def reachable(
     ----------
     system : SparseEquations
         The equations of motion.
-    inputs, outputs : str or sequence of str, optional
+    outputs, inputs : str or sequence of str, optional
         Names of ports; default: all.
 
     Returns
@@ -53,8 +53,8 @@ def reachable(
         If a name is unknown, there is none, or no body is left.
     """
     model = system.model
-    i = {system.inputs[k] for k in chosen(system.inputs, inputs, "inputs", system.name)}
-    o = {system.outputs[k] for k in chosen(system.outputs, outputs, "outputs", system.name)}
+    i = {system.inputs[k] for k in chosen(system.inputs, inputs, "inputs", system.name, system.outputs)}
+    o = {system.outputs[k] for k in chosen(system.outputs, outputs, "outputs", system.name, system.inputs)}
     label = _parts(model)
     acted = np.concatenate([_touched(model, part, label) for name, part in model.inputs.items() if name in i])
     seen = np.concatenate([_touched(model, part, label) for name, part in model.outputs.items() if name in o])

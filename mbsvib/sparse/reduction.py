@@ -67,7 +67,7 @@ def reduced(
         M=factor.T @ factor, C=damping_matrix if gyroscopic is None else damping_matrix + gyroscopic,
         K=stiffness_matrix if circulatory is None else stiffness_matrix + circulatory,
         B=np.asarray(system.input_rows @ z).T.copy(), Cq=cq, Cv=cv, Ca=ca, D=system.D.copy(), inertia_factor=factor,
-        elastic_rows=elastic, stiffness=stiffness, damping=damping, row_owner=system.row_owner[acting],
+        elastic_rows=elastic, row_stiffness=stiffness, row_damping=damping, row_owner=system.row_owner[acting],
         body_motion=motion, gyroscopic=gyroscopic, circulatory=circulatory, massless=massless,
         null_inertia=np.eye(n)[:, n - massless :] if massless else None,
         provenance=Provenance(

@@ -118,7 +118,7 @@ class DesignPoint:
         value = self.system.frequency_response(w)[np.ix_(o, i)]
         if not self.rates:
             return value, np.zeros((0, *value.shape), dtype=complex)
-        return value, self.system.frequency_response_sensitivities(w, self.rates, list(inputs), list(outputs))
+        return value, self.system.frequency_response_sensitivities(w, self.rates, list(outputs), list(inputs))
 
     @cached_property
     def station(self) -> Station:

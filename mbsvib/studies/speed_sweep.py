@@ -101,7 +101,7 @@ def speed_sweep(model: Model, ratios: Mapping[str, float]) -> SpeedSweep:
         at_rest, at_speed = (getattr(system, name) for system in (system_at_rest, spinning_system))
         zeros = np.zeros_like(system_at_rest.K)
         added.append((zeros if at_speed is None else at_speed) - (zeros if at_rest is None else at_rest))
-    k, rows = np.sqrt(np.abs(system_at_rest.stiffness))[:, None], system_at_rest.elastic_rows
+    k, rows = np.sqrt(np.abs(system_at_rest.row_stiffness))[:, None], system_at_rest.elastic_rows
     typical = np.linalg.norm(rows * k) / (np.linalg.norm(system_at_rest.inertia_factor) or 1.0)
     energy = np.concatenate((system_at_rest.inertia_factor * (typical or 1.0), rows * k))
     number = {name: i for i, name in enumerate(system_at_rest.bodies)}

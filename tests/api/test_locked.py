@@ -101,9 +101,11 @@ VERBS = {
     "poles": lambda s: s.poles(),
     "frequency_response": lambda s: [s.frequency_response(OMEGA), s.frequency_response([])],
     "time_response": lambda s: [steps(s), steps(s, hold="zero"), steps(s, initial=(np.zeros(s.dof), np.zeros(s.dof)))],
-    "transmission_zeros": lambda s: [s.transmission_zeros(), s.transmission_zeros(s.inputs[:1], s.outputs[:1])],
-    "frequency_grid": lambda s: [s.frequency_grid(), s.frequency_grid(s.inputs[:1], s.outputs[:1], 5, f_min=1.0)],
-    "reachable": lambda s: [s.reachable(), s.reachable(s.inputs[:1], s.outputs[:1])],
+    "transmission_zeros": lambda s: [s.transmission_zeros(), s.transmission_zeros(s.outputs[:1], s.inputs[:1])],
+    "frequency_grid": lambda s: [s.frequency_grid(), s.frequency_grid(s.outputs[:1], s.inputs[:1], 5, f_min=1.0)],
+    "with_ports": lambda s: [s.with_ports(), s[:, :], s[s.outputs[:1], s.inputs[:1]].frequency_response(OMEGA)],
+    "feedback": lambda s: s.feedback(np.zeros((len(s.inputs), len(s.outputs))), s.outputs, s.inputs).poles(),
+    "reachable": lambda s: [s.reachable(), s.reachable(s.outputs[:1], s.inputs[:1])],
     "state_space": lambda s: [s.state_space(name) for name in ("physical", "modal", "balanced")],
     "reactions": lambda s: s.reactions,
     "stiffness_shares": lambda s: str(s.stiffness_shares()),
@@ -150,7 +152,7 @@ def test_responses_are_those_of_the_feedthrough(name):
     u = np.stack([np.sin(TIME + i) for i in range(d.shape[1])])
     assert_allclose(system.time_response(TIME, u), d @ u, rtol=1e-14)
     assert system.hinf_norm().value == pytest.approx(np.linalg.norm(d, 2), rel=1e-14)
-    assert_allclose(system.transmission_zeros("F", "x"), system.poles(), rtol=1e-14)  # what no input reaches
+    assert_allclose(system.transmission_zeros("x", "F"), system.poles(), rtol=1e-14)  # what no input reaches
     for realization in ("physical", "modal", "balanced"):
         assert_allclose(system.state_space(realization).D, d, rtol=1e-14)
 
@@ -162,7 +164,7 @@ def test_derivatives_are_those_of_the_feedthrough():
     assert_allclose(system.time_response_sensitivities(TIME, np.ones((2, 5)), ["b.mass"])[0, 3], -1.0)
     node = on_a_spring().linearize()
     assert_allclose(node.compliance_sensitivities(["k.stiffness"])[0, :, 0], [-1.0 / 16.0, 0.0], atol=1e-14)
-    assert_allclose(node.hinf_norm(["k.stiffness"], "F", "x").slopes, [-1.0 / 16.0])
+    assert_allclose(node.hinf_norm("x", "F", ["k.stiffness"]).slopes, [-1.0 / 16.0])
 
 
 def test_an_element_on_a_locked_body_relaxes_by_itself():
@@ -170,7 +172,7 @@ def test_an_element_on_a_locked_body_relaxes_by_itself():
     modes = system.modes()
     assert_allclose(system.poles(), [-3.0 / 5.0], rtol=1e-14)
     assert_array_equal(modes.kinetic_energy["a"], [0.0])
-    assert system.h2_norm([], "F", ["x", "leg.force"]).value == 0.0
+    assert system.h2_norm(["x", "leg.force"], "F", []).value == 0.0
     record = json.loads(_records.json_text(modes))["modes"][0]
     assert (record["real_1"], record["real_2"]) == (pytest.approx(-0.6), None)
 

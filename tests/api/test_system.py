@@ -68,8 +68,8 @@ def test_the_factors_give_the_matrices(model):
     system = linearized(model)
     d = system.elastic_rows
     for matrix, product in ((system.M, system.inertia_factor.T @ system.inertia_factor),
-                            (system.K, d.T @ (system.stiffness[:, None] * d)),
-                            (system.C, d.T @ (system.damping[:, None] * d))):  # fmt: skip
+                            (system.K, d.T @ (system.row_stiffness[:, None] * d)),
+                            (system.C, d.T @ (system.row_damping[:, None] * d))):  # fmt: skip
         assert_allclose(product, matrix, rtol=0, atol=1e-14 * np.abs(matrix).max(initial=1))
 
 

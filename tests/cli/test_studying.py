@@ -41,8 +41,8 @@ def test_sweep(run, tmp_path):
         exact = model.with_values({"tyre.stiffness": value}).linearize().modes().frequencies
         assert_allclose([row[i] for row in swept["natural_hz"]], exact, rtol=1e-9)
     assert "mode 2 [Hz]" in run("sweep quarter_car tyre.stiffness=1e5:4e5").stdout
-    assert run("sweep quarter_car tyre.stiffness=1e5:4e5 -f s.csv").exit_code == 0
-    assert run("sweep quarter_car tyre.stiffness=1e5:4e5 -f s.png").exit_code == 0
+    assert run("sweep quarter_car tyre.stiffness=1e5:4e5 -o s.csv").exit_code == 0
+    assert run("sweep quarter_car tyre.stiffness=1e5:4e5 -o s.png").exit_code == 0
     assert len((tmp_path / "s.csv").read_text().splitlines()) >= 12
     assert (tmp_path / "s.png").stat().st_size > 5000
 
@@ -50,7 +50,7 @@ def test_sweep(run, tmp_path):
 @pytest.mark.parametrize(("line", "words"), [
     ("tyre.stiffness", "expected PARAMETER=FROM:TO"), ("tyre.stiffness=1:2:1", "expected PARAMETER=FROM:TO"),
     ("tyre.stiffness=1:b", "expected PARAMETER=FROM:TO"), ("tyre.stiffness=-1:2 --log", "--log needs positive ends"),
-    ("tyre.stiffness=1:2 -f s.txt", "sweeps end in .png"), ("tyre.stifness=1:2", "Did you mean 'tyre.stiffness'?"),
+    ("tyre.stiffness=1:2 -o s.txt", "sweeps end in .png"), ("tyre.stifness=1:2", "Did you mean 'tyre.stiffness'?"),
 ])  # fmt: skip
 def test_faulty_sweeps(run, line, words):
     result = run(f"sweep quarter_car {line}")
@@ -70,7 +70,7 @@ def test_equilibrium(run, tmp_path):
 
 def test_isolation(run, tmp_path):
     study = isolation.study(mv.library.stewart_isolator(), "platform")
-    found = json.loads(run("isolation stewart_isolator platform --json -f t.svg").stdout)
+    found = json.loads(run("isolation stewart_isolator platform --json -o t.svg").stdout)
     assert found["amplification"] == pytest.approx(study.amplification)
     assert_allclose(found["index"], study.index)
     assert (tmp_path / "t.svg").exists()
@@ -78,7 +78,10 @@ def test_isolation(run, tmp_path):
     assert run("isolation stewart_isolator platfrm").exit_code == 1
 
 
-@pytest.mark.parametrize("line", ["sigma quarter_car", "nyquist quarter_car -i actuator -o travel --from 0.5 --to 20"])
+CURVES = ["sigma quarter_car", "nyquist quarter_car -i actuator --output travel --from 0.5 --to 20"]
+
+
+@pytest.mark.parametrize("line", CURVES)
 def test_curves(run, line, tmp_path):
     result = run(line)
     assert result.exit_code == 0

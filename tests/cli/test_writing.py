@@ -37,7 +37,7 @@ def test_an_export_does_not_replace_its_model(run, tmp_path, suffix):
 @pytest.mark.parametrize(("suffix", "start"), [("png", PNG), ("pdf", b"%PDF"), ("svg", b"<?xml")])
 def test_formats_go_by_the_suffix(run, tmp_path, suffix, start, monkeypatch):
     monkeypatch.setattr("mbsvib.plots.step", lambda *_, **__: Figure())
-    assert run(f"step slider.yaml -i F -o x --until 1 -f figure.{suffix}").exit_code == 0
+    assert run(f"step slider.yaml --input F --output x --duration 1 -o figure.{suffix}").exit_code == 0
     assert (tmp_path / f"figure.{suffix}").read_bytes().startswith(start)
 
 
@@ -47,9 +47,9 @@ def test_the_first_of_many_is_drawn_and_said(run, tmp_path, monkeypatch):
     result = run("bode stewart")
     assert "Drawn: Fx to x" in result.stdout
     assert "Fy, Fz" in result.stdout
-    assert drawn == [(["Fx"], ["x"])]
+    assert drawn == [(["x"], ["Fx"])]
     assert (tmp_path / "stewart-bode.png").exists()
-    assert "Drawn" not in run("bode stewart -i Fx -o x -o ry --from 100 --to 2000 -f two.png").stdout
+    assert "Drawn" not in run("bode stewart -i Fx --output x --output ry --from 100 --to 2000 -o two.png").stdout
 
 
 def test_figures_replace_what_was_there(run, tmp_path, monkeypatch):
@@ -65,7 +65,7 @@ def test_export_by_suffix(run, tmp_path):
     system = mv.load("slider.yaml").linearize()
     assert run("export slider.yaml -o slider.npz").exit_code == 0
     np.testing.assert_array_equal(mx.from_npz("slider.npz").K, system.K)
-    assert run("export slider.yaml -o slider.json --states modal").exit_code == 0
+    assert run("export slider.yaml -o slider.json --realization modal").exit_code == 0
     assert mx.from_json(tmp_path / "slider.json").state_space.realization == "modal"
     result = run("export stewart -o platform.YAML")
     assert result.exit_code == 0
@@ -153,7 +153,7 @@ def test_check_export_has_a_status_for_ci(run, tmp_path):
 
 def test_report_is_one_page_with_the_names_asked_for(run, tmp_path):
     pytest.importorskip("plotly", reason="plotly is not installed (extra 'report')")
-    result = run("report slider.yaml --inputs F --outputs x")
+    result = run("report slider.yaml --input F --output x")
     assert result.exit_code == 0
     assert result.stdout.startswith("Written: slider-report.html (")
     assert (tmp_path / "slider-report.html").read_text(encoding="utf-8").startswith("<!doctype html>")
@@ -170,7 +170,7 @@ def test_the_mechanism_and_its_modes_are_drawn(run, tmp_path):
     assert (tmp_path / "slider-mode1.gif").read_bytes().startswith(b"GIF89a")
     refused = run("animate slider.yaml -m 2")
     assert "from 1 to 1" in refused.stderr
-    assert run("animate slider.yaml -f mode.avi").exit_code == 2
+    assert run("animate slider.yaml -o mode.avi").exit_code == 2
 
 
 def test_extras_that_the_demo_names_are_those_of_the_package():
@@ -179,14 +179,14 @@ def test_extras_that_the_demo_names_are_those_of_the_package():
 
 
 def test_c_and_modelica(run, tmp_path):
-    assert run("export quarter_car -o car.c --dt 0.002").exit_code == 0
+    assert run("export quarter_car -o car.c --step 0.002").exit_code == 0
     assert "CAR_STEP 0.002" in (tmp_path / "car.h").read_text()
     assert "(modal)" in (tmp_path / "car.c").read_text()
     assert (tmp_path / "car_test.c").exists()
-    assert run("export quarter_car -o car.c --states physical").exit_code == 0
+    assert run("export quarter_car -o car.c --realization physical").exit_code == 0
     assert "(physical)" in (tmp_path / "car.c").read_text()
     assert run("export quarter_car -o car.mo").exit_code == 0
     assert "der(hub_z)" in (tmp_path / "car.mo").read_text()
-    result = run("export quarter_car -o car.mat --dt 0.1")
+    result = run("export quarter_car -o car.mat --step 0.1")
     assert result.exit_code == 2
-    assert "give --dt with a file that ends in .c" in result.stderr.replace("\n", " ")
+    assert "give --step with a file that ends in .c" in result.stderr.replace("\n", " ")

@@ -82,11 +82,11 @@ T, U = np.linspace(0.0, 1.0, 5), np.zeros((3, 5))
     lambda: SYSTEM.modes(1, near="low"),
     lambda: SYSTEM.modes().check_accuracy(None),
     lambda: SYSTEM.state_space(np.array([])),
-    lambda: SYSTEM.reachable(1, None),
-    lambda: SYSTEM.reachable(np.zeros((2, 2)), None),
-    lambda: SYSTEM.transmission_zeros(True, "body.z"),
-    lambda: plots.bode(SYSTEM, 1),
-    lambda: plots.bode(SYSTEM, "load", "body.z", frequencies=np.array([1.0, 2j])),
+    lambda: SYSTEM.reachable(None, 1),
+    lambda: SYSTEM.reachable(None, np.zeros((2, 2))),
+    lambda: SYSTEM.transmission_zeros("body.z", True),
+    lambda: plots.bode(SYSTEM, inputs=1),
+    lambda: plots.bode(SYSTEM, "body.z", "load", frequencies=np.array([1.0, 2j])),
     lambda: plots.energy(SYSTEM, []),
     lambda: MODEL.linearize(independent=True),
     lambda: MODEL.linearize(cut=[1]),
@@ -122,8 +122,8 @@ def test_parts_stand_for_their_names():
     output, joint = model.outputs["body.z"], model.joints["hub"]
     other = model.linearize(cut=[], independent=[])
     assert (other.M == SYSTEM.M).all()
-    result = SYSTEM.transmission_zeros(model.inputs["load"], [output])
-    assert (result == SYSTEM.transmission_zeros("load", "body.z")).all()
+    result = SYSTEM.transmission_zeros([output], model.inputs["load"])
+    assert (result == SYSTEM.transmission_zeros("body.z", "load")).all()
     ladder = mv.library.ladder(1)
     cut = ladder.joints[ladder.linearize().cut_joints[0]]
     assert ladder.linearize(cut=cut).cut_joints == (cut.name,)

@@ -34,7 +34,7 @@ def test_eigenvalues_and_their_jacobian_at_any_parameter():
 def test_responses_and_their_jacobian():
     system = stewart()
     omega = 2 * np.pi * np.array([30.0, 200.0, 900.0])
-    made = mx.to_casadi_response(system, omega, PARAMETERS, "Fx", "ry")
+    made = mx.to_casadi_response(system, omega, PARAMETERS, "ry", "Fx")
     real, imag = (item.full().ravel() for item in made(made.values))
     row, column = system.outputs.index("ry"), system.inputs.index("Fx")
     assert real + 1j * imag == pytest.approx(system.frequency_response(omega)[row, column], rel=1e-12)
@@ -68,7 +68,7 @@ def test_where_there_is_no_system_there_is_no_number():
         (lambda: mx.to_casadi_eigenvalues(stewart(), "leg1.k.stif"), mv.ModelError, "leg1.k.stif"),
         (lambda: mx.to_casadi_eigenvalues(slider(locked=True), "mass.mass"), mv.ExportError, "no degree of freedom"),
         (lambda: mx.to_casadi_response(stewart(), 1.0, "*.mass"), mv.ExportError, "24 outputs; expected the name"),
-        (lambda: mx.to_casadi_response(stewart(), 1.0, "*.mass", "Fx", "xx"), mv.ResponseError, "no output 'xx'"),
+        (lambda: mx.to_casadi_response(stewart(), 1.0, "*.mass", "xx", "Fx"), mv.ResponseError, "no output 'xx'"),
         (lambda: mx.to_casadi_response(library.chain(3).linearize(method="sparse").reduced(2), 1.0, "*.mass"),
          mv.ExportError, "not a system that model.linearize"),
     ],

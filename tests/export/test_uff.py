@@ -257,7 +257,7 @@ def test_what_does_not_fit(tmp_path):
         (slider(inputs=("ü",)), "ASCII"),
         (slider(outputs=("a" * 81,)), "at most 80 characters"),
         (slider(outputs=("a / b",)), "without ' / '"),
-        (slider().state_space(), "to_uff: system = StateSpace"),
+        (np.eye(2), "to_uff: system = ndarray"),
     ):
         with pytest.raises(mv.ExportError, match=message):
             mx.to_uff(system, path, [1.0])

@@ -362,7 +362,7 @@ def questions(subject):
             raise Mismatch("the reachable part responds in another way")
     else:
         try:
-            norm = system.hinf_norm([], **ports) if pick == 1 else system.h2_norm([], **ports)
+            norm = system.hinf_norm(parameters=[], **ports) if pick == 1 else system.h2_norm(parameters=[], **ports)
         except mv.ResponseError as error:
             if "infinite" not in str(error) and "does not decay" not in str(error):
                 raise

@@ -183,8 +183,7 @@ def test_relaxation_legs_may_be_active():
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ({"legs": ["leg1.j"]}, "neither a line spring nor a Maxwell element.*Did you mean 'leg1.k'"),
-        ({"legs": []}, "no line spring to which"),
+        ({"legs": ["leg1.j"]}, "no line spring, Maxwell element, prismatic joint or direct.*Did you mean 'leg1.k'"),
     ],
 )
 def test_legs_are_checked(words, message):
@@ -210,8 +209,6 @@ def test_laws_are_checked():
         isolation.force_feedback(plant, 1.0, leak=-1.0)
     with pytest.raises(mv.ResponseError, match="'legs' or 'modal'"):
         isolation.skyhook(plant, 1.0, "sky")
-    with pytest.raises(mv.ResponseError, match="pole at one of the frequencies"):
-        plant.with_gains(isolation.force_feedback(plant, 5.0)).isolation([0.0, 1.0])
     loop = plant.with_gains(isolation.controller([[-1.0]], ["leg.tension"], ["leg.actuator"]))
     with pytest.raises(mv.ResponseError, match="algebraic loop"):
         loop.poles()

@@ -48,7 +48,7 @@ def front():
 
 
 REFUSALS = [
-    (lambda: closed().state_space("physical"), r"realization = 'physical'; a closed loop has only 'modal' states"),
+    (lambda: closed().state_space("diagonal"), r"state_space: realization = 'diagonal'; expected one of physical"),
     (lambda: isolation.velocity_feedback(plant(), "strong"), r"velocity_feedback: gain = 'strong'; .*each of 1 leg"),
     (lambda: isolation.study(held(), "payload"), r"nothing vibrates, .*; give frequencies \[Hz\]"),
     (lambda: isolation.study(held(0.0), "payload"), r"nothing vibrates, .*; give frequencies \[Hz\]"),

@@ -92,7 +92,7 @@ def test_the_kinds_compared_are_all_there_are():
 @pytest.mark.parametrize("seed", range(4))
 def test_factors_make_the_matrix(seed):
     _, system = linearized(seed, bodies=4, loops=1, hold="loads", torque=True, follower=True)
-    rows, k = system.elastic_rows, system.stiffness
+    rows, k = system.elastic_rows, system.row_stiffness
     n = 0.0 if system.circulatory is None else system.circulatory
     assert np.abs(rows.T @ (k[:, None] * rows) + n - system.K).max() < 1e-13 * np.abs(system.K).max()
     if system.circulatory is not None:
@@ -103,6 +103,6 @@ def test_geometric_stiffness_is_not_small_here():
     """A negative control: without K_g the comparison fails by much."""
     model, system = linearized(3, bodies=4)
     elastic = system.row_owner < len(system.provenance.springs)
-    rows, k = system.elastic_rows[elastic], system.stiffness[elastic]
+    rows, k = system.elastic_rows[elastic], system.row_stiffness[elastic]
     stiffness, _, _ = projected(model, system)
     assert np.abs(stiffness - rows.T @ (k[:, None] * rows)).max() > 0.1 * np.abs(stiffness).max()

@@ -59,7 +59,7 @@ def test_shares_are_those_of_the_matrices():
     """Without its geometric stiffness a system has the elastic shares alone."""
     _, system = linearized(5, bodies=3)
     elastic = system.row_owner < len(system.provenance.springs)
-    rows, k, shapes = system.elastic_rows[elastic], system.stiffness[elastic], system.modes().shapes
+    rows, k, shapes = system.elastic_rows[elastic], system.row_stiffness[elastic], system.modes().shapes
     part = np.abs(np.einsum("mi,mn,ni->i", shapes.conj(), rows.T @ (k[:, None] * rows), shapes))
     full = np.einsum("mi,mn,ni->i", shapes.conj(), system.K, shapes).real
     assert np.allclose(system.stiffness_shares().by_kind()["elastic"], part / full, rtol=1e-9)

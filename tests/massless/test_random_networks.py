@@ -51,7 +51,7 @@ def descriptor(seed):
     for name in ("n", "o", "p"):
         w[6 * number[name] : 6 * number[name] + 6] = 0.0
     w, d = mpmath.matrix(w.tolist()), mpmath.matrix(system.elastic_rows.tolist())
-    k, c = (mpmath.diag(list(map(mpmath.mpf, values))) for values in (system.stiffness, system.damping))
+    k, c = (mpmath.diag(list(map(mpmath.mpf, values))) for values in (system.row_stiffness, system.row_damping))
     return system, w.T * w, d.T * c * d, d.T * k * d
 
 

@@ -54,8 +54,8 @@ def test_spin_stabilises_negative_stiffness():
     base = chain(2, 0, damp=0.0)
     w, rows = np.zeros_like(base.inertia_factor[:2]), np.eye(2)
     w[:, :] = np.eye(2)
-    system = replace(base, inertia_factor=w, M=np.eye(2), elastic_rows=rows, stiffness=np.array([-4.0, -4.0]),
-                     damping=np.zeros(2), K=-4.0 * np.eye(2), row_owner=np.zeros(2, dtype=int))  # fmt: skip
+    system = replace(base, inertia_factor=w, M=np.eye(2), elastic_rows=rows, row_stiffness=np.array([-4.0, -4.0]),
+                     row_damping=np.zeros(2), K=-4.0 * np.eye(2), row_owner=np.zeros(2, dtype=int))  # fmt: skip
     for g in (4.1, 40.0, 3.9):
         spin = np.array([[0.0, g], [-g, 0.0]])
         values = replace(system, gyroscopic=spin, C=spin).modes().eigenvalues
@@ -137,9 +137,9 @@ def test_many_strong_dampers_agree_with_their_forces_as_unknowns():
     system = braked(60, 0, 1e6, 3)
     modes = system.modes()
     assert modes.errors.max() <= 1e-12
-    used = system.damping != 0.0
+    used = system.row_damping != 0.0
     basis = undamped(system, 1e-12)
-    rows = (system.elastic_rows[used] @ basis.shapes) * np.sqrt(system.damping[used])[:, None]
+    rows = (system.elastic_rows[used] @ basis.shapes) * np.sqrt(system.row_damping[used])[:, None]
     values = modes.eigenvalues * (1.0 + 1e-6 * np.cos(np.arange(len(modes.eigenvalues))))
     values[1::2] = np.where(values[1::2].imag != 0.0, values[0::2].conj(), values[1::2])
     other, _, _, errors = improved(forces(basis.square, rows, 0), values, np.full(len(values), 1e-5), 1e-13)

@@ -73,7 +73,7 @@ def test_responses_get_clean_shapes():
     shapes = system.basis.response_modes.shapes
     w = system.inertia_factor @ shapes
     assert_allclose(w.T @ w, np.eye(system.dof), atol=1e-12)
-    e = system.elastic_rows @ shapes * np.sqrt(system.stiffness)[:, None]
+    e = system.elastic_rows @ shapes * np.sqrt(system.row_stiffness)[:, None]
     scale = np.sqrt((e * e).sum(axis=0))
     assert_allclose((e / scale).T @ (e / scale), np.eye(system.dof), atol=1e-9)
 
@@ -130,11 +130,11 @@ def test_coupled_modes_in_a_basis_that_mixes():
 
 def test_damping_that_commutes_is_told_in_a_basis_that_mixes():
     system = mv.library.stewart_isolator().linearize()
-    w, k = system.inertia_factor, system.stiffness
+    w, k = system.inertia_factor, system.row_stiffness
     none = np.zeros(len(w))
     rayleigh = replace(
-        system, elastic_rows=np.concatenate((system.elastic_rows, w)), stiffness=np.concatenate((k, none)),
-        damping=np.concatenate((1e-5 * k, none + 0.3)), row_owner=np.zeros(len(k) + len(w), dtype=int),
+        system, elastic_rows=np.concatenate((system.elastic_rows, w)), row_stiffness=np.concatenate((k, none)),
+        row_damping=np.concatenate((1e-5 * k, none + 0.3)), row_owner=np.zeros(len(k) + len(w), dtype=int),
         C=0.3 * system.M + 1e-5 * system.K,
     )  # fmt: skip
     result = modes(rayleigh, 1e-10, clean=False)

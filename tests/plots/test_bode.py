@@ -37,20 +37,20 @@ def test_labels_and_units(slider):
 def test_decibels_and_radians_per_second(slider):
     system = slider(damping=10.0)
     f = np.geomspace(1.0, 100.0, 50)
-    ((top, below),) = panels(bode(system, "F", "x", f, decibels=True, radians=True))
+    ((top, below),) = panels(bode(system, "x", "F", f, decibels=True, radians=True))
     omega, level = curve(top)
     assert np.allclose(omega, 2.0 * np.pi * f)
     assert np.allclose(level, 20.0 * np.log10(np.abs(system.frequency_response(omega)[0, 0])))
     assert top.get_yscale() == "linear"
     assert top.get_ylabel() == "magnitude [dB re 1 m/N]"
     assert below.get_xlabel() == "frequency [rad/s]"
-    ratio = panels(bode(system, "ax", "a", f, decibels=True))[0][0]
+    ratio = panels(bode(system, "a", "ax", f, decibels=True))[0][0]
     assert ratio.get_ylabel() == "magnitude [dB]"
 
 
 def test_panels_of_one_unit_share_their_limits(slider):
     system = mv.library.quarter_car().linearize()
-    ports = ["actuator", "road"], ["travel", "body.z"]
+    ports = ["travel", "body.z"], ["actuator", "road"]
     shared = panels(bode(system, *ports))
     own = panels(bode(system, *ports, shared=False))
     for column in (0, 1):
@@ -64,7 +64,7 @@ def test_panels_of_one_unit_share_their_limits(slider):
 def test_the_peak_is_that_of_the_closed_form(slider):
     ratio = 1e-4
     system = slider(damping=2 * ratio * np.sqrt(STIFFNESS * MASS))
-    ((top, below),) = panels(bode(system, "F", "x"))
+    ((top, below),) = panels(bode(system, "x", "F"))
     f, magnitude = curve(top)
     assert magnitude.max() == pytest.approx(1 / (2 * ratio * STIFFNESS * np.sqrt(1 - ratio**2)), rel=1e-9)
     assert f[magnitude.argmax()] == pytest.approx(np.sqrt(STIFFNESS / MASS * (1 - 2 * ratio**2)) / (2 * np.pi))
@@ -76,7 +76,7 @@ def test_the_peak_is_that_of_the_closed_form(slider):
 
 def test_stewart_peaks_equal_the_frequency_response():
     system = mv.library.build("stewart").linearize()
-    ((top, _),) = panels(bode(system, "Fx", "x"))
+    ((top, _),) = panels(bode(system, "x", "Fx"))
     _, magnitude = curve(top)
     at = 2 * np.pi * system.modes().damped_frequencies[0]
     assert magnitude.max() == pytest.approx(abs(system.frequency_response([at])[0, 0, 0]), rel=1e-4)
@@ -85,7 +85,7 @@ def test_stewart_peaks_equal_the_frequency_response():
 
 def test_an_antiresonance_is_resolved():
     system = mv.library.build("quarter_car").linearize()
-    ((top, _),) = panels(bode(system, "road", "wheel.z"))
+    ((top, _),) = panels(bode(system, "wheel.z", "road"))
     _, magnitude = curve(top)
     # undamped, so that the zero is exact: a grid that is even falls short of it by orders of magnitude
     assert magnitude.min() < 1e-3 * magnitude[0]
@@ -93,38 +93,38 @@ def test_an_antiresonance_is_resolved():
 
 def test_natural_frequencies_are_marked_once(slider):
     system = mv.library.build("stewart").linearize()
-    ((top, _),) = panels(bode(system, "Fx", "x"))
+    ((top, _),) = panels(bode(system, "x", "Fx"))
     marks = [line.get_xdata()[0] for line in top.lines if len(line.get_xdata()) == 2]
     assert len(marks) == 4  # two pairs are equal
     assert marks == pytest.approx(sorted({round(f, 6) for f in system.modes().frequencies}), abs=1e-6)
-    ((top, _),) = panels(bode(system, "Fx", "x", marks=False))
+    ((top, _),) = panels(bode(system, "x", "Fx", marks=False))
     assert len(top.lines) == 1
 
 
 def test_many_natural_frequencies_are_not_marked():
-    ((top, _),) = panels(bode(mv.library.chain(50, line=(0, 1, 0)).linearize(), "Fx", "x"))
+    ((top, _),) = panels(bode(mv.library.chain(50, line=(0, 1, 0)).linearize(), "x", "Fx"))
     assert len(top.lines) == 1
 
 
 def test_given_frequencies_are_used_as_they_are(slider):
     system = slider(damping=1.0)
-    ((top, _),) = panels(bode(system, "F", "x", [4.0, 1.0, 2.0]))
+    ((top, _),) = panels(bode(system, "x", "F", [4.0, 1.0, 2.0]))
     f, magnitude = curve(top)
     assert f.tolist() == [1.0, 2.0, 4.0]
     expected = 1 / np.abs(STIFFNESS - MASS * (2 * np.pi * f) ** 2 + 2j * np.pi * f)
     np.testing.assert_allclose(magnitude, expected, rtol=1e-12)
     for wrong in ([], [0.0, 1.0], [1.0, np.nan]):
         with pytest.raises(mv.ResponseError, match="above 0 Hz"):
-            bode(system, "F", "x", wrong)
+            bode(system, "x", "F", wrong)
 
 
 def test_continuous_and_wrapped_phase():
     system = mv.library.build("stewart").linearize()
-    ((_, below),) = panels(bode(system, "My", "x"))
+    ((_, below),) = panels(bode(system, "x", "My"))
     _, phase = curve(below)
     assert phase.min() < -350
     assert np.abs(np.diff(phase)).max() < 90
-    ((_, below),) = panels(bode(system, "My", "x", wrap=True))
+    ((_, below),) = panels(bode(system, "x", "My", wrap=True))
     _, phase = curve(below)
     assert np.isnan(phase).any()
     assert np.nanmin(phase) >= -180
@@ -132,19 +132,19 @@ def test_continuous_and_wrapped_phase():
 
 
 def test_an_undamped_system_has_phases_of_0_and_minus_180(slider):
-    ((_, below),) = panels(bode(slider(), "F", "x"))
+    ((_, below),) = panels(bode(slider(), "x", "F"))
     _, phase = curve(below)
     assert set(np.unique(phase)) == {0.0, -180.0}
 
 
 def test_phase_of_a_free_body_starts_behind(slider):
-    ((_, below),) = panels(bode(slider(stiffness=0.0), "F", "x"))
+    ((_, below),) = panels(bode(slider(stiffness=0.0), "x", "F"))
     assert curve(below)[1] == pytest.approx(-180.0)
 
 
 def test_what_is_zero_by_symmetry_is_named():
     system = mv.library.build("stewart").linearize()
-    ((top, _),) = panels(bode(system, "Fx", "y"))
+    ((top, _),) = panels(bode(system, "y", "Fx"))
     assert any("rounding" in text.get_text() for text in top.texts)
 
 
@@ -176,13 +176,13 @@ def test_a_locked_mechanism_passes_base_motion_on(tmp_path):
 
 
 def test_a_single_frequency_is_drawn(slider, tmp_path):
-    figure = bode(slider(damping=1.0), "F", "x", [3.0])
+    figure = bode(slider(damping=1.0), "x", "F", [3.0])
     figure.savefig(tmp_path / "one.png")
     assert len(figure.axes[0].lines[0].get_xdata()) == 1
 
 
 def test_several_systems_get_a_legend(slider):
-    figure = bode([slider(damping=1.0), slider(damping=50.0)], "F", "x", labels=["1 N s/m", "50 N s/m"])
+    figure = bode([slider(damping=1.0), slider(damping=50.0)], "x", "F", labels=["1 N s/m", "50 N s/m"])
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["1 N s/m", "50 N s/m"]
     for i, damping in enumerate((1.0, 50.0)):
         ratio = damping / (2 * np.sqrt(STIFFNESS * MASS))
@@ -191,7 +191,7 @@ def test_several_systems_get_a_legend(slider):
 
 
 def test_flat_responses_keep_labels_on_their_axis(slider, tmp_path):
-    figure = bode(slider(), "F", "x", span=(0.01, 0.1))
+    figure = bode(slider(), "x", "F", span=(0.01, 0.1))
     figure.savefig(tmp_path / "flat.png")
     labels = [tick.label1.get_text() for tick in figure.axes[0].yaxis.get_major_ticks()]
     assert len([label for label in labels if label]) >= 2
@@ -199,7 +199,7 @@ def test_flat_responses_keep_labels_on_their_axis(slider, tmp_path):
 
 def test_nothing_global_is_left_behind(slider):
     before = dict(mpl.rcParams)
-    bode(slider(damping=1.0), "F", "x")
+    bode(slider(damping=1.0), "x", "F")
     assert dict(mpl.rcParams) == before
 
 
@@ -209,7 +209,7 @@ def test_figures_can_be_built_in_threads(slider, tmp_path):
 
     def draw(number):
         path = tmp_path / f"{number}.png"
-        bode(system, "F", "x").savefig(path)
+        bode(system, "x", "F").savefig(path)
         sizes.append(path.stat().st_size)
 
     threads = [threading.Thread(target=draw, args=(i,)) for i in range(2)]

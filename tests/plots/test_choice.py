@@ -9,29 +9,32 @@ from mbsvib.plots import bode
 
 def test_all_pairs_make_a_matrix(slider):
     panels = choice.pairs(slider(), None, None)
-    assert panels == [[("F", name), ("ax", name)] for name in ("x", "v", "a")]
+    assert panels == [[(name, "F"), (name, "ax")] for name in ("x", "v", "a")]
 
 
 def test_a_single_input_fills_rows(slider):
-    assert choice.pairs(slider(), "F", None) == [[("F", "x"), ("F", "v"), ("F", "a")]]
-    four = choice.pairs(slider(), "F", ["x", "v", "a", "x"])
+    assert choice.pairs(slider(), None, "F") == [[("x", "F"), ("v", "F"), ("a", "F")]]
+    assert choice.pairs(slider(), ["x", "v", "x"], "F") == [[("x", "F"), ("v", "F")]]
+    four = choice.pairs(mv.library.build("stewart").linearize(), "r*", ["Fx"])
+    assert [len(row) for row in four] == [3]
+    four = choice.pairs(mv.library.build("stewart").linearize(), ["x", "y", "z", "rx"], "Fx")
     assert [len(row) for row in four] == [2, 2]
 
 
 def test_too_many_panels_are_refused_with_an_example():
     system = mv.library.build("stewart").linearize()
-    with pytest.raises(mv.ResponseError, match=r"36 panels.*input 'Fx' and output 'x'"):
+    with pytest.raises(mv.ResponseError, match=r"36 panels.*output 'x' and input 'Fx'"):
         choice.pairs(system, None, None)
 
 
 def test_unknown_names_suggest_the_nearest():
     system = mv.library.build("stewart").linearize()
     with pytest.raises(mv.ResponseError, match=r"input 'fx': system 'stewart' has no such input\. Did you mean 'Fx'"):
-        bode(system, "fx", "x")
+        bode(system, "x", "fx")
     with pytest.raises(mv.ResponseError, match=r"output 'q'.*It has x, y, z, rx, ry, rz"):
-        bode(system, "Fx", "q")
+        bode(system, "q", "Fx")
     with pytest.raises(mv.ResponseError, match="list of outputs is empty"):
-        bode(system, "Fx", [])
+        bode(system, [], "Fx")
 
 
 def test_a_system_without_outputs_says_what_to_do():

@@ -9,7 +9,7 @@ from mbsvib.plots import nyquist, singular_values
 
 def test_a_lightly_damped_mode_is_a_circle(slider):
     """The velocity of a mass on a spring: a circle of diameter 1/c around 1/2c."""
-    axes = nyquist(slider(damping=4.0), "F", "v").axes[0]
+    axes = nyquist(slider(damping=4.0), "v", "F").axes[0]
     x, y = axes.lines[0].get_data()
     assert "m/s" in axes.get_xlabel()
     scale = x.max() * 4.0
@@ -18,8 +18,8 @@ def test_a_lightly_damped_mode_is_a_circle(slider):
 
 
 def test_the_critical_point_where_there_is_no_unit(slider):
-    assert any(line.get_marker() == "+" for line in nyquist(slider(damping=4.0), "ax", "a").axes[0].lines)
-    assert not any(line.get_marker() == "+" for line in nyquist(slider(damping=4.0), "F", "x").axes[0].lines)
+    assert any(line.get_marker() == "+" for line in nyquist(slider(damping=4.0), "a", "ax").axes[0].lines)
+    assert not any(line.get_marker() == "+" for line in nyquist(slider(damping=4.0), "x", "F").axes[0].lines)
 
 
 def test_singular_values_bound_every_direction():
@@ -39,4 +39,4 @@ def test_singular_values_bound_every_direction():
 def test_mixed_units_are_refused():
     system = mv.library.build("stewart").linearize()
     with pytest.raises(mv.ResponseError, match=r"'Fx' is in N, 'Mx' in N m"):
-        singular_values(system, ["Fx", "Mx"], "x")
+        singular_values(system, "x", ["Fx", "Mx"])

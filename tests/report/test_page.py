@@ -114,7 +114,7 @@ def test_too_many_pairs_are_left_out_and_counted():
     assert data["left"][0] + len(data["inputs"]) == 14
     assert data["left"][1] + len(data["outputs"]) == 14
     assert sum(data["left"]) > 0
-    selected = stored(report.html(model, "F13", ["x0", "x13"]))["responses"]
+    selected = stored(report.html(model, ["x0", "x13"], "F13"))["responses"]
     assert (len(selected["inputs"]), len(selected["outputs"]), selected["left"]) == (1, 2, [0, 0])
     with pytest.raises(mv.ResponseError, match="x14"):
         report.html(model, outputs="x14")

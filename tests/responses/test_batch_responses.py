@@ -93,7 +93,7 @@ def test_errors_of_modes_are_honest(rtol, model, seed):
     for i in range(len(batch)):
         exact = Exact(model.with_values({name: value_of(value, i) for name, value in values.items()}))
         assert_same_eigenvalues(modes.eigenvalues[i], exact.eigenvalues, 1e-13 + 2 * modes.errors[i].max(initial=0.0))
-        assert (modes.errors[i] < 1e-6).all() or not batch.damping.any()
+        assert (modes.errors[i] < 1e-6).all() or not batch.row_damping.any()
 
 
 @examples(15, slow=40)

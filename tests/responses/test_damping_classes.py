@@ -75,7 +75,7 @@ def test_zeros(case):
     for o, output in enumerate(system.outputs):
         for i, source in enumerate(system.inputs):
             if np.abs(expected[o, i]).min() > 1e-9 * np.abs(expected[:, i]).max():
-                zeros = system.transmission_zeros(source, output)
+                zeros = system.transmission_zeros(output, source)
                 ratio = np.exp(np.log(s - zeros).sum(axis=1) - np.log(s - poles).sum(axis=1)) / expected[o, i]
                 assert_allclose(ratio / ratio[0], 1.0, rtol=1e-7)
 

@@ -113,7 +113,7 @@ def test_a_pole_at_the_end_of_the_range_is_left_out():
 
 def test_a_choice_of_names_saves_points():
     system = lightly_damped(1e-4)
-    single, more = hertz(system, "f0", "y0"), hertz(system)
+    single, more = hertz(system, "y0", "f0"), hertz(system)
     assert len(single) < len(more)
     with pytest.raises(mv.ResponseError, match="no such output"):
         hertz(system, outputs="y9")

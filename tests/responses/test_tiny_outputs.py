@@ -103,7 +103,7 @@ def test_many_rows_of_inertia_for_one_coordinate(stiffness):
     """As many bodies without a spring, or with one, have them: (k - 14 w^2) q = 1."""
     given, unit = np.array([stiffness]), np.ones((1, 1))
     inertia = np.array([[1.0], [2.0], [3.0]])
-    system = SimpleNamespace(stiffness=given, damping=0.0 * given, elastic_rows=unit, inertia_factor=inertia)
+    system = SimpleNamespace(row_stiffness=given, row_damping=0.0 * given, elastic_rows=unit, inertia_factor=inertia)
     w, load, outputs = np.array([0.5, 2.0]), np.ones((1, 1, 2), dtype=complex), ([(0, unit)], 0.0 * unit)
     exact = stiffness - 14.0 * w * w
     # six digits of a solution are enough to start with

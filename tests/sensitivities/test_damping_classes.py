@@ -82,7 +82,7 @@ def test_norms(name):
     p = CLASSES[name]
     system = model(p).linearize()
     names = [name for name in p if name in system.parameters]
-    total, peak = (norm(names, outputs="velocity") for norm in (system.h2_norm, system.hinf_norm))
+    total, peak = (norm(outputs="velocity", parameters=names) for norm in (system.h2_norm, system.hinf_norm))
 
     def rms(p):
         a, b, c, _ = by_hand(p)

@@ -108,12 +108,12 @@ def test_shapes_norms_and_time_responses_beside_a_rotor():
     for row, name in zip(system.mode_sensitivities(names).shapes, names, strict=True):
         expected = difference(model, system, name, aligned)
         assert np.abs(row - expected).max() <= 1e-7 * np.abs(start).max()
-    norms = {"hinf_norm": system.hinf_norm(names), "h2_norm": system.h2_norm(names)}
+    norms = {"hinf_norm": system.hinf_norm(parameters=names), "h2_norm": system.h2_norm(parameters=names)}
     for k, name in enumerate(names):
         expected = difference(model, system, name, lambda s: s.time_response(t, u))
         assert np.abs(result[k] - expected).max() <= 1e-6 * np.abs(expected).max() + 1e-13
         for kind, norm in norms.items():
-            slope = difference(model, system, name, lambda s, kind=kind: getattr(s, kind)([]).value)
+            slope = difference(model, system, name, lambda s, kind=kind: getattr(s, kind)(parameters=[]).value)
             assert norm.slopes[k] == pytest.approx(slope, rel=1e-5)
 
 
@@ -222,9 +222,9 @@ def test_relaxation_in_time_and_norms(start):
         expected = difference(model, system, name, lambda s: s.time_response(t, u, initial=start))
         assert np.abs(result[k] - expected).max() <= 1e-7 * np.abs(expected).max() + 1e-9
     for kind in ("hinf_norm", "h2_norm") if start is None else ():
-        norm = getattr(system, kind)(names, "push", "move")
+        norm = getattr(system, kind)("move", "push", names)
         for k, name in enumerate(names):
-            slope = difference(model, system, name, lambda s, kind=kind: getattr(s, kind)([], "push", "move").value)
+            slope = difference(model, system, name, lambda s, kind=kind: getattr(s, kind)("move", "push", []).value)
             assert norm.slopes[k] == pytest.approx(slope, rel=1e-6, abs=1e-12)
 
 

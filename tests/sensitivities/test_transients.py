@@ -65,7 +65,7 @@ def test_norms_of_an_isolator_in_closed_form():
     """H2^2 = 1 / 2 c k, Hinf = 1 / c w sqrt(1 - zeta^2)."""
     system = isolator().linearize()
     names = ["mass.mass", "spring.stiffness", "spring.damping"]
-    two, peak = (norm(names, "push", "way") for norm in (system.h2_norm, system.hinf_norm))
+    two, peak = (norm("way", "push", names) for norm in (system.h2_norm, system.hinf_norm))
     m, k, c = 2.0, 800.0, 3.0
     value = np.sqrt(1 / (2 * c * k))
     assert two.value == pytest.approx(value, rel=1e-13)
@@ -85,31 +85,31 @@ def test_norms_of_the_platform_against_differences():
     names = ["platform.mass", "leg1.k.stiffness", "leg2.k.damping"]
     ports = {"inputs": ["Fx", "Fz"], "outputs": ["x", "z"]}
     for key in ("h2_norm", "hinf_norm"):
-        result = getattr(system, key)(names, **ports)
+        result = getattr(system, key)(parameters=names, **ports)
         assert len(result.slopes) == len(names)
         for slope, name in zip(result.slopes, names, strict=True):
-            expected = difference(model, system, name, lambda s, key=key: getattr(s, key)([], **ports).value)
+            expected = difference(model, system, name, lambda s, key=key: getattr(s, key)(parameters=[], **ports).value)
             assert slope == pytest.approx(expected, rel=1e-7, abs=1e-9 * result.value), (key, name)
 
 
 def test_static_compliance_is_that_of_the_spring():
-    result = isolator().linearize().compliance_sensitivities(["spring.stiffness", "mass.mass"], "push", "way")
+    result = isolator().linearize().compliance_sensitivities(["spring.stiffness", "mass.mass"], "way", "push")
     assert result[:, 0, 0] == pytest.approx([-1 / 800.0**2, 0], rel=1e-13)
 
 
 def test_infinite_norms_are_refused():
     system = isolator().linearize()
     with pytest.raises(mv.ResponseError, match="'felt' sees input 'push' at once"):
-        system.h2_norm(None, "push", "felt")
+        system.h2_norm("felt", "push")
     undamped = isolator().with_values({"spring.damping": 0.0}).linearize()
     with pytest.raises(mv.ResponseError, match="mode 1 does not decay"):
-        undamped.h2_norm(None, "push", "way")
+        undamped.h2_norm("way", "push")
     with pytest.raises(mv.ResponseError, match="mode 1 does not decay"):
-        undamped.hinf_norm(None, "push", "way")
+        undamped.hinf_norm("way", "push")
     with pytest.raises(mv.ResponseError, match="highest at infinite frequency"):
-        isolator().with_values({"spring.damping": 200.0}).linearize().hinf_norm(None, "push", "felt")
+        isolator().with_values({"spring.damping": 200.0}).linearize().hinf_norm("felt", "push")
     with pytest.raises(mv.ModelError, match=r"Did you mean 'mass\.mass'"):
-        system.hinf_norm("mass.mas", "push", "way")
+        system.hinf_norm("way", "push", "mass.mas")
 
 
 def beside_a_swing(own):
@@ -134,14 +134,14 @@ def test_norms_beside_a_mode_that_does_not_decay(norm):
     """A response that is 0 has the norm 0; one that has nothing to do with the mode has the norm that it has alone."""
     system, own = beside_a_swing(own=False), beside_a_swing(own=True)
     for ports in (("push", "swing"), ("push", "felt"), ("kick", "way"), ("kick", "swing")):
-        result = getattr(system, norm)(["b.mass", "k.stiffness.x"], *ports)
+        result = getattr(system, norm)(*reversed(ports), ["b.mass", "k.stiffness.x"])
         assert (result.value, result.slopes.tolist()) == (0.0, [0.0, 0.0])
-    result = getattr(system, norm)(["k.stiffness.x", "s.stiffness"], "push", "way")
-    single = getattr(own, norm)(["k.stiffness.x"], "push", "way")
+    result = getattr(system, norm)("way", "push", ["k.stiffness.x", "s.stiffness"])
+    single = getattr(own, norm)("way", "push", ["k.stiffness.x"])
     assert result.value == pytest.approx(single.value, rel=1e-12)
     assert result.slopes == pytest.approx([single.slopes[0], 0.0], rel=1e-11)
     with pytest.raises(mv.ResponseError, match="mode 1 does not decay"):
-        getattr(system, norm)([], ["push", "kick"], ["way", "swing"])
+        getattr(system, norm)(["way", "swing"], ["push", "kick"], [])
 
 
 @pytest.mark.parametrize("norm", ["h2_norm", "hinf_norm"])
@@ -153,7 +153,7 @@ def test_relative_motion_across_a_free_pair(norm):
     model.add_bushing("k", "a", "b", position=(0, 0, 1.5), stiffness=(9, 8, 7, 6, 5, 4), damping=(1, 1, 1, 1, 1, 1))
     model.add_input("F", "b", "z", relative_to="a")
     model.add_output("slip", "b", "x", relative_to="a")
-    assert getattr(model.linearize(), norm)([]).value == 0.0
+    assert getattr(model.linearize(), norm)(parameters=[]).value == 0.0
 
 
 def test_a_mode_that_does_not_decay_is_counted_beside_modes_of_first_order():
@@ -170,15 +170,15 @@ def test_a_mode_that_does_not_decay_is_counted_beside_modes_of_first_order():
     system = model.linearize()
     assert system.modes().first_order.tolist() == [True, True, False, False]
     with pytest.raises(mv.ResponseError, match="mode 4 does not decay"):
-        system.h2_norm([])
+        system.h2_norm(parameters=[])
 
 
 def test_transmissibility_has_no_feedthrough_to_rounding():
     """The felt acceleration sees the base through the spring only: D and what the mass takes back cancel."""
     system = isolator().linearize()
-    result = system.h2_norm(["spring.damping", "mass.mass"], "floor", "way")
+    result = system.h2_norm("way", "floor", ["spring.damping", "mass.mass"])
     assert np.isfinite(result.slopes).all()
-    expected = difference(isolator(), system, "mass.mass", lambda s: s.h2_norm([], "floor", "way").value)
+    expected = difference(isolator(), system, "mass.mass", lambda s: s.h2_norm("way", "floor", []).value)
     assert result.slopes[1] == pytest.approx(expected, rel=1e-8)
 
 

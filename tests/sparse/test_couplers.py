@@ -160,7 +160,7 @@ def test_parts_that_gears_join_are_within_reach_of_each_other():
     model.add_output("turn", "s1", "rz")
     model.add_output("other", "s3", "rz")
     system = model.linearize(method="sparse")
-    part = system.reachable("M", ["turn"])
+    part = system.reachable(["turn"], "M")
     assert part.bodies == ("s0", "s1")
     assert part.dof == 1
     assert_allclose(part.frequency_response(OMEGA), system.frequency_response(OMEGA)[:1], rtol=1e-12)

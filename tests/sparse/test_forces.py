@@ -179,7 +179,7 @@ def test_machines_out_of_reach_take_their_outputs_along():
         return model
 
     both_of = chains("a", "b").linearize(method="sparse")
-    part = both_of.reachable("push.a")
+    part = both_of.reachable(inputs="push.a")
     assert part.bodies == ("a0", "a1", "a2", "a3")
     single = chains("a").linearize(method="sparse").frequency_response(OMEGA)
     result = dict(zip(part.outputs, part.frequency_response(OMEGA), strict=True))
@@ -187,7 +187,7 @@ def test_machines_out_of_reach_take_their_outputs_along():
         np.testing.assert_allclose(result[name], expected, rtol=1e-11)
     assert not result["root.b"].any()
     assert not result["sum.b"].any()
-    assert both_of.reachable("push.b", "root.b").bodies == ("b0", "b1", "b2", "b3")
+    assert both_of.reachable("root.b", "push.b").bodies == ("b0", "b1", "b2", "b3")
 
 
 def test_beams_share_mass_and_stiffness():

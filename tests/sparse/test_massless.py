@@ -186,10 +186,10 @@ def test_machines_out_of_reach_take_their_nodes_along():
     model.add_input("G", "other", "z")
     model.add_output("y", "other", "z")
     full = model.linearize(method="sparse")
-    part = full.reachable("G", "y")
+    part = full.reachable("y", "G")
     assert (part.dof, part.massless, part.bodies) == (2, 1, ("other", "other.leg.node"))
     assert_allclose(part.frequency_response(OMEGA)[0, 0], full.frequency_response(OMEGA)[2, 1], rtol=1e-13)
-    assert full.reachable("F", ["x", "f"]).dof == 12
+    assert full.reachable(["x", "f"], "F").dof == 12
 
 
 def test_explain_tells_of_motions_without_mass():

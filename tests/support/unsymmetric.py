@@ -62,7 +62,8 @@ def massless(system, bodies):
 def matrices(system):
     """M, C, K in the working precision of mpmath."""
     w, d = mp.matrix(system.inertia_factor.tolist()), mp.matrix(system.elastic_rows.tolist())
-    c, k = (d.T * mp.diag([mp.mpf(float(v)) for v in values]) * d for values in (system.damping, system.stiffness))
+    c, k = (d.T * mp.diag([mp.mpf(float(v)) for v in values]) * d
+            for values in (system.row_damping, system.row_stiffness))
     if system.gyroscopic is not None:
         c += mp.matrix(system.gyroscopic.tolist())
     if system.circulatory is not None:

@@ -59,7 +59,7 @@ def test_stiffness_of_forces_and_of_what_the_pose_leaves_over(seed):
     motion = network.displacements.reshape(len(network.bodies), 6, system.dof)
     geometric = np.einsum("bim,bin->mn", motion, geometric_wrenches(network.forces, motion, side=1))
     springs = system.row_owner < len(system.provenance.springs)
-    rows, k = system.elastic_rows[springs], system.stiffness[springs]
+    rows, k = system.elastic_rows[springs], system.row_stiffness[springs]
     size = np.abs(system.K).max() + np.abs(geometric).max()
     assert np.abs((rows.T * k) @ rows + geometric - system.K).max() <= 1e-13 * size
     count = found.changes.count
@@ -128,7 +128,7 @@ def test_no_variant_is_made(monkeypatch):
     assert np.isfinite(system.eigenvalue_sensitivities()).all()
     assert np.isfinite(system.frequency_response_sensitivities([10.0, 300.0], "leg*.k.stiffness")).all()
     assert np.isfinite(system.mode_sensitivities("platform.mass").shapes).all()
-    assert system.h2_norm("platform.position.z").slopes.shape == (1,)
+    assert system.h2_norm(parameters="platform.position.z").slopes.shape == (1,)
 
 
 def test_variables_that_tie_parameters():

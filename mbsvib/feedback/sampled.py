@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NoReturn, TypeVar
 
 import numpy as np
 
 from mbsvib.errors import ResponseError
-from mbsvib.isolation.feedback_loop import FeedbackLoop
-from mbsvib.isolation.linear import Resolution
-from mbsvib.isolation.participation import eigen
+from mbsvib.feedback.feedback_loop import FeedbackLoop
+from mbsvib.feedback.participation import eigen
+from mbsvib.feedback.resolution import Resolution
 from mbsvib.linalg.discrete import tustin
 
 if TYPE_CHECKING:
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
 
 
@@ -99,11 +98,6 @@ class SampledLoop(FeedbackLoop):
         """Poles and panels of the responses: sampling repeats poles; a delay has none but rotates the phase."""
         return Resolution(self.poles(), TURN / (2.0 * np.pi * (self.delay + 2.0 / self.rate)), self.rate)
 
-    @property
-    def far(self) -> System:
-        """The mechanism: a hold blocks high frequencies."""
-        return self.plant.system
-
     def state_space(self, realization: str = "modal") -> NoReturn:
         """Refuse: samples have no continuous equations.
 
@@ -140,10 +134,13 @@ class SampledLoop(FeedbackLoop):
         SampledLoop
             The same loop with discrete controllers and a zero-order hold.
         """
-        return sampled(self, rate, delay)
+        return sampled(self, rate, delay, type(self))
 
 
-def sampled(loop: FeedbackLoop, rate: float, delay: float = 0.0) -> SampledLoop:
+L = TypeVar("L", bound=SampledLoop)
+
+
+def sampled(loop: FeedbackLoop, rate: float, delay: float, form: type[L]) -> L:
     """Return a loop with discrete-time controllers.
 
     Parameters
@@ -154,6 +151,8 @@ def sampled(loop: FeedbackLoop, rate: float, delay: float = 0.0) -> SampledLoop:
         Samples a second [Hz].
     delay : float
         Between measuring and acting [s].
+    form : type
+        The class of the loop.
 
     Returns
     -------
@@ -168,7 +167,8 @@ def sampled(loop: FeedbackLoop, rate: float, delay: float = 0.0) -> SampledLoop:
     if not 0.0 < rate < np.inf or not 0.0 <= delay < np.inf:
         raise ResponseError(f"sampled: rate = {rate!r} Hz, delay = {delay!r} s; expected a positive rate, and a delay "
                             f"that is not negative.")  # fmt: skip
-    return SampledLoop(loop.plant, loop.controllers, loop.sensors, loop.actuators, float(rate), float(delay))
+    return form(loop.plant, loop.controllers, loop.sensors, loop.actuators, float(rate), float(delay),
+                selection=loop.selection)  # fmt: skip
 
 
 def _resolved(a: Array, b: Array, z: Complex) -> Complex:

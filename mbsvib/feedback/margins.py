@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from mbsvib.errors import ResponseError
-from mbsvib.isolation.frequencies import checked
+from mbsvib.feedback.frequencies import checked
 from mbsvib.responses.extrema import Band, panels
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.isolation.controller import Controller
-    from mbsvib.isolation.linear import Resolution
+    from mbsvib.feedback.controller import Controller
+    from mbsvib.feedback.resolution import Resolution
 
 
 # Band, in parts of the lowest and highest pole; poles below the third share of the highest are at rest.
@@ -40,7 +39,7 @@ class OpenedLoops(Protocol):
         """Names of the actuators, at which loops are opened."""
 
     @property
-    def open_loop(self) -> System:
+    def open_loop(self) -> Any:
         """The mechanism with open loops."""
 
     @property

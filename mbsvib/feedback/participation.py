@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.isolation.pole_track import vibrates
+from mbsvib.feedback.pole_track import vibrates
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

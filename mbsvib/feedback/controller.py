@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
+from mbsvib.responses.from_control import is_control
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,7 +18,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.responses.state_space import StateSpace
-
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -30,6 +31,8 @@ class Controller:
     D: Array
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+
+    kind: ClassVar[str] = "controller"
 
     def at(self, s: Complex) -> Complex:
         """Return K(s).
@@ -100,6 +103,57 @@ def controller(law: Any, inputs: Sequence[str], outputs: Sequence[str], name: st
     n = a.size and len(a)
     return Controller(name, a.reshape(n, n), b.reshape(n, len(inputs)), c.reshape(len(outputs), n), d, tuple(inputs),
                       tuple(outputs))  # fmt: skip
+
+
+def as_controller(value: Any, plant: Any, sensors: Any = None, actuators: Any = None, name: str | None = None) -> \
+        Controller:  # fmt: skip
+    """Return what was given as a controller from named sensors to named actuators of a plant.
+
+    Parameters
+    ----------
+    value : Controller, StateSpace, control.StateSpace or array-like, shape (actuators, sensors)
+        The controller; an array is a static gain.
+    plant : System, StateSpace or ClosedLoop
+        Whose outputs are sensors and whose inputs are actuators.
+    sensors, actuators : str or sequence of str, optional
+        Names or patterns; default: the names that the controller has.
+    name : str, optional
+        Name for tables; default: its own.
+
+    Returns
+    -------
+    Controller
+        The controller.
+
+    Raises
+    ------
+    ResponseError
+        If names are missing or unknown, or shapes do not match.
+    """
+    known = isinstance(value, Controller) or getattr(value, "kind", None) == "state space"
+    if not known and is_control(value):  # python-control has no dots in names
+        sensors = _labels(value.input_labels, plant.outputs) if sensors is None else sensors
+        actuators = _labels(value.output_labels, plant.inputs) if actuators is None else actuators
+    if not known and (sensors is None or actuators is None):
+        raise ResponseError(f"feedback: the controller is a {type(value).__name__}, whose signals have no names of "
+                            f"'{plant.name}'; say sensors=[...] and actuators=[...].")  # fmt: skip
+    o = selected(value.inputs if sensors is None else sensors, plant.outputs, "output", plant.name, plant.inputs)
+    i = selected(value.outputs if actuators is None else actuators, plant.inputs, "input", plant.name, plant.outputs)
+    into, out = tuple([plant.outputs[k] for k in o]), tuple([plant.inputs[k] for k in i])
+    own = value.name if known or (is_control(value) and "[" not in value.name) else None  # not "sys[3]"
+    called = name or own or "controller"
+    if isinstance(value, Controller):
+        if value.D.shape != (len(out), len(into)):
+            raise ResponseError(f"feedback: {value!r}; expected {len(into)} sensors and {len(out)} actuators: "
+                                f"{', '.join(into)}; {', '.join(out)}.")  # fmt: skip
+        return replace(value, name=called, inputs=into, outputs=out)
+    return controller(value, into, out, called)
+
+
+def _labels(labels: Sequence[str], known: Sequence[str]) -> list[str] | None:
+    """Names of signals of python-control as they are here, None if one is unknown."""
+    here = [label if label in known else label.replace(":", ".") for label in labels]
+    return here if all(name in known for name in here) else None
 
 
 def integrators(

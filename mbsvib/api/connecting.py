@@ -1,0 +1,47 @@
+"""Loops closed around systems and state spaces."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.feedback.closed_loop import ClosedLoop
+
+
+class Connecting:
+    """Linear equations to which controllers can be connected."""
+
+    def feedback(
+        self, controller: Any, sensors: str | Sequence[str] | None = None, actuators: str | Sequence[str] | None = None,
+        name: str | None = None,
+    ) -> ClosedLoop:  # fmt: skip
+        """Return the closed loop with a controller from sensors to actuators, u = w + K y: positive feedback.
+
+        G + G_u (1 - K G_yu)^-1 K G_y, with the inputs w and outputs of the open loop; a controller that opposes what it
+        measures has a negative gain
+
+        Parameters
+        ----------
+        controller : Controller, StateSpace, control.StateSpace or array-like, shape (actuators, sensors)
+            In continuous time; an array is a static gain.
+        sensors, actuators : str or sequence of str, optional
+            Names or patterns of outputs and of inputs, in the order of the controller's signals; default: the names
+            that the controller has.
+        name : str, optional
+            Name of the controller in tables.
+
+        Returns
+        -------
+        ClosedLoop
+            With all methods of a system, ``margins`` and ``sampled``.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, shapes do not match, or the controller is discrete.
+        """
+        from mbsvib.feedback.closed_loop import feedback
+
+        return feedback(self, controller, sensors, actuators, name)

@@ -1,0 +1,15 @@
+"""State spaces as users get them: with their responses, and with loops closed."""
+
+from __future__ import annotations
+
+from mbsvib.api.connecting import Connecting
+from mbsvib.responses import state_space
+
+
+class StateSpace(Connecting, state_space.StateSpace):
+    """x' = A x + B u, y = C x + D u, with names and units of states, inputs and outputs.
+
+    ``transform`` (2m, states) recovers (q, q') = transform x + ``through`` u. ``through`` (2m, inputs) is None except
+    for damped massless motions, whose rates depend directly on inputs. Arrays are read-only. ``from_arrays`` makes one
+    of matrices.
+    """

@@ -1,0 +1,211 @@
+"""Selection of signals by names, lists of names and patterns, in the order in which they are named."""
+
+from __future__ import annotations
+
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common.arguments import shown
+from mbsvib.errors import ResponseError, counted, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+PATTERN = frozenset("*?[")  # a name with one of these that is no name of a signal is a pattern
+
+
+def selected(
+    wanted: Any, known: Sequence[str], what: str, owner: str, others: Sequence[str] = ()
+) -> list[int]:
+    """Return the numbers of the signals that are named, each once, in the order of the names.
+
+    Parameters
+    ----------
+    wanted : str, part, pattern, sequence of these, slice or None
+        ``"tilt"``, ``"leg*.F"`` (``*`` any letters, ``?`` one letter), ``["x", "leg*.F"]``; what a pattern picks is in
+        the order of the system. None and ``:`` pick all.
+    known : sequence of str
+        The names that there are.
+    what : str
+        "output", "input" or "state".
+    owner : str
+        Name of the system, for messages.
+    others : sequence of str
+        Names of the signals of the other kind, to recognize exchanged arguments.
+
+    Returns
+    -------
+    list of int
+        Numbers from 0.
+
+    Raises
+    ------
+    ResponseError
+        If a name is unknown, a pattern picks nothing, or a number is given; the nearest name is suggested.
+    """
+    if wanted is None or (isinstance(wanted, slice) and wanted == slice(None)):
+        return list(range(len(known)))
+    several = [wanted] if isinstance(wanted, str) or hasattr(wanted, "name") else wanted
+    result: dict[int, None] = {}
+    for name in _listed(several, what, owner):
+        hits = [i for i, signal in enumerate(known) if signal == name]
+        if not hits and PATTERN.intersection(name):
+            hits = [i for i, signal in enumerate(known) if fnmatchcase(signal, name)]
+        if not hits:
+            raise ResponseError(_unknown(name, known, what, owner, others))
+        result |= dict.fromkeys(hits)
+    return list(result)
+
+
+def port_numbers(
+    outputs: Any, inputs: Any, known: tuple[Sequence[str], Sequence[str]], name: str
+) -> tuple[list[int], list[int]]:
+    """Return the numbers of outputs and inputs that are selected by name.
+
+    Parameters
+    ----------
+    outputs, inputs : str, sequence of str or None
+        Names or patterns; None: all.
+    known : pair of sequences of str
+        Names of all outputs and of all inputs.
+    name : str
+        Name of the system, for messages.
+
+    Returns
+    -------
+    outputs, inputs : list of int
+        Numbers from 0, in the order of the names.
+
+    Raises
+    ------
+    ResponseError
+        If a name is unknown.
+    """
+    rows, columns = known
+    return selected(outputs, rows, "output", name, columns), selected(inputs, columns, "input", name, rows)
+
+
+def needed_ports(
+    outputs: Any, inputs: Any, known: tuple[Sequence[str], Sequence[str]], name: str
+) -> tuple[list[int], list[int]]:
+    """Return the numbers of outputs and inputs that are selected by name, at least one of each.
+
+    Parameters
+    ----------
+    outputs, inputs : str, sequence of str or None
+        Names or patterns; None: all.
+    known : pair of sequences of str
+        Names of all outputs and of all inputs.
+    name : str
+        Name of the system, for messages.
+
+    Returns
+    -------
+    outputs, inputs : list of int
+        Numbers from 0, in the order of the names.
+
+    Raises
+    ------
+    ResponseError
+        If a name is unknown, or there is no output or no input.
+    """
+    numbers = port_numbers(outputs, inputs, known, name)
+    for what, some, names in zip(("outputs", "inputs"), numbers, known, strict=True):
+        if not some:
+            raise ResponseError(f"no {what} are asked for, which leaves nothing of '{name}'; expected one or more of "
+                                f"{', '.join(names) or 'its ' + what + ', yet it has none'}.")  # fmt: skip
+    return numbers
+
+
+def key_ports(key: Any, name: str) -> tuple[Any, Any]:
+    """Return outputs and inputs of ``system[outputs, inputs]``.
+
+    Parameters
+    ----------
+    key : tuple
+        What stands in the brackets.
+    name : str
+        Name of the system, for messages.
+
+    Returns
+    -------
+    outputs, inputs : object
+        Both as they were given.
+
+    Raises
+    ------
+    ResponseError
+        If there are not two.
+    """
+    if not isinstance(key, tuple) or len(key) != 2:
+        raise ResponseError(f"system '{name}': [{key!r}] selects signals; expected outputs and inputs, "
+                            f'system["tilt", "motor"], or system["tilt", :] for all inputs.')  # fmt: skip
+    return key
+
+
+def _listed(several: Any, what: str, owner: str) -> list[str]:
+    try:
+        names = [item if isinstance(item, str) else item.name for item in several]
+    except (TypeError, AttributeError):
+        names = [None]
+    if not all(isinstance(name, str) for name in names):
+        hint = " Numbers are refused: signals are selected by name." if _numbers(several) else ""
+        raise ResponseError(f"system '{owner}': {what}s = {shown(several)}; expected a name, a pattern such as "
+                            f"'leg*', or a list of these; None or : for all.{hint}")  # fmt: skip
+    return names
+
+
+def _numbers(value: Any) -> bool:
+    return isinstance(value, slice) or np.asarray(value).dtype.kind in "iub"
+
+
+def _unknown(name: str, known: Sequence[str], what: str, owner: str, others: Sequence[str]) -> str:
+    listed = ", ".join(known) or "none"
+    if name in others:
+        other = "input" if what == "output" else "output"
+        return (f"system '{owner}': {name!r} is an {other}, and no {what}. Outputs come first, then inputs; both are "
+                f"keywords as well: outputs=..., inputs=.... The {what}s are {listed}.")  # fmt: skip
+    if PATTERN.intersection(name):
+        return f"system '{owner}': the pattern {name!r} picks no {what}. It has {listed}."
+    return f"{what} {name!r}: system '{owner}' has no such {what}.{nearest(name, known)} It has {listed}."
+
+
+def signal_names(given: Any, count: int, label: str, owner: str) -> tuple[str, ...]:
+    """Return names for the rows or columns of matrices, u1, u2, ... if none are given.
+
+    Parameters
+    ----------
+    given : str, sequence of str or None
+        The names.
+    count : int
+        How many there must be.
+    label : str
+        "inputs", "outputs", "states" or "coordinates".
+    owner : str
+        What has them, for messages.
+
+    Returns
+    -------
+    tuple of str
+        Names that differ.
+
+    Raises
+    ------
+    ResponseError
+        If there are more or fewer, or two are the same.
+    """
+    if given is None:
+        letter = {"inputs": "u", "outputs": "y", "states": "x", "coordinates": "q"}[label]
+        return tuple([f"{letter}{i + 1}" for i in range(count)])
+    names = (given,) if isinstance(given, str) else tuple(given)
+    if len(names) != count or not all(isinstance(name, str) and name for name in names):
+        raise ResponseError(f"{owner}: {label} = {shown(list(names))}; expected {counted(count, 'name')}, one for each "
+                            f"row or column of the matrices.")  # fmt: skip
+    if len(set(names)) < count:
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ResponseError(f"{owner}: {label}: the name {twice!r} is there more than once; expected names that "
+                            f"differ.")  # fmt: skip
+    return names

@@ -1,0 +1,168 @@
+"""Equations of motion of matrices that come from elsewhere, such as a finite element program."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from mbsvib.common.arguments import shown
+from mbsvib.common.expected import reals
+from mbsvib.common.selection import signal_names
+from mbsvib.equations.equations import Equations, Provenance
+from mbsvib.errors import ModelError
+from mbsvib.kinematics.loops import Reduction
+from mbsvib.linalg.rank import EPS
+from mbsvib.mechanism.topology import Topology
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from mbsvib.common.arrays import Array
+
+E = TypeVar("E", bound=Equations)
+
+# Entries of a symmetric matrix that differ by less than this share of the larger of both and of the diagonal's
+# geometric mean are rounding of the program that wrote them, usually in files with nine digits or more.
+SYMMETRIC = 1e-9
+# A mass matrix of unit diagonal whose smallest eigenvalue is below this share of the largest counts as singular.
+SINGULAR = 1e-13
+OWNERS = ("matrices",)
+
+
+def given_matrices(
+    matrices: tuple[ArrayLike, ArrayLike | None, ArrayLike],
+    ports: tuple[ArrayLike | None, ArrayLike | None, ArrayLike | None, ArrayLike | None, ArrayLike | None],
+    names: tuple[Sequence[str] | None, Sequence[str] | None, Sequence[str] | None], name: str, form: type[E],
+) -> E:  # fmt: skip
+    """Return equations of motion of given matrices.
+
+    Parameters
+    ----------
+    matrices : tuple of array-like, shape (m, m)
+        M, C (or None) and K.
+    ports : tuple of array-like
+        B (m, inputs), Cq, Cv, Ca (outputs, m) and D (outputs, inputs), or None.
+    names : tuple
+        Of inputs, outputs and coordinates, or None.
+    name : str
+        Name of the system.
+    form : type
+        The class of the equations.
+
+    Returns
+    -------
+    Equations
+        With factors of the matrices: a Cholesky factor of M; eigenvectors of the symmetric parts of K and C, with unit
+        diagonals, as rows.
+
+    Raises
+    ------
+    ModelError
+        If shapes do not match, M is not symmetric positive definite, or numbers are not finite.
+    """
+    mass = _array(name, "M", matrices[0])
+    m = len(mass)
+    if mass.shape != (m, m):
+        raise ModelError(f"System '{name}': M has shape {mass.shape}; expected (m, m).", field="M")
+    mass, factor = _factored(name, mass)
+    damping, stiffness = (np.zeros((m, m)) if value is None else _shaped(name, label, value, (m, m))
+                          for label, value in (("C", matrices[1]), ("K", matrices[2])))  # fmt: skip
+    (k_rows, k, circulatory), (c_rows, c, gyroscopic) = _rows(stiffness), _rows(damping)
+    b = np.zeros((m, 0)) if ports[0] is None else _shaped(name, "B", ports[0], (m, None))
+    inputs = signal_names(names[0], b.shape[1], "inputs", f"System '{name}'")
+    coordinates = signal_names(names[2], m, "coordinates", f"System '{name}'")
+    outputs, cq, cv, ca, d = _outputs(name, ports[1:], (coordinates, inputs), names[1])
+    return form(
+        name=name, coordinates=coordinates, coordinate_units=("",) * m, inputs=inputs, input_units=("",) * len(inputs),
+        outputs=outputs, output_units=("",) * len(outputs), bodies=(), M=mass, C=damping, K=stiffness, B=b, Cq=cq,
+        Cv=cv, Ca=ca, D=d, inertia_factor=factor, elastic_rows=np.concatenate((k_rows, c_rows)),
+        row_stiffness=np.concatenate((k, np.zeros(len(c)))), row_damping=np.concatenate((np.zeros(len(k)), c)),
+        row_owner=np.zeros(len(k) + len(c), dtype=np.intp), body_motion=np.zeros((0, 6, m)), gyroscopic=gyroscopic,
+        circulatory=circulatory,
+        provenance=Provenance(Topology((), (), (), (), ()), Reduction(np.arange(m), None, ()), coordinates, OWNERS,
+                              given=True),
+    )  # fmt: skip
+
+
+def _array(name: str, label: str, value: Any) -> Array:
+    if hasattr(value, "toarray"):
+        value = value.toarray()
+    array = np.array(reals(value, f"System '{name}'", label, "a matrix of real numbers", ModelError), ndmin=2)
+    if array.ndim != 2 or not np.isfinite(array).all():
+        raise ModelError(f"System '{name}': {label} = {shown(value)}; expected a matrix of finite numbers.",
+                         field=label)  # fmt: skip
+    return array
+
+
+def _shaped(name: str, label: str, value: Any, shape: tuple[int | None, int | None]) -> Array:
+    array = _array(name, label, value)
+    if array.shape[0] != shape[0] and shape == (array.shape[1], None):
+        array = array.T  # a vector for a single input
+    if any(want is not None and have != want for have, want in zip(array.shape, shape, strict=True)):
+        wanted = ", ".join({"B": "inputs"}.get(label, "outputs") if size is None else str(size) for size in shape)
+        raise ModelError(f"System '{name}': {label} has shape {array.shape}; expected ({wanted}).", field=label)
+    return array
+
+
+def _factored(name: str, mass: Array) -> tuple[Array, Array]:
+    """M, symmetric to the last bit, and W with M = W^T W."""
+    diagonal = mass.diagonal()
+    what = "expected a symmetric positive definite matrix"
+    if (diagonal <= 0.0).any():
+        at = int(np.flatnonzero(diagonal <= 0.0)[0])
+        raise ModelError(f"System '{name}': M[{at}, {at}] = {diagonal[at]:g}; {what}. Remove coordinates without mass "
+                         f"by static condensation, K_aa - K_ab K_bb^-1 K_ba, or give first-order equations to "
+                         f"StateSpace.from_arrays.", field="M")  # fmt: skip
+    size = np.sqrt(diagonal)
+    gap = np.abs(mass - mass.T) / size[:, None] / size
+    if gap.size and gap.max() > SYMMETRIC:
+        i, j = np.unravel_index(int(gap.argmax()), gap.shape)
+        raise ModelError(f"System '{name}': M[{i}, {j}] = {mass[i, j]:g}, but M[{j}, {i}] = {mass[j, i]:g}; {what}. "
+                         f"Give 0.5 * (M + M.T) if the difference is rounding.", field="M")  # fmt: skip
+    mass = 0.5 * (mass + mass.T)
+    scaled = mass / size[:, None] / size
+    values = np.linalg.eigvalsh(scaled) if len(mass) else np.ones(1)
+    if values[0] <= SINGULAR * values[-1]:
+        raise ModelError(f"System '{name}': M, scaled to a diagonal of ones, has the eigenvalue {values[0]:.3g} beside "
+                         f"{values[-1]:.3g}; {what}. Some combination of coordinates has no mass or a negative one: "
+                         f"remove it by static condensation, or correct M.", field="M")  # fmt: skip
+    factor: Array = np.linalg.cholesky(scaled).T.astype(float) * size if len(mass) else mass
+    return mass, factor
+
+
+def _rows(matrix: Array) -> tuple[Array, Array, Array | None]:
+    """Rows E and weights w with E^T diag(w) E = the symmetric part, and the antisymmetric part or None.
+
+    Rows are eigenvectors of the matrix with a diagonal of ones, so that small entries beside large ones keep their
+    digits; weights that are rounding are left out, so that rigid-body modes are at 0.
+    """
+    size = np.sqrt(np.maximum(np.abs(matrix.diagonal()), SYMMETRIC * np.abs(matrix).max(axis=1, initial=0.0)))
+    size = np.where(size > 0.0, size, 1.0)
+    scaled = matrix / size[:, None] / size
+    skew = 0.5 * (scaled - scaled.T)
+    skew[np.abs(skew) <= SYMMETRIC * np.maximum(1.0, np.abs(scaled))] = 0.0
+    weights, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T)) if len(matrix) else (np.zeros(0), matrix)
+    used = np.abs(weights) > len(matrix) * EPS * np.abs(weights).max(initial=0.0)
+    rest = np.asarray(skew * size[:, None] * size) if skew.any() else None
+    return vectors[:, used].T * size, weights[used], rest
+
+
+def _outputs(
+    name: str, given: tuple[Any, ...], known: tuple[tuple[str, ...], tuple[str, ...]], names: Sequence[str] | None
+) -> tuple[tuple[str, ...], Array, Array, Array, Array]:
+    """Names of outputs, Cq, Cv, Ca and D; the coordinates themselves if no matrix is given."""
+    coordinates, inputs = known
+    m, u = len(coordinates), len(inputs)
+    labels = ("Cq", "Cv", "Ca", "D")
+    if all(value is None for value in given):
+        listed = coordinates if names is None else signal_names(names, m, "outputs", f"System '{name}'")
+        return listed, np.eye(m), np.zeros((m, m)), np.zeros((m, m)), np.zeros((m, u))
+    first = next(i for i, value in enumerate(given) if value is not None)
+    rows = len(_array(name, labels[first], given[first]))
+    arrays = [np.zeros((rows, m if label != "D" else u)) if value is None
+              else _shaped(name, label, value, (rows, m if label != "D" else u))
+              for label, value in zip(labels, given, strict=True)]  # fmt: skip
+    return (signal_names(names, rows, "outputs", f"System '{name}'"), *arrays)  # type: ignore[return-value]

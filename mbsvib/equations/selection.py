@@ -1,0 +1,45 @@
+"""Systems with some of their outputs and inputs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from mbsvib.common.selection import port_numbers
+from mbsvib.equations.equations import Equations
+
+E = TypeVar("E", bound=Equations)
+
+
+def with_ports(system: E, outputs: Any = None, inputs: Any = None) -> E:
+    """Return a system with some of its outputs and inputs; the coordinates stay.
+
+    Parameters
+    ----------
+    system : Equations
+        The equations of motion.
+    outputs, inputs : str, sequence of str or None
+        Names or patterns, in the order in which they are wanted; None: all.
+
+    Returns
+    -------
+    Equations
+        The same equations with rows of Cq, Cv, Ca, D and columns of B, D selected.
+
+    Raises
+    ------
+    ResponseError
+        If a name is unknown.
+    """
+    o, i = port_numbers(outputs, inputs, (system.outputs, system.inputs), system.name)
+    kept = {system.outputs[k] for k in o}
+    undetermined = tuple([replace(forces, outputs=tuple([name for name in forces.outputs if name in kept]))
+                          for forces in system.provenance.undetermined])  # fmt: skip
+    return replace(
+        system, outputs=tuple([system.outputs[k] for k in o]), inputs=tuple([system.inputs[k] for k in i]),
+        output_units=tuple([system.output_units[k] for k in o]), input_units=tuple([system.input_units[k] for k in i]),
+        B=system.B[:, i], Cq=system.Cq[o], Cv=system.Cv[o], Ca=system.Ca[o], D=system.D[np.ix_(o, i)],
+        provenance=replace(system.provenance, undetermined=undetermined),
+    )  # fmt: skip

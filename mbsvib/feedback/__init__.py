@@ -1,0 +1,1 @@
+"""Feedback: controllers, closed loops of systems, margins."""

@@ -1,0 +1,296 @@
+"""Closed loops: a plant with its controllers, as accurate over frequency as the plant itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ResponseError, nearest
+from mbsvib.feedback.controller import Controller, as_controller
+from mbsvib.feedback.feedback_loop import FeedbackLoop
+from mbsvib.feedback.participation import eigen
+from mbsvib.feedback.plant import SystemPlant
+from mbsvib.feedback.regularity import regular
+from mbsvib.feedback.resolution import Resolution
+from mbsvib.feedback.sampled import SampledLoop, sampled
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.feedback.plant import LoopPlant
+    from mbsvib.responses.state_space import StateSpace
+
+    Ports = str | Sequence[str] | None
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class ClosedLoop(FeedbackLoop):
+    """A plant with controllers, u = w + K y; has the inputs w and outputs of ``plant.system``, or some of them.
+
+    It has all methods of a system. Under static gains without feedthrough the loop is a system of second order again,
+    ``second_order``, and its results come from there.
+    """
+
+    def _loop(self, omega: Array, own: Complex) -> tuple[Complex, Complex, Complex]:
+        s = np.asarray(1j * omega, dtype=complex)
+        try:
+            k = self.law.at(s)
+        except np.linalg.LinAlgError as error:
+            raise ResponseError("closed loop: a controller has a pole at one of the frequencies (a pure integrator at "
+                                "0 Hz?); give it a leak, or leave this frequency out.") from error  # fmt: skip
+        return k, k @ own, np.ones(len(omega), dtype=complex)
+
+    @cached_property
+    def _space(self) -> tuple[Array, Array, Array, Array, StateSpace]:
+        space = self.plant.space
+        law, (y, u) = self.law, self.ports
+        n = len(space.A)
+        product = space.D[np.ix_(y, u)] @ law.D
+        loop = np.eye(len(y)) - product
+        if not regular(product):
+            raise ResponseError(f"closed loop: {law.name} makes an algebraic loop: its feedthrough times that of the "
+                                f"sensors is 1. Change the gain.")  # fmt: skip
+        # y = seen (x, z) + direct w
+        seen = np.linalg.solve(loop, np.concatenate((space.C[y], space.D[np.ix_(y, u)] @ law.C), axis=1))
+        direct = np.linalg.solve(loop, space.D[y])
+        push, push_w = law.D @ seen, law.D @ direct
+        push[:, n:] += law.C
+        a = np.concatenate((space.B[:, u] @ push, law.B @ seen))
+        a[:n, :n] += space.A
+        a[n:, n:] += law.A
+        b = np.concatenate((space.B + space.B[:, u] @ push_w, law.B @ direct))
+        c = space.D[:, u] @ push
+        c[:, :n] += space.C
+        d = space.D + space.D[:, u] @ push_w
+        return a, b, c, d, space
+
+    @cached_property
+    def second_order(self) -> Any:
+        """The closed loop as a system, M q'' + C' q' + K' q = B' w, or None if its controllers have states, or sensors
+        of acceleration would change M.
+        """
+        from mbsvib.feedback.second_order import closed_system
+
+        system = self.plant.system
+        if len(self.law.A) or getattr(system, "basis", None) is None:
+            return None
+        closed = closed_system(system, self.law.D, *self.ports, self.name)
+        return closed if closed is None or self.selection is None else closed.with_ports(*self.selection)
+
+    def state_space(self, realization: str = "modal") -> StateSpace:
+        """Return first-order equations of the closed loop, ready for ``mbsvib_export.to_control``.
+
+        Parameters
+        ----------
+        realization : str
+            "modal": the plant's states are modal, the controllers' their own. "physical" or "balanced" where the
+            loop is of second order.
+
+        Returns
+        -------
+        StateSpace
+            Matrices, names and units.
+
+        Raises
+        ------
+        ResponseError
+            If the realization is another one.
+        """
+        if realization != "modal":
+            if self.second_order is not None:
+                space: StateSpace = self.second_order.state_space(realization)
+                return space
+            raise ResponseError(f"state_space: realization = {realization!r}; a closed loop whose controllers have "
+                                f"states has only 'modal' ones.")  # fmt: skip
+        a, b, c, d, space = self._space
+        k, shown = len(a) - len(space.A), self._shown
+        states = tuple([f"controller{i + 1}" for i in range(k)])
+        wide = np.concatenate((space.transform, np.zeros((len(space.transform), k))), axis=1)
+        whole = replace(space, name=self.name, A=a.copy(), B=b.copy(), C=c.copy(), D=d.copy(), transform=wide,
+                        states=(*space.states, *states), state_units=(*space.state_units, *("",) * k),
+                        error_bound=None)  # fmt: skip
+        if self.selection is None:
+            return whole
+        return whole.with_ports([space.outputs[i] for i in shown[0]], [space.inputs[i] for i in shown[1]])
+
+    def response(self, w: Array) -> Complex:
+        """Return the response of the closed loop, whether or not it is stable.
+
+        Parameters
+        ----------
+        w : array, shape (n,)
+            Angular frequencies [rad/s].
+
+        Returns
+        -------
+        array, shape (outputs, inputs, n)
+            Complex responses.
+        """
+        if self.second_order is not None:
+            return np.asarray(self.second_order.frequency_response(w))
+        try:
+            return super().response(w)
+        except ResponseError:  # a pole of the plant or of the controller, which need not be one of the loop
+            return self.state_space().frequency_response(w)
+
+    def time_response(
+        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: Any = None, outputs: Ports = None,
+        inputs: Ports = None,
+    ) -> Array:  # fmt: skip
+        """Return the time response to inputs that are held or vary linearly between the samples; exact for these.
+
+        Parameters
+        ----------
+        t : array-like, shape (n,)
+            Ascending times [s].
+        u : array-like, shape (inputs, n), or (n,) for a single input
+            Inputs w at these times, which add to what the controllers demand.
+        hold : str
+            "first": linear between samples; "zero": constant from each sample to the next.
+        initial : array-like, optional
+            At t[0]: q and q' where the loop is of second order, else the states of ``state_space()``; default: rest.
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all. Rows of ``u`` are those of ``inputs``, other inputs are 0.
+
+        Returns
+        -------
+        array, shape (outputs, n)
+            Outputs at these times.
+
+        Raises
+        ------
+        ResponseError
+            If times do not ascend, shapes do not match, or the hold or a name is unknown.
+        """
+        part = self.with_ports(outputs, inputs)
+        source = part.state_space() if part.second_order is None else part.second_order
+        result: Array = source.time_response(t, u, hold, initial)
+        return result
+
+    def modes(self) -> Any:
+        """Return the modes of the closed loop: ``Modes`` where it is of second order, else those of its states.
+
+        Returns
+        -------
+        Modes or StateModes
+            Printed as a table.
+        """
+        return self.state_space().modes() if self.second_order is None else self.second_order.modes()
+
+    def poles(self) -> Complex:
+        """Return the poles of the closed loop.
+
+        Returns
+        -------
+        array, shape (states,)
+            Poles [1/s] in ascending magnitude.
+        """
+        return super().poles() if self.second_order is None else np.asarray(self.second_order.poles())
+
+    @cached_property
+    def _eigen(self) -> tuple[Complex, Array]:
+        return eigen(self._space[0])
+
+    @property
+    def resolution(self) -> Resolution:
+        """Poles and panels of the responses."""
+        return Resolution(self.poles())
+
+    @property
+    def title(self) -> str:
+        """The controllers' names."""
+        return self.law.name
+
+    def sampled(self, rate: float, delay: float = 0.0) -> SampledLoop:
+        """Return the loop with discrete-time controllers.
+
+        Parameters
+        ----------
+        rate : float
+            Samples a second [Hz].
+        delay : float
+            Between measuring and acting [s].
+
+        Returns
+        -------
+        SampledLoop
+            The same loop with discrete controllers and a zero-order hold.
+        """
+        return sampled(self, rate, delay, SampledLoop)
+
+
+def close(plant: LoopPlant, *controllers: Controller, form: type[ClosedLoop] = ClosedLoop) -> ClosedLoop:
+    """Return a plant with its loops closed.
+
+    Parameters
+    ----------
+    plant : LoopPlant
+        The plant with actuators and sensors.
+    *controllers : Controller
+        Controllers that act together.
+    form : type
+        The class of the loop.
+
+    Returns
+    -------
+    ClosedLoop
+        Poles, responses, margins.
+
+    Raises
+    ------
+    ResponseError
+        If there is no controller, or one names an unknown sensor or actuator.
+    """
+    if not controllers:
+        raise ResponseError("closed loop: no controller is given; make one by force_feedback, skyhook, controller, ...")
+    system = plant.system
+    for law in controllers:
+        if not isinstance(law, Controller):
+            raise ResponseError(f"closed loop: {type(law).__name__} is no controller; expected what force_feedback, "
+                                f"skyhook, controller, ... return.")  # fmt: skip
+        for what, names, known in (("sensor", law.inputs, system.outputs), ("actuator", law.outputs, system.inputs)):
+            for name in names:
+                if name not in known:
+                    raise ResponseError(f"closed loop: {law.name} names the {what} '{name}'; the plant has none."
+                                        f"{nearest(name, known)} It has {', '.join(known)}.")  # fmt: skip
+    return form(plant, controllers, _united([c.inputs for c in controllers]),
+                _united([c.outputs for c in controllers]))  # fmt: skip
+
+
+def feedback(
+    system: Any, controller: Any, sensors: Ports = None, actuators: Ports = None, name: str | None = None
+) -> ClosedLoop:
+    """Return a system or state space with a controller that feeds outputs back to inputs, u = w + K y.
+
+    Parameters
+    ----------
+    system : System or StateSpace
+        The plant.
+    controller : Controller, StateSpace, control.StateSpace or array-like, shape (actuators, sensors)
+        From sensors to actuators.
+    sensors, actuators : str or sequence of str, optional
+        Names or patterns of outputs and inputs; default: the names that the controller has.
+    name : str, optional
+        Name of the controller in tables.
+
+    Returns
+    -------
+    ClosedLoop
+        The closed loop.
+
+    Raises
+    ------
+    ResponseError
+        If a name is unknown, shapes do not match, or the controller is discrete.
+    """
+    return close(SystemPlant(system), as_controller(controller, system, sensors, actuators, name))
+
+
+def _united(groups: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(name for group in groups for name in group))

@@ -1,0 +1,418 @@
+"""Feedback loops: common base of continuous-time and discrete-time controllers."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+
+from mbsvib.common import tables
+from mbsvib.common.expected import angular
+from mbsvib.common.selection import port_numbers
+from mbsvib.errors import ResponseError
+from mbsvib.feedback.controller import Controller, as_controller
+from mbsvib.feedback.integrand import response
+from mbsvib.feedback.margins import margins
+from mbsvib.feedback.participation import sources
+from mbsvib.feedback.pole_track import GROWS, vibrates
+from mbsvib.responses.linear import LinearVerbs
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.feedback.margins import Margins
+    from mbsvib.feedback.plant import LoopPlant
+    from mbsvib.feedback.resolution import Resolution
+    from mbsvib.responses.state_space import StateSpace
+
+    Ports = str | Sequence[str] | None
+
+RESTS = 3e-8  # error of double poles at 0, in parts of the largest
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class FeedbackLoop(LinearVerbs, ABC):
+    """A plant with controllers, u = w + K y; has the inputs w and outputs of ``plant.system``, or some of them.
+
+    Subclasses define whether controllers run in continuous or discrete time.
+    """
+
+    kind: ClassVar[str] = "closed loop"
+
+    plant: LoopPlant
+    controllers: tuple[Controller, ...]
+    sensors: tuple[str, ...] = field(repr=False)
+    actuators: tuple[str, ...] = field(repr=False)
+    selection: tuple[tuple[str, ...], tuple[str, ...]] | None = field(default=None, repr=False, kw_only=True)
+
+    @property
+    def open_loop(self) -> Any:
+        """The plant with open loops."""
+        return self.plant.system
+
+    @property
+    def name(self) -> str:
+        """Name of the plant, and those of the controllers."""
+        return f"{self.plant.system.name} with {self.title}"
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        known: tuple[str, ...] = self.plant.system.outputs if self.selection is None else self.selection[0]
+        return known
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+        known: tuple[str, ...] = self.plant.system.inputs if self.selection is None else self.selection[1]
+        return known
+
+    @property
+    def output_units(self) -> tuple[str, ...]:
+        """Units of the outputs."""
+        system = self.plant.system
+        return tuple([system.output_units[system.outputs.index(name)] for name in self.outputs])
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Units of the inputs."""
+        system = self.plant.system
+        return tuple([system.input_units[system.inputs.index(name)] for name in self.inputs])
+
+    def with_ports(self, outputs: Ports = None, inputs: Ports = None) -> Self:
+        """Return the loop with some of its outputs and inputs, as ``loop[outputs, inputs]`` does.
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns, in the order in which they are wanted; default: all. Sensors and actuators stay
+            connected.
+
+        Returns
+        -------
+        FeedbackLoop
+            The same loop.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, or a pattern picks nothing.
+        """
+        if outputs is None and inputs is None:
+            return self
+        o, i = port_numbers(outputs, inputs, (self.outputs, self.inputs), self.name)
+        return replace(self, selection=(tuple([self.outputs[k] for k in o]), tuple([self.inputs[k] for k in i])))
+
+    def feedback(
+        self, controller: Any, sensors: Ports = None, actuators: Ports = None, name: str | None = None
+    ) -> Self:  # fmt: skip
+        """Return the loop with a further controller, which acts together with the others: u = w + K y is added.
+
+        Parameters
+        ----------
+        controller : Controller, StateSpace, control.StateSpace or array-like, shape (actuators, sensors)
+            From sensors to actuators, in continuous time; an array is a static gain.
+        sensors, actuators : str or sequence of str, optional
+            Names or patterns of outputs and of inputs of the plant; default: the names that the controller has.
+        name : str, optional
+            Name of the controller in tables.
+
+        Returns
+        -------
+        FeedbackLoop
+            The same plant with one more controller.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, shapes do not match, or the controller is discrete.
+        """
+        law = as_controller(controller, self.plant.system, sensors, actuators, name)
+        return replace(self, controllers=(*self.controllers, law), sensors=_united(self.sensors, law.inputs),
+                       actuators=_united(self.actuators, law.outputs))  # fmt: skip
+
+    @cached_property
+    def law(self) -> Controller:
+        """All controllers as one."""
+        sizes = [len(controller.A) for controller in self.controllers]
+        n, start = sum(sizes), 0
+        a, b = np.zeros((n, n)), np.zeros((n, len(self.sensors)))
+        c, d = np.zeros((len(self.actuators), n)), np.zeros((len(self.actuators), len(self.sensors)))
+        for controller, size in zip(self.controllers, sizes, strict=True):
+            part = slice(start, start + size)
+            into = [self.sensors.index(name) for name in controller.inputs]
+            out = [self.actuators.index(name) for name in controller.outputs]
+            a[part, part] = controller.A
+            b[part, into] = controller.B
+            c[out, part] = controller.C
+            d[np.ix_(out, into)] += controller.D
+            start += size
+        name = " + ".join(controller.name for controller in self.controllers)
+        return Controller(name, a, b, c, d, self.sensors, self.actuators)
+
+    @property
+    def ports(self) -> tuple[list[int], list[int]]:
+        """Numbers of the sensors among the outputs and of the actuators among the inputs."""
+        system = self.plant.system
+        return [system.outputs.index(n) for n in self.sensors], [system.inputs.index(n) for n in self.actuators]
+
+    @property
+    def _shown(self) -> tuple[list[int], list[int]]:
+        """Numbers of the outputs and inputs among those of the plant."""
+        system = self.plant.system
+        return [system.outputs.index(n) for n in self.outputs], [system.inputs.index(n) for n in self.inputs]
+
+    @abstractmethod
+    def _loop(self, omega: Array, own: Complex) -> tuple[Complex, Complex, Complex]:
+        """K (n, actuators, sensors), the loop gain K G at the actuators (n, actuators, actuators), and the response of
+        the hold (n,); ``own`` (n, sensors, actuators) is the response of the mechanism.
+        """
+
+    @property
+    @abstractmethod
+    def _eigen(self) -> tuple[Complex, Array]:
+        """Poles [1/s] in ascending magnitude, and the participation of each state in them, (states, poles)."""
+
+    @property
+    @abstractmethod
+    def resolution(self) -> Resolution:
+        """Poles and panels of the responses."""
+
+    @abstractmethod
+    def state_space(self, realization: str = "modal") -> StateSpace:
+        """Return first-order equations of the closed loop.
+
+        Parameters
+        ----------
+        realization : str
+            "modal": the mechanism's states are modal, the controllers' their own.
+
+        Returns
+        -------
+        StateSpace
+            Matrices, names and units.
+
+        Raises
+        ------
+        ResponseError
+            If the realization is another one, or there are no such equations.
+        """
+
+    @property
+    @abstractmethod
+    def title(self) -> str:
+        """The controllers, and how they run."""
+
+    def _between(self, w: Array) -> Complex:
+        """The response of the plant from actuators to sensors, (n, sensors, actuators)."""
+        system = self.plant.system
+        if getattr(system, "basis", None) is not None:
+            values = response(system, w, self.sensors, self.actuators)
+        else:
+            values = system.frequency_response(w, self.sensors, self.actuators)
+        return np.asarray(values.transpose(2, 0, 1))
+
+    def returned(self, omega: ArrayLike) -> Complex:
+        """Return the loop gain at the actuators, K G_yu, with open loops.
+
+        Parameters
+        ----------
+        omega : array-like, shape (n,)
+            Angular frequencies [rad/s].
+
+        Returns
+        -------
+        array, shape (n, actuators, actuators)
+            Gains; a loop is unstable where they encircle 1.
+        """
+        w = np.atleast_1d(np.asarray(omega, dtype=float))
+        return self._loop(w, self._between(w))[1]
+
+    def loop_gain(self, omega: ArrayLike) -> Complex:
+        """Return the loop gain at the actuators with the sign of negative feedback, L = -K G_yu, with open loops.
+
+        Parameters
+        ----------
+        omega : array-like, shape (n,)
+            Angular frequencies [rad/s].
+
+        Returns
+        -------
+        array, shape (actuators, actuators, n)
+            Gains; a loop with a single actuator is unstable where L encircles -1.
+        """
+        return np.asarray(-self.returned(omega).transpose(1, 2, 0))
+
+    def sensitivity(self, omega: ArrayLike) -> Complex:
+        """Return the sensitivity at the actuators, S = (1 + L)^-1; T = 1 - S is the complementary sensitivity.
+
+        Parameters
+        ----------
+        omega : array-like, shape (n,)
+            Angular frequencies [rad/s].
+
+        Returns
+        -------
+        array, shape (actuators, actuators, n)
+            Sensitivities.
+        """
+        returned = self.returned(omega)
+        return np.asarray(np.linalg.inv(np.eye(len(self.actuators)) - returned).transpose(1, 2, 0))
+
+    def frequency_response(self, omega: ArrayLike, outputs: Ports = None, inputs: Ports = None) -> Complex:
+        """Return the response of the closed loop, G + G_u (1 - K G_yu)^-1 K G_y.
+
+        Parameters
+        ----------
+        omega : array-like, shape (n,)
+            Angular frequencies [rad/s].
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all.
+
+        Returns
+        -------
+        array, shape (outputs, inputs, n)
+            Complex responses, from the accurate ones of the plant.
+
+        Raises
+        ------
+        ResponseError
+            If the loop is not stable, a frequency is a pole of the loop, or a name is unknown.
+        """
+        self.check_stable()
+        return self.with_ports(outputs, inputs).response(angular(omega))
+
+    def response(self, w: Array) -> Complex:
+        """Return the response of the closed loop, whether or not it is stable.
+
+        Parameters
+        ----------
+        w : array, shape (n,)
+            Angular frequencies [rad/s].
+
+        Returns
+        -------
+        array, shape (outputs, inputs, n)
+            Complex responses.
+        """
+        y, u = self.ports
+        o, i = self._shown
+        system = self.plant.system
+        rows, columns = sorted({*o, *y}), sorted({*i, *u})
+        g = system.with_ports([system.outputs[k] for k in rows], [system.inputs[k] for k in columns])
+        g = g.frequency_response(w).transpose(2, 0, 1)
+        y, o = [rows.index(k) for k in y], [rows.index(k) for k in o]
+        u, i = [columns.index(k) for k in u], [columns.index(k) for k in i]
+        k, returned, hold = self._loop(w, g[:, y][:, :, u])
+        forces = np.linalg.solve(np.eye(len(u)) - returned, k @ g[:, y][:, :, i])
+        closed: Complex = g[:, o][:, :, i] + g[:, o][:, :, u] @ (hold[:, None, None] * forces)
+        return np.asarray(closed.transpose(1, 2, 0))
+
+    def poles(self) -> Complex:
+        """Return the poles of the closed loop [1/s], in ascending magnitude."""
+        return self._eigen[0].copy()
+
+    @cached_property
+    def growing(self) -> tuple[str, ...]:
+        """The unstable modes in words, each with the mode of the mechanism it comes from."""
+        values = self._eigen[0]
+        largest = np.abs(values).max(initial=0.0)
+        grows = (values.real > GROWS * largest) & (values.imag >= 0.0) & (np.abs(values) > RESTS * largest)
+        return tuple([
+            f"{self.sources[i]} at {abs(values[i]) / (2.0 * np.pi):.4g} Hz, damping ratio "
+            f"{-100.0 * values[i].real / abs(values[i]):.3g} %" for i in np.flatnonzero(grows).tolist()
+        ])  # fmt: skip
+
+    @cached_property
+    def sources(self) -> tuple[str, ...]:
+        """Where each pole comes from, in words: a mode of the plant, or the controller."""
+        system, states = self.plant.system, self.plant.space.states
+        if getattr(system, "basis", None) is None:  # given states belong to no mode of their own
+            plant = self._eigen[1][: len(states)].sum(axis=0)
+            return tuple(["plant" if share >= 0.5 else "controller" for share in plant.tolist()])
+        modes = system.modes()
+        strongest = modes.strongest()
+        return tuple([
+            "controller" if mode is None
+            else f"mode {mode + 1} ({modes.frequencies[mode]:.4g} Hz, {' '.join(strongest[mode])})"
+            for mode in sources(*self._eigen, states)
+        ])  # fmt: skip
+
+    @property
+    def stable(self) -> bool:
+        """Whether the loop is stable; integrators without leak may leave poles at 0."""
+        return not self.growing
+
+    def check_stable(self) -> None:
+        """Refuse a loop that is not stable.
+
+        Raises
+        ------
+        ResponseError
+            If a pole is unstable.
+        """
+        if self.growing:
+            raise ResponseError(f"closed loop: not stable with {self.law.name}: {'; '.join(self.growing)}. Lower the "
+                                f"gain, or look at collocation() for the pairs that do not damp.")  # fmt: skip
+
+    @property
+    def vibrating(self) -> Complex:
+        """Poles that vibrate, one of each pair, in ascending magnitude."""
+        return np.asarray(self._eigen[0][self._vibrating])
+
+    @cached_property
+    def _vibrating(self) -> NDArray[np.intp]:
+        values = self._eigen[0]
+        return np.flatnonzero(vibrates(values) & (values.imag > 0.0))
+
+    @property
+    def damping_ratios(self) -> Array:
+        """Damping ratios of the poles that vibrate."""
+        return np.asarray(-self.vibrating.real / np.abs(self.vibrating))
+
+    def margins(self, frequencies: ArrayLike | None = None) -> Margins:
+        """Return stability margins: of all loops together, and of each with the others closed.
+
+        Parameters
+        ----------
+        frequencies : array-like, shape (n,), optional
+            Where to look [Hz]; default: around all poles.
+
+        Returns
+        -------
+        Margins
+            Printed as a table.
+        """
+        return margins(self, frequencies)
+
+    def table(self) -> dict[str, Any]:
+        """Return the table of the modes of the closed loop as arguments of ``mbsvib.common.tables.text`` and ``show``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        rows = [(i + 1, f"{abs(s) / (2 * np.pi):.6g}", f"{-100 * s.real / abs(s):.4g}", self.sources[at])
+                for i, (s, at) in enumerate(zip(self.vibrating, self._vibrating.tolist(), strict=True))]  # fmt: skip
+        notes = [f"Unstable: {words}." for words in self.growing]
+        return {"title": f"Closed loop of {self.plant.system.name}: {self.title}",
+                "columns": [("mode", "right"), ("natural [Hz]", "right"), ("damping ratio [%]", "right"),
+                            ("origin", "left")],
+                "rows": rows, "notes": notes}  # fmt: skip
+
+    def __str__(self) -> str:
+        return tables.text(**self.table())
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.plant.system.name!r} with {self.law.name})"
+
+
+def _united(first: tuple[str, ...], second: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys((*first, *second)))

@@ -1,0 +1,97 @@
+"""Modes of first-order equations x' = A x: eigenvalues, natural frequencies and damping ratios."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.linalg.rank import EPS
+from mbsvib.modes.damped import Damped
+from mbsvib.modes.result import Modes
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.common.arrays import Array, Complex
+
+
+class StateModes(Modes):
+    """The modes of a state matrix in ascending natural frequency: one for each conjugate pair and each real eigenvalue.
+
+    ``shapes`` (states, n) are the eigenvectors, one of each pair; ``first_order`` marks modes with a real eigenvalue.
+    ``errors`` bounds the rounding of each eigenvalue, relative, by its condition number.
+    """
+
+    def strongest(self) -> tuple[tuple[str, ...], ...]:
+        """Return for each mode the state that is largest in it.
+
+        Returns
+        -------
+        tuple of (str,)
+            One entry a mode; states of different units are compared as they are scaled.
+        """
+        return tuple([(self.coordinates[i],) for i in np.abs(self.shapes).argmax(axis=0)]) if len(self) else ()
+
+    def remarks(self) -> tuple[str, ...]:
+        """Return notes on the table.
+
+        Returns
+        -------
+        tuple of str
+            One sentence each.
+        """
+        if not len(self):
+            return ("There are no states.",)
+        growing = np.flatnonzero(self.growing)
+        unstable = [f"Unstable: mode{'s' if len(growing) > 1 else ''} {', '.join(str(i + 1) for i in growing)}."]
+        return (*(unstable if len(growing) else ()),
+                f"Estimated relative error of the eigenvalues: {self.errors.max():.1e} at most.")  # fmt: skip
+
+    def _shown(self) -> str:
+        return f"{len(self.coordinates)} states"
+
+
+def state_modes(a: Array, name: str, states: tuple[str, ...]) -> StateModes:
+    """Return the modes of a state matrix.
+
+    Parameters
+    ----------
+    a : array, shape (n, n)
+        State matrix.
+    name : str
+        Name for the table.
+    states : tuple of str
+        Names of the states.
+
+    Returns
+    -------
+    StateModes
+        Eigenvalues, shapes and error bounds.
+    """
+    from scipy.linalg import eig, matrix_balance
+
+    scaled, (scale, _) = matrix_balance(a, permute=False, separate=True)
+    values, left, right = eig(scaled, left=True) if len(a) else (np.zeros(0, complex), a, a)
+    product = np.abs(np.einsum("ij,ij->j", left.conj(), right))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        errors = EPS * np.linalg.norm(scaled) / (product * np.abs(values))
+    errors = np.where(values == 0.0, 0.0, np.minimum(np.nan_to_num(errors, nan=1.0), 1.0))
+    order = np.lexsort((-values.imag, np.abs(values)))
+    values, errors, right = values[order], errors[order], right[:, order] * scale[:, None]
+    first = values.imag >= 0.0
+    single = values[first].imag == 0.0
+    n, none = int(first.sum()), np.zeros((0, 6, len(a)))
+    at_rest = int(((errors[first] >= 1.0) | (values[first] == 0.0)).sum())
+    pairs: Complex = np.zeros((0, 2), dtype=complex)
+    nothing = Damped(pairs, pairs.real, np.zeros((0, 0)), np.zeros(0), np.zeros(0), "", None, None)
+    return StateModes(name, states, (), _together(values, first), np.repeat(errors[first], 2 - single),
+                      right[:, first].reshape(len(a), n), "", at_rest, none,
+                      np.zeros((0, len(a))), nothing,
+                      single if single.any() else None)  # fmt: skip
+
+
+def _together(values: Complex, first: NDArray[np.bool_]) -> Complex:
+    """Eigenvalues with each conjugate behind its own."""
+    pairs = [(value, value.conj()) if value.imag else (value,) for value in values[first]]
+    return np.array([value for pair in pairs for value in pair], dtype=complex)

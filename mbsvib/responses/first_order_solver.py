@@ -1,0 +1,171 @@
+"""Responses of first-order equations x' = A x + B u, y = C x + D u.
+
+States are scaled by powers of two first. One Schur form serves all frequencies; solutions are refined until their
+residual is rounding.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common.expected import angular, reals
+from mbsvib.errors import ResponseError
+from mbsvib.linalg.balancing import exponents
+from mbsvib.linalg.rank import EPS
+from mbsvib.responses.energy_schur import triangular_solutions
+from mbsvib.responses.time_response import checked_record
+from mbsvib.responses.time_steps import stepped
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from mbsvib.common.arrays import Array, Complex
+
+
+REFINEMENTS = 3
+# A right-hand side below this many roundings of the terms of (s - A) x is rounding: s is a pole.
+SINGULAR = 4.0
+BATCH_BYTES = 32 * 2**20  # solutions of a batch of frequencies stay in this much memory
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FirstOrderSolver:
+    """A with states scaled by 2^``power``, and its Schur form ``vectors`` ``triangle`` vectors^H."""
+
+    name: str
+    a: Array
+    power: NDArray[np.int64]
+    triangle: Complex
+    vectors: Complex
+
+    def frequency_response(self, omega: ArrayLike, b: Array, c: Array, d: Array) -> Complex:
+        """Return G(i w) = C (i w - A)^-1 B + D.
+
+        Parameters
+        ----------
+        omega : array-like, shape (n,)
+            Angular frequencies [rad/s].
+        b, c, d : array, shape (states, inputs), (outputs, states), (outputs, inputs)
+            Matrices of inputs and outputs.
+
+        Returns
+        -------
+        array, shape (outputs, inputs, n)
+            Complex responses.
+
+        Raises
+        ------
+        ResponseError
+            If a frequency is not finite or is a pole.
+        """
+        w = angular(omega)
+        right, seen = np.ldexp(b, -self.power[:, None]), np.ldexp(c, self.power)
+        result: Complex = np.empty((len(c), b.shape[1], len(w)), dtype=complex)
+        batch = max(1, BATCH_BYTES // (64 * max(1, right.size)))
+        for start in range(0, len(w), batch):
+            s = np.asarray(1j * w[start : start + batch], dtype=complex)
+            with np.errstate(invalid="ignore", over="ignore"):  # next to a pole, which is refused
+                x = self._solved(s, right)
+                pole = np.flatnonzero(~np.isfinite(x).all(axis=(0, 1)) | self._singular(s, right, x))
+            if len(pole):
+                at = start + int(pole[0])
+                raise ResponseError(f"frequency_response: omega[{at}] = {w[at]:g} rad/s is a pole of '{self.name}', "
+                                    f"where the response is infinite; leave this frequency out.")  # fmt: skip
+            result[:, :, start : start + batch] = np.tensordot(seen, x, axes=1) + d[:, :, None]
+        return result
+
+    def _solved(self, s: Complex, right: Array) -> Complex:
+        """(s - A)^-1 right, shape (states, inputs, n)."""
+        wide = np.broadcast_to(right[:, :, None], (*right.shape, len(s))).astype(complex)
+        x = self._once(s, wide)
+        for _ in range(REFINEMENTS):
+            residual = wide - (s * x - np.tensordot(self.a, x, axes=1))
+            small = np.abs(residual) <= EPS * (np.abs(s * x) + np.tensordot(np.abs(self.a), np.abs(x), axes=1))
+            if small.all() or not np.isfinite(residual).all():
+                break
+            x = x + self._once(s, residual)
+        return x
+
+    def _once(self, s: Complex, right: Complex) -> Complex:
+        n, columns, count = right.shape
+        inside = (self.vectors.conj().T @ right.reshape(n, -1)).reshape(n, columns, count)
+        x = triangular_solutions(self.triangle, inside, s)
+        return np.asarray((self.vectors @ x.reshape(n, -1)).reshape(n, columns, count))
+
+    def _singular(self, s: Complex, right: Array, x: Complex) -> NDArray[np.bool_]:
+        """Whether a change of A and s by rounding alone makes up for a whole right-hand side, for each point."""
+        terms = np.abs(s * x) + np.tensordot(np.abs(self.a), np.abs(x), axes=1)
+        lost = np.asarray((np.abs(right)[:, :, None] <= SINGULAR * len(self.a) * EPS * terms).all(axis=0))
+        return np.asarray((lost & np.asarray(right.any(axis=0))[:, None]).any(axis=0))
+
+
+def first_order_solver(a: Array, b: Array, c: Array, name: str) -> FirstOrderSolver:
+    """Return the solver of first-order equations.
+
+    Parameters
+    ----------
+    a, b, c : array, shape (n, n), (n, inputs), (outputs, n)
+        First-order equations.
+    name : str
+        Name for messages.
+
+    Returns
+    -------
+    FirstOrderSolver
+        The Schur form of A.
+    """
+    from scipy.linalg import schur
+
+    power = exponents(a, b, c) if len(a) else np.zeros(0, dtype=np.int64)
+    scaled = np.ldexp(a, power[None, :] - power[:, None])
+    triangle, vectors = schur(scaled, output="complex") if len(a) else (scaled.astype(complex),) * 2
+    return FirstOrderSolver(name, scaled, power, triangle, vectors)
+
+
+def time_response(
+    space: tuple[Array, Array, Array, Array], inputs: Sequence[str],
+    record: tuple[ArrayLike, ArrayLike, str, ArrayLike | None],
+) -> Array:  # fmt: skip
+    """Return outputs at the times of a record of inputs; exact for inputs that are held or linear between samples.
+
+    Parameters
+    ----------
+    space : tuple of array
+        A, B, C, D.
+    inputs : sequence of str
+        Names of the inputs, for messages.
+    record : tuple
+        Times (n,) [s], inputs (inputs, n), hold "first" or "zero", and initial states (states,) or None.
+
+    Returns
+    -------
+    array, shape (outputs, n)
+        Outputs.
+
+    Raises
+    ------
+    ResponseError
+        If times do not ascend, shapes do not match, or the hold is unknown.
+    """
+    a, b, c, d = space
+    t, u, hold, initial = record
+    time, given = checked_record(inputs, t, u, hold)
+    start = np.zeros(len(a)) if initial is None else _start(initial, len(a))
+    if not len(a):
+        return np.asarray(d @ given)
+    power = exponents(a, b, c)
+    scaled, into = np.ldexp(a, power[None, :] - power[:, None]), np.ldexp(b, -power[:, None])
+    x = stepped(scaled, into, np.ldexp(start, -power), (time, given, hold == "first"))
+    return np.asarray(np.ldexp(c, power) @ x + d @ given)
+
+
+def _start(initial: Any, n: int) -> Array:
+    start = reals(initial, "time_response", "initial", "states at t[0]")
+    if start.shape != (n,) or not np.isfinite(start).all():
+        raise ResponseError(f"time_response: initial has shape {start.shape}; expected {n} finite states at t[0].")
+    return start

@@ -1,0 +1,41 @@
+"""Transmission zeros of first-order equations."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.linalg.balancing import exponents
+from mbsvib.responses.finite_zeros import finite_zeros
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array, Complex
+
+
+def first_order_zeros(a: Array, b: Array, c: Array, d: Array) -> Complex:
+    """Return the finite s at which [[A - s, B], [C, D]] has less than its normal rank.
+
+    Parameters
+    ----------
+    a, b, c, d : array, shape (n, n), (n, inputs), (outputs, n), (outputs, inputs)
+        First-order equations.
+
+    Returns
+    -------
+    array, shape (zeros,)
+        Zeros [1/s] in ascending magnitude.
+    """
+    if not len(a) or not d.size:
+        return np.zeros(0, dtype=complex)
+    power = exponents(a, b, c)
+    a, b, c = np.ldexp(a, power[None, :] - power[:, None]), np.ldexp(b, -power[:, None]), np.ldexp(c, power)
+    unit = float(np.linalg.norm(a, 2)) or 1.0
+    # columns of B and rows of (C, D) of unit size: zeros do not depend on units of inputs and outputs
+    size = np.linalg.norm(b, axis=0)
+    b, d = b / np.where(size > 0.0, size, 1.0), d / np.where(size > 0.0, size, 1.0)
+    d = d / unit
+    size = np.linalg.norm(np.concatenate((c, d), axis=1), axis=1)
+    size = np.where(size > 0.0, size, 1.0)[:, None]
+    zeros = finite_zeros(a / unit, b, c / size, d / size) * unit
+    return np.asarray(zeros[np.lexsort((-zeros.imag, np.abs(zeros)))])

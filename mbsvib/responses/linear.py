@@ -1,0 +1,169 @@
+"""What state spaces and closed loops have in common: selection by name, zeros, grids and norms."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from mbsvib.common.selection import key_ports
+from mbsvib.errors import ModelError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.responses.norms import Norm
+
+    Ports = str | Sequence[str] | None
+
+
+class LinearVerbs:
+    """Methods of linear equations with named inputs and outputs."""
+
+    if TYPE_CHECKING:
+        name: Any
+        inputs: Any
+        outputs: Any
+
+        def with_ports(self, outputs: Ports = None, inputs: Ports = None) -> Self:
+            """Return the equations with some outputs and inputs."""
+
+        def poles(self) -> Complex:
+            """Return the poles [1/s]."""
+
+        def state_space(self) -> Any:
+            """Return first-order equations."""
+
+        def frequency_response(self, omega: ArrayLike, outputs: Ports = None, inputs: Ports = None) -> Complex:
+            """Return the frequency response."""
+
+    def __getitem__(self, key: Any) -> Self:
+        """Return the equations with some of their outputs and inputs: ``system[outputs, inputs]``, by name."""
+        return self.with_ports(*key_ports(key, self.name))
+
+    def transmission_zeros(self, outputs: Ports = None, inputs: Ports = None) -> Complex:
+        """Return the invariant zeros from some inputs to some outputs.
+
+        The finite s at which [[A - s, B], [C, D]] has less than its normal rank.
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all. Their numbers may differ.
+
+        Returns
+        -------
+        array, shape (zeros,)
+            Zeros [1/s] in ascending magnitude; modes that are not controllable or not observable are among them.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown.
+        """
+        from mbsvib.responses.first_order_zeros import first_order_zeros
+
+        space = self.with_ports(outputs, inputs).state_space()
+        return first_order_zeros(space.A, space.B, space.C, space.D)
+
+    def frequency_grid(
+        self, outputs: Ports = None, inputs: Ports = None, n: int | None = None, *, f_min: float | None = None,
+        f_max: float | None = None,
+    ) -> Array:  # fmt: skip
+        """Return angular frequencies that resolve every resonance and antiresonance from inputs to outputs.
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all. Each pair's zeros count.
+        n : int, optional
+            Number of points on an even logarithmic spacing, to which the others are added; default: 150 a decade.
+        f_min, f_max : float, optional
+            First and last frequency [Hz]; default: a tenth of the lowest and three times the highest natural frequency.
+
+        Returns
+        -------
+        array, shape (points,)
+            Ascending angular frequencies [rad/s].
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, n is less than 2, or f_min and f_max are not positive and in ascending order.
+        """
+        from mbsvib.responses.frequency_grid import placed, span
+
+        part, poles = self.with_ports(outputs, inputs), self.poles()
+        zeros = [part.transmission_zeros(y, u) for y in part.outputs for u in part.inputs]
+        low, high = span(poles, f_min, f_max)
+        return 2.0 * np.pi * placed(np.concatenate([poles, *zeros]), poles, low, high, n)
+
+    def h2_norm(self, outputs: Ports = None, inputs: Ports = None, parameters: Any = None) -> Norm:
+        """Return the H2 norm of the frequency response, the rms of all outputs under white noise.
+
+        ||G||^2 = 1 / 2 pi integral of tr(G(i w)^H G(i w)) dw over all frequencies
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all. Their units are not weighed.
+        parameters : None
+            Derivatives belong to systems of a mechanism; here there are none.
+
+        Returns
+        -------
+        Norm
+            ``value``.
+
+        Raises
+        ------
+        ResponseError
+            If the norm is infinite, or a name is unknown.
+        ModelError
+            If parameters are given.
+        """
+        from mbsvib.responses.norms import check_decays, h2
+
+        self._refuse_parameters("h2_norm", parameters)
+        space = self.with_ports(outputs, inputs).state_space()
+        check_decays(self.poles(), self.name, "H2")
+        return h2((space.A, space.B, space.C, space.D), (space.outputs, space.inputs), self.name)
+
+    def hinf_norm(self, outputs: Ports = None, inputs: Ports = None, parameters: Any = None) -> Norm:
+        """Return the highest peak of the frequency response, of its largest singular value.
+
+        ||G|| = max over w of sigma(G(i w))
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all. Their units are not weighed.
+        parameters : None
+            Derivatives belong to systems of a mechanism; here there are none.
+
+        Returns
+        -------
+        Norm
+            ``value`` and ``omega`` [rad/s].
+
+        Raises
+        ------
+        ResponseError
+            If the peak is infinite or at infinite frequency, or a name is unknown.
+        ModelError
+            If parameters are given.
+        """
+        from mbsvib.responses.norms import check_decays, hinf
+
+        self._refuse_parameters("hinf_norm", parameters)
+        part, poles = self.with_ports(outputs, inputs), self.poles()
+        check_decays(poles, self.name, "Hinf")
+        return hinf(part.frequency_response, poles, part.state_space().D, self.name)
+
+    def _refuse_parameters(self, caller: str, parameters: Any) -> None:
+        if parameters is not None and len(parameters):
+            raise ModelError(f"{caller}: parameters = {parameters!r}; '{self.name}' has matrices and no parameters. "
+                             f"Derivatives are those of a system of a mechanism, model.linearize().")  # fmt: skip

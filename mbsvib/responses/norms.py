@@ -1,0 +1,138 @@
+"""Norms of linear equations by their responses: H2, the rms under white noise, and Hinf, the highest peak."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ResponseError
+from mbsvib.linalg.balancing import exponents
+from mbsvib.linalg.rank import EPS
+from mbsvib.responses.extrema import Band, panels
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mbsvib.common.arrays import Array, Complex
+
+
+# The response has its peaks below this times the fastest pole, and is D from there; heights that differ by less are
+# the same.
+LAST, ROUNDING = 1e3, 1e-9
+LASTS = 64.0  # a pole whose real part is below so many roundings of it does not decay
+
+
+@dataclass(frozen=True)
+class Norm:
+    """A norm's ``value`` and its derivatives ``slopes`` (v,) to ``variables`` (v,); ``omega`` [rad/s] is the frequency
+    of the peak, None for the H2 norm.
+    """
+
+    value: float
+    variables: tuple[str, ...] = ()
+    slopes: Array = field(default_factory=lambda: np.zeros(0))
+    omega: float | None = None
+
+
+def check_decays(poles: Complex, name: str, what: str) -> None:
+    """Refuse the norm of equations that do not decay.
+
+    Parameters
+    ----------
+    poles : array, shape (poles,)
+        Poles [1/s].
+    name, what : str
+        Name of the equations and of the norm, for messages.
+
+    Raises
+    ------
+    ResponseError
+        If a pole has no negative real part.
+    """
+    lasting = np.flatnonzero(poles.real >= -LASTS * EPS * np.abs(poles))
+    if len(lasting):
+        s = complex(poles[lasting[0]])
+        raise ResponseError(f"{what} norm of '{name}': the pole {s:.6g} 1/s ({abs(s) / (2.0 * np.pi):.4g} Hz) does not "
+                            f"decay, so that the norm is infinite. Give it damping, or change the controller."
+                            )  # fmt: skip
+
+
+def h2(space: tuple[Array, Array, Array, Array], names: tuple[tuple[str, ...], tuple[str, ...]], name: str) -> Norm:
+    """Return the H2 norm of first-order equations.
+
+    ||G||^2 = tr(C P C^T),  A P + P A^T + B B^T = 0
+
+    Parameters
+    ----------
+    space : tuple of array
+        A, B, C, D.
+    names : pair of tuples of str
+        Names of outputs and inputs, for messages.
+    name : str
+        Name of the equations.
+
+    Returns
+    -------
+    Norm
+        Value.
+
+    Raises
+    ------
+    ResponseError
+        If D is not zero.
+    """
+    from scipy.linalg import solve_continuous_lyapunov
+
+    a, b, c, d = space
+    if d.any():
+        o, i = np.unravel_index(int(np.abs(d).argmax()), d.shape)
+        raise ResponseError(f"H2 norm of '{name}': input '{names[1][i]}' acts directly on output '{names[0][o]}', so "
+                            f"that the norm is infinite. Choose displacements or velocities: outputs=[...]."
+                            )  # fmt: skip
+    if not len(a):
+        return Norm(0.0)
+    power = exponents(a, b, c)
+    scaled, into = np.ldexp(a, power[None, :] - power[:, None]), np.ldexp(b, -power[:, None])
+    seen = np.ldexp(c, power)
+    covariance = solve_continuous_lyapunov(scaled, -into @ into.T)
+    return Norm(float(np.sqrt(max(0.0, np.sum(seen @ covariance * seen)))))
+
+
+def hinf(response: Callable[[Array], Complex], poles: Complex, direct: Array, name: str) -> Norm:
+    """Return the highest peak of the largest singular value of a frequency response.
+
+    ||G|| = max over w of sigma(G(i w))
+
+    Parameters
+    ----------
+    response : callable
+        Takes angular frequencies (n,) and returns G (outputs, inputs, n).
+    poles : array, shape (poles,)
+        Poles [1/s], all with negative real parts.
+    direct : array, shape (outputs, inputs)
+        D, the response at infinite frequency.
+    name : str
+        Name of the equations.
+
+    Returns
+    -------
+    Norm
+        Value and frequency.
+
+    Raises
+    ------
+    ResponseError
+        If the response is highest at infinite frequency.
+    """
+    if not direct.size:
+        return Norm(0.0, omega=0.0)
+    fastest = float(np.abs(poles).max(initial=0.0)) or 1.0
+    band = Band(lambda w: response(w).transpose(2, 0, 1), panels(poles, 0.0, LAST * fastest))
+    omega, value = band.highest(lambda g: np.asarray(np.linalg.svd(g, compute_uv=False)[:, 0]))
+    far = float(np.linalg.svd(direct, compute_uv=False)[0])
+    if far > value * (1.0 + ROUNDING):
+        raise ResponseError(f"Hinf norm of '{name}': the response is highest at infinite frequency ({far:.4g}, against "
+                            f"{value:.4g} below). Choose outputs on which no input acts directly.")  # fmt: skip
+    return Norm(value, omega=omega)

@@ -1,0 +1,1 @@
+"""Tests of closed loops of systems and state spaces."""

@@ -1,0 +1,241 @@
+"""Closed loops of any system against 40 digits, closed forms and python-control."""
+
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+import scipy.io as scipy_io
+
+import mbsvib as mv
+import mbsvib_export as mx
+from mbsvib import isolation, library, plots
+from tests.support import closed_loops as reference
+
+
+def chain():
+    return replace(library.chain(6, line=(0, 1, 0)).linearize(), name="chain")
+
+
+def slider(stiffness=0.0, damping=0.0):
+    model = mv.Model("slider")
+    model.add_body("mass", 2.0, (1, 1, 1))
+    model.add_joint("rail", "prismatic", "ground", "mass", axis=(1, 0, 0))
+    if stiffness or damping:
+        model.add_spring("k", "ground", "mass", start=(-1, 0, 0), end=(0, 0, 0), stiffness=stiffness, damping=damping)
+    model.add_input("F", "mass", "x")
+    model.add_input("disturbance", "mass", "x")
+    for name, quantity in (("x", "displacement"), ("v", "velocity"), ("a", "acceleration")):
+        model.add_output(name, "mass", "x", quantity=quantity)
+    return model.linearize()
+
+
+PI = control.ss([[0.0]], [[1.0]], [[-1e2]], [[-1e3]])
+LAWS = {
+    "static gain": ([[-1e2]], ["x"], ["Fx"]),
+    "high gain": ([[-1e9]], ["x"], ["Fx"]),
+    "gain from another output": ([[-3.0, 2.0]], ["x", "rz"], ["Fx"]),
+    "integrator": (PI, ["x"], ["Fx"]),
+    "filter": (control.ss([[-50.0, -900.0], [1.0, 0.0]], [[1.0], [0.0]], [[0.0, -4e5]], [[0.0]]), "x", "Fx"),
+}
+
+
+def matched(values, exact):
+    """The largest relative distance of exact values to the nearest of others."""
+    return max(np.abs(values - value).min() / abs(value) for value in exact)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_poles_and_responses_in_40_digits(name):
+    law, sensors, actuators = LAWS[name]
+    system = chain()
+    loop = system.feedback(law, sensors, actuators)
+    exact = np.array([complex(value) for value in reference.poles(system, loop.law, loop.sensors, loop.actuators)])
+    assert len(loop.poles()) == len(exact)
+    assert matched(loop.poles(), exact) < (1e-14 if loop.second_order is not None else 2e-10)
+    w = np.abs(exact.imag[exact.imag > 0.0])[:4] * [1.0, 1.01, 0.3, 3.0]
+    truth = np.array([[[complex(v) for v in row] for row in
+                       reference.response(system, loop.law, loop.sensors, loop.actuators, x)] for x in w])  # fmt: skip
+    for response in (loop.response(w), loop.state_space().frequency_response(w)):
+        error = np.abs(response.transpose(2, 0, 1) - truth).max(axis=(1, 2)) / np.abs(truth).max(axis=(1, 2))
+        assert error.max() < 1e-11
+
+
+def test_static_gains_keep_the_second_order():
+    """A spring and a damper by feedback are a spring and a damper."""
+    loop = slider(300.0, 3.0).feedback([[-500.0, -4.0]], ["x", "v"], ["F"])
+    same = slider(800.0, 7.0)
+    second = loop.second_order
+    np.testing.assert_allclose(second.K, same.K, rtol=1e-15)
+    np.testing.assert_allclose(second.C, same.C, rtol=1e-15)
+    np.testing.assert_allclose(loop.poles(), same.poles(), rtol=1e-14)
+    w, t = np.array([0.0, 3.0, 20.0]), np.linspace(0.0, 1.0, 21)
+    np.testing.assert_allclose(loop.frequency_response(w), same.frequency_response(w), rtol=1e-13)
+    u = np.ones((2, 21))
+    np.testing.assert_allclose(loop.time_response(t, u), same.time_response(t, u), rtol=1e-12, atol=1e-15)
+    assert loop.h2_norm("x", "F").value == pytest.approx(same.h2_norm("x", "F").value, rel=1e-12)
+    assert loop.hinf_norm("x", "F").value == pytest.approx(same.hinf_norm("x", "F").value, rel=1e-12)
+    assert "a controller acts on it" in second.explain()
+    with pytest.raises(mv.ModelError, match=r"a controller acts on .*open_loop"):
+        second.eigenvalue_sensitivities()
+    assert second.hinf_norm("x", "F").slopes.size == 0
+
+
+def test_gains_without_symmetry_are_circulatory():
+    system = chain()
+    second = system.feedback([[-2e3, 0.0], [3e2, -1e3]], ["x", "rz"], ["Fx", "Mz"]).second_order
+    assert second.circulatory is not None
+    change = system.B @ np.array([[2e3, 0.0], [-3e2, 1e3]]) @ system.Cq
+    np.testing.assert_allclose(second.K - system.K, change, rtol=1e-9, atol=1e-9)
+    rows = second.elastic_rows
+    restored = rows.T @ (second.row_stiffness[:, None] * rows) + second.circulatory
+    np.testing.assert_allclose(restored, second.K, rtol=1e-12, atol=1e-9)
+
+
+def test_a_free_mass_is_held_by_its_servo():
+    """At 0 rad/s the open loop has a pole, the closed one the stiffness of its controller."""
+    law = control.tf2ss([30.0, 800.0], [1e-3, 1.0]) * -1.0
+    loop = slider().feedback(law, "x", "F")
+    assert loop.second_order is None
+    assert loop.frequency_response([0.0], "x", "disturbance")[0, 0, 0] == pytest.approx(1.0 / 800.0, rel=1e-12)
+    t = np.linspace(0.0, 20.0, 4001)
+    y = loop.time_response(t, np.ones(len(t)), outputs="x", inputs="disturbance")
+    assert y[0, -1] == pytest.approx(1.0 / 800.0, rel=1e-6)
+
+
+def test_accelerations_change_the_mass():
+    """m + g moves: the loop is of first order in its states, and the gain at infinity is 1 / (m + g)."""
+    loop = slider(200.0, 1.0).feedback([[-3.0]], "a", "F")
+    assert loop.second_order is None
+    exact = np.roots([5.0, 1.0, 200.0])
+    assert matched(loop.poles(), exact) < 1e-13
+    assert loop.state_space()["a", "disturbance"].D[0, 0] == pytest.approx(1.0 / 5.0, rel=1e-14)
+    with pytest.raises(mv.ResponseError, match="algebraic loop"):
+        slider(200.0).feedback([[2.0]], "a", "F").poles()
+
+
+def test_python_control_closes_the_same_loop():
+    system = chain()
+    loop = system.feedback(PI, "x", "Fx")
+    plant = mx.to_control(system, outputs="x", inputs="Fx")
+    theirs = control.feedback(plant, PI, sign=1)
+    w = np.geomspace(1.0, 1e3, 50)
+    np.testing.assert_allclose(loop.frequency_response(w, "x", "Fx")[0, 0], theirs(1j * w), rtol=1e-9)
+    np.testing.assert_allclose(mx.to_control(loop)["x", "Fx"](1j * w), theirs(1j * w), rtol=1e-9)
+
+
+def test_loops_around_loops_and_state_spaces():
+    system = chain()
+    inner = system.feedback([[-1e2]], "x", "Fx", name="inner")
+    both = inner.feedback(PI, "x", "Fx", name="outer")
+    together = system.feedback(control.ss([[0.0]], [[1.0]], [[-1e2]], [[-1.1e3]]), "x", "Fx")
+    w = np.geomspace(1.0, 1e3, 20)
+    np.testing.assert_allclose(both.frequency_response(w), together.frequency_response(w), rtol=1e-9, atol=1e-20)
+    assert both.name == "chain with inner + outer"
+    space = system.state_space("modal").feedback(PI, "x", "Fx")
+    np.testing.assert_allclose(space.frequency_response(w, "x", "Fx"),
+                               system.feedback(PI, "x", "Fx").frequency_response(w, "x", "Fx"), rtol=1e-9)  # fmt: skip
+    assert {*space.sources} == {"plant", "controller"}
+
+
+def test_selection_keeps_the_loop_closed():
+    loop = chain().feedback(PI, "x", "Fx")
+    part, w = loop["rz", "Mz"], [3.0, 40.0]
+    assert (part.outputs, part.inputs, part.output_units, part.input_units) == (("rz",), ("Mz",), ("rad",), ("N m",))
+    np.testing.assert_array_equal(part.poles(), loop.poles())
+    np.testing.assert_allclose(part.frequency_response(w), loop.frequency_response(w)[1:, 1:], rtol=1e-12)
+    space = part.state_space()
+    assert (space.outputs, space.inputs) == (("rz",), ("Mz",))
+    np.testing.assert_allclose(part.transmission_zeros(), loop.transmission_zeros("rz", "Mz"))
+    assert part.frequency_grid().size < loop.frequency_grid().size
+
+
+def test_loop_gain_sensitivity_and_margins():
+    """An integrator at a mass on a spring: L = g / s / (m s^2 + c s + k)."""
+    loop = slider(200.0, 4.0).feedback(control.ss([[0.0]], [[1.0]], [[-100.0]], [[0.0]]), "x", "F")
+    w = np.array([0.5, 3.0, 30.0])
+    exact = 100.0 / (1j * w * (200.0 - 2.0 * w**2 + 4j * w))
+    np.testing.assert_allclose(loop.loop_gain(w)[0, 0], exact, rtol=1e-12)
+    np.testing.assert_allclose(loop.sensitivity(w)[0, 0], 1.0 / (1.0 + exact), rtol=1e-12)
+    assert loop.margins().gain[0] == pytest.approx(4.0 * 200.0 / (2.0 * 100.0), rel=1e-9)  # c k / (m g)
+    assert loop.sampled(1e4).margins().gain[0] == pytest.approx(4.0, rel=1e-2)
+
+
+def test_norms_against_lyapunov_of_python_control():
+    loop = chain().feedback(PI, "x", "Fx")["x", "Fx"]
+    space = mx.to_control(loop)
+    assert loop.h2_norm().value == pytest.approx(control.norm(space, 2), rel=1e-8)
+    w = loop.frequency_grid()
+    peak = loop.hinf_norm()
+    assert peak.value >= np.abs(loop.frequency_response(w)).max()
+    assert peak.value == pytest.approx(np.abs(loop.frequency_response([peak.omega])).max(), rel=1e-10)
+    with pytest.raises(mv.ModelError, match="no parameters"):
+        loop.hinf_norm(parameters=["k.stiffness"])
+
+
+def test_open_and_closed_loop_in_one_figure():
+    system = chain()
+    loop = system.feedback(PI, "x", "Fx")
+    for draw in (plots.bode, plots.step, plots.nyquist):
+        figure = draw([system, loop], "x", "Fx")
+        labels = [text.get_text() for legend in figure.legends for text in legend.get_texts()] or [
+            text.get_text() for axes in figure.axes if axes.get_legend() for text in axes.get_legend().get_texts()]
+        assert labels == ["chain", "chain with controller"], draw
+    assert len(plots.singular_values([system, loop, loop.state_space()], "x", "Fx").axes[0].lines) == 3
+    for other in (loop.law, PI, system.state_space()):
+        assert plots.bode(other).axes
+
+
+@pytest.mark.parametrize("name", ["static gain", "integrator"])
+def test_exports(name, tmp_path):
+    loop = chain().feedback(*LAWS[name])
+    w = np.array([2.0, 30.0])
+    truth = loop.frequency_response(w)
+    np.testing.assert_allclose(mx.to_frd(loop, w).frdata, truth)
+    scipy = mx.to_scipy(loop)
+    response = [scipy.C @ np.linalg.solve(1j * x * np.eye(len(scipy.A)) - scipy.A, scipy.B) + scipy.D for x in w]
+    np.testing.assert_allclose(np.moveaxis(response, 0, 2), truth, rtol=1e-8, atol=1e-9 * np.abs(truth).max())
+    mx.to_fmu(loop, tmp_path / "loop.fmu")
+    assert (tmp_path / "loop.fmu").stat().st_size > 1000
+    mx.to_mat(loop, tmp_path / "loop.mat")
+    stored = scipy_io.loadmat(tmp_path / "loop.mat")
+    response = [stored["C"] @ np.linalg.solve(1j * x * np.eye(len(stored["A"])) - stored["A"], stored["B"]) for x in w]
+    np.testing.assert_allclose(np.moveaxis(response, 0, 2), truth, rtol=1e-8, atol=1e-9 * np.abs(truth).max())
+    if name == "static gain":
+        mx.to_npz(loop, tmp_path / "loop.npz")
+        assert mx.from_npz(tmp_path / "loop.npz").M.shape == (6, 6)
+        return
+    with pytest.raises(mv.ExportError, match=r"a state space without equations of motion"):
+        mx.from_mat(tmp_path / "loop.mat")
+    with pytest.raises(mv.ExportError, match=r"ClosedLoop; .*second-order equations"):
+        mx.to_npz(loop, tmp_path / "loop.npz")
+
+
+REFUSALS = [
+    (lambda: chain().feedback(PI), r"a StateSpace, whose signals have no names of 'chain'; say sensors="),
+    (lambda: chain().feedback(PI, "Fx", "x"), r"'Fx' is an input, and no output"),
+    (lambda: chain().feedback(PI, "x", "Fxx"), r"input 'Fxx': .*Did you mean 'Fx'"),
+    (lambda: chain().feedback([[1.0, 2.0]], "x", "Fx"), r"shape \(1, 2\); expected \(1, 1\)"),
+    (lambda: chain().feedback(control.ss([[0.5]], [[1]], [[1]], [[0]], 0.1), "x", "Fx"), "it is discrete"),
+    (lambda: chain().feedback(isolation.controller([[1.0]], ["a"], ["b"])), r"output 'a': .*no such output"),
+    (lambda: chain().feedback([[1e6]], "x", "Fx").frequency_response([1.0]), "not stable with controller"),
+    (lambda: chain().feedback([[1e6]], "x", "Fx").h2_norm(), "does not decay"),
+    (lambda: chain().feedback(PI, "x", "Fx").state_space("physical"), "has only 'modal' ones"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("ask", "message"), REFUSALS, ids=[message for _, message in REFUSALS])
+def test_refusals(ask, message):
+    with pytest.raises(mv.MbsvibError, match=message):
+        ask()
+
+
+def test_a_controller_brings_its_names():
+    system = chain()
+    law = isolation.controller(PI, ["x"], ["Fx"], name="PI")
+    named = mv.StateSpace.from_arrays([[0.0]], [[1.0]], [[-1e2]], [[-1e3]], inputs=["x"], outputs=["Fx"], name="PI")
+    w = [1.0, 30.0]
+    for given in (law, named):
+        loop = system.feedback(given)
+        assert loop.name == "chain with PI"
+        np.testing.assert_allclose(loop.frequency_response(w), system.feedback(PI, "x", "Fx").frequency_response(w))
