@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.common.expected import a_path
+from mbsvib.common.expected import a_path, kind_of
 from mbsvib.errors import ExportError
 from mbsvib.feedback.controller import Controller
 from mbsvib_export.atomic_file import check_companion, write_atomic
 from mbsvib_export.c_text import MARK, Plan, ascii_text, header, source, test_program
 from mbsvib_export.fmu_.names import identifier
-from mbsvib_export.neutral import state_space_of
+from mbsvib_export.neutral import SystemData, state_space_of
 from mbsvib_export.sampling import discretised
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
     from mbsvib.api.system import System
     from mbsvib.responses.state_space import StateSpace
-    from mbsvib_export.neutral import SystemData
 
 # Samples in the test vectors: enough to see each state several times, few enough to read.
 SAMPLES = 64
@@ -55,8 +54,8 @@ def to_c(
 
     Parameters
     ----------
-    system : System, StateSpace, SystemData or Controller
-        The equations of motion, a state space that is ready, or a controller.
+    system : System, ClosedLoop, StateSpace, control.StateSpace, SystemData or Controller
+        The equations of motion, a closed loop, a state space that is ready, or a controller.
     folder : str or path
         Where the files go; it is made if its parent exists.
     step : float
@@ -85,8 +84,8 @@ def to_c(
         If the realization is unknown.
     """
     a_path(folder, "folder", ExportError)
-    is_controller = isinstance(system, Controller)
-    space = system.state_space() if isinstance(system, Controller) else state_space_of(system, realization, "to_c")
+    ready = kind_of(system) == "state space" or isinstance(system, SystemData)
+    space = state_space_of(system, "physical" if ready and realization == "modal" else realization, "to_c")
     if precision not in ("double", "single"):
         raise ExportError(f"to_c: precision = {precision!r}; expected 'double' or 'single'.")
     if not space.inputs or not space.outputs:
@@ -95,7 +94,7 @@ def to_c(
     prefix = identifier(space.name) if name is None else name
     if not _WORD.fullmatch(prefix) or prefix[0].isdigit():
         raise ExportError(f"to_c: name = {name!r}; expected letters, digits and _ of ASCII, no digit first.")
-    method = method or ("tustin" if is_controller else "zoh")
+    method = method or ("tustin" if isinstance(system, Controller) else "zoh")
     matrices = _rounded(discretised(space, step, method, "to_c"), precision)
     inputs, expected, tolerance = _test_vectors(space.name, matrices, precision)
     plan = Plan(prefix, space, float(step), method, matrices, precision, inputs, expected, tolerance)

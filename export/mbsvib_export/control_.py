@@ -9,7 +9,7 @@ from mbsvib.errors import ExportError
 from mbsvib_export.names_ import SignalNames
 from mbsvib_export.neutral import linear_of, refuse_many, state_space_of
 from mbsvib_export.packages import need
-from mbsvib_export.sampling import step_of
+from mbsvib_export.sampling import discretised
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,19 +33,20 @@ _INSTALL = "control>=0.10.1"
 @overload
 def to_control(
     system: System | ClosedLoop | Controller | StateSpace | SystemData, realization: str = ...,
-    dt: float | None = ..., *, outputs: Ports = ..., inputs: Ports = ...,
+    dt: float | None = ..., *, method: str = ..., outputs: Ports = ..., inputs: Ports = ...,
 ) -> control.StateSpace: ...  # fmt: skip
 
 
 @overload
 def to_control(
-    system: Batch, realization: str = ..., dt: float | None = ..., *, outputs: Ports = ..., inputs: Ports = ...
-) -> list[control.StateSpace]: ...
+    system: Batch, realization: str = ..., dt: float | None = ..., *, method: str = ..., outputs: Ports = ...,
+    inputs: Ports = ...,
+) -> list[control.StateSpace]: ...  # fmt: skip
 
 
 def to_control(
     system: System | ClosedLoop | Controller | StateSpace | SystemData | Batch, realization: str = "physical",
-    dt: float | None = None, *, outputs: Ports = None, inputs: Ports = None,
+    dt: float | None = None, *, method: str = "zoh", outputs: Ports = None, inputs: Ports = None,
 ) -> control.StateSpace | list[control.StateSpace]:  # fmt: skip
     """Return a system as a state space of python-control, with the names of its states, inputs and outputs.
 
@@ -67,7 +68,10 @@ def to_control(
     realization : str
         The states of a System: "physical" (q and q'), "modal" or "balanced".
     dt : float, optional
-        Step [s] of a discrete system, exact for inputs that are held over it; default: continuous in time.
+        Step [s] of a discrete system; default: continuous in time.
+    method : str
+        How a discrete system is made: "zoh", exact for inputs that are held over each step; "foh", exact for inputs
+        that are linear over each step; "tustin", s = 2/dt (z - 1)/(z + 1).
     outputs, inputs : str or sequence of str, optional
         Names or patterns of those that are exported; default: all. ``control.interconnect`` warns of every signal that
         it does not connect, so that a loop is best made of the signals that it needs.
@@ -80,7 +84,8 @@ def to_control(
     Raises
     ------
     ExportError
-        If python-control is not installed or cannot hold the system, or the step is not a positive number.
+        If python-control is not installed or cannot hold the system, the step is not a positive number, or the method
+        is unknown.
     ResponseError
         If the realization or a name is unknown.
 
@@ -93,7 +98,7 @@ def to_control(
     from mbsvib.api.batch import Batch
 
     if isinstance(system, Batch):
-        return [to_control(variant, realization, dt, outputs=outputs, inputs=inputs)
+        return [to_control(variant, realization, dt, method=method, outputs=outputs, inputs=inputs)
                 for variant in system.state_space(realization)]  # fmt: skip
     space = state_space_of(system, realization, "to_control").with_ports(outputs, inputs)
     if not space.inputs and 1 in (len(space.outputs), len(space.states)):
@@ -101,10 +106,9 @@ def to_control(
             f"to_control: '{space.name}' has no inputs, and python-control cannot hold that together with a single "
             f"output or state; add an input (model.add_input), or another output (model.add_output)."
         )
-    a, b = space.A, space.B
+    a, b, c, d = space.A, space.B, space.C, space.D
     if dt is not None:
-        step = step_of(space, dt, "to_control")
-        a, b = step.phi, step.gamma
+        a, b, c, d = discretised(space, dt, method, "to_control")
     same = [name for name in space.inputs if name in space.outputs]
     if same:
         warnings.warn(f"to_control: input and output '{same[0]}' of '{space.name}' have one name, and "
@@ -112,7 +116,7 @@ def to_control(
                       f"model, or connect by connections= and inplist=.", stacklevel=2)  # fmt: skip
     # dt = 0: a system without states would be taken for one of no particular time.
     return control.StateSpace(
-        a, b, space.C, space.D, dt or 0,
+        a, b, c, d, dt or 0,
         name=SignalNames.system_to_control(space.name, space.inputs + space.outputs),
         inputs=_names(space.inputs), outputs=_names(space.outputs), states=_names(space.states),
         remove_useless_states=False,

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import ExportError
-from mbsvib.feedback.controller import Controller
 from mbsvib.version import __version__
 from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.fmu_.names import base_unit, identifier
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
 
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.neutral import SystemData
 
@@ -50,8 +50,8 @@ def to_modelica(
 
     Parameters
     ----------
-    system : System, StateSpace, SystemData or Controller
-        The equations of motion, a state space that is ready, or a controller.
+    system : System, ClosedLoop, StateSpace, control.StateSpace, SystemData or Controller
+        The equations of motion, a closed loop, a state space that is ready, or a controller.
     path : str or path
         The file, such as ``"isolator.mo"``; tools expect that it is named after the model.
     realization : str
@@ -75,7 +75,7 @@ def to_modelica(
         If the realization is unknown.
     """
     caller = "to_modelica"
-    space = system.state_space() if isinstance(system, Controller) else state_space_of(system, realization, caller)
+    space = state_space_of(system, realization, caller)
     model = identifier(Path(path).stem) if name is None else name
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", model, re.ASCII) or model in _RESERVED:
         raise ExportError(f"{caller}: name = {model!r}; expected letters, digits and _ of ASCII, no digit first, and "

@@ -24,7 +24,7 @@ FIRST_ORDER = ("A", "B", "C", "D", "transform")
 # What a state space has only where damped motions without mass have rates that inputs change at once.
 THROUGH = "through"
 # State spaces that have no other realization: exporters take them as they are.
-READY = ("given", "controller")
+READY = ("given", "controller", "reduced")
 
 
 def first_order(space: StateSpace) -> dict[str, Array]:

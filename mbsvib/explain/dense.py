@@ -12,7 +12,7 @@ from mbsvib.mechanism.topology import FLOATS
 from mbsvib.mechanism.unit_warnings import unit_warnings
 
 if TYPE_CHECKING:
-    from mbsvib.equations.equations import Dropped, Equations, Separation
+    from mbsvib.equations.equations import Dropped, Equations, Separation, Truncation
     from mbsvib.responses.basis import Basis
 
 _ENOUGH = {
@@ -36,6 +36,8 @@ def explain(system: Equations, basis: Basis | None = None) -> str:
     str
         A few lines of text.
     """
+    if system.provenance.truncation is not None:
+        return _reduced(system, system.provenance.truncation)
     if system.provenance.given:
         return _given(system, basis)
     lines = [f"{system.name}: {system.dof} DOF"]
@@ -62,6 +64,16 @@ def explain(system: Equations, basis: Basis | None = None) -> str:
         lines += ["doubtful", *(f"  {text}" for text in doubtful)]
     lines += ["skipped", *(f"  {text}" for text in skipped(system, basis))]
     return "\n".join(lines)
+
+
+def _reduced(system: Equations, made: Truncation) -> str:
+    """Description of a reduced model."""
+    return "\n".join([
+        f"{system.name}: {system.dof} DOF, a reduced model of {made.before} DOF (method '{made.method}')",
+        f"  the frequency response differs by {made.error_bound:.3g} at most, as its largest singular value, output by "
+        f"input in SI units",
+        f"  coordinates: {listed(system.coordinates) or 'none'}",
+    ])  # fmt: skip
 
 
 def _given(system: Equations, basis: Basis | None) -> str:

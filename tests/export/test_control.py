@@ -189,3 +189,24 @@ def test_what_is_no_system_is_refused():
         mx.to_control(slider().state_space(), "modal")
     with pytest.raises(mv.ResponseError, match="realization"):
         mx.to_control(slider(), "jordan")
+
+
+@pytest.mark.parametrize("method", ["zoh", "foh", "tustin"])
+def test_discrete_systems_by_each_method(method):
+    """As scipy discretises the same matrices."""
+    from scipy.signal import cont2discrete
+
+    system = mv.library.quarter_car().linearize()
+    space, h = system.state_space(), 5e-3
+    found = mx.to_control(system, dt=h, method=method)
+    a, b, c, d, _ = cont2discrete((space.A, space.B, space.C, space.D), h,
+                                  "bilinear" if method == "tustin" else method)  # fmt: skip
+    z = np.exp(1j * np.array([0.01, 0.3, 1.0, 2.5]))
+    theirs = np.array([c @ np.linalg.solve(x * np.eye(len(a)) - a, b) + d for x in z]).transpose(1, 2, 0)
+    assert found.dt == h
+    assert np.allclose(found(z), theirs, rtol=1e-9, atol=1e-12 * np.abs(theirs).max())
+
+
+def test_an_unknown_method_is_refused():
+    with pytest.raises(mv.ExportError, match="method = 'euler'; expected one of 'zoh', 'foh', 'tustin'"):
+        mx.to_control(mv.library.quarter_car().linearize(), dt=1e-3, method="euler")

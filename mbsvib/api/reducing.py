@@ -1,0 +1,115 @@
+"""Reduced models of systems and state spaces."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, overload
+
+from mbsvib.errors import ResponseError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Literal
+
+    from mbsvib.api.state_space import StateSpace
+    from mbsvib.api.system import System
+
+    Names = str | Sequence[str] | None
+
+
+class ReducibleSystem:
+    """Equations of motion that can be reduced."""
+
+    @overload
+    def reduced(
+        self, order: int | None = ..., error: float | None = ..., method: Literal["balanced"] = ..., keep: Names = ...
+    ) -> StateSpace: ...
+
+    @overload
+    def reduced(
+        self, order: int | None = ..., error: float | None = ..., *,
+        method: Literal["modal", "static-corrected", "craig-bampton"], keep: Names = ...,
+    ) -> System: ...  # fmt: skip
+
+    def reduced(
+        self, order: int | None = None, error: float | None = None, method: str = "balanced", keep: Names = None
+    ) -> System | StateSpace:
+        """Return a model with fewer states or coordinates, and a bound on the error of its frequency response.
+
+        balanced: a state space without the states that inputs hardly reach or outputs hardly see; states that do not
+        decay are kept;  modal: the equations of motion of the modes that contribute most;  static-corrected: these,
+        with the static response of all others in D;  craig-bampton: displacements of outputs and of the points where
+        inputs act, and modes with these held
+
+        ``error_bound`` of the result bounds the largest singular value of G(i w) - G_reduced(i w) over all frequencies,
+        output by input in SI units: of balanced models twice the sum of the Hankel singular values left out, of the
+        others the norm of the difference itself. It is infinite where a mode that is left out does not decay.
+
+        Parameters
+        ----------
+        order : int, optional
+            Number of states (balanced) or coordinates (others).
+        error : float, optional
+            Largest error instead of an order; the smallest model within it is returned.
+        method : str
+            "balanced", "modal", "static-corrected" or "craig-bampton".
+        keep : str or sequence of str, optional
+            Names or patterns of the outputs to keep, which the error is about; default: all.
+
+        Returns
+        -------
+        StateSpace or System
+            A state space of balanced states; else equations of motion with all methods of a system.
+
+        Raises
+        ------
+        ResponseError
+            If neither or both of order and error are given, a name is unknown, a method does not apply, or no smaller
+            model is possible.
+
+        Source: Antoulas, Approximation of Large-Scale Dynamical Systems (2005), chapter 7; Craig & Bampton, Coupling of
+        substructures for dynamic analyses, AIAA Journal 6 (1968).
+        """
+        from mbsvib.reduction.reduced import reduced_equations, reduced_space
+
+        system: Any = self if keep is None else self[keep, :]  # type: ignore[index]
+        if method != "balanced":
+            result: System = reduced_equations(system, method, order, error)  # type: ignore[assignment]
+            return result
+        try:
+            space: Any = system.state_space("modal")
+        except ResponseError:  # eigenvalues that nearly coincide have no modal states
+            space = system.state_space("balanced")
+        return reduced_space(space, order, error)  # type: ignore[return-value]
+
+
+class ReducibleSpace:
+    """State spaces that can be reduced."""
+
+    def reduced(self, order: int | None = None, error: float | None = None, keep: Names = None) -> StateSpace:
+        """Return a state space with fewer states by balanced truncation, with a bound on its error.
+
+        max over omega of sigma(G(i w) - G_reduced(i w)) <= ``error_bound``
+
+        Parameters
+        ----------
+        order : int, optional
+            Number of states; those that do not decay are kept.
+        error : float, optional
+            Largest error instead of an order, output by input in SI units.
+        keep : str or sequence of str, optional
+            Names or patterns of the outputs to keep, which the error is about; default: all.
+
+        Returns
+        -------
+        StateSpace
+            With states hankel1, hankel2, ...
+
+        Raises
+        ------
+        ResponseError
+            If neither or both of order and error are given, a name is unknown, or no smaller model is possible.
+        """
+        from mbsvib.reduction.reduced import reduced_space
+
+        space: Any = self if keep is None else self[keep, :]  # type: ignore[index]
+        return reduced_space(space, order, error)  # type: ignore[return-value]
