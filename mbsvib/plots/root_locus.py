@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 import numpy as np
 
+from mbsvib.common.expected import reals
+from mbsvib.errors import ResponseError
 from mbsvib.plots import _style as style
 
 if TYPE_CHECKING:
@@ -15,7 +17,9 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Complex, Index
 
 ROUNDS = (0.1, 0.2, 0.4, 0.7)  # lines of one damping ratio
-ROOM = 0.04  # half of a label's width, in parts of the height
+ROOM = 0.04  # half of a label's width, in parts of the height or, with unequal axes, of the width
+
+Limits: TypeAlias = "tuple[float, float] | None"
 
 
 class RootLocus(Protocol):
@@ -45,7 +49,9 @@ class RootLocus(Protocol):
         """Return the effect of the best gain, in two lines; gains are multiplied by the scale."""
 
 
-def root_locus(locus: RootLocus, scale: float = 1.0) -> Figure:
+def root_locus(
+    locus: RootLocus, scale: float = 1.0, *, real: Limits = None, imaginary: Limits = None, equal: bool | None = None
+) -> Figure:
     """Draw how poles move as a gain grows.
 
     Parameters
@@ -54,6 +60,11 @@ def root_locus(locus: RootLocus, scale: float = 1.0) -> Figure:
         What ``mbsvib.isolation.root_locus`` returned.
     scale : float
         What gains are multiplied by in the label.
+    real, imaginary : (float, float), optional
+        First and last value of each axis [Hz]; default: all open-loop poles.
+    equal : bool, optional
+        The same scale on both axes, so that angles are true; default: only if no limits are given. Unequal axes show
+        the paths of slow poles beside fast ones.
 
     Returns
     -------
@@ -61,7 +72,14 @@ def root_locus(locus: RootLocus, scale: float = 1.0) -> Figure:
         Upper half of the plane of poles in Hz; crosses are open loops, circles zeros, dots the best gain of the least
         damped vibration; faint rays have one damping ratio. The title tells the least damping of what vibrates without
         the controller and at the best gain.
+
+    Raises
+    ------
+    ResponseError
+        If limits are not two finite, ascending numbers.
     """
+    across, upward = _limits(real, "real"), _limits(imaginary, "imaginary")
+    same = (across is None and upward is None) if equal is None else equal
     with style.context():
         figure = style.new_figure(5.2, 5.2)
         axes = figure.subplots()
@@ -78,21 +96,40 @@ def root_locus(locus: RootLocus, scale: float = 1.0) -> Figure:
         axes.plot(zeros.real, zeros.imag, "o", color=style.INK, mfc="none", markersize=6.0)
         left = min(-0.25 * top, 1.08 * float(np.maximum(poles.real[:, locus.modes], -top).min(initial=0.0)))
         right = max(0.05 * top, 1.08 * float(np.minimum(poles.real[:, locus.modes], top).max(initial=0.0)))
-        _rays(axes, top, left)
+        left, right = across or (left, right)
+        bottom, top = upward or (0.0, top)
+        _rays(axes, (left, right), (bottom, top), same)
         axes.set_xlim(left, right)
-        axes.set_ylim(0.0, top)
+        axes.set_ylim(bottom, top)
         axes.axvline(0.0, color=style.MARK, linewidth=0.8)
-        axes.set_aspect("equal")
+        axes.set_aspect("equal" if same else "auto")
         axes.set_xlabel("real part / 2 pi [1/s]")
         axes.set_ylabel("imaginary part / 2 pi [Hz]")
         figure.suptitle(f"{locus.name}: " + "\n".join(locus.summary(scale)), x=0.02, ha="left", fontsize=10.5)
     return figure
 
 
-def _rays(axes: Axes, top: float, left: float) -> None:
+def _limits(values: Limits, field: str) -> Limits:
+    """Return the limits of an axis as they are given, if they are two finite, ascending numbers."""
+    if values is None:
+        return None
+    expected = "the first and last value of the axis [Hz], ascending"
+    ends = reals(values, "plots.root_locus", field, expected)
+    if ends.shape != (2,) or not np.isfinite(ends).all() or ends[0] >= ends[1]:
+        raise ResponseError(f"plots.root_locus: {field} is {values!r}; expected {expected}, such as (0.0, 20.0).")
+    return float(ends[0]), float(ends[1])
+
+
+def _rays(axes: Axes, across: tuple[float, float], upward: tuple[float, float], same: bool) -> None:
+    """Draw lines of one damping ratio, with labels where they pass below the upper edge."""
+    (left, right), (bottom, top) = across, upward
+    height = bottom + 0.93 * (top - bottom)
+    room = ROOM * ((top - bottom) if same else (right - left))
+    reach = 2.0 * max(abs(left), abs(right), abs(top), abs(bottom))
     for ratio in ROUNDS:
         slope = np.sqrt(1.0 - ratio**2) / ratio
-        axes.plot([0.0, -2.0 * top], [0.0, 2.0 * top * slope], color=style.FAINT, linewidth=0.8, zorder=0)
-        x = -0.93 * top / slope
-        if x - ROOM * top > left:
-            axes.text(x, 0.93 * top, f"{100.0 * ratio:g} %", color=style.MARK, fontsize=7.5, ha="center")
+        far = reach * max(1.0, 1.0 / slope)
+        axes.plot([0.0, -far], [0.0, far * slope], color=style.FAINT, linewidth=0.8, zorder=0)
+        x = -height / slope
+        if left < x - room and x + room < right:
+            axes.text(x, height, f"{100.0 * ratio:g} %", color=style.MARK, fontsize=7.5, ha="center")

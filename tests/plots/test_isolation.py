@@ -34,3 +34,37 @@ def test_root_locus_and_front():
     front = goal.front({"mount.stiffness": (1e3, 1e5)}, goal.index([100.0]), goal.sag(load=1.0), [1e-4, 2e-4])
     figure = plots.front(front)
     assert np.array_equal(figure.axes[0].lines[0].get_xdata(), front.price)
+
+
+def _locus():
+    plant = isolation.actuated(active_strut(), "payload", "leg", directions="z")
+    return isolation.root_locus(plant, lambda g: isolation.force_feedback(plant, g), np.linspace(0.0, 300.0, 40))
+
+
+def test_root_locus_keeps_the_limits_that_are_given():
+    locus = _locus()
+    (default,) = plots.root_locus(locus).axes
+    assert default.get_aspect() == 1.0
+    (axes,) = plots.root_locus(locus, real=(-0.5, 0.1), imaginary=(1.0, 9.0)).axes
+    assert (axes.get_xlim(), axes.get_ylim(), axes.get_aspect()) == ((-0.5, 0.1), (1.0, 9.0), "auto")
+    (axes,) = plots.root_locus(locus, imaginary=(1.0, 9.0)).axes
+    assert (axes.get_xlim(), axes.get_ylim()) == (default.get_xlim(), (1.0, 9.0))
+    (axes,) = plots.root_locus(locus, equal=False).axes
+    assert (axes.get_xlim(), axes.get_ylim(), axes.get_aspect()) == (default.get_xlim(), default.get_ylim(), "auto")
+    assert plots.root_locus(locus, real=(-5.0, 1.0), equal=True).axes[0].get_aspect() == 1.0
+
+
+def test_labels_of_damping_are_on_their_rays_and_within_the_limits():
+    (axes,) = plots.root_locus(_locus(), real=(-3.0, 0.2), imaginary=(2.0, 10.0)).axes
+    labels = {text.get_text(): text.get_position() for text in axes.texts}
+    assert set(labels) == {"10 %", "20 %"}
+    for words, (x, y) in labels.items():
+        assert -x / np.hypot(x, y) == pytest.approx(float(words[:-2]) / 100.0)
+        assert -3.0 < x < 0.2
+        assert 2.0 < y < 10.0
+
+
+@pytest.mark.parametrize("limits", [(1.0, 1.0), (2.0, 1.0), (0.0, np.inf), (1.0, 2.0, 3.0), "wide"])
+def test_limits_of_root_loci_that_are_none_are_refused(limits):
+    with pytest.raises(mv.ResponseError, match=r"imaginary.*first and last value of the axis \[Hz\]"):
+        plots.root_locus(_locus(), imaginary=limits)
