@@ -10,6 +10,7 @@ import gc
 import os
 import random
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, settings
 
@@ -52,6 +53,14 @@ def pytest_terminal_summary(terminalreporter, config):
     if not settings.default.derandomize:
         seed = config.option.hypothesis_seed
         terminalreporter.write_line(f"random examples: HYPOTHESIS_PROFILE=random pytest --hypothesis-seed={seed}")
+
+
+@pytest.fixture(autouse=True)
+def _own_printing():
+    """Print options of numpy that a package sets when it is imported, as pyyeti does, end with the test."""
+    before = np.get_printoptions()
+    yield
+    np.set_printoptions(**before)
 
 
 @pytest.fixture(autouse=True, scope="session")
