@@ -25,8 +25,10 @@ MOVED = 0.01  # share of its magnitude by which a pole must move to count as mov
 # Rounding of repeated real poles: their relative imaginary parts; of integrators at rest: their relative magnitude.
 OSCILLATES, AT_REST = 1e-6, 1e-9
 GROWS = 1e-10  # a real part above this share of the largest pole is unstable
-# Curves have a point for each change by this share of the largest pole, with a maximum number per step.
-SMOOTH, MOST = 0.02, 12
+# Curves have a point for each change of a pole by this share of its magnitude, with a maximum number per step.
+SMOOTH, MOST = 0.05, 24
+# Poles are compared with no less than this share of the largest one: near zero every change is large.
+LEAST = 1e-3
 GOLDEN, SECTIONS = 0.5 * (3.0 - 5.0**0.5), 24  # golden ones: gains to 1e-5 of the steps between points
 
 
@@ -68,8 +70,10 @@ class Track:
         """Add gains where poles change much from one to the next."""
         largest = float(np.abs(self.poles[0]).max(initial=0.0)) or 1.0
         for low, high in pairwise(tuple(self._order)):
-            width = float(np.abs(self._poles[high] - self._poles[low]).max(initial=0.0))
-            for gain in np.linspace(low, high, min(int(np.ceil(width / (SMOOTH * largest))), MOST) + 1)[1:-1].tolist():
+            one, other = self._poles[low], self._poles[high]
+            size = np.maximum(np.maximum(np.abs(one), np.abs(other)), LEAST * largest)
+            change = float((np.abs(other - one) / size).max(initial=0.0))
+            for gain in np.linspace(low, high, min(int(np.ceil(change / SMOOTH)), MOST) + 1)[1:-1].tolist():
                 self.at(gain)
 
     def highest(self, measure: Callable[[Complex], Array]) -> tuple[float, float, Complex]:
@@ -148,7 +152,8 @@ def followed(
 
     (low, before), (high, after) = first, second
     distance = np.abs(before[:, None] - after)
-    row, column = linear_sum_assignment(distance)
+    # squares keep the order of poles on the real axis, where sums of distances have many minima
+    row, column = linear_sum_assignment(np.square(distance))
     step = distance[row, column]
     apart = np.abs(after[column][:, None] - after[column])
     size = np.maximum(np.abs(after[column]), AT_REST * np.abs(after).max(initial=0.0))

@@ -87,6 +87,10 @@ def root_locus(
         largest = np.abs(poles[:, locus.modes]).max(initial=0.0) if len(locus.modes) else np.abs(poles).max()
         top = 1.15 * float(np.abs(poles[0]).max()) or float(largest) or 1.0
         marked = locus.best_poles / (2.0 * np.pi)
+        for column in np.setdiff1d(np.arange(poles.shape[1]), locus.modes).tolist():  # integrators may begin to swing
+            path = poles[:, column]
+            above = np.where(path.imag >= 0.0, path.imag, np.nan)
+            axes.plot(path.real, above, color=style.MARK, linewidth=1.0, zorder=1.8)
         for number, column in enumerate(locus.modes.tolist()):
             path, colour = poles[:, column], style.COLOURS[number % len(style.COLOURS)]
             axes.plot(path.real, np.abs(path.imag), color=colour)
