@@ -76,6 +76,7 @@ def test_what_pyyeti_writes_is_read(binary, order, layout, tmp_path):
     assert [name for name, array in read_op4_file(path.read_bytes(), ("ROW",)).items() if array is not None] == ["ROW"]
 
 
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::SyntaxWarning")
 def test_pynastran_reads_what_is_written(tmp_path):
     op4 = pytest.importorskip("pyNastran.op4.op4", reason=NASTRAN)
     for build in SYSTEMS:
@@ -87,6 +88,7 @@ def test_pynastran_reads_what_is_written(tmp_path):
                 assert np.array_equal(matrix.data, getattr(system, NAMES[name])), name
 
 
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::SyntaxWarning")
 def test_what_pynastran_writes_is_read(tmp_path):
     op4 = pytest.importorskip("pyNastran.op4.op4", reason=NASTRAN)
     path = tmp_path / "x.op4"
