@@ -138,7 +138,7 @@ def test_pyyeti_reads_the_cards(tmp_path):
             assert close(frame.to_numpy(), getattr(system, key)), name
 
 
-@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::SyntaxWarning")  # its own, where it is compiled first
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::SyntaxWarning")
 def test_pynastran_reads_the_cards(tmp_path):
     pytest.importorskip("pyNastran", reason="pyNastran is not installed: pip install 'mbsvib[nastran]'")
     from pyNastran.bdf.bdf import BDF
