@@ -105,6 +105,7 @@ VERBS = {
     "frequency_grid": lambda s: [s.frequency_grid(), s.frequency_grid(s.outputs[:1], s.inputs[:1], 5, f_min=1.0)],
     "with_ports": lambda s: [s.with_ports(), s[:, :], s[s.outputs[:1], s.inputs[:1]].frequency_response(OMEGA)],
     "feedback": lambda s: s.feedback(np.zeros((len(s.inputs), len(s.outputs))), s.outputs, s.inputs).poles(),
+    "reduced": lambda s: [s.reduced(error=1.0), s.reduced(len(s.poles()))],
     "reachable": lambda s: [s.reachable(), s.reachable(s.outputs[:1], s.inputs[:1])],
     "state_space": lambda s: [s.state_space(name) for name in ("physical", "modal", "balanced")],
     "reactions": lambda s: s.reactions,

@@ -31,7 +31,10 @@ def asked(name):
     return system, [item for item in system.parameters if item not in ASKEW.get(name, ())]
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] if name == "cantilever" else [])
+SLOW = {"cantilever", "singular_beam"}
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else [])
                                   for name in library.models()])  # fmt: skip
 def test_eigenvalues(name):
     system, names = asked(name)
