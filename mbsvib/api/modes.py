@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mbsvib.modes import result
-from mbsvib.sparse import modes as sparse
 
 if TYPE_CHECKING:
     import os
@@ -66,12 +65,3 @@ class Modes(result.Modes):
         if path is not None:
             result.save(path)
         return result
-
-
-class SomeModes(Modes, sparse.SomeModes):
-    """Some modes of a large system: ``Modes`` with the system ``reduced`` that they make.
-
-    ``shapes`` are in the coordinates of ``reduced`` (mode1, mode2, ...), ``body_shapes`` those of the bodies.
-    ``missed`` is the number of modes below the highest one that are not among these, by a count of eigenvalues
-    (0; None where they cannot be counted: rows were exchanged, or the equations have no symmetry).
-    """

@@ -1,8 +1,8 @@
-"""Reduced models of systems and state spaces."""
+"""Reduced models of systems."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, Self, overload
 
 from mbsvib.errors import ResponseError
 
@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from typing import Literal
 
     from mbsvib.api.state_space import StateSpace
-    from mbsvib.api.system import System
 
     Names = str | Sequence[str] | None
 
@@ -28,11 +27,11 @@ class ReducibleSystem:
     def reduced(
         self, order: int | None = ..., error: float | None = ..., *,
         method: Literal["modal", "static-corrected", "craig-bampton"], keep: Names = ...,
-    ) -> System: ...  # fmt: skip
+    ) -> Self: ...  # fmt: skip
 
     def reduced(
         self, order: int | None = None, error: float | None = None, method: str = "balanced", keep: Names = None
-    ) -> System | StateSpace:
+    ) -> Self | StateSpace:
         """Return a model with fewer states or coordinates, and a bound on the error of its frequency response.
 
         balanced: a state space without the states that inputs hardly reach or outputs hardly see; states that do not
@@ -73,43 +72,10 @@ class ReducibleSystem:
 
         system: Any = self if keep is None else self[keep, :]  # type: ignore[index]
         if method != "balanced":
-            result: System = reduced_equations(system, method, order, error)  # type: ignore[assignment]
+            result: Self = reduced_equations(system, method, order, error)  # type: ignore[assignment]
             return result
         try:
             space: Any = system.state_space("modal")
         except ResponseError:  # eigenvalues that nearly coincide have no modal states
             space = system.state_space("balanced")
-        return reduced_space(space, order, error)  # type: ignore[return-value]
-
-
-class ReducibleSpace:
-    """State spaces that can be reduced."""
-
-    def reduced(self, order: int | None = None, error: float | None = None, keep: Names = None) -> StateSpace:
-        """Return a state space with fewer states by balanced truncation, with a bound on its error.
-
-        max over omega of sigma(G(i w) - G_reduced(i w)) <= ``error_bound``
-
-        Parameters
-        ----------
-        order : int, optional
-            Number of states; those that do not decay are kept.
-        error : float, optional
-            Largest error instead of an order, output by input in SI units.
-        keep : str or sequence of str, optional
-            Names or patterns of the outputs to keep, which the error is about; default: all.
-
-        Returns
-        -------
-        StateSpace
-            With states hankel1, hankel2, ...
-
-        Raises
-        ------
-        ResponseError
-            If neither or both of order and error are given, a name is unknown, or no smaller model is possible.
-        """
-        from mbsvib.reduction.reduced import reduced_space
-
-        space: Any = self if keep is None else self[keep, :]  # type: ignore[index]
         return reduced_space(space, order, error)  # type: ignore[return-value]

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.api.modes import SomeModes
+    from mbsvib.api.some_modes import SomeModes
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.responses.state_space import StateSpace
@@ -67,7 +67,7 @@ class SparseSystem(SparseEquations):
         ResponseError
             If ``count`` is not given, not positive, or more than there are.
         """
-        from mbsvib.api.modes import SomeModes
+        from mbsvib.api.some_modes import SomeModes
         from mbsvib.sparse.modes import modes
 
         if count is None:
@@ -112,7 +112,7 @@ class SparseSystem(SparseEquations):
         ResponseError
             If the number of modes is not given, or is no such number.
         """
-        from mbsvib.api.modes import SomeModes
+        from mbsvib.api.some_modes import SomeModes
         from mbsvib.sensitivities import sparse_mode_sensitivities
 
         if modes is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mbsvib.api.connecting import Connecting
-from mbsvib.api.reducing import ReducibleSpace
+from mbsvib.api.reducing_space import ReducibleSpace
 from mbsvib.responses import state_space
 
 

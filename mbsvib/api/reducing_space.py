@@ -1,0 +1,44 @@
+"""Reduced models of state spaces."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Self
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    Names = str | Sequence[str] | None
+
+
+class ReducibleSpace:
+    """State spaces that can be reduced."""
+
+    def reduced(self, order: int | None = None, error: float | None = None, keep: Names = None) -> Self:
+        """Return a state space with fewer states by balanced truncation, with a bound on its error.
+
+        max over omega of sigma(G(i w) - G_reduced(i w)) <= ``error_bound``
+
+        Parameters
+        ----------
+        order : int, optional
+            Number of states; those that do not decay are kept.
+        error : float, optional
+            Largest error instead of an order, output by input in SI units.
+        keep : str or sequence of str, optional
+            Names or patterns of the outputs to keep, which the error is about; default: all.
+
+        Returns
+        -------
+        StateSpace
+            With states hankel1, hankel2, ...
+
+        Raises
+        ------
+        ResponseError
+            If neither or both of order and error are given, a name is unknown, or no smaller model is possible.
+        """
+        from mbsvib.reduction.reduced import reduced_space
+
+        space: Any = self if keep is None else self[keep, :]  # type: ignore[index]
+        result: Self = reduced_space(space, order, error)  # type: ignore[assignment]
+        return result
