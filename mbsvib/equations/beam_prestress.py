@@ -90,8 +90,8 @@ def carried(
     from mbsvib.equations.scene import scene
 
     view = scene(with_maxwell_nodes(model))
-    draft = begun(model, view, checked=False, all_rows=True)
-    relative, reduction, terms = draft.relative, draft.reduction, draft.terms
+    draft = begun(model, view, checked=False)
+    relative, reduction = draft.relative, draft.reduction
     names = [name for beam in beams for name in beam.element_names]
     place = {name: i for i, name in enumerate(names)}
     which = [(row, place[view.elements[owner].name]) for row, owner in enumerate(view.springs.owner.tolist())
@@ -101,8 +101,9 @@ def carried(
     direction = view.springs.unit[springs].argmax(axis=1)
     apart = relative.dense(view.locked, relative.shape[0])
     opened = [apart[springs]]
-    felt, root = [terms.elastic_rows[springs]], [np.sqrt(terms.row_stiffness[springs])]
-    known = [_deformations(beams)[element, direction] * -terms.row_stiffness[springs]]
+    stiffness = view.springs.stiffness[springs]
+    felt, root = [reduction.apply_exactly(apart[springs])], [np.sqrt(stiffness)]
+    known = [_deformations(beams)[element, direction] * -stiffness]
     elastic = None if view.shared is None else view.shared.elastic
     if elastic is not None:
         every = elastic.composite.of(apart[len(apart) - len(elastic.composite.rows.first) :])

@@ -54,8 +54,7 @@ class Draft:
 
 
 def begun(
-    model: Mechanism, scene: Scene, independent: Sequence[str] | None = None, checked: bool = True,
-    all_rows: bool = False,
+    model: Mechanism, scene: Scene, independent: Sequence[str] | None = None, checked: bool = True
 ) -> Draft:
     """Return the equations of motion of bodies, joints, connections and ports, without what depends on other parts.
 
@@ -69,8 +68,6 @@ def begun(
         Joint coordinates that are to be among the minimal ones.
     checked : bool
         Whether later steps refuse a pose that is not in balance.
-    all_rows : bool
-        Whether elastic rows that no coordinate moves are kept, so that they stand as in ``scene.springs``.
 
     Returns
     -------
@@ -81,7 +78,6 @@ def begun(
     phi = scene.closure(relative)
     reduction = reduce(scene.coordinates, scene.cuts, phi, independent, partial(arm, scene.topology, scene.position))
     locked = scene.locked
-    acting = None if all_rows else relative.acting(locked, locked + len(scene.springs.owner))
-    terms = matrices(scene, relative, reduction, acting)
+    terms = matrices(scene, relative, reduction, relative.acting(locked, locked + len(scene.springs.owner)))
     return Draft(model, scene, relative, phi, reduction, tuple(reduction.independent.tolist()), terms,
                  tuple(independent or ()), checked)  # fmt: skip

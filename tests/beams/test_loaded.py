@@ -214,3 +214,22 @@ def test_a_loaded_beam_on_a_geared_shaft():
         return model.linearize().modes().frequencies
 
     assert_allclose(shafts(True), shafts(False), rtol=1e-11)
+
+
+def test_an_inerter_before_the_beam_changes_nothing():
+    """Inerters have no elastic rows, so that those of beams stand elsewhere among the elastic rows than among all."""
+    systems = []
+    for first in (True, False):
+        model = mv.Model("tie", gravity=(0.0, 0.0, -9.81))
+        model.add_body("m", 2.0, (0.01, 0.01, 0.01), (1.0, 0.0, 0.0))
+        steps = [lambda m: m.add_inerter("b", "ground", "m", start=(1, 0, 1), end=(1, 0, 0), inertance=0.3),
+                 lambda m: m.add_beam("tube", "ground", "m", {"type": "circle", "radius": 0.01},
+                                      {"E": 7e10, "nu": 0.3, "rho": 2700.0}, start=(0, 0, 0), end=(1, 0, 0))]  # fmt: skip
+        for add in steps if first else steps[::-1]:
+            add(model)
+        model.add_load("pull", "m", force=(300.0, 0.0, 0.0))
+        systems.append(model.linearize())
+    one, other = systems
+    assert one.coordinates == other.coordinates
+    assert_allclose(one.K, other.K, rtol=0, atol=1e-13 * np.abs(other.K).max())
+    assert_allclose(one.modes().frequencies, other.modes().frequencies, rtol=1e-11)
