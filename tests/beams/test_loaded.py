@@ -224,7 +224,8 @@ def test_an_inerter_before_the_beam_changes_nothing():
         model.add_body("m", 2.0, (0.01, 0.01, 0.01), (1.0, 0.0, 0.0))
         steps = [lambda m: m.add_inerter("b", "ground", "m", start=(1, 0, 1), end=(1, 0, 0), inertance=0.3),
                  lambda m: m.add_beam("tube", "ground", "m", {"type": "circle", "radius": 0.01},
-                                      {"E": 7e10, "nu": 0.3, "rho": 2700.0}, start=(0, 0, 0), end=(1, 0, 0))]  # fmt: skip
+                                      {"E": 7e10, "nu": 0.3, "rho": 2700.0}, start=(0, 0, 0),
+                                      end=(1, 0, 0))]  # fmt: skip
         for add in steps if first else steps[::-1]:
             add(model)
         model.add_load("pull", "m", force=(300.0, 0.0, 0.0))
