@@ -103,7 +103,7 @@ def hinf(
     Systems & Control Letters 11 (1988); SLICOT's SB10AD.
     """
     try:
-        import ctrlsys  # type: ignore[import-untyped]
+        import ctrlsys
     except ImportError as error:
         raise ExportError("hinf: H-infinity synthesis needs ctrlsys; install it by  pip install \"mbsvib[ctrlsys]\", "
                           "or use lqg, which does without.") from error  # fmt: skip
