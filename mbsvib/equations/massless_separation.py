@@ -131,7 +131,7 @@ def resolved(
         static = cleaned(static, scale.unit, RANK_FACTOR * scale.noise)
         condensation = condense(static, terms, scale.unit, names, pins, bodies, acting)
         _check_proper(condensation.response, terms, *ports, ("Cv", "Ca"))
-        terms = _condensed(terms, condensation)
+        terms = _condensed(terms, condensation, scale.unit)
         # what follows a coordinate moves with it
         length = condensation.transform / scale.unit[:, None] * scale.unit[condensation.kept]
         moves = np.where(np.abs(length) > RANK_FACTOR * scale.noise, np.abs(condensation.transform), 0.0)
@@ -166,13 +166,13 @@ def _damping_parts(terms: Terms, acting: Mapping[str, Array]) -> list[Array]:
     return parts
 
 
-def _condensed(terms: Terms, condensation: Condensation) -> Terms:
+def _condensed(terms: Terms, condensation: Condensation, unit: Array) -> Terms:
     """Every row acts on q = T z, K = (D T)^T diag(k) (D T); what the inputs do at once goes to D and, where K is not
     symmetric, to B.
     """
     t, s = condensation.transform, condensation.response
     rows = terms.elastic_rows @ t
-    rows[np.abs(rows) <= ZERO_PRODUCT * len(t) * largest(terms.elastic_rows, t)] = 0.0
+    rows[np.abs(rows) <= ZERO_PRODUCT * len(t) * (np.abs(terms.elastic_rows) @ largest(t, unit))] = 0.0
     rows = _resting(rows, terms, condensation.kept)
     stays = rows.any(axis=1)
     rows, k, c, factor = rows[stays], terms.row_stiffness[stays], terms.row_damping[stays], terms.inertia_factor @ t

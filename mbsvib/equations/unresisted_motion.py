@@ -13,12 +13,13 @@ import numpy as np
 from scipy.linalg import blas
 
 from mbsvib.linalg.qr import pivoted_qr
-from mbsvib.linalg.rank import DEPENDENT_ROWS, LEAST_ROW, ZERO_SUM
+from mbsvib.linalg.rank import DEPENDENT_ROWS, LEAST_ROW, MASSLESS, ZERO_SUM
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
 
 
 # Rounds of scaling rows and columns by their largest terms; a third one changes nothing that counts.
@@ -46,12 +47,24 @@ def free_motions(*parts: Array) -> Array:
     return column[:, None] * free
 
 
-def largest(rows: Array, motions: Array) -> Array:
-    """Return the largest relative displacements (n, k) that motions (m, k) could give, were each in every coordinate
-    what it is in one: the rounding of motions that another one is taken out of is relative to these.
+def coordinate_sizes(system: Equations) -> Array:
+    """Return the size (m,) that each coordinate has in a motion of unit kinetic energy, 1 / sqrt(M_jj).
+
+    A massless coordinate counts with the mass that would give it the highest frequency of a single coordinate.
     """
-    column = _scales(np.abs(rows))[1]
-    return np.asarray(np.abs(rows) @ (column[:, None] * np.abs(motions / column[:, None]).max(axis=0, initial=0.0)))
+    k = np.square(system.elastic_rows).T @ np.abs(system.row_stiffness)
+    mass = system.M.diagonal()
+    massive = mass > MASSLESS * mass.max(initial=0.0)
+    square = (k[massive] / mass[massive]).max(initial=0.0)
+    weight = np.where(massive, mass, k / square if square > 0.0 else 0.0)
+    return np.asarray(1.0 / np.sqrt(np.where(weight > 0.0, weight, mass.max(initial=1.0))))
+
+
+def largest(motions: Array, size: Array) -> Array:
+    """Return the largest motions (m, k) that motions (m, k) could be, were each in every coordinate what it is in one,
+    with coordinates in units of their ``size`` (m,): the rounding of motions is relative to these.
+    """
+    return np.asarray(size[:, None] * np.abs(motions / size[:, None]).max(axis=0, initial=0.0))
 
 
 def unmoved(rows: Array, before: Array, kept: NDArray[np.intp]) -> Array:

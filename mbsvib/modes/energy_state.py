@@ -18,7 +18,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.equations.massless_null_motion import own_coordinates
-from mbsvib.equations.unresisted_motion import completed, free_motions, largest, null_pair, orthonormal, product
+from mbsvib.equations.unresisted_motion import (
+    completed,
+    coordinate_sizes,
+    free_motions,
+    largest,
+    null_pair,
+    orthonormal,
+    product,
+)
 from mbsvib.linalg.products import gram_matrix, weighted_gram
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import EPS
@@ -208,10 +216,10 @@ def _first_order(stiffness: Array, damping: Array, scale: Array, n1: int) -> tup
 
 
 def _terms(system: Equations, basis: Array, value: Array, second_part: Array | None) -> Array:
-    """Sum of the magnitudes of all terms of D^T diag(value) D, plus the largest of a second part."""
-    result = weighted_gram(largest(system.elastic_rows, basis), np.abs(value))
-    size = np.abs(basis)
-    return result if second_part is None else result + float((size.T @ np.abs(second_part) @ size).max(initial=0.0))
+    """Sum of the magnitudes of all terms of D^T diag(value) D and of a second part, for motions of the basis."""
+    most = largest(basis, coordinate_sizes(system))
+    result = weighted_gram(np.abs(system.elastic_rows) @ most, np.abs(value))
+    return result if second_part is None else result + most.T @ np.abs(second_part) @ most
 
 
 def _null_spaces(

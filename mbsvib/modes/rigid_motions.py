@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mbsvib.equations.unresisted_motion import free_motions, largest, null_pair, product
+import numpy as np
+
+from mbsvib.equations.unresisted_motion import coordinate_sizes, free_motions, largest, null_pair, product
 from mbsvib.linalg.products import weighted_gram
 
 if TYPE_CHECKING:
@@ -20,6 +22,7 @@ def unbraked(system: Equations, rigid: Array) -> Array:
         free = free_motions(system.elastic_rows[(system.row_stiffness != 0.0) | (system.row_damping != 0.0)])
         return free if free.shape[1] <= rigid.shape[1] else rigid[:, :0]
     # stiffness of loads has both signs: only its sum determines the motions, and the same holds for dampers in them
-    relative_motion, most = product(system.elastic_rows, rigid), largest(system.elastic_rows, rigid)
+    relative_motion = product(system.elastic_rows, rigid)
+    most = np.abs(system.elastic_rows) @ largest(rigid, coordinate_sizes(system))
     c = system.row_damping
     return rigid @ null_pair(weighted_gram(relative_motion, c), weighted_gram(most, c))[0]
