@@ -21,7 +21,12 @@ from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.finite_zeros import finite_zeros
 from mbsvib.responses.modal_sum import CANCELLED, ModalSum, modal_sum
-from mbsvib.responses.zero_rounding import determined_zeros, smallest_singular_value, transfer_rounding
+from mbsvib.responses.zero_rounding import (
+    determined_zeros,
+    improved_at_poles,
+    smallest_singular_value,
+    transfer_rounding,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -84,7 +89,9 @@ def transmission_zeros(
     zeros = _at_rest(system, modal, total, zeros, (sources, results), still)
     if isinstance(total, ModalSum) or total.finite_zeros() != len(zeros) + still:
         rounding = transfer_rounding(system, modal, total, (sources, results), zeros)
-        zeros = zeros[determined_zeros(modal, total, zeros, rounding)]
+        known = determined_zeros(modal, total, zeros, rounding)
+        zeros, known = improved_at_poles(modal, total, zeros, known)
+        zeros = zeros[known]
     zeros = np.concatenate((np.zeros(still), zeros))
     return zeros[np.lexsort((-zeros.imag, np.abs(zeros)))]
 
