@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 
 import mbsvib as mv
 from mbsvib import library
+from tests.support.slow_cases import some
 
 TURN = 2 * np.pi
 
@@ -40,7 +41,7 @@ CASES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", some(CASES, "hoeken", "slide"))
 def test_against_differences(case):
     model, drive, angles, names = CASES[case]
 
@@ -128,7 +129,7 @@ REACTIONS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", REACTIONS)
+@pytest.mark.parametrize("case", some(REACTIONS, "kinds"))
 def test_reactions_against_differences(case):
     model, motion, names = REACTIONS[case]
     cycle = model.cycle(motion=motion)

@@ -71,7 +71,7 @@ def test_zeros_are_those_of_the_mechanism():
 
 
 @pytest.mark.parametrize(("name", "value", "omega"), [
-    ("build", 5.27633376e-3, 5.20607628), ("iss", 0.115555127, 0.775093),
+    ("build", 5.27633376e-3, 5.20607628), pytest.param("iss", 0.115555127, 0.775093, marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_peaks_of_the_slicot_benchmarks(name, value, omega):
     """Chahlaoui and Van Dooren (2002): the building and the space station."""

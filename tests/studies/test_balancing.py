@@ -7,6 +7,7 @@ from scipy.optimize import lsq_linear
 
 import mbsvib as mv
 from mbsvib import library, studies
+from tests.support.slow_cases import some
 
 TURN = 2 * np.pi
 ANGLES = TURN * np.arange(24) / 24
@@ -61,7 +62,7 @@ WEIGHTS = [{"force": 1.0, "moment": 1.0, "torque": 1.0}, {"force": 1.0, "moment"
            {"force": 0.2, "torque": 1.0}]  # fmt: skip
 
 
-@pytest.mark.parametrize("weights", WEIGHTS)
+@pytest.mark.parametrize("weights", some(WEIGHTS, WEIGHTS[0]))
 def test_weighted_optimum_is_that_of_least_squares(weights):
     model, machine = weighted_hoeken(), run()
     best = studies.optimize(model, dict.fromkeys(NAMES, (0.0, 5.0)), machine.weighted(model, weights))
@@ -99,6 +100,7 @@ def test_a_bound_on_one_and_the_least_of_another():
     assert best.constraints["rms force [N] <= 2"] == pytest.approx(2.0, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_mass_redistribution():
     """Seven points on coupler and rocker each, their masses free: less of all three at once."""
     model = studies.equimomental(library.hoeken(), ["link2", "link3"], points=7, reach=4.0)

@@ -40,6 +40,7 @@ def test_joblib_says_where():
     assert same(result, expected())
 
 
+@pytest.mark.slow
 def test_back_ends_that_answer_at_the_end_are_given_some_at_a_time():
     counts = []
     with joblib.parallel_config("multiprocessing", n_jobs=2):
