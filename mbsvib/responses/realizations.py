@@ -10,6 +10,7 @@ import numpy as np
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.linalg.qr import triangle
 from mbsvib.modes.general import is_general
+from mbsvib.responses.general_terms import cleaned
 from mbsvib.responses.state_space import StateSpace
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def state_space(basis: Basis, realization: str = "physical", form: type[S] = Sta
     q, rate = transform[:m], transform[m:]
     # q'' = T' A x + T' B u with T' the rows of q', whatever the states are
     c = system.Cq @ q + system.Cv @ rate + system.Ca @ (rate @ a)
-    d = system.D + system.Ca @ (rate @ b)
+    d = cleaned(system.Ca, rate, b, system.D)
     return form(system.name, realization, a, b, c, d, transform, names, units, system.inputs, system.input_units,
                 system.outputs, system.output_units)  # fmt: skip
 
@@ -94,7 +95,7 @@ def _massless(basis: Basis, realization: str, form: type[S]) -> S:
     through = reduced.through[m:]
     # q'' = rate x' + through u': linearize ensures that no output depends on the rate of an input
     c = system.Cq @ q + system.Cv @ rate + system.Ca @ (rate @ reduced.a)
-    d = system.D + system.Cv @ through + system.Ca @ (rate @ reduced.b)
+    d = cleaned(system.Ca, rate, reduced.b, system.D + system.Cv @ through)
     return form(
         system.name, realization, reduced.a, reduced.b, c, d, reduced.transform, reduced.names, reduced.units,
         system.inputs, system.input_units, system.outputs, system.output_units,
