@@ -155,7 +155,8 @@ def test_what_acts_at_once_does_not_depend_on_the_states(realization):
     for i in range(5):
         model.add_body(f"m{i}", 1.0 + 0.3 * i, (1, 1, 1), (0, 0, i))
         model.add_joint(f"guide{i}", "prismatic", "ground", f"m{i}", axis=(0, 0, 1))
-        model.add_spring(f"k{i}", f"m{i - 1}" if i else "ground", f"m{i}", (0, 0, i - 1), (0, 0, i), 1e4 * 3**i, 2.0 * i)
+        below = f"m{i - 1}" if i else "ground"
+        model.add_spring(f"k{i}", below, f"m{i}", (0, 0, i - 1), (0, 0, i), 1e4 * 3**i, 2.0 * i)
         model.add_output(f"a{i}", f"m{i}", "z", quantity="acceleration")
     model.add_input("f", "m1", "z")
     model.add_base_motion("floor", "z")
