@@ -8,8 +8,8 @@ import matplotlib as mpl
 import pytest
 
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
-SLOW = {"active_damping_by_units", "drop_test", "hexapod_isolation", "linkage_under_gravity", "stewart_active_isolation",
-        "stewart_geometry", "stewart_passive_design"}  # fmt: skip
+SLOW = {"active_damping_by_units", "drop_test", "hexapod_isolation", "linkage_under_gravity",
+        "stewart_active_isolation", "stewart_geometry", "stewart_passive_design"}  # fmt: skip
 RUN = [pytest.param(path, marks=pytest.mark.slow if path.stem in SLOW else ()) for path in EXAMPLES]
 
 
