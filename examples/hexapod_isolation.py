@@ -68,8 +68,8 @@ assert peaks[1] < peaks[0] / 8
 assert shaking[2] < 0.6 * shaking[1] < 0.3 * shaking[0]
 
 with TemporaryDirectory() as folder:
-    units = [mx.to_fmu(part, Path(folder) / f"{name}.fmu") for part, name in ((system, "plant"), (loop.law, "laws"))]
-    check = mx.check_cosimulation(*units, 1 / RATE, masters=["jacobi", "iteration"])
+    plant, laws = (mx.to_fmu(each, Path(folder) / f"{each.name}.fmu") for each in (system, loop.law))
+    check = mx.check_cosimulation(plant, laws, 1 / RATE, masters=["jacobi", "iteration"])
     report.write(system, Path(folder) / "hexapod.html")
 assert check["iteration"].errors[0] < check["jacobi"].errors[0] < 0.1
 
