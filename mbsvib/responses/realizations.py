@@ -59,7 +59,7 @@ def state_space(basis: Basis, realization: str = "physical", form: type[S] = Sta
         raise ResponseError(f"state_space: realization = {realization!r}; expected one of {', '.join(REALIZATIONS)}."
                             f"{nearest(str(realization), REALIZATIONS)}")  # fmt: skip
     if realization == "balanced":
-        return _balanced(state_space(basis, "physical", form))
+        return balanced_states(state_space(basis, "physical", form))
     system = basis.equations
     if system.massless or (realization == "modal" and is_general(system)):
         return _massless(basis, realization, form)
@@ -73,8 +73,19 @@ def state_space(basis: Basis, realization: str = "physical", form: type[S] = Sta
                 system.outputs, system.output_units)  # fmt: skip
 
 
-def _balanced(space: S) -> S:
-    """The same equations in states of similar magnitude; the unit of a state includes its scale (``"2^-13 rad"``)."""
+def balanced_states(space: S) -> S:
+    """Return the same equations in states of similar magnitude, scaled by powers of two.
+
+    Parameters
+    ----------
+    space : StateSpace
+        First-order equations.
+
+    Returns
+    -------
+    StateSpace
+        The same with ``realization`` "balanced"; the unit of a state includes its scale (``"2^-13 rad"``).
+    """
     from mbsvib.linalg.balancing import balanced
 
     a, b, c, transform, power = balanced(space.A, space.B, space.C, space.transform)
