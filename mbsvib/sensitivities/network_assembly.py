@@ -82,7 +82,8 @@ def is_complete(system: Equations, network: Network) -> bool:
             ((own * motion.elastic).sum(), shared[0], system.row_stiffness * strained**2, network.stiffness),
             (0.0 if motion.viscous is None else (own * motion.viscous).sum(), shared[1],
              system.row_damping * strained**2, network.damping),
-            ((motion.body * motion.momentum).sum(), shared[2] + _inertial(network, own), moved[:, 0] ** 2, network.mass),
+            ((motion.body * motion.momentum).sum(), shared[2] + _inertial(network, own),
+             moved[:, 0] ** 2, network.mass),
         )
     )
 
