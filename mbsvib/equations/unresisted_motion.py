@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import blas
 
 from mbsvib.linalg.qr import pivoted_qr
-from mbsvib.linalg.rank import DEPENDENT_ROWS, LEAST_ROW, MASSLESS, ZERO_SUM
+from mbsvib.linalg.rank import DEPENDENT_ROWS, EPS, LEAST_ROW, MASSLESS, ZERO_SUM
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 # Rounds of scaling rows and columns by their largest terms; a third one changes nothing that counts.
 ROUNDS = 2
+# Entries below this share of their terms are no rounding of anything but zeros.
+NOTHING = EPS**2
 
 
 def product(left: Array, right: Array) -> Array:
@@ -134,13 +136,23 @@ def null_pair(matrix: Array, terms: Array) -> tuple[Array, Array]:
         Both.
     """
     size = sizes(matrix, terms)
-    scaled = matrix / size[:, None] / size
-    u, values, v = np.linalg.svd(scaled)
+    scaled = np.where(np.abs(matrix) > NOTHING * terms, matrix, 0.0) / size[:, None] / size
+    # rows and columns of zeros are split off: null vectors by SVD are off by eps over the smallest value that is not 0
+    rows = np.asarray(scaled.any(axis=1), dtype=bool)
+    columns = np.asarray(scaled.any(axis=0), dtype=bool)
+    u, values, v = np.linalg.svd(scaled[np.ix_(rows, columns)])
     rank = int(np.count_nonzero(values > DEPENDENT_ROWS))
-    # null vectors by SVD are off by eps over the smallest other value; the correction is accurate relative to itself
-    right = v[rank:].T - v[:rank].T @ ((u[:, :rank].T @ (scaled @ v[rank:].T)) / values[:rank, None])
-    left = u[:, rank:] - u[:, :rank] @ ((v[:rank] @ (scaled.T @ u[:, rank:])) / values[:rank, None])
+    right, left = _with_unit_vectors(v[rank:].T, columns), _with_unit_vectors(u[:, rank:], rows)
     return np.linalg.qr(right / size[:, None])[0], np.linalg.qr(left / size[:, None])[0]
+
+
+def _with_unit_vectors(vectors: Array, used: NDArray[np.bool_]) -> Array:
+    """Unit vectors of the coordinates that are not used, then vectors (n, k) of the n that are, as (m, m - n + k)."""
+    result = np.zeros((len(used), int(np.count_nonzero(~used)) + vectors.shape[1]))
+    rest = np.flatnonzero(~used)
+    result[rest, np.arange(len(rest))] = 1.0
+    result[np.ix_(used, np.arange(len(rest), result.shape[1]))] = vectors
+    return result
 
 
 def sizes(matrix: Array, terms: Array | float = 0.0) -> Array:

@@ -55,7 +55,7 @@ def improved_at_poles(modal: Damped | General, total: ModalSum | Resolvent, z: C
     all zeros, and which of them are determined.
     """
     poles = np.unique(modal.pairs)
-    if known.all() or len(poles) < 2 or total.at(z[:1]).shape[0] != total.at(z[:1]).shape[1]:
+    if len(poles) < 2:
         return z, known
     z, known = z.copy(), known.copy()
     for i in np.flatnonzero(~known):
@@ -68,6 +68,8 @@ def improved_at_poles(modal: Damped | General, total: ModalSum | Resolvent, z: C
             continue
         with np.errstate(all="ignore"):
             after, before = total.at(p + offset * np.array([1.0, -1.0])).transpose(2, 0, 1)
+            if len(after) != len(after.T) or not np.isfinite(after - before).all():
+                continue
             residue, rest = 0.5 * offset * (after - before), 0.5 * (after + before)
             shift = -np.trace(np.linalg.pinv(rest) @ residue)
         if np.abs(shift) <= AT_POLE * abs(p):

@@ -221,7 +221,9 @@ def _closed(
         return None
     row, column, entry = closure.kept_entries(tree)
     value, rest, least = _least_squares((column, row, entry), len(lacks), count, -lacks)
-    held = np.zeros(len(lacks))
+    # forces from anywhere in a loop arrive at each of its joints, with the rounding of the largest ones
+    force, moment = size.max(axis=1)
+    held = LEAST * (lengths[0] * force + lengths[1] * (reach * force + moment))
     np.add.at(held, column, np.abs(entry) * np.maximum(np.abs(value), LEAST * least)[row])
     _check(-rest, limit + held, tree, context)
     every, multipliers = closure.rows, np.zeros(len(closure.names))
