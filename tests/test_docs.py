@@ -8,10 +8,9 @@ from pathlib import Path
 
 import matplotlib as mpl
 import pytest
-from typer.testing import CliRunner
 
 import mbsvib as mv
-from mbsvib.cli._app import app
+from tests.support.cli import invoke
 
 DOCS = Path(__file__).parent.parent / "docs"
 PAGES = sorted((DOCS / "pages").rglob("*.md"))
@@ -85,7 +84,7 @@ def test_commands_work(tmp_path, monkeypatch):
     for page in PAGES:
         for block in re.findall(r"^```bash\n(.*?)^```$", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE):
             for line in block.splitlines():
-                result = CliRunner().invoke(app, line.split()[1:], catch_exceptions=False)
+                result = invoke(line.split()[1:])
                 assert result.exit_code == 0, line
 
 

@@ -7,10 +7,9 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import mbsvib as mv
-from mbsvib.cli._app import app
+from tests.support.cli import invoke
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -116,7 +115,7 @@ def test_the_commands_work(names, folder, monkeypatch):
     lines = [line for text in blocks("bash") for line in text.splitlines() if line.startswith("mbsvib ")]
     assert {line.split()[1] for line in lines} >= {"models", "modes", "bode", "step", "check", "export", "schema"}
     for line in lines:
-        result = CliRunner().invoke(app, shlex.split(line)[1:], catch_exceptions=False)
+        result = invoke(shlex.split(line)[1:])
         assert result.exit_code == 0, f"{line}\n{result.stderr}"
     for name in ("isolation.png", "table-step.png", "table.npz", "stewart.yaml"):
         assert (folder / name).exists()

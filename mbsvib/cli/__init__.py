@@ -4,10 +4,12 @@ from __future__ import annotations
 
 
 def main() -> None:
-    """Run the command line with the arguments of the process."""
-    from mbsvib.cli._app import app
+    """Run the command line with the arguments of the process, and end the process with its status."""
+    import sys
 
-    app(prog_name="mbsvib")
+    from mbsvib.cli._app import run
+
+    sys.exit(run(sys.argv[1:]))
 
 
 __all__ = ["main"]
