@@ -131,8 +131,8 @@ def build(name: str) -> Model:
         return _function(_FAMILIES[letter])(int(size), joint, springs=int(springs))
     hint = nearest(str(name), _DESCRIPTIONS)
     raise ModelError(
-        f"library: there is no model {name!r}.{hint} "
-        f"Known: {', '.join(_DESCRIPTIONS)}, and the families' members such as C50RF1.", element=str(name), field="name",
+        f"library: there is no model {name!r}.{hint} Known: "
+        f"{', '.join(_DESCRIPTIONS)}, and the families' members such as C50RF1.", element=str(name), field="name",
     )  # fmt: skip
 
 
