@@ -62,6 +62,21 @@ def test_modes_import_only_what_they_need():
                           "mbsvib.cli._drawing", "mbsvib.cli._completion"}  # fmt: skip
 
 
+@pytest.mark.parametrize(("given", "used"), [(None, "1"), ("4", "4")])
+def test_one_thread_of_blas_unless_the_user_says_otherwise(monkeypatch, given, used):
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    if given:
+        monkeypatch.setenv("OPENBLAS_NUM_THREADS", given)
+    code = (
+        "import os\n"
+        "from mbsvib.cli import main\n"
+        "try: main()\n"
+        "except SystemExit: pass\n"
+        "print(os.environ['OPENBLAS_NUM_THREADS'])\n"
+    )
+    assert mbsvib("--version", code=code).stdout.splitlines()[-1] == used
+
+
 def test_a_reader_that_has_seen_enough_is_not_an_error():
     command = f"{sys.executable} -m mbsvib params stewart | head -1"
     result = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True)
