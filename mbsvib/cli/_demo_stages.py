@@ -154,6 +154,7 @@ def active_damping(work: Work) -> None:
 def sampled_controller(work: Work) -> None:
     """Sample the controller; run plant and controller as two FMUs."""
     import mbsvib_export as mx
+    from mbsvib_export.fmu_.binaries import this_platform  # compiling for others takes a while, once
 
     plant, law, loop = (work.objects[name] for name in ("plant", "law", "loop"))
     sampled = loop.sampled(RATE, delay=0.5 / RATE)
@@ -167,13 +168,13 @@ def sampled_controller(work: Work) -> None:
         work.path(f"controller{suffix}", words)
     ports = [*law.inputs, "acceleration.z"], [*law.outputs, "base.z"]
     try:
-        files = [mx.to_fmu(source, work.folder / name)
+        files = [mx.to_fmu(source, work.folder / name, platforms=this_platform())
                  for source, name in ((plant.system[ports], "plant.fmu"), (law, "controller.fmu"))]  # fmt: skip
     except ExportError as error:  # neither binaries, nor a compiler
         work.missing.append(("fmu", "plant and controller as FMUs", "demo"))
         work.say(f"Skipped: {error}")
         return
-    work.path("plant.fmu", f"the plant as FMU (FMI 3.0) for {', '.join(files[0].platforms)}")
+    work.path("plant.fmu", f"the plant as FMU (FMI 3.0) for {files[0].platforms[0]}")
     work.path("controller.fmu", "the controller as FMU")
     if work.lacks("fmu", "fmpy", "co-simulation of the two FMUs", "demo"):
         return
