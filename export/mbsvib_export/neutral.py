@@ -202,7 +202,7 @@ def space_of(source: object, realization: str) -> object:
     source : object
         What an exporter was given.
     realization : str
-        The states wanted of a closed loop of second order.
+        The states wanted of a closed loop; those of a plant that is a state space stay as they are.
 
     Returns
     -------
@@ -211,8 +211,8 @@ def space_of(source: object, realization: str) -> object:
     """
     kind = kind_of(source)
     if kind == "closed loop":
-        second = getattr(source, "second_order", None)
-        return source.state_space() if second is None else second.state_space(realization)  # type: ignore[attr-defined]
+        plant = source.open_loop  # type: ignore[attr-defined]
+        return source.state_space(realization if kind_of(plant) == "system" else "modal")  # type: ignore[attr-defined]
     if kind == "controller":
         return source.state_space()  # type: ignore[attr-defined]
     return StateSpace.from_control(source) if kind is None and is_control(source) else source

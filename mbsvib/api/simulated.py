@@ -37,7 +37,8 @@ class Simulated(Mechanism):
         t : array-like, shape (n,)
             Times [s] in ascending order; the run starts at the first.
         inputs : mapping of str to number, array-like of shape (n,), or function of t, optional
-            Force inputs by name [N, N m]; samples are joined by straight lines, what is not named is 0. Loads act as
+            Forces and translations of the ground by name [N, N m, m/s^2]; coordinates are relative to the ground.
+            Samples are joined by straight lines, what is not named is 0. Loads act as
             well, and weight.
         initial : mapping of str to number or (number, number), optional
             Displacements of coordinates of the spanning tree (``"elbow.rz"``) from the pose as described [m, rad], or

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NoReturn, cast
+from typing import TYPE_CHECKING, Any, NoReturn, Self, cast
 
 import numpy as np
 
@@ -44,6 +44,36 @@ class SparseSystem(SparseEquations, Displayed):
     ``loading``: loads, preloads, joints and bodies whose forces make geometric stiffness; ``undetermined`` is what
     redundant constraints leave open of the forces in joints that are outputs.
     """
+
+    def __getitem__(self, key: Any) -> Self:
+        """Return the equations with some of their outputs and inputs: ``system[outputs, inputs]``, by name."""
+        from mbsvib.common.selection import key_ports
+
+        return self.with_ports(*key_ports(key, self.name))
+
+    def with_ports(
+        self, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
+    ) -> Self:
+        """Return the system with some of its outputs and inputs, as ``system[outputs, inputs]`` does.
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns, in the order in which they are wanted; default: all.
+
+        Returns
+        -------
+        SparseSystem
+            The same equations with these ports.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, or a pattern picks nothing.
+        """
+        from mbsvib.sparse.selection import with_ports
+
+        return self if outputs is None and inputs is None else with_ports(self, outputs, inputs)
 
     def modes(self, count: int | None = None, *, near: float = 0.0, rtol: float | None = None) -> SomeModes:
         """Return some of the modes: the lowest ones, or those nearest to a frequency.

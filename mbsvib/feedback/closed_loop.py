@@ -48,7 +48,10 @@ class ClosedLoop(FeedbackLoop):
 
     @cached_property
     def _space(self) -> tuple[Array, Array, Array, Array, StateSpace]:
-        space = self.plant.space
+        return self._closed(self.plant.space)
+
+    def _closed(self, space: StateSpace) -> tuple[Array, Array, Array, Array, StateSpace]:
+        """A, B, C, D of the closed loop with the states of some equations of the plant, and these."""
         law, (y, u) = self.law, self.ports
         n = len(space.A)
         product = space.D[np.ix_(y, u)] @ law.D
@@ -89,8 +92,8 @@ class ClosedLoop(FeedbackLoop):
         Parameters
         ----------
         realization : str
-            "modal": the plant's states are modal, the controllers' their own. "physical" or "balanced" where the
-            loop is of second order.
+            States of the plant, before those of the controllers: "modal", or "physical". "balanced": physical states
+            and those of the controllers, scaled by powers of two.
 
         Returns
         -------
@@ -100,24 +103,28 @@ class ClosedLoop(FeedbackLoop):
         Raises
         ------
         ResponseError
-            If the realization is another one.
+            If the realization is another one, or the plant is a state space whose states are given.
         """
-        if realization != "modal":
-            if self.second_order is not None:
-                space: StateSpace = self.second_order.state_space(realization)
-                return space
-            raise ResponseError(f"state_space: realization = {realization!r}; a closed loop whose controllers have "
-                                f"states has only 'modal' ones.")  # fmt: skip
-        a, b, c, d, space = self._space
+        from mbsvib.responses.realizations import balanced_states
+
+        if realization == "modal":
+            a, b, c, d, space = self._space
+        elif self.second_order is not None:
+            second_order: StateSpace = self.second_order.state_space(realization)
+            return second_order
+        elif realization == "balanced":
+            return balanced_states(self.state_space("physical" if self.plant.system.kind == "system" else "modal"))
+        else:
+            a, b, c, d, space = self._closed(self.plant.system.state_space(realization))
         k, shown = len(a) - len(space.A), self._shown
         states = tuple([f"controller{i + 1}" for i in range(k)])
         wide = np.concatenate((space.transform, np.zeros((len(space.transform), k))), axis=1)
-        whole = replace(space, name=self.name, A=a.copy(), B=b.copy(), C=c.copy(), D=d.copy(), transform=wide,
+        result = replace(space, name=self.name, A=a.copy(), B=b.copy(), C=c.copy(), D=d.copy(), transform=wide,
                         states=(*space.states, *states), state_units=(*space.state_units, *("",) * k),
                         error_bound=None)  # fmt: skip
         if self.selection is None:
-            return whole
-        return whole.with_ports([space.outputs[i] for i in shown[0]], [space.inputs[i] for i in shown[1]])
+            return result
+        return result.with_ports([space.outputs[i] for i in shown[0]], [space.inputs[i] for i in shown[1]])
 
     def response(self, w: Array) -> Complex:
         """Return the response of the closed loop, whether or not it is stable.

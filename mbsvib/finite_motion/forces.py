@@ -10,8 +10,10 @@ import numpy as np
 from mbsvib.mechanism.mechanism import GROUND
 
 if TYPE_CHECKING:
-    from mbsvib.elements import Load
-    from mbsvib.elements.ports import Input
+    from collections.abc import Iterable
+
+    from mbsvib.elements import Body, Load
+    from mbsvib.elements.ports import BaseMotion, Input
     from mbsvib.finite_motion.kinematics import Kinematics
     from mbsvib.finite_motion.rotations import Expression
     from mbsvib.mechanism.mechanism import Mechanism
@@ -83,3 +85,28 @@ def input_power(part: Input, model: Mechanism, motion: Kinematics) -> Expression
     (v, w), (u, o) = velocity(motion, part.body, at), velocity(motion, part.relative_to, at)
     wrench = ca.SX(np.array(part.wrench))
     return ca.dot(wrench[:3], v - u) + ca.dot(wrench[3:], w - o)
+
+
+def base_power(part: BaseMotion, bodies: Iterable[Body], motion: Kinematics) -> Expression:
+    """Return the power [W] of the inertia forces on bodies whose ground accelerates by 1 m/s^2 along a direction.
+
+    P = -sum m d . v, with velocities v of the centres relative to the ground
+
+    Parameters
+    ----------
+    part : BaseMotion
+        The base motion, a translation.
+    bodies : iterable of Body
+        All bodies with mass.
+    motion : Kinematics
+        The finite motion relative to the ground.
+
+    Returns
+    -------
+    expression
+        The power.
+    """
+    numbers = motion.numbers
+    momentum = sum((numbers.scalar(body, "mass") * velocity(motion, body.name, numbers.vector(body, "position"))[0]
+                    for body in bodies), ca.SX.zeros(3))  # fmt: skip
+    return -ca.dot(ca.SX(np.array(part.wrench[:3])), momentum)

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from mbsvib.elements.ports import Input
+from mbsvib.elements.ports import BaseMotion, Input
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.connections import connected
 from mbsvib.finite_motion.elastic import elastic_energies
 from mbsvib.finite_motion.elastic_block import ALL_SIX, elastic_blocks, with_interface
 from mbsvib.finite_motion.excited import at_rest, touched, with_interfaces
-from mbsvib.finite_motion.forces import input_power, load_power
+from mbsvib.finite_motion.forces import base_power, input_power, load_power
 from mbsvib.finite_motion.kinematics import kinematics
 from mbsvib.finite_motion.lagrange import FiniteMotion
 from mbsvib.finite_motion.numbers import Numbers
@@ -86,8 +86,11 @@ def _stated(
     potential = {name: _weight(body, motion, fall) for name, body in massive.items()}
     potential |= {name: part.potential for name, part in parts.items()}
     loads = {name: load_power(part, model, motion) for name, part in model.loads.items() if name not in without}
-    inputs = {name: input_power(part, model, motion) for name, part in model.inputs.items()
-              if isinstance(part, Input)}  # fmt: skip
+    inputs = {
+        name: input_power(part, model, motion) if isinstance(part, Input) else
+        base_power(part, massive.values(), motion)
+        for name, part in model.inputs.items() if isinstance(part, Input) or (not blocks and _translates(part))
+    }  # fmt: skip
     yields = {name: part for name, part in parts.items() if part.yields.numel()}
     bends = {block.name: elastic_energies(block, *motion.elastic[block.name], motion) for block in blocks}
     kinetic |= {name: part.kinetic for name, part in bends.items()}
@@ -115,6 +118,10 @@ def _flexible(
         whole = _stated(plain, blocks, (), parameters, cut, bases, without)
     still = at_rest(whole, blocks)
     return _stated(plain, blocks, still, parameters, cut, bases, without) if still else whole
+
+
+def _translates(part: BaseMotion) -> bool:
+    return not any(part.wrench[3:])
 
 
 def body_energy(body: Body, motion: Kinematics) -> Expression:

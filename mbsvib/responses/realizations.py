@@ -10,6 +10,7 @@ import numpy as np
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.linalg.qr import triangle
 from mbsvib.modes.general import is_general
+from mbsvib.responses.general_terms import cleaned
 from mbsvib.responses.state_space import StateSpace
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ def state_space(basis: Basis, realization: str = "physical", form: type[S] = Sta
         raise ResponseError(f"state_space: realization = {realization!r}; expected one of {', '.join(REALIZATIONS)}."
                             f"{nearest(str(realization), REALIZATIONS)}")  # fmt: skip
     if realization == "balanced":
-        return _balanced(state_space(basis, "physical", form))
+        return balanced_states(state_space(basis, "physical", form))
     system = basis.equations
     if system.massless or (realization == "modal" and is_general(system)):
         return _massless(basis, realization, form)
@@ -67,13 +68,24 @@ def state_space(basis: Basis, realization: str = "physical", form: type[S] = Sta
     q, rate = transform[:m], transform[m:]
     # q'' = T' A x + T' B u with T' the rows of q', whatever the states are
     c = system.Cq @ q + system.Cv @ rate + system.Ca @ (rate @ a)
-    d = system.D + system.Ca @ (rate @ b)
+    d = cleaned(system.Ca, rate, b, system.D)
     return form(system.name, realization, a, b, c, d, transform, names, units, system.inputs, system.input_units,
                 system.outputs, system.output_units)  # fmt: skip
 
 
-def _balanced(space: S) -> S:
-    """The same equations in states of similar magnitude; the unit of a state includes its scale (``"2^-13 rad"``)."""
+def balanced_states(space: S) -> S:
+    """Return the same equations in states of similar magnitude, scaled by powers of two.
+
+    Parameters
+    ----------
+    space : StateSpace
+        First-order equations.
+
+    Returns
+    -------
+    StateSpace
+        The same with ``realization`` "balanced"; the unit of a state includes its scale (``"2^-13 rad"``).
+    """
     from mbsvib.linalg.balancing import balanced
 
     a, b, c, transform, power = balanced(space.A, space.B, space.C, space.transform)
@@ -94,7 +106,7 @@ def _massless(basis: Basis, realization: str, form: type[S]) -> S:
     through = reduced.through[m:]
     # q'' = rate x' + through u': linearize ensures that no output depends on the rate of an input
     c = system.Cq @ q + system.Cv @ rate + system.Ca @ (rate @ reduced.a)
-    d = system.D + system.Cv @ through + system.Ca @ (rate @ reduced.b)
+    d = cleaned(system.Ca, rate, reduced.b, system.D + system.Cv @ through)
     return form(
         system.name, realization, reduced.a, reduced.b, c, d, reduced.transform, reduced.names, reduced.units,
         system.inputs, system.input_units, system.outputs, system.output_units,

@@ -12,6 +12,7 @@ from mbsvib.elements.inerter import Inerter
 from mbsvib.elements.part import Composed
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.expansion import expanded
+from mbsvib.linalg.rank import EPS
 from mbsvib.linalg.vectors import entries_matrix, transformed
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sensitivities.adjoint_fields import motions
@@ -36,6 +37,8 @@ _SIX = np.eye(6)
 _POWERS = tuple([(one[0], one[1], one[2]) for one in np.eye(3)])
 # Rounding of the work of a motion, relative to its terms, is far below this; a missing force is not.
 COMPLETE = 1e-8
+# Work of a motion that strains nothing: the square of a hundred roundings of the largest relative motion.
+NO_WORK = (100.0 * EPS) ** 2
 
 
 def complete_network(system: Equations) -> Network:
@@ -72,13 +75,15 @@ def is_complete(system: Equations, network: Network) -> bool:
     shared = [0.0, 0.0, 0.0]
     if network.shared is not None and motion.nodes is not None:
         shared = [float((motion.body * network.shared.wrench(motion.nodes, powers)).sum()) for powers in _POWERS]
+    far = NO_WORK * float(np.square(motion.relative).max(initial=0.0))
     return all(
-        bool(abs(work + shared_work - terms.sum()) <= COMPLETE * np.abs(terms).sum())
-        for work, shared_work, terms in (
-            ((own * motion.elastic).sum(), shared[0], system.row_stiffness * strained**2),
+        bool(abs(work + shared_work - terms.sum()) <= COMPLETE * np.abs(terms).sum() + far * float(np.abs(size).sum()))
+        for work, shared_work, terms, size in (
+            ((own * motion.elastic).sum(), shared[0], system.row_stiffness * strained**2, network.stiffness),
             (0.0 if motion.viscous is None else (own * motion.viscous).sum(), shared[1],
-             system.row_damping * strained**2),
-            ((motion.body * motion.momentum).sum(), shared[2] + _inertial(network, own), moved[:, 0] ** 2),
+             system.row_damping * strained**2, network.damping),
+            ((motion.body * motion.momentum).sum(), shared[2] + _inertial(network, own),
+             moved[:, 0] ** 2, network.mass),
         )
     )
 

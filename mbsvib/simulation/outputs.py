@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.elements.bushing import Bushing
-from mbsvib.elements.ports import ForceOutput, Output
+from mbsvib.elements.ports import BaseMotion, ForceOutput, Output
 from mbsvib.elements.torsion_spring import TorsionSpring
 from mbsvib.finite_motion.forces import velocity
 from mbsvib.finite_motion.rotations import logarithm
@@ -29,7 +29,7 @@ ABOUT_Z, ALONG_Z = 5, 2
 
 @dataclass(frozen=True)
 class Measured:
-    """Outputs as functions (q, q', q'', y, bases) -> (values, rotation vectors, angular velocities, rates).
+    """Outputs as functions (q, q', q'', y, bases, u) -> (values, rotation vectors, angular velocities, rates).
 
     ``weights`` (outputs, 3) are those of the rotation vectors; ``refused`` tells why outputs have no value, and
     ``needs_accelerations`` whether q'' has an effect.
@@ -82,6 +82,10 @@ def measured(model: Mechanism, statement: FiniteMotion) -> Measured:
     weights: list[Array] = []
     names: list[str] = []
     refused: dict[str, str] = {}
+    u = ca.SX.sym("u", len(statement.inputs))
+    base = {name: part for name, part in model.inputs.items() if isinstance(part, BaseMotion)}
+    ground = sum((u[i] * ca.SX(np.array(base[name].wrench[:3])) for i, name in enumerate(statement.inputs) if name in
+                  base), ca.SX.zeros(3))  # fmt: skip
 
     def onward(expression: Expression) -> Expression:
         """The rate of an expression of q and q'."""
@@ -89,22 +93,28 @@ def measured(model: Mechanism, statement: FiniteMotion) -> Measured:
 
     for name, part in model.outputs.items():
         vector, spin, weight = ca.SX.zeros(3), ca.SX.zeros(3), np.zeros(3)
+        if type(part) is Output and part.inertial and base and part.quantity != "acceleration":
+            refused[name] = (f"output '{name}': an absolute {part.quantity} would integrate the acceleration of the "
+                             f"ground; ask for absolute=False")  # fmt: skip
+            continue
         if type(part) is Output:
             point = ca.SX(np.array(model.bodies[part.body].position if part.position is None and part.body in
                                    model.bodies else part.position or (0.0, 0.0, 0.0)))  # fmt: skip
-            (v, w), (u, o) = velocity(motion, part.body, point), velocity(motion, part.relative_to, point)
+            (v, w), (v0, w0) = velocity(motion, part.body, point), velocity(motion, part.relative_to, point)
             wrench = np.array(part.wrench)
-            speed = ca.dot(ca.SX(wrench[:3]), v - u) + ca.dot(ca.SX(wrench[3:]), w - o)
+            speed = ca.dot(ca.SX(wrench[:3]), v - v0) + ca.dot(ca.SX(wrench[3:]), w - w0)
             if part.quantity == "displacement":
                 apart = motion.point(part.body, point) - motion.point(part.relative_to, point)
                 value, rate = ca.dot(ca.SX(wrench[:3]), apart), speed
                 if wrench[3:].any():
                     turn = motion.frames[part.body].rotation @ motion.frames[part.relative_to].rotation.T
-                    vector, spin, weight = logarithm(turn), w - o, wrench[3:]
+                    vector, spin, weight = logarithm(turn), w - w0, wrench[3:]
             elif part.quantity == "velocity":
                 value, rate = speed, onward(speed)
             else:
                 value, rate = onward(speed), ca.SX(np.nan)
+                if part.inertial:
+                    value += ca.dot(ca.SX(wrench[:3]), ground)
         elif isinstance(part, ForceOutput) and part.element in statement.connections:
             value = _force(model, part, statement, onward)
             rate = ca.SX(np.nan)
@@ -117,7 +127,7 @@ def measured(model: Mechanism, statement: FiniteMotion) -> Measured:
         spins.append(spin)
         rates.append(rate)
         weights.append(weight)
-    arguments = [motion.q, motion.qd, qdd, statement.yields, motion.bases]
+    arguments = [motion.q, motion.qd, qdd, statement.yields, motion.bases, u]
     function = ca.Function("outputs", arguments, [
         ca.vertcat(*part) for part in (values, vectors, spins, rates)])  # fmt: skip
     return Measured(tuple(names), np.array(weights).reshape(-1, 3), function, refused,

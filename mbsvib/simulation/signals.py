@@ -71,7 +71,7 @@ def signals(given: Any, names: tuple[str, ...], t: Array) -> Signals:
         raise check.refuse("simulate", "inputs", given, "a mapping of inputs to samples or functions, {'F': f}")
     for name in given:
         if name not in names:
-            raise ModelError(f"simulate: '{name}' is no force input of the model.{nearest(str(name), names)} It has "
+            raise ModelError(f"simulate: '{name}' is no input of the model.{nearest(str(name), names)} It has "
                              f"{', '.join(names) or 'none'}.", element=str(name), field="inputs")  # fmt: skip
     functions = {name: value for name, value in given.items() if callable(value)}
     breaks = _breaks(functions, t)

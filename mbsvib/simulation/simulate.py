@@ -11,7 +11,7 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import names as as_names
 from mbsvib.common.progress import counting
-from mbsvib.elements.ports import BaseMotion, Input
+from mbsvib.elements.ports import BaseMotion
 from mbsvib.equilibrium.linear_range import TURNED
 from mbsvib.errors import LargeDisplacementWarning, ModelError, SimulationError, nearest
 from mbsvib.finite_motion.statement import finite_motion
@@ -66,13 +66,14 @@ def simulate(
     if not LEAST <= error <= MOST:
         raise check.refuse("simulate", "tolerance", tolerance, f"a number between {LEAST:g} and {MOST:g}")
     dropped = _dropped(model, without)
+    statement = finite_motion(model, bases=True, without=dropped)
     for name in inputs if isinstance(inputs, Mapping) else ():
-        if isinstance(model.inputs.get(name), BaseMotion):
-            raise ModelError(f"simulate: '{name}' is a base motion, which has no statement in finite motion yet; drive "
-                             f"the model by forces, or by gravity for a constant acceleration.", element=name,
-                             field="inputs")  # fmt: skip
-    driven = signals(inputs, tuple(name for name, part in model.inputs.items() if isinstance(part, Input)), time)
-    run = session(model, finite_motion(model, bases=True, without=dropped), driven, error)
+        if isinstance(model.inputs.get(name), BaseMotion) and name not in statement.inputs:
+            raise ModelError(f"simulate: base motion '{name}' turns the ground, or moves beams or superelements; only "
+                             f"translations of models without them are simulated. Drive the model by forces.",
+                             element=name, field="inputs")  # fmt: skip
+    driven = signals(inputs, tuple(statement.inputs), time)
+    run = session(model, statement, driven, error)
     bases = np.tile(np.eye(3).reshape(-1), len(run.turning))
     here = settled(run, initial_state(run, initial, float(time[0])), bases)
     samples, intervals, wanted = [here], [0], set(np.searchsorted(driven.breaks, time).tolist())

@@ -62,7 +62,7 @@ class Trace:
         qdd = self._accelerations(samples) if self.measured.needs_accelerations else np.zeros(q.shape)
         kinetic, potential = (np.asarray(array) for array in self.energies(q, qd, y, base))
         time = np.array([state.time for state in states])
-        outputs, slopes = self.measured.values(time, (q, qd, qdd, y, base))
+        outputs, slopes = self.measured.values(time, (q, qd, qdd, y, base, run.signals.at(time)))
         where, rates = (array.T for array in as_described(q.T, qd.T, time, bases, run.turning))
         return Told(where, rates, outputs, slopes, kinetic, potential, np.array([state.work for state in states]).T)
 

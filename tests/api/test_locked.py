@@ -201,6 +201,8 @@ def test_sparse():
     assert_allclose(sparse.frequency_response(OMEGA), dense.frequency_response(OMEGA), rtol=1e-14)
     assert_allclose(sparse.static_compliance(), dense.D, rtol=1e-14)
     assert sparse.reachable().dof == 0
+    part = sparse[sparse.outputs[:1], sparse.inputs[1:]]
+    assert_allclose(part.frequency_response(OMEGA), dense.frequency_response(OMEGA)[:1, 1:], rtol=1e-14)
     assert "locked" in sparse.explain()
     u = np.ones((2, 5))
     for ask in (lambda: sparse.modes(1), lambda: sparse.reduced(1), lambda: sparse.state_space(modes=1),
@@ -208,5 +210,5 @@ def test_sparse():
         with pytest.raises(mv.ResponseError, match="'locked' is fully locked: it has no modes"):
             ask()
     asked = {"modes", "reduced", "state_space", "time_response", "frequency_response", "static_compliance", "reachable",
-             "explain", "mode_sensitivities"}  # fmt: skip
+             "explain", "mode_sensitivities", "with_ports"}  # fmt: skip
     assert verbs(SparseSystem) == asked | {"truncation_error"}

@@ -220,7 +220,7 @@ REFUSALS = [
     (lambda: chain().feedback(isolation.controller([[1.0]], ["a"], ["b"])), r"output 'a': .*no such output"),
     (lambda: chain().feedback([[1e6]], "x", "Fx").frequency_response([1.0]), "not stable with controller"),
     (lambda: chain().feedback([[1e6]], "x", "Fx").h2_norm(), "does not decay"),
-    (lambda: chain().feedback(PI, "x", "Fx").state_space("physical"), "has only 'modal' ones"),
+    (lambda: chain().state_space().feedback(PI, "x", "Fx").state_space("balance"), "realization = 'balance'"),
 ]  # fmt: skip
 
 
@@ -239,3 +239,17 @@ def test_a_controller_brings_its_names():
         loop = system.feedback(given)
         assert loop.name == "chain with PI"
         np.testing.assert_allclose(loop.frequency_response(w), system.feedback(PI, "x", "Fx").frequency_response(w))
+
+
+@pytest.mark.parametrize("plant", [chain(), chain().state_space()], ids=["system", "state space"])
+def test_realizations_respond_alike(plant):
+    loop = plant.feedback(PI, "x", "Fx")
+    expected = loop.response(np.array([0.3, 4.0, 90.0]))
+    kinds = ["modal", "balanced", "physical"] if plant.kind == "system" else ["modal", "balanced"]
+    for realization in kinds:
+        space = loop.state_space(realization)
+        assert len(space.states) == len(plant.poles()) + 1
+        np.testing.assert_allclose(space.frequency_response([0.3, 4.0, 90.0]), expected, rtol=1e-11)
+    names = loop.state_space("physical" if plant.kind == "system" else "modal").states
+    assert names[:-1] == plant.state_space().states
+    assert names[-1] == "controller1"

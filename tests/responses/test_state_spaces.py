@@ -146,3 +146,21 @@ def test_a_pole_of_badly_scaled_states_is_recognized():
     space = model.linearize().state_space()
     with pytest.raises(mv.ResponseError, match="is a pole"):
         space.frequency_response([0.0])
+
+
+@pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
+def test_what_acts_at_once_does_not_depend_on_the_states(realization):
+    """A force moves its own mass at once and no other one; rounding of modes must not pass for a feedthrough."""
+    model = mv.Model("five masses")
+    for i in range(5):
+        model.add_body(f"m{i}", 1.0 + 0.3 * i, (1, 1, 1), (0, 0, i))
+        model.add_joint(f"guide{i}", "prismatic", "ground", f"m{i}", axis=(0, 0, 1))
+        below = f"m{i - 1}" if i else "ground"
+        model.add_spring(f"k{i}", below, f"m{i}", (0, 0, i - 1), (0, 0, i), 1e4 * 3**i, 2.0 * i)
+        model.add_output(f"a{i}", f"m{i}", "z", quantity="acceleration")
+    model.add_input("f", "m1", "z")
+    model.add_base_motion("floor", "z")
+    space = model.linearize().state_space(realization)
+    expected = np.zeros((5, 2))
+    expected[1, 0] = 1 / 1.3
+    np.testing.assert_allclose(space.D, expected, rtol=1e-14, atol=0)

@@ -189,7 +189,7 @@ def flat_toggle():
 REFUSED = [
     (lambda m: m.simulate([0.0]), "t = .*two or more times in ascending order"),
     (lambda m: m.simulate([0.0, 1.0, 0.5]), "ascending order"),
-    (lambda m: m.simulate([0.0, 1.0], {"G": 1.0}), "'G' is no force input"),
+    (lambda m: m.simulate([0.0, 1.0], {"G": 1.0}), "'G' is no input"),
     (lambda m: m.simulate([0.0, 1.0], {"F": [1.0, 2.0, 3.0]}), "2 samples, one for each time"),
     (lambda m: m.simulate([0.0, 1.0], {"F": lambda t: np.nan}), "input 'F' is not finite at t = 0 s"),
     (lambda m: m.simulate([0.0, 1.0], [1.0]), "a mapping of inputs"),
@@ -209,8 +209,10 @@ def test_bad_arguments_are_refused_by_name(call, words):
 def test_models_without_a_statement_are_refused_by_name():
     with pytest.raises(mv.ModelError, match="rotor 'spin': body 'top' itself spins"):
         mv.library.sleeping_top().simulate([0.0, 1.0])
-    with pytest.raises(mv.ModelError, match="'road' is a base motion, which has no statement"):
-        mv.library.quarter_car().simulate([0.0, 1.0], {"road": 1.0})
+    turning = lamp()
+    turning.add_base_motion("rock", "ry")
+    with pytest.raises(mv.ModelError, match="base motion 'rock' turns the ground"):
+        turning.simulate([0.0, 1.0], {"rock": 1.0})
     with pytest.raises(mv.SingularPoseError, match="another number of degrees of freedom"):
         flat_toggle().simulate([0.0, 1.0])
     massless = mv.Model("massless")

@@ -1,0 +1,51 @@
+"""Selection of outputs and inputs of sparse equations by name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from mbsvib.common.selection import port_numbers
+from mbsvib.sparse.equations import SparseEquations
+
+S = TypeVar("S", bound=SparseEquations)
+
+if TYPE_CHECKING:
+    from mbsvib.sparse.massless import SparseSeparation
+
+
+def with_ports(system: S, outputs: Any = None, inputs: Any = None) -> S:
+    """Return a system with some of its outputs and inputs; the unknowns stay.
+
+    Parameters
+    ----------
+    system : SparseEquations
+        The equations of motion.
+    outputs, inputs : str, sequence of str or None
+        Names or patterns, in the order in which they are wanted; None: all.
+
+    Returns
+    -------
+    SparseEquations
+        The same equations with rows of outputs and inputs selected.
+
+    Raises
+    ------
+    ResponseError
+        If a name is unknown.
+    """
+    o, i = port_numbers(outputs, inputs, (system.outputs, system.inputs), system.name)
+    kept = {system.outputs[k] for k in o}
+    separation: SparseSeparation | None = system.separation
+    if separation is not None:
+        separation = replace(separation, at_once=separation.at_once[np.ix_(o, i)])
+    displacement, velocity, acceleration = (rows[o] for rows in system.output_rows)
+    return replace(
+        system, outputs=tuple([system.outputs[k] for k in o]), inputs=tuple([system.inputs[k] for k in i]),
+        output_units=tuple([system.output_units[k] for k in o]), input_units=tuple([system.input_units[k] for k in i]),
+        input_rows=system.input_rows[i], output_rows=(displacement, velocity, acceleration), D=system.D[np.ix_(o, i)],
+        undetermined=tuple([replace(forces, outputs=tuple([name for name in forces.outputs if name in kept]))
+                            for forces in system.undetermined]), separation=separation,
+    )  # fmt: skip
