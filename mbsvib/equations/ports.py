@@ -13,6 +13,7 @@ from mbsvib.elements.ports import QUANTITIES
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.base_motion import check_turning
 from mbsvib.errors import ModelError
+from mbsvib.linalg.rank import ZERO_SUM
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -189,7 +190,10 @@ def port_matrices(
         b[..., column] = -(moved.swapaxes(-1, -2) @ factor)[..., 0, :]
         for row, output, point in port.inertial_outputs:
             at = np.cross(angular, np.subtract(point, motion.position)) + linear
-            d[..., row, column] = at @ output.wrench[:3] + angular @ output.wrench[3:]
+            terms = np.stack((at * output.wrench[:3], np.broadcast_to(angular * output.wrench[3:], at.shape)))
+            value = terms.sum(axis=(0, -1))
+            zero = np.abs(value) <= ZERO_SUM * np.abs(terms).sum(axis=(0, -1))  # the directions are perpendicular
+            d[..., row, column] = np.where(zero, 0.0, value)
     lead = seen.shape[:-2]
     if port.force_outputs:
         lead = max(lead, elastic.shape[:-2], springs.stiffness.shape[:-1], springs.damping.shape[:-1],

@@ -134,10 +134,13 @@ def null_pair(matrix: Array, terms: Array) -> tuple[Array, Array]:
         Both.
     """
     size = sizes(matrix, terms)
-    u, values, v = np.linalg.svd(matrix / size[:, None] / size)
+    scaled = matrix / size[:, None] / size
+    u, values, v = np.linalg.svd(scaled)
     rank = int(np.count_nonzero(values > DEPENDENT_ROWS))
-    right, left = (np.linalg.qr(part / size[:, None])[0] for part in (v[rank:].T, u[:, rank:]))
-    return right, left
+    # null vectors by SVD are off by eps over the smallest other value; the correction is accurate relative to itself
+    right = v[rank:].T - v[:rank].T @ ((u[:, :rank].T @ (scaled @ v[rank:].T)) / values[:rank, None])
+    left = u[:, rank:] - u[:, :rank] @ ((v[:rank] @ (scaled.T @ u[:, rank:])) / values[:rank, None])
+    return np.linalg.qr(right / size[:, None])[0], np.linalg.qr(left / size[:, None])[0]
 
 
 def sizes(matrix: Array, terms: Array | float = 0.0) -> Array:
