@@ -141,6 +141,16 @@ def test_brief_values():
     assert brief(library.quarter_car()) == "Model" or len(brief(library.quarter_car())) <= 60
 
 
+def test_columns_of_numbers_are_no_table_to_print():
+    """``Run.table`` is that."""
+    class Numbers(Displayed):
+        def table(self):
+            return {"time": [0.0, 1.0]}
+
+    assert str(Numbers()) == "Numbers()"
+    assert "<pre>" not in Numbers()._repr_html_()
+
+
 def test_html_is_escaped():
     class Named(Displayed):
         inputs = ("<script>",)

@@ -23,8 +23,9 @@ def blocks(language):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A folder with the README's model file."""
+    """A folder with the README's model file and controller."""
     path = tmp_path_factory.mktemp("readme")
+    (path / "damper.json").write_text(blocks("json")[0], encoding="utf-8")
     (path / "table.yaml").write_text(blocks("yaml")[0], encoding="utf-8")
     return path
 

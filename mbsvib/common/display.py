@@ -87,8 +87,10 @@ def _in_brackets(brackets: str, entries: list[str], count: int) -> str:
 
 
 def _table(result: Any) -> dict[str, Any] | None:
+    """The result's ``table()`` if it is one to print: of a run, for instance, it is columns of numbers."""
     method = getattr(result, "table", None)
-    return None if method is None else method()
+    content = None if method is None else method()
+    return content if isinstance(content, dict) and {"columns", "rows"} <= content.keys() else None
 
 
 def _title(result: Any) -> str:
