@@ -57,4 +57,4 @@ def test_prefix(unit, largest, shown, name):
 
 def test_no_unit_has_no_prefix():
     """Systems of python-control have none."""
-    assert prefix("", 2.8e-8) == (1.0, "")
+    assert units.prefix("", 2.8e-8) == (1.0, "")
