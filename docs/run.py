@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from contextlib import chdir, redirect_stdout
+from importlib.util import module_from_spec, spec_from_file_location
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -51,3 +52,16 @@ def on_pre_build(config: Any) -> None:
         for printed, shown in run(page, folder)[1]:
             if not same(printed, shown):
                 raise ValueError(f"{page.name} shows\n{shown}\nbut prints\n{printed}")
+    _draw_gallery(folder / "gallery")
+
+
+def _draw_gallery(folder: Path) -> None:
+    """Draw the examples; the page of the gallery names each picture, so that mkdocs tells which is missing."""
+    spec = spec_from_file_location("docs_gallery", Path(__file__).with_name("gallery.py"))
+    if spec is None or spec.loader is None:
+        raise ImportError("gallery.py is not beside run.py.")
+    gallery = module_from_spec(spec)
+    spec.loader.exec_module(gallery)
+    for example in gallery.EXAMPLES:
+        with redirect_stdout(StringIO()):
+            gallery.draw(example, folder)

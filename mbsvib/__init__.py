@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from mbsvib.api.model import Model
 from mbsvib.errors import (
     AccuracyWarning,
     EquilibriumError,
@@ -24,6 +23,7 @@ from mbsvib.version import __version__
 if TYPE_CHECKING:
     from mbsvib import isolation, library, plots, studies
     from mbsvib.api.linearize import linearize
+    from mbsvib.api.model import Model
     from mbsvib.api.modes import Modes
     from mbsvib.api.run import Run
     from mbsvib.api.state_space import StateSpace
@@ -75,6 +75,7 @@ __all__ = [
 
 _HOMES = {
     "Measurement": "mbsvib.responses.measurement",
+    "Model": "mbsvib.api.model",
     "Modes": "mbsvib.api.modes",
     "Run": "mbsvib.api.run",
     "StateSpace": "mbsvib.api.state_space",
@@ -107,3 +108,8 @@ def __getattr__(name: str) -> Any:
     value = home if home.__name__ == f"mbsvib.{name}" else getattr(home, name)
     globals()[name] = value
     return value
+
+
+def __dir__() -> list[str]:
+    """The public names."""
+    return __all__

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import matplotlib as mpl
 import pytest
-from typer.testing import CliRunner
 
 import mbsvib as mv
-from mbsvib.cli._app import app
+from tests.support.cli import invoke
 
 DOCS = Path(__file__).parent.parent / "docs"
 PAGES = sorted((DOCS / "pages").rglob("*.md"))
@@ -19,14 +18,14 @@ SLOW = {"isolation", "seeing", "tools"}
 RUN = [pytest.param(page, marks=pytest.mark.slow if page.stem in SLOW else ()) for page in PAGES]
 
 
-def _runner():
-    spec = spec_from_file_location("docs_run", DOCS / "run.py")
+def _script(name):
+    spec = spec_from_file_location(f"docs_{name}", DOCS / f"{name}.py")
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
 
 
-RUNNER = _runner()
+RUNNER, GALLERY, REFERENCE = _script("run"), _script("gallery"), _script("reference_pages")
 
 
 @pytest.mark.parametrize("page", RUN, ids=lambda page: page.stem)
@@ -37,14 +36,14 @@ def test_pages_print_what_they_show_and_draw_their_pictures(page, tmp_path):
     for printed, shown in pairs:
         assert RUNNER.same(printed, shown), printed
     assert len(pairs) == text.count("```text")
-    for picture in re.findall(r"\]\([./]*pictures/([^)]+)\)", text):
+    for picture in re.findall(r"\]\([./]*pictures/(?!gallery/)([^)]+)\)", text):
         assert (tmp_path / picture).stat().st_size > 2000, picture
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
-        assert "pictures/" in target or (page.parent / target).exists(), target
+        assert "pictures/" in target or target.startswith("https://") or (page.parent / target).exists(), target
 
 
 def test_every_page_is_in_the_table_of_contents():
@@ -85,8 +84,22 @@ def test_commands_work(tmp_path, monkeypatch):
     for page in PAGES:
         for block in re.findall(r"^```bash\n(.*?)^```$", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE):
             for line in block.splitlines():
-                result = CliRunner().invoke(app, line.split()[1:], catch_exceptions=False)
+                result = invoke(line.split()[1:])
                 assert result.exit_code == 0, line
+
+
+def test_the_gallery_is_of_the_examples(tmp_path):
+    assert GALLERY.PAGE.read_text(encoding="utf-8") == GALLERY.page(), "run: python docs/gallery.py"
+    pictures = re.findall(r"pictures/gallery/(\w+)\.png", GALLERY.page())
+    assert pictures == [path.stem for path in GALLERY.EXAMPLES]
+    example = next(path for path in GALLERY.EXAMPLES if path.stem == "inclined_chain")
+    assert GALLERY.draw(example, tmp_path).stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("name", REFERENCE.PAGES)
+def test_pages_that_are_made_of_the_program_are_up_to_date(name):
+    page = (REFERENCE.FOLDER / name).read_text(encoding="utf-8")
+    assert page == REFERENCE.PAGES[name](), "run: python docs/reference_pages.py"
 
 
 @pytest.mark.slow
@@ -103,6 +116,7 @@ def test_the_site_is_built(tmp_path):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-3000:]
     assert (tmp_path / "pictures" / "mechanism.png").exists()
+    assert len(list((tmp_path / "pictures" / "gallery").glob("*.png"))) == len(GALLERY.EXAMPLES)
     pages = (tmp_path / "reference").glob("*/index.html")
     rendered = {name.rpartition(".")[2] for page in pages
                 for name in re.findall(r'id="(mbsvib[^"]*)"', page.read_text(encoding="utf-8"))}  # fmt: skip

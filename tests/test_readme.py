@@ -7,10 +7,9 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import mbsvib as mv
-from mbsvib.cli._app import app
+from tests.support.cli import invoke
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -24,8 +23,9 @@ def blocks(language):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A folder with the README's model file."""
+    """A folder with the README's model file and controller."""
     path = tmp_path_factory.mktemp("readme")
+    (path / "damper.json").write_text(blocks("json")[0], encoding="utf-8")
     (path / "table.yaml").write_text(blocks("yaml")[0], encoding="utf-8")
     return path
 
@@ -116,7 +116,7 @@ def test_the_commands_work(names, folder, monkeypatch):
     lines = [line for text in blocks("bash") for line in text.splitlines() if line.startswith("mbsvib ")]
     assert {line.split()[1] for line in lines} >= {"models", "modes", "bode", "step", "check", "export", "schema"}
     for line in lines:
-        result = CliRunner().invoke(app, shlex.split(line)[1:], catch_exceptions=False)
+        result = invoke(shlex.split(line)[1:])
         assert result.exit_code == 0, f"{line}\n{result.stderr}"
     for name in ("isolation.png", "table-step.png", "table.npz", "stewart.yaml"):
         assert (folder / name).exists()

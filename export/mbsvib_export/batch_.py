@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import content_of
 from mbsvib.errors import ExportError
@@ -36,7 +37,7 @@ VERSION = 1
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class BatchData:
+class BatchData(Displayed):
     """What a file keeps of a batch: one ``SystemData`` for each variant, and the ``values`` (n,) of what varies."""
 
     name: str

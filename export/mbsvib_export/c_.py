@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_path, kind_of
 from mbsvib.errors import ExportError
 from mbsvib.feedback.controller import Controller
@@ -29,8 +30,8 @@ SAMPLES = 64
 _WORD = re.compile(r"\w+", re.ASCII)
 
 
-@dataclass(frozen=True, slots=True)
-class CFiles:
+@dataclass(frozen=True, slots=True, repr=False)
+class CFiles(Displayed):
     """The files of an export to C: ``header``, ``source``, and the program ``test`` with test vectors."""
 
     header: Path

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.api.system import System
+from mbsvib.common.display import Displayed
 from mbsvib.equations.equations import MATRICES
 from mbsvib.errors import ExportError
 from mbsvib_export.affine import affine
@@ -29,7 +30,7 @@ INSTALL = "mbsvib[casadi]"
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class CasadiModel:
+class CasadiModel(Displayed):
     """A system as functions of CasADi, with the names and units of inputs and outputs.
 
     ``rates``: (x, u, p) -> (xdot, y);  ``step``: (x, u, p) -> (x_next, y), exact over ``dt`` [s] for inputs that are

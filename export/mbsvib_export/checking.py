@@ -14,6 +14,7 @@ import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.common import tables
+from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
 from mbsvib_export.neutral import SystemData, refuse_many
@@ -32,8 +33,8 @@ _ZERO = 1e-6  # poles below this share of the largest are taken for rigid-body m
 SUFFIXES = (".json", ".npz", ".mat", ".h5", ".hdf5", ".uff", ".unv", ".op4", ".pch", ".fmu")
 
 
-@dataclass(frozen=True, slots=True)
-class Comparison:
+@dataclass(frozen=True, slots=True, repr=False)
+class Comparison(Displayed):
     """One line of a check: ``what`` was compared ``against`` what, the largest relative ``error`` and its ``limit``."""
 
     what: str
@@ -47,8 +48,8 @@ class Comparison:
         return self.error <= self.limit
 
 
-@dataclass(frozen=True, slots=True)
-class ExportCheck:
+@dataclass(frozen=True, slots=True, repr=False)
+class ExportCheck(Displayed):
     """What was compared in a file, and ``remarks`` on what was not; printed as a table."""
 
     path: Path

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 
+from mbsvib.common.display import Displayed
 from mbsvib.errors import ExportError
 
 _SIGNAL = re.compile(r"^-|[.:~\[$]")
@@ -19,7 +20,7 @@ _ESCAPE = re.compile(r":|~([0-9A-F]{2})")
 _SAME_NAME = "~system"  # no escape begins with ~s
 
 
-class SignalNames:
+class SignalNames(Displayed):
     """The map between names of mbsvib and of python-control: reversible, and no two names meet.
 
     It needs no table, so that it holds for every system, in every session, and for names python-control has taken

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.api.system import System
+from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
 from mbsvib.errors import ExportError
 from mbsvib.responses.from_control import is_control
@@ -34,7 +35,7 @@ def first_order(space: StateSpace) -> dict[str, Array]:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class SystemData:
+class SystemData(Displayed):
     """M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u, the same as a state space, names and units.
 
     ``M``, ``C``, ``K`` (m, m), ``B`` (m, inputs), ``Cq``, ``Cv``, ``Ca`` (outputs, m), ``D`` (outputs, inputs);

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypeVar, cast, overload
 import numpy as np
 
 from mbsvib.api.system import System
+from mbsvib.common.display import Displayed
 from mbsvib.common.expected import angular
 from mbsvib.common.tables import SHOWN
 from mbsvib.equations.batch_equations import BatchEquations
@@ -31,7 +32,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Batch(BatchEquations):
+class Batch(BatchEquations, Displayed):
     """Systems M_i q'' + C_i q' + K_i q = B_i u of n variants, all in the minimal coordinates of ``nominal``.
 
     Arrays are those of ``System`` with an axis of variants in front: ``M``, ``C``, ``K`` (n, m, m), ``B`` (n, m,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError, nearest
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ class Energy:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Run:
+class Run(Displayed):
     """A nonlinear time response.
 
     ``run["w"]`` is an output over ``time`` (n,) [s]; ``coordinates`` and ``rates`` are those of the joints of the

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, Self, cast
 import numpy as np
 
 from mbsvib.api.system import System
+from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError, counted
 from mbsvib.sparse.equations import SparseEquations
 
@@ -30,7 +31,7 @@ _SAY_DENSE = "system.reduced(k) has matrices of the k lowest modes, linearize(me
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class SparseSystem(SparseEquations):
+class SparseSystem(SparseEquations, Displayed):
     """The linear equations of motion of a large mechanism, as sparse rows over displacements and joint coordinates.
 
     Names and units are those of ``System``. ``joint_coordinates`` are all coordinates of the spanning tree, the

@@ -4,10 +4,18 @@ from __future__ import annotations
 
 
 def main() -> None:
-    """Run the command line with the arguments of the process."""
-    from mbsvib.cli._app import app
+    """Run the command line with the arguments of the process, and end the process with its status.
 
-    app(prog_name="mbsvib")
+    OpenBLAS gets one thread unless OPENBLAS_NUM_THREADS is set: more of them wait for each other on matrices of
+    mechanisms, and take twice the time where other programs run too.
+    """
+    import os
+    import sys
+
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    from mbsvib.cli._app import run
+
+    sys.exit(run(sys.argv[1:]))
 
 
 __all__ = ["main"]

@@ -1,62 +1,62 @@
-"""The application: its commands and the options that all of them share."""
+"""The application: its commands, the options that all of them share, and how they end."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from mbsvib.cli import _checking as checking
-from mbsvib.cli import _cosimulating as cosimulating
-from mbsvib.cli import _demo as demo
-from mbsvib.cli import _drawing as drawing
-from mbsvib.cli import _exporting as exporting
-from mbsvib.cli import _looking as looking
-from mbsvib.cli import _parameters as parameters
-from mbsvib.cli import _reporting as reporting
 from mbsvib.cli import _shell as shell
-from mbsvib.cli import _studying as studying
+from mbsvib.cli._commands import HOMES, OPTIONS, command_of
+from mbsvib.cli._parser import EPILOG, Parser
 from mbsvib.version import __version__
 
-app = typer.Typer(
-    cls=shell.Group, no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-    epilog="MODEL is a model file (.yaml, .json, .xml of MuJoCo, .urdf) or a built-in model's name, see: mbsvib models",
-)  # fmt: skip
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+DESCRIPTION = "Vibration of multibody mechanisms: modes, Bode plots, step responses and state-space models."
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
-        typer.echo(f"mbsvib {__version__}")
-        raise typer.Exit
+def run(words: Sequence[str]) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    words : sequence of str
+        Arguments after the program's name.
+
+    Returns
+    -------
+    int
+        Exit status: 0; 1 for a faulty model or a check that failed; 2 for a wrong command line; 130 if interrupted.
+    """
+    if words[:1] == ["--complete"]:
+        from mbsvib.cli._completion import candidates
+
+        shell.say("\n".join(candidates(list(words[1:]))))
+        return 0
+    debug = shell.DEBUG in words
+    with shell.as_messages(debug) as status:
+        _run([word for word in words if word != shell.DEBUG])
+    return status.value
 
 
-@app.callback()
-def options(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
-    ] = False,
-    debug: Annotated[bool, typer.Option(shell.DEBUG, help="Show an error's traceback, with any command.")] = False,
-) -> None:
-    """Vibration of multibody mechanisms: modes, Bode plots, step responses and state-space models."""
+def _run(words: list[str]) -> None:
+    if not words or words[0] in ("--help", "-h"):
+        shell.say(_help())
+    elif words[0] == "--version":
+        shell.say(f"mbsvib {__version__}")
+    elif words[0] in ("--install-completion", "--show-completion"):
+        from mbsvib.cli import _completion as completion
+
+        completion.install(*words[1:2]) if words[0] == "--install-completion" else completion.show(*words[1:2])
+    else:
+        command = command_of(words[0])
+        command.run(**Parser(words[0], command).read(words[1:]))
 
 
-app.command()(demo.demo)
-app.command()(looking.models)
-app.command()(looking.modes)
-app.command()(drawing.bode)
-app.command()(drawing.nyquist)
-app.command()(drawing.sigma)
-app.command()(drawing.step)
-app.command()(drawing.draw)
-app.command()(drawing.animate)
-app.command()(looking.check)
-app.command()(parameters.params)
-app.command()(parameters.sweep)
-app.command()(studying.equilibrium)
-app.command()(studying.isolation)
-app.command()(exporting.export)
-app.command()(checking.check_export)
-app.command()(cosimulating.cosim)
-app.command()(reporting.report)
-app.command()(looking.schema)
+def _help() -> str:
+    rows = {"Commands": {name: command_of(name).summary for name in HOMES}, "Options": OPTIONS}
+    lines = ["Usage: mbsvib COMMAND ...", "", DESCRIPTION]
+    for title, entries in rows.items():
+        width = max(map(len, entries))
+        lines += ["", f"{title}:", *(f"  {name:<{width}}  {words}" for name, words in entries.items())]
+    return "\n".join([*lines, "", EPILOG, "mbsvib COMMAND --help shows the options of a command."])

@@ -3,29 +3,36 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from mbsvib.cli import _shell as shell
+from mbsvib.cli._arguments import JSON, Command, flag, number, option, positional
 from mbsvib.cli._lookup import system_of
 
 
 def check_export(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="What mbsvib export wrote.")],
-    model: Annotated[
-        str | None, typer.Argument(metavar="[MODEL]", help="The model that it came from: a file or a built-in name.")
-    ] = None,
-    limit: Annotated[float, typer.Option("--limit", metavar="ERROR", help="Largest relative error to pass.")] = 1e-6,
-    run: Annotated[
-        bool, typer.Option("--run", help="Load the binary of an .fmu and compare its answers. It is a program: only if "
-                           "you trust the file.")
-    ] = False,
+    file: Path, model: str | None = None, limit: float = 1e-6, run: bool = False, as_json: bool = False
 ) -> None:
     """Read an export again and compare frequency response and poles with the model; exit status 1 if they differ."""
     import mbsvib_export as mx
 
     result = mx.check_export(file, None if model is None else system_of(model), limit, run=run)
-    shell.say(str(result))
+    if as_json:
+        rows = [{"what": row.what, "against": row.against, "error": row.error, "limit": row.limit, "passed": row.passed}
+                for row in result.comparisons]  # fmt: skip
+        shell.say_json({"file": str(file), "passed": result.passed, "comparisons": rows, "remarks": result.remarks})
+    else:
+        shell.say(str(result))
     if not result.passed:
-        raise typer.Exit(shell.FAILED)
+        raise shell.CheckFailed
+
+
+COMMANDS = {"check-export": Command(check_export, (
+    positional("file", "FILE", "What mbsvib export wrote.", type=Path, completes="file"),
+    positional("model", "MODEL", "The model that it came from: a file or a built-in name.", nargs="?",
+               completes="model"),
+    option("--limit", to="limit", metavar="ERROR", type=number, default=1e-6,
+           words="Largest relative error to pass. Default: 1e-6."),
+    flag("--run", "run", "Load the binary of an .fmu and compare its answers. It is a program: only if you trust the "
+         "file."),
+    JSON,
+))}  # fmt: skip

@@ -3,32 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
+from mbsvib.cli._arguments import JSON, Command, file_argument, number, option, positional
+from mbsvib.cli._figures import check_format, write_figure
+
+if TYPE_CHECKING:
+    from mbsvib_export import CosimulationCheck
 
 
 def cosim(
-    plant: Annotated[Path, typer.Argument(metavar="PLANT.fmu", help="FMU of the plant.")],
-    controller: Annotated[Path, typer.Argument(metavar="CONTROLLER.fmu", help="FMU of the controller.")],
-    step: Annotated[float, typer.Option("--step", metavar="SECONDS", help="Communication step.")],
-    master: Annotated[
-        list[str] | None,
-        typer.Option("--master", metavar="NAME", help="jacobi, gauss-seidel, slopes (linear extrapolation) or "
-                     "iteration; may be given several times. Default: all."),
-    ] = None,
-    connect: Annotated[
-        list[str] | None,
-        typer.Option("--connect", metavar="INPUT=OUTPUT", help="Where names differ; nothing behind = leaves it free."),
-    ] = None,
-    duration: Annotated[
-        float | None, typer.Option("--duration", metavar="SECONDS", help="Time to simulate. Default: 256 steps.")
-    ] = None,
-    plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="FILE", help="Error against step, as .png, .svg or .pdf.")
-    ] = None,
+    plant: Path, controller: Path, step: float, master: list[str] | None = None, connect: list[str] | None = None,
+    duration: float | None = None, file: Path | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
     """Co-simulate two FMUs: error against step, order, largest stable step; exit status 1 if it fails."""
     import mbsvib_export as mx
@@ -39,13 +26,43 @@ def cosim(
         if not sign or not name:
             raise shell.UsageProblem(f"--connect {connection}: expected INPUT=OUTPUT, such as --connect F=u.")
         pairs[name] = source or None
+    if file is not None:
+        check_format(file)
     result = mx.check_cosimulation(plant, controller, step, masters=master, connections=pairs, duration=duration)
-    shell.say(str(result))
-    if plot is not None:
-        try:
-            result.plot().savefig(plot)
-        except ValueError as error:  # matplotlib's, for a suffix that it does not know
-            raise shell.UsageProblem(f"--plot {plot}: {error}") from error
-        shell.say(f"Written: {shell.shown(plot)}")
+    if as_json:
+        shell.say_json(_record(result))
+    else:
+        shell.say(str(result))
+    if file is not None:
+        write_figure(result.plot(), file)
+        if not as_json:
+            shell.say(f"Written: {shell.shown(file)}")
     if not result.passed:
-        raise typer.Exit(shell.FAILED)
+        raise shell.CheckFailed
+
+
+def _record(result: CosimulationCheck) -> dict[str, Any]:
+    masters = [{"master": one.method, "steps": one.steps, "errors": one.errors, "worst_output": one.worst,
+                "order": one.order, "fmu_against_reference": one.difference, "stable": one.stable,
+                "largest_stable_step": one.largest_stable_step, "passed": one.passed}
+               for one in result.masters]  # fmt: skip
+    return {"plant": result.plant, "controller": result.controller, "step": result.step, "duration": result.duration,
+            "connections": result.connections, "growth": result.growth, "passed": result.passed, "masters": masters,
+            "remarks": result.remarks}  # fmt: skip
+
+
+COMMANDS = {"cosim": Command(cosim, (
+    positional("plant", "PLANT.fmu", "FMU of the plant.", type=Path, completes="file"),
+    positional("controller", "CONTROLLER.fmu", "FMU of the controller.", type=Path, completes="file"),
+    option("--step", "--dt", to="step", metavar="SECONDS", type=number, required=True, words="Communication step."),
+    option("--master", to="master", metavar="NAME", action="append",
+           choices=("jacobi", "gauss-seidel", "slopes", "iteration"),
+           words="jacobi, gauss-seidel, slopes (linear extrapolation) or iteration; may be given several times. "
+                 "Default: all."),
+    option("--connect", to="connect", metavar="INPUT=OUTPUT", action="append",
+           words="Where names differ; nothing behind = leaves it free."),
+    option("--duration", to="duration", metavar="SECONDS", type=number,
+           words="Time to simulate. Default: 256 steps."),
+    file_argument("Error against step, as .png, .svg or .pdf."),
+    JSON,
+))}  # fmt: skip

@@ -1,77 +1,67 @@
-"""The demonstration: the Stewart platform from bodies and joints to figures and files."""
+"""The demonstration: an isolating platform, from bodies and joints to a closed loop, FMUs and a report."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from mbsvib.cli import _shell as shell
+from mbsvib.cli._arguments import JSON, Command, option
+from mbsvib.common import tables
 
 FOLDER = Path("mbsvib-demo")
-# (extra, what it is for, the command that needs it)
-EXTRAS = (
-    ("report", "a page for any browser, the modes in motion", "report stewart"),
-    ("video", "a mode as MP4 (.gif needs no extra)", "animate stewart -o mode.mp4"),
-    ("fmu", "a functional mock-up unit where no C compiler is", "export stewart -o stewart.fmu"),
-    ("hdf5", "matrices and state space as HDF5", "export stewart -o stewart.h5"),
-)
 
 
-def demo(
-    folder: Annotated[Path, typer.Option("--folder", "-o", metavar="FOLDER", help="Where the files go.")] = FOLDER,
-) -> None:
-    """Compute the Stewart platform end to end: modes, Bode plots, step response, files in a folder."""
-    from mbsvib import library, plots
-    from mbsvib.cli._drawing import write_figure
-    from mbsvib.cli._records import csv_text
-    from mbsvib.common import tables
-    from mbsvib.files import save
-    from mbsvib_export import to_json, to_npz
-    from mbsvib_export.atomic_file import write_atomic
+def demo(folder: Path = FOLDER, as_json: bool = False) -> None:
+    """Compute an isolating platform end to end: modes, Bode, isolation, active damping, FMUs, report."""
+    from mbsvib.cli._demo_stages import STAGES, Work
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise shell.UsageProblem(f"'{folder}' cannot be made: {error.strerror}. Give another folder by -o.") from error
-    model = library.stewart(ports=("platform", "base"))
-    system = model.linearize()
-    modes = system.modes()
-    tables.show(shell.console(), **modes.table())
-
-    files = []
-
-    def wrote(name: str, words: str) -> Path:
-        files.append((name, words))
-        return folder / name
-
-    content = csv_text(modes).encode()
-    write_atomic(wrote("modes.csv", "the table above, with every digit"), lambda stream: stream.write(content))
-    write_figure(plots.modes(system), wrote("modes.png", "natural frequencies and damping ratios"))
-    force = plots.bode(system, "x", "Fx")
-    write_figure(force, wrote("bode-force.png", "Bode plot, force on the platform to its displacement"))
-    base = plots.bode(system, "platform.ax", "ax")
-    write_figure(base, wrote("bode-base.png", "Bode plot, acceleration of the base to that of the platform"))
-    write_figure(plots.step(system, "x", "Fx"), wrote("step.png", "response to a step of that force"))
-    save(model, wrote("stewart.yaml", "the model: bodies, joints, springs, inputs, outputs; edit and try again"))
-    to_npz(system, wrote("stewart.npz", "M C K B, state space, names and units for numpy"))
-    to_json(system, wrote("stewart.json", "the same for any language"))
-
-    shell.say("")
+    work = Work(folder, quiet=as_json)
+    for number, stage in enumerate(STAGES, 1):
+        work.say(f"{'' if number == 1 else chr(10)}{number}/{len(STAGES)}  {stage.title}")
+        stage.run(work)
+    if as_json:
+        shell.say_json({"folder": str(folder), "files": dict(work.files), "figures": work.results,
+                        "missing": [{"extra": extra, "what": words} for extra, words, _ in work.missing]})  # fmt: skip
+        return
     shown_folder = shell.shown(folder)
-    tables.show(shell.console(), f"Written to {shown_folder}", [("file", "left"), ("what is in it", "left")], files)
-    example = str(Path(shown_folder) / "stewart.yaml")
-    shell.say("Next: " + _line("", f"modes {example}") + "\n")
-    rows = [(words, _line(extra, command)) for extra, words, command in EXTRAS]
-    tables.show(shell.console(), "What needs an extra", [("what", "left"), ("command", "left")], rows)
+    shell.say("")
+    tables.show(f"Written to {shown_folder}", [("file", "left"), ("what is in it", "left")], work.files)
+    if work.missing:
+        rows = [(words, command_line(extra, command)) for extra, words, command in work.missing]
+        shell.say("")
+        tables.show("What needs an extra", [("what", "left"), ("command", "left")], rows)
+    shell.say("Next: " + command_line("", f"modes {Path(shown_folder) / 'isolator.yaml'}"))
 
 
-def _line(extra: str, command: str) -> str:
-    """Return what to type for a command that needs an extra, or none: by uv where uv has run this one."""
+def command_line(extra: str, command: str) -> str:
+    """Return what to type for a command that needs an extra, or none: by uv where uv has run this one.
+
+    Parameters
+    ----------
+    extra : str
+        Name of the extra; empty for none.
+    command : str
+        Words after ``mbsvib``.
+
+    Returns
+    -------
+    str
+        A line for a shell.
+    """
     if "UV" in os.environ:
         needed = f"--extra {extra} " if extra else ""
         return f"uv run --no-dev {needed}mbsvib {command}"
     needed = f'pip install "mbsvib[{extra}]" && ' if extra else ""
     return f"{needed}mbsvib {command}"
+
+
+COMMANDS = {"demo": Command(demo, (
+    option("--folder", "-o", to="folder", metavar="FOLDER", type=Path, default=FOLDER, completes="file",
+           words="Where the files go. Default: mbsvib-demo."),
+    JSON,
+))}  # fmt: skip

@@ -1,147 +1,191 @@
-"""Commands that draw: bode, step, draw and animate."""
+"""Commands that draw curves and mechanisms: bode, nyquist, sigma, step, draw and animate."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._lookup import InputOption, ModelArgument, OutputOption, model_of, ports, system_of
+from mbsvib.cli._arguments import (
+    FIRST,
+    INPUTS,
+    JSON,
+    LAST,
+    MODEL,
+    OUTPUTS,
+    Command,
+    file_argument,
+    number,
+    option,
+    whole_number,
+)
+from mbsvib.cli._figures import FORMATS, check_format, default_path, write_figure
+from mbsvib.cli._lookup import model_of, ports, system_of
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from collections.abc import Callable
 
-FORMATS = (".png", ".pdf", ".svg")
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from mbsvib.api.system import System
+
+    Names = list[str] | None
+    Limit = float | None
+
 MOTIONS = (".gif", ".mp4", ".html")
-ViewOption = Annotated[str, typer.Option("--view", metavar="VIEW", help="From where: 3-D, x, y or z.")]
-FileOption = Annotated[
-    Path | None, typer.Option("--file", "-o", metavar="FILE", help=f"Where to: {', '.join(FORMATS)}.")
-]
-FirstOption = Annotated[float | None, typer.Option("--from", metavar="HZ", help="First frequency [Hz].")]
-LastOption = Annotated[float | None, typer.Option("--to", metavar="HZ", help="Last frequency [Hz].")]
 
 
 def bode(
-    model: ModelArgument, inputs: InputOption = None, outputs: OutputOption = None, first: FirstOption = None,
-    last: LastOption = None, file: FileOption = None,
+    model: str, inputs: Names = None, outputs: Names = None, first: Limit = None, last: Limit = None,
+    file: Path | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
     """Draw a Bode plot into a file (default: NAME-bode.png)."""
-    _check_format(file)
-    system = system_of(model)
-    sources, results, remark = ports(system, inputs, outputs)
     from mbsvib import plots
 
-    figure = plots.bode(system, results, sources, span=(first, last))
-    _deliver(figure, file, f"{system.name}-bode.png", remark)
+    _frequency_curves("bode", plots.bode, model, inputs, outputs, (first, last), file, as_json)
 
 
 def nyquist(
-    model: ModelArgument, inputs: InputOption = None, outputs: OutputOption = None, first: FirstOption = None,
-    last: LastOption = None, file: FileOption = None,
+    model: str, inputs: Names = None, outputs: Names = None, first: Limit = None, last: Limit = None,
+    file: Path | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
     """Draw frequency responses in the complex plane into a file (default: NAME-nyquist.png)."""
-    _check_format(file)
-    system = system_of(model)
-    sources, results, remark = ports(system, inputs, outputs)
     from mbsvib import plots
 
-    figure = plots.nyquist(system, results, sources, span=(first, last))
-    _deliver(figure, file, f"{system.name}-nyquist.png", remark)
+    _frequency_curves("nyquist", plots.nyquist, model, inputs, outputs, (first, last), file, as_json)
 
 
 def sigma(
-    model: ModelArgument, inputs: InputOption = None, outputs: OutputOption = None, first: FirstOption = None,
-    last: LastOption = None, file: FileOption = None,
+    model: str, inputs: Names = None, outputs: Names = None, first: Limit = None, last: Limit = None,
+    file: Path | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
     """Draw the singular values of the frequency response into a file (default: NAME-sigma.png)."""
-    _check_format(file)
+    check_format(file)
     system = system_of(model)
-    from mbsvib import plots
+    if as_json:
+        import numpy as np
 
-    figure = plots.singular_values(system, outputs or None, inputs or None, span=(first, last))
-    _deliver(figure, file, f"{system.name}-sigma.png", "")
+        part = system.with_ports(outputs, inputs)
+        omega = part.frequency_grid(f_min=first, f_max=last)
+        values = np.linalg.svd(np.moveaxis(part.frequency_response(omega), -1, 0), compute_uv=False)
+        shell.say_json({**_signals(part), "frequencies_hz": (omega / (2.0 * np.pi)).tolist(),
+                        "singular_values": values.T.tolist()})  # fmt: skip
+    if file is not None or not as_json:
+        from mbsvib import plots
+
+        figure = plots.singular_values(system, outputs, inputs, span=(first, last))
+        _deliver(figure, file, default_path(system.name, "sigma.png"), "", as_json)
 
 
 def step(
-    model: ModelArgument,
-    inputs: InputOption = None,
-    outputs: OutputOption = None,
-    duration: Annotated[float | None, typer.Option("--duration", metavar="SECONDS", help="Time shown.")] = None,
-    file: FileOption = None,
-) -> None:
+    model: str, inputs: Names = None, outputs: Names = None, duration: Limit = None, file: Path | None = None,
+    as_json: bool = False,
+) -> None:  # fmt: skip
     """Draw responses to unit steps into a file (default: NAME-step.png)."""
-    _check_format(file)
+    check_format(file)
     system = system_of(model)
-    sources, results, remark = ports(system, inputs, outputs)
-    from mbsvib import plots
+    if as_json:
+        import numpy as np
 
-    _deliver(plots.step(system, results, sources, duration), file, f"{system.name}-step.png", remark)
+        from mbsvib.plots import time_grid
+
+        part = system.with_ports(outputs, inputs)
+        t = time_grid(part, duration)
+        responses = [part.time_response(t, np.outer(unit, np.ones_like(t))) for unit in np.eye(len(part.inputs))]
+        shell.say_json({**_signals(part), "times_s": t.tolist(),
+                        "responses": _by_names(part, np.stack(responses, axis=1), _real)})  # fmt: skip
+    if file is not None or not as_json:
+        from mbsvib import plots
+
+        sources, results, remark = ports(system, inputs, outputs)
+        figure = plots.step(system, results, sources, duration)
+        _deliver(figure, file, default_path(system.name, "step.png"), remark, as_json)
 
 
-def draw(model: ModelArgument, view: ViewOption = "3-D", file: FileOption = None) -> None:
+def draw(model: str, view: str = "3-D", file: Path | None = None, as_json: bool = False) -> None:
     """Draw the mechanism into a file (default: NAME-mechanism.png)."""
-    _check_format(file)
+    check_format(file)
     source = model_of(model)
     from mbsvib import plots
 
-    _deliver(plots.mechanism(source, view), file, f"{source.name}-mechanism.png", "")
+    path = write_figure(plots.mechanism(source, view), file or default_path(source.name, "mechanism.png"))
+    shell.say_written(path, as_json)
 
 
-def animate(
-    model: ModelArgument,
-    mode: Annotated[int, typer.Option("--mode", "-m", metavar="N", help="The mode's number in the table, from 1.")] = 1,
-    view: ViewOption = "3-D",
-    file: Annotated[
-        Path | None, typer.Option("--file", "-o", metavar="FILE", help="Where to: .gif, .mp4 or .html.")
-    ] = None,
-) -> None:
+def animate(model: str, mode: int = 1, view: str = "3-D", file: Path | None = None, as_json: bool = False) -> None:
     """Write a mode in motion into a file (default: NAME-modeN.gif)."""
     if file is not None and file.suffix.lower() not in MOTIONS:
         raise shell.UsageProblem(f"'{file}': motions end in {', '.join(MOTIONS)}.")
     system = system_of(model)
-    path = file if file is not None else Path(f"{system.name}-mode{mode}.gif".replace("/", "_"))
+    path = file if file is not None else default_path(system.name, f"mode{mode}.gif")
     motion = system.modes().animate(mode, path, view=view)
-    shell.say(motion.title)
-    shell.say(f"Written: {shell.shown(path)}")
+    if not as_json:
+        shell.say(motion.title)
+    shell.say_written(path, as_json, title=motion.title)
 
 
-def write_figure(figure: Figure, path: Path) -> Path:
-    """Write a figure in the format of the path's suffix, completely or not at all.
+def _frequency_curves(
+    name: str, plot: Callable[..., Figure], model: str, inputs: Names, outputs: Names, span: tuple[Limit, Limit],
+    file: Path | None, as_json: bool,
+) -> None:  # fmt: skip
+    """Draw responses over frequency, or print them."""
+    check_format(file)
+    system = system_of(model)
+    if as_json:
+        import numpy as np
 
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        What to write.
-    path : Path
-        Where to.
-
-    Returns
-    -------
-    Path
-        The path.
-
-    Raises
-    ------
-    UsageProblem
-        If the suffix is unknown.
-    ExportError
-        If the file cannot be written.
-    """
-    from mbsvib_export.atomic_file import write_atomic
-
-    _check_format(path)
-    return write_atomic(path, lambda stream: figure.savefig(stream, format=path.suffix[1:].lower()))
+        part = system.with_ports(outputs, inputs)
+        omega = part.frequency_grid(f_min=span[0], f_max=span[1])
+        response = part.frequency_response(omega)
+        shell.say_json({**_signals(part), "frequencies_hz": (omega / (2.0 * np.pi)).tolist(),
+                        "responses": _by_names(part, response, _complex)})  # fmt: skip
+    if file is not None or not as_json:
+        sources, results, remark = ports(system, inputs, outputs)
+        figure = plot(system, results, sources, span=span)
+        _deliver(figure, file, default_path(system.name, f"{name}.png"), remark, as_json)
 
 
-def _check_format(path: Path | None) -> None:
-    if path is not None and path.suffix.lower() not in FORMATS:
-        raise shell.UsageProblem(f"'{path}': figures end in {', '.join(FORMATS)}.")
+def _signals(system: System) -> dict[str, Any]:
+    return {"name": system.name, "inputs": system.inputs, "input_units": system.input_units,
+            "outputs": system.outputs, "output_units": system.output_units}  # fmt: skip
 
 
-def _deliver(figure: Figure, file: Path | None, default: str, remark: str) -> None:
-    path = write_figure(figure, file if file is not None else Path(default.replace("/", "_")))
+def _real(values: NDArray[Any]) -> list[float]:
+    numbers: list[float] = values.tolist()
+    return numbers
+
+
+def _complex(values: NDArray[Any]) -> dict[str, list[float]]:
+    return {"real": values.real.tolist(), "imag": values.imag.tolist()}
+
+
+def _by_names(system: System, values: NDArray[Any], record: Callable[[Any], Any]) -> dict[str, dict[str, Any]]:
+    """{output: {input: values}} of an array (outputs, inputs, n)."""
+    return {output: {source: record(values[i, j]) for j, source in enumerate(system.inputs)}
+            for i, output in enumerate(system.outputs)}  # fmt: skip
+
+
+def _deliver(figure: Figure, file: Path | None, default: Path, remark: str, as_json: bool) -> None:
+    path = write_figure(figure, file if file is not None else default)
+    if as_json:
+        return  # standard output has the numbers
     if remark:
         shell.say(remark)
     shell.say(f"Written: {shell.shown(path)}")
+
+
+VIEW = option("--view", to="view", metavar="VIEW", default="3-D", words="From where: 3-D, x, y or z. Default: 3-D.")
+PICTURE = file_argument(f"Where to: {', '.join(FORMATS)}.")
+CURVES = (MODEL, INPUTS, OUTPUTS, FIRST, LAST, PICTURE, JSON)
+DURATION = option("--duration", to="duration", metavar="SECONDS", type=number, words="Time shown.")
+MODE = option("--mode", "-m", to="mode", metavar="N", type=whole_number, default=1,
+              words="The mode's number in the table, from 1. Default: 1.")  # fmt: skip
+COMMANDS = {
+    "bode": Command(bode, CURVES),
+    "nyquist": Command(nyquist, CURVES),
+    "sigma": Command(sigma, CURVES),
+    "step": Command(step, (MODEL, INPUTS, OUTPUTS, DURATION, PICTURE, JSON)),
+    "draw": Command(draw, (MODEL, VIEW, PICTURE, JSON)),
+    "animate": Command(animate, (MODEL, MODE, VIEW, file_argument("Where to: .gif, .mp4 or .html."), JSON)),
+}

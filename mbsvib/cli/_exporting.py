@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._lookup import ModelArgument, model_of
+from mbsvib.cli._arguments import INPUTS, JSON, MODEL, OUTPUTS, Command, file_argument, number, option
+from mbsvib.cli._lookup import model_of
 from mbsvib.errors import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from mbsvib.api.system import System
 
 KINDS = {
     ".json": "the linear system with names and units as JSON",
@@ -22,39 +23,44 @@ KINDS = {
     ".uff": "frequency responses and geometry as universal file",
     ".op4": "M, C, K and the other matrices for Nastran",
     ".pch": "M, C, K as DMIG cards for Nastran",
-    ".fmu": "an FMU (FMI 3.0), for model exchange and co-simulation",
+    ".fmu": "an FMU, for model exchange and co-simulation",
     ".mo": "the state space as a model in Modelica",
     ".c": "the discrete-time state space as C source, with header and test program beside it",
     ".yaml": "the model itself, to be edited",
 }
+# options that some formats have: the argument of the exporter, and which formats
+CHOICES = {
+    "--realization": ("realization", (".json", ".npz", ".mat", ".h5", ".mo", ".fmu", ".c")),
+    "--step": ("step", (".c",)),
+    "--method": ("method", (".c",)),
+    "--fmi": ("version", (".fmu",)),
+    "--platforms": ("platforms", (".fmu",)),
+    "--tunable": ("tunable", (".fmu",)),
+    "--input": ("inputs", tuple(kind for kind in KINDS if kind != ".yaml")),
+    "--output": ("outputs", tuple(kind for kind in KINDS if kind != ".yaml")),
+}
 
 
 def export(
-    model: ModelArgument,
-    file: Annotated[Path, typer.Option("--file", "-o", metavar="FILE", help=f"Where to: {', '.join(KINDS)}.")],
-    realization: Annotated[
-        str | None,
-        typer.Option("--realization", metavar="KIND", help="States: physical (of .c: modal), modal or balanced."),
-    ] = None,
-    step: Annotated[
-        float | None, typer.Option("--step", metavar="SECONDS", help="Time between samples, for .c.")
-    ] = None,
-    fmi: Annotated[str, typer.Option("--fmi", metavar="VERSION", help="Of an FMU: 2.0 or 3.0.")] = "3.0",
-    platforms: Annotated[
-        str | None, typer.Option("--platforms", metavar="NAMES", help="Of an FMU: all, or names with commas between.")
-    ] = None,
-) -> None:
+    model: str, file: Path, realization: str | None = None, step: float | None = None, method: str | None = None,
+    version: str | None = None, platforms: str | None = None, tunable: list[str] | None = None,
+    inputs: list[str] | None = None, outputs: list[str] | None = None, as_json: bool = False,
+) -> None:  # fmt: skip
     """Write the linear system, frequency responses or the model (.yaml), by the suffix of the file."""
     suffix = file.suffix.lower()
     if suffix not in KINDS:
         known = "; ".join(f"{kind}: {words}" for kind, words in KINDS.items())
         hint = nearest(suffix, KINDS)
         raise shell.UsageProblem(f"'{file}': no format goes by the suffix '{suffix}'.{hint} Known: {known}.")
-    if step is not None and suffix != ".c":
-        raise shell.UsageProblem(f"--step {step:g}: '{file}' is continuous in time; give --step with a file that ends "
-                                 f"in .c.")  # fmt: skip
-    if suffix != ".fmu" and (fmi != "3.0" or platforms is not None):
-        raise shell.UsageProblem(f"--fmi and --platforms: '{file}' is no FMU; give them with a file that ends in .fmu.")
+    values: dict[str, Any] = {
+        "realization": realization, "step": step, "method": method, "version": version, "tunable": tunable,
+        "platforms": platforms if platforms in (None, "all") else tuple(platforms.split(",")),
+        "inputs": inputs, "outputs": outputs,
+    }  # fmt: skip
+    for name, (argument, kinds) in CHOICES.items():
+        if values[argument] is not None and suffix not in kinds:
+            raise shell.UsageProblem(f"{name}: '{file}' has no such choice; give {name} with a file that ends in "
+                                     f"{' or '.join(kinds)}.")  # fmt: skip
     source = model_of(model)
     if file.exists() and Path(model).exists() and file.samefile(model):
         raise shell.UsageProblem(f"'{file}' is the model itself, which would be overwritten; give another file by -o.")
@@ -64,24 +70,47 @@ def export(
 
         save(source, file)
     else:
-        import mbsvib_export as mx
+        system = source.linearize().with_ports(values.pop("outputs"), values.pop("inputs"))
+        content = _write(system, file, {name: value for name, value in values.items() if value is not None})
+    if as_json:
+        shell.say_written(file, as_json, content=content)
+    else:
+        shell.say(f"Written: {shell.shown(file)} ({content})")
 
-        system = source.linearize()
-        with_states: dict[str, Callable[..., object]] = {
+
+def _write(system: System, file: Path, choices: dict[str, Any]) -> str:
+    """Write a system by the suffix of a file; return what it contains."""
+    import mbsvib_export as mx
+
+    suffix = file.suffix.lower()
+    if suffix == ".c":
+        mx.to_c(system, file.parent, name=file.stem, **choices)
+    elif suffix == ".fmu":
+        written = mx.to_fmu(system, file, **choices)
+        more = "; others by --platforms all" if written.other_platforms else ""
+        return f"an FMU (FMI {written.version}) that runs on {', '.join(written.platforms)}{more}"
+    else:
+        writers: dict[str, Callable[..., object]] = {
             ".json": mx.to_json, ".npz": mx.to_npz, ".mat": mx.to_mat, ".h5": mx.to_hdf5, ".mo": mx.to_modelica,
+            ".uff": mx.to_uff, ".op4": mx.to_op4, ".pch": mx.to_dmig,
         }  # fmt: skip
-        states = {} if realization is None else {"realization": realization}
-        if suffix == ".c":
-            mx.to_c(system, file.parent, name=file.stem, **states, **({} if step is None else {"step": step}))  # type: ignore[arg-type]
-        elif suffix == ".fmu":
-            asked = platforms if platforms in (None, "all") else tuple(platforms.split(","))
-            written = mx.to_fmu(system, file, fmi, platforms=asked, **states)
-            content = f"an FMU (FMI {fmi}) that runs on {', '.join(written.platforms)}"
-            if written.other_platforms:
-                content += "; others by --platforms all"
-        elif suffix in with_states:
-            with_states[suffix](system, file, **states)
-        else:
-            exporters: dict[str, Callable[..., object]] = {".uff": mx.to_uff, ".op4": mx.to_op4, ".pch": mx.to_dmig}
-            exporters[suffix](system, file)
-    shell.say(f"Written: {shell.shown(file)} ({content})")
+        writers[suffix](system, file, **choices)
+    return KINDS[suffix]
+
+
+COMMANDS = {"export": Command(export, (
+    MODEL,
+    file_argument(f"Where to: {', '.join(KINDS)}.", required=True),
+    INPUTS,
+    OUTPUTS,
+    option("--realization", to="realization", metavar="KIND",
+           words="States: physical (of .c: modal), modal or balanced."),
+    option("--step", "--dt", to="step", metavar="SECONDS", type=number, words="Time between samples, for .c."),
+    option("--method", to="method", metavar="KIND", words="Discretization, for .c: zoh, foh or tustin."),
+    option("--fmi", to="version", metavar="VERSION", words="Of an FMU: 2.0 or 3.0. Default: 3.0."),
+    option("--platforms", to="platforms", metavar="NAMES", words="Of an FMU: all, or names with commas between."),
+    option("--tunable", to="tunable", metavar="PARAMETER", action="append",
+           words="Parameter that the user of an FMU may change, such as 'leg*.k.stiffness'; may be given several "
+                 "times."),
+    JSON,
+))}  # fmt: skip

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-import typer
-
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._lookup import ModelArgument, system_of
+from mbsvib.cli._arguments import JSON, MODEL, Command, flag
+from mbsvib.cli._lookup import system_of
 
-JsonOption = Annotated[bool, typer.Option("--json", help="JSON with every digit.")]
 
-
-def models(as_json: JsonOption = False) -> None:
+def models(as_json: bool = False) -> None:
     """List the built-in models."""
     from mbsvib import library
     from mbsvib.common import tables
@@ -22,14 +17,10 @@ def models(as_json: JsonOption = False) -> None:
         return
     rows = [(name, words) for name, (_, words) in library.models().items()]
     note = "Members of the families by the chapter's names too: C50RF1, T5PF1, L20SF1 (size and joint)."
-    tables.show(shell.console(), "Built-in models", [("name", "left"), ("what it is", "left")], rows, [note])
+    tables.show("Built-in models", [("name", "left"), ("what it is", "left")], rows, [note])
 
 
-def modes(
-    model: ModelArgument,
-    as_csv: Annotated[bool, typer.Option("--csv", help="Comma-separated values with every digit.")] = False,
-    as_json: JsonOption = False,
-) -> None:
+def modes(model: str, as_csv: bool = False, as_json: bool = False) -> None:
     """Print natural frequencies, damping ratios and what moves most in each mode."""
     if as_csv and as_json:
         raise shell.UsageProblem("modes: --csv and --json together; choose one of them.")
@@ -41,10 +32,10 @@ def modes(
 
         shell.say(records.json_text(result) if as_json else records.csv_text(result).rstrip("\n"))
         return
-    tables.show(shell.console(), **result.table())
+    tables.show(**result.table())
 
 
-def check(model: ModelArgument, as_json: JsonOption = False) -> None:
+def check(model: str, as_json: bool = False) -> None:
     """Load and linearize a model and explain what was found; exit status 1 if it is faulty."""
     system = system_of(model)
     if as_json:
@@ -64,10 +55,19 @@ def check(model: ModelArgument, as_json: JsonOption = False) -> None:
         shell.say(f"  {remark}")
 
 
-def schema() -> None:
+def schema(as_json: bool = True) -> None:
     """Print the JSON schema of model files, for editors that check and complete them."""
     import json
 
     from mbsvib.files import schema as of_files
 
     shell.say(json.dumps(of_files(), indent=2))
+
+
+CSV = flag("--csv", "as_csv", "Print comma-separated values with every digit.")
+COMMANDS = {
+    "models": Command(models, (JSON,)),
+    "modes": Command(modes, (MODEL, CSV, JSON)),
+    "check": Command(check, (MODEL, JSON)),
+    "schema": Command(schema, (JSON,)),
+}

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from mbsvib.cli._shell import UsageProblem
 from mbsvib.errors import ModelError, nearest
@@ -15,14 +13,6 @@ if TYPE_CHECKING:
     from mbsvib.api.system import System
 
 SUFFIXES = (".yaml", ".yml", ".json", ".xml", ".urdf")
-
-ModelArgument = Annotated[str, typer.Argument(metavar="MODEL", help="Model file, or name of a built-in model.")]
-InputOption = Annotated[
-    list[str] | None, typer.Option("--input", "-i", metavar="NAME", help="Input; may be given several times.")
-]
-OutputOption = Annotated[
-    list[str] | None, typer.Option("--output", metavar="NAME", help="Output; may be given several times.")
-]
 
 
 def model_of(word: str) -> Model:

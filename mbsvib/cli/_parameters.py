@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 from fnmatch import fnmatchcase
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._looking import JsonOption
-from mbsvib.cli._lookup import ModelArgument, model_of
+from mbsvib.cli._arguments import JSON, MODEL, Command, file_argument, flag, option, positional, whole_number
+from mbsvib.cli._lookup import model_of
 from mbsvib.errors import nearest
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import numpy as np
     from numpy.typing import NDArray
 
-def params(
-    model: ModelArgument,
-    pattern: Annotated[str, typer.Argument(metavar="PATTERN", help="Names to list, such as 'leg*.stiffness'.")] = "*",
-    as_json: JsonOption = False,
-) -> None:
+
+def params(model: str, pattern: str = "*", as_json: bool = False) -> None:
     """List the parameters of a model with values and units."""
     known = model_of(model).parameters
     names = [name for name in known if fnmatchcase(name, pattern)]
@@ -33,22 +29,15 @@ def params(
     from mbsvib.common import tables
 
     rows = [(name, f"{known[name]:.8g}", known.units[name]) for name in names]
-    tables.show(shell.console(), "Parameters", [("name", "left"), ("value", "right"), ("unit", "left")], rows, [])
+    tables.show("Parameters", [("name", "left"), ("value", "right"), ("unit", "left")], rows, [])
 
 
 def sweep(
-    model: ModelArgument,
-    ranges: Annotated[list[str], typer.Argument(metavar="PARAMETER=FROM:TO[:COUNT]", help="What is varied; several "
-                                                "parameters make a grid.")],
-    modes: Annotated[int, typer.Option("--modes", metavar="N", help="Number of the lowest modes.")] = 6,
-    log: Annotated[bool, typer.Option("--log", help="Values in equal ratios.")] = False,
-    file: Annotated[Path | None, typer.Option("--file", "-o", metavar="FILE", help="A figure (.png, .pdf, .svg) or a "
-                                              "table (.csv).")] = None,
-    as_json: JsonOption = False,
+    model: str, ranges: list[str], modes: int = 6, log: bool = False, file: Path | None = None, as_json: bool = False
 ) -> None:
     """Compute natural frequencies over one or more parameters."""
     from mbsvib import studies
-    from mbsvib.cli._drawing import FORMATS, write_figure
+    from mbsvib.cli._figures import FORMATS, write_figure
 
     if file is not None and file.suffix.lower() not in (*FORMATS, ".csv"):
         raise shell.UsageProblem(f"'{file}': sweeps end in {', '.join(FORMATS)} or .csv.")
@@ -62,7 +51,7 @@ def sweep(
     elif file is None:
         from mbsvib.common import tables
 
-        tables.show(shell.console(), **result.table())
+        tables.show(**result.table())
     if file is not None:
         if file.suffix.lower() == ".csv":
             result.to_csv(file)
@@ -87,3 +76,23 @@ def _range(text: str, log: bool) -> tuple[str, NDArray[np.float64]]:
     if log and not (first > 0.0 and last > 0.0):
         raise shell.UsageProblem(f"'{text}': --log needs positive ends; leave --log out, or give others.")
     return name, np.geomspace(first, last, count) if log else np.linspace(first, last, count)
+
+
+COMMANDS = {
+    "params": Command(params, (
+        MODEL,
+        positional("pattern", "PATTERN", "Names to list, such as 'leg*.stiffness'. Default: all.", nargs="?",
+                   default="*", completes="parameter"),
+        JSON,
+    )),
+    "sweep": Command(sweep, (
+        MODEL,
+        positional("ranges", "PARAMETER=FROM:TO[:COUNT]", "What is varied; several parameters make a grid.", nargs="+",
+                   completes="parameter"),
+        option("--modes", to="modes", metavar="N", type=whole_number, default=6,
+               words="Number of the lowest modes. Default: 6."),
+        flag("--log", "log", "Values in equal ratios."),
+        file_argument("A figure (.png, .pdf, .svg) or a table (.csv)."),
+        JSON,
+    )),
+}  # fmt: skip

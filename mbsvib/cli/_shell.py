@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import sys
 import warnings
+from contextlib import contextmanager
+from dataclasses import dataclass
 from math import isfinite
 from typing import TYPE_CHECKING, Any
-
-import typer
-from typer.core import TyperGroup
 
 from mbsvib.common import tables
 from mbsvib.errors import (
@@ -22,59 +21,98 @@ from mbsvib.errors import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
-    from rich.console import Console
-
 DEBUG = "--debug"
-FAILED, MISUSED = 1, 2
+FAILED, MISUSED, INTERRUPTED = 1, 2, 130
 
 
 class UsageProblem(MbsvibError):
     """A command line with invalid arguments: exit status 2; a faulty model has 1."""
 
 
-class Group(TyperGroup):
-    """The commands, with mbsvib's errors and warnings as readable messages on standard error."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Accept ``--debug`` at any position."""
-        ctx.meta[DEBUG] = DEBUG in args
-        return super().parse_args(ctx, [word for word in args if word != DEBUG])
-
-    def invoke(self, ctx: Any) -> Any:
-        """Run a command; an error that mbsvib raises on purpose ends it with a message and a status."""
-        with warnings.catch_warnings():
-            for category in (NearSingularWarning, AccuracyWarning, LargeDisplacementWarning, LeftOutWarning,
-                             UndeterminedForceWarning):  # fmt: skip
-                warnings.simplefilter("always", category)
-            warnings.showwarning = _show_warning
-            try:
-                return super().invoke(ctx)
-            except (MbsvibError, OSError) as error:
-                if ctx.meta[DEBUG] or isinstance(error, BrokenPipeError):
-                    raise
-                complain(f"error: {error}")
-                raise typer.Exit(MISUSED if isinstance(error, (UsageProblem, ResponseError)) else FAILED) from error
+class CheckFailed(Exception):
+    """What a command checked is not as it should be, which it has printed: exit status 1."""
 
 
-def console() -> Console:
-    """Return a console on standard output as it is now."""
-    from rich.console import Console
+@dataclass
+class Status:
+    """Exit status of a command, 0 until something goes wrong."""
 
-    return Console(highlight=False)
+    value: int = 0
+
+
+@contextmanager
+def as_messages(debug: bool) -> Iterator[Status]:
+    """Print errors that mbsvib raises on purpose, and its warnings, as lines on standard error.
+
+    Parameters
+    ----------
+    debug : bool
+        Let errors through.
+
+    Returns
+    -------
+    context manager
+        Of the exit status.
+    """
+    status = Status()
+    with warnings.catch_warnings():
+        for category in (NearSingularWarning, AccuracyWarning, LargeDisplacementWarning, LeftOutWarning,
+                         UndeterminedForceWarning):  # fmt: skip
+            warnings.simplefilter("always", category)
+        warnings.showwarning = _show_warning
+        try:
+            yield status
+            sys.stdout.flush()
+        except CheckFailed:
+            status.value = FAILED
+        except BrokenPipeError:  # whoever read the output has seen enough
+            status.value = FAILED
+            _close_output()
+        except KeyboardInterrupt:
+            if debug:
+                raise
+            complain("interrupted")
+            status.value = INTERRUPTED
+        except (MbsvibError, OSError) as error:
+            if debug:
+                raise
+            complain(f"error: {error}")
+            status.value = MISUSED if isinstance(error, (UsageProblem, ResponseError)) else FAILED
+        except SystemExit as end:  # --help of a command
+            status.value = int(end.code or 0)
+
+
+def _close_output() -> None:
+    """Send what is left of standard output nowhere, so that the interpreter does not complain at its end."""
+    import os
+
+    try:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError:  # it has no file
+        return
 
 
 def say(words: str) -> None:
     """Print lines without colours or wrapping, in ASCII if standard output supports nothing else."""
-    typer.echo(words if tables.encodable(words) else tables.to_ascii(words))
+    print(words if tables.encodable(words) else tables.to_ascii(words))
 
 
 def say_json(content: Any) -> None:
     """Print a value as JSON with every digit; numbers that JSON does not have become null."""
     import json
 
-    typer.echo(json.dumps(_finite(content), indent=1, allow_nan=False))
+    print(json.dumps(_finite(content), indent=1, allow_nan=False))
+
+
+def say_written(path: Path, as_json: bool, **more: Any) -> None:
+    """Print which file was written."""
+    if as_json:
+        say_json({"file": str(path), **more})
+    else:
+        say(f"Written: {shown(path)}")
 
 
 def _finite(content: Any) -> Any:
@@ -87,7 +125,7 @@ def _finite(content: Any) -> Any:
 
 def complain(words: str) -> None:
     """Print a message on standard error."""
-    typer.echo(words if tables.encodable(words, sys.stderr.encoding) else tables.to_ascii(words), err=True)
+    print(words if tables.encodable(words, sys.stderr.encoding) else tables.to_ascii(words), file=sys.stderr)
 
 
 def shown(path: Path) -> str:

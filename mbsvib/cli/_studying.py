@@ -2,64 +2,115 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._drawing import FileOption, write_figure
-from mbsvib.cli._looking import JsonOption
-from mbsvib.cli._lookup import ModelArgument, model_of
+from mbsvib.cli._arguments import JSON, MODEL, Command, file_argument, number, option, positional
+from mbsvib.cli._figures import check_format, write_figure
+from mbsvib.cli._lookup import model_of
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from mbsvib.api.model import Model
+    from mbsvib.isolation import ClosedLoop, Isolation
+
+LAWS = ("force", "velocity", "skyhook")
 
 
 def equilibrium(
-    model: ModelArgument,
-    file: Annotated[Path | None, typer.Option("--output", "-o", metavar="FILE", help="Model file (.yaml, .json) of the "
-                                              "mechanism there.")] = None,
-    preload: Annotated[list[str] | None, typer.Option("--preload", metavar="NAME", help="Springs or patterns whose "
-                                                      "preloads hold the pose as described.")] = None,
-    as_json: JsonOption = False,
+    model: str, preload: list[str] | None = None, file: Path | None = None, as_json: bool = False
 ) -> None:
     """Find the equilibrium of a mechanism under its loads."""
-    found = model_of(model).equilibrium(preload or None, report=True)
+    result = model_of(model).equilibrium(preload or None, report=True)
     if file is not None:
         from mbsvib.files import save
 
-        save(found.model, file)
+        save(result.model, file)
     if as_json:
         shell.say_json({
-            "name": found.model.name, "stable": found.stable, "iterations": found.iterations,
-            "displacements": {name: motion.tolist() for name, motion in found.displacements.items()},
+            "name": result.model.name, "stable": result.stable, "iterations": result.iterations,
+            "displacements": {name: motion.tolist() for name, motion in result.displacements.items()},
         })  # fmt: skip
     else:
-        shell.say(str(found))
+        shell.say(str(result))
     if file is not None and not as_json:
         shell.say(f"Written: {shell.shown(file)}")
 
 
 def isolation(
-    model: ModelArgument,
-    body: Annotated[str, typer.Argument(metavar="BODY", help="The isolated body.")],
-    base: Annotated[str, typer.Option("--base", metavar="BODY", help="What is shaken.")] = "ground",
-    file: FileOption = None,
-    as_json: JsonOption = False,
-) -> None:
-    """Print how well a body is isolated from the motion of its base, and draw its transmissibility."""
+    model: str, body: str, base: str = "ground", feedback: str | None = None, gain: float | None = None,
+    leak: float = 0.0, file: Path | None = None, as_json: bool = False,
+) -> None:  # fmt: skip
+    """Print how well a body is isolated from the motion of its base, also with feedback in its legs."""
+    check_format(file)
+    if (feedback is None) != (gain is None):
+        raise shell.UsageProblem("--feedback and --gain belong together, as in --feedback force --gain 60.")
     from mbsvib import isolation as isolating
     from mbsvib.common import tables
 
-    result = isolating.study(model_of(model), body, base)
+    source = model_of(model)
+    results = [isolating.study(source, body, base)]
+    loop = None if feedback is None or gain is None else _closed(source, body, base, feedback, gain, leak)
+    if loop is not None:
+        results.append(loop.isolation())
     if as_json:
-        shell.say_json({
-            "name": result.name, "body": body, "base": base, "amplification": result.amplification,
-            "frequencies": result.frequencies.tolist(), "index": result.index.tolist(),
-        })  # fmt: skip
+        records = [_record(result) for result in results]
+        shell.say_json({**records[0], "name": results[0].name, "body": body, "base": base,
+                        **({} if loop is None else {"closed_loop": {
+                            **records[1], "damping_ratios": loop.damping_ratios.tolist(),
+                            "phase_margin_deg": loop.margins().all_phases}})})  # fmt: skip
     else:
-        tables.show(shell.console(), **result.table())
+        tables.show(**results[0].table())
+        if loop is not None:
+            for table in (loop, loop.margins(), results[1]):
+                tables.show(**table.table())
     if file is not None:
         from mbsvib import plots
 
-        write_figure(plots.isolation(result), file)
+        labels = ["open loop", f"{feedback} feedback"] if len(results) == 2 else [results[0].name]
+        write_figure(plots.isolation(results, labels), file)
         if not as_json:
             shell.say(f"Written: {shell.shown(file)}")
+
+
+def _closed(source: Model, body: str, base: str, feedback: str, gain: float, leak: float) -> ClosedLoop:
+    from mbsvib import isolation as isolating
+
+    plant = isolating.actuated(source, body, base=base)
+    if feedback == "force":
+        return plant.with_gains(isolating.force_feedback(plant, gain, leak))
+    if feedback == "skyhook":
+        return plant.with_gains(isolating.skyhook(plant, gain, leak=leak))
+    if leak:
+        raise shell.UsageProblem(f"--leak {leak:g}: velocity feedback integrates nothing; leave --leak out.")
+    return plant.with_gains(isolating.velocity_feedback(plant, gain))
+
+
+def _record(result: Isolation) -> dict[str, Any]:
+    return {"amplification": result.amplification, "frequencies": result.frequencies.tolist(),
+            "index": result.index.tolist()}  # fmt: skip
+
+
+COMMANDS = {
+    "equilibrium": Command(equilibrium, (
+        MODEL,
+        option("--preload", to="preload", metavar="NAME", action="append",
+               words="Springs or patterns whose preloads hold the pose as described."),
+        file_argument("Model file (.yaml, .json) of the mechanism there."),
+        JSON,
+    )),
+    "isolation": Command(isolation, (
+        MODEL,
+        positional("body", "BODY", "The isolated body.", completes="body"),
+        option("--base", to="base", metavar="BODY", default="ground", completes="body",
+               words="What is shaken. Default: ground."),
+        option("--feedback", to="feedback", metavar="KIND", choices=LAWS,
+               words="Actuators and sensors in all legs: force (integral force feedback), velocity or skyhook."),
+        option("--gain", to="gain", metavar="G", type=number, words="Of force feedback [1/s], of the others [N s/m]."),
+        option("--leak", to="leak", metavar="W", type=number, default=0.0,
+               words="Corner of the integrators [rad/s]. Default: 0."),
+        file_argument("Transmissibility and compliance, as .png, .pdf or .svg."),
+        JSON,
+    )),
+}  # fmt: skip

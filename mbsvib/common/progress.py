@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import sys
 from contextlib import contextmanager
+from time import monotonic
 from typing import TYPE_CHECKING, TypeAlias
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 Progress: TypeAlias = "bool | Callable[[int, int], object] | None"
+BAR = 30  # characters
+PAUSE = 0.1  # s between two states of the bar
 
 
 @contextmanager
@@ -42,13 +45,36 @@ def counting(progress: Progress, total: int, what: str, done: int = 0) -> Iterat
 
         yield tell
     elif progress or (progress is None and sys.stderr.isatty()):
-        from rich import progress as rich
-        from rich.console import Console
-
-        columns = (rich.TextColumn("{task.description}"), rich.BarColumn(), rich.MofNCompleteColumn(),
-                   rich.TimeElapsedColumn(), rich.TextColumn("left"), rich.TimeRemainingColumn())  # fmt: skip
-        with rich.Progress(*columns, console=Console(file=sys.stderr)) as bar:
-            task = bar.add_task(what, total=total, completed=done)
-            yield lambda more: bar.advance(task, more)
+        with _line(total, what, done) as tell_line:
+            yield tell_line
     else:
         yield lambda more: None
+
+
+@contextmanager
+def _line(total: int, what: str, done: int) -> Iterator[Callable[[int], None]]:
+    """One line on standard error that is written anew."""
+    stream, began = sys.stderr, monotonic()
+    count, shown = [done], [0.0]
+
+    def write() -> None:
+        spent = monotonic() - began
+        share = count[0] / total if total else 1.0
+        advanced = count[0] - done
+        left = f", {spent * (total - count[0]) / advanced:.0f} s left" if advanced > 0 and count[0] < total else ""
+        bar = "#" * round(BAR * share)
+        stream.write(f"\r{what} [{bar:.<{BAR}}] {count[0]}/{total}, {spent:.0f} s{left}\x1b[K")
+        stream.flush()
+
+    def tell(more: int) -> None:
+        count[0] += more
+        if monotonic() - shown[0] >= PAUSE or count[0] >= total:
+            shown[0] = monotonic()
+            write()
+
+    write()
+    try:
+        yield tell
+    finally:
+        stream.write("\n")
+        stream.flush()

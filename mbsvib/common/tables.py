@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
+import os
 import sys
-from html import escape
+from itertools import starmap
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
-
-    from rich.console import Console
-    from rich.table import Table
+    from typing import TextIO
 
     Justify: TypeAlias = Literal["left", "center", "right"]
 
 SHOWN = 12  # names in one list
 _LOOKS = {"left": "text-align:left", "right": "text-align:right;font-variant-numeric:tabular-nums"}
-_RULES = " ── \n    \n ── \n    \n    \n ── \n    \n ── \n"
-_ASCII_RULES = _RULES.replace("─", "-")
+_RULE, _ASCII_RULE = "─", "-"
+_BOLD, _DIM, _PLAIN = "\x1b[1m", "\x1b[2m", "\x1b[0m"
 _ASCII_WORDS = {"→": "->", "−": "-", "·": ".", "°": " deg", "±": "+-", "×": "x", "…": "..."}
 
 
@@ -54,33 +53,25 @@ def text(
     ValueError
         If a row has more or fewer entries than there are columns.
     """
-    from io import StringIO
-
-    from rich.console import Console
-
     body = [[str(cell) for cell in row] for row in rows]
     if ascii_only is None:
-        ascii_only = not encodable("".join([_RULES, title, *(h for h, _ in columns), *map("".join, body), *notes]))
-    stream = StringIO()
-    console = Console(file=stream, force_terminal=False, force_jupyter=False, color_system=None)
-    _print(console, title, _build(columns, body, ascii_only), notes)
-    result = "\n".join(line.rstrip() for line in stream.getvalue().splitlines())
-    return to_ascii(result) if ascii_only else result
+        ascii_only = not encodable("".join([_RULE, title, *(h for h, _ in columns), *map("".join, body), *notes]))
+    above, header, rule, lines, below = _lines(title, columns, body, notes, ascii_only)
+    return "\n".join([*above, rule, header, rule, *lines, rule, *below])
 
 
 def show(
-    console: Console,
     title: str,
     columns: Sequence[tuple[str, Justify]],
     rows: Iterable[Sequence[object]],
     notes: Sequence[str] = (),
+    *,
+    stream: TextIO | None = None,
 ) -> None:
-    """Print a table on a live console: styled on a terminal, plain text of full width anywhere else.
+    """Print a table: with bold headers on a terminal, unless ``NO_COLOR`` is set, and as plain text anywhere else.
 
     Parameters
     ----------
-    console : rich.console.Console
-        Where it goes.
     title : str
         As for ``text``, like the three that follow.
     columns : sequence of (str, str)
@@ -89,13 +80,17 @@ def show(
         One entry a column.
     notes : sequence of str
         Lines below the table.
+    stream : text file, optional
+        Where it goes. Default: standard output.
     """
+    to = sys.stdout if stream is None else stream
     body = [[str(cell) for cell in row] for row in rows]
-    if console.is_terminal and encodable(_RULES, console.encoding):
-        _print(console, title, _build(columns, body, ascii_only=False), notes)
-        return
-    plain = text(title, columns, body, notes, ascii_only=not encodable(_RULES, console.encoding) or None)
-    console.print(plain, markup=False, highlight=False, emoji=False, soft_wrap=True)
+    words = "".join([_RULE, title, *(h for h, _ in columns), *map("".join, body), *notes])
+    above, header, rule, lines, below = _lines(title, columns, body, notes, not encodable(words, to.encoding))
+    if to.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb":
+        above, header = [_BOLD + line + _PLAIN for line in above], _BOLD + header + _PLAIN
+        rule, below = _DIM + rule + _PLAIN, [_DIM + line + _PLAIN for line in below]
+    to.write("\n".join([*above, rule, header, rule, *lines, rule, *below, ""]))
 
 
 def encodable(words: str, encoding: str | None = None) -> bool:
@@ -114,38 +109,43 @@ def to_ascii(words: str) -> str:
     return words.encode("ascii", "backslashreplace").decode("ascii")
 
 
-def _build(columns: Sequence[tuple[str, Justify]], rows: list[list[str]], ascii_only: bool) -> Table:
-    from rich.box import Box
-    from rich.table import Table
-    from rich.text import Text
+def width(words: str) -> int:
+    """Return how many cells of a terminal a line takes: two for wide characters of East Asia, none for accents."""
+    if words.isascii():
+        return len(words)
+    from unicodedata import combining, east_asian_width
 
-    def cell(words: str) -> Text:
-        return Text(to_ascii(words) if ascii_only else words)
+    return sum(0 if combining(sign) else 2 if east_asian_width(sign) in "WF" else 1 for sign in words)
 
-    box = Box(_ASCII_RULES if ascii_only else _RULES)
-    table = Table(box=box, safe_box=False, header_style="bold", border_style="dim")
-    for header, justify in columns:
-        table.add_column(cell(header), justify=justify, no_wrap=True)
+
+def _lines(
+    title: str, columns: Sequence[tuple[str, Justify]], rows: list[list[str]], notes: Sequence[str], ascii_only: bool
+) -> tuple[list[str], str, str, list[str], list[str]]:
+    """Return the lines above a table, its header, its rule, its rows, and the lines below."""
     for row in rows:
         if len(row) != len(columns):
             raise ValueError(f"a row has {len(row)} entries, the table {len(columns)} columns: {row}")
-        table.add_row(*map(cell, row))
-    return table
+    cells = [[name for name, _ in columns], *rows]
+    if ascii_only:
+        cells = [list(map(to_ascii, row)) for row in cells]
+    widths = [max(map(width, column)) for column in zip(*cells, strict=True)]
+
+    def line(row: list[str]) -> str:
+        parts = starmap(_aligned, zip(row, widths, (side for _, side in columns), strict=True))
+        return ("  " + "   ".join(parts)).rstrip()
+
+    header, *lines = map(line, cells)
+    rule = " " + (_ASCII_RULE if ascii_only else _RULE) * (sum(widths) + 3 * len(widths) - 1)
+    above, below = [title] if title else [], list(notes)
+    if ascii_only:
+        above, below = list(map(to_ascii, above)), list(map(to_ascii, below))
+    return above, header, rule, lines, below
 
 
-def _print(console: Console, title: str, table: Table, notes: Sequence[str]) -> None:
-    from rich.measure import Measurement
-    from rich.segment import Segments
-    from rich.text import Text
-
-    boundless = console.options.update(width=100_000)
-    options = boundless.update(width=Measurement.get(console, boundless, table).maximum)
-    if title:
-        console.print(Text(title, style="bold"), soft_wrap=True)
-    # A terminal that is too narrow wraps whole lines: uglier than squeezed columns, but no digit is lost.
-    console.print(Segments(console.render(table, options)), soft_wrap=True, end="")
-    for note in notes:
-        console.print(Text(note, style="dim"), soft_wrap=True)
+def _aligned(words: str, cells: int, side: Justify) -> str:
+    blank = cells - width(words)
+    before = {"left": 0, "center": blank // 2, "right": blank}[side]
+    return " " * before + words + " " * (blank - before)
 
 
 def listed(names: Sequence[str]) -> str:
@@ -174,6 +174,8 @@ def html(
     str
         HTML.
     """
+    from html import escape
+
     looks = [_LOOKS.get(side, _LOOKS["left"]) for _, side in columns]
     head = "".join(f'<th style="{look}">{escape(name)}</th>' for (name, _), look in zip(columns, looks, strict=True))
     body = "".join(

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.display import Displayed
 from mbsvib.cycles.total_derivatives import total_derivatives
 from mbsvib.errors import AccuracyWarning, ModelError, nearest
 
@@ -39,7 +40,7 @@ NEUTRAL = 1e-7
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Periodic:
+class Periodic(Displayed):
     """Linear periodic equations at n samples, evenly spread over the ``period`` [s].
 
     ``M``, ``C`` and ``K`` (n, m, m) are those of the deviations of ``coordinates``, with what drives have of stiffness

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.display import Displayed
 from mbsvib.errors import nearest
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ QUANTITIES = ("force", "moment", "torque")
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class CycleData:
+class CycleData(Displayed):
     """A running machine: its motion at n samples, drive torques, shaking force and moment; arrays are read-only.
 
     ``drives`` are the driven joint coordinates. ``coordinates``, ``rates`` and ``accelerations`` have arrays (n,) of
@@ -149,11 +150,6 @@ class CycleData:
         notes = [f"{len(self.shaking_force)} samples; moments about ({at}) m."]
         return {"title": f"Cycle of {self.machine.model.name}", "columns": [("", "left"), ("rms", "right"),
                 ("peak", "right")], "rows": rows, "notes": notes}  # fmt: skip
-
-    def __str__(self) -> str:
-        from mbsvib.common import tables
-
-        return tables.text(**self.table())
 
     def __repr__(self) -> str:
         return (f"Cycle({self.machine.model.name!r}: {len(self.shaking_force)} samples, driven by "

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.display import Displayed
 from mbsvib.cycles.total_derivatives import total_derivatives
 
 if TYPE_CHECKING:
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
     from mbsvib.cycles.result import CycleData
 
 
-@dataclass(frozen=True, eq=False)
-class CycleSensitivities:
+@dataclass(frozen=True, eq=False, repr=False)
+class CycleSensitivities(Displayed):
     """Derivatives to ``parameters`` (k) of the samples of a cycle: ``torques`` (k, n) by drive, ``shaking_force`` and
     ``shaking_moment`` (k, n, 3).
     """

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
+from mbsvib.common.display import Displayed
 from mbsvib.errors import MbsvibError, counted
 from mbsvib.linalg.rotations import logarithm
 from mbsvib.mechanism.mechanism import Mechanism
@@ -26,8 +27,8 @@ M = TypeVar("M", bound=Mechanism)
 LOWEST = 10
 
 
-@dataclass(frozen=True)
-class Equilibrium(Generic[M]):
+@dataclass(frozen=True, repr=False)
+class Equilibrium(Displayed, Generic[M]):
     """A model in equilibrium and the steps of the search.
 
     ``residuals`` are the residuals as shares of the forces, before and after each step under the full load,

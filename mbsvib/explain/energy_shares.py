@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.display import Displayed
 from mbsvib.equations.geometric_stiffness import forms
 from mbsvib.linalg.rank import ZERO_SUM
 
@@ -28,7 +29,7 @@ ELASTIC, PRELOAD, LOAD, REACTION = "elastic", "preload", "load", "reaction"
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class StiffnessShares:
+class StiffnessShares(Displayed):
     """Shares of the strain energy phi^H K phi of modes: signed, and 1 in sum for each mode.
 
     ``elements`` are the names of elements with a share and ``kinds`` their kinds: "elastic" (a spring's or bushing's

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from mbsvib.common.display import Displayed
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
 from mbsvib.responses.from_control import is_control
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Controller:
+class Controller(Displayed):
     """z' = A z + B y,  u = C z + D y, from the sensors ``inputs`` to the actuators ``outputs``, signs included."""
 
     name: str

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
-from mbsvib.common import tables
+from mbsvib.common.display import Displayed
 from mbsvib.common.expected import angular
 from mbsvib.common.selection import port_numbers
 from mbsvib.errors import ResponseError
@@ -37,7 +37,7 @@ RESTS = 3e-8  # error of double poles at 0, in parts of the largest
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class FeedbackLoop(LinearVerbs, ABC):
+class FeedbackLoop(LinearVerbs, Displayed, ABC):
     """A plant with controllers, u = w + K y; has the inputs w and outputs of ``plant.system``, or some of them.
 
     Subclasses define whether controllers run in continuous or discrete time.
@@ -406,9 +406,6 @@ class FeedbackLoop(LinearVerbs, ABC):
                 "columns": [("mode", "right"), ("natural [Hz]", "right"), ("damping ratio [%]", "right"),
                             ("origin", "left")],
                 "rows": rows, "notes": notes}  # fmt: skip
-
-    def __str__(self) -> str:
-        return tables.text(**self.table())
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.plant.system.name!r} with {self.law.name})"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.frequencies import checked
 from mbsvib.responses.extrema import Band, panels
@@ -55,7 +56,7 @@ class OpenedLoops(Protocol):
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Margins:
+class Margins(Displayed):
     """How far closed loops are from instability.
 
     Disk margin of all loops simultaneously: ``modulus`` is the smallest singular value of 1 - K G at the actuators over
@@ -107,11 +108,6 @@ class Margins:
         headers = ("actuator", "gain margin", "phase margin [deg]", "delay margin [ms]", "modulus margin")
         columns = [(header, "left" if header == "actuator" else "right") for header in headers]
         return {"title": f"Stability margins: {self.name}", "columns": columns, "rows": rows, "notes": notes}
-
-    def __str__(self) -> str:
-        from mbsvib.common import tables
-
-        return tables.text(**self.table())
 
 
 def margins(loop: OpenedLoops, frequencies: ArrayLike | None = None) -> Margins:

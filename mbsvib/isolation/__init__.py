@@ -39,3 +39,8 @@ __all__ = [
     "ring", "root_locus", "shaped", "skyhook", "struts", "study", "table", "unfolded", "vc_curve", "velocity_feedback",
     "white",
 ]  # fmt: skip
+
+
+def __dir__() -> list[str]:
+    """The public names."""
+    return __all__

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_model
 from mbsvib.errors import ModelError
 from mbsvib.feedback.controller import Controller, as_controller
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Active(Plant):
+class Active(Plant, Displayed):
     """A mechanism whose ``legs`` have actuators, ready for control: its figures, and its loops closed.
 
     ``system`` has, in addition to the ports of an isolation study, the inputs ``LEG.actuator`` [N], which push the ends

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.display import Displayed
 from mbsvib.elements import Spring
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.integrand import response
@@ -29,8 +30,8 @@ ROUNDING = 1e-8  # share of the response by which a real part may be negative
 LOWEST, HIGHEST, AT_REST = 1e-3, 1e3, 1e-9
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Pair:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Pair(Displayed):
     """An actuator and a sensor: ``dual`` if the sensor sees just the motion on which the actuator does work, or the
     force in that motion; ``poles`` and ``zeros`` [Hz] of the undamped mechanism that the pair sees, ``interlaced`` if
     one zero is between two poles everywhere (None where massless motions relax, which have no undamped mechanism),
@@ -48,7 +49,7 @@ class Pair:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Collocation:
+class Collocation(Displayed):
     """The report on pairs of actuators and sensors."""
 
     name: str
@@ -69,11 +70,6 @@ class Collocation:
         notes = [] if all(pair.passive for pair in self.pairs) else [
             "Pairs that are not passive damp some modes and destabilize others: their gain is limited."]  # fmt: skip
         return {"title": f"Collocation: {self.name}", "columns": columns, "rows": rows, "notes": notes}
-
-    def __str__(self) -> str:
-        from mbsvib.common import tables
-
-        return tables.text(**self.table())
 
 
 def collocation(plant: Plant, pairs: Iterable[tuple[str, str]] | None = None) -> Collocation:

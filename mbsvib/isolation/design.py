@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from mbsvib.common.display import Displayed
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -14,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Design:
+class Design(Displayed):
     """A mechanism that was optimised: ``model`` with the values found, figures ``before`` and ``after``."""
 
     model: Model
@@ -45,11 +47,6 @@ class Design:
         table["rows"] = [*table["rows"], *((name, before, after) for (name, before), (_, after) in both)]
         table["title"] = f"Passive design of {self.model.name}"
         return table
-
-    def __str__(self) -> str:
-        from mbsvib.common import tables
-
-        return tables.text(**self.table())
 
     def __repr__(self) -> str:
         return f"Design({self.optimum!r})"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.common import tables
+from mbsvib.common.display import Displayed
 from mbsvib.feedback.frequencies import checked
 from mbsvib.isolation.figures import Figures
 from mbsvib.isolation.frequencies import default
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Isolation(Figures):
+class Isolation(Figures, Displayed):
     """Transmissibility from a base to a body and the body's compliance over frequency; prints as a table of figures."""
 
     def under(
@@ -87,9 +87,6 @@ class Isolation(Figures):
             The path.
         """
         return isolation_csv(self, path)
-
-    def __str__(self) -> str:
-        return tables.text(**self.table())
 
     def __repr__(self) -> str:
         return (f"Isolation({self.name!r}: {self.scene.base} to {self.scene.body}, {len(self.frequencies)} frequencies "

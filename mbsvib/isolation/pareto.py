@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.display import Displayed
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Front:
+class Front(Displayed):
     """The best ``objective`` (n,) for n bounds on a quantity, its values ``price`` (n,), and the ``designs``."""
 
     labels: tuple[str, str]
@@ -42,11 +43,6 @@ class Front:
                 for p, x, design in zip(self.price, self.objective, self.designs, strict=True)]  # fmt: skip
         columns = [(name, "right") for name in (*self.labels[::-1], *names, "")]
         return {"title": f"Pareto front of {self.designs[0].model.name}", "columns": columns, "rows": rows, "notes": []}
-
-    def __str__(self) -> str:
-        from mbsvib.common import tables
-
-        return tables.text(**self.table())
 
     def __repr__(self) -> str:
         return f"Front({self.labels[0]} against {self.labels[1]}, {len(self.designs)} designs)"

@@ -11,6 +11,7 @@ import numpy as np
 
 from mbsvib.api.settled import settled
 from mbsvib.common import arguments as check
+from mbsvib.common.display import Displayed
 from mbsvib.errors import ModelError, nearest
 from mbsvib.feedback.frequencies import checked
 from mbsvib.isolation.design import Design
@@ -39,7 +40,7 @@ GRAVITY = 9.80665
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Passive:
+class Passive(Displayed):
     """Quantities of an isolation that ``optimize`` makes small or keeps within bounds, with their exact gradients."""
 
     model: Model

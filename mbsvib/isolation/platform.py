@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.display import Displayed
 from mbsvib.elements.ports import Port
 from mbsvib.errors import ModelError, nearest
 from mbsvib.isolation.leg_motion import Following
@@ -38,7 +39,7 @@ ALIKE = 1e-6  # distance, in parts of the platform's size, of points that are on
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Platform:
+class Platform(Displayed):
     """A platform whose ``rings`` of leg ends may be changed: variables with their ``start`` and ``units``, and what
     they make of the parameters of the ``legs``.
     """

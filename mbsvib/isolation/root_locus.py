@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.common import tables
 from mbsvib.common.arguments import shown
+from mbsvib.common.display import Displayed
 from mbsvib.common.expected import mode_index, reals
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.pole_track import AT_REST, Track, has_moved, least_damping, ratios, stable
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class RootLocus:
+class RootLocus(Displayed):
     """Poles (n, poles) [1/s] over the ``gains`` (n,), in columns that follow them; those of the open loop first.
 
     ``modes`` are the columns of poles that start with a positive imaginary part; ``zeros`` (of the pairs that the
@@ -147,9 +147,6 @@ class RootLocus:
             result[mode] = float(remaining[at])
             remaining = np.delete(remaining, at)
         return result | dict(zip(np.flatnonzero(self.moved).tolist(), remaining.tolist(), strict=True))
-
-    def __str__(self) -> str:
-        return tables.text(**self.table())
 
     def __repr__(self) -> str:
         return f"RootLocus({self.name!r}: {len(self.gains)} gains, {self.poles.shape[1]} poles)"

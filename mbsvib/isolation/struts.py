@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.display import Displayed
 from mbsvib.elements import Maxwell, Spring
 from mbsvib.errors import ModelError, nearest
 
@@ -23,7 +24,7 @@ ENDS = ("start", "end")
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Struts:
+class Struts(Displayed):
     """Legs that push and pull along their lines and do nothing else: ``jacobian`` J (legs, 6) from the body's motion
     at the reference point to their elongations, ``stiffness`` J^T k J (6, 6), ``length`` [m] for rotations.
     """

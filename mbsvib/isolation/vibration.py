@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.common import tables
 from mbsvib.common.csv_columns import write_columns
+from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.frequencies import checked
 from mbsvib.isolation import octaves
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Vibration:
+class Vibration(Displayed):
     """Root mean squares while the base is shaken by ``noise``, over ``band`` [Hz] or all frequencies (None).
 
     ``acceleration`` (6,) [m/s^2, rad/s^2] is that of the body, absolute, at the reference point; ``stroke`` [m] and
@@ -174,9 +174,6 @@ class Vibration:
         names = ["frequency_hz", *(f"density_{d}_({u})2/hz" for d, u in zip(DIRECTIONS, units, strict=True)),
                  *(f"cumulative_rms_{d}_{u}" for d, u in zip(DIRECTIONS, units, strict=True))]  # fmt: skip
         return write_columns(path, names, [f, *self.density(f), *self.cumulative(f)])
-
-    def __str__(self) -> str:
-        return tables.text(**self.table())
 
     def __repr__(self) -> str:
         return f"Vibration({self.study.name!r}: base shaken along {' '.join(self.noise.directions)})"

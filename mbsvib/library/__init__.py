@@ -7,34 +7,35 @@ lists them, ``build("stewart")`` builds one by its name, ``build("C50RF1")`` a m
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.errors import ModelError, nearest
-from mbsvib.library._arms import gripper, puma, six_link, stanford, two_link
-from mbsvib.library._cantilever import cantilever
-from mbsvib.library._chain import chain
-from mbsvib.library._cubic import cubic_hexapod
-from mbsvib.library._dh import from_dh
-from mbsvib.library._engine import engine_on_mounts
-from mbsvib.library._inclined_chain import inclined_chain
-from mbsvib.library._ladder import ladder
-from mbsvib.library._linkages import four_bar, slider_crank
-from mbsvib.library._machines import carpet_scraper, hoeken
-from mbsvib.library._pendulums import hinged_rod, pendulum_chain, trifilar_pendulum
-from mbsvib.library._quadruped import quadruped
-from mbsvib.library._quarter_car import quarter_car
-from mbsvib.library._rotors import rotor_stator, sleeping_top
-from mbsvib.library._singular_beam import singular_beam
-from mbsvib.library._spatial_linkages import rssr, seven_r
-from mbsvib.library._stewart import stewart, stewart_isolator
-from mbsvib.library._toggle import toggle
-from mbsvib.library._tree import tree
-from mbsvib.library._wafer_stage import wafer_stage
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mbsvib.api.model import Model
+    from mbsvib.library._arms import gripper, puma, six_link, stanford, two_link
+    from mbsvib.library._cantilever import cantilever
+    from mbsvib.library._chain import chain
+    from mbsvib.library._cubic import cubic_hexapod
+    from mbsvib.library._dh import from_dh
+    from mbsvib.library._engine import engine_on_mounts
+    from mbsvib.library._inclined_chain import inclined_chain
+    from mbsvib.library._ladder import ladder
+    from mbsvib.library._linkages import four_bar, slider_crank
+    from mbsvib.library._machines import carpet_scraper, hoeken
+    from mbsvib.library._pendulums import hinged_rod, pendulum_chain, trifilar_pendulum
+    from mbsvib.library._quadruped import quadruped
+    from mbsvib.library._quarter_car import quarter_car
+    from mbsvib.library._rotors import rotor_stator, sleeping_top
+    from mbsvib.library._singular_beam import singular_beam
+    from mbsvib.library._spatial_linkages import rssr, seven_r
+    from mbsvib.library._stewart import stewart, stewart_isolator
+    from mbsvib.library._toggle import toggle
+    from mbsvib.library._tree import tree
+    from mbsvib.library._wafer_stage import wafer_stage
 
 __all__ = [
     "build", "cantilever", "carpet_scraper", "chain", "cubic_hexapod", "engine_on_mounts", "four_bar", "from_dh",
@@ -43,9 +44,53 @@ __all__ = [
     "stanford", "stewart", "stewart_isolator", "toggle", "tree", "trifilar_pendulum", "two_link", "wafer_stage",
 ]  # fmt: skip
 
-_FAMILIES: dict[str, Callable[..., Model]] = {"C": chain, "T": tree, "L": ladder}
+# where each function is; a file is imported when one of its functions is asked for
+_HOMES = {
+    "cantilever": "_cantilever", "carpet_scraper": "_machines", "chain": "_chain", "cubic_hexapod": "_cubic",
+    "engine_on_mounts": "_engine", "four_bar": "_linkages", "from_dh": "_dh", "gripper": "_arms",
+    "hinged_rod": "_pendulums", "hoeken": "_machines", "inclined_chain": "_inclined_chain", "ladder": "_ladder",
+    "pendulum_chain": "_pendulums", "puma": "_arms", "quadruped": "_quadruped", "quarter_car": "_quarter_car",
+    "rotor_stator": "_rotors", "rssr": "_spatial_linkages", "seven_r": "_spatial_linkages",
+    "singular_beam": "_singular_beam", "six_link": "_arms", "sleeping_top": "_rotors", "slider_crank": "_linkages",
+    "stanford": "_arms", "stewart": "_stewart", "stewart_isolator": "_stewart", "toggle": "_toggle", "tree": "_tree",
+    "trifilar_pendulum": "_pendulums", "two_link": "_arms", "wafer_stage": "_wafer_stage",
+}  # fmt: skip
+_FAMILIES = {"C": "chain", "T": "tree", "L": "ladder"}
 # the chapter's rule: family, number of bodies or layers, joint, F, number of spring-dampers at every joint
 _CHAPTER_NAME = re.compile(r"([CTL])([1-9]\d*)([RPCS])F(\d+)")
+
+_DESCRIPTIONS = {
+    "chain": "10 bodies in line on revolute joints (C10RF1), 10 DOF",
+    "tree": "binary tree of 5 layers, 31 bodies on revolute joints (T5RF1), 31 DOF",
+    "ladder": "5 closed loops, one upon the other, 15 bodies on revolute joints (L5RF1), 5 DOF",
+    "stewart": "Stewart platform on universal and spherical joints, 13 bodies, 6 DOF",
+    "stewart_isolator": "Stewart isolator on flexures at both ends of its legs, 12 DOF",
+    "cubic_hexapod": "payload on six springs along edges of a cube, decoupled, 6 DOF",
+    "quadruped": "quadruped robot, floating trunk and four legs of three parts, 18 DOF",
+    "quarter_car": "body, wheel, suspension with an actuator, and a road that moves, 2 DOF",
+    "inclined_chain": "8 masses and 9 springs on an inclined rail, 8 DOF",
+    "hinged_rod": "rod that hangs from a hinge, 1 DOF",
+    "pendulum_chain": "3 point masses, each hung from the one above, 3 DOF",
+    "trifilar_pendulum": "plate on three wires, 3 DOF",
+    "four_bar": "four-bar linkage under gravity, held by a spring, 1 DOF",
+    "slider_crank": "slider-crank under gravity, held by a spring, 1 DOF",
+    "toggle": "toggle near its stretched pose, whose slider leans on a spring, 1 DOF",
+    "hoeken": "Hoeken's linkage, a four-bar whose crank turns fully, 1 DOF",
+    "carpet_scraper": "Hoeken's linkage with a pantograph, 7 bodies in 3 closed loops, 1 DOF",
+    "rssr": "crank and rocker on crossed axes, joined by a coupler between balls, 2 DOF",
+    "seven_r": "the same linkage of seven revolute joints, 1 DOF",
+    "two_link": "arm of two slender links, 2 DOF",
+    "gripper": "palm with two fingers of one and two links, a tree, 4 DOF",
+    "six_link": "arm of six equal links on axes at right angles, 6 DOF",
+    "puma": "PUMA 560 robot arm, 6 DOF",
+    "stanford": "Stanford robot arm with a slide, 6 DOF",
+    "rotor_stator": "rotor that spins in a stator on soft mounts, 7 DOF",
+    "singular_beam": "clamped beam with two arms that swing through their stretched pose, 42 DOF",
+    "sleeping_top": "top that spins upright on its tip, 3 DOF",
+    "cantilever": "steel tube of 20 beam elements with a mass at its tip, 120 DOF",
+    "wafer_stage": "long and short stroke, and a metrology frame on isolators, 21 DOF",
+    "engine_on_mounts": "engine whose weight four rubber mounts carry, 6 DOF",
+}
 
 
 def models() -> dict[str, tuple[Callable[[], Model], str]]:
@@ -56,38 +101,7 @@ def models() -> dict[str, tuple[Callable[[], Model], str]]:
     dict of str to (function, str)
         By name: a function that builds the model with its default values, and one line that describes it.
     """
-    return {
-        "chain": (chain, "10 bodies in line on revolute joints (C10RF1), 10 DOF"),
-        "tree": (tree, "binary tree of 5 layers, 31 bodies on revolute joints (T5RF1), 31 DOF"),
-        "ladder": (ladder, "5 closed loops, one upon the other, 15 bodies on revolute joints (L5RF1), 5 DOF"),
-        "stewart": (stewart, "Stewart platform on universal and spherical joints, 13 bodies, 6 DOF"),
-        "stewart_isolator": (stewart_isolator, "Stewart isolator on flexures at both ends of its legs, 12 DOF"),
-        "cubic_hexapod": (cubic_hexapod, "payload on six springs along edges of a cube, decoupled, 6 DOF"),
-        "quadruped": (quadruped, "quadruped robot, floating trunk and four legs of three parts, 18 DOF"),
-        "quarter_car": (quarter_car, "body, wheel, suspension with an actuator, and a road that moves, 2 DOF"),
-        "inclined_chain": (inclined_chain, "8 masses and 9 springs on an inclined rail, 8 DOF"),
-        "hinged_rod": (hinged_rod, "rod that hangs from a hinge, 1 DOF"),
-        "pendulum_chain": (pendulum_chain, "3 point masses, each hung from the one above, 3 DOF"),
-        "trifilar_pendulum": (trifilar_pendulum, "plate on three wires, 3 DOF"),
-        "four_bar": (four_bar, "four-bar linkage under gravity, held by a spring, 1 DOF"),
-        "slider_crank": (slider_crank, "slider-crank under gravity, held by a spring, 1 DOF"),
-        "toggle": (toggle, "toggle near its stretched pose, whose slider leans on a spring, 1 DOF"),
-        "hoeken": (hoeken, "Hoeken's linkage, a four-bar whose crank turns fully, 1 DOF"),
-        "carpet_scraper": (carpet_scraper, "Hoeken's linkage with a pantograph, 7 bodies in 3 closed loops, 1 DOF"),
-        "rssr": (rssr, "crank and rocker on crossed axes, joined by a coupler between balls, 2 DOF"),
-        "seven_r": (seven_r, "the same linkage of seven revolute joints, 1 DOF"),
-        "two_link": (two_link, "arm of two slender links, 2 DOF"),
-        "gripper": (gripper, "palm with two fingers of one and two links, a tree, 4 DOF"),
-        "six_link": (six_link, "arm of six equal links on axes at right angles, 6 DOF"),
-        "puma": (puma, "PUMA 560 robot arm, 6 DOF"),
-        "stanford": (stanford, "Stanford robot arm with a slide, 6 DOF"),
-        "rotor_stator": (rotor_stator, "rotor that spins in a stator on soft mounts, 7 DOF"),
-        "singular_beam": (singular_beam, "clamped beam with two arms that swing through their stretched pose, 42 DOF"),
-        "sleeping_top": (sleeping_top, "top that spins upright on its tip, 3 DOF"),
-        "cantilever": (cantilever, "steel tube of 20 beam elements with a mass at its tip, 120 DOF"),
-        "wafer_stage": (wafer_stage, "long and short stroke, and a metrology frame on isolators, 21 DOF"),
-        "engine_on_mounts": (engine_on_mounts, "engine whose weight four rubber mounts carry, 6 DOF"),
-    }
+    return {name: (_function(name), words) for name, words in _DESCRIPTIONS.items()}
 
 
 def build(name: str) -> Model:
@@ -109,14 +123,31 @@ def build(name: str) -> Model:
     ModelError
         If there is no such model.
     """
-    known = models()
-    if name in known:
-        return known[name][0]()
+    if name in _DESCRIPTIONS:
+        return _function(name)()
     match = _CHAPTER_NAME.fullmatch(str(name))
     if match:
         letter, size, joint, springs = match.groups()
-        return _FAMILIES[letter](int(size), joint, springs=int(springs))
+        return _function(_FAMILIES[letter])(int(size), joint, springs=int(springs))
+    hint = nearest(str(name), _DESCRIPTIONS)
     raise ModelError(
-        f"library: there is no model {name!r}.{nearest(str(name), known)} "
-        f"Known: {', '.join(known)}, and the families' members such as C50RF1.", element=str(name), field="name",
+        f"library: there is no model {name!r}.{hint} Known: "
+        f"{', '.join(_DESCRIPTIONS)}, and the families' members such as C50RF1.", element=str(name), field="name",
     )  # fmt: skip
+
+
+def _function(name: str) -> Callable[..., Model]:
+    function: Callable[..., Model] = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    return function
+
+
+def __getattr__(name: str) -> Any:
+    """Import a model's function on first use."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = value = _function(name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -40,6 +40,7 @@ from fnmatch import fnmatchcase
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from mbsvib.common.display import Displayed
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
@@ -54,8 +55,8 @@ class UnknownParameterError(ModelError, KeyError):
         return str(self.args[0])
 
 
-@dataclass(frozen=True, slots=True)
-class Parameter:
+@dataclass(frozen=True, slots=True, repr=False)
+class Parameter(Displayed):
     """A number of a model: entry ``index`` of the field ``field`` of the part named ``part``; ``unit`` is SI."""
 
     name: str
@@ -66,7 +67,7 @@ class Parameter:
     unit: str
 
 
-class Parameters(Mapping[str, float]):
+class Parameters(Mapping[str, float], Displayed):
     """The parameters of some parts: a read-only mapping from name to value, computed on first access."""
 
     def __init__(self, parts: Iterable[Part]) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.display import Displayed
 from mbsvib.modes import RTOL, Modes, modes
 from mbsvib.modes.batch_damped import DampedBatch, damped_batch, joined
 from mbsvib.modes.batch_undamped import undamped_batch
@@ -28,7 +29,7 @@ PIECE_BYTES = 2**20
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class BatchModes:
+class BatchModes(Displayed):
     """The modes of n variants, sorted by natural frequency in each variant; ``modes[i]`` are those of variant i.
 
     ``pairs`` and ``pair_errors`` (n, m, 2), ``shapes`` (n, m, m), ``classical`` (n,), ``rigid`` (n,) and

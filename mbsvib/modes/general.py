@@ -14,15 +14,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.modes.energy_state import EnergyState
-from mbsvib.modes.general_refinement import Spectrum
-from mbsvib.modes.general_spectrum import spectrum
-
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.equations import Equations
+    from mbsvib.modes.energy_state import EnergyState
+    from mbsvib.modes.general_refinement import Spectrum
 
 
 # Shapes that differ by less are parallel, such as all motions of a single mass on springs and dampers.
@@ -75,6 +73,8 @@ def is_general(system: Equations) -> bool:
 
 def general(system: Equations, rtol: float) -> General:
     """Return the modes, (lambda^2 M + lambda C + K) phi = 0, of a system whose matrices need not be symmetric."""
+    from mbsvib.modes.general_spectrum import spectrum  # most systems have symmetric matrices
+
     return _in_modes(system, *spectrum(system, rtol))
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from mbsvib.common import tables
+from mbsvib.common.display import Displayed
 from mbsvib.common.expected import real
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
 from mbsvib.modes.classical import NO_DAMPER, proportional
@@ -40,7 +40,7 @@ SHARED_RADIUS = 1e-3
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Modes:
+class Modes(Displayed):
     """The modes of a system, one for each degree of freedom or a choice of them, in ascending natural frequency.
 
     ``eigenvalues`` (2n,) [1/s] of n modes come in pairs, two for each mode: conjugate where the mode oscillates, real
@@ -216,12 +216,6 @@ class Modes:
     def _shown(self) -> str:
         dof = len(self.coordinates)
         return f"{dof} DOF" if len(self) == dof else f"{len(self)} of {dof}"
-
-    def __str__(self) -> str:
-        return tables.text(**self.table())
-
-    def _repr_html_(self) -> str:
-        return tables.html(**self.table())
 
     def __repr__(self) -> str:
         ends = [f"{f:.6g}" for f in self.frequencies[[0, -1] if len(self) > 1 else slice(None)]]

@@ -39,3 +39,8 @@ __all__ = [
     "time_grid",
     "topology",
 ]
+
+
+def __dir__() -> list[str]:
+    """The public names."""
+    return __all__

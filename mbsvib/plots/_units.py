@@ -39,6 +39,8 @@ def prefix(unit: str, largest: float) -> tuple[float, str]:
 
     ``prefix("m", 2.8e-8)`` is ``(1e9, "nm")``: 28 nm. Sums and powers of units and zeros stay as they are.
     """
+    if not unit:  # systems of python-control have none
+        return 1.0, unit
     bracket = "(" if unit.startswith("(") else ""
     first = unit.removeprefix("(").replace("/", " ").split()[0]
     if not 0.0 < largest < float("inf") or "+" in unit or "^" in first or first == "1":  # µs² is (µs)²

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.display import Displayed
 from mbsvib.common.expected import mode_index
 from mbsvib.errors import ExportError, ResponseError
 from mbsvib.plots import _style as style
@@ -31,8 +32,8 @@ COLOURS = 96  # of a GIF
 DPI = 100
 
 
-@dataclass(frozen=True, eq=False)
-class Animation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Animation(Displayed):
     """One period of a mode: ``frames`` pictures of a mechanism, ``rate`` of them in a second.
 
     Points move by Re(shape e^(i phase)); ``shape`` (points, 3) is scaled such that the farthest one goes by its share

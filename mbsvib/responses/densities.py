@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
@@ -16,8 +17,8 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Table:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Table(Displayed):
     """A density over ``frequencies`` [Hz]: straight between its break-points on log-log axes, zero beyond them."""
 
     frequencies: Array
@@ -43,8 +44,8 @@ class Table:
         return result
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Shaped:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Shaped(Displayed):
     """White noise of the one-sided density ``level`` through the filter H = c (s - a)^-1 b + d: ``level`` |H|^2."""
 
     level: float

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError, counted
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ class MeasuredMode:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Measurement:
+class Measurement(Displayed):
     """Frequency responses ``responses`` (outputs, inputs, n) at ``omega`` (n,) [rad/s], in SI units, with all names.
 
     A pair that was not measured is NaN. ``output_points`` and ``input_points`` say where each output and input is,

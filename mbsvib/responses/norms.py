@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.balancing import exponents
 from mbsvib.linalg.rank import EPS
@@ -24,8 +25,8 @@ LAST, ROUNDING = 1e3, 1e-9
 LASTS = 64.0  # a pole whose real part is below so many roundings of it does not decay
 
 
-@dataclass(frozen=True)
-class Norm:
+@dataclass(frozen=True, repr=False)
+class Norm(Displayed):
     """A norm's ``value`` and its derivatives ``slopes`` (v,) to ``variables`` (v,); ``omega`` [rad/s] is the frequency
     of the peak, None for the H2 norm.
     """

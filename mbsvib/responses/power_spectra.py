@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.responses.densities import Shaped, Table, density_level, table
 
@@ -25,8 +26,8 @@ DIRECTIONS = check.DIRECTIONS
 SEMIDEFINITE = 1e-9  # a correlation matrix typed with so many digits may be indefinite by its rounding
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class BaseNoise:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class BaseNoise(Displayed):
     """Base excitation: a density for each of the ``directions``, S_ij = R_ij sqrt(S_i S_j) with the Hermitian
     ``correlation`` R.
     """

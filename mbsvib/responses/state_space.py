@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
+from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.errors import ResponseError, counted
 from mbsvib.responses.linear import LinearVerbs
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class StateSpace(LinearVerbs):
+class StateSpace(LinearVerbs, Displayed):
     """x' = A x + B u, y = C x + D u, with names and units of states, inputs and outputs.
 
     ``transform`` (2m, states) recovers (q, q') = transform x + ``through`` u. ``through`` (2m, inputs) is None except

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.display import Displayed
 from mbsvib.errors import ModelError, nearest
 from mbsvib.sensitivities.adjoint_fields import fields, motions
 from mbsvib.sensitivities.port_forms import feedthrough, port_forms
@@ -33,7 +34,7 @@ BLOCK = 4_000_000
 
 
 @dataclass(frozen=True, repr=False)
-class MatrixDerivatives:
+class MatrixDerivatives(Displayed):
     """Derivatives of a system's matrices to ``variables`` (v,), in the coordinates of the system.
 
     ``M``, ``C``, ``K`` (v, m, m), ``B`` (v, m, inputs), ``Cq``, ``Cv``, ``Ca`` (v, outputs, m), ``D`` (v, outputs,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError
 from mbsvib.sensitivities.adjoint_fields import fields, motions
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
@@ -38,7 +39,7 @@ MOVES = 0.5
 
 
 @dataclass(frozen=True, repr=False)
-class ModeSensitivities:
+class ModeSensitivities(Displayed):
     """Derivatives of the modes of a system to ``variables`` (v,), in the order of ``modes``.
 
     ``eigenvalues`` (v, 2m) as ``eigenvalue_sensitivities`` gives them. Not a number where a parameter, changed alone,

@@ -32,3 +32,8 @@ __all__ = [
     "damping_ratio", "equimomental", "frequency", "gain", "given", "largest", "optimize", "peak", "placement", "rms",
     "smallest", "sweep", "tolerances", "track", "variable", "with_counterweights",
 ]  # fmt: skip
+
+
+def __dir__() -> list[str]:
+    """The public names."""
+    return __all__

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_model, names, reals
 from mbsvib.errors import ModelError, nearest
 from mbsvib.linalg.matching import track_modes
@@ -33,7 +34,7 @@ ROUND = 1e-3
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Campbell:
+class Campbell(Displayed):
     """Modes over the speed of rotors: one row for each of the ``speeds`` (n,) [rad/s], one column for each mode.
 
     ``eigenvalues`` (n, modes) [1/s] have no negative imaginary part; ``errors`` (n, modes) are their relative errors.
@@ -100,11 +101,6 @@ class Campbell:
             limits = f"; stability changes at {', '.join(map(digits, self.limits))} rad/s" if self.limits else ""
             notes.append(f"Unstable at {len(growing)} of the speeds, first at {digits(growing[0])} rad/s{limits}.")
         return {"title": f"Campbell data of {self.name}", "columns": columns, "rows": rows, "notes": notes}
-
-    def __str__(self) -> str:
-        from mbsvib.common import tables
-
-        return tables.text(**self.table())
 
     def __repr__(self) -> str:
         return (f"Campbell({self.name!r}: {len(self.speeds)} speeds, {self.whirl.shape[1]} modes, {len(self.critical)} "

@@ -10,6 +10,7 @@ import numpy as np
 
 from mbsvib.api.running import compiled_for, cycle_of
 from mbsvib.common import arguments as check
+from mbsvib.common.display import Displayed
 from mbsvib.errors import nearest
 from mbsvib.studies.dual import Dual
 from mbsvib.studies.quantities import Leaf, Quantity, quantity
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 UNITS = {"force": "N", "moment": "N m", "torque": "N m"}
 
 
-class CycleMeasures:
+class CycleMeasures(Displayed):
     """A cycle that is asked for at every point of a search; its quantities share one evaluation, which it keeps.
 
     ``mean_square`` and ``rms`` are quantities; ``weighted`` is their weighted sum, without unit.

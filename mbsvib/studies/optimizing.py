@@ -11,6 +11,7 @@ import numpy as np
 
 from mbsvib.api.settled import settled
 from mbsvib.common import arguments as check
+from mbsvib.common.display import Displayed
 from mbsvib.errors import MbsvibError, ModelError, counted
 from mbsvib.studies.design import design
 from mbsvib.studies.quantities import Constraint, Quantity
@@ -48,7 +49,7 @@ class Descent:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Optimum:
+class Optimum(Displayed):
     """Where a search ended: the ``model`` there, the ``values`` of its variables and of the ``parameters`` that they
     move, the ``objective`` and where it began.
 
@@ -110,11 +111,6 @@ class Optimum:
         failed = len(self.starts) - len(ends)
         return (f"The best of local searches from {len(self.starts)} starts: {reached}"
                 f"{f', none from {failed}' if failed else ''}.")  # fmt: skip
-
-    def __str__(self) -> str:
-        from mbsvib.common import tables
-
-        return tables.text(**self.table())
 
     def __repr__(self) -> str:
         return f"Optimum({self.model.name!r}: {self.label} from {self.began:.6g} to {self.objective:.6g})"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.display import Displayed
 from mbsvib.errors import ModelError
 from mbsvib.studies.dual import Dual
 from mbsvib.studies.evaluation import DesignPoint
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
 
-class Quantity:
+class Quantity(Displayed):
     """One or several numbers of a system, with exact derivatives with respect to any variables.
 
     Quantities are added, multiplied, divided and raised to powers like numbers; ``q[i]`` picks one of several. ``<=``,
@@ -187,7 +188,7 @@ class Leaf(Quantity):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Constraint:
+class Constraint(Displayed):
     """A quantity no less than ``low`` and no more than ``high``; None: no such bound. Equal: it has that value."""
 
     quantity: Quantity

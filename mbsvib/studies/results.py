@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.display import Displayed
 from mbsvib.errors import ModelError, counted, nearest
 from mbsvib.studies.figures import over_variables
 
@@ -27,7 +28,7 @@ SHOWN_ROWS, SHOWN_COLUMNS, SHOWN_ERRORS = 20, 8, 3
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Sweep:
+class Sweep(Displayed):
     """Results at n points: ``parameters`` (n,) by variable, ``results`` by label, one entry along the first axis for
     each point, not a number (NaN) where ``errors`` has the point's number and what went wrong there.
 
@@ -180,11 +181,6 @@ class Sweep:
                              element=name, field="label")  # fmt: skip
         return over_variables(values, name, self.parameters, self.axes, grid=len(self.shape) > 1, units=self.units,
                               name=self.name, entries=self.entries)  # fmt: skip
-
-    def __str__(self) -> str:
-        from mbsvib.common import tables
-
-        return tables.text(**self.table())
 
     def __repr__(self) -> str:
         return (f"Sweep({self.name!r}: {counted(len(self), 'point')} of {', '.join(self.parameters)}, "

@@ -11,6 +11,7 @@ import numpy as np
 
 from mbsvib.api.batch import Batch
 from mbsvib.common import arguments as check
+from mbsvib.common.display import Displayed
 from mbsvib.errors import ModelError, counted, nearest
 from mbsvib.studies import figures
 from mbsvib.studies.design import design
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Tolerances:
+class Tolerances(Displayed):
     """What scatter of parameters does to some numbers, ``labels`` (k,), whose ``nominal`` values (k,) are those of the
     model as it is. Quantities of several numbers have labels with the mode's number, "frequency 2 [Hz]", or count them,
     both from 1.
@@ -170,11 +171,6 @@ class Tolerances:
         which = slice(figures.MOST_LINES) if label is None else slice(self.index(label), self.index(label) + 1)
         return figures.tolerances(self.labels[which], self.sampled[:, which], self.linear[:, which],
                                   self.nominal[which], self.name)  # fmt: skip
-
-    def __str__(self) -> str:
-        from mbsvib.common import tables
-
-        return tables.text(**self.table())
 
     def __repr__(self) -> str:
         return (f"Tolerances({self.name!r}: {counted(len(self.labels), 'number')}, "

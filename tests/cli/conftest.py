@@ -1,9 +1,8 @@
 """The command line inside the process, in a folder of its own."""
 
 import pytest
-from typer.testing import CliRunner
 
-from mbsvib.cli._app import app
+from tests.support.cli import invoke
 
 FAULTY = """\
 name: faulty
@@ -35,7 +34,4 @@ def run(tmp_path, monkeypatch):
     (tmp_path / "slider.yaml").write_text(SLIDER, encoding="utf-8")
     (tmp_path / "faulty.yaml").write_text(FAULTY, encoding="utf-8")
 
-    def invoke(line):
-        return CliRunner().invoke(app, line.split(), catch_exceptions=False)
-
-    return invoke
+    return lambda line: invoke(line.split())

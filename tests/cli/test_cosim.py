@@ -14,7 +14,7 @@ def units(run, tmp_path):
 
 
 def test_a_step_that_is_short_enough(units, tmp_path):
-    result = units("cosim plant.fmu law.fmu --step 1e-3 --duration 0.02 --plot error.png")
+    result = units("cosim plant.fmu law.fmu --step 1e-3 --duration 0.02 -o error.png")
     assert result.exit_code == 0
     assert "gauss-seidel" in result.stdout
     assert "Written: error.png" in result.stdout
@@ -38,4 +38,4 @@ def test_names_are_connected_by_hand(units, tmp_path):
 
 def test_a_missing_file_and_a_strange_figure(units):
     assert "no such file" in units("cosim plant.fmu none.fmu --step 1e-3").output
-    assert units("cosim plant.fmu law.fmu --step 1e-3 --master jacobi --plot error.xyz").exit_code == 2
+    assert units("cosim plant.fmu law.fmu --step 1e-3 --master jacobi -o error.xyz").exit_code == 2

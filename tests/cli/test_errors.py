@@ -5,11 +5,9 @@ import sys
 import warnings
 
 import pytest
-from typer.testing import CliRunner
 
 import mbsvib as mv
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._app import app
 from mbsvib.errors import NearSingularWarning
 
 
@@ -49,9 +47,34 @@ def test_message_and_status(run, line, status, words):
         assert word in result.stderr
 
 
-@pytest.mark.parametrize("line", ["modes", "modes stewart --wrong", "modez", "export slider.yaml"])
-def test_misuse_of_the_command_line_has_status_2(run, line):
-    assert run(line).exit_code == 2
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("modes", ["modes: ", "required: MODEL", "mbsvib modes --help"]),
+        ("modes stewart --jsom", ["no option '--jsom'", "Did you mean '--json'?"]),
+        ("modes stewart quarter_car", ["no argument 'quarter_car'"]),
+        ("modez", ["no command 'modez'", "Did you mean 'modes'?"]),
+        ("--versoin", ["no option '--versoin'", "Did you mean '--version'?"]),
+        ("export slider.yaml", ["required: --file/-o"]),
+        ("step slider.yaml --duration long", ["--duration", "expected a number", "'long'"]),
+        ("animate slider.yaml --mode 1.5", ["--mode", "expected a whole number", "'1.5'"]),
+        ("bode slider.yaml --from", ["--from", "expected one argument"]),
+        ("export slider.yaml -o slider.npz --fmi 2.0", ["--fmi", "'slider.npz'", "ends in .fmu"]),
+        ("export slider.yaml -o other.yaml --input F", ["--input", "'other.yaml'"]),
+        ("isolation stewart platform --gain 3", ["--feedback and --gain belong together"]),
+        ("isolation stewart platform --feedback magic --gain 3", ["'magic'", "'force', 'velocity', 'skyhook'"]),
+        ("loop slider.yaml law.txt", ["'law.txt'", ".json, .npz, .mat"]),
+        ("loop slider.yaml law.npz", ["no file 'law.npz'"]),
+        ("--show-completion tcsh", ["no completion for 'tcsh'", "bash, zsh, fish"]),
+    ],
+)
+def test_misuse_of_the_command_line_has_status_2(run, line, words):
+    result = run(line)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert result.stderr.startswith("error: ")
+    assert result.stderr.count("\n") == 1
+    for word in words:
+        assert word in result.stderr
 
 
 @pytest.mark.parametrize("line", ["--debug modes stewrt", "modes stewrt --debug"])
@@ -86,9 +109,17 @@ def test_a_closed_pipe_ends_it_quietly(run, monkeypatch):
         raise BrokenPipeError
 
     monkeypatch.setattr("mbsvib.cli._looking.system_of", closed)
-    result = CliRunner().invoke(app, ["modes", "stewart"])
-    assert result.exit_code != 0
-    assert "error:" not in result.stderr
+    result = run("modes stewart")
+    assert result.exit_code == 1
+    assert result.output == ""
+
+
+def test_interruption_is_told_and_has_its_own_status(run, monkeypatch):
+    def interrupted(word):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("mbsvib.cli._looking.system_of", interrupted)
+    assert run("modes stewart")[::2] == (130, "interrupted\n")
 
 
 def test_ascii_where_the_terminal_knows_nothing_else(monkeypatch):

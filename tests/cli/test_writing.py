@@ -1,8 +1,6 @@
 """Commands that write files."""
 
 import json
-import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +8,6 @@ from matplotlib.figure import Figure
 
 import mbsvib as mv
 import mbsvib_export as mx
-from mbsvib.cli._demo import EXTRAS
 
 PNG = b"\x89PNG"
 
@@ -73,46 +70,6 @@ def test_export_by_suffix(run, tmp_path):
     np.testing.assert_array_equal(mv.load("platform.YAML").linearize().M, mv.library.stewart().linearize().M)
 
 
-def test_demo_leaves_a_folder_that_it_names(run, tmp_path):
-    (tmp_path / "mbsvib-demo").mkdir()
-    (tmp_path / "mbsvib-demo" / "step.png").write_bytes(b"old")
-    result = run("demo")
-    assert result.exit_code == 0
-    assert "780.601788" in result.stdout
-    assert "Written to mbsvib-demo" in result.stdout
-    folder = tmp_path / "mbsvib-demo"
-    names = {path.name for path in folder.iterdir()}
-    table = result.stdout.split("Written to mbsvib-demo")[1].split("Next: ")[0]
-    assert names == {line.split()[0] for line in table.splitlines() if line.startswith("  ")} - {"file"}
-    for name in ("bode-force.png", "bode-base.png", "step.png", "modes.png"):
-        assert (folder / name).read_bytes().startswith(PNG)
-        assert (folder / name).stat().st_size > 10_000
-    system = mv.load(folder / "stewart.yaml").linearize()
-    np.testing.assert_array_equal(mx.from_npz(folder / "stewart.npz").M, system.M)
-    assert json.loads((folder / "stewart.json").read_text(encoding="utf-8"))["name"] == "stewart"
-    rows = (folder / "modes.csv").read_text(encoding="utf-8").splitlines()
-    assert len(rows) == 7
-    assert float(rows[1].split(",")[1]) == system.modes().frequencies[0]
-    assert run("modes mbsvib-demo/stewart.yaml").stdout == str(system.modes()) + "\n"
-
-
-@pytest.mark.parametrize("by_uv", [False, True])
-def test_demo_into_another_folder(run, tmp_path, monkeypatch, by_uv):
-    """Commands are told as whoever runs it has to type them, with the extras that they need."""
-    monkeypatch.setenv("UV", "uv") if by_uv else monkeypatch.delenv("UV", raising=False)
-    for name in ("bode", "step", "modes"):
-        monkeypatch.setattr(f"mbsvib.plots.{name}", lambda *_: Figure())
-    result = run("demo -o there/below")
-    assert result.exit_code == 0
-    begin = "uv run --no-dev mbsvib" if by_uv else "mbsvib"
-    assert f"Next: {begin} modes there/below/stewart.yaml\n" in result.stdout
-    extra = "uv run --no-dev --extra report mbsvib" if by_uv else 'pip install "mbsvib[report]" && mbsvib'
-    assert f"{extra} report stewart" in result.stdout
-    assert "Written to there/below" in result.stdout
-    assert (tmp_path / "there" / "below" / "modes.csv").exists()
-    assert not (tmp_path / "mbsvib-demo").exists()
-
-
 def test_paths_elsewhere_are_named_in_full(run, tmp_path_factory):
     elsewhere = tmp_path_factory.mktemp("elsewhere") / "slider.npz"
     assert f"Written: {elsewhere} " in run(f"export slider.yaml -o {elsewhere}").stdout
@@ -173,11 +130,6 @@ def test_the_mechanism_and_its_modes_are_drawn(run, tmp_path):
     assert run("animate slider.yaml -o mode.avi").exit_code == 2
 
 
-def test_extras_that_the_demo_names_are_those_of_the_package():
-    project = tomllib.loads((Path(mv.__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert {extra for extra, _, _ in EXTRAS} <= set(project["optional-dependencies"])
-
-
 def test_c_and_modelica(run, tmp_path):
     assert run("export quarter_car -o car.c --step 0.002").exit_code == 0
     assert "CAR_STEP 0.002" in (tmp_path / "car.h").read_text()
@@ -189,4 +141,26 @@ def test_c_and_modelica(run, tmp_path):
     assert "der(hub_z)" in (tmp_path / "car.mo").read_text()
     result = run("export quarter_car -o car.mat --step 0.1")
     assert result.exit_code == 2
-    assert "give --step with a file that ends in .c" in result.stderr.replace("\n", " ")
+    assert "give --step with a file that ends in .c" in result.stderr
+
+
+def test_ports_of_an_export_are_chosen_by_name(run):
+    assert run("export stewart -o part.npz --input Fx --input F[yz] --output r*").exit_code == 0
+    data = mx.from_npz("part.npz")
+    assert data.inputs == ("Fx", "Fy", "Fz")
+    assert data.outputs == ("rx", "ry", "rz")
+    result = run("export stewart -o part.npz --input Fw")
+    assert result.exit_code == 2
+    assert "Fw" in result.stderr
+
+
+def test_fmi_version_platform_and_tunable_parameters(run):
+    pytest.importorskip("fmpy")
+    from fmpy import read_model_description
+
+    line = "export slider.yaml -o slider.fmu --fmi 2.0 --platforms x86_64-linux --tunable k.stiffness --json"
+    result = json.loads(run(line).stdout)
+    assert result["content"] == "an FMU (FMI 2.0) that runs on x86_64-linux; others by --platforms all"
+    description = read_model_description(result["file"])
+    assert description.fmiVersion == "2.0"
+    assert [one.name for one in description.modelVariables if one.variability == "tunable"] == ["k.stiffness"]

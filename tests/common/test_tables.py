@@ -1,10 +1,10 @@
 """Tables as text: width, encodings and consoles."""
 
 import io
+import re
 import sys
 
 import pytest
-from rich.console import Console
 
 from mbsvib.common import tables
 
@@ -59,25 +59,52 @@ def test_a_row_of_wrong_length_is_refused():
         tables.text("", COLUMNS, [(1, 2)])
 
 
-def test_terminal_gets_styles_and_whole_columns():
-    console = Console(file=io.StringIO(), force_terminal=True, width=25, color_system="standard")
-    tables.show(console, "Modes", COLUMNS, ROWS, ["note"])
-    words = console.file.getvalue()
-    assert "\x1b[" in words
-    assert "platform.x" in words
-    assert "hip[1].rx" in words
+class Terminal(io.StringIO):
+    """A stream that is a terminal of UTF-8."""
+
+    encoding = "utf-8"
+
+    def isatty(self):
+        return True
+
+
+def test_terminal_gets_styles_and_whole_columns(monkeypatch):
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    stream = Terminal()
+    tables.show("Modes", COLUMNS, ROWS, ["note"], stream=stream)
+    words = stream.getvalue()
+    assert words.startswith("\x1b[1mModes\x1b[0m\n")
+    assert re.sub(r"\x1b\[\dm", "", words) == tables.text("Modes", COLUMNS, ROWS, ["note"], ascii_only=False) + "\n"
+
+
+@pytest.mark.parametrize(("variable", "value"), [("NO_COLOR", "1"), ("TERM", "dumb")])
+def test_terminal_without_styles_where_the_user_says_so(monkeypatch, variable, value):
+    monkeypatch.setenv(variable, value)
+    stream = Terminal()
+    tables.show("Modes", COLUMNS, ROWS, stream=stream)
+    assert "\x1b" not in stream.getvalue()
 
 
 def test_pipe_gets_plain_text():
-    console = Console(file=io.StringIO(), force_terminal=False, width=10)
-    tables.show(console, "Modes", COLUMNS, ROWS, ["a note"])
-    assert console.file.getvalue() == tables.text("Modes", COLUMNS, ROWS, ["a note"], ascii_only=False) + "\n"
+    stream = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True)
+    tables.show("Modes", COLUMNS, ROWS, ["a note"], stream=stream)
+    expected = tables.text("Modes", COLUMNS, ROWS, ["a note"], ascii_only=False) + "\n"
+    assert stream.buffer.getvalue().decode() == expected
 
 
 def test_pipe_that_cannot_encode_gets_ascii():
     stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii", write_through=True)
-    tables.show(Console(file=stream, force_terminal=False), "Fx → x", COLUMNS, ROWS)
+    tables.show("Fx → x", COLUMNS, ROWS, stream=stream)
     assert stream.buffer.getvalue().decode() == tables.text("Fx → x", COLUMNS, ROWS, ascii_only=True) + "\n"
+
+
+def test_cells_of_wide_and_of_combining_characters():
+    assert tables.width("ζ 振動") == 6
+    assert tables.width("e\u0301") == 1
+    words = tables.text("", [("名", "center"), ("f", "right")], [("振動", 1), ("a", 22)], ascii_only=False).splitlines()
+    assert len({tables.width(line.rstrip()) for line in words}) == 2  # rules, and rows that end in the right column
+    assert words[3:5] == ["  振動    1", "   a     22"]
 
 
 def test_encodable():

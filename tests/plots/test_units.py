@@ -53,3 +53,8 @@ def test_prefix(unit, largest, shown, name):
     factor, prefixed = units.prefix(unit, largest)
     assert prefixed == name
     assert factor * largest == pytest.approx(shown, rel=1e-12)
+
+
+def test_no_unit_has_no_prefix():
+    """Systems of python-control have none."""
+    assert units.prefix("", 2.8e-8) == (1.0, "")

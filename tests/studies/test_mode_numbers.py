@@ -4,14 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import mbsvib as mv
 from mbsvib import isolation, library
 from mbsvib import studies as st
-from mbsvib.cli._app import app
 from mbsvib.studies.campbell import campbell
 from tests.studies.test_optimize import two
+from tests.support.cli import invoke
 
 COUNT_FROM_1 = r"modes count from 1, as print\(system\.modes\(\)\) lists them; {} was given"
 
@@ -89,7 +88,7 @@ def test_numbers_of_modes_are_whole_numbers(number):
 
 def test_the_command_line_counts_from_1(tmp_path):
     path = str(mv.save(two(), tmp_path / "two.yaml"))
-    refused = CliRunner().invoke(app, ["animate", path, "--mode", "0"])
+    refused = invoke(["animate", path, "--mode", "0"])
     assert refused.exit_code != 0
     assert "modes count from 1" in refused.output
 
@@ -105,7 +104,7 @@ def creeping():
 
 def test_modes_of_first_order_have_a_line_in_files(tmp_path):
     path = str(mv.save(creeping(), tmp_path / "creeping.yaml"))
-    rows = json.loads(CliRunner().invoke(app, ["modes", path, "--json"]).output)["modes"]
+    rows = json.loads(invoke(["modes", path, "--json"]).output)["modes"]
     assert [row["mode"] for row in rows] == [1, 2, 3]
     assert (rows[0]["real_1"], abs(rows[1]["imag_1"])) == pytest.approx((-2.0, 10.0), rel=1e-12)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common import tables
+from mbsvib.common.display import Displayed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -16,8 +17,8 @@ LIMIT = 1e-9  # of the difference between FMUs and the reference, the same steps
 _NOTHING = 1e-11  # errors below are rounding, from which no order comes
 
 
-@dataclass(frozen=True, slots=True)
-class MasterCheck:
+@dataclass(frozen=True, slots=True, repr=False)
+class MasterCheck(Displayed):
     """Results of one co-simulation master.
 
     ``steps`` [s] and ``errors`` against the closed loop as one system, relative to each output's largest value; output
@@ -51,8 +52,8 @@ class MasterCheck:
         return self.stable and self.difference <= LIMIT
 
 
-@dataclass(frozen=True, slots=True)
-class CosimulationCheck:
+@dataclass(frozen=True, slots=True, repr=False)
+class CosimulationCheck(Displayed):
     """What ``check_cosimulation`` found; printed as a table, drawn by ``plot()``.
 
     ``connections`` and ``excitation`` tell what was simulated over ``duration`` [s]; ``growth`` is the largest real

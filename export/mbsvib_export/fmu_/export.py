@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, TypeAlias, overload
 
 from mbsvib import __version__
+from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
 from mbsvib_export.atomic_file import check_companion, write_atomic
@@ -38,7 +39,7 @@ HEAD = 20_000
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class FmuFile:
+class FmuFile(Displayed):
     """An FMU that was written: its path and version, its platforms, and the names of its variables.
 
     ``names`` leads from the names of mbsvib to those in the file, by kind: "input", "output", "parameter", "state".

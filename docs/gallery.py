@@ -1,0 +1,63 @@
+"""The gallery: a page with each example's first figure and what it is about, drawn when the site is built.
+
+python docs/gallery.py writes the page, ``pages/gallery.md``; tests hold it to the examples.
+"""
+
+from __future__ import annotations
+
+import ast
+import runpy
+from pathlib import Path
+
+HERE = Path(__file__).parent
+EXAMPLES = sorted((HERE.parent / "examples").glob("*.py"))
+PAGE = HERE / "pages" / "gallery.md"
+INTRODUCTION = """\
+# Gallery
+
+The scripts in `examples/`. Each is a test as well: it asserts its numbers, and draws only when it is run, as in
+`python examples/{first}.py`. The pictures are drawn as this page is made.
+"""
+
+
+def description(path: Path) -> tuple[str, str]:
+    """Return the title of an example and its first paragraph below, from its docstring."""
+    title, _, rest = (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").partition("\n")
+    words = rest.strip().split("\n\n")[0]
+    return title.rstrip("."), words[: max(words.rfind("."), words.rfind("?")) + 1]  # whole sentences
+
+
+def page() -> str:
+    """Return the page."""
+    parts = [INTRODUCTION.format(first=EXAMPLES[0].stem)]
+    for path in EXAMPLES:
+        title, words = description(path)
+        parts.append(f"## {title}\n\n{words}\n\n![{title}](pictures/gallery/{path.stem}.png)\n\n"
+                     f"`examples/{path.name}`\n")  # fmt: skip
+    return "\n".join(parts)
+
+
+def draw(path: Path, folder: Path) -> Path | None:
+    """Run an example, and write its first figure into a folder; None if a package is missing that it needs."""
+    import matplotlib as mpl
+
+    mpl.use("agg")
+    from matplotlib import pyplot as plt
+
+    plt.show = lambda *_, **__: None
+    plt.close("all")
+    try:
+        runpy.run_path(str(path), run_name="__main__")
+    except ImportError:
+        return None
+    except SystemExit:  # an example ends so where an extra is missing, with the command
+        return None
+    picture = folder / f"{path.stem}.png"
+    folder.mkdir(parents=True, exist_ok=True)
+    plt.figure(plt.get_fignums()[0]).savefig(picture, dpi=80)
+    plt.close("all")
+    return picture
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

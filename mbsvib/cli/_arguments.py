@@ -1,0 +1,89 @@
+"""Arguments of commands as data: what the parser, the help and the completion of the shell are made of."""
+
+from __future__ import annotations
+
+from argparse import ArgumentTypeError
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    Candidates: TypeAlias = Literal["", "model", "file", "input", "output", "body", "parameter"]
+
+
+class Argument(NamedTuple):
+    """An argument of a command: names and settings as ``ArgumentParser.add_argument`` takes them."""
+
+    names: tuple[str, ...]
+    settings: dict[str, Any]
+    completes: Candidates = ""  # what the shell proposes
+
+    @property
+    def optional(self) -> bool:
+        """Whether it is known by its name."""
+        return self.names[0].startswith("-")
+
+    @property
+    def takes_value(self) -> bool:
+        """Whether it is an option with a value behind it."""
+        return self.optional and self.settings.get("action") != "store_true"
+
+
+class Command(NamedTuple):
+    """A command: a function with one keyword argument for each of ``arguments``; its docstring is the help."""
+
+    run: Callable[..., None]
+    arguments: tuple[Argument, ...]
+
+    @property
+    def summary(self) -> str:
+        """The first sentence of the help."""
+        return (self.run.__doc__ or "").split("\n\n")[0].replace("\n    ", " ")
+
+
+def positional(name: str, metavar: str, words: str, *, completes: Candidates = "", **settings: Any) -> Argument:
+    """Return an argument that is known by its place."""
+    return Argument((name,), {"metavar": metavar, "help": words, **settings}, completes)
+
+
+def option(*names: str, to: str, metavar: str, words: str, completes: Candidates = "", **settings: Any) -> Argument:
+    """Return an option with a value; ``to`` is the function's argument."""
+    return Argument(names, {"dest": to, "metavar": metavar, "help": words, **settings}, completes)
+
+
+def flag(name: str, to: str, words: str) -> Argument:
+    """Return an option without a value; ``to`` is the function's argument."""
+    return Argument((name,), {"dest": to, "action": "store_true", "help": words})
+
+
+def number(text: str) -> float:
+    """Return a number."""
+    try:
+        return float(text)
+    except ValueError:
+        raise ArgumentTypeError(f"expected a number, such as 0.5 or 1e-3, and not '{text}'") from None
+
+
+def whole_number(text: str) -> int:
+    """Return an integer."""
+    try:
+        return int(text)
+    except ValueError:
+        raise ArgumentTypeError(f"expected a whole number, such as 3, and not '{text}'") from None
+
+
+MODEL = positional("model", "MODEL", "Model file, or name of a built-in model.", completes="model")
+INPUTS = option("--input", "-i", to="inputs", metavar="NAME", action="append", completes="input",
+                words="Input; may be given several times.")  # fmt: skip
+OUTPUTS = option("--output", to="outputs", metavar="NAME", action="append", completes="output",
+                 words="Output; may be given several times.")  # fmt: skip
+FIRST = option("--from", to="first", metavar="HZ", type=number, words="First frequency [Hz].")
+LAST = option("--to", to="last", metavar="HZ", type=number, words="Last frequency [Hz].")
+JSON = flag("--json", "as_json", "Print JSON with every digit.")
+
+
+def file_argument(words: str, *, required: bool = False) -> Argument:
+    """Return the option ``-o FILE``."""
+    return option("--file", "-o", to="file", metavar="FILE", type=Path, required=required, words=words,
+                  completes="file")  # fmt: skip

@@ -1,0 +1,173 @@
+"""Completion of words in the shell: scripts for bash, zsh and fish, and the words that may come next."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mbsvib.cli import _shell as shell
+from mbsvib.cli._commands import HOMES, OPTIONS, command_of
+from mbsvib.cli._lookup import SUFFIXES, model_of
+from mbsvib.errors import MbsvibError, nearest
+
+if TYPE_CHECKING:
+    from mbsvib.api.model import Model
+    from mbsvib.cli._arguments import Argument, Candidates
+
+# each asks "mbsvib --complete WORDS", the last of which is being typed
+SCRIPTS = {
+    "bash": """\
+_mbsvib() {
+    local IFS=$'\\n'
+    COMPREPLY=($(mbsvib --complete "${COMP_WORDS[@]:1:COMP_CWORD}" 2>/dev/null))
+    [[ ${#COMPREPLY[@]} -eq 1 && ${COMPREPLY[0]} == */ ]] && compopt -o nospace
+}
+complete -F _mbsvib mbsvib
+""",
+    "zsh": """\
+#compdef mbsvib
+_mbsvib() {
+    local -a candidates
+    candidates=("${(@f)$(mbsvib --complete "${(@)words[2,CURRENT]}" 2>/dev/null)}")
+    compadd -S ' ' -- ${candidates:#*/}
+    compadd -S '' -- ${(M)candidates:#*/}
+}
+compdef _mbsvib mbsvib
+""",
+    "fish": """\
+complete -c mbsvib -f -a '(mbsvib --complete (commandline -opc)[2..-1] (commandline -ct))'
+""",
+}
+NEXT = {
+    "bash": "It works in new shells where the package bash-completion is installed; elsewhere add to ~/.bashrc:\n"
+            "  source '{path}'",
+    "zsh": "Add to ~/.zshrc, before a line with compinit if there is one:\n"
+           "  fpath+=('{folder}'); autoload -Uz compinit; compinit",
+    "fish": "It works in new shells.",
+}  # fmt: skip
+
+
+def show(name: str | None = None) -> None:
+    """Print the script of a shell."""
+    shell.say(SCRIPTS[_shell_name(name)].rstrip())
+
+
+def install(name: str | None = None) -> None:
+    """Write the script of a shell to where it looks for it."""
+    known = _shell_name(name)
+    path = _place(known)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(SCRIPTS[known], encoding="utf-8")
+    shell.say(f"Written: {path}\n{NEXT[known].format(path=path, folder=path.parent)}")
+
+
+def candidates(words: list[str]) -> list[str]:
+    """Return what the last word of a command line may become.
+
+    Parameters
+    ----------
+    words : list of str
+        What is typed after the program's name; the last word is incomplete, or empty.
+
+    Returns
+    -------
+    list of str
+        Whole words.
+    """
+    typed = words[-1] if words else ""
+    before = [word for word in words[:-1] if word != shell.DEBUG]
+    if not before:
+        return _fitting([*HOMES, *(names.split()[0].rstrip(",") for names in OPTIONS)], typed)
+    if before[0] in ("--install-completion", "--show-completion"):
+        return _fitting(list(SCRIPTS), typed)
+    try:
+        arguments = command_of(before[0]).arguments
+    except MbsvibError:
+        return []
+    by_name = {name: argument for argument in arguments for name in argument.names}
+    awaited = by_name.get(before[-1])
+    if awaited is not None and awaited.takes_value:
+        return _values(awaited, before, typed, by_name)
+    if typed.startswith("-"):
+        return _fitting([name for name in by_name if name.startswith("-")] + ["--help"], typed)
+    places = [argument for argument in arguments if not argument.optional]
+    number = len(_positional_words(before, by_name))
+    if number >= len(places) and not (places and places[-1].settings.get("nargs") == "+"):
+        return []
+    return _values(places[min(number, len(places) - 1)], before, typed, by_name)
+
+
+def _values(argument: Argument, before: list[str], typed: str, by_name: dict[str, Argument]) -> list[str]:
+    if "choices" in argument.settings:
+        return _fitting(list(argument.settings["choices"]), typed)
+    if argument.completes == "file":
+        return _files(typed, ())
+    if argument.completes == "model":
+        from mbsvib import library
+
+        return _fitting(list(library.models()), typed) + _files(typed, SUFFIXES)
+    given = _positional_words(before, by_name)
+    if not argument.completes or not given:
+        return []
+    try:
+        return _fitting(_names(model_of(given[0]), argument.completes), typed)
+    except (MbsvibError, OSError):  # a faulty model has no names; its commands say why
+        return []
+
+
+def _names(model: Model, what: Candidates) -> list[str]:
+    if what == "parameter":
+        return list(model.parameters)
+    if what == "body":
+        return [*model.bodies, "ground"]
+    system = model.linearize()
+    return list(system.inputs if what == "input" else system.outputs)
+
+
+def _positional_words(before: list[str], by_name: dict[str, Argument]) -> list[str]:
+    """Return the words after the command that are neither options nor their values."""
+    result, skip = [], False
+    for word in before[1:]:
+        if skip:
+            skip = False
+        elif word.startswith("-"):
+            option = by_name.get(word)
+            skip = option is not None and option.takes_value
+        else:
+            result.append(word)
+    return result
+
+
+def _files(typed: str, suffixes: tuple[str, ...]) -> list[str]:
+    """Return folders and files that begin as typed."""
+    head, _, tail = typed.rpartition("/")
+    folder = Path(head + "/") if "/" in typed else Path()
+    try:
+        entries = sorted(folder.iterdir())
+    except OSError:
+        return []
+    lead = head + "/" if "/" in typed else ""
+    return [f"{lead}{entry.name}{'/' if entry.is_dir() else ''}" for entry in entries
+            if entry.name.startswith(tail) and (tail.startswith(".") or not entry.name.startswith("."))
+            and (entry.is_dir() or not suffixes or entry.suffix.lower() in suffixes)]  # fmt: skip
+
+
+def _fitting(words: list[str], typed: str) -> list[str]:
+    return [word for word in words if word.startswith(typed)]
+
+
+def _shell_name(name: str | None) -> str:
+    known = name if name is not None else Path(os.environ.get("SHELL", "")).name
+    if known not in SCRIPTS:
+        what = f"no completion for '{known}'.{nearest(known, SCRIPTS)}" if known else "which shell is not known."
+        raise shell.UsageProblem(f"{what} Give one of {', '.join(SCRIPTS)}, as in: mbsvib --install-completion bash.")
+    return known
+
+
+def _place(name: str) -> Path:
+    data = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share")
+    settings = Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config")
+    return {"bash": data / "bash-completion" / "completions" / "mbsvib",
+            "zsh": data / "zsh" / "site-functions" / "_mbsvib",
+            "fish": settings / "fish" / "completions" / "mbsvib.fish"}[name]  # fmt: skip

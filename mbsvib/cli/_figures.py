@@ -1,0 +1,63 @@
+"""Files of figures: their formats, and how they are written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mbsvib.cli import _shell as shell
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMATS = (".png", ".pdf", ".svg")
+
+
+def write_figure(figure: Figure, path: Path) -> Path:
+    """Write a figure in the format of the path's suffix, completely or not at all.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        What to write.
+    path : Path
+        Where to.
+
+    Returns
+    -------
+    Path
+        The path.
+
+    Raises
+    ------
+    UsageProblem
+        If the suffix is unknown.
+    ExportError
+        If the file cannot be written.
+    """
+    from mbsvib_export.atomic_file import write_atomic
+
+    check_format(path)
+    return write_atomic(path, lambda stream: figure.savefig(stream, format=path.suffix[1:].lower()))
+
+
+def check_format(path: Path | None) -> None:
+    """Refuse a suffix that figures do not have.
+
+    Parameters
+    ----------
+    path : Path or None
+        Where a figure shall go; None passes.
+
+    Raises
+    ------
+    UsageProblem
+        If the suffix is unknown.
+    """
+    if path is not None and path.suffix.lower() not in FORMATS:
+        raise shell.UsageProblem(f"'{path}': figures end in {', '.join(FORMATS)}.")
+
+
+def default_path(name: str, what: str) -> Path:
+    """Return where a figure goes if no file is named."""
+    return Path(f"{name}-{what}".replace("/", "_"))

@@ -1,0 +1,73 @@
+"""The parser of a command: messages of one line with the nearest word, options in any place."""
+
+from __future__ import annotations
+
+from argparse import Action, ArgumentParser, HelpFormatter
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from mbsvib.cli._shell import UsageProblem
+from mbsvib.errors import nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.cli._arguments import Command
+
+EPILOG = "MODEL is a file (.yaml, .json, .xml of MuJoCo, .urdf) or a name that mbsvib models lists."
+
+
+class Parser(ArgumentParser):
+    """An ``ArgumentParser`` whose errors are ``UsageProblem``."""
+
+    def __init__(self, name: str, command: Command) -> None:
+        """Prepare a command's arguments."""
+        with_model = any(argument.completes == "model" for argument in command.arguments)
+        super().__init__(f"mbsvib {name}", description=command.summary, allow_abbrev=False, add_help=False,
+                         formatter_class=Formatter, epilog=EPILOG if with_model else None)  # fmt: skip
+        for argument in command.arguments:
+            self.add_argument(*argument.names, **argument.settings)
+        self.add_argument("--help", "-h", action="help", help="Show this message and exit.")
+
+    def read(self, words: Sequence[str]) -> dict[str, Any]:
+        """Return the values of a command line by the names of the function's arguments.
+
+        Parameters
+        ----------
+        words : sequence of str
+            What follows the command.
+
+        Returns
+        -------
+        dict
+            Keyword arguments.
+
+        Raises
+        ------
+        UsageProblem
+            If an argument is missing, unknown or wrong.
+        """
+        values, rest = self.parse_known_intermixed_args(list(words))
+        if rest:
+            known = [name for action in self._actions for name in action.option_strings]
+            what = "option" if rest[0].startswith("-") else "argument"
+            self.error(f"there is no {what} '{rest[0]}' here.{nearest(rest[0], known)}")
+        return vars(values)
+
+    def error(self, message: str) -> NoReturn:
+        """Raise the problem that argparse has met."""
+        message = message[0].lower() + message[1:]
+        end = "" if message.endswith((".", "?")) else "."
+        raise UsageProblem(f"{self.prog.removeprefix('mbsvib ')}: {message}{end} See: {self.prog} --help.")
+
+
+class Formatter(HelpFormatter):
+    """Help with the metavar of an option once, and defaults as the commands say them."""
+
+    def __init__(self, prog: str, **settings: Any) -> None:
+        """Prepare wide columns."""
+        super().__init__(prog, max_help_position=32, **settings)
+
+    def _format_action_invocation(self, action: Action) -> str:
+        if not action.option_strings or action.nargs == 0:
+            return super()._format_action_invocation(action)
+        return f"{', '.join(action.option_strings)} {self._format_args(action, str(action.metavar))}"

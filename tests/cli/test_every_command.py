@@ -1,0 +1,65 @@
+"""What all commands have in common: help, ``--json``, a list that is complete."""
+
+import json
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.cli._commands import HOMES, command_of
+from tests.cli.test_loops import LAW, NAMES
+
+LINES = {
+    "demo": None,  # tests/cli/test_demo.py
+    "models": "models", "modes": "modes slider.yaml", "check": "check slider.yaml", "schema": "schema",
+    "bode": "bode slider.yaml", "nyquist": "nyquist slider.yaml", "sigma": "sigma slider.yaml",
+    "step": "step slider.yaml --duration 1", "draw": "draw slider.yaml", "animate": "animate slider.yaml",
+    "params": "params slider.yaml", "sweep": "sweep slider.yaml k.stiffness=1e3:1e4:3",
+    "equilibrium": "equilibrium slider.yaml", "isolation": "isolation quarter_car body",
+    "loop": "loop slider.yaml law.json", "export": "export slider.yaml -o slider.npz",
+    "check-export": "check-export slider.npz slider.yaml", "report": "report slider.yaml",
+    "cosim": None,  # tests/cli/test_cosim.py
+}  # fmt: skip
+
+
+def test_each_command_is_tried():
+    assert set(LINES) == set(HOMES)
+
+
+@pytest.mark.parametrize("name", HOMES)
+def test_help_says_what_each_argument_is(run, name):
+    result = run(f"{name} --help")
+    assert (result.exit_code, result.stderr) == (0, "")
+    command = command_of(name)
+    words = "".join(result.stdout.split())  # lines break at blanks and hyphens
+    assert command.summary.replace(" ", "") in words
+    assert command.summary.endswith(".") or command.summary.endswith(")")
+    for argument in command.arguments:
+        assert argument.settings["help"].replace(" ", "") in words
+        assert argument.names[0] in words or argument.settings["metavar"] in words
+
+
+def test_every_command_prints_json(run, tmp_path):
+    (tmp_path / "law.json").write_text(json.dumps(LAW | NAMES))
+    for name, line in LINES.items():
+        if line is None or (name == "report" and not pytest.importorskip("plotly")):
+            continue
+        result = run(f"{line} --json")
+        assert result.stderr == "", name
+        assert json.loads(result.stdout), name
+
+
+def test_curves_as_json_are_those_of_the_library(run):
+    system = mv.load("slider.yaml").linearize()
+    data = json.loads(run("bode slider.yaml --from 1 --to 50 --json").stdout)
+    f = np.array(data["frequencies_hz"])
+    assert (f[0], f[-1]) == pytest.approx((1.0, 50.0))
+    response = data["responses"]["x"]["F"]
+    s = 2j * np.pi * f
+    exact = 1.0 / (2.0 * s**2 + 10.0 * s + 5000.0)
+    np.testing.assert_allclose(np.array(response["real"]) + 1j * np.array(response["imag"]), exact, rtol=1e-9)
+    largest = json.loads(run("sigma slider.yaml --from 1 --to 50 --json").stdout)
+    np.testing.assert_allclose(largest["singular_values"][0], abs(exact), rtol=1e-9)
+    step = json.loads(run("step slider.yaml --duration 10 --json").stdout)
+    assert step["responses"]["x"]["F"][-1] == pytest.approx(1.0 / 5000.0, rel=1e-9)
+    assert (step["inputs"], step["output_units"]) == (["F"], list(system.output_units))
