@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.equations.assembly import linearized
-from mbsvib.equations.equations import MATRICES
+from mbsvib.equations.terms import MATRICES
 from mbsvib.errors import ExportError, MbsvibError
 from mbsvib.mechanism.changes import scale_of
 

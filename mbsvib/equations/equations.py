@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from functools import cached_property
 from operator import attrgetter
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from mbsvib.equations.terms import Matrices
 from mbsvib.errors import ModelError, ResponseError
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Part
@@ -22,9 +23,6 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.parameters import Parameters
     from mbsvib.mechanism.topology import Topology
-
-
-MATRICES = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,8 +136,8 @@ class Provenance:
                              f"available. Ask the system with open loops, loop.open_loop.")  # fmt: skip
 
 
-@dataclass(frozen=True, repr=False, eq=False)
-class Equations:
+@dataclass(frozen=True, repr=False, eq=False, kw_only=True)
+class Equations(Matrices):
     """M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u, in minimal coordinates q.
 
     ``M``, ``C``, ``K`` (m, m), ``B`` (m, inputs), ``Cq``, ``Cv``, ``Ca`` (outputs, m), ``D`` (outputs, inputs); SI
@@ -170,25 +168,7 @@ class Equations:
     outputs: tuple[str, ...]
     output_units: tuple[str, ...]
     bodies: tuple[str, ...]
-    M: Array
-    C: Array
-    K: Array
-    B: Array
-    Cq: Array
-    Cv: Array
-    Ca: Array
-    D: Array
-    inertia_factor: Array
-    elastic_rows: Array
-    row_stiffness: Array
-    row_damping: Array
-    row_owner: NDArray[np.intp]
-    body_motion: Array
-    provenance: Provenance = field(repr=False)
-    gyroscopic: Array | None = None
-    circulatory: Array | None = None
-    massless: int = 0
-    null_inertia: Array | None = None
+    provenance: Provenance
 
     def __post_init__(self) -> None:
         for array in _arrays(self):
@@ -207,23 +187,6 @@ class Equations:
         """
         made = self.provenance.truncation
         return None if made is None else made.error_bound
-
-    @property
-    def mass(self) -> Array:
-        """The mass matrix M (m, m) by its other name."""
-        return self.M
-
-    @property
-    def damping(self) -> Array:
-        """The damping matrix C (m, m) by its other name; the output matrix of first-order equations is
-        ``state_space().C``.
-        """
-        return self.C
-
-    @property
-    def stiffness(self) -> Array:
-        """The stiffness matrix K (m, m) by its other name."""
-        return self.K
 
     @property
     def tree(self) -> tuple[str, ...]:

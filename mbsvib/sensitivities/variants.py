@@ -19,10 +19,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.equations.assembly import assembled, linearized
-from mbsvib.equations.equations import MATRICES, Equations
+from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene
+from mbsvib.equations.terms import MATRICES
 from mbsvib.equilibrium.articulation import with_rigid_parts
 from mbsvib.equilibrium.at_equilibrium import at_equilibrium
 from mbsvib.equilibrium.pose_kinematics import size_of
