@@ -32,7 +32,7 @@ SINGULAR = 1e-13
 OWNERS = ("matrices",)
 
 
-def given_matrices(
+def from_matrices(
     matrices: tuple[ArrayLike, ArrayLike | None, ArrayLike],
     ports: tuple[ArrayLike | None, ArrayLike | None, ArrayLike | None, ArrayLike | None, ArrayLike | None],
     names: tuple[Sequence[str] | None, Sequence[str] | None, Sequence[str] | None], name: str, form: type[E],
