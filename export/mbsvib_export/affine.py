@@ -71,7 +71,7 @@ def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
         If a parameter is unknown.
     """
     origin = system.provenance.origin
-    if origin is None or system.provenance.dropped is not None:
+    if origin is None or system.provenance.removed is not None:
         raise ExportError(f"{caller}: '{system.name}' is not a system that model.linearize() returned, so that nothing "
                           f"tells what parameters do to it; give that one, or leave them out.")  # fmt: skip
     known = origin.parameters

@@ -103,7 +103,7 @@ def linearize_batch(
 def _adds_by_variant(model: Mechanism, scene: Scene, nominal: Equations) -> bool:
     """Tell whether a mechanism has what is computed variant by variant: loads, spin, inerters, motions without mass."""
     return bool(scene.loads is not None or scene.port.wrench_outputs or model.rotors
-                or scene.springs.inertance is not None or nominal.provenance.massless is not None)  # fmt: skip
+                or scene.springs.inertance is not None or nominal.provenance.separation is not None)  # fmt: skip
 
 
 def _varies_otherwise(scene: Scene, values: Values) -> bool:

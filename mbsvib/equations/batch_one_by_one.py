@@ -129,7 +129,7 @@ def _check_massless(system: Equations, nominal: Equations) -> None:
 
 def _without_mass(system: Equations) -> dict[str, str]:
     """What motions without mass do, by coordinate."""
-    separation = system.provenance.massless
+    separation = system.provenance.separation
     if separation is None:
         return {}
     return (dict.fromkeys(separation.condensed, "moves no mass and follows from statics")
