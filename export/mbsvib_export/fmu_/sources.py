@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import ExportError
+from mbsvib.responses.from_control import of_control
 from mbsvib_export.fmu_.nominal import scales
 from mbsvib_export.fmu_.plant import Plant
 from mbsvib_export.fmu_.tunable import tunable_plant
@@ -42,7 +43,7 @@ def plant_of(source: Any, realization: str, tunable: tuple[str, ...]) -> Plant:
     ModelError
         If a parameter is unknown.
     """
-    if type(source).__module__.split(".")[0] == "control":
+    if of_control(source):
         plant = _controller(source, tunable)
     elif tunable:
         plant = tunable_plant(source, realization, tunable)
