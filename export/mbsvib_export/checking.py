@@ -130,7 +130,8 @@ def _model(system: object) -> Model:
     for known in (system, second):
         if isinstance(known, (System, SystemData)):
             return known
-    return data_of(system, "physical", "check_export")
+    # modal states keep most digits
+    return data_of(system, "modal" if kind_of(system) == "closed loop" else "physical", "check_export")
 
 
 def _read_json(path: Path) -> SystemData | StateSpace:
