@@ -109,9 +109,9 @@ def check_export(
     ExportError
         If the file cannot be read, its names are not those of the system, or it cannot be checked without one.
     """
-    model = None if system is None else _model(system)
     file = a_path(path, "check_export", ExportError)
     suffix = file.suffix.lower()
+    model = None if system is None else _model(system, suffix)
     if suffix in _READERS:
         return ExportCheck(file, _of_equations(_READERS[suffix](file), model, limit))
     if suffix not in SUFFIXES:
@@ -124,14 +124,15 @@ def check_export(
     return ExportCheck(file, _PARTS[suffix](file, model, limit))
 
 
-def _model(system: object) -> Model:
+def _model(system: object, suffix: str) -> Model:
     """What responses and poles of a file are compared with; of loops the equations that exports write."""
     second = getattr(system, "second_order", None) if kind_of(system) == "closed loop" else None
     for known in (system, second):
         if isinstance(known, (System, SystemData)):
             return known
-    # modal states keep most digits
-    return data_of(system, "modal" if kind_of(system) == "closed loop" else "physical", "check_export")
+    # modal states keep most digits; matrices are compared entry by entry, in the states in which they are written
+    states = "modal" if kind_of(system) == "closed loop" and suffix != ".op4" else "physical"
+    return data_of(system, states, "check_export")
 
 
 def _read_json(path: Path) -> SystemData | StateSpace:
