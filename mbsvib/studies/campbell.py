@@ -95,7 +95,8 @@ class Campbell(Displayed):
         rows = [(digits(speed), *(digits(f) + signs[d] for f, d in zip(row, which, strict=True)))
                 for speed, row, which in zip(self.speeds[:SHOWN_SPEEDS], self.frequencies[:, :SHOWN_MODES],
                                              self.directions[:, :SHOWN_MODES], strict=False)]  # fmt: skip
-        columns = [("speed [rad/s]", "right"), *((f"mode {i + 1} [Hz]", "right") for i in range(min(modes, SHOWN_MODES)))]
+        shown = range(1, min(modes, SHOWN_MODES) + 1)
+        columns = [("speed [rad/s]", "right"), *((f"mode {number} [Hz]", "right") for number in shown)]
         notes = ["F: forward whirl, B: backward."]
         if speeds > SHOWN_SPEEDS or modes > SHOWN_MODES:
             notes.append(f"{speeds} speeds, {modes} modes in all: .speeds, .frequencies, .directions.")
