@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mbsvib_export.casadi_objectives import to_casadi_eigenvalues, to_casadi_response
     from mbsvib_export.checking import Comparison, ExportCheck, check_export
     from mbsvib_export.control_ import to_control, to_frd
+    from mbsvib_export.control_space import NamedStateSpace
     from mbsvib_export.cosimulation import CosimulationCheck, MasterCheck, check_cosimulation, to_ssp
     from mbsvib_export.dmig_ import to_dmig
     from mbsvib_export.exudyn_ import to_exudyn
@@ -44,6 +45,7 @@ __all__ = [
     "ExportCheck",
     "FmuFile",
     "MasterCheck",
+    "NamedStateSpace",
     "SignalNames",
     "SystemData",
     "check_cosimulation",
@@ -88,6 +90,7 @@ _HOMES = {
     "ExportCheck": "checking",
     "FmuFile": "fmu_",
     "MasterCheck": "cosimulation",
+    "NamedStateSpace": "control_space",
     "SignalNames": "names_",
     "SystemData": "neutral",
     "check_cosimulation": "cosimulation",

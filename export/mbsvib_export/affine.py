@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.equations.assembly import linearized
-from mbsvib.equations.equations import MATRICES
+from mbsvib.equations.terms import MATRICES
 from mbsvib.errors import ExportError, MbsvibError
 from mbsvib.mechanism.changes import scale_of
 
@@ -71,7 +71,7 @@ def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
         If a parameter is unknown.
     """
     origin = system.provenance.origin
-    if origin is None or system.provenance.dropped is not None:
+    if origin is None or system.provenance.removed is not None:
         raise ExportError(f"{caller}: '{system.name}' is not a system that model.linearize() returned, so that nothing "
                           f"tells what parameters do to it; give that one, or leave them out.")  # fmt: skip
     known = origin.parameters

@@ -9,7 +9,7 @@ import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
-from mbsvib.equations.equations import MATRICES
+from mbsvib.equations.terms import MATRICES
 from mbsvib.errors import ExportError
 from mbsvib_export.affine import affine
 from mbsvib_export.casadi_exponential import exponential_step

@@ -120,7 +120,7 @@ def _names(system: System, parameters: str | Sequence[str], caller: str) -> tupl
         refuse_many(system, caller)
         raise ExportError(f"{caller}: system = {type(system).__name__}; expected a System (model.linearize()).")
     origin = system.provenance.origin
-    if origin is None or system.provenance.dropped is not None:
+    if origin is None or system.provenance.removed is not None:
         raise ExportError(f"{caller}: '{system.name}' is not a system that model.linearize() returned, so that nothing "
                           f"tells what parameters do to it; give that one.")  # fmt: skip
     patterns = (parameters,) if isinstance(parameters, str) else tuple(parameters)

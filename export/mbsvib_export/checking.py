@@ -15,17 +15,21 @@ import numpy as np
 from mbsvib.api.system import System
 from mbsvib.common import tables
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import a_path
+from mbsvib.common.expected import a_path, kind_of
 from mbsvib.errors import ExportError
-from mbsvib_export.neutral import SystemData, refuse_many
+from mbsvib.responses.state_space import StateSpace
+from mbsvib_export.neutral import SystemData, data_of
 from mbsvib_export.responses import check_points, poles, response_error, second_order_response, state_space_response
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.feedback.closed_loop import ClosedLoop
+    from mbsvib.feedback.controller import Controller
     from mbsvib.responses.measurement import Measurement
-    from mbsvib.responses.state_space import StateSpace
+
+    Model = System | SystemData | StateSpace
 
 
 LIMIT = 1e-6
@@ -73,8 +77,10 @@ class ExportCheck(Displayed):
 
 
 def check_export(
-    path: str | os.PathLike[str], system: System | SystemData | None = None, limit: float = LIMIT, *, run: bool = False
-) -> ExportCheck:
+    path: str | os.PathLike[str],
+    system: System | ClosedLoop | Controller | StateSpace | SystemData | None = None, limit: float = LIMIT, *,
+    run: bool = False,
+) -> ExportCheck:  # fmt: skip
     """Read a file of an exporter again, and compare frequency response and poles with the system.
 
     Without a system the equations in the file are compared with each other: state space, second-order equations, and
@@ -86,7 +92,7 @@ def check_export(
     path : str or path
         File of ``to_json``, ``to_npz``, ``to_mat``, ``to_hdf5``, ``to_uff``, ``to_op4``, ``to_dmig`` or
         ``to_fmu``, by its suffix.
-    system : System or SystemData, optional
+    system : System, ClosedLoop, Controller, StateSpace, control.StateSpace or SystemData, optional
         What it came from.
     limit : float
         Largest relative error that passes.
@@ -104,50 +110,68 @@ def check_export(
     ExportError
         If the file cannot be read, its names are not those of the system, or it cannot be checked without one.
     """
-    if system is not None and not isinstance(system, (System, SystemData)):
-        refuse_many(system, "check_export")
-        raise ExportError(f"check_export: system = {type(system).__name__}; expected a System (model.linearize()).")
     file = a_path(path, "check_export", ExportError)
     suffix = file.suffix.lower()
+    model = None if system is None else _model(system, suffix)
     if suffix in _READERS:
-        return ExportCheck(file, _of_system(_READERS[suffix](file), system, limit))
+        return ExportCheck(file, _of_equations(_READERS[suffix](file), model, limit))
     if suffix not in SUFFIXES:
         raise ExportError(f"{file}: no exporter writes '{suffix}' files that can be read again; expected one of "
                           f"{', '.join(SUFFIXES)}.")  # fmt: skip
-    if system is None:
+    if model is None:
         raise ExportError(f"{file}: a {suffix} file has nothing in it to compare with; give the system as well.")
     if suffix == ".fmu":
-        return _of_unit(file, system, limit, run)
-    return ExportCheck(file, _PARTS[suffix](file, system, limit))
+        return _of_unit(file, model, limit, run)
+    return ExportCheck(file, _PARTS[suffix](file, model, limit))
 
 
-def _read_json(path: Path) -> SystemData:
+def _model(system: object, suffix: str) -> Model:
+    """What responses and poles of a file are compared with; of loops the equations that exports write."""
+    second = getattr(system, "second_order", None) if kind_of(system) == "closed loop" else None
+    for known in (system, second):
+        if isinstance(known, (System, SystemData)):
+            return known
+    # modal states keep most digits; matrices are compared entry by entry, in the states in which they are written
+    states = "modal" if kind_of(system) == "closed loop" and suffix != ".op4" else "physical"
+    return data_of(system, states, "check_export")
+
+
+def _read_json(path: Path) -> SystemData | StateSpace:
     from mbsvib_export.json_ import from_json
 
     return from_json(path)
 
 
-def _read_npz(path: Path) -> SystemData:
+def _read_npz(path: Path) -> SystemData | StateSpace:
     from mbsvib_export.npz_ import from_npz
 
     return from_npz(path)
 
 
-def _read_mat(path: Path) -> SystemData:
+def _read_mat(path: Path) -> SystemData | StateSpace:
     from mbsvib_export.mat_ import from_mat
 
     return from_mat(path)
 
 
-def _read_hdf5(path: Path) -> SystemData:
+def _read_hdf5(path: Path) -> SystemData | StateSpace:
     from mbsvib_export.hdf5_ import from_hdf5
 
     return from_hdf5(path)
 
 
-_READERS: dict[str, Callable[[Path], SystemData]] = {
+_READERS: dict[str, Callable[[Path], SystemData | StateSpace]] = {
     ".json": _read_json, ".npz": _read_npz, ".mat": _read_mat, ".h5": _read_hdf5, ".hdf5": _read_hdf5,
 }  # fmt: skip
+
+
+def _of_equations(data: SystemData | StateSpace, model: Model | None, limit: float) -> tuple[Comparison, ...]:
+    if isinstance(data, SystemData) and not isinstance(model, StateSpace):
+        return _of_system(data, model, limit)
+    if model is None:
+        raise ExportError(f"'{data.name}' is a state space, and its file has nothing to compare it with; give the loop "
+                          f"or state space that it came from as well.")  # fmt: skip
+    return _of_space(data.state_space if isinstance(data, SystemData) else data, "A B C D", model, limit)
 
 
 def _of_system(data: SystemData, model: System | SystemData | None, limit: float) -> tuple[Comparison, ...]:
@@ -189,7 +213,7 @@ def _bodies(model: System | SystemData, omega: Array) -> Complex:
     return result
 
 
-def _of_responses(path: Path, model: System | SystemData, limit: float) -> tuple[Comparison, ...]:
+def _of_responses(path: Path, model: Model, limit: float) -> tuple[Comparison, ...]:
     from mbsvib_export.uff_ import from_uff
 
     data = from_uff(path)
@@ -198,15 +222,15 @@ def _of_responses(path: Path, model: System | SystemData, limit: float) -> tuple
     return (Comparison("frequency responses", "the model", error, limit),)
 
 
-def _of_matrices(path: Path, model: System | SystemData, limit: float) -> tuple[Comparison, ...]:
+def _of_matrices(path: Path, model: Model, limit: float) -> tuple[Comparison, ...]:
     from mbsvib_export.dmig_ import read_dmig
     from mbsvib_export.op4_ import read_op4
 
     matrices = read_dmig(path) if path.suffix.lower() == ".pch" else read_op4(path)
-    data = model if isinstance(model, SystemData) else SystemData.of(model)
+    data = SystemData.of(model) if isinstance(model, System) else model
     result = []
     for key, array in matrices.items():
-        truth = getattr(data, key)
+        truth = getattr(data, key, np.zeros((0, 0)))
         if array.shape != truth.shape:
             raise ExportError(f"{path}: {key} has shape {array.shape}, that of the model {truth.shape}; it is the file "
                               f"of another model.")  # fmt: skip
@@ -215,7 +239,7 @@ def _of_matrices(path: Path, model: System | SystemData, limit: float) -> tuple[
     return tuple(result)
 
 
-def _of_unit(path: Path, model: System | SystemData, limit: float, run: bool) -> ExportCheck:
+def _of_unit(path: Path, model: Model, limit: float, run: bool) -> ExportCheck:
     from mbsvib_export.fmu_.reading import state_space_in
 
     if run:
@@ -230,7 +254,7 @@ def _of_unit(path: Path, model: System | SystemData, limit: float, run: bool) ->
     )  # fmt: skip
 
 
-def _of_space(space: StateSpace, what: str, model: System | SystemData, limit: float) -> tuple[Comparison, ...]:
+def _of_space(space: StateSpace, what: str, model: Model, limit: float) -> tuple[Comparison, ...]:
     _same_names(space, model)
     values = _poles(model)
     omega = check_points(values)
@@ -245,15 +269,15 @@ def _of_space(space: StateSpace, what: str, model: System | SystemData, limit: f
 _PARTS = {".uff": _of_responses, ".unv": _of_responses, ".op4": _of_matrices, ".pch": _of_matrices}
 
 
-def _response(model: System | SystemData, omega: Array) -> Complex:
+def _response(model: Model, omega: Array) -> Complex:
     return second_order_response(model, omega) if isinstance(model, SystemData) else model.frequency_response(omega)
 
 
-def _poles(model: System | SystemData) -> Complex:
+def _poles(model: Model) -> Complex:
     return poles(model.state_space.A) if isinstance(model, SystemData) else model.poles()
 
 
-def _same_names(data: SystemData | StateSpace | Measurement, model: System | SystemData) -> None:
+def _same_names(data: SystemData | StateSpace | Measurement, model: Model) -> None:
     for what in ("inputs", "outputs"):
         exported, expected = getattr(data, what), getattr(model, what)
         if exported != expected:

@@ -52,7 +52,8 @@ def to_control(
 
     x' = A x + B u,  y = C x + D u, the matrices bit for bit those of ``system.state_space(realization)``; no state is
     left out. Names go through ``SignalNames.to_control``, as python-control allows no dot in them: the signal
-    ``"leg1.force"`` is ``"leg1:force"`` there, ``SignalNames.to_mbsvib`` leads back.
+    ``"leg1.force"`` is ``"leg1:force"`` there, ``SignalNames.to_mbsvib`` leads back. Parts, sums, products and loops
+    that python-control makes of the result keep names as well, see ``NamedStateSpace``.
 
     Modal states keep more digits. The entries of a physical A are rounded: at the resonances of a chain of 50 bodies
     the response is off by 4e-10, with modal states by 1e-11. Where slycot is installed, python-control also brings A to
@@ -78,7 +79,8 @@ def to_control(
 
     Returns
     -------
-    control.StateSpace, or a list of them
+    NamedStateSpace, or a list of them
+        A control.StateSpace.
         SI units and radians.
 
     Raises
@@ -94,7 +96,7 @@ def to_control(
     UserWarning
         If an input and an output have one name: ``control.interconnect`` would wire the system to itself.
     """
-    control = need("control", "to_control", _INSTALL)
+    need("control", "to_control", _INSTALL)
     from mbsvib.api.batch import Batch
 
     if isinstance(system, Batch):
@@ -114,8 +116,10 @@ def to_control(
         warnings.warn(f"to_control: input and output '{same[0]}' of '{space.name}' have one name, and "
                       f"control.interconnect closes a loop between signals of one name; rename one of them in the "
                       f"model, or connect by connections= and inplist=.", stacklevel=2)  # fmt: skip
+    from mbsvib_export.control_space import NamedStateSpace
+
     # dt = 0: a system without states would be taken for one of no particular time.
-    return control.StateSpace(
+    return NamedStateSpace(
         a, b, c, d, dt or 0,
         name=SignalNames.system_to_control(space.name, space.inputs + space.outputs),
         inputs=_names(space.inputs), outputs=_names(space.outputs), states=_names(space.states),

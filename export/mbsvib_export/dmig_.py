@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.feedback.closed_loop import ClosedLoop
 
 
 NAMES = {"MAAX": "M", "BAAX": "C", "KAAX": "K"}
@@ -33,15 +34,15 @@ _SYMMETRIC, _SQUARE, _DOUBLE = 6, 1, 2
 _ENTRIES = re.compile(rb"^\$ ([MBK]AAX): (\d{1,9}) entries\r?$", re.MULTILINE)
 
 
-def to_dmig(system: System | SystemData, path: str | os.PathLike[str]) -> Path:
+def to_dmig(system: System | ClosedLoop | SystemData, path: str | os.PathLike[str]) -> Path:
     """Write M, C and K of a system as DMIG cards in Nastran's large fields, one scalar point for each coordinate.
 
     Large fields hold ten significant digits; ``to_op4`` holds all.
 
     Parameters
     ----------
-    system : System or SystemData
-        The equations of motion.
+    system : System, ClosedLoop or SystemData
+        The equations of motion; of a loop those with static gains.
     path : str or path
         File to write, taken as it is: no suffix is added.
 
@@ -53,9 +54,10 @@ def to_dmig(system: System | SystemData, path: str | os.PathLike[str]) -> Path:
     Raises
     ------
     ExportError
-        If the file cannot be written, no system is given, or it has no degree of freedom.
+        If the file cannot be written, no system is given, it has no degree of freedom, or it is of first order only.
     """
-    data = system_data_of(system, "physical", "to_dmig")
+    data = system_data_of(system, "physical", "to_dmig", "DMIG cards add to Nastran's M, C and K, and first-order "
+                          "equations have none. to_op4 writes their A, B, C and D.")  # fmt: skip
     count = len(data.coordinates)
     if count == 0:
         raise ExportError(f"to_dmig: '{data.name}' has no degree of freedom; there is nothing to write.")

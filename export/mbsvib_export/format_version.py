@@ -7,6 +7,7 @@ from typing import Any
 from mbsvib.errors import ExportError
 
 FORMAT = "mbsvib-system"
+SPACE_FORMAT = "mbsvib-state-space"  # first-order equations alone
 VERSION = 1  # counts up when a key changes its meaning or goes; readers skip keys they do not know
 
 
@@ -23,8 +24,9 @@ def check_version(name: Any, version: Any) -> None:
     ExportError
         If the format is another one or the version is not known.
     """
-    if name != FORMAT:
-        raise ExportError(f"format = {name!r}; expected {FORMAT!r}. This is not a system written by mbsvib.")
+    if name not in (FORMAT, SPACE_FORMAT):
+        raise ExportError(f"format = {name!r}; expected {FORMAT!r} or {SPACE_FORMAT!r}. This is not a system written "
+                          f"by mbsvib.")  # fmt: skip
     if version != VERSION or isinstance(version, bool):
         raise ExportError(f"version = {version!r}; this release of mbsvib reads version {VERSION}. A later release "
                           f"wrote it: upgrade mbsvib (pip install -U mbsvib), or export it again.")  # fmt: skip

@@ -19,13 +19,16 @@ from mbsvib.common.file_content import check_shape, content_of
 from mbsvib.errors import ExportError
 from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.format_version import check_version
-from mbsvib_export.neutral import system_data_of
-from mbsvib_export.npz_ import KEYS, arrays_of, system_data_from
+from mbsvib_export.neutral import data_of
+from mbsvib_export.npz_ import KEYS, arrays_of, data_from
 from mbsvib_export.packages import need
 from mbsvib_export.read_errors import read_errors
 
 if TYPE_CHECKING:
     from mbsvib.api.system import System
+    from mbsvib.feedback.closed_loop import ClosedLoop
+    from mbsvib.feedback.controller import Controller
+    from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.neutral import SystemData
 
 _INSTALL = "mbsvib[hdf5]"
@@ -48,13 +51,16 @@ def head(content: bytes) -> bytes:
     return f"mbsvib system in HDF5, crc32 {zlib.crc32(content):08x}\n".encode().ljust(HEAD, b"\0")
 
 
-def to_hdf5(system: System | SystemData, path: str | os.PathLike[str], realization: str = "physical") -> Path:
+def to_hdf5(
+    system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
+    realization: str = "physical",
+) -> Path:  # fmt: skip
     """Write a system to an HDF5 file, completely or not at all.
 
     Parameters
     ----------
-    system : System or SystemData
-        The equations of motion.
+    system : System, ClosedLoop, Controller, StateSpace, control.StateSpace or SystemData
+        The equations of motion, or first-order equations alone, as of loops whose controllers have states.
     path : str or path
         File to write; no suffix is added.
     realization : str
@@ -73,7 +79,7 @@ def to_hdf5(system: System | SystemData, path: str | os.PathLike[str], realizati
         If the realization is unknown.
     """
     h5py = need("h5py", "to_hdf5", _INSTALL)
-    arrays = arrays_of(system_data_of(system, realization, "to_hdf5"))
+    arrays = arrays_of(data_of(system, realization, "to_hdf5"))
     stream = BytesIO()
     with h5py.File(stream, "w", userblock_size=HEAD) as file:
         for key, array in arrays.items():
@@ -84,8 +90,8 @@ def to_hdf5(system: System | SystemData, path: str | os.PathLike[str], realizati
     return write_atomic(path, lambda target: target.write(head(content) + content))
 
 
-def from_hdf5(path: str | os.PathLike[str]) -> SystemData:
-    """Return the system that ``to_hdf5`` wrote.
+def from_hdf5(path: str | os.PathLike[str]) -> SystemData | StateSpace:
+    """Return the system, or the state space, that ``to_hdf5`` wrote.
 
     Parameters
     ----------
@@ -94,8 +100,9 @@ def from_hdf5(path: str | os.PathLike[str]) -> SystemData:
 
     Returns
     -------
-    SystemData
-        Matrices, names and units; ``to_control``, ``to_json`` and the other exporters take it.
+    SystemData, or StateSpace
+        Matrices, names and units; ``to_control``, ``to_json`` and the other exporters take it. A StateSpace of
+        first-order equations alone.
 
     Raises
     ------
@@ -111,7 +118,7 @@ def from_hdf5(path: str | os.PathLike[str]) -> SystemData:
         with h5py.File(BytesIO(raw), "r") as datasets:
             entries = _entries(h5py, datasets, len(raw))
         check_version(str(entries.get("format")), int(entries.get("version", 0)))
-        return system_data_from(entries)
+        return data_from(entries)
 
 
 def _entries(h5py: Any, file: Any, size: int) -> dict[str, Any]:

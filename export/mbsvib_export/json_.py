@@ -10,29 +10,33 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from mbsvib.common.file_content import content_of
 from mbsvib.errors import ExportError
 from mbsvib_export.atomic_file import write_atomic
-from mbsvib_export.format_version import FORMAT, VERSION
-from mbsvib_export.json_reading import system_data
-from mbsvib_export.neutral import SECOND_ORDER, first_order, system_data_of
+from mbsvib_export.format_version import FORMAT, SPACE_FORMAT, VERSION
+from mbsvib_export.json_reading import data_in
+from mbsvib_export.neutral import ERROR_BOUND, SECOND_ORDER, SystemData, data_of, first_order
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.api.system import System
-    from mbsvib_export.neutral import SystemData
+    from mbsvib.feedback.closed_loop import ClosedLoop
+    from mbsvib.feedback.controller import Controller
+    from mbsvib.responses.state_space import StateSpace
 
 
 def to_json(
-    system: System | SystemData, path: str | os.PathLike[str] | None = None, realization: str = "physical"
-) -> str:
+    system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str] | None = None,
+    realization: str = "physical",
+) -> str:  # fmt: skip
     """Return a system as JSON text, and write it to a file if a path is given.
 
     The text holds M, C, K, B, Cq, Cv, Ca, D, the state space A, B, C, D, names, units and the bodies' displacements
-    per coordinate, in the form that ``json_schema()`` lays down. Numbers come back bit for bit.
+    per coordinate, in the form that ``json_schema()`` lays down; of first-order equations alone A, B, C, D, names and
+    units. Numbers come back bit for bit.
 
     Parameters
     ----------
-    system : System or SystemData
-        The equations of motion.
+    system : System, ClosedLoop, Controller, StateSpace, control.StateSpace or SystemData
+        The equations of motion, or first-order equations alone, as of loops whose controllers have states.
     path : str or path, optional
         File to write: whole or not at all.
     realization : str
@@ -50,14 +54,14 @@ def to_json(
     ResponseError
         If the realization is unknown.
     """
-    text = _text(_words(system_data_of(system, realization, "to_json"))) + "\n"
+    text = _text(_words(data_of(system, realization, "to_json"))) + "\n"
     if path is not None:
         write_atomic(path, lambda stream: stream.write(text.encode()))
     return text
 
 
-def from_json(source: str | os.PathLike[str] | Mapping[str, Any]) -> SystemData:
-    """Return the system that ``to_json`` wrote.
+def from_json(source: str | os.PathLike[str] | Mapping[str, Any]) -> SystemData | StateSpace:
+    """Return the system, or the state space, that ``to_json`` wrote.
 
     Parameters
     ----------
@@ -66,8 +70,9 @@ def from_json(source: str | os.PathLike[str] | Mapping[str, Any]) -> SystemData:
 
     Returns
     -------
-    SystemData
-        Matrices, names and units; ``to_control``, ``to_json`` and the other exporters take it.
+    SystemData, or StateSpace
+        Matrices, names and units; ``to_control``, ``to_json`` and the other exporters take it. A StateSpace of
+        first-order equations alone.
 
     Raises
     ------
@@ -75,12 +80,12 @@ def from_json(source: str | os.PathLike[str] | Mapping[str, Any]) -> SystemData:
         If the file cannot be read, is damaged, or is of a later version of the format.
     """
     if not isinstance(source, (str, os.PathLike)):
-        return system_data(source)
+        return data_in(source)
     is_text = isinstance(source, str) and source.lstrip()[:1] == "{"
     where = "from_json" if is_text else os.fspath(source)
     try:
         text = source if is_text else content_of(source, ExportError, "a file of to_json").decode("utf-8-sig")
-        return system_data(json.loads(str(text), parse_constant=_refuse_constant, object_pairs_hook=_each_once))
+        return data_in(json.loads(str(text), parse_constant=_refuse_constant, object_pairs_hook=_each_once))
     except json.JSONDecodeError as error:
         raise ExportError(f"{where}: line {error.lineno}, column {error.colno}: {error.msg}; expected JSON as to_json "
                           f"writes it. The file is damaged or of another kind: write it again.") from error  # fmt: skip
@@ -103,24 +108,24 @@ def json_schema() -> dict[str, Any]:
     return result
 
 
-def _words(data: SystemData) -> dict[str, Any]:
+def _words(data: SystemData | StateSpace) -> dict[str, Any]:
     from mbsvib import __version__
 
-    space = data.state_space
+    space = data.state_space if isinstance(data, SystemData) else data
+    of_file = {"version": VERSION, "generator": f"mbsvib {__version__}", "name": data.name}
+    ports = {"inputs": _signals(data.inputs, data.input_units), "outputs": _signals(data.outputs, data.output_units)}
+    first = {"realization": space.realization, "states": _signals(space.states, space.state_units)}
+    if not isinstance(data, SystemData):
+        matrices = {label: getattr(space, label).tolist() for label in "ABCD"}
+        bound = {} if space.error_bound is None else {ERROR_BOUND: space.error_bound}
+        return {"format": SPACE_FORMAT, **of_file, **ports, "state_space": {**first, **matrices, **bound}}
     return {
         "format": FORMAT,
-        "version": VERSION,
-        "generator": f"mbsvib {__version__}",
-        "name": data.name,
+        **of_file,
         "coordinates": _signals(data.coordinates, data.coordinate_units),
-        "inputs": _signals(data.inputs, data.input_units),
-        "outputs": _signals(data.outputs, data.output_units),
+        **ports,
         "second_order": {label: getattr(data, label).tolist() for label in SECOND_ORDER},
-        "state_space": {
-            "realization": space.realization,
-            "states": _signals(space.states, space.state_units),
-            **{label: array.tolist() for label, array in first_order(space).items()},
-        },
+        "state_space": {**first, **{label: array.tolist() for label, array in first_order(space).items()}},
         "bodies": [
             {"name": name, "displacement": motion.tolist()}
             for name, motion in zip(data.bodies, data.body_motion, strict=True)

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.api.state_space import StateSpace
 from mbsvib.errors import ExportError
-from mbsvib.responses.state_space import StateSpace
-from mbsvib_export.format_version import check_version
-from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData
+from mbsvib_export.format_version import SPACE_FORMAT, check_version
+from mbsvib_export.neutral import ERROR_BOUND, FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, checked
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     Signals = tuple[tuple[str, ...], tuple[str, ...]]
 
 
-def system_data(document: Any) -> SystemData:
-    """Return the neutral object that a document describes.
+def data_in(document: Any) -> SystemData | StateSpace:
+    """Return the neutral object that a document describes, or the state space if that is all.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def system_data(document: Any) -> SystemData:
 
     Returns
     -------
-    SystemData
+    SystemData or StateSpace
         Matrices, names and units.
 
     Raises
@@ -38,6 +38,8 @@ def system_data(document: Any) -> SystemData:
     """
     top = _mapping(document, "the document")
     check_version(top.get("format"), top.get("version"))
+    if top["format"] == SPACE_FORMAT:
+        return _state_space(top)
     name = _word(top, "name", "the document")
     coordinates, inputs, outputs = (_signals(top, key, "the document") for key in ("coordinates", "inputs", "outputs"))
     second = _mapping(_item(top, "second_order", "the document"), "second_order")
@@ -58,6 +60,24 @@ def system_data(document: Any) -> SystemData:
         state_space=StateSpace(name=name, realization=realization, **space, **_pair("state", states), **ports),
         **_pair("coordinate", coordinates), **ports, **matrices,
     )  # fmt: skip
+
+
+def _state_space(top: Mapping[str, Any]) -> StateSpace:
+    name = _word(top, "name", "the document")
+    inputs, outputs = (_signals(top, key, "the document") for key in ("inputs", "outputs"))
+    first = _mapping(_item(top, "state_space", "the document"), "state_space")
+    states = _signals(first, "states", "state_space")
+    n, i = len(states[0]), len(inputs[0])
+    matrices: dict[str, Any] = {key: _matrix(first, key, width, "state_space")
+                                for key, width in zip("ABCD", (n, i, n, i), strict=True)}  # fmt: skip
+    bound = first.get(ERROR_BOUND)
+    if bound is not None and type(bound) not in (float, int):
+        raise ExportError(f"state_space: {ERROR_BOUND} = {str(bound)[:60]}; expected a number.")
+    return checked(StateSpace(
+        name=name, realization=_word(first, "realization", "state_space"), transform=np.zeros((0, n)), **matrices,
+        **_pair("state", states), **_pair("input", inputs), **_pair("output", outputs),
+        error_bound=None if bound is None else float(bound),
+    ))  # fmt: skip
 
 
 def _pair(what: str, signals: Signals) -> dict[str, Any]:

@@ -23,16 +23,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.api.state_space import StateSpace
 from mbsvib.api.system import System
-from mbsvib.common.expected import a_path, kind_of
+from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import content_of
 from mbsvib.common.mat_file import read_mat_file
 from mbsvib.errors import ExportError
-from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.atomic_file import check_companion, write_atomic
-from mbsvib_export.format_version import FORMAT, VERSION, check_version
+from mbsvib_export.format_version import FORMAT, SPACE_FORMAT, VERSION, check_version
 from mbsvib_export.mat_script import is_script_of, script
-from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, space_of, system_data_of
+from mbsvib_export.neutral import ERROR_BOUND, FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, checked, data_of
 from mbsvib_export.read_errors import read_errors
 from mbsvib_export.responses import (
     check_points,
@@ -46,6 +46,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
+    from mbsvib.feedback.closed_loop import ClosedLoop
+    from mbsvib.feedback.controller import Controller
+    from mbsvib.responses.state_space import StateSpace as FirstOrder
 
 
 # Accelerations are taken into F, G and D by M^-1; where M is singular, a row that M^-1 would not reach is left over.
@@ -55,8 +58,9 @@ TITLE = 116  # bytes of free text that a .mat file begins with
 
 
 def to_mat(
-    system: System | SystemData, path: str | os.PathLike[str], realization: str = "physical", loader: bool = True
-) -> Path:
+    system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
+    realization: str = "physical", loader: bool = True,
+) -> Path:  # fmt: skip
     """Write a system to a .mat file of MATLAB, and beside it a script that rebuilds it there with all its names.
 
     ``[plant, mech] = load_stewart()`` gives an ``ss`` and a ``mechss`` object (in Octave ``ss`` of its package control,
@@ -85,14 +89,11 @@ def to_mat(
     ResponseError
         If the realization is unknown.
     """
-    space = space_of(system, realization)
-    second = kind_of(system) == "closed loop" and getattr(system, "second_order", None) is not None
-    if isinstance(space, StateSpace) and not second:
-        data: SystemData | StateSpace = space
-        content = _space_content(space)
-    else:
-        data = system_data_of(system, realization, "to_mat")
+    data = data_of(system, realization, "to_mat")
+    if isinstance(data, SystemData):
         content = _content(data, system if isinstance(system, System) else None)
+    else:
+        content = _space_content(data)
     from scipy.io import savemat
 
     stream = BytesIO()
@@ -120,8 +121,8 @@ def to_mat(
     return result
 
 
-def from_mat(path: str | os.PathLike[str]) -> SystemData:
-    """Return the system that ``to_mat`` wrote.
+def from_mat(path: str | os.PathLike[str]) -> SystemData | StateSpace:
+    """Return the system, or the state space, that ``to_mat`` wrote.
 
     Parameters
     ----------
@@ -130,8 +131,9 @@ def from_mat(path: str | os.PathLike[str]) -> SystemData:
 
     Returns
     -------
-    SystemData
-        Matrices, names and units; ``to_control``, ``to_json`` and the other exporters take it.
+    SystemData, or StateSpace
+        Matrices, names and units; ``to_control``, ``to_json`` and the other exporters take it. A StateSpace of
+        first-order equations alone.
 
     Raises
     ------
@@ -146,10 +148,7 @@ def from_mat(path: str | os.PathLike[str]) -> SystemData:
         arrays = read_mat_file(raw)
         own = arrays["mbsvib"]
         check_version(own["format"], int(own["version"].item()))
-        if "transform" not in own:
-            raise ExportError("a state space without equations of motion, which from_mat does not return; read A, B, C "
-                              "and D by scipy.io.loadmat.")
-        return _data(arrays, own, arrays["mech"])
+        return _space(arrays, own) if own["format"] == SPACE_FORMAT else _data(arrays, own, arrays["mech"])
 
 
 def title(content: bytes) -> bytes:
@@ -186,14 +185,16 @@ def _content(data: SystemData, system: System | None) -> dict[str, Any]:
     return result
 
 
-def _space_content(space: StateSpace) -> dict[str, Any]:
+def _space_content(space: FirstOrder) -> dict[str, Any]:
     """First-order equations alone: what belongs to the equations of motion is empty."""
     omega = check_points(poles(space.A))
     words = _Words()
     none, names = np.zeros((0, 0)), words.cells(())
     response = state_space_response(space, omega)
     size = np.abs(response).max(axis=2, initial=0.0)[:, :, None]
-    own = {"format": FORMAT, "version": float(VERSION), "realization": space.realization}
+    own: dict[str, Any] = {"format": SPACE_FORMAT, "version": float(VERSION), "realization": space.realization}
+    if space.error_bound is not None:
+        own[ERROR_BOUND] = space.error_bound
     result = {
         **{key: getattr(space, key) for key in "ABCD"}, "E": none, "Ts": 0.0, "Name": words.plain(space.name),
         "InputName": words.cells(space.inputs), "InputUnit": words.cells(space.input_units),
@@ -251,38 +252,60 @@ def _cells(values: tuple[Any, ...]) -> NDArray[Any]:
     return result
 
 
-def _data(arrays: dict[str, Any], own: dict[str, Any], mech: dict[str, Any]) -> SystemData:
-    def real(array: NDArray[Any], *shape: int) -> Array:
-        # .mat files do not store the shapes of arrays without entries
-        result = np.array(array, dtype=float)
-        return result.reshape(shape) if shape and not result.size else result
+def _space(arrays: dict[str, Any], own: dict[str, Any]) -> StateSpace:
+    texts = _Texts(own)
+    names = texts.signals(arrays)
+    n, i, o = len(names["states"]), len(names["inputs"]), len(names["outputs"])
+    shapes = {"A": (n, n), "B": (n, i), "C": (o, n), "D": (o, i)}
+    matrices: dict[str, Any] = {key: _real(arrays[key], *shape) for key, shape in shapes.items()}
+    return checked(StateSpace(
+        name=texts.one(arrays["Name"]), realization=texts.one(own["realization"]), transform=np.zeros((0, n)),
+        **matrices, **names, error_bound=float(own[ERROR_BOUND].item()) if ERROR_BOUND in own else None,
+    ))  # fmt: skip
 
-    origin = ({word: bytes(code.ravel()).decode() for word, code in
-               zip(own["mapped"].ravel(), own["original"].ravel(), strict=True)}
-              if "mapped" in own else {})  # fmt: skip
 
-    def texts(cells: NDArray[Any]) -> tuple[str, ...]:
-        return tuple(text(cell) for cell in cells.ravel())
+class _Texts:
+    """Names as they were before ``_Words``."""
 
-    def text(value: Any) -> str:
+    def __init__(self, own: dict[str, Any]) -> None:
+        self.origin = ({word: bytes(code.ravel()).decode() for word, code in
+                        zip(own["mapped"].ravel(), own["original"].ravel(), strict=True)}
+                       if "mapped" in own else {})  # fmt: skip
+
+    def one(self, value: Any) -> str:
         if not isinstance(value, str):
             raise ValueError("a name is no text")
-        return origin.get(value, value)
+        return self.origin.get(value, value)
 
-    names = {key: texts(arrays[key])
-             for key in ("InputName", "InputUnit", "OutputName", "OutputUnit", "StateName", "StateUnit")}  # fmt: skip
-    ports: dict[str, Any] = {"inputs": names["InputName"], "input_units": names["InputUnit"],
-                             "outputs": names["OutputName"], "output_units": names["OutputUnit"]}  # fmt: skip
-    coordinates, bodies = texts(mech["CoordinateName"]), texts(own["bodies"])
-    m, i, o, n = len(coordinates), len(ports["inputs"]), len(ports["outputs"]), len(names["StateName"])
+    def all(self, cells: NDArray[Any]) -> tuple[str, ...]:
+        return tuple(self.one(cell) for cell in cells.ravel())
+
+    def signals(self, arrays: dict[str, Any]) -> dict[str, Any]:
+        """Names and units of inputs, outputs and states."""
+        return {f"{what.lower()}{end}": self.all(arrays[f"{what}{kind}"])
+                for what in ("Input", "Output", "State")
+                for kind, end in (("Name", "s"), ("Unit", "_units"))}  # fmt: skip
+
+
+def _real(array: NDArray[Any], *shape: int) -> Array:
+    # .mat files do not store the shapes of arrays without entries
+    result = np.array(array, dtype=float)
+    return result.reshape(shape) if shape and not result.size else result
+
+
+def _data(arrays: dict[str, Any], own: dict[str, Any], mech: dict[str, Any]) -> SystemData:
+    texts = _Texts(own)
+    names = texts.signals(arrays)
+    ports = {key: value for key, value in names.items() if not key.startswith("state")}
+    coordinates, bodies = texts.all(mech["CoordinateName"]), texts.all(own["bodies"])
+    m, i, o, n = len(coordinates), len(names["inputs"]), len(names["outputs"]), len(names["states"])
     shapes = {"A": (n, n), "B": (n, i), "C": (o, n), "D": (o, i), "transform": (2 * m, n), THROUGH: (2 * m, i)}
-    first: dict[str, Any] = {key: real((arrays if key in "ABCD" else own)[key], *shapes[key])
+    first: dict[str, Any] = {key: _real((arrays if key in "ABCD" else own)[key], *shapes[key])
              for key in (*FIRST_ORDER, *([THROUGH] if THROUGH in own else []))}  # fmt: skip
     widths = {"M": (m, m), "C": (m, m), "K": (m, m), "B": (m, i), "Cq": (o, m), "Cv": (o, m), "Ca": (o, m), "D": (o, i)}
-    second: dict[str, Any] = {key: real((mech if key in "MCKB" else own)[key], *widths[key]) for key in SECOND_ORDER}
+    second: dict[str, Any] = {key: _real((mech if key in "MCKB" else own)[key], *widths[key]) for key in SECOND_ORDER}
     motion = own["body_motion"].reshape(len(bodies), 6, m)
-    name = text(arrays["Name"])
-    space = StateSpace(name=name, realization=text(own["realization"]), states=names["StateName"],
-                       state_units=names["StateUnit"], **first, **ports)  # fmt: skip
-    return SystemData(name=name, coordinates=coordinates, coordinate_units=texts(mech["CoordinateUnit"]),
-                      bodies=bodies, body_motion=real(motion), state_space=space, **ports, **second)  # fmt: skip
+    name = texts.one(arrays["Name"])
+    space = StateSpace(name=name, realization=texts.one(own["realization"]), **names, **first)
+    return SystemData(name=name, coordinates=coordinates, coordinate_units=texts.all(mech["CoordinateUnit"]),
+                      bodies=bodies, body_motion=_real(motion), state_space=space, **ports, **second)  # fmt: skip

@@ -77,6 +77,25 @@ class SignalNames(Displayed):
         return origin
 
     @staticmethod
+    def original(name: str) -> str:
+        """Return the mbsvib name of a signal of python-control, or its own name if it does not come from mbsvib.
+
+        Parameters
+        ----------
+        name : str
+            Name in python-control.
+
+        Returns
+        -------
+        str
+            Name in mbsvib where ``to_mbsvib`` finds one, else ``name``.
+        """
+        try:
+            return SignalNames.to_mbsvib(name)
+        except ExportError:
+            return name
+
+    @staticmethod
     def system_to_control(name: str, signals: tuple[str, ...] = ()) -> str:
         """Return the name that a system has in python-control.
 

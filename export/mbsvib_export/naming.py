@@ -6,6 +6,7 @@ from copy import deepcopy
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from mbsvib.errors import ExportError
+from mbsvib.responses.from_control import is_control
 from mbsvib_export.packages import need
 
 if TYPE_CHECKING:
@@ -65,12 +66,15 @@ def named(
     made.set_inputs(inputs)
     made.set_outputs(outputs)
     if states:
-        labels = [label for system in plants for label in system.state_labels]
-        if len(set(labels)) < len(labels):
-            labels = [f"{system.name}_{label}" for system in plants for label in system.state_labels]
-        made.set_states(_all(labels, made.nstates, "states"))
+        from mbsvib_export.control_space import unique_names
+
+        made.set_states(_all(unique_names(plants, "state"), made.nstates, "states"))
     joined = "_".join(dict.fromkeys(system.name for system in plants))
     made.name = name if name is not None else joined + ("_controller" if controller else "")
+    if is_control(made):  # what is made of it keeps names too
+        from mbsvib_export.control_space import NamedStateSpace
+
+        return NamedStateSpace.of(made)  # type: ignore[return-value]
     return made  # type: ignore[no-any-return]
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -13,17 +13,21 @@ from mbsvib.common.expected import kind_of
 from mbsvib.errors import ExportError
 from mbsvib.responses.from_control import is_control
 from mbsvib.responses.state_space import StateSpace
+from mbsvib_export.names_ import SignalNames
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
 
+Space = TypeVar("Space", bound=StateSpace)
 
 SECOND_ORDER = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
 FIRST_ORDER = ("A", "B", "C", "D", "transform")
 # What a state space has only where damped motions without mass have rates that inputs change at once.
 THROUGH = "through"
+# What a reduced state space has.
+ERROR_BOUND = "error_bound"
 # State spaces that have no other realization: exporters take them as they are.
 READY = ("given", "controller", "reduced")
 
@@ -32,6 +36,54 @@ def first_order(space: StateSpace) -> dict[str, Array]:
     """Return the matrices of a state space by name, those that it has."""
     arrays = {label: getattr(space, label) for label in FIRST_ORDER}
     return arrays if space.through is None else arrays | {THROUGH: space.through}
+
+
+def check_arrays(name: str, arrays: list[tuple[str, Array, tuple[int, ...]]]) -> None:
+    """Refuse arrays (label, array, shape expected) of another shape or with numbers that are not finite.
+
+    Parameters
+    ----------
+    name : str
+        Of the system.
+    arrays : list
+        They become read-only.
+
+    Raises
+    ------
+    ExportError
+        If one does not fit.
+    """
+    for label, array, shape in arrays:
+        if array.shape != shape:
+            raise ExportError(f"{name}: {label} has shape {array.shape}; expected {shape}, one row and column "
+                              f"for each name that goes with it.")  # fmt: skip
+        if not np.isfinite(array).all():
+            raise ExportError(f"{name}: {label} holds NaN or infinity; expected finite numbers.")
+        array.setflags(write=False)
+
+
+def check_names(name: str, groups: list[tuple[str, tuple[str, ...], tuple[str, ...]]]) -> None:
+    """Refuse groups (label, names, units) in which names are empty or repeated, or units are missing.
+
+    Parameters
+    ----------
+    name : str
+        Of the system.
+    groups : list
+        Signals of each kind.
+
+    Raises
+    ------
+    ExportError
+        If one does not fit.
+    """
+    for label, names, units in groups:
+        if len(set(names)) < len(names) or "" in names:
+            wrong = next(name for name in names if not name or names.count(name) > 1)
+            raise ExportError(f"{name}: the name {wrong!r} among the {label} is empty or there more than "
+                              f"once; expected names that differ.")  # fmt: skip
+        if len(units) != len(names):
+            raise ExportError(f"{name}: {len(units)} units for {len(names)} {label}; expected one for each.")
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -63,20 +115,8 @@ class SystemData(Displayed):
     state_space: StateSpace
 
     def __post_init__(self) -> None:
-        for label, array, shape in self._shapes():
-            if array.shape != shape:
-                raise ExportError(f"{self.name}: {label} has shape {array.shape}; expected {shape}, one row and column "
-                                  f"for each name that goes with it.")  # fmt: skip
-            if not np.isfinite(array).all():
-                raise ExportError(f"{self.name}: {label} holds NaN or infinity; expected finite numbers.")
-            array.setflags(write=False)
-        for label, names, units in self._names():
-            if len(set(names)) < len(names) or "" in names:
-                wrong = next(name for name in names if not name or names.count(name) > 1)
-                raise ExportError(f"{self.name}: the name {wrong!r} among the {label} is empty or there more than "
-                                  f"once; expected names that differ.")  # fmt: skip
-            if len(units) != len(names):
-                raise ExportError(f"{self.name}: {len(units)} units for {len(names)} {label}; expected one for each.")
+        check_arrays(self.name, self._shapes())
+        check_names(self.name, self._names())
 
     @classmethod
     def of(cls, system: System, realization: str = "physical") -> SystemData:
@@ -215,7 +255,14 @@ def space_of(source: object, realization: str) -> object:
         return source.state_space(realization if kind_of(plant) == "system" else "modal")  # type: ignore[attr-defined]
     if kind == "controller":
         return source.state_space()  # type: ignore[attr-defined]
-    return StateSpace.from_control(source) if kind is None and is_control(source) else source
+    return _named_as_here(StateSpace.from_control(source)) if kind is None and is_control(source) else source
+
+
+def _named_as_here(space: StateSpace) -> StateSpace:
+    """A state space of python-control with the names that its signals had in mbsvib: ``leg1:f`` is ``leg1.f``."""
+    inputs, outputs, states = (tuple(map(SignalNames.original, names))
+                               for names in (space.inputs, space.outputs, space.states))  # fmt: skip
+    return replace(space, name=SignalNames.original(space.name), inputs=inputs, outputs=outputs, states=states)
 
 
 def linear_of(source: object) -> Any:
@@ -264,17 +311,80 @@ def refuse_many(source: object, caller: str) -> None:
                           f"{caller}(batch[i]), or all in one file by to_npz_batch.")  # fmt: skip
 
 
-def system_data_of(source: System | SystemData, realization: str, caller: str) -> SystemData:
-    """Return the neutral object of what a file's exporter was given.
+def data_of(source: object, realization: str, caller: str) -> SystemData | StateSpace:
+    """Return what a file keeps: second-order equations where there are any, else first-order equations alone.
 
     Parameters
     ----------
-    source : System or SystemData
-        A system, or what was read back from a file.
+    source : System, ClosedLoop, Controller, StateSpace, control.StateSpace or SystemData
+        What an exporter was given.
     realization : str
         As in ``state_space_of``.
     caller : str
         Name of the exporter, for messages.
+
+    Returns
+    -------
+    SystemData or StateSpace
+        Matrices, names and units.
+
+    Raises
+    ------
+    ExportError
+        If the source is none of these, is ready in another realization, or holds numbers that are not finite.
+    ResponseError
+        If the realization is unknown.
+    """
+    second = source if isinstance(source, System) else \
+        getattr(source, "second_order", None) if kind_of(source) == "closed loop" else None  # fmt: skip
+    if second is not None:
+        return SystemData.of(second, realization)
+    space = state_space_of(source, realization, caller)
+    return source if isinstance(source, SystemData) else checked(space)
+
+
+def checked(space: Space) -> Space:
+    """Return a state space whose shapes, numbers and names are those that a file can keep.
+
+    Parameters
+    ----------
+    space : StateSpace
+        First-order equations.
+
+    Returns
+    -------
+    StateSpace
+        The same.
+
+    Raises
+    ------
+    ExportError
+        If they are not.
+    """
+    n, i, o = len(space.states), len(space.inputs), len(space.outputs)
+    shapes = ((n, n), (n, i), (o, n), (o, i))
+    check_arrays(space.name, [(label, getattr(space, label), shape)
+                              for label, shape in zip("ABCD", shapes, strict=True)])  # fmt: skip
+    if space.error_bound is not None and not 0.0 <= space.error_bound < np.inf:
+        raise ExportError(f"{space.name}: error_bound = {space.error_bound}; expected a finite number, or none.")
+    check_names(space.name, [(what, getattr(space, what), getattr(space, f"{what[:-1]}_units"))
+                             for what in ("inputs", "outputs", "states")])  # fmt: skip
+    return space
+
+
+def system_data_of(source: object, realization: str, caller: str, why: str) -> SystemData:
+    """Return the second-order equations of what an exporter was given.
+
+    Parameters
+    ----------
+    source : System, ClosedLoop or SystemData
+        A system, a loop with static gains, or what was read back from a file.
+    realization : str
+        As in ``state_space_of``.
+    caller : str
+        Name of the exporter, for messages.
+    why : str
+        Why there must be such equations, and what to do without.
 
     Returns
     -------
@@ -284,18 +394,12 @@ def system_data_of(source: System | SystemData, realization: str, caller: str) -
     Raises
     ------
     ExportError
-        If the source is neither, or is ready in another realization.
+        If there are first-order equations only.
     ResponseError
         If the realization is unknown.
     """
-    if isinstance(source, System):
-        return SystemData.of(source, realization)
-    second = getattr(source, "second_order", None) if kind_of(source) == "closed loop" else None
-    if second is not None:
-        return SystemData.of(second, realization)
-    state_space_of(source, realization, caller)
-    if not isinstance(source, SystemData):
-        raise ExportError(f"{caller}: system = {type(source).__name__}; expected a System, a closed loop with static "
-                          f"gains, or SystemData: the file also holds second-order equations. State spaces go to "
-                          f"to_control, to_scipy, to_casadi, to_fmu, to_c and to_modelica.")  # fmt: skip
-    return source
+    data = data_of(source, realization, caller)
+    if isinstance(data, SystemData):
+        return data
+    raise ExportError(f"{caller}: system = {type(source).__name__}, which has first-order equations only; expected a "
+                      f"System, a closed loop with static gains, or SystemData: {why}")  # fmt: skip

@@ -10,6 +10,10 @@
     states, state_units                                texts (n,)
     state_space.A .B .C .D, state_space.transform      x' = A x + B u, y = C x + D u, (q, q') = transform x
     state_space.through                                + through u; only where damped motions have no mass
+
+First-order equations alone, as of loops whose controllers have states, have the format "mbsvib-state-space", and of
+these keys name, realization, inputs, outputs, states, their units, A, B, C and D; state_space.error_bound if they are
+reduced.
 """
 
 from __future__ import annotations
@@ -19,13 +23,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.api.state_space import StateSpace
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import content_of
 from mbsvib.errors import ExportError
-from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.atomic_file import write_atomic
-from mbsvib_export.format_version import FORMAT, VERSION, check_version
-from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, first_order, system_data_of
+from mbsvib_export.format_version import FORMAT, SPACE_FORMAT, VERSION, check_version
+from mbsvib_export.neutral import (
+    ERROR_BOUND,
+    FIRST_ORDER,
+    SECOND_ORDER,
+    THROUGH,
+    SystemData,
+    checked,
+    data_of,
+    first_order,
+)
 from mbsvib_export.npz_reading import arrays_in
 from mbsvib_export.read_errors import read_errors
 
@@ -33,21 +46,28 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from mbsvib.api.system import System
+    from mbsvib.feedback.closed_loop import ClosedLoop
+    from mbsvib.feedback.controller import Controller
+    from mbsvib.responses.state_space import StateSpace as FirstOrder
 
-TEXTS = ("coordinates", "coordinate_units", "inputs", "input_units", "outputs", "output_units", "bodies")
+PORT_TEXTS = ("inputs", "input_units", "outputs", "output_units")
+TEXTS = ("coordinates", "coordinate_units", *PORT_TEXTS, "bodies")
 STATE_TEXTS = ("states", "state_units")
 # All that is read of a file.
 KEYS = ("format", "version", "name", "realization", *TEXTS, *STATE_TEXTS, *SECOND_ORDER, "body_motion",
-        *(f"state_space.{key}" for key in (*FIRST_ORDER, THROUGH)))  # fmt: skip
+        *(f"state_space.{key}" for key in (*FIRST_ORDER, THROUGH, ERROR_BOUND)))  # fmt: skip
 
 
-def to_npz(system: System | SystemData, path: str | os.PathLike[str], realization: str = "physical") -> Path:
+def to_npz(
+    system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
+    realization: str = "physical",
+) -> Path:  # fmt: skip
     """Write a system to a .npz file of numpy, completely or not at all.
 
     Parameters
     ----------
-    system : System or SystemData
-        The equations of motion.
+    system : System, ClosedLoop, Controller, StateSpace, control.StateSpace or SystemData
+        The equations of motion, or first-order equations alone, as of loops whose controllers have states.
     path : str or path
         File to write; no suffix is added.
     realization : str
@@ -65,23 +85,33 @@ def to_npz(system: System | SystemData, path: str | os.PathLike[str], realizatio
     ResponseError
         If the realization is unknown.
     """
-    arrays = arrays_of(system_data_of(system, realization, "to_npz"))
+    arrays = arrays_of(data_of(system, realization, "to_npz"))
     return write_atomic(path, lambda stream: np.savez(stream, **arrays))
 
 
-def arrays_of(data: SystemData) -> dict[str, Any]:
+def arrays_of(data: SystemData | FirstOrder) -> dict[str, Any]:
     """Return all that a file keeps of a system as arrays, by the keys of the file.
 
     Parameters
     ----------
-    data : SystemData
+    data : SystemData or StateSpace
         Matrices, names and units.
 
     Returns
     -------
     dict
-        Texts and matrices; ``system_data_from`` leads back.
+        Texts and matrices; ``data_from`` leads back.
     """
+    if not isinstance(data, SystemData):
+        return {
+            "format": np.array(SPACE_FORMAT),
+            "version": np.array(VERSION),
+            "name": np.array(data.name),
+            "realization": np.array(data.realization),
+            **{key: np.array(getattr(data, key), dtype=str) for key in (*PORT_TEXTS, *STATE_TEXTS)},
+            **{f"state_space.{key}": getattr(data, key) for key in "ABCD"},
+            **({} if data.error_bound is None else {f"state_space.{ERROR_BOUND}": np.array(data.error_bound)}),
+        }
     space = data.state_space
     return {
         "format": np.array(FORMAT),
@@ -95,8 +125,8 @@ def arrays_of(data: SystemData) -> dict[str, Any]:
     }
 
 
-def from_npz(path: str | os.PathLike[str]) -> SystemData:
-    """Return the system that ``to_npz`` wrote.
+def from_npz(path: str | os.PathLike[str]) -> SystemData | StateSpace:
+    """Return the system, or the state space, that ``to_npz`` wrote.
 
     Parameters
     ----------
@@ -105,8 +135,9 @@ def from_npz(path: str | os.PathLike[str]) -> SystemData:
 
     Returns
     -------
-    SystemData
-        Matrices, names and units; ``to_control``, ``to_json`` and the other exporters take it.
+    SystemData, or StateSpace
+        Matrices, names and units; ``to_control``, ``to_json`` and the other exporters take it. A StateSpace of
+        first-order equations alone.
 
     Raises
     ------
@@ -118,7 +149,37 @@ def from_npz(path: str | os.PathLike[str]) -> SystemData:
     with read_errors(file, ".npz file", "to_npz"):
         entries = arrays_in(content, KEYS)
         check_version(str(entries.get("format")), int(entries.get("version", 0)))
-        return system_data_from(entries)
+        return data_from(entries)
+
+
+def data_from(arrays: dict[str, Any]) -> SystemData | StateSpace:
+    """Return the system, or the state space, that arrays, by the keys of the file, describe.
+
+    Parameters
+    ----------
+    arrays : dict
+        Texts and matrices.
+
+    Returns
+    -------
+    SystemData or StateSpace
+        Matrices, names and units.
+
+    Raises
+    ------
+    ExportError
+        If an array is missing or of another kind.
+    """
+    if str(arrays["format"]) != SPACE_FORMAT:
+        return system_data_from(arrays)
+    matrices = [f"state_space.{key}" for key in "ABCD"]
+    _check_keys(arrays, ("name", "realization", *PORT_TEXTS, *STATE_TEXTS, *matrices))
+    texts: dict[str, Any] = {key: tuple(map(str, arrays[key].tolist())) for key in (*PORT_TEXTS, *STATE_TEXTS)}
+    bound = arrays.get(f"state_space.{ERROR_BOUND}")
+    return checked(StateSpace(
+        str(arrays["name"]), str(arrays["realization"]), **{key[-1]: arrays[key] for key in matrices}, **texts,
+        transform=np.zeros((0, len(texts["states"]))), error_bound=None if bound is None else float(bound.item()),
+    ))  # fmt: skip
 
 
 def system_data_from(arrays: dict[str, Any]) -> SystemData:
@@ -141,11 +202,8 @@ def system_data_from(arrays: dict[str, Any]) -> SystemData:
     """
     expected = (*TEXTS, *STATE_TEXTS, *SECOND_ORDER, "name", "realization", "body_motion",
                 *(f"state_space.{key}" for key in FIRST_ORDER))  # fmt: skip
-    if missing := [key for key in expected if key not in arrays]:
-        raise ExportError(f"the array '{missing[0]}' is missing; expected the arrays that to_npz writes.")
+    _check_keys(arrays, expected)
     texts: dict[str, Any] = {key: tuple(map(str, arrays[key].tolist())) for key in (*TEXTS, *STATE_TEXTS)}
-    if wrong := [key for key in expected if key not in (*texts, "name", "realization") and arrays[key].dtype != float]:
-        raise ExportError(f"the array '{wrong[0]}' holds {arrays[wrong[0]].dtype}; expected float64.")
     ports = {key: texts[key] for key in (*STATE_TEXTS, *TEXTS[2:6])}
     first: dict[str, Any] = {
         key: arrays[f"state_space.{key}"] for key in (*FIRST_ORDER, THROUGH) if f"state_space.{key}" in arrays
@@ -153,3 +211,11 @@ def system_data_from(arrays: dict[str, Any]) -> SystemData:
     second: dict[str, Any] = {key: arrays[key] for key in (*SECOND_ORDER, "body_motion")}
     space = StateSpace(name=str(arrays["name"]), realization=str(arrays["realization"]), **first, **ports)
     return SystemData(name=space.name, state_space=space, **{key: texts[key] for key in TEXTS}, **second)
+
+
+def _check_keys(arrays: dict[str, Any], expected: tuple[str, ...]) -> None:
+    if missing := [key for key in expected if key not in arrays]:
+        raise ExportError(f"the array '{missing[0]}' is missing; expected the arrays that to_npz writes.")
+    words = (*TEXTS, *STATE_TEXTS, "name", "realization")
+    if wrong := [key for key in expected if key not in words and arrays[key].dtype != float]:
+        raise ExportError(f"the array '{wrong[0]}' holds {arrays[wrong[0]].dtype}; expected float64.")

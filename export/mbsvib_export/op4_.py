@@ -1,7 +1,8 @@
 """Nastran's OUTPUT4 (OP4): all matrices of a system to the last bit, as text or binary.
 
 OP4 holds matrices without names of rows; here MAA, BAA (damping), KAA (m, m), BU (m, inputs), CQ, CV, CA
-(outputs, m), DU (outputs, inputs), in the order of ``system.coordinates``, ``inputs`` and ``outputs``.
+(outputs, m), DU (outputs, inputs), in the order of ``system.coordinates``, ``inputs`` and ``outputs``; of first-order
+equations alone A, B, C, D in the order of ``states``, ``inputs`` and ``outputs``.
 ``mbsvib.superelements`` reads them as well.
 """
 
@@ -18,7 +19,7 @@ from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.common.op4_file import read_op4_file
 from mbsvib.errors import ExportError
 from mbsvib_export.atomic_file import write_atomic
-from mbsvib_export.neutral import SystemData, system_data_of
+from mbsvib_export.neutral import SystemData, data_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,9 +27,13 @@ if TYPE_CHECKING:
 
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.feedback.closed_loop import ClosedLoop
+    from mbsvib.feedback.controller import Controller
+    from mbsvib.responses.state_space import StateSpace
 
 
 NAMES = {"MAA": "M", "BAA": "C", "KAA": "K", "BU": "B", "CQ": "Cq", "CV": "Cv", "CA": "Ca", "DU": "D"}
+SPACE_NAMES = ("A", "B", "C", "D")
 # forms of the format, and its type of real numbers in double precision
 _SYMMETRIC, _SQUARE, _RECTANGULAR = 6, 1, 2
 _DOUBLE = 2
@@ -36,13 +41,18 @@ _DOUBLE = 2
 _PER_LINE, _FORMAT = 3, "1P,3E24.16"
 
 
-def to_op4(system: System | SystemData, path: str | os.PathLike[str], binary: bool = False) -> Path:
+def to_op4(
+    system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
+    binary: bool = False,
+) -> Path:  # fmt: skip
     """Write the second-order matrices of a system to an OP4 file of Nastran, every number to the last bit.
+
+    Of first-order equations alone, as of loops whose controllers have states, the matrices A, B, C and D.
 
     Parameters
     ----------
-    system : System or SystemData
-        The equations of motion.
+    system : System, ClosedLoop, Controller, StateSpace, control.StateSpace or SystemData
+        The equations.
     path : str or path
         File to write, taken as it is: no suffix is added.
     binary : bool
@@ -58,11 +68,12 @@ def to_op4(system: System | SystemData, path: str | os.PathLike[str], binary: bo
     ExportError
         If the file cannot be written, no system is given, or it has neither coordinates nor ports.
     """
-    data = system_data_of(system, "physical", "to_op4")
-    arrays = {name: getattr(data, key) for name, key in NAMES.items()}
+    data = data_of(system, "physical", "to_op4")
+    names = NAMES if isinstance(data, SystemData) else dict(zip(SPACE_NAMES, SPACE_NAMES, strict=True))
+    arrays = {name: getattr(data, key) for name, key in names.items()}
     arrays = {name: array for name, array in arrays.items() if array.size}
     if not arrays:
-        raise ExportError(f"to_op4: '{data.name}' has no degree of freedom and no ports; there is nothing to write.")
+        raise ExportError(f"to_op4: '{data.name}' has neither motions nor ports; there is nothing to write.")
     write = _binary if binary else _text
     content = b"".join(write(name, array) for name, array in arrays.items())
     return write_atomic(path, lambda stream: stream.write(content))
@@ -79,7 +90,8 @@ def read_op4(path: str | os.PathLike[str]) -> dict[str, Array]:
     Returns
     -------
     dict of str to array
-        "M", "C", "K", "B", "Cq", "Cv", "Ca", "D"; matrices without entries are missing.
+        "M", "C", "K", "B", "Cq", "Cv", "Ca", "D", or "A", "B", "C", "D" of first-order equations; matrices without
+        entries are missing.
 
     Raises
     ------
@@ -89,10 +101,12 @@ def read_op4(path: str | os.PathLike[str]) -> dict[str, Array]:
     where = os.fspath(a_path(path, "read_op4", ExportError))
     raw = content_of(where, ExportError, "a file of to_op4")
     try:
-        matrices = read_op4_file(raw, NAMES)
-        result = {NAMES[name]: array for name, array in matrices.items() if name in NAMES}
+        matrices = read_op4_file(raw, (*NAMES, *SPACE_NAMES))
+        result = {NAMES[name]: array for name, array in matrices.items() if name in NAMES} or \
+            {name: array for name, array in matrices.items() if name in SPACE_NAMES}  # fmt: skip
         if not result:
-            raise ContentError(f"none of the matrices {', '.join(NAMES)}, but {', '.join(matrices) or 'nothing'}")
+            raise ContentError(f"none of the matrices {', '.join((*NAMES, *SPACE_NAMES))}, but "
+                               f"{', '.join(matrices) or 'nothing'}")  # fmt: skip
         if wrong := [key for key, array in result.items() if array.dtype != float]:
             raise ContentError(f"{wrong[0]} is complex")
     except ContentError as error:
@@ -101,7 +115,7 @@ def read_op4(path: str | os.PathLike[str]) -> dict[str, Array]:
 
 
 def _form(name: str, array: Array) -> int:
-    if NAMES[name] not in "MCK":
+    if NAMES.get(name, name) not in ("M", "K", "A") and name != "BAA":
         return _RECTANGULAR
     return _SYMMETRIC if np.array_equal(array, array.T) else _SQUARE
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from mbsvib.errors import ExportError
 from mbsvib.linalg.balancing import exponents
+from mbsvib.responses.state_space import StateSpace
 
 if TYPE_CHECKING:
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.neutral import SystemData
 
 
@@ -106,7 +106,7 @@ def second_order_response(data: SystemData, omega: Array) -> Complex:
     return result
 
 
-def response_scale(response: Complex, model: System | SystemData, omega: Array) -> Array:
+def response_scale(response: Complex, model: System | SystemData | StateSpace, omega: Array) -> Array:
     """Return the scale of the errors of a response: the largest entry between ports of the same units.
 
     An output may see next to nothing of large motions: by symmetry, or above all resonances. Where the terms that
@@ -116,7 +116,7 @@ def response_scale(response: Complex, model: System | SystemData, omega: Array) 
     ----------
     response : array, shape (outputs, inputs, n)
         Complex responses.
-    model : System or SystemData
+    model : System, SystemData or StateSpace
         Whose responses they are.
     omega : array, shape (n,)
         Angular frequencies [rad/s].
@@ -136,8 +136,21 @@ def response_scale(response: Complex, model: System | SystemData, omega: Array) 
     return np.where(result > 0.0, result, 1.0)
 
 
-def _terms(model: System | SystemData, omega: Array) -> Array:
-    """Sizes of the terms that an output is the sum of, all coordinates with the energy of the one of most."""
+def _terms(model: System | SystemData | StateSpace, omega: Array) -> Array:
+    """Sizes of the terms that an output is the sum of."""
+    return _terms_of_states(model, omega) if isinstance(model, StateSpace) else _terms_of_coordinates(model, omega)
+
+
+def _terms_of_states(space: StateSpace, omega: Array) -> Array:
+    result = np.empty((*space.D.shape, len(omega)))
+    for k, w in enumerate(omega):
+        states = np.linalg.solve(1j * w * np.eye(len(space.A)) - space.A, space.B)
+        result[:, :, k] = np.abs(space.C) @ np.abs(states) + np.abs(space.D)
+    return result
+
+
+def _terms_of_coordinates(model: System | SystemData, omega: Array) -> Array:
+    """All coordinates with the energy of the one of most."""
     result = np.empty((*model.D.shape, len(omega)))
     stiff, heavy = np.abs(np.diag(model.K)), np.abs(np.diag(model.M))
     for k, w in enumerate(omega):
@@ -150,14 +163,14 @@ def _terms(model: System | SystemData, omega: Array) -> Array:
     return result
 
 
-def response_error(actual: Complex, truth: Complex, model: System | SystemData, omega: Array) -> float:
+def response_error(actual: Complex, truth: Complex, model: System | SystemData | StateSpace, omega: Array) -> float:
     """Return the largest difference of two responses, relative to their ``response_scale``.
 
     Parameters
     ----------
     actual, truth : array, shape (outputs, inputs, n)
         Complex responses.
-    model : System or SystemData
+    model : System, SystemData or StateSpace
         Whose responses they should be.
     omega : array, shape (n,)
         Angular frequencies [rad/s].

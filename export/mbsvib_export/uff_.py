@@ -9,7 +9,7 @@ of a response and, cut to ten characters, with its nodes.
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,7 +31,10 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.feedback.closed_loop import ClosedLoop
+    from mbsvib.feedback.controller import Controller
     from mbsvib.responses.measurement import Measurement, Point
+    from mbsvib.responses.state_space import StateSpace
 
 
 # specific data types of the format; types without a number are 0, unknown
@@ -40,8 +43,8 @@ LINE = 80
 
 
 def to_uff(
-    system: System | SystemData, path: str | os.PathLike[str], omega: ArrayLike | None = None, binary: bool = True,
-    modes: bool = False,
+    system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
+    omega: ArrayLike | None = None, binary: bool = True, modes: bool = False,
 ) -> Path:  # fmt: skip
     """Write the frequency responses of all inputs and outputs to a universal file, with nodes and directions.
 
@@ -52,8 +55,9 @@ def to_uff(
 
     Parameters
     ----------
-    system : System or SystemData
-        The equations of motion; SystemData, from files, knows no geometry.
+    system : System, ClosedLoop, Controller, StateSpace, control.StateSpace or SystemData
+        The equations. Nodes and directions are those of the model, also of a closed loop; state spaces and SystemData,
+        from files, know no geometry.
     path : str or path
         File to write, taken as it is: no suffix is added.
     omega : array-like, shape (n,), optional
@@ -78,37 +82,35 @@ def to_uff(
     ResponseError
         If a frequency is not finite or is an undamped pole of the system.
     """
-    if not isinstance(system, SystemData) and (linear_of(system) is None or kind_of(system) == "sparse system"):
+    linear: Any = system if isinstance(system, SystemData) else linear_of(system)
+    if linear is None or kind_of(system) == "sparse system":
         refuse_many(system, "to_uff")
-        raise ExportError(f"to_uff: system = {type(system).__name__}; expected a System (model.linearize()) or what "
-                          f"was read from a file.")  # fmt: skip
-    if not (system.inputs and system.outputs):
-        raise ExportError(f"to_uff: '{system.name}' has {len(system.inputs)} inputs and {len(system.outputs)} outputs; "
+        raise ExportError(f"to_uff: system = {type(system).__name__}; expected a System (model.linearize()), a closed "
+                          f"loop, a state space or what was read from a file.")  # fmt: skip
+    if not (linear.inputs and linear.outputs):
+        raise ExportError(f"to_uff: '{linear.name}' has {len(linear.inputs)} inputs and {len(linear.outputs)} outputs; "
                           f"expected one of each at least (model.add_input, model.add_output).")  # fmt: skip
-    if isinstance(system, SystemData) and (omega is None or modes):
-        missing = "omega is missing" if omega is None else "modes = True"
-        raise ExportError(f"to_uff: {missing}; a system out of a file has no frequency grid and no modes of its own.")
-    frequency = np.atleast_1d(np.asarray(_grid(system) if omega is None else omega, dtype=float)) / (2 * np.pi)
+    if omega is None and not hasattr(linear, "frequency_grid"):
+        raise ExportError("to_uff: omega is missing; a system out of a file has no frequency grid of its own.")
+    if modes and not isinstance(linear, System):
+        raise ExportError("to_uff: modes = True; only a System has modes in which its bodies move.")
+    grid = linear.frequency_grid() if omega is None else omega
+    frequency = np.atleast_1d(np.asarray(grid, dtype=float)) / (2 * np.pi)
     if frequency.ndim != 1 or not len(frequency) or (frequency < 0.0).any() or (np.diff(frequency) <= 0.0).any():
         raise ExportError("to_uff: omega does not ascend from 0 on; expected a vector of ascending angular frequencies "
                           "[rad/s], each once, as readers of the format take them: np.unique(omega).")  # fmt: skip
     if not binary:
         frequency = np.unique([float(f"{value:.5e}") for value in frequency])
     points = 2 * np.pi * frequency
-    response = (second_order_response(system, points) if isinstance(system, SystemData)
-                else system.frequency_response(points))  # fmt: skip
-    geometry = geometry_of(system)
+    response = (second_order_response(linear, points) if isinstance(linear, SystemData)
+                else linear.frequency_response(points))  # fmt: skip
+    geometry = geometry_of(linear)
     sets = [item.encode("ascii", "replace") for item in geometry_sets(geometry)]
-    sets += [_function(system, i, j, (output, source), frequency, response[i, j], binary)
+    sets += [_function(linear, i, j, (output, source), frequency, response[i, j], binary)
              for j, source in enumerate(geometry.inputs) for i, output in enumerate(geometry.outputs)]  # fmt: skip
-    if modes and isinstance(system, System):
-        sets += [item.encode("ascii", "replace") for item in mode_sets(system, geometry)]
+    if modes:
+        sets += [item.encode("ascii", "replace") for item in mode_sets(linear, geometry)]
     return write_atomic(path, lambda stream: stream.write(b"".join(sets)))
-
-
-def _grid(system: System | SystemData) -> Array:
-    assert isinstance(system, System)
-    return system.frequency_grid()
 
 
 def from_uff(path: str | os.PathLike[str]) -> Measurement:
@@ -142,7 +144,7 @@ def from_uff(path: str | os.PathLike[str]) -> Measurement:
 
 
 def _function(
-    system: System | SystemData, i: int, j: int, points: tuple[Point, Point], frequency: Array, values: Complex,
+    system: Any, i: int, j: int, points: tuple[Point, Point], frequency: Array, values: Complex,
     binary: bool,
 ) -> bytes:  # fmt: skip
     names = f"{system.outputs[i]} / {system.inputs[j]}"

@@ -9,12 +9,13 @@ without a position, and direction 0.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.common import arguments as check
+from mbsvib.common.expected import kind_of
 from mbsvib.elements.body import Body
 from mbsvib.elements.ports import BaseMotion, Input, Output
 from mbsvib.equations.expansion import EXPANSIONS
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Part
-    from mbsvib_export.neutral import SystemData
 
 GROUND = "ground"
 # Directions whose length differs from 1 by more are products of a direction and a factor.
@@ -100,19 +100,21 @@ def _scalar_key(port: Part) -> Hashable:
     return (type(port).__name__, port.name)
 
 
-def geometry_of(system: System | SystemData) -> Geometry:
+def geometry_of(linear: Any) -> Geometry:
     """Return nodes and directions of a system.
 
     Parameters
     ----------
-    system : System or SystemData
-        The equations; those from a file or from matrices alone know no geometry, and each port has a node of its own.
+    linear : System, ClosedLoop, StateSpace or SystemData
+        The equations. A closed loop has the geometry of its plant; those from a file or from matrices alone know none,
+        and each port has a node of its own.
 
     Returns
     -------
     Geometry
         Nodes of the bodies first, in the order of ``system.bodies``, then those of the ports.
     """
+    system = linear.plant.system if kind_of(linear) == "closed loop" else linear
     parts = system.provenance.parts if isinstance(system, System) else ()
     ports = system.provenance.ports if isinstance(system, System) else ()
     positions = {part.name: part.position for part in parts if isinstance(part, Body)}
@@ -120,12 +122,15 @@ def geometry_of(system: System | SystemData) -> Geometry:
         if type(part) in EXPANSIONS:
             positions |= {name: body.position for name, body in EXPANSIONS[type(part)](part, {}).bodies.items()}
     numbering = _Numbering(positions)
-    for body in system.bodies:
+    for body in getattr(system, "bodies", ()):
         if body in positions:
             numbering.placed(body, positions[body])
-    if tuple(port.name for port in ports) != (*system.inputs, *system.outputs):
+    entries = {port.name: port for port in ports if isinstance(port, (Input, BaseMotion))}
+    exits = {port.name: port for port in ports if not isinstance(port, (Input, BaseMotion))}
+    if not (entries.keys() >= set(linear.inputs) and exits.keys() >= set(linear.outputs)):
         count = len(numbering.numbers)
-        return Geometry(tuple(numbering.nodes), tuple(Point(count + 1 + k, 0) for k in range(len(system.inputs))),
-                        tuple(Point(count + len(system.inputs) + 1 + k, 0) for k in range(len(system.outputs))))
-    points = [numbering.point(port) for port in ports]
-    return Geometry(tuple(numbering.nodes), tuple(points[: len(system.inputs)]), tuple(points[len(system.inputs) :]))
+        return Geometry(tuple(numbering.nodes), tuple(Point(count + 1 + k, 0) for k in range(len(linear.inputs))),
+                        tuple(Point(count + len(linear.inputs) + 1 + k, 0) for k in range(len(linear.outputs))))
+    inputs, outputs = (tuple([numbering.point(known[name]) for name in names])
+                       for known, names in ((entries, linear.inputs), (exits, linear.outputs)))  # fmt: skip
+    return Geometry(tuple(numbering.nodes), inputs, outputs)

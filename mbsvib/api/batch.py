@@ -14,7 +14,7 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import angular
 from mbsvib.common.tables import SHOWN
 from mbsvib.equations.batch_equations import BatchEquations
-from mbsvib.equations.equations import MATRICES
+from mbsvib.equations.terms import MATRICES
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, repr=False, eq=False)
+@dataclass(frozen=True, repr=False, eq=False, kw_only=True)
 class Batch(BatchEquations, Displayed):
     """Systems M_i q'' + C_i q' + K_i q = B_i u of n variants, all in the minimal coordinates of ``nominal``.
 

@@ -74,9 +74,9 @@ class System(Connecting, ReducibleSystem, Sensitive, Equations):
         ModelError
             If shapes do not match, M is not symmetric positive definite, or numbers are not finite.
         """
-        from mbsvib.equations.given_matrices import given_matrices
+        from mbsvib.equations.from_matrices import from_matrices
 
-        return given_matrices((M, C, K), (B, Cq, Cv, Ca, D), (inputs, outputs, coordinates), name, cls)
+        return from_matrices((M, C, K), (B, Cq, Cv, Ca, D), (inputs, outputs, coordinates), name, cls)
 
     def modes(self, count: int | None = None, *, near: float = 0.0, rtol: float | None = None) -> Modes:
         """Return modes: eigenvalues, frequencies, damping ratios, shapes and error estimates.

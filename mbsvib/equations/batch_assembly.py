@@ -15,12 +15,13 @@ from mbsvib.equations.batch_geometry import moves_geometry, varied
 from mbsvib.equations.batch_loops import Pivots, pivots, reduce_batch
 from mbsvib.equations.batch_one_by_one import one_by_one
 from mbsvib.equations.batch_values import checked
-from mbsvib.equations.equations import MATRICES, Equations
+from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.inertia import check_mass
 from mbsvib.equations.matrices import matrices
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene as scene_of
+from mbsvib.equations.terms import MATRICES
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
@@ -96,13 +97,13 @@ def linearize_batch(
     closure = None
     if pieces[0]["closure"] is not None:
         closure = np.concatenate([piece["closure"] for piece in pieces])
-    return batch(nominal, variants, closure, **arrays)
+    return batch(nominal=nominal, values=variants, closure=closure, **arrays)
 
 
 def _adds_by_variant(model: Mechanism, scene: Scene, nominal: Equations) -> bool:
     """Tell whether a mechanism has what is computed variant by variant: loads, spin, inerters, motions without mass."""
     return bool(scene.loads is not None or scene.port.wrench_outputs or model.rotors
-                or scene.springs.inertance is not None or nominal.provenance.massless is not None)  # fmt: skip
+                or scene.springs.inertance is not None or nominal.provenance.separation is not None)  # fmt: skip
 
 
 def _varies_otherwise(scene: Scene, values: Values) -> bool:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
 from mbsvib.elements import Joint
-from mbsvib.equations.equations import MATRICES, Equations, Provenance
+from mbsvib.equations.equations import Equations, Provenance
+from mbsvib.equations.terms import MATRICES, OPTIONAL, Matrices
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
@@ -16,16 +17,14 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array
     from mbsvib.equations.batch_values import Values
 
 FACTORS = ("inertia_factor", "elastic_rows", "row_stiffness", "row_damping", "body_motion")
-# What equations without spin, follower loads and massless motions lack.
-PARTS = ("gyroscopic", "circulatory", "null_inertia")
 
 
-@dataclass(frozen=True, repr=False, eq=False)
-class BatchEquations:
+@dataclass(frozen=True, repr=False, eq=False, kw_only=True)
+class BatchEquations(Matrices):
     """Equations M_i q'' + C_i q' + K_i q = B_i u of n variants, all in the minimal coordinates of ``nominal``.
 
     Arrays are those of ``Equations`` with an axis of variants in front: ``M``, ``C``, ``K`` (n, m, m), ``B`` (n, m,
@@ -39,26 +38,9 @@ class BatchEquations:
     kind: ClassVar[str] = "batch"
 
     nominal: Equations
-    values: Values = field(repr=False)
-    closure: Array | None = field(repr=False)
-    M: Array
-    C: Array
-    K: Array
-    B: Array
-    Cq: Array
-    Cv: Array
-    Ca: Array
-    D: Array
-    inertia_factor: Array
-    elastic_rows: Array
-    row_stiffness: Array
-    row_damping: Array
-    row_owner: Index
-    body_motion: Array
-    own: tuple[Provenance, ...] | None = field(default=None, repr=False)
-    gyroscopic: Array | None = field(default=None, repr=False)
-    circulatory: Array | None = field(default=None, repr=False)
-    null_inertia: Array | None = field(default=None, repr=False)
+    values: Values
+    closure: Array | None
+    own: tuple[Provenance, ...] | None = None
 
     def __post_init__(self) -> None:
         for name in (*MATRICES, *FACTORS, "row_owner", *self._parts):
@@ -67,7 +49,7 @@ class BatchEquations:
     @property
     def _parts(self) -> tuple[str, ...]:
         """Names of the parts without symmetry or mass that some variant has."""
-        return tuple(name for name in PARTS if getattr(self, name) is not None)
+        return tuple(name for name in OPTIONAL if getattr(self, name) is not None)
 
     @property
     def symmetric(self) -> bool:
@@ -148,21 +130,6 @@ class BatchEquations:
                                 f"({len(self)}, {self.dof}) with one set for each variant.")  # fmt: skip
         motion = (self.body_motion @ vector.reshape(len(vector) if vector.ndim > 1 else 1, 1, self.dof, 1))[..., 0]
         return {name: motion[:, i] for i, name in enumerate(self.bodies)}
-
-    @property
-    def mass(self) -> Array:
-        """The mass matrices M (variants, m, m) by their other name."""
-        return self.M
-
-    @property
-    def damping(self) -> Array:
-        """The damping matrices C (variants, m, m) by their other name."""
-        return self.C
-
-    @property
-    def stiffness(self) -> Array:
-        """The stiffness matrices K (variants, m, m) by their other name."""
-        return self.K
 
     def __len__(self) -> int:
         return self.values.count

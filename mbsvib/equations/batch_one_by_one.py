@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from mbsvib.equations.assembly import linearized
-from mbsvib.equations.batch_equations import FACTORS, PARTS, BatchEquations
+from mbsvib.equations.batch_equations import FACTORS, BatchEquations
 from mbsvib.equations.batch_loops import HELP, check_freedom
-from mbsvib.equations.equations import MATRICES
+from mbsvib.equations.terms import MATRICES, OPTIONAL
 from mbsvib.errors import MbsvibError, ModelError, NearSingularWarning, SingularPoseError
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def one_by_one(
     systems = [_linearized(model, nominal, variants, cut, i) for i in range(variants.count)]
     arrays: dict[str, Any] = {key: np.array([getattr(each, key) for each in systems])
                               for key in (*MATRICES, *FACTORS) if key not in ROWS}  # fmt: skip
-    arrays |= {key: _stacked([getattr(each, key) for each in systems]) for key in PARTS}
+    arrays |= {key: _stacked([getattr(each, key) for each in systems]) for key in OPTIONAL}
     counts = [np.bincount(each.row_owner, minlength=1) for each in systems]
     width = max(map(len, counts))
     most = np.max([np.pad(count, (0, width - len(count))) for count in counts], axis=0)
@@ -74,9 +74,11 @@ def one_by_one(
         owner = each.row_owner[order]
         place = start[owner] + np.arange(len(owner)) - np.searchsorted(owner, owner)
         rows[i, place], values[i, place], damping[i, place] = (getattr(each, key)[order] for key in ROWS)
-    return batch(nominal, variants, None, elastic_rows=rows, row_stiffness=values, row_damping=damping,
-                 row_owner=np.repeat(np.arange(width), most), own=tuple(each.provenance for each in systems),
-                 **arrays)  # fmt: skip
+    return batch(
+        nominal=nominal, values=variants, closure=None, elastic_rows=rows, row_stiffness=values, row_damping=damping,
+        row_owner=np.repeat(np.arange(width), most), massless=nominal.massless,
+        own=tuple(each.provenance for each in systems), **arrays,
+    )  # fmt: skip
 
 
 def _linearized(
@@ -127,7 +129,7 @@ def _check_massless(system: Equations, nominal: Equations) -> None:
 
 def _without_mass(system: Equations) -> dict[str, str]:
     """What motions without mass do, by coordinate."""
-    separation = system.provenance.massless
+    separation = system.provenance.separation
     if separation is None:
         return {}
     return (dict.fromkeys(separation.condensed, "moves no mass and follows from statics")

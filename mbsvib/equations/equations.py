@@ -1,18 +1,19 @@
-"""The equations: minimal matrices and factors with names, units and the way back to the bodies."""
+"""The equations: minimal matrices and factors with names, units, displacements of bodies and provenance."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from operator import attrgetter
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from mbsvib.equations.terms import Matrices
 from mbsvib.errors import ModelError, ResponseError
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Part
@@ -24,47 +25,51 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.topology import Topology
 
 
-MATRICES = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
-
-
 @dataclass(frozen=True, slots=True)
-class Dropped:
-    """What was left out: coordinates (or bodies, of a sparse system) that no asked input reaches, ``unreached``, and
-    others that no asked output sees, ``unseen``. ``inputs`` and ``outputs`` are those asked for.
+class Removed:
+    """Coordinates (or bodies, of a sparse system) outside the controllable and observable part for some ``inputs`` and
+    ``outputs``: those ``uncontrollable`` from the inputs, and others ``unobservable`` from the outputs.
     """
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    unreached: tuple[str, ...]
-    unseen: tuple[str, ...]
+    uncontrollable: tuple[str, ...]
+    unobservable: tuple[str, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All that was left out."""
-        return self.unreached + self.unseen
+        """All removed coordinates."""
+        return self.uncontrollable + self.unobservable
+
+    def after(self, earlier: Removed | None) -> Removed:
+        """Return all removed coordinates where the same was done ``earlier`` with other ports."""
+        if earlier is None:
+            return self
+        return replace(self, uncontrollable=earlier.uncontrollable + self.uncontrollable,
+                       unobservable=earlier.unobservable + self.unobservable)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
 class Separation:
-    """What became of the motions without mass, for ``explain``.
+    """The separation of motions without mass, for ``explain``.
 
-    ``condensed`` names the coordinates that follow from statics, ``first_order`` those with one state in place of two;
-    ``kept`` and ``dropped`` are the smallest pivot of W that counts as mass and the largest that does not.
-    ``transform`` T (n, m) leads back to all coordinates before condensation, None where nothing is condensed;
-    condensed motions that are ``mixed`` with the coordinates kept move these, too.
+    ``condensed`` are the coordinates that follow from statics, ``first_order`` those with one state in place of two;
+    ``smallest_kept`` and ``largest_dropped`` are the smallest pivot of W that counts as mass and the largest that
+    counts as zero. ``transform`` T (n, m) maps to all coordinates before condensation, None where none is condensed;
+    if ``mixed``, condensed motions have components along the remaining coordinates.
     """
 
     condensed: tuple[str, ...]
     first_order: tuple[str, ...]
-    kept: float
-    dropped: float
+    smallest_kept: float
+    largest_dropped: float
     transform: Array | None = None
     mixed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Truncation:
-    """How a reduced model came about: the ``method``, the number of coordinates ``before``, and ``error_bound``, for
+    """The reduction of a model: the ``method``, the number of coordinates ``before``, and ``error_bound``, for
     the largest singular value of the error of the frequency response, output by input in SI units.
     """
 
@@ -75,14 +80,15 @@ class Truncation:
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """How a system came about, for ``explain``: topology, loops, all joint coordinates, all spring-dampers; ``parts``
-    are the bodies, joints and spring-dampers themselves, for ``parameters``; ``massless`` tells what became of motions
-    without mass, ``statics`` what the loads do at the pose, ``dropped`` what ``reachable`` left out; ``ports`` are the
-    inputs, then the outputs themselves, ``origin`` the model as it was, which found its equilibrium elsewhere if
-    ``settled``; ``planar`` says that loops are redundant as planar ones are, in every pose; ``undetermined`` is what
-    redundant constraints leave open of forces in joints, as far as these were asked for; ``truncation`` says how a
-    reduced model was made, ``closed`` that a controller acts on the mechanism, ``given`` that there is no mechanism, as
-    the matrices came from elsewhere.
+    """The origin of a system, for ``explain`` and ``parameters``.
+
+    ``topology``, ``reduction``, ``joint_coordinates`` and the names of ``springs`` describe the mechanism; ``parts``
+    are its bodies, joints and elements, ``ports`` its inputs, then its outputs. ``separation`` describes motions
+    without mass, ``statics`` the forces at the pose, ``removed`` the coordinates that ``reachable`` removed,
+    ``undetermined`` the forces in joints that redundant constraints do not determine, ``truncation`` the reduction of
+    the order. ``origin`` is the model; its pose was not in equilibrium, and the system is that of another pose, if
+    ``moved_to_equilibrium``. If ``planar``, loops are redundant in every pose, as planar ones are. If ``closed_loop``,
+    a controller acts on the mechanism. If ``from_matrices``, there is no mechanism.
     """
 
     topology: Topology
@@ -90,56 +96,56 @@ class Provenance:
     joint_coordinates: tuple[str, ...]
     springs: tuple[str, ...]
     parts: tuple[Part, ...] = ()
-    massless: Separation | None = None
+    separation: Separation | None = None
     statics: Statics | None = None
-    dropped: Dropped | None = None
+    removed: Removed | None = None
     ports: tuple[Part, ...] = ()
     origin: Mechanism | None = None
     planar: bool = False
-    settled: bool = False
+    moved_to_equilibrium: bool = False
     undetermined: tuple[Undetermined, ...] = ()
     truncation: Truncation | None = None
-    closed: bool = False
-    given: bool = False
+    closed_loop: bool = False
+    from_matrices: bool = False
 
     def check_mechanism(self, name: str, what: str) -> None:
-        """Refuse what only a mechanism has.
+        """Refuse a request that needs a mechanism.
 
         Parameters
         ----------
         name, what : str
-            Name of the system, and what was asked for.
+            Name of the system, and of the request.
 
         Raises
         ------
         ModelError
-            If the matrices came from elsewhere.
+            If the system was made of matrices.
         """
-        if self.given:
+        if self.from_matrices:
             raise ModelError(f"{what}: '{name}' was made of matrices and has no bodies, joints and elements; this "
                              f"needs a mechanism: build a Model and linearize it.")  # fmt: skip
 
     def check_parameters(self, name: str, what: str) -> None:
-        """Refuse what only a mechanism without controllers has.
+        """Refuse a request that needs a mechanism without controllers.
 
         Parameters
         ----------
         name, what : str
-            Name of the system, and what was asked for.
+            Name of the system, and of the request.
 
         Raises
         ------
         ModelError
-            If the matrices came from elsewhere, or a controller acts on the mechanism.
+            If the system was made of matrices, or a controller acts on the mechanism.
         """
         self.check_mechanism(name, what)
-        if self.closed:
+        if self.closed_loop:
             raise ModelError(f"{what}: a controller acts on '{name}', and derivatives with closed loops are not "
                              f"available. Ask the system with open loops, loop.open_loop.")  # fmt: skip
 
 
-@dataclass(frozen=True, repr=False, eq=False)
-class Equations:
+@dataclass(frozen=True, repr=False, eq=False, kw_only=True)
+class Equations(Matrices):
     """M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u, in minimal coordinates q.
 
     ``M``, ``C``, ``K`` (m, m), ``B`` (m, inputs), ``Cq``, ``Cv``, ``Ca`` (outputs, m), ``D`` (outputs, inputs); SI
@@ -147,17 +153,17 @@ class Equations:
     ``mass``, ``damping`` and ``stiffness`` are other names of M, C and K. C is damping: the output matrix that
     python-control and MATLAB call C is ``state_space().C``.
 
-    The factors are kept: M = W^T W with W = ``inertia_factor`` (6 bodies, m), K = D^T diag(k) D and C = D^T diag(c) D
-    with D = ``elastic_rows`` (rows, m), k = ``row_stiffness`` and c = ``row_damping`` (rows,); ``row_owner`` (rows,)
-    numbers the spring-damper of each row. ``body_motion`` (bodies, 6, m) gives the bodies' displacements. Arrays are
-    read-only.
+    Factors are part of the equations: M = W^T W with W = ``inertia_factor`` (6 bodies, m), K = D^T diag(k) D and C =
+    D^T diag(c) D with D = ``elastic_rows`` (rows, m), k = ``row_stiffness`` and c = ``row_damping`` (rows,);
+    ``row_owner`` (rows,) numbers the spring-damper of each row. ``body_motion`` (bodies, 6, m) gives the bodies'
+    displacements. Arrays are read-only.
 
-    What no such rows can be is None where the mechanism has none: ``gyroscopic`` G (m, m), antisymmetric, is part of C
-    beside D^T diag(c) D, as spinning bodies add it; ``circulatory`` N (m, m), antisymmetric, is part of K beside
-    D^T diag(k) D, as follower loads add it. M is singular if ``massless`` > 0: the motions ``null_inertia``
-    (m, massless) move no mass but dampers (their damping is regular), each has one first-order state in place of two,
-    and there are 2m - massless eigenvalues. Massless motions that no damper feels are not among the coordinates: they
-    follow from statics, and what inputs do to them at once is in D (``explain()`` names them).
+    Antisymmetric parts are None where the mechanism has none: C = D^T diag(c) D + G with ``gyroscopic`` G (m, m) of
+    spinning bodies, K = D^T diag(k) D + N with ``circulatory`` N (m, m) of follower loads. M is singular if
+    ``massless`` > 0: the motions ``null_inertia`` (m, massless) move no mass but dampers (their damping is regular),
+    each has one first-order state in place of two, and there are 2m - massless eigenvalues. Massless motions without
+    damping are not among the coordinates: they follow from statics, and their direct response to inputs is in D
+    (``explain()`` names them).
     """
 
     kind: ClassVar[str] = "system"
@@ -170,25 +176,7 @@ class Equations:
     outputs: tuple[str, ...]
     output_units: tuple[str, ...]
     bodies: tuple[str, ...]
-    M: Array
-    C: Array
-    K: Array
-    B: Array
-    Cq: Array
-    Cv: Array
-    Ca: Array
-    D: Array
-    inertia_factor: Array
-    elastic_rows: Array
-    row_stiffness: Array
-    row_damping: Array
-    row_owner: NDArray[np.intp]
-    body_motion: Array
-    provenance: Provenance = field(repr=False)
-    gyroscopic: Array | None = None
-    circulatory: Array | None = None
-    massless: int = 0
-    null_inertia: Array | None = None
+    provenance: Provenance
 
     def __post_init__(self) -> None:
         for array in _arrays(self):
@@ -205,25 +193,8 @@ class Equations:
         """Bound on the error of the frequency response of a reduced model, output by input in SI units; None if it is
         not reduced.
         """
-        made = self.provenance.truncation
-        return None if made is None else made.error_bound
-
-    @property
-    def mass(self) -> Array:
-        """The mass matrix M (m, m) by its other name."""
-        return self.M
-
-    @property
-    def damping(self) -> Array:
-        """The damping matrix C (m, m) by its other name; the output matrix of first-order equations is
-        ``state_space().C``.
-        """
-        return self.C
-
-    @property
-    def stiffness(self) -> Array:
-        """The stiffness matrix K (m, m) by its other name."""
-        return self.K
+        truncation = self.provenance.truncation
+        return None if truncation is None else truncation.error_bound
 
     @property
     def tree(self) -> tuple[str, ...]:
@@ -242,7 +213,7 @@ class Equations:
 
     @cached_property
     def parameters(self) -> Parameters:
-        """Every number that the system was made of by its name (``"leg1.k.stiffness"``), read-only; see ``units``."""
+        """The values of all parameters of the model by name (``"leg1.k.stiffness"``), read-only; see ``units``."""
         self.provenance.check_parameters(self.name, "parameters")
         from mbsvib.mechanism.parameters import Parameters
 

@@ -1,14 +1,16 @@
 """Geometric stiffness: the second-order terms of the forces in joints, springs and loads, as signed rows.
 
 With theta the rotations of bodies (coordinates of the exponential map), (f, tau) a wrench on the second body b and its
-opposite on the first body a, arms r from the centres of mass, and (d, delta) what b does relative to a at the point:
+opposite on the first body a, arms r from the centres of mass, and (d, delta) the displacement of b relative to a at the
+point:
 
-1. Each force at an arm, whoever exerts it, gives its body 1/2 theta . (tr(S) 1 - sym S) theta with S = sum of f r^T:
-   one symmetric form for each body, three signed rows.
+1. Forces at arms give their body 1/2 theta . (tr(S) 1 - sym S) theta with S = sum of f r^T over all forces on it: one
+   symmetric form for each body, six signed rows.
 2. Joints and preloaded bushings, whose forces turn with the first body, add theta_a . (d x f + 1/2 delta x tau).
    In joints only free directions move, (d, delta) = sum of q (v, w): the product of q with one rotation of a.
    Two rotations about the axes e, e' that are successive (``parts.joint``) add 1/2 tau . (e x e') q q'.
-3. Line springs and rods of tension F and length L add F / (2 L) times the square of what their ends move across them.
+3. Line springs and rods of tension F and length L add F / (2 L) times the squared relative displacement of their ends
+   across the line.
 
 The rows and their weights are the same for dense and for sparse equations.
 
@@ -30,14 +32,14 @@ from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.equations.second_order_rows import Felt
-    from mbsvib.equations.wrench_pairs import Pairs
-    from mbsvib.equations.wrenches import Applied
+    from mbsvib.equations.second_order_rows import SecondOrderRows
+    from mbsvib.equations.wrench_pairs import WrenchPairs
+    from mbsvib.equations.wrenches import AppliedWrenches
 
 _DIAGONAL = np.arange(3)
-# what forces and what torques are multiplied with: v x f + 1/2 w x tau
-_PARTS = np.array((1.0, 0.5)).reshape(2, 1, 1)
-# Six rotations (x, y, z, x + y, x + z, y + z), and what each of their squares gets of S_ij, in the order of S's rows.
+# Factors of forces and of torques in v x f + 1/2 w x tau
+_FACTORS = np.array((1.0, 0.5)).reshape(2, 1, 1)
+# Six rotations (x, y, z, x + y, x + z, y + z), and coefficients of S_ij in the weights of their squares.
 SUMS = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1]], dtype=float)
 SQUARES = np.array([
     [0, 0.5, 0.5, 0.5, 1, 0, 0.5, 0, 1], [1, 0.5, 0, 0.5, 0, 0.5, 0, 0.5, 1], [1, 0, 0.5, 0, 1, 0.5, 0.5, 0.5, 0],
@@ -45,12 +47,12 @@ SQUARES = np.array([
 ])  # fmt: skip
 
 
-def forms(pairs: Pairs, position: Array) -> tuple[Array, Array]:
+def forms(pairs: WrenchPairs, position: Array) -> tuple[Array, Array]:
     """Return tr(S) 1 - sym(S) with S = force arm^T, by the rotation of the first body and by that of the second.
 
     Parameters
     ----------
-    pairs : Pairs
+    pairs : WrenchPairs
         Forces between bodies.
     position : array, shape (3, bodies + 1)
         Centres of mass [m].
@@ -71,17 +73,17 @@ def forms(pairs: Pairs, position: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, slots=True)
 class GeometricTerms:
-    """Geometric stiffness as far as it does not depend on the size of forces: which rows there are, and their products.
+    """The part of geometric stiffness that does not depend on the size of forces: rows and their products.
 
     ``rows`` and ``row`` are those of a contribution; ``first``, ``second`` and ``owner`` are its weights: six squares
-    for each of ``bodies`` that a force acts on, products of ``turning`` rows with rotations, products of two successive
-    rotations, squares across lines. The forces of pairs ``ends`` (e,), one body after the other and for each from
-    ``start`` (bodies,) on, act at ``arms`` (3, e) with ``sign``, which is 0 for follower loads: ``load_stiffness`` has
-    these. ``twist`` (k, 3, 6) times a wrench is the moment of the
-    rows ``lever`` (k,), v x f + 1/2 w x tau.
+    for each of ``bodies`` that a force acts on, products of the displacements ``on_bodies`` (whose first body is not
+    ground) with rotations, products of two successive rotations, squares across lines. The forces of pairs ``ends``
+    (e,), sorted by body with the first of each at ``start`` (bodies,), act at ``arms`` (3, e) with ``sign``, which is 0
+    for follower loads (see ``load_stiffness``). ``twist`` (k, 3, 6) times a wrench is the moment of the rows
+    ``moment_rows`` (k,), v x f + 1/2 w x tau.
     """
 
-    felt: Felt
+    second_order: SecondOrderRows
     rows: Rows
     row: Index
     first: Index
@@ -92,9 +94,9 @@ class GeometricTerms:
     start: Index
     arms: Array
     sign: Array
-    turning: Index
+    on_bodies: Index
     twist: Array
-    lever: slice
+    moment_rows: slice
 
     def contribution(self, force: Array, torque: Array) -> Contribution:
         """Return the geometric stiffness of forces.
@@ -109,14 +111,14 @@ class GeometricTerms:
         Contribution
             Rows and their weights.
         """
-        felt = self.felt
+        second_order = self.second_order
         moment = self.rows.moment.copy()
-        owner = felt.owner[self.turning]
+        owner = second_order.owner[self.on_bodies]
         wrench = np.concatenate((force, torque)).take(owner, axis=1)
-        moment[:, self.lever] = (self.twist @ wrench.T[:, :, None])[:, :, 0].T
-        half = 0.5 * (torque.take(felt.two[0], axis=1) * felt.cross).sum(axis=0)
-        tension = -(force.take(felt.line_owner, axis=1) * felt.line).sum(axis=0) / felt.length
-        value = np.concatenate((self._of_bodies(force), np.ones(len(self.turning)), half, tension))
+        moment[:, self.moment_rows] = (self.twist @ wrench.T[:, :, None])[:, :, 0].T
+        half = 0.5 * (torque.take(second_order.successive[0], axis=1) * second_order.cross).sum(axis=0)
+        tension = -(force.take(second_order.line_owner, axis=1) * second_order.line).sum(axis=0) / second_order.length
+        value = np.concatenate((self._of_bodies(force), np.ones(len(self.on_bodies)), half, tension))
         rows = Rows(self.rows.first, self.rows.second, self.rows.point, self.rows.force, moment)
         return Contribution.of(rows, row=self.row, stiffness=Weights(self.first, self.second, value, self.owner))
 
@@ -127,55 +129,60 @@ class GeometricTerms:
         """
         if not len(self.bodies):
             return np.zeros(0)
-        acting = force.take(self.ends, axis=1) * self.sign
-        outer = (acting[:, None] * self.arms).reshape(9, -1)
-        values = np.add.reduceat(outer, self.start, axis=1).T.dot(SQUARES.T)
-        bound = np.maximum.reduce(np.add.reduceat(np.abs(outer), self.start, axis=1))
+        force_at = force.take(self.ends, axis=1) * self.sign
+        products = (force_at[:, None] * self.arms).reshape(9, -1)
+        values = np.add.reduceat(products, self.start, axis=1).T.dot(SQUARES.T)
+        bound = np.maximum.reduce(np.add.reduceat(np.abs(products), self.start, axis=1))
         values[np.abs(values) <= ZERO_FORM * bound[:, None]] = 0.0
         return np.asarray(values.reshape(-1))
 
 
-def geometric_terms(pairs: Pairs, applied: Applied, felt: Felt, position: Array) -> GeometricTerms:
+def geometric_terms(
+    pairs: WrenchPairs, applied: AppliedWrenches, second_order: SecondOrderRows, position: Array
+) -> GeometricTerms:
     """Return the rows of geometric stiffness of all forces at the pose.
 
     Parameters
     ----------
-    pairs : Pairs
-        Where all forces act: the applied ones, then those in joints.
-    applied : Applied
-        What loads the mechanism.
-    felt : Felt
-        The relative displacements that forces feel.
+    pairs : WrenchPairs
+        All wrench pairs with their points: the applied ones, then those in joints; their sizes are not used.
+    applied : AppliedWrenches
+        The applied wrenches.
+    second_order : SecondOrderRows
+        Relative displacements with second-order terms.
     position : array, shape (3, bodies + 1)
         Centres of mass [m].
 
     Returns
     -------
     GeometricTerms
-        Rows and products; owners are numbers of pairs, and behind them of bodies.
+        Rows and products; owners are numbers of pairs, then of bodies.
     """
-    ground, count, free = position.shape[1] - 1, len(pairs.first), len(felt.owner)
+    ground, count, displacements = position.shape[1] - 1, len(pairs.first), len(second_order.owner)
     ends = np.concatenate((pairs.first, pairs.second))
     sign = np.concatenate((-np.ones(count), np.ones(count)))
     sign.reshape(2, count)[:, : applied.loads][:, applied.follower] = 0.0
     order = np.argsort(ends, kind="stable")[: np.count_nonzero(ends < ground)]  # ground is the last
-    bodies, start_of = np.unique(ends[order], return_index=True)
-    six, turning = 6 * len(bodies), np.flatnonzero(felt.carrier < ground)
-    swings, lines = np.flatnonzero(felt.line_carrier < ground), len(felt.line_owner)
-    of_bodies = turns(bodies.repeat(6), np.tile(SUMS.T, len(bodies)), ground)
-    levers = turns(felt.carrier[turning], np.zeros((3, len(turning))), ground)
-    swung = turns(felt.line_carrier[swings], felt.swing[:, swings], ground)
-    start = six + free + lines  # rows: of bodies, those that are felt, levers; swings add to rows across lines
-    number = np.arange(six)
-    across = six + free + np.arange(lines)
-    parts = felt.twist[:, turning].reshape(2, 3, -1) * _PARTS
+    bodies, first_end = np.unique(ends[order], return_index=True)
+    squares, on_bodies = 6 * len(bodies), np.flatnonzero(second_order.carrier < ground)
+    swinging, lines = np.flatnonzero(second_order.line_carrier < ground), len(second_order.line_owner)
+    rotation_rows = turns(bodies.repeat(6), np.tile(SUMS.T, len(bodies)), ground)
+    moment_rows = turns(second_order.carrier[on_bodies], np.zeros((3, len(on_bodies))), ground)
+    swing_rows = turns(second_order.line_carrier[swinging], second_order.swing[:, swinging], ground)
+    # rows: rotations of bodies, second-order displacements, rows across lines (to which swings add), moments
+    first_across = squares + displacements
+    start = first_across + lines
+    number, across = np.arange(squares), first_across + np.arange(lines)
+    successive = second_order.successive
+    halved = second_order.twist[:, on_bodies].reshape(2, 3, -1) * _FACTORS
     return GeometricTerms(
-        felt, Rows.join([of_bodies, felt.rows, levers, swung]),
-        np.concatenate((np.arange(start + len(turning)), six + free + swings)),
-        np.concatenate((number, six + turning, six + felt.two[1], across)),
-        np.concatenate((number, start + np.arange(len(turning)), six + felt.two[2], across)),
-        np.concatenate((count + bodies.repeat(6), felt.owner[turning], felt.two[0], felt.line_owner)),
-        bodies, order % count if count else order, start_of, np.concatenate(pairs.arms(position), axis=1)[:, order],
-        sign[order], turning,
-        skew(parts.transpose(2, 0, 1)).swapaxes(1, 2).reshape(-1, 3, 6), slice(start, start + len(turning)),
+        second_order, Rows.join([rotation_rows, second_order.rows, moment_rows, swing_rows]),
+        np.concatenate((np.arange(start + len(on_bodies)), first_across + swinging)),
+        np.concatenate((number, squares + on_bodies, squares + successive[1], across)),
+        np.concatenate((number, start + np.arange(len(on_bodies)), squares + successive[2], across)),
+        np.concatenate((count + bodies.repeat(6), second_order.owner[on_bodies], successive[0],
+                        second_order.line_owner)),
+        bodies, order % count if count else order, first_end, np.concatenate(pairs.arms(position), axis=1)[:, order],
+        sign[order], on_bodies,
+        skew(halved.transpose(2, 0, 1)).swapaxes(1, 2).reshape(-1, 3, 6), slice(start, start + len(on_bodies)),
     )  # fmt: skip

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.equations.joint_carriers import carriers
+from mbsvib.equations.force_paths import force_paths
 from mbsvib.equations.reactions import reactions
 from mbsvib.equations.shared_forces import shared_wrenches
-from mbsvib.equations.wrench_pairs import Pairs, spread
+from mbsvib.equations.wrench_pairs import WrenchPairs, wrenches_on_bodies
 from mbsvib.kinematics.mobility import crossed_product
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body
     from mbsvib.equations.draft import Draft
-    from mbsvib.equations.joint_carriers import Carriers
+    from mbsvib.equations.force_paths import ForcePaths
     from mbsvib.equations.reactions import Reactions
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.self_stress import SelfStress
@@ -66,7 +66,7 @@ def with_joint_forces(draft: Draft) -> Draft:
     model, scene, relative, reduction = draft.model, draft.scene, draft.relative, draft.reduction
     terms, statics = draft.terms, draft.statics
     position = np.concatenate((scene.position, np.zeros((1, 3)))).T
-    ways = carriers(scene.topology, position)
+    ways = force_paths(scene.topology, position)
     to_joints = reactions(ways, scene.coordinates, scene.cuts, reduction, draft.phi)
     still = np.concatenate((terms.body_motion, np.zeros((1, *terms.body_motion.shape[1:]))))
     motion = _Motion(still[:, :3].transpose(1, 0, 2), still[:, 3:].transpose(1, 0, 2), position)
@@ -121,7 +121,7 @@ def _in_every_pose(changed: Array, to_joints: Reactions, statics: Statics, chang
             turned = (to_joints(follows.on_bodies) + follows.moments)[:, at]
             work = np.sum(rest[3:, :, 0] * state[3:])
             missing[k] = (weight * rest * turned).sum(axis=(0, 1)) + work * longer
-        changed = stress.least(changed, missing)
+        changed = stress.minimum_norm(changed, missing)
     return changed
 
 
@@ -190,8 +190,8 @@ def _of_springs(
     springs, locked = scene.springs, scene.locked
     rows = springs.rows
     felt = reduction.apply(relative.dense(locked, locked + len(springs.owner)))
-    each = Pairs(rows.first, rows.second, rows.point, rows.point, rows.force, rows.moment)
-    to_bodies = spread(each, position)
+    each = WrenchPairs(rows.first, rows.second, rows.point, rows.point, rows.force, rows.moment)
+    to_bodies = wrenches_on_bodies(each, position)
     result = np.zeros((3, 6, position.shape[1], felt.shape[1]))
     for order, value in springs.weights:
         result[order] = to_bodies @ (-value[:, None] * felt)
@@ -203,9 +203,9 @@ def _of_inputs(scene: Scene, position: Array) -> Array:
     port, count = scene.port, len(scene.port.force_inputs)
     rows = port.rows
     point, force, moment = (array[:, :count] for array in (rows.point, rows.force, rows.moment))
-    each = Pairs(rows.first[:count], rows.second[:count], point, point, force, moment)
+    each = WrenchPairs(rows.first[:count], rows.second[:count], point, point, force, moment)
     result = np.zeros((6, position.shape[1], len(port.input_units)))
-    result[:, :, port.force_inputs] = spread(each, position)
+    result[:, :, port.force_inputs] = wrenches_on_bodies(each, position)
     return result
 
 
@@ -215,7 +215,7 @@ class _Change:
     gravity and loads, moments about the origin.
     """
 
-    def __init__(self, statics: Statics, motion: _Motion, ways: Carriers) -> None:
+    def __init__(self, statics: Statics, motion: _Motion, ways: ForcePaths) -> None:
         self._given = statics, motion, ways
         pairs, applied = statics.pairs, statics.applied
         a, b = pairs.arms(motion.position)
@@ -226,8 +226,8 @@ class _Change:
         force, twisted = crossed_product(turned_a, f), 0.5 * crossed_product(turn, t)
         self._two(twisted, statics, motion)
         torque = crossed_product(turned_a, t) + twisted
-        lines = statics.felt.line_owner[::2]
-        along, length = statics.felt.line[:, ::2, None], statics.felt.length[::2, None]
+        lines = statics.second_order.line_owner[::2]
+        along, length = statics.second_order.line[:, ::2, None], statics.second_order.length[::2, None]
         across = gap[:, lines] - along * (along * gap[:, lines]).sum(axis=0)
         force[:, lines] = across * (f[:, lines] * along).sum(axis=0) / length
         torque[:, lines] = 0.0
@@ -273,9 +273,9 @@ class _Change:
     @staticmethod
     def _two(twisted: Array, statics: Statics, motion: _Motion) -> None:
         """Joints with two successive rotations: the moment that holds the angle between them turns with both."""
-        felt, pairs = statics.felt, statics.pairs
-        for who, first, second in felt.two.T.tolist():
+        felt, pairs = statics.second_order, statics.pairs
+        for who, first, second in felt.successive.T.tolist():
             turn = motion.turn[:, pairs.second[who]] - motion.turn[:, pairs.first[who]]
             one, other = felt.rows.moment[:, first], felt.rows.moment[:, second]
-            half = 0.5 * float(pairs.torque[:, who] @ felt.cross[:, felt.two[0].tolist().index(who)])
+            half = 0.5 * float(pairs.torque[:, who] @ felt.cross[:, felt.successive[0].tolist().index(who)])
             twisted[:, who] -= half * (np.outer(one, other @ turn) + np.outer(other, one @ turn))

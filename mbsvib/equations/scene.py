@@ -1,4 +1,4 @@
-"""The scene: a mechanism in numbers, from which its matrices are made."""
+"""The scene: arrays of geometry, inertia, stiffness and ports of a mechanism, from which its matrices are computed."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from mbsvib.elements.coupler import Coupling
     from mbsvib.elements.element_rows import ElementRows
     from mbsvib.equations.inertia import SpatialInertia
-    from mbsvib.equations.second_order_rows import Felt
-    from mbsvib.equations.wrenches import Applied
+    from mbsvib.equations.second_order_rows import SecondOrderRows
+    from mbsvib.equations.wrenches import AppliedWrenches
     from mbsvib.kinematics.shared_rows import Shared
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology
@@ -34,9 +34,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """A mechanism in numbers, before anything is computed: what all its matrices are made of.
+    """The arrays of a mechanism from which its matrices are computed.
 
     ``position`` (..., bodies, 3) are the centres of mass; arrays may have an axis of variants, see ``kinematics``.
+    ``loads`` are the applied wrenches, the rows of their second-order terms, and a cache for ``applied_forces``.
     """
 
     topology: Topology
@@ -49,7 +50,7 @@ class Scene:
     port: Ports
     inertia: SpatialInertia
     shared: Shared | None = None
-    loads: tuple[Applied, Felt, dict[str, Any]] | None = None
+    loads: tuple[AppliedWrenches, SecondOrderRows, dict[str, Any]] | None = None
     couplers: tuple[Coupling, ...] = ()
 
     @property
@@ -59,31 +60,32 @@ class Scene:
 
     @property
     def owners(self) -> tuple[str, ...]:
-        """Names of what owns elastic rows, in the order of their numbers."""
+        """Names of the elements with elastic rows, in the order of their numbers."""
         names = tuple([part.name for part in self.elements])
         return names if self.shared is None else names + self.shared.names
 
     def relative(self) -> Triplets:
-        """Return what cut joints lock, what springs feel and what ports see, in one pass."""
+        """Return the relative displacements of cut joints, springs and ports, in this order."""
         rows = [*([self.cuts.rows] if self.cuts else []), self.springs.rows, self.port.rows]
         if self.shared is not None:
             rows += self.shared.base
         return relative_motion(self.coordinates, Rows.join(rows))
 
     def closure(self, relative: Triplets) -> Array:
-        """Return Phi (..., locked rows, n): what cut joints lock, out of ``relative()``, and behind it the couplers."""
+        """Return Phi (..., locked rows, n): the locked rows of ``relative()``, then the rows of couplers."""
         if self.cuts is None:
             return np.empty((*relative.value.shape[:-1], 0, relative.shape[1]))
         phi = relative.dense(0, self.locked)
         if self.cuts.couplings is None:
             return phi
-        coupled = self.cuts.couplings.dense(self.coordinates)
-        lead = max(phi.shape[:-2], coupled.shape[:-2], key=len)
-        return np.concatenate([np.broadcast_to(part, (*lead, *part.shape[-2:])) for part in (phi, coupled)], axis=-2)
+        couplers = self.cuts.couplings.dense(self.coordinates)
+        variants = max(phi.shape[:-2], couplers.shape[:-2], key=len)
+        parts = [np.broadcast_to(part, (*variants, *part.shape[-2:])) for part in (phi, couplers)]
+        return np.concatenate(parts, axis=-2)
 
 
 def scene(model: Mechanism, cut: Sequence[str] | None = None) -> Scene:
-    """Return a mechanism in numbers.
+    """Return the arrays of a mechanism.
 
     Parameters
     ----------
@@ -95,7 +97,7 @@ def scene(model: Mechanism, cut: Sequence[str] | None = None) -> Scene:
     Returns
     -------
     Scene
-        Everything that its matrices are made of.
+        Geometry, inertia, stiffness and ports.
     """
     topology = span(model, cut)
     bodies = list(model.bodies.values())
@@ -116,15 +118,15 @@ def scene(model: Mechanism, cut: Sequence[str] | None = None) -> Scene:
     )  # fmt: skip
 
 
-def _loading(model: Mechanism) -> tuple[Applied, Felt, dict[str, Any]]:
-    """What loads a mechanism, and what its forces feel."""
-    from mbsvib.equations.second_order_rows import felt
-    from mbsvib.equations.wrenches import applied
+def _loading(model: Mechanism) -> tuple[AppliedWrenches, SecondOrderRows, dict[str, Any]]:
+    """Applied wrenches, rows of second-order terms, and an empty cache."""
+    from mbsvib.equations.second_order_rows import second_order_rows
+    from mbsvib.equations.wrenches import applied_wrenches
 
     number = {name: i for i, name in enumerate((*model.bodies, "ground"))}
-    acting = applied(model, number)
+    wrenches = applied_wrenches(model, number)
     coupled = {name.rpartition(".")[0] for coupler in model.couplers.values() for name, _ in coupler.terms}
-    return acting, felt(acting, tuple(model.joints.values()), number, coupled), {}
+    return wrenches, second_order_rows(wrenches, tuple(model.joints.values()), number, coupled), {}
 
 
 def cut_rows(topology: Topology, bodies: Sequence[Body], number: Mapping[str, int]) -> Cuts | None:
@@ -133,7 +135,7 @@ def cut_rows(topology: Topology, bodies: Sequence[Body], number: Mapping[str, in
         return None
     tuples: list[tuple[float, ...]] = []
     names: list[str] = []
-    owner: list[int] = []
+    joint_of: list[int] = []
     start: list[int] = []
     for count, k in enumerate(topology.cut):
         joint = topology.joints[k]
@@ -141,10 +143,10 @@ def cut_rows(topology: Topology, bodies: Sequence[Body], number: Mapping[str, in
         point = joint.point or bodies[min(a, b)].position
         if joint.locked:
             start.append(len(names))
-        for direction, six in joint.locked:
-            tuples.append((a, b, *point, *six))
+        for direction, wrench in joint.locked:
+            tuples.append((a, b, *point, *wrench))
             names.append(f"{joint.name}.{direction}")
-            owner.append(count)
+            joint_of.append(count)
     rows = Rows.stack(tuples)
-    return Cuts(rows, tuple(names), np.array(owner, dtype=np.intp), topology.cut_joints,
+    return Cuts(rows, tuple(names), np.array(joint_of, dtype=np.intp), topology.cut_joints,
                 np.array(start, dtype=np.intp), np.asarray(rows.force.any(axis=0)))  # fmt: skip

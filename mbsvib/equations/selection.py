@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from mbsvib.common.selection import port_numbers
 from mbsvib.equations.equations import Equations
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 E = TypeVar("E", bound=Equations)
 
@@ -33,9 +36,13 @@ def with_ports(system: E, outputs: Any = None, inputs: Any = None) -> E:
     ResponseError
         If a name is unknown.
     """
-    o, i = port_numbers(outputs, inputs, (system.outputs, system.inputs), system.name)
-    kept = {system.outputs[k] for k in o}
-    undetermined = tuple([replace(forces, outputs=tuple([name for name in forces.outputs if name in kept]))
+    return with_port_numbers(system, *port_numbers(outputs, inputs, (system.outputs, system.inputs), system.name))
+
+
+def with_port_numbers(system: E, o: Sequence[int], i: Sequence[int]) -> E:
+    """Return a system with the outputs and inputs of some numbers; the coordinates stay."""
+    selected = {system.outputs[k] for k in o}
+    undetermined = tuple([replace(forces, outputs=tuple([name for name in forces.outputs if name in selected]))
                           for forces in system.provenance.undetermined])  # fmt: skip
     return replace(
         system, outputs=tuple([system.outputs[k] for k in o]), inputs=tuple([system.inputs[k] for k in i]),

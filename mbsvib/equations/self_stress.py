@@ -1,14 +1,14 @@
-"""Self-stress: wrenches in joints that hold each other, and of all wrenches that hold the bodies those of least norm.
+"""Self-stress: wrenches in joints that are in equilibrium without loads, and the wrenches of least norm.
 
 Where constraints are redundant the model does not determine the wrenches w in its joints: with S the states of
-self-stress, w + S z holds the bodies as well as w. What is taken is the least sum over joints of
+self-stress, w + S z balances the bodies as w does. The solution with the least sum over joints is taken, of
 
     |force|^2 + |moment / L|^2:    w - S (S^T D^2 S)^-1 S^T D^2 w,    D = diag(1, 1 / L),
 
 moments about the joint's own point. L is the root mean square distance of these points from their mean, over all joints
-of loops that have joints or couplers in common. All joints of loops that can carry a force count, cut or not, so that
-the result is the same in all frames and for any choice of tree, order and coordinates. Joints that give way
-elastically, all with the same stiffness k along and k L^2 about what they lock, share forces in this way.
+of loops that have joints or couplers in common. All joints of loops that can transmit a force count, cut or not, so
+that the result is the same in all frames and for any choice of tree, order and coordinates. Elastic joints with the
+same stiffness k along and k L^2 about all their locked directions have these forces.
 
 Source: Pellegrino & Calladine, Int. J. Solids Struct. 22 (1986) 409, for states of self-stress.
 """
@@ -31,17 +31,17 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.equations.joint_carriers import Carriers
+    from mbsvib.equations.force_paths import ForcePaths
     from mbsvib.kinematics.loops import Cuts, Reduction
 
-    Asked = Mapping[str, tuple[int, Array]]
+    JointOutputs = Mapping[str, tuple[int, Array]]
 
 
 
 @dataclass(frozen=True, slots=True)
 class Undetermined:
-    """Wrenches that redundant constraints leave open: in ``joints``, with their length L [m], and the ``outputs`` that
-    depend on it.
+    """Wrenches that redundant constraints do not determine: in ``joints``, with their length L [m], and the ``outputs``
+    that depend on them.
     """
 
     joints: tuple[str, ...]
@@ -49,7 +49,7 @@ class Undetermined:
     outputs: tuple[str, ...] = ()
 
     def explained(self) -> list[str]:
-        """Return in words what was taken."""
+        """Return lines that describe the solution."""
         from mbsvib.common.tables import listed
 
         lines = [
@@ -76,44 +76,44 @@ class SelfStress:
 
     @property
     def weight(self) -> Array:
-        """D^2 (6, 1): what squares of forces and moments count."""
+        """D^2 (6, 1): the weights of squared forces and moments."""
         return np.repeat((1.0, self.length**-2), 3)[:, None]
 
-    def least(self, wrench: Array, missing: Array | None = None) -> Array:
-        """Return wrenches in all joints without what is self-stress, both (6, joints, columns).
+    def minimum_norm(self, wrench: Array, added_amount: Array | None = None) -> Array:
+        """Return wrenches in all joints without their part along the states, both (6, joints, columns).
 
         Parameters
         ----------
         wrench : array, shape (6, joints, columns)
-            Wrenches that hold the bodies, at the joints' points.
-        missing : array, shape (r, columns), optional
-            More than that of each state, for forces that change with the pose.
+            Wrenches that balance the bodies, at the joints' points.
+        added_amount : array, shape (r, columns), optional
+            Amount of each state to remove in addition, for forces that change with the pose.
 
         Returns
         -------
         array, shape (6, joints, columns)
-            The same on the bodies.
+            Wrenches with the same effect on the bodies.
         """
-        before, root = wrench[:, self.joints], np.sqrt(self.weight)[..., None]
+        before, unit = wrench[:, self.joints], np.sqrt(self.weight)[..., None]
         amount = np.einsum("cjr,cjn->rn", self.weight[..., None] * self.states, before)
-        if missing is not None:
-            amount += missing
+        if added_amount is not None:
+            amount += added_amount
         after = before - np.einsum("cjr,rn->cjn", self.states, amount)
-        size = np.sqrt(np.square(root * before).sum(axis=(0, 1)) + np.square(amount).sum(axis=0))
-        after[np.abs(root * after) <= ZERO_FORM * size] = 0.0
+        size = np.sqrt(np.square(unit * before).sum(axis=(0, 1)) + np.square(amount).sum(axis=0))
+        after[np.abs(unit * after) <= ZERO_FORM * size] = 0.0
         result = wrench.copy()
         result[:, self.joints] = after
         return result
 
-    def undetermined(self, names: Sequence[str], asked: Asked) -> Undetermined:
-        """Return what the states leave open.
+    def undetermined(self, names: Sequence[str], requested: JointOutputs) -> Undetermined:
+        """Return the joints and outputs that the states leave undetermined.
 
         Parameters
         ----------
         names : sequence of str
             Names of all joints.
-        asked : mapping of str to pair of int and array, shape (6,)
-            Outputs by name: the number of the joint, and the direction in which its wrench is seen, world axes.
+        requested : mapping of str to pair of int and array, shape (6,)
+            Outputs by name: the number of the joint, and the direction of the output, world axes.
 
         Returns
         -------
@@ -123,7 +123,7 @@ class SelfStress:
         unit = self.states * np.sqrt(self.weight)[..., None]
         index_of = {joint: i for i, joint in enumerate(self.joints.tolist())}
         outputs = []
-        for name, (joint, direction) in asked.items():
+        for name, (joint, direction) in requested.items():
             if joint in index_of:
                 along = direction / np.sqrt(self.weight[:, 0])
                 if np.linalg.norm(along @ unit[:, index_of[joint]]) > DETERMINED * np.linalg.norm(along):
@@ -133,7 +133,7 @@ class SelfStress:
 
 
 def warn(model: str, undetermined: Sequence[Undetermined]) -> None:
-    """Warn of outputs that redundant constraints leave open, in the name of whoever called ``linearize``."""
+    """Warn of undetermined outputs, at the line that called ``linearize``."""
     for forces in undetermined:
         if forces.outputs:
             from mbsvib.common.tables import listed
@@ -157,12 +157,12 @@ def self_stress(joints: Index, length: float, wrenches: Array) -> SelfStress | N
     length : float
         Their length L [m].
     wrenches : array, shape (6, j, r)
-        Wrenches in them that load no body, of the size of one with moments over the length.
+        Wrenches in them without resultant on any body, of size one with moments over the length.
 
     Returns
     -------
     SelfStress or None
-        None where no joint feels any.
+        None if all wrenches are zero.
     """
     scale = np.repeat((1.0, 1.0 / length), 3)[:, None, None]
     flat = (wrenches * scale).reshape(6 * len(joints), wrenches.shape[2])
@@ -174,21 +174,23 @@ def self_stress(joints: Index, length: float, wrenches: Array) -> SelfStress | N
     return SelfStress(joints, length, states.reshape(6, len(joints), -1) / scale)
 
 
-def of_loops(carriers: Carriers, cuts: Cuts | None, reduction: Reduction, phi: Array, loops: Array) -> list[SelfStress]:
+def of_loops(
+    paths: ForcePaths, cuts: Cuts | None, reduction: Reduction, phi: Array, multiplier_wrenches: Array
+) -> list[SelfStress]:
     """Return the states of self-stress of a mechanism, by loops that have joints or couplers in common.
 
     Parameters
     ----------
-    carriers : Carriers
-        What topology and geometry say of forces in joints.
+    paths : ForcePaths
+        Joints and the bodies behind them.
     cuts : Cuts or None
         Locked rows of the cut joints, and couplers.
     reduction : Reduction
         The minimal coordinates.
     phi : array, shape (locked rows, n)
         Locked rows per unit joint coordinate.
-    loops : array, shape (6 joints, locked rows)
-        What one unit of each multiplier brings into all joints.
+    multiplier_wrenches : array, shape (6 joints, locked rows)
+        Wrenches in all joints per unit of each multiplier.
 
     Returns
     -------
@@ -197,55 +199,56 @@ def of_loops(carriers: Carriers, cuts: Cuts | None, reduction: Reduction, phi: A
     """
     if cuts is None or not any(group.surplus for group in reduction.groups):
         return []
-    wrenches = loops.reshape(6, -1, loops.shape[1])
-    through, bears = _through(carriers, cuts, wrenches)
+    wrenches = multiplier_wrenches.reshape(6, -1, multiplier_wrenches.shape[1])
+    in_loop, transmits = _through(paths, cuts, wrenches)
     dependent = np.ones(phi.shape[1], dtype=bool)
     dependent[reduction.independent] = False
     result = []
-    for rows, joints in parts(through):
-        rows, joints = rows[rows < len(phi)], joints[bears[joints]]
+    for rows, joints in loop_groups(in_loop):
+        rows, joints = rows[rows < len(phi)], joints[transmits[joints]]
         if not len(rows):
             continue
         columns = np.flatnonzero(phi[rows].any(axis=0) & dependent)
-        ends = (carriers.first[joints], carriers.second[joints])
-        length = length_of(carriers.point[:, joints].T, *(carriers.position[:, bodies].T for bodies in ends))
+        ends = (paths.first[joints], paths.second[joints])
+        length = length_of(paths.point[:, joints].T, *(paths.position[:, bodies].T for bodies in ends))
         scale = length * cuts.row_scale(length)[rows, None]
-        # combinations of the rows that do no work on any coordinate
-        idle = np.linalg.qr(scale * phi[np.ix_(rows, columns)], mode="complete")[0][:, len(columns) :]
-        stress = self_stress(joints, length, wrenches[:, joints][:, :, rows] @ (scale * idle))
+        # combinations of the rows without work on any coordinate
+        combinations = np.linalg.qr(scale * phi[np.ix_(rows, columns)], mode="complete")[0][:, len(columns) :]
+        stress = self_stress(joints, length, wrenches[:, joints][:, :, rows] @ (scale * combinations))
         if stress is not None:
             result.append(stress)
     return result
 
 
-def _through(carriers: Carriers, cuts: Cuts, wrenches: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return a mask (rows, joints) of the joints in each loop, those that joints without locked directions close last,
-    and a mask of the joints that can carry a force: those that lock something, or that a coupler measures.
+def _through(paths: ForcePaths, cuts: Cuts, wrenches: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return a mask (rows, joints) of the joints in each loop, loops of cut joints without locked directions last, and
+    a mask of the joints that can transmit a force: those with locked directions, or that a coupler measures.
     """
-    joints = carriers.topology.joints
-    through: NDArray[np.bool_] = np.array(wrenches.any(axis=0).T)
-    bears = np.array([bool(joint.locked) for joint in joints])
+    joints = paths.topology.joints
+    in_loop: NDArray[np.bool_] = np.array(wrenches.any(axis=0).T)
+    transmits = np.array([bool(joint.locked) for joint in joints])
     if cuts.couplings is not None:
         first, touched, column = len(cuts.rows.first), cuts.couplings.touched, cuts.couplings.column
-        coupled, at = np.nonzero(touched & (carriers.joint_of >= 0))
-        through[first + coupled, carriers.joint_of[at]] = True
-        bears[carriers.joint_of[column[column >= 0]]] = True
-        bears[carriers.measured(cuts.couplings.measured)] = True
-    cut = np.array(carriers.topology.cut, dtype=np.intp)
-    loose = cut[[not joints[k].locked for k in cut.tolist()]]
-    around = carriers.behind[carriers.first[loose]] != carriers.behind[carriers.second[loose]]
-    around[np.arange(len(loose)), loose] = True
-    return np.concatenate((through, around)), bears
+        coupler, coordinate = np.nonzero(touched & (paths.joint_of >= 0))
+        in_loop[first + coupler, paths.joint_of[coordinate]] = True
+        transmits[paths.joint_of[column[column >= 0]]] = True
+        transmits[paths.measured(cuts.couplings.measured)] = True
+    cut = np.array(paths.topology.cut, dtype=np.intp)
+    unlocked = cut[[not joints[k].locked for k in cut.tolist()]]
+    in_unlocked = paths.path_sign[paths.first[unlocked]] != paths.path_sign[paths.second[unlocked]]
+    in_unlocked[np.arange(len(unlocked)), unlocked] = True
+    return np.concatenate((in_loop, in_unlocked)), transmits
 
 
-def parts(through: NDArray[np.bool_]) -> list[tuple[Index, Index]]:
-    """Return rows and joints of loops that have joints in common, for a mask (rows, joints) of what goes through."""
+def loop_groups(in_loop: NDArray[np.bool_]) -> list[tuple[Index, Index]]:
+    """Return rows and joints of loops that have joints in common, for a mask (rows, joints) of the joints in each loop.
+    """
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components
 
-    count = len(through)
-    row, joint = np.nonzero(through)
-    graph = csr_matrix((np.ones(len(row), dtype=bool), (row, count + joint)), shape=(sum(through.shape),) * 2)
+    count = len(in_loop)
+    row, joint = np.nonzero(in_loop)
+    graph = csr_matrix((np.ones(len(row), dtype=bool), (row, count + joint)), shape=(sum(in_loop.shape),) * 2)
     label = connected_components(graph, directed=False)[1]
     return [(np.flatnonzero(label[:count] == k), np.flatnonzero(label[count:] == k))
             for k in np.unique(label[:count]).tolist()]  # fmt: skip

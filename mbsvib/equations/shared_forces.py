@@ -1,4 +1,4 @@
-"""What beams and reduced models do to the bodies that they share: inertia, stiffness and damping as wrenches."""
+"""Wrenches of beams and reduced models on their bodies, by stiffness, damping and inertia."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.wrench_pairs import Pairs, spread
+from mbsvib.equations.wrench_pairs import WrenchPairs, wrenches_on_bodies
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -24,7 +24,7 @@ def shared_wrenches(
     Parameters
     ----------
     scene : Scene
-        The mechanism in numbers.
+        The arrays of the mechanism.
     relative : Triplets
         Its relative displacements.
     reduction : Reduction
@@ -44,17 +44,17 @@ def shared_wrenches(
     if shared is None:
         return elastic, damping, inertia, base
     start = scene.locked + len(scene.springs.owner) + len(scene.port.rows.first)
-    moved = reduction.apply(relative.dense(start, relative.shape[0]))
+    base_rows = reduction.apply(relative.dense(start, relative.shape[0]))
     count = 0
     if shared.mass is not None:
         count = len(shared.mass.rows.first)
-        inertia -= _of_masses(shared.mass, shared.mass.of(moved[:count]), position)
+        inertia -= _of_masses(shared.mass, shared.mass.of(base_rows[:count]), position)
         for column, source in scene.port.base_motions:
             wrench = np.array(source.wrench)
-            carried = shared.mass.carried(wrench[:3], wrench[3:], np.array(source.position))
-            base[:, :, column] -= _of_masses(shared.mass, carried, position)[:, :, 0]
+            ground_motion = shared.mass.carried(wrench[:3], wrench[3:], np.array(source.position))
+            base[:, :, column] -= _of_masses(shared.mass, ground_motion, position)[:, :, 0]
     if shared.elastic is not None:
-        rows = shared.elastic.composite.of(moved[count:])
+        rows = shared.elastic.composite.of(base_rows[count:])
         elastic -= _on_bodies(shared.elastic.composite, shared.elastic.stiffness[:, None] * rows, position)
         damping -= _on_bodies(shared.elastic.composite, shared.elastic.damping[:, None] * rows, position)
     return elastic, damping, inertia, base
@@ -63,18 +63,18 @@ def shared_wrenches(
 def _on_bodies(composite: Composite, forces: Array, position: Array) -> Array:
     """Wrenches (6, bodies + 1, n) of forces (rows, n) along composite rows; none on internal coordinates."""
     rows = composite.rows
-    each = Pairs(rows.first, rows.second, rows.point, rows.point, rows.force, rows.moment)
-    result: Array = np.einsum("cbr,rn->cbn", spread(each, position), composite.back(forces) * composite.rides[:, None])
-    return result
+    pairs = WrenchPairs(rows.first, rows.second, rows.point, rows.point, rows.force, rows.moment)
+    along_rows = composite.back(forces) * composite.rides[:, None]
+    return np.asarray(np.einsum("cbr,rn->cbn", wrenches_on_bodies(pairs, position), along_rows))
 
 
 def _of_masses(composite: Composite, forces: Array, position: Array) -> Array:
-    """Wrenches (6, bodies + 1, n) of forces (rows, n) along rows of masses, which move against inertial space: of the
-    ground those of nodes that it holds.
+    """Wrenches (6, bodies + 1, n) of forces (rows, n) along rows of masses, whose displacements are against inertial
+    space; those on the ground are at its nodes.
     """
     result, rows = _on_bodies(composite, forces, position), composite.rows
-    held = rows.second == position.shape[1] - 1
-    point, force, moment = (array[:, held] for array in (rows.point, rows.force, rows.moment))
+    on_ground = rows.second == position.shape[1] - 1
+    point, force, moment = (array[:, on_ground] for array in (rows.point, rows.force, rows.moment))
     wrench = np.concatenate((force, moment + np.cross(point, force, axis=0)))
-    result[:, -1] = wrench @ (composite.back(forces) * composite.rides[:, None])[held]
+    result[:, -1] = wrench @ (composite.back(forces) * composite.rides[:, None])[on_ground]
     return result

@@ -1,4 +1,4 @@
-"""Statics: does the given pose balance, and what do the joints carry?
+"""Statics: whether a pose is balanced, and the forces in joints.
 
 Source: principle of virtual work; Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems (1989), chapter 6.
 """
@@ -18,33 +18,33 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.equations.scene import Scene
-    from mbsvib.equations.second_order_rows import Felt
+    from mbsvib.equations.second_order_rows import SecondOrderRows
     from mbsvib.equations.self_stress import Undetermined
-    from mbsvib.equations.wrench_pairs import Pairs
-    from mbsvib.equations.wrenches import Applied
+    from mbsvib.equations.wrench_pairs import WrenchPairs
+    from mbsvib.equations.wrenches import AppliedWrenches
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.mechanism.topology import Topology
 
-# A force turns about a point that is rounded with a lever of so many roundings of the largest coordinate.
-LEAST = POSITION_ROUNDING / BALANCE
-_PLAIN = ("x", "y", "z", "rx", "ry", "rz")
+# Lever arms smaller than this share of the largest coordinate are taken for rounding of points.
+LEAST_LEVER = POSITION_ROUNDING / BALANCE
+_DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True, slots=True)
 class Statics:
-    """The forces at the pose: what is ``applied``, the wrench (6, joints) in each joint, on its second body.
+    """The forces at the pose: the ``applied`` wrenches, and the wrench ``joints`` (6, joints) on each second body.
 
-    ``pairs`` are the applied forces, then those in joints; ``position`` (3, bodies + 1) the centres of mass.
-    ``residual`` (m,) is what is left over along each coordinate, ``size`` (m,) that of the forces that should cancel.
-    ``owners`` own rows of geometric stiffness: all pairs, then all bodies; ``undetermined`` is what redundant
-    constraints leave open of the forces in joints.
+    ``pairs`` are the applied wrenches, then those in joints; ``position`` (3, bodies + 1) the centres of mass.
+    ``residual`` (m,) is the unbalanced force along each coordinate, ``size`` (m,) that of the forces that should
+    cancel. ``owners`` are the names for rows of geometric stiffness: all pairs, then all bodies; ``undetermined`` are
+    the forces in joints that redundant constraints do not determine.
     """
 
-    applied: Applied
+    applied: AppliedWrenches
     joints: Array
-    pairs: Pairs
+    pairs: WrenchPairs
     position: Array
-    felt: Felt
+    second_order: SecondOrderRows
     residual: Array
     size: Array
     owners: tuple[str, ...]
@@ -52,13 +52,13 @@ class Statics:
 
     @property
     def imbalance(self) -> float:
-        """The largest share of the forces along a coordinate that is left over."""
+        """The largest unbalanced share of the forces along a coordinate."""
         share = self.residual / np.where(self.size > 0.0, self.size, 1.0)
         return float(np.abs(share).max(initial=0.0))
 
 
 def balance(wrench: Array, size: Array, motion: Array, reach: float) -> tuple[Array, Array]:
-    """Return the forces along the minimal coordinates and the size of what should cancel there.
+    """Return the forces along the minimal coordinates and the size of the forces that should cancel there.
 
     Parameters
     ----------
@@ -74,26 +74,26 @@ def balance(wrench: Array, size: Array, motion: Array, reach: float) -> tuple[Ar
     Returns
     -------
     residual, size : array, shape (m,)
-        B''^T B'^T W, and the same with the lengths of all vectors [N or N m], or what the rounding of points asks for:
-        about an axis through the centre of mass, the lever of a weight is nothing else.
+        B''^T B'^T W, and the same with the lengths of all vectors [N or N m], or with the rounding of points as lever
+        arm if that is larger: the lever arm of a weight about an axis through the centre of mass is only rounding.
     """
     m = motion.shape[-1]
     vectors = motion.reshape(2 * len(motion), 3, m)
     lengths = np.sqrt(np.einsum("bcm,bcm->bm", vectors, vectors))
-    least = LEAST * reach * size[0].dot(lengths[1::2])
-    whole = np.maximum(size.T.reshape(-1).dot(lengths), least)
-    return wrench.T.reshape(-1).dot(motion.reshape(6 * len(motion), m)), whole
+    rounding_size = LEAST_LEVER * reach * size[0].dot(lengths[1::2])
+    total = np.maximum(size.T.reshape(-1).dot(lengths), rounding_size)
+    return wrench.T.reshape(-1).dot(motion.reshape(6 * len(motion), m)), total
 
 
 def rounding(stiffness: Array, position: Array, turns: NDArray[np.bool_]) -> Array:
-    """Return the forces that rounding errors of the pose make along the minimal coordinates.
+    """Return the forces due to rounding of the pose along the minimal coordinates.
 
     Parameters
     ----------
     stiffness : array, shape (m, m)
         K of the springs.
     position : array, shape (bodies, 3)
-        Centres of mass [m], whose size is that of the scene.
+        Centres of mass [m], whose size is that of the mechanism.
     turns : array, shape (m,)
         Which coordinates are rotations.
 
@@ -127,7 +127,7 @@ def check_balance(
     Raises
     ------
     EquilibriumError
-        If more is left over than ``BALANCE`` of what should cancel and what rounding of the pose does.
+        If the residual exceeds ``BALANCE`` times the forces that should cancel and the forces due to rounding.
     """
     off = (np.abs(residual) > BALANCE * size).nonzero()[0]
     if not len(off):
@@ -154,11 +154,11 @@ def unbalanced(
     model : str
         Name of the model.
     coordinate : str
-        The coordinate along which forces are off balance most.
+        The coordinate with the largest unbalanced share.
     turns : bool
         Whether it is a rotation.
     missing : float
-        The force that is missing there [N or N m].
+        The missing force there [N or N m].
     share : float
         The same as a share of the forces that should cancel.
     topology : Topology
@@ -173,7 +173,7 @@ def unbalanced(
     """
     kind, unit = ("moment", "N m") if turns else ("force", "N")
     joint, _, direction = coordinate.rpartition(".")
-    body, where = who(joint, direction, topology)
+    body, where = body_and_direction(joint, direction, topology)
     return EquilibriumError(
         f"model '{model}' is not in balance in the given pose: unbalanced {kind} on body '{body}', {missing:.6g} "
         f"{unit} missing {where} ({share:.1e} of the forces that should cancel there; allowed {BALANCE:g}).{more} Find "
@@ -182,12 +182,12 @@ def unbalanced(
     )  # fmt: skip
 
 
-def who(joint: str, direction: str, topology: Topology) -> tuple[str, str]:
-    """Return the body that a coordinate moves, and in words along what."""
-    word = "along" if direction in _PLAIN[:3] else "about"
+def body_and_direction(joint: str, direction: str, topology: Topology) -> tuple[str, str]:
+    """Return the body that a coordinate moves, and a description of its direction."""
+    preposition = "along" if direction in _DIRECTIONS[:3] else "about"
     axis = direction[-1:]
     for part in topology.joints:
         if part.name == joint:
             body = part.second if part.second != "ground" else part.first
-            return body, f"{word} {axis} of joint '{joint}' (coordinate '{joint}.{direction}')"
-    return joint, f"{word} {axis}"
+            return body, f"{preposition} {axis} of joint '{joint}' (coordinate '{joint}.{direction}')"
+    return joint, f"{preposition} {axis}"

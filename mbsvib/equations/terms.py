@@ -1,8 +1,8 @@
-"""The terms of equations of motion in minimal coordinates: matrices, and the factors that they are made of."""
+"""Matrices of equations of motion in minimal coordinates, and the factors that they are made of."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
 
 
-@dataclass(frozen=True, slots=True)
-class Terms:
-    """Matrices and factors of M q'' + C q' + K q = B u, y = Cq q + Cv q' + Ca q'' + D u, as ``Equations`` has them.
+@dataclass(frozen=True, repr=False, eq=False)
+class Matrices:
+    """Matrices and factors of M q'' + C q' + K q = B u, y = Cq q + Cv q' + Ca q'' + D u, described in ``Equations``.
 
     In many variants arrays may have an axis of variants in front.
     """
@@ -37,9 +37,36 @@ class Terms:
     massless: int = 0
     null_inertia: Array | None = None
 
+    @property
+    def mass(self) -> Array:
+        """The mass matrix M (m, m) by its other name, in a batch (variants, m, m)."""
+        return self.M
+
+    @property
+    def damping(self) -> Array:
+        """The damping matrix C (m, m) by its other name, in a batch (variants, m, m); the output matrix of first-order
+        equations is ``state_space().C``.
+        """
+        return self.C
+
+    @property
+    def stiffness(self) -> Array:
+        """The stiffness matrix K (m, m) by its other name, in a batch (variants, m, m)."""
+        return self.K
+
+
+_NAMES = tuple([item.name for item in fields(Matrices)])
+MATRICES = _NAMES[: _NAMES.index("inertia_factor")]
+# Arrays that equations without spin, follower loads and massless motions lack.
+OPTIONAL = ("gyroscopic", "circulatory", "null_inertia")
+
+
+class Terms(Matrices):
+    """Matrices and factors during the assembly."""
+
     def named(self) -> dict[str, Any]:
         """Return all terms by their names."""
-        return {name: getattr(self, name) for name in self.__slots__}
+        return {name: getattr(self, name) for name in _NAMES}
 
     def with_rows(self, rows: Array, stiffness: Array, owner: Index) -> Terms:
         """Return the terms with more rows of stiffness without damping, K + D^T diag(k) D.

@@ -1,4 +1,4 @@
-"""Follower loads and torques: what they add to K depends on the way of the motion, not on its end alone.
+"""Stiffness of follower loads and torques, whose work depends on the path of the motion.
 
 In coordinates (u, theta) of the exponential map a force f and a torque t about the centre of mass, that turn with the
 body, have the tangent [[0, [f]x], [0, 1/2 [t]x]]; a torque that stays fixed in the world has -1/2 [t]x. The symmetric
@@ -20,20 +20,20 @@ from mbsvib.kinematics.mobility import crossed_product
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-    from mbsvib.equations.wrenches import Applied
+    from mbsvib.equations.wrenches import AppliedWrenches
 
 _AXES = np.eye(3)
 # The pairs (i, j) of directions and their signs in v_i [f]x_ij w_j
 _PAIRS = ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 0, 2, 1.0), (1, 2, 0, -1.0), (2, 0, 1, -1.0), (2, 1, 0, 1.0))
 
 
-def load_stiffness(applied: Applied, position: Array) -> Contribution | None:
-    """Return what follower loads and torques add, or None where there is neither.
+def load_stiffness(applied: AppliedWrenches, position: Array) -> Contribution | None:
+    """Return the stiffness of follower loads and torques, or None if there are none.
 
     Parameters
     ----------
-    applied : Applied
-        What loads the mechanism.
+    applied : AppliedWrenches
+        The applied wrenches.
     position : array, shape (3, bodies + 1)
         Centres of mass [m].
 
@@ -47,24 +47,24 @@ def load_stiffness(applied: Applied, position: Array) -> Contribution | None:
     return Contribution.join(parts) if parts else None
 
 
-def _of_load(applied: Applied, position: Array, k: int) -> Contribution:
+def _of_load(applied: AppliedWrenches, position: Array, k: int) -> Contribution:
     """Rows u, theta of its body along the world axes (6), and for a follower force across its line (4)."""
-    ground, body, follows = position.shape[1] - 1, int(applied.pairs.second[k]), bool(applied.follower[k])
-    force, torque, at = applied.pairs.force[:, k], applied.pairs.torque[:, k], position[:, [body]]
-    along, size = _AXES, float(np.linalg.norm(force)) if follows else 0.0
+    ground, body, follower = position.shape[1] - 1, int(applied.pairs.second[k]), bool(applied.follower[k])
+    force, torque, center = applied.pairs.force[:, k], applied.pairs.torque[:, k], position[:, [body]]
+    along, size = _AXES, float(np.linalg.norm(force)) if follower else 0.0
     if size > 0.0:
         along = np.concatenate((_AXES, np.stack(normals(force / size), axis=1)), axis=1)
     count = along.shape[1]  # rows: u along x, y, z and the two normals of the force, then theta likewise
     entries: list[tuple[int, int, float]] = []
     products: list[tuple[int, int, float]] = []
     if size > 0.0:
-        torque = torque + crossed_product(applied.pairs.end[:, k] - at[:, 0], force)
+        torque = torque + crossed_product(applied.pairs.end[:, k] - center[:, 0], force)
         entries += [(i, count + j, 0.5 * sign * force[c]) for i, j, c, sign in _PAIRS]
         products += [(4, count + 3, 0.5 * size), (3, count + 4, -0.5 * size)]
-    sense = 0.5 if follows else -0.5
-    entries += [(count + i, count + j, sense * sign * torque[c]) for i, j, c, sign in _PAIRS if i < j]
+    half = 0.5 if follower else -0.5
+    entries += [(count + i, count + j, half * sign * torque[c]) for i, j, c, sign in _PAIRS if i < j]
     bodies = np.full(count, body)
-    rows = Rows.join([shifts(bodies, along, np.repeat(at, count, axis=1), ground), turns(bodies, along, ground)])
+    rows = Rows.join([shifts(bodies, along, np.repeat(center, count, axis=1), ground), turns(bodies, along, ground)])
     return Contribution.of(rows, stiffness=_weights(products, k), circulatory=_weights(entries, k))
 
 

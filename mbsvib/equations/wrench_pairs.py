@@ -1,4 +1,4 @@
-"""Pairs of forces: what a joint, spring, bushing or load does to the two bodies that it acts between."""
+"""Wrench pairs: the opposite wrenches of a joint, spring, bushing or load on the two bodies that it connects."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Pairs:
+class WrenchPairs:
     """Wrenches between bodies: ``force`` [N] at ``end`` [m] and ``torque`` [N m] on ``second``, -force at ``start`` and
     -torque on ``first``; body numbers (n,) and vectors (3, n) in world axes.
     """
@@ -30,16 +30,17 @@ class Pairs:
     torque: Array
 
     @staticmethod
-    def stack(tuples: Sequence[tuple[float, ...]]) -> Pairs:
+    def stack(tuples: Sequence[tuple[float, ...]]) -> WrenchPairs:
         """Build pairs from tuples (first, second, start xyz, end xyz, force xyz, torque xyz)."""
         table = columns(tuples, 14)
         bodies = table[:2].astype(np.intp)
-        return Pairs(bodies[0], bodies[1], table[2:5], table[5:8], table[8:11], table[11:])
+        return WrenchPairs(bodies[0], bodies[1], table[2:5], table[5:8], table[8:11], table[11:])
 
     @staticmethod
-    def join(a: Pairs, b: Pairs) -> Pairs:
-        """Put two stacks one behind the other."""
-        return Pairs(*(np.concatenate((getattr(a, key), getattr(b, key)), axis=-1) for key in Pairs.__slots__))
+    def join(a: WrenchPairs, b: WrenchPairs) -> WrenchPairs:
+        """Return the pairs of both, those of ``a`` first."""
+        keys = WrenchPairs.__slots__
+        return WrenchPairs(*(np.concatenate((getattr(a, key), getattr(b, key)), axis=-1) for key in keys))
 
     def incidence(self, bodies: int) -> tuple[Array, Array]:
         """Return (n, bodies + 1) for first and for second, 1 where the pair acts on the body."""
@@ -53,7 +54,7 @@ class Pairs:
         return self.start - position[:, self.first], self.end - position[:, self.second]
 
     def on_bodies(self, position: Array) -> tuple[Array, Array]:
-        """Return the wrenches about the centres of mass, and the sizes of all that adds up to them.
+        """Return the sum of the wrenches on each body about its centre of mass, and the sizes of the terms.
 
         Parameters
         ----------
@@ -65,11 +66,11 @@ class Pairs:
         wrench : array, shape (6, bodies + 1)
             Sums over all pairs [N, N m], ground last.
         size : array, shape (2, bodies + 1)
-            Sums of the lengths of the forces and of the moments, each force's own included.
+            Sums of the lengths of the forces, and of those of torques and moments of forces.
         """
         body, n = np.concatenate((self.first, self.second)), len(self.first)
-        place = np.zeros((2 * n, position.shape[1]))
-        place[np.arange(2 * n), body] = 1.0
+        incidence = np.zeros((2 * n, position.shape[1]))
+        incidence[np.arange(2 * n), body] = 1.0
         parts = np.empty((9, 2 * n))
         np.negative(self.force, out=parts[:3, :n])
         np.negative(self.torque, out=parts[6:, :n])
@@ -79,16 +80,16 @@ class Pairs:
         parts[3:6] += parts[6:]
         parts[6] = lengths[0]
         np.add(lengths[1], lengths[2], out=parts[7])
-        sums = parts[:8] @ place
+        sums = parts[:8] @ incidence
         return sums[:6], sums[6:]
 
 
-def spread(pairs: Pairs, position: Array) -> Array:
+def wrenches_on_bodies(pairs: WrenchPairs, position: Array) -> Array:
     """Return the wrenches of pairs on the bodies, one column a pair.
 
     Parameters
     ----------
-    pairs : Pairs
+    pairs : WrenchPairs
         Forces and torques between bodies.
     position : array, shape (3, bodies + 1)
         Centres of mass and the origin [m].

@@ -1,4 +1,4 @@
-"""What loads a mechanism, in numbers: gravity, loads on bodies, and the preloads of springs and bushings."""
+"""Applied wrenches: gravity, loads on bodies, and the preloads of springs and bushings."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.elements import Bushing, Maxwell, Spring
-from mbsvib.equations.wrench_pairs import Pairs
+from mbsvib.equations.wrench_pairs import WrenchPairs
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -22,15 +22,16 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Applied:
-    """What acts on the bodies: ``weight`` (3, bodies + 1) [N] at the centres of mass, and ``pairs`` of forces.
+class AppliedWrenches:
+    """Wrenches on the bodies: ``weight`` (3, bodies + 1) [N] at the centres of mass, and ``pairs``.
 
-    ``names`` tells whose pair each is: the loads first (on ``first`` = ground nothing comes of it), then the line
-    springs, then the bushings; ``loads`` and ``lines`` count them, ``follower`` (loads,) tells what turns with a body.
+    ``names`` are the elements of the pairs: the loads (with ground as first body, where they have no effect), then the
+    line springs, then the bushings; ``loads`` and ``lines`` are numbers of pairs, ``follower`` (loads,) is true for
+    loads that turn with their body.
     """
 
     weight: Array
-    pairs: Pairs
+    pairs: WrenchPairs
     names: tuple[str, ...]
     loads: int
     lines: int
@@ -48,13 +49,13 @@ class Applied:
 
 
 def is_loaded(model: Mechanism) -> bool:
-    """Tell whether anything loads a model: gravity, a load, or a preload."""
+    """Return whether a model has gravity, a load or a preload."""
     gravity = model.gravity is not None and any(model.gravity)
     return gravity or bool(model.loads) or any(spring.loaded for spring in model.springs.values())
 
 
-def applied(model: Mechanism, number: Mapping[str, int]) -> Applied:
-    """Return what loads a model.
+def applied_wrenches(model: Mechanism, number: Mapping[str, int]) -> AppliedWrenches:
+    """Return the applied wrenches of a model.
 
     Parameters
     ----------
@@ -65,8 +66,8 @@ def applied(model: Mechanism, number: Mapping[str, int]) -> Applied:
 
     Returns
     -------
-    Applied
-        Weights and pairs of forces, in the given pose.
+    AppliedWrenches
+        Weights and pairs of wrenches in the pose of the model.
     """
     weight = np.zeros((3, len(model.bodies) + 1))
     if model.gravity is not None:
@@ -75,15 +76,15 @@ def applied(model: Mechanism, number: Mapping[str, int]) -> Applied:
     tuples: list[tuple[float, ...]] = []
     names: list[str] = []
     for load in model.loads.values():
-        at = load.position or model.bodies[load.body].position
-        tuples.append((ground, number[load.body], *at, *at, *load.force, *load.torque))
+        point = load.position or model.bodies[load.body].position
+        tuples.append((ground, number[load.body], *point, *point, *load.force, *load.torque))
         names.append(load.name)
     springs = [spring for spring in model.springs.values() if spring.loaded]
-    lines = [spring for spring in springs if isinstance(spring, (Spring, Maxwell))]
-    for line in lines:
-        pull = [-line.tension * e for e in line.line]
-        tuples.append((number[line.first], number[line.second], *line.start, *line.end, *pull, 0.0, 0.0, 0.0))
-        names.append(line.name)
+    line_springs = [spring for spring in springs if isinstance(spring, (Spring, Maxwell))]
+    for spring in line_springs:
+        force = [-spring.tension * e for e in spring.line]
+        tuples.append((number[spring.first], number[spring.second], *spring.start, *spring.end, *force, 0.0, 0.0, 0.0))
+        names.append(spring.name)
     for spring in springs:
         if isinstance(spring, Bushing) and spring.preload is not None:
             wrench = np.array(spring.orientation) @ np.array(spring.preload).reshape(2, 3).T
@@ -91,4 +92,5 @@ def applied(model: Mechanism, number: Mapping[str, int]) -> Applied:
                            *wrench[:, 0].tolist(), *wrench[:, 1].tolist()))  # fmt: skip
             names.append(spring.name)
     follower = np.array([load.follower for load in model.loads.values()], dtype=bool)
-    return Applied(weight, Pairs.stack(tuples), tuple(names), len(model.loads), len(lines), follower)
+    pairs = WrenchPairs.stack(tuples)
+    return AppliedWrenches(weight, pairs, tuple(names), len(model.loads), len(line_springs), follower)

@@ -58,5 +58,6 @@ def at_equilibrium(
         balanced = equilibrium(model).model
         equations = linearized(balanced, independent, cut, method, dense, sparse)
     if isinstance(equations, Equations):  # parameters act on the model before the motion
-        equations = replace(equations, provenance=replace(equations.provenance, origin=copy(model), settled=True))
+        provenance = replace(equations.provenance, origin=copy(model), moved_to_equilibrium=True)
+        equations = replace(equations, provenance=provenance)
     return balanced, equations

@@ -12,7 +12,7 @@ from mbsvib.mechanism.topology import FLOATS
 from mbsvib.mechanism.unit_warnings import unit_warnings
 
 if TYPE_CHECKING:
-    from mbsvib.equations.equations import Dropped, Equations, Separation, Truncation
+    from mbsvib.equations.equations import Equations, Removed, Separation, Truncation
     from mbsvib.responses.basis import Basis
 
 _ENOUGH = {
@@ -38,15 +38,15 @@ def explain(system: Equations, basis: Basis | None = None) -> str:
     """
     if system.provenance.truncation is not None:
         return _reduced(system, system.provenance.truncation)
-    if system.provenance.given:
+    if system.provenance.from_matrices:
         return _given(system, basis)
     lines = [f"{system.name}: {system.dof} DOF"]
-    if system.provenance.closed:
+    if system.provenance.closed_loop:
         lines.append("  a controller acts on it: C and K contain its gains; the rest is said of the open loop")
-    if system.dof == 0 and system.provenance.dropped is not None:
+    if system.dof == 0 and system.provenance.removed is not None:
         lines.append("  No part is controllable and observable with the given inputs and outputs: y = D u.")
     elif system.dof == 0:
-        condensed = system.provenance.massless is not None
+        condensed = system.provenance.separation is not None
         lines.append("  No motion has mass or damping: outputs follow inputs without dynamics." if condensed else
                      "  The mechanism is fully locked: its joints leave no motion.")  # fmt: skip
     lines += ["topology", *_topology(system), "loops", *_loops(system), "coordinates", *_coordinates(system)]
@@ -84,8 +84,8 @@ def _given(system: Equations, basis: Basis | None) -> str:
         lines.append("  C has an antisymmetric part: modes have right and left vectors")
     if system.circulatory is not None:
         lines.append("  K has an antisymmetric part: flutter is possible")
-    if system.provenance.dropped is not None:
-        lines += [f"  {text}" for text in dropped(system.provenance.dropped)]
+    if system.provenance.removed is not None:
+        lines += [f"  {text}" for text in removed(system.provenance.removed)]
     if system.dof:
         lines += ["skipped", *(f"  {text}" for text in _modal_skips(basis))]
     return "\n".join(lines)
@@ -115,7 +115,7 @@ def _topology(system: Equations) -> list[str]:
     idle = [name for i, name in enumerate(system.provenance.springs)
             if i not in straining and name not in forces and name not in inerters]  # fmt: skip
     if idle:
-        left = "the mechanism" if system.provenance.dropped is None else "what is left"
+        left = "the mechanism" if system.provenance.removed is None else "what is left"
         lines.append(f"  without effect, as no motion of {left} strains them: {listed(idle)}")
     return lines
 
@@ -151,23 +151,23 @@ def _coordinates(system: Equations) -> list[str]:
     if not everything:
         return ["  none"]
     independent = set(system.coordinates)
-    dropped_part = system.provenance.dropped
-    independent |= set(dropped_part.names) if dropped_part else set()
+    removed_part = system.provenance.removed
+    independent |= set(removed_part.names) if removed_part else set()
     dependent = [name for name in everything if name not in independent]
     lines = [f"  minimal: {listed(system.coordinates) or 'none'}"]
     if dependent:
         lines.append(f"  dependent: {listed(dependent)}")
-    return lines + _massless(system) + ([] if dropped_part is None else [f"  {text}" for text in dropped(dropped_part)])
+    return lines + _massless(system) + ([] if removed_part is None else [f"  {text}" for text in removed(removed_part)])
 
 
-def dropped(part: Dropped) -> list[str]:
+def removed(part: Removed) -> list[str]:
     """Return the uncontrollable and unobservable parts for the given ports, one sentence each."""
     result = []
-    if part.unreached:
-        result.append(f"dropped, not controllable from {listed(part.inputs)}: {listed(part.unreached)}")
-    if part.unseen:
-        result.append(f"dropped, not observable from {listed(part.outputs)}: {listed(part.unseen)}")
-    return result or ["nothing was dropped: every part is coupled to an input and to an output"]
+    if part.uncontrollable:
+        result.append(f"removed, not controllable from {listed(part.inputs)}: {listed(part.uncontrollable)}")
+    if part.unobservable:
+        result.append(f"removed, not observable from {listed(part.outputs)}: {listed(part.unobservable)}")
+    return result or ["nothing was removed: every part is coupled to an input and to an output"]
 
 
 def _unsymmetric(system: Equations) -> list[str]:
@@ -189,14 +189,15 @@ def _unsymmetric(system: Equations) -> list[str]:
 
 
 def _massless(system: Equations) -> list[str]:
-    separation = system.provenance.massless
+    separation = system.provenance.separation
     return [] if separation is None else separated(separation, 2 * system.dof - system.massless)
 
 
 def separated(separation: Separation, states: int) -> list[str]:
     """Return the treatment of motions without mass, one line each; ``states`` is the number of states."""
     lines = [f"  motions without mass: {len(separation.condensed) + len(separation.first_order)}; of the mass rows, "
-             f"smallest pivot kept {separation.kept:.1e}, largest dropped {separation.dropped:.1e}"]  # fmt: skip
+             f"smallest pivot kept {separation.smallest_kept:.1e}, "
+             f"largest dropped {separation.largest_dropped:.1e}"]  # fmt: skip
     if separation.condensed:
         lines.append(f"  condensed statically, as no damper acts on them: {listed(separation.condensed)}")
     if separation.first_order:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.equations import Equations
     from mbsvib.equations.statics import Statics
-    from mbsvib.equations.wrench_pairs import Pairs
+    from mbsvib.equations.wrench_pairs import WrenchPairs
     from mbsvib.modes import Modes
     from mbsvib.responses.basis import Basis
 
@@ -165,7 +165,7 @@ def _sums_by_owner(rows: Array, owner: Sequence[int] | NDArray[np.intp], count: 
     return result
 
 
-def _fixed(statics: Statics) -> Pairs:
+def _fixed(statics: Statics) -> WrenchPairs:
     """All pairs of forces; those of follower loads, which have a form of their own, set to zero."""
     follower, pairs = statics.applied.follower, statics.pairs
     if not follower.any():

@@ -9,7 +9,7 @@ import numpy as np
 from mbsvib.common.tables import listed
 from mbsvib.elements import ForceOutput
 from mbsvib.errors import counted
-from mbsvib.explain.dense import dropped, separated
+from mbsvib.explain.dense import removed, separated
 
 if TYPE_CHECKING:
     from mbsvib.sparse.equations import SparseEquations
@@ -43,8 +43,8 @@ def explain(system: SparseEquations) -> str:
     straining = np.zeros(len(system.springs) + len(system.loading), dtype=bool)
     straining[system.row_owner] = True
     idle = [name for name, acts in zip(system.springs, straining.tolist(), strict=False) if not acts]
-    if system.dropped is not None:
-        lines += [f"  {text}" for text in dropped(system.dropped)]
+    if system.removed is not None:
+        lines += [f"  {text}" for text in removed(system.removed)]
     elif idle:
         lines.append(f"  without effect, as no motion of the mechanism strains them: {listed(idle)}")
     if system.loading:

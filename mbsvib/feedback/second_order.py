@@ -60,7 +60,7 @@ def closed_system(system: E, gain: Array, sensors: list[int], actuators: list[in
         row_damping=np.concatenate((system.row_damping, np.zeros(len(k_weights)), c_weights)),
         row_owner=np.concatenate((system.row_owner, np.full(count, owner))),
         gyroscopic=_sum(system.gyroscopic, gyroscopic), circulatory=_sum(system.circulatory, circulatory),
-        provenance=replace(system.provenance, springs=(*system.provenance.springs, "controller"), closed=True,
+        provenance=replace(system.provenance, springs=(*system.provenance.springs, "controller"), closed_loop=True,
                            truncation=None),
     )  # fmt: skip
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.api.settled import settled
+from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ModelError, nearest
@@ -245,7 +245,7 @@ class Passive(Displayed):
         """
         optimum = optimize(self.scene.model, variables, objective, constraints, **words)
         changed = {name: value for name, value in optimum.parameters.items() if name in self.model.parameters}
-        model = settled(self.model.with_values(changed))[0]
+        model = in_equilibrium(self.model.with_values(changed))[0]
         old = self.scene
         made = scene(model, old.body, old.base, old.point, old.length, old.base_directions)
         return Design(model, optimum, self.before, figures(made, made.system, self.before.frequencies))

@@ -158,7 +158,7 @@ def _unit(names: Sequence[str], known: Sequence[str], name: str) -> str:
 
 def _shares(system: System, modes: Modes) -> dict[str, Any]:
     shown = min(len(modes), MOST_MODES)
-    if system.provenance.given:
+    if system.provenance.from_matrices:
         return {"strain": [], "kinetic": []}
     return {kind: [[name, _percent(values[:shown])] for name, values in largest(*shares(system, modes, kind))]
             for kind in ("strain", "kinetic")}  # fmt: skip

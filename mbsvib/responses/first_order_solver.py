@@ -93,9 +93,9 @@ class FirstOrderSolver:
 
     def _once(self, s: Complex, right: Complex) -> Complex:
         n, columns, count = right.shape
-        inside = (self.vectors.conj().T @ right.reshape(n, -1)).reshape(n, columns, count)
+        inside = (self.vectors.conj().T @ right.reshape(n, columns * count)).reshape(n, columns, count)
         x = triangular_solutions(self.triangle, inside, s)
-        return np.asarray((self.vectors @ x.reshape(n, -1)).reshape(n, columns, count))
+        return np.asarray((self.vectors @ x.reshape(n, columns * count)).reshape(n, columns, count))
 
     def _singular(self, s: Complex, right: Array, x: Complex) -> NDArray[np.bool_]:
         """Whether a change of A and s by rounding alone makes up for a whole right-hand side, for each point."""

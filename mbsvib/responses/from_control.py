@@ -9,7 +9,12 @@ from mbsvib.errors import ResponseError
 
 def is_control(value: Any) -> bool:
     """Return whether a value is a state space of python-control."""
-    return type(value).__module__.split(".")[0] == "control" and all(hasattr(value, label) for label in "ABCD")
+    return of_control(value) and all(hasattr(value, label) for label in "ABCD")
+
+
+def of_control(value: Any) -> bool:
+    """Return whether a value is of a class of python-control, or of one that is made from it."""
+    return any(base.__module__.split(".")[0] == "control" for base in type(value).__mro__)
 
 
 def arguments(value: Any) -> dict[str, Any]:

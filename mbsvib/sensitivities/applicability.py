@@ -45,14 +45,14 @@ def limits(system: Equations) -> tuple[Limit, ...]:
     parts, result = came.parts, []
     if is_loaded(system):
         falls = any(isinstance(part, Gravity) for part in parts)
-        if came.settled:
+        if came.moved_to_equilibrium:
             result.append(_INERTIA if _turned(system) else _DAMPING | _INERTIA)
         else:
             result.append(_STIFFNESS | _DAMPING | _INERTIA | (set() if falls else _MASS))
     if any(isinstance(part, Rotor) for part in parts) and (is_loaded(system) or came.origin is None):
         # dampers that turn with a rotor are stiffness, too
         result.append(_STIFFNESS | _DAMPING if system.circulatory is None else _STIFFNESS)
-    if came.massless is not None and came.massless.transform is not None and system.circulatory is not None:
+    if came.separation is not None and came.separation.transform is not None and system.circulatory is not None:
         # motions without mass follow others by K, from the left in other ways than from the right
         result.append(_DAMPING | _INERTIA | _MASS)
     return tuple(map(frozenset, result))
@@ -80,13 +80,13 @@ def follows(system: Equations) -> bool:
     came = system.provenance
     turned_bushings = _turned(system)
     return (
-        may_move(system) and came.dropped is None
+        may_move(system) and came.removed is None
         and (came.statics is not None or not (is_loaded(system) or _has(came.parts, Composed)))
-        and (came.massless is None or came.massless.transform is None)
+        and (came.separation is None or came.separation.transform is None)
         and not any(group.surplus for group in came.reduction.groups if _has(came.parts, Coupling))
         and not (_has(came.parts, Superelement) and any(
             isinstance(part, Gravity) and not any(part.acceleration) for part in came.parts))
-        and all(isinstance(part, _KNOWN) and not _is_exception(part, came.settled, turned_bushings)
+        and all(isinstance(part, _KNOWN) and not _is_exception(part, came.moved_to_equilibrium, turned_bushings)
                 for part in came.parts)
     )  # fmt: skip
 
@@ -95,8 +95,10 @@ def _has(parts: Iterable[Part], kind: type[Part]) -> bool:
     return any(isinstance(part, kind) for part in parts)
 
 
-def _is_exception(part: Part, settled: bool, turned_bushings: frozenset[str]) -> bool:
-    """Whether no rule says what a part of a loaded scene does; ``settled``: the equilibrium was found elsewhere."""
+def _is_exception(part: Part, moved_to_equilibrium: bool, turned_bushings: frozenset[str]) -> bool:
+    """Whether no rule says what a part of a loaded scene does; ``moved_to_equilibrium``: the pose of the model was not
+    in equilibrium.
+    """
     if isinstance(part, Beam):  # the axes of an upright one without a y axis jump as it is tilted
         return part.displacements is not None or not has_rule(part, "start")
     if isinstance(part, Superelement):
@@ -106,10 +108,10 @@ def _is_exception(part: Part, settled: bool, turned_bushings: frozenset[str]) ->
     if isinstance(part, Rotor):  # bearings may leave the axis of a body that spins itself
         return part.inertia is None
     if isinstance(part, Maxwell):
-        return settled or part.loaded
+        return moved_to_equilibrium or part.loaded
     if isinstance(part, Bushing):  # what its moments do about axes changes in ways of its own
         return part.name in turned_bushings and holds_turns(part)
-    return isinstance(part, Coupling) and settled
+    return isinstance(part, Coupling) and moved_to_equilibrium
 
 
 def _skews(joint: Joint) -> bool:
@@ -123,4 +125,4 @@ def _skews(joint: Joint) -> bool:
 def _turned(system: Equations) -> frozenset[str]:
     """Bushings that turned on the way to an equilibrium that was found elsewhere."""
     came = system.provenance
-    return turned(came.origin, came.parts) if came.settled and came.origin is not None else frozenset()
+    return turned(came.origin, came.parts) if came.moved_to_equilibrium and came.origin is not None else frozenset()

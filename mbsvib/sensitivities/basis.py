@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.equations import MATRICES
+from mbsvib.equations.terms import MATRICES
 from mbsvib.modes.result import modes
 from mbsvib.responses.basis import RESPONSE_RTOL, Basis
 from mbsvib.sensitivities.loaded_network import loaded_network
@@ -97,7 +97,7 @@ class SensitivityBasis:
     def reference_pose(self) -> ReferencePose | None:
         """What parameters as described do, where the equilibrium was found in another pose."""
         loaded, came = self.loaded, self.equations.provenance
-        if loaded is None or not came.settled or came.origin is None:
+        if loaded is None or not came.moved_to_equilibrium or came.origin is None:
             return None
         return reference_pose(self.network, loaded.forces, loaded.changes, came.origin)
 
@@ -182,7 +182,7 @@ class SensitivityBasis:
         """
         system = self.equations
         inputs, outputs = list(range(len(system.inputs))), list(range(len(system.outputs)))
-        separation = system.provenance.massless
+        separation = system.provenance.separation
         # rules know no coordinates that change with the parameters
         mixed = separation is not None and separation.mixed
         network, acting, seeing = (self._without_ports if mixed else self.ported)(inputs, outputs)

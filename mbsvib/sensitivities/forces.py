@@ -223,7 +223,7 @@ def forces_at_rest(
 def _angles(system: Equations, bodies: Sequence[Body], joints: Sequence[Joint]) -> Array:
     """The rotation vectors (joints, 3) by which joints turned on the way to the equilibrium, world axes there."""
     came, angle = system.provenance, np.zeros((len(joints), 3))
-    if came.settled and came.origin is not None:
+    if came.moved_to_equilibrium and came.origin is not None:
         pose = Displaced(came.origin, {body.name: body for body in bodies})
         for k, joint in enumerate(joints):
             angle[k] = logarithm(pose.turn(joint.second) @ pose.turn(joint.first).T)

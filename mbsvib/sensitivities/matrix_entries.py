@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.equations import MATRICES
+from mbsvib.equations.terms import MATRICES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

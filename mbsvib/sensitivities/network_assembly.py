@@ -56,7 +56,7 @@ def has_network(system: Equations) -> bool:
     Parts of mechanisms with loops or massless motions, which ``reachable`` has taken out of them, have none.
     """
     came = system.provenance
-    if came.dropped is not None and (came.massless is not None or came.topology.cut):
+    if came.removed is not None and (came.separation is not None or came.topology.cut):
         return False
     return came.origin is not None or not any(isinstance(part, Composed) for part in came.parts)
 
@@ -172,7 +172,7 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
 def model_in_pose(system: Equations) -> Mechanism | None:
     """Return the model of a system in the pose of its equations; None where there is none."""
     came = system.provenance
-    if came.origin is None or not came.settled:
+    if came.origin is None or not came.moved_to_equilibrium:
         return came.origin
     there = {part.name: part for part in came.parts}
     groups: Any = {key: {name: there[name] for name in group} for key, group in came.origin.groups().items()

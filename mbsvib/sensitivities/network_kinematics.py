@@ -142,7 +142,7 @@ class JointCoordinates:
     @property
     def reduction(self) -> Array | None:
         """Motions that follow from statics do no work, and need no derivative."""
-        matrix, massless = self.system.provenance.reduction.matrix, self.system.provenance.massless
+        matrix, massless = self.system.provenance.reduction.matrix, self.system.provenance.separation
         condensed = None if massless is None else massless.transform
         return matrix if condensed is None else condensed if matrix is None else matrix @ condensed
 

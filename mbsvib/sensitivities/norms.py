@@ -166,7 +166,7 @@ def hinf_norm(
 
 def _names(system: Equations, parameters: Asked) -> tuple[str, ...]:
     """The variables; without a mechanism, or with a controller, there are none unless they are named."""
-    if parameters is None and (system.provenance.given or system.provenance.closed):
+    if parameters is None and (system.provenance.from_matrices or system.provenance.closed_loop):
         return ()
     return tuple(variables(system.parameters, parameters).names)
 

@@ -23,7 +23,7 @@ from scipy.sparse import csc_matrix, csr_array, csr_matrix, eye, vstack
 from scipy.sparse.linalg import splu
 
 from mbsvib.elements.beam import Beam
-from mbsvib.equations.equations import MATRICES
+from mbsvib.equations.terms import MATRICES
 from mbsvib.errors import ModelError
 from mbsvib.responses.basis import Basis
 from mbsvib.sensitivities.basis import SensitivityBasis

@@ -19,10 +19,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.equations.assembly import assembled, linearized
-from mbsvib.equations.equations import MATRICES, Equations
+from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene
+from mbsvib.equations.terms import MATRICES
 from mbsvib.equilibrium.articulation import with_rigid_parts
 from mbsvib.equilibrium.at_equilibrium import at_equilibrium
 from mbsvib.equilibrium.pose_kinematics import size_of
@@ -102,10 +103,10 @@ class Variants:
     def unreduced(self) -> Equations | None:
         """The system that ``reachable`` took this one out of; None where this one is whole."""
         own, came = self.system, self.system.provenance
-        if came.dropped is None:
+        if came.removed is None:
             return None
-        independent = (*own.coordinates, *came.dropped.names)
-        if not came.settled:
+        independent = (*own.coordinates, *came.removed.names)
+        if not came.moved_to_equilibrium:
             return linearized(self._model, independent, self._cut)
         unreduced: Equations | SparseEquations = at_equilibrium(self._model, independent, self._cut, "dense")[1]
         assert isinstance(unreduced, Equations)
@@ -166,7 +167,7 @@ class Variants:
     def _poses(self) -> VariantPoses | None:
         """The poses next to that of the system; None where no parameter moves it, or each variant finds its own."""
         came = self.system.provenance
-        if came.settled or not may_move(self.system):
+        if came.moved_to_equilibrium or not may_move(self.system):
             return None
         return VariantPoses.of(self._model, self._cut)
 
@@ -246,7 +247,7 @@ class Variants:
         variant: Equations | SparseEquations
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            if came.settled:
+            if came.moved_to_equilibrium:
                 _, variant = at_equilibrium(model, independent=own.coordinates, cut=self._cut, method="dense")
             else:
                 plain = expanded(model)

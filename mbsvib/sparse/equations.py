@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.equations.equations import Dropped
+    from mbsvib.equations.equations import Removed
     from mbsvib.equations.self_stress import Undetermined
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology
@@ -30,7 +30,7 @@ class SparseEquations:
     ``elastic_rows`` (rows, unknowns) with ``stiffness``, ``damping`` and ``row_owner`` (rows,), ``inertia_factor``
     W of M = W^T W (6 bodies, unknowns), ``input_rows`` (inputs, unknowns) and ``output_rows`` (three of them, for
     displacement, velocity and acceleration, each (outputs, unknowns)) are scipy sparse; ``D`` (outputs, inputs).
-    ``model`` is the linearized model, ``dropped`` are the bodies that ``reachable`` left out. Owners of rows are
+    ``model`` is the linearized model, ``removed`` are the bodies that ``reachable`` removed. Owners of rows are
     ``springs`` and then ``loading``: loads, preloads, joints and bodies whose forces cause geometric stiffness;
     ``undetermined`` lists output forces in joints that redundant constraints do not determine. ``circulatory`` and
     ``gyroscopic`` (unknowns, unknowns) are the antisymmetric parts of K and C from follower loads, torques and rotors,
@@ -63,7 +63,7 @@ class SparseEquations:
     output_rows: tuple[csr_matrix, csr_matrix, csr_matrix]
     D: Array
     model: Mechanism = field(repr=False)
-    dropped: Dropped | None = None
+    removed: Removed | None = None
     loading: tuple[str, ...] = ()
     undetermined: tuple[Undetermined, ...] = ()
     circulatory: csr_matrix | None = None

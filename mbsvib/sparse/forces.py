@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements.rows import Rows
-from mbsvib.equations.joint_carriers import carrier_of
-from mbsvib.equations.joint_carriers import place as place_of
+from mbsvib.equations.force_paths import carrier_of, point_of
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.rotated_forces import RotatedForces
 from mbsvib.sparse.rows import relative_rows
@@ -179,7 +178,7 @@ class ForceSums:
         """The relative motion of a joint's bodies, and the motion of all others that follow."""
         joint, rows = self.topology.joints[number], self.closure.rows
         centre = np.concatenate((self.tree.position, np.zeros((1, 3)))).T
-        axes, point = np.array(joint.axes), np.array(place_of(joint, dict(self.number), centre), dtype=float)
+        axes, point = np.array(joint.axes), np.array(point_of(joint, self.number, centre), dtype=float)
         motion = Virtual(np.zeros(centre.shape[1]), axes @ wrench[:3], axes @ wrench[3:], point, number)
         couplers, target = self.closure.couplers, np.zeros(len(self.closure.names))
         locked = target[: len(rows.first)]

@@ -16,14 +16,13 @@ import numpy as np
 
 from mbsvib.elements.contribution import Contribution
 from mbsvib.elements.rows import Rows
+from mbsvib.equations.force_paths import carrier_of, point_of
 from mbsvib.equations.geometric_stiffness import geometric_terms
-from mbsvib.equations.joint_carriers import carrier_of
-from mbsvib.equations.joint_carriers import place as place_of
-from mbsvib.equations.second_order_rows import felt
-from mbsvib.equations.statics import LEAST, unbalanced
+from mbsvib.equations.second_order_rows import second_order_rows
+from mbsvib.equations.statics import LEAST_LEVER, unbalanced
 from mbsvib.equations.unsymmetric_stiffness import load_stiffness
-from mbsvib.equations.wrench_pairs import Pairs
-from mbsvib.equations.wrenches import applied
+from mbsvib.equations.wrench_pairs import WrenchPairs
+from mbsvib.equations.wrenches import applied_wrenches
 from mbsvib.kinematics.mobility import crossed_product
 from mbsvib.linalg.rank import BALANCE
 from mbsvib.mechanism.topology import FLOATS
@@ -36,8 +35,8 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.element_rows import ElementRows
-    from mbsvib.equations.second_order_rows import Felt
-    from mbsvib.equations.wrenches import Applied
+    from mbsvib.equations.second_order_rows import SecondOrderRows
+    from mbsvib.equations.wrenches import AppliedWrenches
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.constraints import Constraints
@@ -59,10 +58,10 @@ class Geometric:
     owner: Index
     names: tuple[str, ...]
     joints: Array
-    pairs: Pairs
+    pairs: WrenchPairs
     carrier: Index
-    second_order: Felt
-    applied: Applied
+    second_order: SecondOrderRows
+    applied: AppliedWrenches
     circulatory: csr_matrix | None = None
 
     def of_joints(self, joints: Index, wrench: Array) -> Geometric:
@@ -109,60 +108,64 @@ def geometric(
         If the pose is not in balance.
     """
     position = np.concatenate((tree.position, np.zeros((1, 3)))).T
-    acting = applied(model, number)
-    wrench, sizes = _on_bodies(acting.pairs, position)
-    wrench[:3] += acting.weight
-    sizes[0] += np.sqrt(np.square(acting.weight).sum(axis=0))
+    applied = applied_wrenches(model, number)
+    wrench, sizes = _sum_on_bodies(applied.pairs, position)
+    wrench[:3] += applied.weight
+    sizes[0] += np.sqrt(np.square(applied.weight).sum(axis=0))
     reach = max([float(np.abs(position).max()), *(abs(x) for joint in topology.joints for x in joint.position or ())])
-    behind, size = _behind(tree, wrench, sizes + _rounding(springs, reach, position))
-    cut = _closed(tree, closure, behind, size, (model.name, topology), reach)
+    subtree, size = _subtree_wrenches(tree, wrench, sizes + _rounding(springs, reach, position))
+    cut = _cut_joint_forces(tree, closure, subtree, size, (model.name, topology), reach)
     if cut is not None:
-        wrench = wrench + _on_bodies(cut, position)[0]
-        behind = _behind(tree, wrench, sizes)[0]
+        wrench = wrench + _sum_on_bodies(cut, position)[0]
+        subtree = _subtree_wrenches(tree, wrench, sizes)[0]
     joints = topology.joints
+    point = np.array([point_of(joint, number, position) for joint in joints]).reshape(-1, 3).T
+    joint_wrenches = _joint_wrenches(topology, closure, subtree, cut, position, point)
+    for region in regions:
+        joint_wrenches[:, region.joints] = region.minimum_norm(joint_wrenches[:, region.joints])
     first = np.array([number[joint.first] for joint in joints], dtype=np.intp)
     second = np.array([number[joint.second] for joint in joints], dtype=np.intp)
-    known = dict(number)
-    point = np.array([place_of(joint, known, position) for joint in joints]).reshape(-1, 3).T
     start = point.copy()
-    joint_wrenches = np.zeros((6, len(joints)))
-    for branch in topology.branches:
-        if branch.joint != FLOATS:
-            joint_wrenches[:, branch.joint] = -branch.sign * behind[:, branch.body]
-    body = np.zeros(len(joints), dtype=np.intp)
-    hung = [(branch.joint, branch.body) for branch in topology.branches if branch.joint != FLOATS]
-    at, body_of = np.array(hung, dtype=np.intp).reshape(-1, 2).T
-    body[at] = body_of
-    joint_wrenches[3:, at] += crossed_product(position[:, body_of] - point[:, at], joint_wrenches[:3, at])
-    if cut is not None:
-        here = np.array(topology.cut, dtype=np.intp)[closure.loop[: len(closure.rows.first)]]
-        if closure.couplers is not None:
-            here = np.concatenate((here, closure.couplers.joint))
-        moment = cut.torque + crossed_product(cut.end - point[:, here], cut.force)
-        np.add.at(joint_wrenches.T, here, np.concatenate((cut.force, moment)).T)
-    for region in regions:
-        joint_wrenches[:, region.joints] = region.least(joint_wrenches[:, region.joints])
     for k, joint in enumerate(joints):
         if joint.kind == "distance" and joint.position is not None:
             start[:, k] = joint.position
-    every = Pairs.join(acting.pairs, Pairs(first, second, start, point, joint_wrenches[:3], joint_wrenches[3:]))
-    names = (*acting.names, *(joint.name for joint in joints), *topology.bodies)
+    in_joints = WrenchPairs(first, second, start, point, joint_wrenches[:3], joint_wrenches[3:])
+    pairs = WrenchPairs.join(applied.pairs, in_joints)
+    names = (*applied.names, *(joint.name for joint in joints), *topology.bodies)
     coupled = {name.rpartition(".")[0] for coupler in model.couplers.values() for name, _ in coupler.terms}
-    second_order = felt(acting, joints, number, coupled)
-    parts = [geometric_terms(every, acting, second_order, position).contribution(every.force, every.torque)]
-    unsymmetric = load_stiffness(acting, position)
+    second_order = second_order_rows(applied, joints, number, coupled)
+    parts = [geometric_terms(pairs, applied, second_order, position).contribution(pairs.force, pairs.torque)]
+    unsymmetric = load_stiffness(applied, position)
     if unsymmetric is not None:
         parts.append(unsymmetric)
-    part = Contribution.join(parts)
-    moved = unknown_rows(part, tree, layout)
-    rows, stiffness, owner = signed_squares(part.stiffness, moved)
-    moved_with = [carrier_of(joint, number) for joint in joints]
-    carrier = np.concatenate((acting.pairs.second, np.array(moved_with, dtype=np.intp)))
-    circulatory = antisymmetric(part.circulatory, moved)
-    return Geometric(rows, stiffness, owner, names, joint_wrenches, every, carrier, second_order, acting, circulatory)
+    contribution = Contribution.join(parts)
+    displacements = unknown_rows(contribution, tree, layout)
+    rows, stiffness, owner = signed_squares(contribution.stiffness, displacements)
+    carriers = [carrier_of(joint, number) for joint in joints]
+    carrier = np.concatenate((applied.pairs.second, np.array(carriers, dtype=np.intp)))
+    circulatory = antisymmetric(contribution.circulatory, displacements)
+    return Geometric(rows, stiffness, owner, names, joint_wrenches, pairs, carrier, second_order, applied, circulatory)
 
 
-def _on_bodies(pairs: Pairs, position: Array) -> tuple[Array, Array]:
+def _joint_wrenches(
+    topology: Topology, closure: Constraints, subtree: Array, cut: WrenchPairs | None, position: Array, point: Array
+) -> Array:
+    """Wrenches (6, joints) at the joints' points, from those of ``subtree`` (6, bodies) and those in the cut joints."""
+    result = np.zeros((6, len(topology.joints)))
+    outer = [(branch.joint, branch.body, branch.sign) for branch in topology.branches if branch.joint != FLOATS]
+    joint, body, sign = np.array(outer, dtype=np.intp).reshape(-1, 3).T
+    result[:, joint] = -sign * subtree[:, body]
+    result[3:, joint] += crossed_product(position[:, body] - point[:, joint], result[:3, joint])
+    if cut is not None:
+        joint = np.array(topology.cut, dtype=np.intp)[closure.loop[: len(closure.rows.first)]]
+        if closure.couplers is not None:
+            joint = np.concatenate((joint, closure.couplers.joint))
+        moment = cut.torque + crossed_product(cut.end - point[:, joint], cut.force)
+        np.add.at(result.T, joint, np.concatenate((cut.force, moment)).T)
+    return result
+
+
+def _sum_on_bodies(pairs: WrenchPairs, position: Array) -> tuple[Array, Array]:
     """The wrenches (6, bodies + 1) of pairs about the centres of mass, and the sizes (2, bodies + 1) of their parts."""
     wrench, size = np.zeros((position.shape[1], 6)), np.zeros((position.shape[1], 2))
     for arm, body, sign in zip(pairs.arms(position), (pairs.first, pairs.second), (-1.0, 1.0), strict=True):
@@ -177,23 +180,23 @@ def _rounding(springs: ElementRows, reach: float, position: Array) -> Array:
     """Magnitudes (2, bodies + 1) of forces and moments; ``BALANCE`` times these are due to rounding of positions."""
     rows = springs.rows
     along, about = (np.linalg.norm(part, axis=0) for part in (rows.force, rows.moment))
-    amount = LEAST * np.abs(springs.stiffness) * (reach * along + about)
-    pairs = Pairs(rows.first, rows.second, rows.point, rows.point, amount * rows.force, amount * rows.moment)
-    return _on_bodies(pairs, position)[1]
+    amount = LEAST_LEVER * np.abs(springs.stiffness) * (reach * along + about)
+    pairs = WrenchPairs(rows.first, rows.second, rows.point, rows.point, amount * rows.force, amount * rows.moment)
+    return _sum_on_bodies(pairs, position)[1]
 
 
-def _behind(tree: Tree, wrench: Array, sizes: Array) -> tuple[Array, Array]:
+def _subtree_wrenches(tree: Tree, wrench: Array, sizes: Array) -> tuple[Array, Array]:
     """Wrench on each body and all bodies behind it, about its centre of mass (6, bodies), and magnitudes of its terms.
     """
     fx, fy, fz, mx, my, mz = wrench[:, :-1].tolist()
     force, moment = sizes[:, :-1].tolist()
-    held = tree.parent.tolist()
+    parent = tree.parent.tolist()
     arm = tree.position - np.concatenate((tree.position, np.zeros((1, 3))))[tree.parent]
     length = np.sqrt(np.square(arm).sum(axis=1)).tolist()
     x, y, z = arm.T.tolist()
-    n = len(held)
+    n = len(parent)
     for b in tree.outward[::-1].tolist():
-        p = held[b]
+        p = parent[b]
         if p == n:
             continue
         fx[p] += fx[b]
@@ -207,33 +210,33 @@ def _behind(tree: Tree, wrench: Array, sizes: Array) -> tuple[Array, Array]:
     return np.array((fx, fy, fz, mx, my, mz)), np.array((force, moment))
 
 
-def _closed(
-    tree: Tree, closure: Constraints, behind: Array, size: Array, context: tuple[str, Topology], reach: float
-) -> Pairs | None:
+def _cut_joint_forces(
+    tree: Tree, closure: Constraints, subtree: Array, size: Array, context: tuple[str, Topology], reach: float
+) -> WrenchPairs | None:
     """Forces in the cut joints that balance all others, row by row; an error if there are none."""
     motion, body = tree.motion.T, tree.carried
-    lacks = np.einsum("ck,ck->k", motion, behind[:, body])
+    unbalanced_force = np.einsum("ck,ck->k", motion, subtree[:, body])
     lengths = np.sqrt(np.square(motion.reshape(2, 3, -1)).sum(axis=1))
-    limit = np.maximum(np.einsum("ck,ck->k", lengths, size[:, body]), LEAST * reach * lengths[1] * size[0, body])
+    limit = np.maximum(np.einsum("ck,ck->k", lengths, size[:, body]), LEAST_LEVER * reach * lengths[1] * size[0, body])
     count = int(closure.kept.sum())
     if not count:
-        _check(lacks, limit, tree, context)
+        _check_residual(unbalanced_force, limit, tree, context)
         return None
     row, column, entry = closure.kept_entries(tree)
-    value, rest, least = _least_squares((column, row, entry), len(lacks), count, -lacks)
+    value, rest, least = _least_squares((column, row, entry), len(unbalanced_force), count, -unbalanced_force)
     # forces from anywhere in a loop arrive at each of its joints, with the rounding of the largest ones
     force, moment = size.max(axis=1)
-    held = LEAST * (lengths[0] * force + lengths[1] * (reach * force + moment))
-    np.add.at(held, column, np.abs(entry) * np.maximum(np.abs(value), LEAST * least)[row])
-    _check(-rest, limit + held, tree, context)
-    every, multipliers = closure.rows, np.zeros(len(closure.names))
+    from_multipliers = LEAST_LEVER * (lengths[0] * force + lengths[1] * (reach * force + moment))
+    np.add.at(from_multipliers, column, np.abs(entry) * np.maximum(np.abs(value), LEAST_LEVER * least)[row])
+    _check_residual(-rest, limit + from_multipliers, tree, context)
+    rows, multipliers = closure.rows, np.zeros(len(closure.names))
     multipliers[closure.kept] = value
     if closure.couplers is not None:  # in joints of the tree they are part of the forces of these
         coupler, share = closure.couplers.measured
-        multipliers = np.concatenate((multipliers[: len(every.first)], share * multipliers[len(every.first) + coupler]))
-        every = Rows.join([every, closure.couplers.terms.measured])
-    force, moment = every.force * multipliers, every.moment * multipliers
-    return Pairs(every.first, every.second, every.point, every.point, force, moment)
+        multipliers = np.concatenate((multipliers[: len(rows.first)], share * multipliers[len(rows.first) + coupler]))
+        rows = Rows.join([rows, closure.couplers.terms.measured])
+    force, moment = rows.force * multipliers, rows.moment * multipliers
+    return WrenchPairs(rows.first, rows.second, rows.point, rows.point, force, moment)
 
 
 def _least_squares(entries: tuple[Index, Index, Array], m: int, n: int, right: Array) -> tuple[Array, Array, Array]:
@@ -254,7 +257,7 @@ def _least_squares(entries: tuple[Index, Index, Array], m: int, n: int, right: A
     return solution[m:] * scale, right - a @ solution[m:], scale * np.abs(solution[m:]).max(initial=0.0)
 
 
-def _check(residual: Array, size: Array, tree: Tree, context: tuple[str, Topology]) -> None:
+def _check_residual(residual: Array, size: Array, tree: Tree, context: tuple[str, Topology]) -> None:
     """Refuse a pose in which the unbalanced force along a coordinate exceeds the share ``BALANCE``."""
     off = np.flatnonzero(np.abs(residual) > BALANCE * size)
     if not len(off):

@@ -1,7 +1,7 @@
 """Controllable and observable part of many bodies: machines coupled only through ground move independently.
 
-A sparse system only knows the graph of joints and springs. So entire bodies are left out, and not single directions as
-in ``equations.controllable_part``. Ports on bodies that are left out are moved to ground: an input has no effect there,
+A sparse system only knows the graph of joints and springs. So entire bodies are removed, and not single directions as
+in ``equations.controllable_part``. Ports on removed bodies are moved to ground: an input has no effect there,
 and an output is zero.
 """
 
@@ -14,8 +14,8 @@ import numpy as np
 
 from mbsvib.elements import Maxwell
 from mbsvib.elements.ports import BaseMotion, ForceOutput
-from mbsvib.equations.controllable_part import chosen
-from mbsvib.equations.equations import Dropped
+from mbsvib.equations.controllable_part import selected_ports
+from mbsvib.equations.equations import Removed
 from mbsvib.errors import ResponseError
 from mbsvib.sparse.assembly import linearized
 from mbsvib.sparse.equations import SparseEquations
@@ -50,33 +50,32 @@ def reachable(
     Raises
     ------
     ResponseError
-        If a name is unknown, there is none, or no body is left.
+        If a name is unknown, no port is selected, or no body remains.
     """
     model = system.model
-    i = {system.inputs[k] for k in chosen(system.inputs, inputs, "inputs", system.name, system.outputs)}
-    o = {system.outputs[k] for k in chosen(system.outputs, outputs, "outputs", system.name, system.inputs)}
-    label = _parts(model)
-    acted = np.concatenate([_touched(model, part, label) for name, part in model.inputs.items() if name in i])
-    seen = np.concatenate([_touched(model, part, label) for name, part in model.outputs.items() if name in o])
-    reached, shown = ({name for name, part in label.items() if part in marks} for marks in (set(acted), set(seen)))
-    gone = Dropped(
+    i = {system.inputs[k] for k in selected_ports(system.inputs, inputs, "inputs", system.name, system.outputs)}
+    o = {system.outputs[k] for k in selected_ports(system.outputs, outputs, "outputs", system.name, system.inputs)}
+    part_of = _parts(model)
+    actuated = np.concatenate([_parts_with(model, part, part_of) for name, part in model.inputs.items() if name in i])
+    measured = np.concatenate([_parts_with(model, part, part_of) for name, part in model.outputs.items() if name in o])
+    controllable, observable = ({name for name, part in part_of.items() if part in parts}
+                                for parts in (set(actuated), set(measured)))
+    removed = Removed(
         tuple(name for name in system.inputs if name in i), tuple(name for name in system.outputs if name in o),
-        tuple(name for name in model.bodies if name not in reached),
-        tuple(name for name in model.bodies if name in reached and name not in shown),
+        tuple(name for name in model.bodies if name not in controllable),
+        tuple(name for name in model.bodies if name in controllable and name not in observable),
     )  # fmt: skip
-    if not reached & shown:
+    if not controllable & observable:
         raise ResponseError(f"reachable: '{system.name}' has no part that is controllable and observable with the "
                             f"given inputs and outputs: y = D u.")  # fmt: skip
-    left = _without(model, set(gone.names), i, o)
-    before = system.dropped
-    if before is not None:
-        gone = replace(gone, unreached=before.unreached + gone.unreached, unseen=before.unseen + gone.unseen)
-    cut = [name for name in system.cut_joints if name in left.joints]
-    return replace(linearized(left, cut or None, frozenset(gone.names), type(system)), dropped=gone)
+    remaining = _without(model, set(removed.names), i, o)
+    removed = removed.after(system.removed)
+    cut = [name for name in system.cut_joints if name in remaining.joints]
+    return replace(linearized(remaining, cut or None, frozenset(removed.names), type(system)), removed=removed)
 
 
 def _parts(model: Mechanism) -> dict[str, int]:
-    """Number of the part of every body: bodies that joints and springs join without ground."""
+    """Number of the part of every body: bodies connected by joints and springs other than through ground."""
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components
 
@@ -85,47 +84,47 @@ def _parts(model: Mechanism) -> dict[str, int]:
              if part.first in number and part.second in number]  # fmt: skip
     for coupler in model.couplers.values():
         joints = [model.joints[name.rpartition(".")[0]] for name, _ in coupler.terms]
-        moved = [number[body] for joint in joints for body in (joint.first, joint.second) if body in number]
-        links += [(moved[0], body_number) for body_number in moved[1:]]
+        measured = [number[body] for joint in joints for body in (joint.first, joint.second) if body in number]
+        links += [(measured[0], body_number) for body_number in measured[1:]]
     row, column = np.array(links, dtype=np.intp).reshape(-1, 2).T
     n = len(number)
     graph = csr_matrix((np.ones(len(links), dtype=bool), (row, column)), shape=(n, n))
-    label = connected_components(graph, directed=False)[1]
-    return dict(zip(number, label.tolist(), strict=True))
+    part = connected_components(graph, directed=False)[1]
+    return dict(zip(number, part.tolist(), strict=True))
 
 
-def _touched(model: Mechanism, part: Any, label: dict[str, int]) -> NDArray[np.intp]:
-    """Parts with a port; base motion acts on all parts."""
+def _parts_with(model: Mechanism, part: Any, part_of: dict[str, int]) -> NDArray[np.intp]:
+    """Numbers of the parts with a port; base motion acts on all parts."""
     if isinstance(part, BaseMotion):
-        return np.array(sorted(set(label.values())), dtype=np.intp)
+        return np.array(sorted(set(part_of.values())), dtype=np.intp)
     if isinstance(part, ForceOutput) and part.element == "ground":
-        return np.array(sorted(set(label.values())), dtype=np.intp)
+        return np.array(sorted(set(part_of.values())), dtype=np.intp)
     if isinstance(part, ForceOutput):
         element = model.springs.get(part.element) or model.joints.get(part.element)
         ends = (part.element,) if element is None else (element.first, element.second)
     else:
         ends = (part.body, part.relative_to)
-    return np.array([label[name] for name in ends if name in label], dtype=np.intp)
+    return np.array([part_of[name] for name in ends if name in part_of], dtype=np.intp)
 
 
-def _without(model: Mechanism, gone: set[str], inputs: set[str], outputs: set[str]) -> Mechanism:
+def _without(model: Mechanism, removed: set[str], inputs: set[str], outputs: set[str]) -> Mechanism:
     """The model without some bodies and their joints; other elements on these bodies are attached to ground."""
-    bodies = {name: body for name, body in model.bodies.items() if name not in gone}
-    joints = {name: joint for name, joint in model.joints.items() if not {joint.first, joint.second} & gone}
+    bodies = {name: body for name, body in model.bodies.items() if name not in removed}
+    joints = {name: joint for name, joint in model.joints.items() if not {joint.first, joint.second} & removed}
     couplers = {name: coupler for name, coupler in model.couplers.items()
                 if all(term.rpartition(".")[0] in joints for term, _ in coupler.terms)}  # fmt: skip
-    loads = {name: load for name, load in model.loads.items() if load.body not in gone}
+    loads = {name: load for name, load in model.loads.items() if load.body not in removed}
     # a spring to a removed body has no effect, but a Maxwell element would keep its node
     springs = {name: spring for name, spring in model.springs.items()
-               if not (isinstance(spring, Maxwell) and {spring.first, spring.second} & gone)}  # fmt: skip
+               if not (isinstance(spring, Maxwell) and {spring.first, spring.second} & removed)}  # fmt: skip
 
-    def placed(part: Any) -> Any:
+    def with_position(part: Any) -> Any:
         if isinstance(part, (BaseMotion, ForceOutput)) or part.position is not None:
             return part
-        on = part.body if part.body in model.bodies else part.relative_to
-        return replace(part, position=model.bodies[on].position)
+        body = part.body if part.body in model.bodies else part.relative_to
+        return replace(part, position=model.bodies[body].position)
 
-    kept_inputs = {name: placed(part) for name, part in model.inputs.items() if name in inputs}
-    kept_outputs = {name: placed(part) for name, part in model.outputs.items() if name in outputs}
+    selected_inputs = {name: with_position(part) for name, part in model.inputs.items() if name in inputs}
+    selected_outputs = {name: with_position(part) for name, part in model.outputs.items() if name in outputs}
     return model.with_parts(bodies=bodies, joints=joints, springs=springs, couplers=couplers, loads=loads,
-                            inputs=kept_inputs, outputs=kept_outputs)  # fmt: skip
+                            inputs=selected_inputs, outputs=selected_outputs)  # fmt: skip

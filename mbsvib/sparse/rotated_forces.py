@@ -106,9 +106,9 @@ class RotatedForces:
     def _two(self, half: Array, twisting: Array) -> None:
         """Joints with two successive rotations: the moment that holds the angle between them turns with both."""
         second_order, torque = self.geometric.second_order, self.geometric.pairs.torque
-        if not second_order.two.size:
+        if not second_order.successive.size:
             return
-        who, first, second = second_order.two
+        who, first, second = second_order.successive
         first_axis, second_axis = second_order.rows.moment[:, first], second_order.rows.moment[:, second]
         size, turn = 0.5 * (torque[:, who] * second_order.cross).sum(axis=0), twisting[:, who]
         half[:, who] -= size * ((first_axis * turn).sum(axis=0) * second_axis

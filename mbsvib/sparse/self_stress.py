@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from mbsvib.common.tables import listed
-from mbsvib.equations.joint_carriers import place as place_of
+from mbsvib.equations.force_paths import point_of
 from mbsvib.equations.self_stress import Undetermined, self_stress
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.characteristic_length import length_of
@@ -90,7 +90,7 @@ class Region:
         wrench, motion = self._solve((step / self.scale).T.reshape(-1))
         return wrench.reshape(-1, 6).T / self.scale, motion.reshape(-1, 6) * self.scale[:, 0]
 
-    def least(self, wrench: Array) -> Array:
+    def minimum_norm(self, wrench: Array) -> Array:
         """Return the wrenches (6, j) of least norm that are equivalent to given ones."""
         return np.asarray(wrench - self.split(self.scale**2 * wrench)[0])
 
@@ -260,7 +260,7 @@ def _region(
     loops, joints = within
     parts = [topology.joints[k] for k in joints.tolist()]
     position = np.concatenate((tree.position, np.zeros((1, 3))))
-    point = np.array([place_of(part, dict(number), position.T) for part in parts])
+    point = np.array([point_of(part, dict(number), position.T) for part in parts])
     index_of = {k: i for i, k in enumerate(joints.tolist())}
     bodies = np.array([branch.body for branch in topology.branches if branch.joint in index_of], dtype=np.intp)
     own = {body: i for i, body in enumerate(bodies.tolist())}

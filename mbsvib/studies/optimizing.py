@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.api.settled import settled
+from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
 from mbsvib.errors import MbsvibError, ModelError, counted
@@ -247,8 +247,10 @@ def _optimum(search: Search, z: Array, solver_result: SolverResult, start: Array
     success = violation <= FEASIBLE and (solver_result.success or optimality <= OPTIMAL)
     descent = Descent(_named(search, start), values, objective, violation, success, solver_result.message)
     model = search.model.with_values(parameters)
+    if search.needs_equations:
+        model = in_equilibrium(model)[0]
     return Optimum(
-        settled(model)[0] if search.needs_equations else model, values, parameters, descent.start, objective, began,
+        model, values, parameters, descent.start, objective, began,
         search.objective.label,
         {item.label: value for item, value in zip(search.constraints, numbers, strict=True)}, violation, optimality,
         success, solver_result.message, solver_result.iterations, search.evaluations, search.design.units, (descent,),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from mbsvib.api.settled import settled
+from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.api.system import System
 from mbsvib.common import arguments as check
 from mbsvib.equations.batch_values import refused
@@ -84,7 +84,7 @@ class Task:
 
     def _single(self, values: Mapping[str, Any]) -> Outcome:
         try:
-            model, system = settled(self.model.with_values(self.design.values(values)))
+            model, system = in_equilibrium(self.model.with_values(self.design.values(values)))
             if self.kind == "batch" and self.question.takes_batch:
                 name, value = next(iter(model.parameters.items()))
                 batch = model.linearize(values={name: np.array([value])})

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.api.settled import settled
+from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.linalg.matching import Reference, match_next, reference
 from mbsvib.studies.dual import Dual, stacked
@@ -84,7 +84,7 @@ class Search:
         values = dict(zip(self.design.variables, self.scales.values(x).tolist(), strict=True))
         try:
             changed = self.model.with_values(self.design.values(values))
-            return checked(settled(changed, independent=self._independent)[1])
+            return checked(in_equilibrium(changed, independent=self._independent)[1])
         except MbsvibError as error:
             error.add_note(f"at {_text(values)}")
             raise

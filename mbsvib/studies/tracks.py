@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.api.settled import settled
+from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import mode_index
 from mbsvib.errors import MbsvibError, ModelError, nearest
@@ -171,7 +171,7 @@ class _Interval:
 
     def system(self, first: int, second: int = 0, share: float = 0.0) -> Any:
         values = {name: float(x[first] + share * (x[second] - x[first])) for name, x in self.columns.items()}
-        return settled(self.model.with_values(self.design.values(values)))[1]
+        return in_equilibrium(self.model.with_values(self.design.values(values)))[1]
 
     def between(self, first: int, second: int) -> Callable[[float], Station]:
         def at(share: float) -> Station:

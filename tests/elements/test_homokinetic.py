@@ -5,7 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import plots
-from mbsvib.api.settled import settled
+from mbsvib.api.in_equilibrium import in_equilibrium
 from tests.equilibrium.test_moved import check_pose, pose_of
 from tests.loads.test_against_lagrangian import off
 from tests.loads.test_joint_forces import SIX, in_axes, with_all_joint_forces
@@ -107,7 +107,7 @@ SCENES = [(False, ()), (True, ("rod",)), (True, ("u",)), (True, ("v",))]
 @pytest.mark.parametrize(("loop", "cut"), SCENES)
 def test_equilibrium_and_stiffness_there_are_those_of_the_exact_lagrangian(loop, cut):
     model = bent(loop=loop)
-    there, system = settled(model, cut=cut)
+    there, system = in_equilibrium(model, cut=cut)
     assert system.cut_joints == cut
     check_pose(model, there)
     assert off(there, system) < 1e-10
@@ -116,7 +116,7 @@ def test_equilibrium_and_stiffness_there_are_those_of_the_exact_lagrangian(loop,
 
 @pytest.mark.parametrize("cut", [("rod",), ("u",)])
 def test_a_universal_joint_is_another_one_under_load(cut):
-    there, system = settled(bent(loop=True), cut=cut)
+    there, system = in_equilibrium(bent(loop=True), cut=cut)
     for name in "uv":
         there = there.replace(name, kind="universal")
     universal = there.linearize(cut=cut, independent=system.coordinates)
@@ -126,7 +126,7 @@ def test_a_universal_joint_is_another_one_under_load(cut):
 
 @pytest.mark.parametrize(("loop", "cut"), SCENES)
 def test_forces_in_joints_change_as_the_static_response_says(loop, cut):
-    there, _ = settled(bent(loop=loop))
+    there, _ = in_equilibrium(bent(loop=loop))
     there.add_input("more", "b", (0.3, -0.2, 0.5, 0.1, 0.2, -0.3))
     system = with_all_joint_forces(there).linearize(cut=cut)
     result = system.Cq @ np.linalg.solve(system.K, system.B[:, 1]) + system.D[:, 1]
@@ -146,7 +146,7 @@ def test_forces_in_joints_change_as_the_static_response_says(loop, cut):
 def test_sparse_equations_are_the_dense_ones(loop, cut):
     model = bent(loop=loop)
     model = model.replace("f", torque=(0, 0, 0))  # sparse equations take symmetric stiffness only
-    there, dense = settled(model, cut=cut)
+    there, dense = in_equilibrium(model, cut=cut)
     for name in there.joints:
         there.add_force_output(f"{name}.turn", name, (0, 0, 0, 0.3, 0.2, 1.0) if name in "uv" else "z")
     omega = np.array([0.0, 3.0, 40.0])
@@ -160,7 +160,7 @@ def test_sparse_equations_are_the_dense_ones(loop, cut):
 def test_sensitivities_through_an_equilibrium_far_from_where_joints_are_described(loop, cut):
     """Axes of coordinates turn with the square root of the rotation, which a bend of 1.5 rad tells from its half."""
     model = bent(loop=loop)
-    _, system = settled(model, cut=cut)
+    _, system = in_equilibrium(model, cut=cut)
     assert system.sensitivity_basis.loaded is not None
     names = ["a.mass", "u.orientation.ry", "v.position.y"]
     result = system.matrix_derivatives(names)
@@ -170,7 +170,7 @@ def test_sensitivities_through_an_equilibrium_far_from_where_joints_are_describe
 
 @pytest.mark.parametrize("free", [("rx", "ry"), ("ry", "rx"), ("rx", "rz"), ("rz", "ry")])
 def test_two_rotations_by_name_are_those_of_a_universal_joint_in_the_order_of_their_names(free):
-    there, _ = settled(bent())
+    there, _ = in_equilibrium(bent())
     named, universal, (i, k) = there, there, ("xyz".index(way[1]) for way in free)
     for name in "uv":
         axes = np.array(there.joints[name].axes)
@@ -190,7 +190,7 @@ def test_two_rotations_by_name_are_those_of_a_universal_joint_in_the_order_of_th
 
 @pytest.mark.parametrize("cut", ["u", "rod"])
 def test_couplers_on_a_homokinetic_joint(cut):
-    there, _ = settled(bent(loop=True))
+    there, _ = in_equilibrium(bent(loop=True))
     there.add_coupler("tie", {"u.rx": 1.0, "u.ry": -0.5, "v.rx": 0.3})
     there = there.equilibrium(preload=True)
     system = there.linearize(cut=[cut])

@@ -145,7 +145,7 @@ def test_nothing_to_drop_says_so():
     system = beside(3).linearize()
     part = system.reachable()
     assert part.coordinates == system.coordinates
-    assert "nothing was dropped: every part is coupled to an input and to an output" in part.explain()
+    assert "nothing was removed: every part is coupled to an input and to an output" in part.explain()
     assert_array_equal(part.frequency_response(OMEGA), system.frequency_response(OMEGA))
 
 

@@ -196,8 +196,6 @@ def test_the_way_back_to_the_bodies():
 def test_what_is_no_system_is_refused():
     with pytest.raises(mv.ExportError, match="to_json: system = NoneType"):
         mx.to_json(None)
-    with pytest.raises(mv.ExportError, match=r"to_json: system = StateSpace.*second-order"):
-        mx.to_json(slider().state_space())
     with pytest.raises(mv.ExportError, match="realization = 'modal'"):
         mx.to_json(mx.from_json(mx.to_json(slider())), realization="modal")
     with pytest.raises(mv.ResponseError, match="realization"):

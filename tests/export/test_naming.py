@@ -17,9 +17,10 @@ def gain(rows, columns, value=0.5):
     return control.StateSpace([], [], [], np.full((rows, columns), value))
 
 
-def test_a_sign_a_loop_and_a_sum_keep_the_plants_names():
+def test_results_of_python_control_get_the_plants_names():
     plant = two()
-    for result in (-plant, control.feedback(plant, gain(2, 2)), plant + plant):
+    bare = control.StateSpace(plant.A, plant.B, plant.C, plant.D)
+    for result in (-bare, control.feedback(bare, gain(2, 2)), bare + bare):
         assert result.input_labels != plant.input_labels
         again = mx.named(result, plant)
         assert again.input_labels == ["F", "d"]
@@ -27,7 +28,8 @@ def test_a_sign_a_loop_and_a_sum_keep_the_plants_names():
         assert again.name == "slider"
         assert np.array_equal(again.A, result.A)
         assert result.input_labels != plant.input_labels  # the result itself is not touched
-    assert mx.named(-plant, plant, states=True).state_labels == plant.state_labels
+    again = mx.named(-bare, plant, states=True)
+    assert again.state_labels == again["mass:z", :].state_labels == plant.state_labels
 
 
 def test_series_takes_inputs_of_the_first_and_outputs_of_the_last():

@@ -161,7 +161,7 @@ def test_systems_without_geometry_have_a_node_for_each_port(tmp_path):
     measured = mx.from_uff(mx.to_uff(data, tmp_path / "x.uff", [1.0]))
     assert (measured.nodes, measured.driving_points) == ((), ())
     assert (measured.input_points, measured.output_points) == ((Point(1, 0),), (Point(2, 0),))
-    with pytest.raises(mv.ExportError, match="modes = True; a system out of a file"):
+    with pytest.raises(mv.ExportError, match="modes = True; only a System has modes"):
         mx.to_uff(data, tmp_path / "x.uff", [1.0], modes=True)
 
 
@@ -278,3 +278,11 @@ def test_damage(tmp_path):
             mx.from_uff(path)
     with pytest.raises(mv.ExportError, match=r"none\.uff: cannot be read"):
         mx.from_uff(tmp_path / "none.uff")
+
+
+def test_a_part_of_the_ports_keeps_nodes_and_directions(tmp_path):
+    system = library.quarter_car().linearize()
+    whole = mx.from_uff(mx.to_uff(system, tmp_path / "x.uff", [1.0]))
+    part = mx.from_uff(mx.to_uff(system[["wheel.z", "body.z"], "load"], tmp_path / "y.uff", [1.0]))
+    assert part.output_points == (whole.output_points[1], whole.output_points[0])
+    assert part.input_points == whole.input_points[2:]

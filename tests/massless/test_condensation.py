@@ -15,7 +15,7 @@ def test_springs_in_series():
     assert system.dof == 1
     assert system.massless == 0
     assert_allclose(system.modes().natural, [np.sqrt(k1 * k2 / (k1 + k2) / mass)], rtol=2e-15)
-    assert system.provenance.massless.condensed == ("node.rail.z",)
+    assert system.provenance.separation.condensed == ("node.rail.z",)
     assert "condensed statically, as no damper acts on them: node.rail.z" in system.explain()
 
 
@@ -108,7 +108,7 @@ def test_point_masses_without_inertia():
     model.add_joint("hook", "universal", "ground", "bob", position=(0, 0, 0), axis=(1, 0, 0), axis2=(0, 1, 0))
     model.add_bushing("k", "ground", "bob", position=(0, 0, 0), stiffness=(0, 0, 0, 3, 3, 0))
     system = model.linearize()
-    assert system.provenance.massless is None
+    assert system.provenance.separation is None
     assert_allclose(system.M, 0.5 * np.eye(2), rtol=1e-15)
 
 

@@ -164,3 +164,8 @@ def test_what_acts_at_once_does_not_depend_on_the_states(realization):
     expected = np.zeros((5, 2))
     expected[1, 0] = 1 / 1.3
     np.testing.assert_allclose(space.D, expected, rtol=1e-14, atol=0)
+
+
+def test_a_gain_without_states_has_responses():
+    gain = mv.StateSpace.from_arrays(np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), [[2.0, 3.0]])
+    assert gain.frequency_response([0.0, 5.0]).tolist() == [[[2.0, 2.0], [3.0, 3.0]]]

@@ -51,7 +51,7 @@ def test_the_relaxation_isolator(static, damping):
 def test_random_networks(seed):
     """Nodes of which dampers touch some and others not, with forces and rates on both."""
     dense, sparse = both(network(seed))
-    massless = dense.provenance.massless
+    massless = dense.provenance.separation
     assert len(sparse.separation.condensed) == len(massless.condensed)
     assert len(sparse.separation.first_order) == len(massless.first_order)
     assert_same_response(sparse.frequency_response(OMEGA), dense.frequency_response(OMEGA), rtol=1e-11)

@@ -5,7 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import studies as st
-from mbsvib.api.settled import settled
+from mbsvib.api.in_equilibrium import in_equilibrium
 
 
 def crank():
@@ -30,13 +30,13 @@ def test_a_sweep_finds_the_pose_of_each_point():
 def test_gradients_far_from_the_pose_described(name):
     """The arm turns by a third: numbers of the model as described are not those of the model at rest."""
     model = crank().with_values({"arm.mass": 3.0, "cord.free_length": 0.6})
-    there, system = settled(model)
+    there, system = in_equilibrium(model)
     turned = np.array(there.bodies["arm"].orientation) @ np.array(model.bodies["arm"].orientation).T
     assert np.arccos((np.trace(turned) - 1) / 2) > 0.2
     value, h = model.parameters[name], 1e-4
 
     def at(change):
-        return settled(model.with_values({name: value + change}))[1].modes().eigenvalues
+        return in_equilibrium(model.with_values({name: value + change}))[1].modes().eigenvalues
 
     expected = (8 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12 * h)
     assert np.allclose(system.eigenvalue_sensitivities(name)[0], expected, rtol=1e-7, atol=1e-9)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import ExportError
+from mbsvib.responses.from_control import of_control
 from mbsvib_export.fmu_.nominal import scales
 from mbsvib_export.fmu_.plant import Plant
 from mbsvib_export.fmu_.tunable import tunable_plant
@@ -42,7 +43,7 @@ def plant_of(source: Any, realization: str, tunable: tuple[str, ...]) -> Plant:
     ModelError
         If a parameter is unknown.
     """
-    if type(source).__module__.split(".")[0] == "control":
+    if of_control(source):
         plant = _controller(source, tunable)
     elif tunable:
         plant = tunable_plant(source, realization, tunable)
@@ -79,17 +80,9 @@ def _controller(source: Any, tunable: tuple[str, ...]) -> Plant:
                           f"Design it in continuous time, or give control.d2c or an equivalent of it.")  # fmt: skip
     a, b, c, d = (np.array(getattr(source, label), dtype=float) for label in "ABCD")
     _check_finite(name, A=a, B=b, C=c, D=d)
-    inputs, outputs, states = (tuple(map(_plain, getattr(source, f"{kind}_labels")))
+    inputs, outputs, states = (tuple(map(SignalNames.original, getattr(source, f"{kind}_labels")))
                                for kind in ("input", "output", "state"))  # fmt: skip
     return Plant(
-        _plain(name), "given", a, b, c, d, states, ("",) * len(states), inputs, ("",) * len(inputs), outputs,
-        ("",) * len(outputs), *scales(a, b, c, d, ("",) * len(states)),
+        SignalNames.original(name), "given", a, b, c, d, states, ("",) * len(states), inputs, ("",) * len(inputs),
+        outputs, ("",) * len(outputs), *scales(a, b, c, d, ("",) * len(states)),
     )  # fmt: skip
-
-
-def _plain(name: str) -> str:
-    """The name that a signal had in mbsvib, if it came from there: ``leg1:force`` is ``leg1.force``."""
-    try:
-        return SignalNames.to_mbsvib(name)
-    except ExportError:
-        return name

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.api.system import System
-from mbsvib.equations.equations import MATRICES
+from mbsvib.equations.terms import MATRICES
 from mbsvib.errors import ExportError
 from mbsvib_export.affine import affine
 from mbsvib_export.fmu_.nominal import scales

@@ -67,8 +67,13 @@ def several(write, *systems):
     return lambda folder: [Path(write(system, folder / f"{k}.file")) for k, system in enumerate(systems)]
 
 
+def space():
+    """First-order equations alone, with a bound on an error."""
+    return library.quarter_car(suspension_damping=900.0).linearize().reduced(3)
+
+
 def json_files(folder):
-    for k, system in enumerate((slider(), library.quarter_car().linearize())):
+    for k, system in enumerate((slider(), library.quarter_car().linearize(), space())):
         mx.to_json(system, folder / f"{k}.json")
     return sorted(folder.glob("*.json"))
 
@@ -159,9 +164,9 @@ def hostile_fmu(raw, rng):
     return _archive({"modelDescription.xml": text.replace(token, new).encode(), "resources/model.lti": bytes(body)})
 
 
-def op4_files(folder):
-    return [mx.to_op4(system, folder / f"{system.name}{binary}.op4", binary)
-            for system in (slider(), stewart()) for binary in (False, True)]  # fmt: skip
+def op4_files(*systems):
+    return lambda folder: [mx.to_op4(system, folder / f"{k}{binary}.op4", binary)
+                           for k, system in enumerate(systems) for binary in (False, True)]  # fmt: skip
 
 
 def punch_files(folder):
@@ -184,13 +189,13 @@ def uff_texts(folder):
 
 KINDS = {
     "json": Kind(json_files, mx.from_json, damage=damaged_text),
-    "npz": Kind(several(mx.to_npz, slider(), stewart()), mx.from_npz, checked=True),
-    "npz with right checksums": Kind(several(mx.to_npz, slider(), stewart()), mx.from_npz, damage=hostile_zip),
+    "npz": Kind(several(mx.to_npz, slider(), stewart(), space()), mx.from_npz, checked=True),
+    "npz with right checksums": Kind(several(mx.to_npz, slider(), stewart(), space()), mx.from_npz, damage=hostile_zip),
     "npz batch": Kind(batch_files, mx.from_npz_batch, checked=True),
     "npz batch with right checksums": Kind(batch_files, mx.from_npz_batch, damage=hostile_zip),
-    "mat": Kind(several(mx.to_mat, slider(), stewart()), mx.from_mat, checked=True),
-    "mat with right checksum": Kind(several(mx.to_mat, slider(), slider(("ü",))), mx.from_mat, damage=hostile_mat),
-    "hdf5": Kind(several(mx.to_hdf5, slider(), stewart()), mx.from_hdf5, checked=True, package="h5py"),
+    "mat": Kind(several(mx.to_mat, slider(), stewart(), space()), mx.from_mat, checked=True),
+    "mat with right checksum": Kind(several(mx.to_mat, slider(), slider(("ü",)), space()), mx.from_mat, damage=hostile_mat),
+    "hdf5": Kind(several(mx.to_hdf5, slider(), stewart(), space()), mx.from_hdf5, checked=True, package="h5py"),
     "fmu": Kind(fmu_files, state_space_in, checked=True),
     "fmu with right checksums": Kind(fmu_files, state_space_in, damage=hostile_fmu),
     "yaml model": Kind(model_files(".yaml"), mv.load, damage=damaged_text),
@@ -198,8 +203,8 @@ KINDS = {
     "urdf": Kind(lambda folder: copies(folder, "arm.urdf"), mv.load_urdf, damage=damaged_text),
     "mjcf": Kind(lambda folder: copies(folder, "gripper.xml"), mv.load_mjcf, damage=damaged_text, package="mujoco"),
     "superelement mat": Kind(matlab_files, read_mat),
-    "op4": Kind(op4_files, read_op4),
-    "superelement op4": Kind(op4_files, read_reduced_op4),
+    "op4": Kind(op4_files(slider(), stewart(), space()), read_op4),
+    "superelement op4": Kind(op4_files(slider(), stewart()), read_reduced_op4),
     "uff": Kind(uff_files, mx.from_uff, holes=True),
     "uff as text": Kind(uff_texts, mx.from_uff, damage=damaged_text, holes=True),
     "dmig": Kind(several(mx.to_dmig, slider(), stewart()), read_dmig, damage=damaged_text),

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, example, given
 
 import mbsvib as mv
-from mbsvib.api.settled import settled
+from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.sensitivities.variants import Variants
 from tests.hunt.generate import example as scene_with
 from tests.sensitivities.balance.test_loaded_network import NOISE, QUIET, RTOL, balanced, with_ports
@@ -62,11 +62,11 @@ def test_differences_of_equilibria_found_for_every_variant(seed):
     rng = np.random.default_rng(seed)
     try:
         model = with_elements(off_balance(seed), rng, moment=False)
-        _, system = settled(model.with_parts(springs={name: spring for name, spring in model.springs.items()
+        _, system = in_equilibrium(model.with_parts(springs={name: spring for name, spring in model.springs.items()
                                                       if not name.startswith("torsion")}))  # fmt: skip
     except mv.MbsvibError:
         assume(False)
-    assume(system.dof > 0 and system.provenance.settled)
+    assume(system.dof > 0 and system.provenance.moved_to_equilibrium)
     assert system.sensitivity_basis.loaded is not None
     own = [name for name in system.parameters if name.startswith(OWN)]
     check(system.provenance.origin, system, [str(name) for name in rng.choice(own, 3, replace=False)])
@@ -80,8 +80,8 @@ def test_torsion_springs_that_an_equilibrium_has_turned(monkeypatch):
     model.add_joint("elbow", "revolute", "bob", "end", position=(0.5, 0, -0.4), axis=(0, 1, 0))
     model.add_torsion_spring("spring", "end", "bob", (0, 1, 0), 7.0, 0.2)
     model.add_rotor("wheel", "end", 30.0, (0.3, 0.2, 1.0), inertia=0.01)
-    _, system = settled(model)
-    assert system.provenance.settled
+    _, system = in_equilibrium(model)
+    assert system.provenance.moved_to_equilibrium
     names = ["spiral.stiffness", "spiral.preload", "spring.stiffness", "spring.damping", "wheel.speed", "bob.mass",
              "elbow.position.x", "end.orientation.rz"]  # fmt: skip
     check(model, system, names)

@@ -6,7 +6,7 @@ from hypothesis import assume, given
 from scipy.optimize import brentq
 
 import mbsvib as mv
-from mbsvib.api.settled import settled
+from mbsvib.api.in_equilibrium import in_equilibrium
 from mbsvib.sensitivities.variants import Variants
 from tests.sensitivities.differences import assert_as_variants, of_variants
 from tests.support.loaded_models import loaded
@@ -53,10 +53,10 @@ def check(model, system, names):
 def test_differences_of_equilibria_found_for_every_variant(seed):
     try:
         model = off_balance(seed)
-        _, system = settled(model)
+        _, system = in_equilibrium(model)
     except mv.MbsvibError:
         assume(False)
-    assume(system.dof > 0 and system.provenance.settled)
+    assume(system.dof > 0 and system.provenance.moved_to_equilibrium)
     assert system.sensitivity_basis.loaded is not None
     rng = np.random.default_rng(seed)
     fields = (".mass", ".position.", ".orientation.", ".start.", ".end.", ".stiffness", ".damping.", ".pitch",
@@ -80,8 +80,8 @@ def hanging(angle, **words):
 def test_a_pendulum_described_at_an_angle():
     """omega^2 = m g r / (I + m r^2) wherever it is described; moving its bob across changes r by the sine only."""
     m, r, g, angle = 3.0, 0.5, 9.81, 0.7
-    _, system = settled(hanging(angle))
-    assert system.provenance.settled
+    _, system = in_equilibrium(hanging(angle))
+    assert system.provenance.moved_to_equilibrium
     full = 0.1 + m * r * r
     square = m * g * r / full
     by_r = m * g / full - square * 2 * m * r / full
@@ -96,7 +96,7 @@ def test_a_pendulum_described_at_an_angle():
 def test_what_turned_bushings_do_about_axes_is_differenced(monkeypatch):
     """k about the hinge, slack at an angle a: omega^2 = (m g r cos b + k) / (I + m r^2), k (b - a) = -m g r sin b."""
     k, angle = 20.0, 0.7
-    _, system = settled(hanging(angle, spiral=(0, 0, 0, 0, k, 0)))
+    _, system = in_equilibrium(hanging(angle, spiral=(0, 0, 0, 0, k, 0)))
     asked = []
     slopes = Variants.slopes
     monkeypatch.setattr(Variants, "slopes", lambda *words: asked.append(1) or slopes(*words))
@@ -117,11 +117,11 @@ def test_dampers_of_turned_bushings_act_in_axes_of_both_bodies():
     model.add_joint("ball", "spherical", "ground", "bob", position=(0, 0, 0))
     model.add_bushing("mount", "ground", "bob", (0.1, 0.2, -0.3), (60.0, 80.0, 50.0, 0, 0, 0),
                       damping=(0, 0, 0, 0.1, 0.2, 0.3))  # fmt: skip
-    _, system = settled(model)
-    assert system.provenance.settled
+    _, system = in_equilibrium(model)
+    assert system.provenance.moved_to_equilibrium
     result, h = system.matrix_derivatives("mount.damping.rx").C[0], 1e-3
 
     def at(value):
-        return settled(model.with_values({"mount.damping.rx": value}))[1].C
+        return in_equilibrium(model.with_values({"mount.damping.rx": value}))[1].C
 
     assert result == pytest.approx((at(0.1 + h) - at(0.1 - h)) / (2 * h), rel=1e-9, abs=1e-10)

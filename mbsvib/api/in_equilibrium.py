@@ -1,4 +1,4 @@
-"""Variants of a model in balance, with the classes that users know."""
+"""Models in equilibrium with their systems, in the public classes."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     from mbsvib.api.model import Model
 
 
-def settled(
+def in_equilibrium(
     model: Model, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None
 ) -> tuple[Model, System | SparseSystem]:
-    """Return a model in equilibrium with its system: the model as it is if it balances.
+    """Return a model in equilibrium with its system; a model that is in equilibrium is returned as it is.
 
     Parameters
     ----------
     model : Model
-        A model that has been in balance before its values changed.
+        A model that was in equilibrium before its values changed.
     independent, cut : sequence of str, optional
         Requested minimal coordinates and cut joints.
 

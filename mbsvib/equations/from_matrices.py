@@ -1,4 +1,4 @@
-"""Equations of motion of matrices that come from elsewhere, such as a finite element program."""
+"""Equations of motion from matrices of another program, such as a finite element program."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ SINGULAR = 1e-13
 OWNERS = ("matrices",)
 
 
-def given_matrices(
+def from_matrices(
     matrices: tuple[ArrayLike, ArrayLike | None, ArrayLike],
     ports: tuple[ArrayLike | None, ArrayLike | None, ArrayLike | None, ArrayLike | None, ArrayLike | None],
     names: tuple[Sequence[str] | None, Sequence[str] | None, Sequence[str] | None], name: str, form: type[E],
 ) -> E:  # fmt: skip
-    """Return equations of motion of given matrices.
+    """Return equations of motion from given matrices.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def given_matrices(
         row_owner=np.zeros(len(k) + len(c), dtype=np.intp), body_motion=np.zeros((0, 6, m)), gyroscopic=gyroscopic,
         circulatory=circulatory,
         provenance=Provenance(Topology((), (), (), (), ()), Reduction(np.arange(m), None, ()), coordinates, OWNERS,
-                              given=True),
+                              from_matrices=True),
     )  # fmt: skip
 
 
@@ -101,33 +101,33 @@ def _shaped(name: str, label: str, value: Any, shape: tuple[int | None, int | No
     array = _array(name, label, value)
     if array.shape[0] != shape[0] and shape == (array.shape[1], None):
         array = array.T  # a vector for a single input
-    if any(want is not None and have != want for have, want in zip(array.shape, shape, strict=True)):
-        wanted = ", ".join({"B": "inputs"}.get(label, "outputs") if size is None else str(size) for size in shape)
-        raise ModelError(f"System '{name}': {label} has shape {array.shape}; expected ({wanted}).", field=label)
+    if any(size is not None and length != size for length, size in zip(array.shape, shape, strict=True)):
+        expected = ", ".join({"B": "inputs"}.get(label, "outputs") if size is None else str(size) for size in shape)
+        raise ModelError(f"System '{name}': {label} has shape {array.shape}; expected ({expected}).", field=label)
     return array
 
 
 def _factored(name: str, mass: Array) -> tuple[Array, Array]:
     """M, symmetric to the last bit, and W with M = W^T W."""
     diagonal = mass.diagonal()
-    what = "expected a symmetric positive definite matrix"
+    want = "expected a symmetric positive definite matrix"
     if (diagonal <= 0.0).any():
-        at = int(np.flatnonzero(diagonal <= 0.0)[0])
-        raise ModelError(f"System '{name}': M[{at}, {at}] = {diagonal[at]:g}; {what}. Remove coordinates without mass "
-                         f"by static condensation, K_aa - K_ab K_bb^-1 K_ba, or give first-order equations to "
-                         f"StateSpace.from_arrays.", field="M")  # fmt: skip
+        worst = int(np.flatnonzero(diagonal <= 0.0)[0])
+        raise ModelError(f"System '{name}': M[{worst}, {worst}] = {diagonal[worst]:g}; {want}. Remove coordinates "
+                         f"without mass by static condensation, K_aa - K_ab K_bb^-1 K_ba, or give first-order "
+                         f"equations to StateSpace.from_arrays.", field="M")  # fmt: skip
     size = np.sqrt(diagonal)
-    gap = np.abs(mass - mass.T) / size[:, None] / size
-    if gap.size and gap.max() > SYMMETRIC:
-        i, j = np.unravel_index(int(gap.argmax()), gap.shape)
-        raise ModelError(f"System '{name}': M[{i}, {j}] = {mass[i, j]:g}, but M[{j}, {i}] = {mass[j, i]:g}; {what}. "
+    difference = np.abs(mass - mass.T) / size[:, None] / size
+    if difference.size and difference.max() > SYMMETRIC:
+        i, j = np.unravel_index(int(difference.argmax()), difference.shape)
+        raise ModelError(f"System '{name}': M[{i}, {j}] = {mass[i, j]:g}, but M[{j}, {i}] = {mass[j, i]:g}; {want}. "
                          f"Give 0.5 * (M + M.T) if the difference is rounding.", field="M")  # fmt: skip
     mass = 0.5 * (mass + mass.T)
     scaled = mass / size[:, None] / size
     values = np.linalg.eigvalsh(scaled) if len(mass) else np.ones(1)
     if values[0] <= SINGULAR * values[-1]:
         raise ModelError(f"System '{name}': M, scaled to a diagonal of ones, has the eigenvalue {values[0]:.3g} beside "
-                         f"{values[-1]:.3g}; {what}. Some combination of coordinates has no mass or a negative one: "
+                         f"{values[-1]:.3g}; {want}. Some combination of coordinates has no mass or a negative one: "
                          f"remove it by static condensation, or correct M.", field="M")  # fmt: skip
     factor: Array = np.linalg.cholesky(scaled).T.astype(float) * size if len(mass) else mass
     return mass, factor
@@ -142,27 +142,27 @@ def _rows(matrix: Array) -> tuple[Array, Array, Array | None]:
     size = np.sqrt(np.maximum(np.abs(matrix.diagonal()), SYMMETRIC * np.abs(matrix).max(axis=1, initial=0.0)))
     size = np.where(size > 0.0, size, 1.0)
     scaled = matrix / size[:, None] / size
-    skew = 0.5 * (scaled - scaled.T)
-    skew[np.abs(skew) <= SYMMETRIC * np.maximum(1.0, np.abs(scaled))] = 0.0
+    scaled_antisymmetric = 0.5 * (scaled - scaled.T)
+    scaled_antisymmetric[np.abs(scaled_antisymmetric) <= SYMMETRIC * np.maximum(1.0, np.abs(scaled))] = 0.0
     weights, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T)) if len(matrix) else (np.zeros(0), matrix)
     used = np.abs(weights) > len(matrix) * EPS * np.abs(weights).max(initial=0.0)
-    rest = np.asarray(skew * size[:, None] * size) if skew.any() else None
-    return vectors[:, used].T * size, weights[used], rest
+    antisymmetric = np.asarray(scaled_antisymmetric * size[:, None] * size) if scaled_antisymmetric.any() else None
+    return vectors[:, used].T * size, weights[used], antisymmetric
 
 
 def _outputs(
-    name: str, given: tuple[Any, ...], known: tuple[tuple[str, ...], tuple[str, ...]], names: Sequence[str] | None
+    name: str, matrices: tuple[Any, ...], columns: tuple[tuple[str, ...], tuple[str, ...]], names: Sequence[str] | None
 ) -> tuple[tuple[str, ...], Array, Array, Array, Array]:
     """Names of outputs, Cq, Cv, Ca and D; the coordinates themselves if no matrix is given."""
-    coordinates, inputs = known
+    coordinates, inputs = columns
     m, u = len(coordinates), len(inputs)
     labels = ("Cq", "Cv", "Ca", "D")
-    if all(value is None for value in given):
-        listed = coordinates if names is None else signal_names(names, m, "outputs", f"System '{name}'")
-        return listed, np.eye(m), np.zeros((m, m)), np.zeros((m, m)), np.zeros((m, u))
-    first = next(i for i, value in enumerate(given) if value is not None)
-    rows = len(_array(name, labels[first], given[first]))
+    if all(value is None for value in matrices):
+        output_names = coordinates if names is None else signal_names(names, m, "outputs", f"System '{name}'")
+        return output_names, np.eye(m), np.zeros((m, m)), np.zeros((m, m)), np.zeros((m, u))
+    first = next(i for i, value in enumerate(matrices) if value is not None)
+    rows = len(_array(name, labels[first], matrices[first]))
     arrays = [np.zeros((rows, m if label != "D" else u)) if value is None
               else _shaped(name, label, value, (rows, m if label != "D" else u))
-              for label, value in zip(labels, given, strict=True)]  # fmt: skip
+              for label, value in zip(labels, matrices, strict=True)]  # fmt: skip
     return (signal_names(names, rows, "outputs", f"System '{name}'"), *arrays)  # type: ignore[return-value]

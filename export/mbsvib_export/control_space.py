@@ -1,0 +1,151 @@
+"""A state space of python-control that keeps names where python-control (0.10.2) answers with u[0], x[0] and y[0]."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import control
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Self
+
+
+class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-control has no types
+    """A control.StateSpace whose parts, sums, products and loops have names of states, inputs and outputs.
+
+    ``plant[outputs, inputs]``, ``append``, ``feedback``, ``lft``, ``sample``, ``+``, ``-``, ``*`` and ``/``, and with
+    them ``control.append``, ``feedback``, ``series``, ``parallel``, ``negate`` and ``c2d``, call the method of
+    python-control and name its result: states after their systems, where two have one name with the system's before it;
+    inputs and outputs those at which the signals enter and leave. Matrices are python-control's. ``append``, ``feedback``
+    and ``lft`` are methods of the first system: ``NamedStateSpace.of(controller)`` where that is python-control's own.
+    """
+
+    @classmethod
+    def of(
+        cls, space: Any, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None,
+        states: Sequence[str] | None = None, name: str | None = None,
+    ) -> Self:  # fmt: skip
+        """Return a state space of python-control as one of this class.
+
+        Parameters
+        ----------
+        space : control.StateSpace
+            It is not changed.
+        inputs, outputs, states : sequence of str, optional
+            Names; default: those that it has.
+        name : str, optional
+            Of the system; default: that of ``space``.
+
+        Returns
+        -------
+        NamedStateSpace
+            With copies of the matrices.
+        """
+        labels = {"inputs": inputs or space.input_labels, "outputs": outputs or space.output_labels,
+                  "states": states or space.state_labels}  # fmt: skip
+        return cls(
+            *(getattr(space, key).copy() for key in "ABCD"), 0 if space.dt is None and not space.nstates else space.dt,
+            name=name or space.name, remove_useless_states=False, **{key: list(value) for key, value in labels.items()},
+        )  # fmt: skip
+
+    def __getitem__(self, key: Any) -> Self:
+        return self.of(super().__getitem__(key), states=self.state_labels)
+
+    def __neg__(self) -> Self:
+        return self._made(super().__neg__(), [self], self, self)
+
+    def __add__(self, other: Any) -> Any:
+        return self._made(super().__add__(other), [self, other], self, self)
+
+    def __radd__(self, other: Any) -> Any:
+        # python asks a subclass first: the order of the states is that of the sum
+        if isinstance(other, control.StateSpace):
+            return self.of(other) + self
+        return self._made(super().__radd__(other), [self], self, self)
+
+    def __sub__(self, other: Any) -> Any:
+        return self + (-self.of(other)) if isinstance(other, control.StateSpace) else super().__sub__(other)
+
+    def __mul__(self, other: Any) -> Any:
+        return self._made(super().__mul__(other), [other, self], self if _is_number(other) else other, self)
+
+    def __rmul__(self, other: Any) -> Any:
+        if isinstance(other, control.StateSpace):
+            return self.of(other) * self
+        return self._made(super().__rmul__(other), [self], self, self if _is_number(other) else other)
+
+    def append(self, other: Any) -> Any:
+        """Return both systems beside each other, as ``control.append`` does."""
+        made = super().append(other)
+        if not isinstance(other, control.StateSpace):
+            return made
+        return self.of(made, unique_names([self, other], "input"), unique_names([self, other], "output"),
+                       unique_names([self, other], "state"), _joined([self, other]))  # fmt: skip
+
+    def feedback(self, other: Any = 1, sign: float = -1) -> Any:
+        """Return the closed loop with ``other`` in the way back, as ``control.feedback`` does."""
+        return self._made(super().feedback(other, sign), [self, other], self, self)
+
+    def lft(self, other: Any, nu: int = -1, ny: int = -1) -> Any:
+        """Return the loop of ``other`` around the last ``ny`` outputs and ``nu`` inputs; the others stay, first."""
+        made = super().lft(other, nu, ny)
+        nu = min(other.noutputs, self.ninputs) if nu < 0 else nu
+        ny = min(other.ninputs, self.noutputs) if ny < 0 else ny
+        inputs = [*self.input_labels[: self.ninputs - nu], *other.input_labels[ny:]]
+        outputs = [*self.output_labels[: self.noutputs - ny], *other.output_labels[nu:]]
+        return self.of(made, inputs, outputs, unique_names([self, other], "state"), _joined([self, other]))
+
+    def sample(self, *arguments: Any, **options: Any) -> Self:
+        """Return the discrete-time system, as ``control.sample_system`` does."""
+        return self.of(super().sample(*arguments, **options))
+
+    def _made(self, space: Any, parts: list[Any], entered: Any, left: Any) -> Any:
+        """The result of python-control with the names of its parts, as far as their numbers fit."""
+        if not isinstance(space, control.StateSpace):  # NotImplemented, or a system that is not linear
+            return space
+        systems = [part for part in parts if isinstance(part, control.StateSpace)]
+        inputs, outputs = getattr(entered, "input_labels", None), getattr(left, "output_labels", None)
+        states = unique_names(systems, "state")
+        return self.of(
+            space, inputs if inputs and len(inputs) == space.ninputs else None,
+            outputs if outputs and len(outputs) == space.noutputs else None,
+            states if len(states) == space.nstates else None, _joined(systems),
+        )  # fmt: skip
+
+
+def unique_names(systems: Sequence[Any], kind: str) -> list[str]:
+    """Return the names of signals of several systems, made different where they are not.
+
+    Parameters
+    ----------
+    systems : sequence of control.StateSpace
+        In the order of the signals.
+    kind : str
+        "state", "input" or "output".
+
+    Returns
+    -------
+    list of str
+        As they are; where two are equal, all with the name of their system before them, as ``control.interconnect``
+        does it, and ``_2`` and so on after them where systems have one name too.
+    """
+    names = [label for system in systems for label in getattr(system, f"{kind}_labels")]
+    if len(set(names)) == len(names):
+        return names
+    made: dict[str, None] = {}
+    for name in [f"{system.name}_{label}" for system in systems for label in getattr(system, f"{kind}_labels")]:
+        other, count = name, 1
+        while other in made:
+            count += 1
+            other = f"{name}_{count}"
+        made[other] = None
+    return list(made)
+
+
+def _joined(systems: Sequence[Any]) -> str:
+    return "_".join(dict.fromkeys(system.name for system in systems))
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float, complex)) or getattr(value, "ndim", None) == 0
