@@ -128,6 +128,20 @@ def test_a_norm_of_many_parameters_is_short():
     assert str(norm) == repr(norm)
 
 
+def test_tables_of_many_modes_fit_on_a_page():
+    """A fan on a shaft of beams had 54 columns."""
+    rotor = mv.Model("fan")
+    rotor.add_body("disk", 12.0, (0.1, 0.1, 0.19), position=(0, 0, 0.4))
+    rotor.add_beam("shaft", "ground", "disk", {"type": "circle", "radius": 0.015}, {"E": 2e11, "nu": 0.3, "rho": 7800},
+                   start=(0, 0, 0), end=(0, 0, 0.4), elements=6)  # fmt: skip
+    rotor.add_rotor("wheel", "disk", 1.0, (0, 0, 1), inertia=0.19)
+    data = campbell(rotor, np.linspace(0.0, 1.0, 25), orders=())
+    assert data.frequencies.shape[1] > 30
+    lines = str(data).splitlines()
+    assert max(map(len, lines)) < 200
+    assert f"25 speeds, {data.frequencies.shape[1]} modes in all" in lines[-1]
+
+
 def test_brief_values():
     assert brief(np.array([1.0, 2.5])) == "[1, 2.5]"
     assert brief(np.zeros((3, 400))) == "array of 3 x 400"

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
 
+FEWEST, ABOVE = 8, 4.0  # modes that are drawn by default, and up to which multiple of the highest line
 LINES: dict[str, Any] = {"forward": "-", "backward": (0, (5, 1.5)), "": (0, (1.5, 1))}
 
 
@@ -59,7 +60,7 @@ class Campbell(Protocol):
         """Critical speeds."""
 
 
-def campbell(data: Campbell, orders: Sequence[float] = (1.0,)) -> Figure:
+def campbell(data: Campbell, orders: Sequence[float] = (1.0,), modes: int | None = None) -> Figure:
     """Draw a Campbell diagram: damped frequencies over the speed.
 
     Parameters
@@ -68,6 +69,8 @@ def campbell(data: Campbell, orders: Sequence[float] = (1.0,)) -> Figure:
         What ``mbsvib.studies.campbell.campbell`` returned.
     orders : sequence of float
         Lines frequency = order x speed / 2 pi to draw.
+    modes : int, optional
+        How many of the lowest modes; default: at least 8, and all that come within four times the highest line.
 
     Returns
     -------
@@ -80,7 +83,8 @@ def campbell(data: Campbell, orders: Sequence[float] = (1.0,)) -> Figure:
     with style.context():
         figure = style.new_figure(6.4, 4.2)
         axes = figure.subplots()
-        for mode in range(data.frequencies.shape[1]):
+        count = _lowest(data, orders) if modes is None else modes
+        for mode in range(min(count, data.frequencies.shape[1])):
             frequency = data.frequencies[:, mode]
             colour = style.COLOURS[mode % len(style.COLOURS)]
             for direction, dash in LINES.items():
@@ -94,7 +98,7 @@ def campbell(data: Campbell, orders: Sequence[float] = (1.0,)) -> Figure:
             grows = data.growing[:, mode]
             if grows.any():
                 axes.plot(data.speeds[grows], frequency[grows], "x", color=colour, markersize=4.0)
-        top = 1.08 * float(data.frequencies.max(initial=0.0)) or 1.0
+        top = 1.08 * float(data.frequencies[:, :count].max(initial=0.0)) or 1.0
         for order in orders:
             axes.plot(data.speeds, order * np.abs(data.speeds) / (2.0 * np.pi), color=style.MARK, linewidth=0.8)
         for point in data.critical:
@@ -114,3 +118,10 @@ def campbell(data: Campbell, orders: Sequence[float] = (1.0,)) -> Figure:
             figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
         axes.set_title(data.name, loc="right", color=style.MARK, fontsize=8.5)
     return figure
+
+
+def _lowest(data: Campbell, orders: Sequence[float]) -> int:
+    """Return how many of the lowest modes are drawn: those of beams reach far above all speeds."""
+    line = max((abs(order) for order in orders), default=0.0) * float(np.abs(data.speeds).max()) / (2.0 * np.pi)
+    near = data.frequencies.min(axis=0) <= ABOVE * line
+    return max(FEWEST, int(near.nonzero()[0].max(initial=-1)) + 1)

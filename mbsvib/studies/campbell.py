@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 # A whirl is one if its area, in parts of that of a circle, is larger.
 ROUND = 1e-3
+SHOWN_SPEEDS, SHOWN_MODES = 20, 8  # of a table that is printed
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -90,10 +91,15 @@ class Campbell(Displayed):
         from mbsvib.modes.result import digits
 
         signs = {"forward": " F", "backward": " B", "": "  "}
+        speeds, modes = self.whirl.shape
         rows = [(digits(speed), *(digits(f) + signs[d] for f, d in zip(row, which, strict=True)))
-                for speed, row, which in zip(self.speeds, self.frequencies, self.directions, strict=True)]  # fmt: skip
-        columns = [("speed [rad/s]", "right"), *((f"mode {i + 1} [Hz]", "right") for i in range(self.whirl.shape[1]))]
+                for speed, row, which in zip(self.speeds[:SHOWN_SPEEDS], self.frequencies[:, :SHOWN_MODES],
+                                             self.directions[:, :SHOWN_MODES], strict=False)]  # fmt: skip
+        shown = range(1, min(modes, SHOWN_MODES) + 1)
+        columns = [("speed [rad/s]", "right"), *((f"mode {number} [Hz]", "right") for number in shown)]
         notes = ["F: forward whirl, B: backward."]
+        if speeds > SHOWN_SPEEDS or modes > SHOWN_MODES:
+            notes.append(f"{speeds} speeds, {modes} modes in all: .speeds, .frequencies, .directions.")
         notes += [f"Critical speed: {digits(point.speed)} rad/s, mode {point.mode} at {point.order:g} x speed "
                   f"({digits(point.frequency)} Hz, {_word(point.whirl)})." for point in self.critical]  # fmt: skip
         growing = self.speeds[~self.stable]

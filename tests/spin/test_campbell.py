@@ -142,3 +142,19 @@ def test_plot(tmp_path):
     stated = [text.get_text() for text in figure.legends[0].get_texts()]
     assert stated == ["forward", "backward", "no whirl", "unstable"]
     assert repr(data).startswith("Campbell('shaft': 13 speeds, 7 modes")
+
+
+def test_the_diagram_leaves_out_modes_far_above_all_speeds():
+    """A shaft of beams has modes up to 100 kHz, beside which nothing else would be seen."""
+    fan = mv.Model("fan")
+    fan.add_body("disk", 12.0, (0.1, 0.1, 0.19), position=(0, 0, 0.4))
+    fan.add_beam("shaft", "ground", "disk", {"type": "circle", "radius": 0.015}, {"E": 2e11, "nu": 0.3, "rho": 7800},
+                 start=(0, 0, 0), end=(0, 0, 0.4), elements=4)  # fmt: skip
+    fan.add_rotor("wheel", "disk", 1.0, (0, 0, 1), inertia=0.19)
+    data = campbell(fan, np.linspace(0.0, 100.0, 5))
+    assert data.frequencies.max() > 2e4
+    lowest = plot(data).axes[0]
+    assert lowest.get_ylim()[1] == pytest.approx(1.08 * data.frequencies[:, :8].max())
+    assert plot(data, modes=24).axes[0].get_ylim()[1] > 2e4
+    # lines of high orders bring further modes in
+    assert plot(data, orders=(100.0,)).axes[0].get_ylim()[1] > lowest.get_ylim()[1]
