@@ -34,7 +34,7 @@ for (_, norm), peak in zip(laws.values(), peaks[1:], strict=True):
 tight, relaxed = (each.all_phases for each in margins.values())
 assert relaxed > 25.0 > 1.9 * tight
 
-# complementary sensitivity at the actuators, T = 1 - S: a loop of changed gains (1 + d_i) is stable for |d_i| < 1 / mu(T)
+# T = 1 - S at the actuators: loops whose gains are (1 + d_i) times as large are stable for |d_i| < 1 / mu(T)
 uncertain = {}
 for name, loop in loops.items():
     complementary = np.eye(6)[:, :, None] - loop.sensitivity(2 * np.pi * frequencies)

@@ -46,14 +46,14 @@ class ReducibleSpace:
         return result
 
     def hankel_singular_values(self) -> Array:
-        """Return the Hankel singular values of the states that decay, in descending order; the first is the Hankel norm.
+        """Return the Hankel singular values of the states that decay, in descending order.
 
         sigma_i = sqrt(lambda_i(P Q)), of the controllability and the observability Gramian
 
         Returns
         -------
         array, shape (n,)
-            Positive values, output by input in SI units.
+            Positive values, output by input in SI units; the first is the Hankel norm.
 
         Raises
         ------

@@ -37,8 +37,9 @@ def test_the_augmented_plant_is_python_controls(chosen):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # python-control's own, about its connect
         # of several signals python-control takes square weights only
-        theirs = control.augw(g, *(w if w is None else control.ss([], [], [], w * np.eye(2)) if isinstance(w, float) else
-                                   control.append(control.ss(w), control.ss(w)) for w in given))  # fmt: skip
+        square = [control.ss([], [], [], w * np.eye(2)) if isinstance(w, float) else
+                  w and control.append(control.ss(w), control.ss(w)) for w in given]  # fmt: skip
+        theirs = control.augw(g, *square)
     s = 1j * np.array([0.1, 3.0, 50.0, 2e3])
     assert np.allclose(ours(s), theirs(s), rtol=1e-9, atol=1e-12)
     assert ours.input_labels == ["r:travel", "r:body:z", "actuator", "load"]

@@ -1,4 +1,4 @@
-"""Controllers, norms, Hankel singular values and structured singular values by SLICOT, against closed forms and ours."""
+"""Controllers, norms, Hankel and structured singular values by SLICOT, against closed forms and our own."""
 
 import numpy as np
 import pytest
@@ -74,10 +74,10 @@ def test_norms_are_slicots(name):
     space = getattr(library, name)(**words).linearize().state_space("modal")
     part = space.with_ports(space.outputs[:3], space.inputs[:3])
     assert linf_norm((part.A, part.B, part.C, part.D)) == pytest.approx(part.hinf_norm().value, rel=1e-8)
-    squared, *_, failed = ctrlsys.ab13bd("C", "H", *(np.array(m, order="F") for m in (part.A, part.B, part.C, 0 * part.D)),
-                                         0.0)  # fmt: skip
+    matrices = [np.array(m, order="F") for m in (part.A, part.B, part.C, 0 * part.D)]
+    value, *_, failed = ctrlsys.ab13bd("C", "H", *matrices, 0.0)
     assert not failed
-    assert squared == pytest.approx(mv.StateSpace.from_arrays(part.A, part.B, part.C, 0).h2_norm().value, rel=1e-8)
+    assert value == pytest.approx(mv.StateSpace.from_arrays(part.A, part.B, part.C, 0).h2_norm().value, rel=1e-8)
 
 
 @pytest.mark.parametrize("order", [4, 10, 20])
@@ -98,8 +98,8 @@ def test_balanced_truncation_is_slicots(order):
     error = np.abs(small.frequency_response(w) - space.frequency_response(w)).max()
     assert 0.1 * hankel[order] < error <= small.error_bound
     assert small.error_bound == pytest.approx(2 * hankel[order:].sum(), rel=1e-4)
-    assert ctrlsys.ab13ad("C", "N", n, 1, 1, 0.0, *(np.array(m, order="F") for m in (space.A, space.B, space.C)))[0] == (
-        pytest.approx(ours[0]))  # fmt: skip
+    matrices = [np.array(m, order="F") for m in (space.A, space.B, space.C)]
+    assert ctrlsys.ab13ad("C", "N", n, 1, 1, 0.0, *matrices)[0] == pytest.approx(ours[0])
 
 
 def test_structured_singular_values():
@@ -144,8 +144,8 @@ def test_uncertain_actuators_of_a_hexapod():
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
-    ((np.ones((2, 3)),), r"shape \(2, 3\)"), ((np.eye(3), [1, 1]), r"blocks = \[1, 1\]"), ((np.eye(2), [2, 0]), "blocks"),
-    ((np.full((2, 2), np.nan),), "NaN"),
+    ((np.ones((2, 3)),), r"shape \(2, 3\)"), ((np.eye(3), [1, 1]), r"blocks = \[1, 1\]"),
+    ((np.eye(2), [2, 0]), "blocks"), ((np.full((2, 2), np.nan),), "NaN"),
 ])  # fmt: skip
 def test_refusals(arguments, message):
     with pytest.raises(mv.ResponseError, match=message):
