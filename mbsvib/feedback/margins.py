@@ -26,6 +26,8 @@ LOWEST, HIGHEST, AT_REST = 1e-6, 1e6, 1e-9
 REAL = 1e-3
 # A loop gain below this, or above its inverse, limits no gain: its sign is rounding.
 NONE = 1e-6
+# The smallest singular value of 1 - K G comes this near to 1 only where the loop gain vanishes.
+VANISHES = 1e-6
 
 
 class OpenedLoops(Protocol):
@@ -109,8 +111,12 @@ class Margins(Displayed):
                      f"{self.modulus:.3g}"))  # fmt: skip
         if not self.stable:
             rows = [(name, *[""] * 4) for name, *_ in rows]
-        notes = [f"Critical frequency: {self.frequency:.4g} Hz."] if self.stable else [
-            "The closed loop is unstable: it has no margins."]  # fmt: skip
+        if not self.stable:
+            notes = ["The closed loop is unstable: it has no margins."]
+        elif self.modulus > 1.0 - VANISHES:
+            notes = ["No critical frequency: the sensitivity is largest, 1, where the loop gain vanishes."]
+        else:
+            notes = [f"Critical frequency: {self.frequency:.4g} Hz."]
         headers = ("actuator", "gain margin", "phase margin [deg]", "delay margin [ms]", "modulus margin")
         columns = [(header, "left" if header == "actuator" else "right") for header in headers]
         return {"title": f"Stability margins: {self.name}", "columns": columns, "rows": rows, "notes": notes}

@@ -137,3 +137,12 @@ def test_an_unstable_loop_has_no_marks():
     loop = slider().feedback([[1e3]], "x", "F")
     assert not loop.stable
     assert "unstable" in plots.loop_gain(loop).axes[0].get_title(loc="left")
+
+
+def test_a_loop_without_a_critical_frequency_says_so():
+    assert "Critical frequency: " in str(single().margins())
+    model = library.chain(1)
+    model.add_output("rate", "body1", "rz", quantity="velocity")
+    damped = model.linearize().feedback([[-1e-3]], "rate", "Mz")
+    assert_allclose(damped.margins().modulus, 1.0, rtol=1e-6)
+    assert "No critical frequency" in str(damped.margins())
