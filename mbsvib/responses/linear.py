@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.responses.norms import Norm
+    from mbsvib.responses.step_info import StepInfo
 
     Ports = str | Sequence[str] | None
 
@@ -100,6 +101,30 @@ class LinearVerbs:
         zeros = [part.transmission_zeros(y, u) for y in part.outputs for u in part.inputs]
         low, high = span(poles, f_min, f_max)
         return 2.0 * np.pi * placed(np.concatenate([poles, *zeros]), poles, low, high, n)
+
+    def step_info(self, outputs: Ports = None, inputs: Ports = None, band: float = 0.02) -> StepInfo:
+        """Return rise time, settling time, overshoot and peak of the responses to unit steps, from rest.
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all.
+        band : float
+            Share of the final value within which a response has settled.
+
+        Returns
+        -------
+        StepInfo
+            Arrays (outputs, inputs), printed as a table.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, or a pole does not decay.
+        """
+        from mbsvib.responses.step_info import step_info
+
+        return step_info(self.with_ports(outputs, inputs), band)
 
     def h2_norm(self, outputs: Ports = None, inputs: Ports = None, parameters: Any = None) -> Norm:
         """Return the H2 norm of the frequency response, the rms of all outputs under white noise.

@@ -101,6 +101,7 @@ VERBS = {
     "poles": lambda s: s.poles(),
     "frequency_response": lambda s: [s.frequency_response(OMEGA), s.frequency_response([])],
     "time_response": lambda s: [steps(s), steps(s, hold="zero"), steps(s, initial=(np.zeros(s.dof), np.zeros(s.dof)))],
+    "step_info": lambda s: str(s.step_info()),
     "transmission_zeros": lambda s: [s.transmission_zeros(), s.transmission_zeros(s.outputs[:1], s.inputs[:1])],
     "frequency_grid": lambda s: [s.frequency_grid(), s.frequency_grid(s.outputs[:1], s.inputs[:1], 5, f_min=1.0)],
     "with_ports": lambda s: [s.with_ports(), s[:, :], s[s.outputs[:1], s.inputs[:1]].frequency_response(OMEGA)],

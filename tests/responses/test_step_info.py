@@ -1,0 +1,120 @@
+"""Figures of step responses against closed forms and python-control."""
+
+import control
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import mbsvib as mv
+from mbsvib import library
+
+
+def slider(damping, stiffness=100.0, quantity="displacement"):
+    model = mv.Model("slider")
+    model.add_body("mass", 1.0, (1, 1, 1))
+    model.add_joint("rail", "prismatic", "ground", "mass", axis=(1, 0, 0))
+    model.add_spring("spring", "ground", "mass", (-1, 0, 0), (0, 0, 0), stiffness, damping)
+    model.add_input("F", "mass", "x")
+    model.add_output("x", "mass", "x", quantity=quantity)
+    return model.linearize()
+
+
+@pytest.mark.parametrize("ratio", [1e-4, 0.05, 0.3, 0.7])
+def test_one_mass_on_a_spring(ratio):
+    info = slider(20.0 * ratio).step_info()
+    damped = 10.0 * np.sqrt(1.0 - ratio**2)
+    over = np.exp(-np.pi * ratio / np.sqrt(1.0 - ratio**2))
+    assert_allclose(info.final, 0.01, rtol=1e-13)
+    assert_allclose(info.overshoot, 100.0 * over, rtol=1e-9)
+    assert_allclose(info.peak, 0.01 * (1.0 + over), rtol=1e-9)
+    assert_allclose(info.peak_time, np.pi / damped, rtol=1e-6)
+    assert_allclose(info.undershoot, 0.0, atol=1e-12)
+
+    def off(t):
+        return np.abs(np.exp(-10.0 * ratio * t) * np.cos(damped * t - np.arcsin(ratio))) / np.sqrt(1.0 - ratio**2)
+
+    settled = float(info.settling_time[0, 0])
+    assert_allclose(off(settled), 0.02, rtol=1e-6)
+    later = settled + np.linspace(1e-6, 6.0 / (10.0 * ratio), 200_000)
+    assert off(later).max() < 0.02 * (1.0 + 1e-5)
+
+
+def test_a_slow_and_a_fast_real_pole():
+    """1 / ((s + 1) (s + 1e6)) is that of the slow pole alone."""
+    space = mv.StateSpace.from_arrays(np.diag([-1.0, -1e6]), [[1e6], [-1e6]], [[1.0, 1.0]], 0)
+    info = space.step_info()
+    assert_allclose(info.rise_time, np.log(9.0), rtol=1e-5)
+    assert_allclose(info.settling_time, np.log(50.0), rtol=1e-5)
+    assert_allclose(info.overshoot, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_python_control(seed):
+    rng = np.random.default_rng(seed)
+    model = library.chain(3)
+    model.add_output("tip", "body3", "rz")
+    system = model.linearize()[:, "Mz"]
+    law = control.ss([[-rng.uniform(5, 50)]], [[1.0]], [[-rng.uniform(0, 20)]], [[-rng.uniform(0, 2)]])
+    loop = system.feedback(law, "tip", "Mz")
+    assert loop.stable
+    space = loop.state_space()
+    info = loop.step_info("tip", band=0.05)
+    t = np.linspace(0.0, 1.2 * float(info.settling_time[0, 0]), 20_001)
+    plant = control.ss(space.A, space.B, space.C, space.D)[space.outputs.index("tip"), 0]
+    theirs = control.step_info(plant, T=t, SettlingTimeThreshold=0.05)
+    assert_allclose(info.peak[0, 0], theirs["Peak"], rtol=1e-4)
+    assert_allclose(info.overshoot[0, 0], theirs["Overshoot"], rtol=1e-3, atol=2e-2)
+    assert_allclose(info.settling_time[0, 0], theirs["SettlingTime"], rtol=1e-3)
+    assert_allclose(info.rise_time[0, 0], theirs["RiseTime"], rtol=1e-3)
+
+
+def test_responses_that_end_at_zero():
+    info = slider(6.0, quantity="velocity").step_info()
+    damped = 10.0 * np.sqrt(1.0 - 0.3**2)
+    at = np.arctan2(damped, 3.0) / damped
+    assert_allclose(info.peak_time, at, rtol=1e-6)
+    assert_allclose(info.peak, np.exp(-3.0 * at) * np.sin(damped * at) / damped, rtol=1e-9)
+    assert np.isnan(info.rise_time).all()
+    assert np.isnan(info.overshoot).all()
+    assert info.settling_time[0, 0] > at
+
+
+def test_a_step_at_once_and_no_step_at_all():
+    space = mv.StateSpace.from_arrays([[-1.0]], [[1.0, 0.0]], [[0.0], [1.0]], [[2.0, 0.0], [0.0, 0.0]])
+    info = space.step_info()
+    assert_allclose(info.final, [[2.0, 0.0], [1.0, 0.0]])
+    assert_allclose(info.settling_time[[0, 0, 1], [0, 1, 1]], 0.0)
+    assert_allclose(info.peak[0], [2.0, 0.0])
+
+
+def test_ports_and_table():
+    system = library.stewart_isolator(ports="platform").linearize()
+    info = system.step_info(["z", "x"], "F*")
+    assert info.final.shape == (2, 3)
+    assert_allclose(info.final, system.frequency_response([0.0], ["z", "x"], "F*")[:, :, 0].real)
+    alone = system["x", "Fx"].step_info()
+    assert_allclose(alone.settling_time[0, 0], info.settling_time[1, 0], rtol=1e-9)
+    text = str(info)
+    for word in ("Step responses of stewart_isolator", "settling time [s]", "m / N", "settled within 2 %"):
+        assert word in text
+
+
+def test_what_does_not_settle_is_refused():
+    with pytest.raises(mv.ResponseError, match="has the pole 0 1/s, which does not decay"):
+        mv.StateSpace.from_arrays([[0.0]], [[1]], [[1]], 0).step_info()
+    with pytest.raises(mv.ResponseError, match="which does not decay"):
+        slider(0.0).step_info()
+    with pytest.raises(mv.ResponseError, match=r"damping ratio of 1\.0e-09: it takes more than"):
+        slider(20e-9).step_info()
+    with pytest.raises(mv.ResponseError, match=r"band = 2\.0; expected a share"):
+        slider(1.0).step_info(band=2.0)
+    with pytest.raises(mv.ResponseError, match="coincide"):
+        mv.StateSpace.from_arrays(np.eye(3, k=1) - np.eye(3), np.eye(3)[:, 2:], np.eye(3)[:1], 0).step_info()
+
+
+def test_a_double_pole():
+    """Critical damping but for rounding: x = 1 - (1 + w t) exp(-w t)."""
+    info = slider(20.0 * (1.0 - 1e-12)).step_info()
+    t = float(info.settling_time[0, 0])
+    assert_allclose((1.0 + 10.0 * t) * np.exp(-10.0 * t), 0.02, rtol=1e-5)
+    assert_allclose(info.overshoot, 0.0, atol=1e-4)
