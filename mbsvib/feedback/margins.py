@@ -87,6 +87,11 @@ class Margins(Displayed):
         """Phase [deg] by which all loops may change simultaneously."""
         return float(np.degrees(2.0 * np.arcsin(min(0.5 * self.modulus, 1.0))))
 
+    def _critical(self) -> str:
+        if self.modulus > 1.0 - NONE:  # as at the end of the band, where loop gains vanish
+            return "No critical frequency: at none the loops are nearer to instability than without gain."
+        return f"Critical frequency: {self.frequency:.4g} Hz."
+
     def table(self) -> dict[str, Any]:
         """Return the margins as arguments of ``mbsvib.common.tables.text`` and ``show``.
 
@@ -103,8 +108,7 @@ class Margins(Displayed):
                      f"{self.modulus:.3g}"))  # fmt: skip
         if not self.stable:
             rows = [(name, *[""] * 4) for name, *_ in rows]
-        notes = [f"Critical frequency: {self.frequency:.4g} Hz."] if self.stable else [
-            "The closed loop is unstable: it has no margins."]  # fmt: skip
+        notes = [self._critical() if self.stable else "The closed loop is unstable: it has no margins."]
         headers = ("actuator", "gain margin", "phase margin [deg]", "delay margin [ms]", "modulus margin")
         columns = [(header, "left" if header == "actuator" else "right") for header in headers]
         return {"title": f"Stability margins: {self.name}", "columns": columns, "rows": rows, "notes": notes}
