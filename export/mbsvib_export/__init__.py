@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from mbsvib_export.npz_ import from_npz, to_npz
     from mbsvib_export.op4_ import to_op4
     from mbsvib_export.scipy_ import to_scipy
+    from mbsvib_export.synthesis_ import augw, h2syn, hinfsyn, mixsyn
     from mbsvib_export.transfer_ import to_transfer_function
     from mbsvib_export.uff_ import from_uff, to_uff
 
@@ -48,6 +49,7 @@ __all__ = [
     "NamedStateSpace",
     "SignalNames",
     "SystemData",
+    "augw",
     "check_cosimulation",
     "check_export",
     "from_hdf5",
@@ -56,7 +58,10 @@ __all__ = [
     "from_npz",
     "from_npz_batch",
     "from_uff",
+    "h2syn",
+    "hinfsyn",
     "json_schema",
+    "mixsyn",
     "named",
     "to_c",
     "to_casadi",
@@ -93,6 +98,7 @@ _HOMES = {
     "NamedStateSpace": "control_space",
     "SignalNames": "names_",
     "SystemData": "neutral",
+    "augw": "synthesis_",
     "check_cosimulation": "cosimulation",
     "check_export": "checking",
     "from_hdf5": "hdf5_",
@@ -101,7 +107,10 @@ _HOMES = {
     "from_npz": "npz_",
     "from_npz_batch": "batch_",
     "from_uff": "uff_",
+    "h2syn": "synthesis_",
+    "hinfsyn": "synthesis_",
     "json_schema": "json_",
+    "mixsyn": "synthesis_",
     "named": "naming",
     "to_c": "c_",
     "to_casadi": "casadi_",

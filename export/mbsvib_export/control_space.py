@@ -16,9 +16,10 @@ class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-contr
 
     ``plant[outputs, inputs]``, ``append``, ``feedback``, ``lft``, ``sample``, ``+``, ``-``, ``*`` and ``/``, and with
     them ``control.append``, ``feedback``, ``series``, ``parallel``, ``negate`` and ``c2d``, call the method of
-    python-control and name its result: states after their systems, where two have one name with the system's before it;
-    inputs and outputs those at which the signals enter and leave. Matrices are python-control's. ``append``, ``feedback``
-    and ``lft`` are methods of the first system: ``NamedStateSpace.of(controller)`` where that is python-control's own.
+    python-control and name its result: states as they were, with the names of their systems before them where two are
+    called alike; inputs and outputs those at which the signals enter and leave. Matrices are python-control's.
+    ``append``, ``feedback`` and ``lft`` are methods of the first system, which must be of this class:
+    ``NamedStateSpace.of(controller)`` where it is not.
     """
 
     @classmethod
@@ -44,15 +45,16 @@ class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-contr
         """
         labels = {"inputs": inputs or space.input_labels, "outputs": outputs or space.output_labels,
                   "states": states or space.state_labels}  # fmt: skip
-        return cls(
+        result: Any = cls(
             *(getattr(space, key).copy() for key in "ABCD"), 0 if space.dt is None and not space.nstates else space.dt,
             name=name or space.name, remove_useless_states=False, **{key: list(value) for key, value in labels.items()},
         )  # fmt: skip
+        return result  # type: ignore[no-any-return]
 
     def __getitem__(self, key: Any) -> Self:
         return self.of(super().__getitem__(key), states=self.state_labels)
 
-    def __neg__(self) -> Self:
+    def __neg__(self) -> Any:
         return self._made(super().__neg__(), [self], self, self)
 
     def __add__(self, other: Any) -> Any:
@@ -76,7 +78,18 @@ class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-contr
         return self._made(super().__rmul__(other), [self], self, self if _is_number(other) else other)
 
     def append(self, other: Any) -> Any:
-        """Return both systems beside each other, as ``control.append`` does."""
+        """Return both systems beside each other, as ``control.append`` does.
+
+        Parameters
+        ----------
+        other : system of python-control
+            Its inputs and outputs come last.
+
+        Returns
+        -------
+        NamedStateSpace
+            With the inputs and outputs of both.
+        """
         made = super().append(other)
         if not isinstance(other, control.StateSpace):
             return made
@@ -84,11 +97,37 @@ class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-contr
                        unique_names([self, other], "state"), _joined([self, other]))  # fmt: skip
 
     def feedback(self, other: Any = 1, sign: float = -1) -> Any:
-        """Return the closed loop with ``other`` in the way back, as ``control.feedback`` does."""
+        """Return the closed loop with ``other`` in the way back, as ``control.feedback`` does.
+
+        Parameters
+        ----------
+        other : system of python-control or number
+            From the outputs to the inputs.
+        sign : float
+            -1 for negative feedback, 1 for positive.
+
+        Returns
+        -------
+        NamedStateSpace
+            With the inputs and outputs of this system.
+        """
         return self._made(super().feedback(other, sign), [self, other], self, self)
 
     def lft(self, other: Any, nu: int = -1, ny: int = -1) -> Any:
-        """Return the loop of ``other`` around the last ``ny`` outputs and ``nu`` inputs; the others stay, first."""
+        """Return the lower linear fractional transformation, the loop around the last outputs and inputs.
+
+        Parameters
+        ----------
+        other : control.StateSpace
+            From the last outputs to the last inputs, by positive feedback.
+        nu, ny : int
+            Number of these inputs and outputs; default: all that ``other`` has.
+
+        Returns
+        -------
+        NamedStateSpace
+            With the inputs and outputs that are left, and those that are left of ``other``.
+        """
         made = super().lft(other, nu, ny)
         nu = min(other.noutputs, self.ninputs) if nu < 0 else nu
         ny = min(other.ninputs, self.noutputs) if ny < 0 else ny
@@ -97,7 +136,20 @@ class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-contr
         return self.of(made, inputs, outputs, unique_names([self, other], "state"), _joined([self, other]))
 
     def sample(self, *arguments: Any, **options: Any) -> Self:
-        """Return the discrete-time system, as ``control.sample_system`` does."""
+        """Return the discrete-time system, as ``control.sample_system`` does.
+
+        Parameters
+        ----------
+        *arguments
+            Step [s] and method, as python-control takes them.
+        **options
+            Its options.
+
+        Returns
+        -------
+        NamedStateSpace
+            With the same names.
+        """
         return self.of(super().sample(*arguments, **options))
 
     def _made(self, space: Any, parts: list[Any], entered: Any, left: Any) -> Any:

@@ -74,7 +74,7 @@ def named(
     if is_control(made):  # what is made of it keeps names too
         from mbsvib_export.control_space import NamedStateSpace
 
-        return NamedStateSpace.of(made)  # type: ignore[return-value]
+        return NamedStateSpace.of(made)
     return made  # type: ignore[no-any-return]
 
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, Self
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from mbsvib.common.arrays import Array
+
     Names = str | Sequence[str] | None
 
 
@@ -42,3 +44,24 @@ class ReducibleSpace:
         space: Any = self if keep is None else self[keep, :]  # type: ignore[index]
         result: Self = reduced_space(space, order, error)  # type: ignore[assignment]
         return result
+
+    def hankel_singular_values(self) -> Array:
+        """Return the Hankel singular values of the states that decay, in descending order.
+
+        sigma_i = sqrt(lambda_i(P Q)), of the controllability and the observability Gramian
+
+        Returns
+        -------
+        array, shape (n,)
+            Positive values, output by input in SI units; the first is the Hankel norm.
+
+        Raises
+        ------
+        ResponseError
+            If the Gramians do not converge.
+
+        Source: Antoulas, Approximation of Large-Scale Dynamical Systems (2005), section 5.4.
+        """
+        from mbsvib.reduction.reduced import hankel_singular_values
+
+        return hankel_singular_values(self)  # type: ignore[arg-type]

@@ -26,6 +26,8 @@ LOWEST, HIGHEST, AT_REST = 1e-6, 1e6, 1e-9
 REAL = 1e-3
 # A loop gain below this, or above its inverse, limits no gain: its sign is rounding.
 NONE = 1e-6
+# The smallest singular value of 1 - K G comes this near to 1 only where the loop gain vanishes.
+VANISHES = 1e-6
 
 
 class OpenedLoops(Protocol):
@@ -64,6 +66,7 @@ class Margins(Displayed):
     all phases by +-``all_phases`` [deg], in any combination. For each of the ``actuators``, the other loops closed:
     ``lower`` and ``gain`` are the gain margins, ``phase`` [deg] the phase margin, ``delay`` [s] the delay margin and
     ``modulus_each`` the modulus margin, the smallest distance of its locus from -1; 0 and infinite without limit.
+    ``lower_at``, ``gain_at``, ``phase_at``, ``delay_at``, ``modulus_at`` [Hz] are where they occur, NaN without limit.
     """
 
     name: str
@@ -75,6 +78,11 @@ class Margins(Displayed):
     phase: Array
     delay: Array
     modulus_each: Array
+    lower_at: Array
+    gain_at: Array
+    phase_at: Array
+    delay_at: Array
+    modulus_at: Array
     stable: bool
 
     @property
@@ -86,11 +94,6 @@ class Margins(Displayed):
     def all_phases(self) -> float:
         """Phase [deg] by which all loops may change simultaneously."""
         return float(np.degrees(2.0 * np.arcsin(min(0.5 * self.modulus, 1.0))))
-
-    def _critical(self) -> str:
-        if self.modulus > 1.0 - NONE:  # as at the end of the band, where loop gains vanish
-            return "No critical frequency: at none the loops are nearer to instability than without gain."
-        return f"Critical frequency: {self.frequency:.4g} Hz."
 
     def table(self) -> dict[str, Any]:
         """Return the margins as arguments of ``mbsvib.common.tables.text`` and ``show``.
@@ -108,7 +111,12 @@ class Margins(Displayed):
                      f"{self.modulus:.3g}"))  # fmt: skip
         if not self.stable:
             rows = [(name, *[""] * 4) for name, *_ in rows]
-        notes = [self._critical() if self.stable else "The closed loop is unstable: it has no margins."]
+        if not self.stable:
+            notes = ["The closed loop is unstable: it has no margins."]
+        elif self.modulus > 1.0 - VANISHES:
+            notes = ["No critical frequency: the sensitivity is largest, 1, where the loop gain vanishes."]
+        else:
+            notes = [f"Critical frequency: {self.frequency:.4g} Hz."]
         headers = ("actuator", "gain margin", "phase margin [deg]", "delay margin [ms]", "modulus margin")
         columns = [(header, "left" if header == "actuator" else "right") for header in headers]
         return {"title": f"Stability margins: {self.name}", "columns": columns, "rows": rows, "notes": notes}
@@ -152,34 +160,44 @@ def margins(loop: OpenedLoops, frequencies: ArrayLike | None = None) -> Margins:
     band = Band(lambda hertz: _sensitivity(loop, hertz), ends)
     frequency, largest = band.highest(lambda s: np.asarray(np.linalg.svd(s, compute_uv=False)[:, 0]))
     limits = _sensitivity(loop, ends[[0, -1]])[: 2 if frequencies is None else 0]
-    single_margins = [_single(band, limits[:, i, i], i) for i in range(len(loop.actuators))]
-    lower, gain, phase, delay, modulus = np.array(single_margins).T
+    single_margins = [_single(band, ends[[0, -1]], limits[:, i, i], i) for i in range(len(loop.actuators))]
+    (lower, gain, phase, delay, modulus), at = np.array(single_margins).transpose(2, 1, 0)
+    lower_at, gain_at, phase_at, delay_at, modulus_at = at
     return Margins(loop.law.name, loop.actuators, 1.0 / largest, frequency, lower, gain, phase, delay, modulus,
-                   loop.stable)  # fmt: skip
+                   lower_at, gain_at, phase_at, delay_at, modulus_at, loop.stable)  # fmt: skip
 
 
 def _sensitivity(loop: OpenedLoops, hertz: Array) -> Complex:
     return np.asarray(np.linalg.inv(np.eye(len(loop.actuators)) - loop.returned(2.0 * np.pi * hertz)))
 
 
-def _single(band: Band, limits: Complex, i: int) -> tuple[float, float, float, float, float]:
-    """Lower and upper gain margin, phase [deg], delay [s] and modulus margin of one actuator's loop, the others closed:
-    L = 1 / S - 1, with the critical point -1.
+def _single(band: Band, ends: Array, limits: Complex, i: int) -> list[tuple[float, float]]:
+    """Lower and upper gain margin, phase [deg], delay [s] and modulus margin of one actuator's loop, the others closed,
+    each with its frequency [Hz]: L = 1 / S - 1, with the critical point -1.
     """
 
     def tells(s: Complex) -> NDArray[np.bool_]:
         return np.asarray(np.minimum(np.abs(s), np.abs(s - 1.0)) > NONE)
 
-    s = band.response(band.crossings(lambda s: np.where(tells(s[:, i, i]), s[:, i, i].imag, np.nan)))[:, i, i]
-    s = np.concatenate((s, limits))
-    s = s[tells(s)]
-    s = s[np.abs(s.imag) <= REAL * np.minimum(np.abs(s), np.abs(s - 1.0))].real
-    factors = s / (s - 1.0)
-    factors = factors[factors > 0.0]
+    at = band.crossings(lambda s: np.where(tells(s[:, i, i]), s[:, i, i].imag, np.nan))
+    s = np.concatenate((band.response(at)[:, i, i], limits))
+    at = np.concatenate((at, ends[: len(limits)]))
+    real = tells(s) & (np.abs(s.imag) <= REAL * np.minimum(np.abs(s), np.abs(s - 1.0)))
+    factors, at = np.divide(s[real].real, s[real].real - 1.0), at[real]
     unit = band.crossings(lambda s: s[:, i, i].real - 0.5)
     turn = np.angle(1.0 - 1.0 / band.response(unit)[:, i, i])
     delays = np.mod(turn, 2.0 * np.pi) / (2.0 * np.pi * unit)
-    largest = band.highest(lambda s: np.abs(s[:, i, i]) ** 2)[1]
-    return (float(factors[factors < 1.0].max(initial=0.0)), float(factors[factors >= 1.0].min(initial=np.inf)),
-            float(np.degrees(np.abs(turn).min(initial=np.inf))), float(delays.min(initial=np.inf)),
-            largest**-0.5)  # fmt: skip
+    where, largest = band.highest(lambda s: np.abs(s[:, i, i]) ** 2)
+    below, above = (factors > 0.0) & (factors < 1.0), factors >= 1.0
+    return [
+        _limit(-factors[below], at[below], 0.0, -1.0), _limit(factors[above], at[above], np.inf),
+        _limit(np.degrees(np.abs(turn)), unit, np.inf), _limit(delays, unit, np.inf), (largest**-0.5, float(where)),
+    ]  # fmt: skip
+
+
+def _limit(values: Array, at: Array, without: float, sign: float = 1.0) -> tuple[float, float]:
+    """The least of some values, times a sign, and where it is; ``without`` and NaN if there are none."""
+    if not len(values):
+        return without, np.nan
+    least = int(values.argmin())
+    return sign * float(values[least]), float(at[least])

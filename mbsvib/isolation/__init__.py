@@ -5,7 +5,7 @@ white, shaped, table      power spectral densities of the base's acceleration
 vc_curve   vibration criteria VC-A to VC-G
 actuated   actuators and sensors in the legs; ``.with_gains(controller)`` closes loops
 force_feedback, velocity_feedback, skyhook, lqg, hinf, controller      controllers
-collocation, root_locus, force_feedback_optimum      analysis of controllers
+collocation, root_locus, force_feedback_optimum, structured_singular_values      analysis of controllers
 passive    quantities for ``studies.optimize``, best values of springs, dampers, masses and places, Pareto fronts
 unfolded   relaxation legs as springs, dampers and nodes, whose derivatives are known
 struts, ring      ideal legs J^T k J, and their ends as variables
@@ -25,6 +25,7 @@ from mbsvib.isolation.pareto import Front
 from mbsvib.isolation.passive import Passive, passive
 from mbsvib.isolation.platform import Platform, platform
 from mbsvib.isolation.root_locus import RootLocus, root_locus
+from mbsvib.isolation.slicot import structured_singular_values
 from mbsvib.isolation.struts import Struts, ring, struts
 from mbsvib.isolation.study_loops import ClosedLoop, SampledLoop
 from mbsvib.isolation.synthesis import hinf, lqg
@@ -36,8 +37,8 @@ __all__ = [
     "Active", "BaseNoise", "ClosedLoop", "Collocation", "Controller", "Design", "Front", "Isolation", "Margins", "Pair",
     "Passive", "Platform", "RootLocus", "SampledLoop", "Shaped", "Struts", "Table", "Vibration", "actuated",
     "collocation", "controller", "force_feedback", "force_feedback_optimum", "hinf", "lqg", "passive", "platform",
-    "ring", "root_locus", "shaped", "skyhook", "struts", "study", "table", "unfolded", "vc_curve", "velocity_feedback",
-    "white",
+    "ring", "root_locus", "shaped", "skyhook", "structured_singular_values", "struts", "study", "table", "unfolded",
+    "vc_curve", "velocity_feedback", "white",
 ]  # fmt: skip
 
 

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.errors import ExportError, ResponseError
+from mbsvib.errors import ResponseError
 from mbsvib.feedback.controller import Controller
+from mbsvib.isolation.slicot import hinf_synthesis, need_ctrlsys
 from mbsvib.isolation.study_scene import ACCELERATIONS
 
 if TYPE_CHECKING:
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
     from mbsvib.isolation.plant import Plant
 
 UNDAMPED = 1e-12  # share of the largest pole below which a real part is rounding
-# Norms at which the search for an H-infinity controller begins, the first at which there is one; it ends within TIGHT.
-BEGIN, TIGHT = (1e1, 1e3, 1e6, 1e10), 1e-6
 
 
 def lqg(
@@ -68,7 +67,7 @@ def lqg(
 
 def hinf(
     plant: Plant, sensors: Sequence[str], effort: float, noise: float = 1e-3,
-    performance: Sequence[str] = ACCELERATIONS,
+    performance: Sequence[str] = ACCELERATIONS, relaxation: float = 1.0,
 ) -> tuple[Controller, float]:  # fmt: skip
     """Return the controller that keeps the largest response to base and sensor noise least.
 
@@ -86,11 +85,14 @@ def hinf(
         Amplitude of the sensors' noise in their units, positive.
     performance : sequence of str
         Outputs z to keep small.
+    relaxation : float
+        Norm that is allowed, in parts of the smallest, from 1 on: a controller of 1.2 times the smallest norm has
+        slower poles and often much wider stability margins.
 
     Returns
     -------
     controller, norm : Controller, float
-        The controller and the norm that it reaches.
+        The controller and the norm that it reaches, within 1 % of the smallest but for ``relaxation``.
 
     Raises
     ------
@@ -100,33 +102,25 @@ def hinf(
         If a weight is not positive, or no controller is found.
 
     Source: Glover & Doyle, State-space formulae for all stabilizing controllers that satisfy an H-infinity norm bound,
-    Systems & Control Letters 11 (1988); SLICOT's SB10AD.
+    Systems & Control Letters 11 (1988); SLICOT's SB10FD.
     """
-    try:
-        import ctrlsys
-    except ImportError as error:
-        raise ExportError("hinf: H-infinity synthesis needs ctrlsys; install it by  pip install \"mbsvib[ctrlsys]\", "
-                          "or use lqg, which does without.") from error  # fmt: skip
+    need_ctrlsys("hinf", ", or use lqg, which does without")
     for name, value in (("effort", effort), ("noise", noise)):
         if not 0.0 < value < np.inf:
             raise ResponseError(f"hinf: {name} = {value!r}; expected a positive number.")
+    if not 1.0 <= relaxation < np.inf:
+        raise ResponseError(f"hinf: relaxation = {relaxation!r}; expected a number from 1 on.")
     a, b, bw, c, d, dw, z, zd, scale = _weighted(plant, sensors, performance)
     zw = _through(plant, performance)
     m, n, k = b.shape[1], len(c), bw.shape[1]
-    generalized_plant = [np.asfortranarray(matrix) for matrix in (
+    generalized_plant = (
         a, np.hstack((bw, np.zeros((len(a), n)), b)), np.vstack((z, np.zeros((m, len(a))), c)),
         np.block([[zw, np.zeros((len(z), n)), zd], [np.zeros((m, k + n)), effort * np.eye(m)],
                   [dw, noise * np.eye(n), d]]),
-    )]  # fmt: skip
-    sizes = len(a), generalized_plant[1].shape[1], len(generalized_plant[2])
-    for norm in BEGIN:
-        copies = [matrix.copy(order="F") for matrix in generalized_plant]
-        ak, bk, ck, dk, *_, reached, _, failed = ctrlsys.sb10ad(1, *sizes, m, n, *copies, norm, TIGHT, 0.0)
-        if not failed:
-            return Controller("Hinf", ak * scale, bk * scale, ck, dk, tuple(sensors),
-                              plant.names("actuator")), float(reached)  # fmt: skip
-    raise ResponseError(f"hinf: no controller was found (SLICOT's SB10AD ends with {failed}). Effort or noise may be "
-                        f"too small against the rest, or a mode without damping out of reach of actuators or sensors.")
+    )  # fmt: skip
+    made = hinf_synthesis(generalized_plant, n, m, "hinf", relaxation)
+    law = Controller("Hinf", made.A * scale, made.B * scale, made.C, made.D, tuple(sensors), plant.names("actuator"))
+    return law, float(made.norm or 0.0)
 
 
 def _feedback(a: Array, b: Array, state: Array, effort: Array, both: Array) -> Array:

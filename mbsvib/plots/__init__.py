@@ -11,12 +11,16 @@ from mbsvib.plots.energy import energy
 from mbsvib.plots.front import front
 from mbsvib.plots.grid import time_grid
 from mbsvib.plots.isolation import isolation
+from mbsvib.plots.loop_gain import loop_gain
+from mbsvib.plots.loop_nyquist import loop_nyquist
 from mbsvib.plots.mechanism import mechanism
 from mbsvib.plots.mode_comparison import mode_comparison
 from mbsvib.plots.modes import modes
 from mbsvib.plots.nyquist import nyquist
 from mbsvib.plots.periodic import periodic
+from mbsvib.plots.pole_zero_map import pole_zero_map
 from mbsvib.plots.root_locus import root_locus
+from mbsvib.plots.sensitivity import sensitivity
 from mbsvib.plots.singular_values import singular_values
 from mbsvib.plots.step import step
 from mbsvib.plots.topology import topology
@@ -28,12 +32,16 @@ __all__ = [
     "energy",
     "front",
     "isolation",
+    "loop_gain",
+    "loop_nyquist",
     "mechanism",
     "mode_comparison",
     "modes",
     "nyquist",
     "periodic",
+    "pole_zero_map",
     "root_locus",
+    "sensitivity",
     "singular_values",
     "step",
     "time_grid",

@@ -78,7 +78,8 @@ def root_locus(
     ResponseError
         If limits are not two finite, ascending numbers.
     """
-    across, upward = _limits(real, "real"), _limits(imaginary, "imaginary")
+    across, upward = (limits_of(values, field, "plots.root_locus")
+                      for values, field in ((real, "real"), (imaginary, "imaginary")))
     same = (across is None and upward is None) if equal is None else equal
     with style.context():
         figure = style.new_figure(5.2, 5.2)
@@ -102,7 +103,7 @@ def root_locus(
         right = max(0.05 * top, 1.08 * float(np.minimum(poles.real[:, locus.modes], top).max(initial=0.0)))
         left, right = across or (left, right)
         bottom, top = upward or (0.0, top)
-        _rays(axes, (left, right), (bottom, top), same)
+        damping_rays(axes, (left, right), (bottom, top), same)
         axes.set_xlim(left, right)
         axes.set_ylim(bottom, top)
         axes.axvline(0.0, color=style.MARK, linewidth=0.8)
@@ -113,18 +114,18 @@ def root_locus(
     return figure
 
 
-def _limits(values: Limits, field: str) -> Limits:
+def limits_of(values: Limits, field: str, who: str) -> Limits:
     """Return the limits of an axis as they are given, if they are two finite, ascending numbers."""
     if values is None:
         return None
     expected = "the first and last value of the axis [Hz], ascending"
-    ends = reals(values, "plots.root_locus", field, expected)
+    ends = reals(values, who, field, expected)
     if ends.shape != (2,) or not np.isfinite(ends).all() or ends[0] >= ends[1]:
-        raise ResponseError(f"plots.root_locus: {field} is {values!r}; expected {expected}, such as (0.0, 20.0).")
+        raise ResponseError(f"{who}: {field} is {values!r}; expected {expected}, such as (0.0, 20.0).")
     return float(ends[0]), float(ends[1])
 
 
-def _rays(axes: Axes, across: tuple[float, float], upward: tuple[float, float], same: bool) -> None:
+def damping_rays(axes: Axes, across: tuple[float, float], upward: tuple[float, float], same: bool) -> None:
     """Draw lines of one damping ratio, with labels where they pass below the upper edge."""
     (left, right), (bottom, top) = across, upward
     height = bottom + 0.93 * (top - bottom)

@@ -15,6 +15,7 @@ from mbsvib.reduction.error import error_bound, rounding_error
 from mbsvib.reduction.modal import ModalTruncation
 
 if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Equations
     from mbsvib.responses.state_space import StateSpace
 
@@ -60,6 +61,29 @@ def reduced_space(space: StateSpace, order: int | None = None, error: float | No
         transform=space.transform @ right, states=names, state_units=("",) * n,
         error_bound=bound + (space.error_bound or 0.0),
     )  # fmt: skip
+
+
+def hankel_singular_values(space: StateSpace) -> Array:
+    """Return the Hankel singular values of the states that decay, in descending order.
+
+    sigma_i = sqrt(lambda_i(P Q)), of the controllability and the observability Gramian
+
+    Parameters
+    ----------
+    space : StateSpace
+        Continuous equations.
+
+    Returns
+    -------
+    array, shape (n,)
+        Positive values, output by input in SI units.
+
+    Raises
+    ------
+    ResponseError
+        If the Gramians do not converge.
+    """
+    return balanced(space.A, space.B, space.C).hankel
 
 
 def reduced_equations(

@@ -32,6 +32,7 @@ def lacking(monkeypatch, *packages):
     monkeypatch.setattr(stages, "find_spec", lambda name: None if name in packages else present(name))
 
 
+@pytest.mark.slow
 def test_the_whole_job(run, tmp_path):
     pytest.importorskip("fmpy")
     pytest.importorskip("plotly")

@@ -106,10 +106,3 @@ def test_isolation_prints_and_draws_open_against_closed(run, tmp_path):
     assert mv.library.stewart_isolator().linearize().dof == 12
     refused = run("isolation stewart_isolator platform --feedback velocity --gain 60 --leak 1")
     assert (refused.exit_code, "leave --leak out" in refused.stderr) == (2, True)
-
-
-def test_no_critical_frequency_where_feedback_only_damps(run):
-    """It was that of the end of the band, 3e8 Hz."""
-    words = run("isolation stewart_isolator platform --feedback force --gain 60").stdout
-    assert "No critical frequency: " in words
-    assert "Critical frequency: " not in words

@@ -1,0 +1,333 @@
+"""SLICOT by ctrlsys, where it is installed: H-infinity and H2 controllers, structured singular values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ExportError, ResponseError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from mbsvib.common.arrays import Array, Complex
+
+# Norms, in parts of the open loop's, at which the search for an H-infinity controller begins, the first at which there
+# is one, and where it ends: a bisection to within NEAR, as poles of controllers go to infinity towards the least norm.
+BEGIN, LEAST, NEAR = (1.0, 1e1, 1e3, 1e6, 1e10), 1e-12, 1e-2
+# A controller whose loop has a larger norm than SLICOT says by more than this is none.
+EXCEEDED = 1e-3
+# Relative accuracy of norms.
+NORM_TOLERANCE = 1e-9
+# Frequencies, in parts of the highest pole, at which the size of a plant is taken.
+SAMPLES = np.concatenate(([0.0], np.geomspace(1e-4, 10.0, 60)))
+_COMPLEX = 2  # kind of a block
+
+
+@dataclass(frozen=True, slots=True)
+class Synthesis:
+    """A controller x' = A x + B y, u = C x + D y, the H-infinity ``norm`` of the loop (of H2 controllers None), and
+    reciprocal condition numbers of the transformations of controls and measurements and of both Riccati equations.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    norm: float | None
+    reciprocal_conditions: Array
+
+
+def need_ctrlsys(caller: str, without: str = "") -> Any:
+    """Return the package ctrlsys.
+
+    Parameters
+    ----------
+    caller : str
+        Who needs it, for the message.
+    without : str
+        What to do without it.
+
+    Returns
+    -------
+    module
+        The package.
+
+    Raises
+    ------
+    ExportError
+        If it is not installed.
+    """
+    try:
+        import ctrlsys
+    except ImportError as error:
+        raise ExportError(f"{caller}: needs ctrlsys, SLICOT in C; install it by  pip install \"mbsvib[ctrlsys]\""
+                          f"{without}.") from error  # fmt: skip
+    return ctrlsys
+
+
+def hinf_synthesis(
+    plant: tuple[Array, Array, Array, Array], measurements: int, controls: int, caller: str, relaxation: float = 1.0
+) -> Synthesis:
+    """Return the controller u = K y that keeps the H-infinity norm from w to z least.
+
+    (z, y) = P (w, u):  minimise over stabilising K the norm of P11 + P12 K (1 - P22 K)^-1 P21
+
+    Parameters
+    ----------
+    plant : tuple of array
+        A, B, C, D of P, in continuous time.
+    measurements, controls : int
+        Number of outputs y, the last ones, and of inputs u, the last ones.
+    caller : str
+        For messages.
+    relaxation : float
+        Norm that is allowed, in parts of the smallest, 1 or more.
+
+    Returns
+    -------
+    Synthesis
+        The controller, of as many states as the plant, and the norm of its loop: within 1 % of the smallest for which
+        rounding leaves one whose loop keeps it, which is checked. Towards the least norm of all, poles of controllers
+        may go to infinity.
+
+    Raises
+    ------
+    ExportError
+        If ctrlsys is not installed.
+    ResponseError
+        If no controller is found.
+
+    Source: Glover & Doyle, State-space formulae for all stabilizing controllers that satisfy an H-infinity norm bound,
+    Systems & Control Letters 11 (1988); SLICOT's SB10FD, in a bisection. SLICOT's own, SB10AD, ends early.
+    """
+    ctrlsys = need_ctrlsys(caller)
+    a, b, c, d, rate = _normalized(plant)
+    kept = len(c) - measurements
+    size = _size(a, b[:, : b.shape[1] - controls], c[:kept], d[:kept, : b.shape[1] - controls])
+    c[:kept] /= size
+    d[:kept] /= size
+    plant = a, b, c, d
+    best, low = None, LEAST
+    for norm in BEGIN:
+        best = _attempt(ctrlsys, plant, measurements, controls, norm)
+        if best is not None:
+            break
+        low = norm
+    if best is None:
+        raise ResponseError(f"{caller}: no controller was found by SLICOT's SB10FD. Effort or noise may be too small "
+                            f"against the rest or missing for a control or measurement, or a mode without damping out "
+                            f"of reach of controls or measurements.")  # fmt: skip
+    while float(best.norm or 0.0) > (1.0 + NEAR) * low:
+        middle = float(np.sqrt(low * float(best.norm or 0.0)))
+        tried = _attempt(ctrlsys, plant, measurements, controls, middle)
+        best, low = (best, middle) if tried is None else (tried, low)
+    if relaxation > 1.0:
+        best = _attempt(ctrlsys, plant, measurements, controls, relaxation * float(best.norm or 0.0)) or best
+    return replace(best, A=best.A * rate, B=best.B * rate, norm=float(best.norm or 0.0) * size)
+
+
+def _attempt(
+    ctrlsys: Any, plant: tuple[Array, Array, Array, Array], measurements: int, controls: int, norm: float
+) -> Synthesis | None:
+    """A controller whose loop is stable and has no larger norm, and that norm, if SLICOT finds one."""
+    a, b, c, _ = plant
+    sizes = len(a), b.shape[1], len(c), controls, measurements
+    copies = [np.asfortranarray(matrix.copy()) for matrix in plant]
+    ak, bk, ck, dk, conditions, failed = ctrlsys.sb10fd(*sizes, norm, *copies, 0.0)
+    if failed or not all(np.isfinite(matrix).all() for matrix in (ak, bk, ck, dk)):
+        return None
+    loop = closed_loop(plant, (ak, bk, ck, dk), measurements, controls)
+    if not (np.linalg.eigvals(loop[0]).real < 0.0).all():
+        return None
+    reached = linf_norm(loop)
+    if not reached <= (1.0 + EXCEEDED) * norm:
+        return None
+    return Synthesis(ak, bk, ck, dk, min(reached, norm), np.asarray(conditions))
+
+
+def linf_norm(space: tuple[Array, Array, Array, Array]) -> float:
+    """Return the largest singular value of a frequency response over all frequencies.
+
+    Parameters
+    ----------
+    space : tuple of array
+        A, B, C, D, in continuous time.
+
+    Returns
+    -------
+    float
+        The norm to 1e-9, infinite if SLICOT finds none.
+
+    Raises
+    ------
+    ExportError
+        If ctrlsys is not installed.
+
+    Source: Bruinsma & Steinbuch, A fast algorithm to compute the H-infinity norm of a transfer function matrix,
+    Systems & Control Letters 14 (1990); SLICOT's AB13DD.
+    """
+    ctrlsys = need_ctrlsys("linf_norm")
+    a, b, c, d = (np.asfortranarray(matrix) for matrix in space)
+    peak, _, failed = ctrlsys.ab13dd("C", "I", "S", "D", len(a), b.shape[1], len(c), np.array([0.0, 1.0]), a.copy("F"),
+                                     np.asfortranarray(np.eye(len(a))), b.copy("F"), c.copy("F"), d.copy("F"),
+                                     NORM_TOLERANCE)  # fmt: skip
+    return float("inf") if failed or not peak[1] else float(peak[0] / peak[1])
+
+
+def closed_loop(
+    plant: tuple[Array, Array, Array, Array], controller: tuple[Array, Array, Array, Array], measurements: int,
+    controls: int,
+) -> tuple[Array, Array, Array, Array]:  # fmt: skip
+    """Return the lower linear fractional transformation of a plant and a controller.
+
+    Parameters
+    ----------
+    plant, controller : tuple of array
+        A, B, C, D of (z, y) = P (w, u) and of u = K y.
+    measurements, controls : int
+        Number of outputs y and of inputs u, the last ones of P.
+
+    Returns
+    -------
+    tuple of array
+        A, B, C, D from w to z; the states of the plant come first.
+    """
+    (a, b, c, d), (ak, bk, ck, dk) = plant, controller
+    o, i = len(c) - measurements, b.shape[1] - controls
+    b1, b2, c1, c2 = b[:, :i], b[:, i:], c[:o], c[o:]
+    d11, d12, d21, d22 = d[:o, :i], d[:o, i:], d[o:, :i], d[o:, i:]
+    # u = of_plant x + of_controller xk + direct w
+    solved = np.linalg.solve(np.eye(controls) - dk @ d22, np.hstack((dk @ c2, ck, dk @ d21)))
+    of_plant, of_controller, direct = np.split(solved, (len(a), len(a) + len(ak)), axis=1)
+    return (
+        np.block([[a + b2 @ of_plant, b2 @ of_controller],
+                  [bk @ (c2 + d22 @ of_plant), ak + bk @ d22 @ of_controller]]),
+        np.vstack((b1 + b2 @ direct, bk @ (d21 + d22 @ direct))),
+        np.hstack((c1 + d12 @ of_plant, d12 @ of_controller)), d11 + d12 @ direct,
+    )  # fmt: skip
+
+
+def h2_synthesis(plant: tuple[Array, Array, Array, Array], measurements: int, controls: int, caller: str) -> Synthesis:
+    """Return the controller u = K y that keeps the H2 norm from w to z least.
+
+    Parameters
+    ----------
+    plant : tuple of array
+        A, B, C, D of (z, y) = P (w, u), in continuous time, without feedthrough from w to z.
+    measurements, controls : int
+        Number of outputs y, the last ones, and of inputs u, the last ones.
+    caller : str
+        For messages.
+
+    Returns
+    -------
+    Synthesis
+        The controller, of as many states as the plant.
+
+    Raises
+    ------
+    ExportError
+        If ctrlsys is not installed.
+    ResponseError
+        If no controller is found.
+
+    Source: Zhou, Doyle & Glover, Robust and Optimal Control (1996), section 14.5; SLICOT's SB10HD.
+    """
+    ctrlsys = need_ctrlsys(caller)
+    a, b, c, d, rate = _normalized(plant)
+    kept = c.shape[0] - measurements
+    if d[:kept, : b.shape[1] - controls].any():
+        raise ResponseError(f"{caller}: the plant has feedthrough from w to z, and its H2 norm is infinite; filter w "
+                            f"or z, or take hinfsyn.")  # fmt: skip
+    copies = [np.asfortranarray(matrix.copy()) for matrix in (a, b, c, d)]
+    sizes = len(a), b.shape[1], len(c), controls, measurements
+    ak, bk, ck, dk, conditions, failed = ctrlsys.sb10hd(*sizes, *copies, 0.0)
+    if failed:
+        raise ResponseError(f"{caller}: no controller was found (SLICOT's SB10HD ends with {failed}). Each control "
+                            f"must cost and each measurement have noise, and all that is unstable be in reach of "
+                            f"both.")  # fmt: skip
+    return Synthesis(ak * rate, bk * rate, ck, dk, None, np.asarray(conditions))
+
+
+def structured_singular_values(matrices: ArrayLike, blocks: Sequence[int] | None = None) -> Array:
+    """Return upper bounds of structured singular values: how near uncertain blocks come to make a loop singular.
+
+    mu(M) = 1 / min {sigma(Delta) : det(1 - M Delta) = 0, Delta = diag(Delta_1, Delta_2, ...)}
+
+    A loop with ``Delta_i`` in its way, each of a gain below 1 at all frequencies, is stable where mu of what it sees
+    stays below 1.
+
+    Parameters
+    ----------
+    matrices : array-like, shape (n, n) or (n, n, points)
+        M at one or several frequencies, as frequency responses have them.
+    blocks : sequence of int, optional
+        Sizes of the blocks, full and complex; default: n blocks of size 1. Real parameters count as complex ones, which
+        is safe.
+
+    Returns
+    -------
+    array, shape () or (points,)
+        Upper bounds, the infimum over D of sigma(D M D^-1); exact for up to three blocks.
+
+    Raises
+    ------
+    ExportError
+        If ctrlsys is not installed.
+    ResponseError
+        If shapes do not fit, or SLICOT finds no bound.
+
+    Source: Fan, Tits & Doyle, Robustness in the presence of mixed parametric uncertainty and unmodeled dynamics, IEEE
+    Trans. Automatic Control 36 (1991); SLICOT's AB13MD.
+    """
+    caller = "structured_singular_values"
+    m = np.asarray(matrices, dtype=complex)
+    n = m.shape[0] if m.ndim else 0
+    sizes = [1] * n if blocks is None else [int(size) for size in blocks]
+    if m.ndim not in (2, 3) or m.shape[:2] != (n, n) or sum(sizes) != n or min(sizes, default=0) < 1:
+        raise ResponseError(f"{caller}: matrices have shape {m.shape}, blocks = {sizes}; expected square matrices "
+                            f"(n, n) or (n, n, points), and sizes of blocks whose sum is n.")  # fmt: skip
+    if not np.isfinite(m).all():
+        raise ResponseError(f"{caller}: matrices hold NaN or infinity; expected finite numbers.")
+    ctrlsys = need_ctrlsys(caller)
+    result = [_structured(ctrlsys, point.T, sizes) for point in m.reshape(n, n, -1).T]
+    return np.array(result).reshape(m.shape[2:])
+
+
+def _structured(ctrlsys: Any, matrix: Complex, sizes: Sequence[int]) -> float:
+    largest = float(np.abs(matrix).max())
+    norm = float(np.linalg.norm(matrix, 2))
+    if largest == 0.0 or len(sizes) == 1:
+        return norm
+    # ctrlsys 1.1.1 does not end on many matrices with real blocks
+    kinds = np.full(len(sizes), _COMPLEX, dtype=np.int32)
+    bound, *_, failed = ctrlsys.ab13md(np.asfortranarray(matrix / largest), np.array(sizes, dtype=np.int32), kinds)
+    if failed:
+        raise ResponseError(f"structured_singular_values: no bound was found (SLICOT's AB13MD ends with {failed}).")
+    return min(float(bound) * largest, norm)
+
+
+def _normalized(plant: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array, float]:
+    """The plant in time units of its highest pole and with balanced states, and the unit [1/s]."""
+    from scipy.linalg import matrix_balance
+
+    a, b, c, d = (np.array(matrix, dtype=float) for matrix in plant)
+    rate = float(np.abs(np.linalg.eigvals(a)).max(initial=0.0)) or float(np.abs(a).max(initial=0.0)) or 1.0
+    if not len(a):
+        return a, b, c, d, rate
+    balanced, (scale, _) = matrix_balance(a / rate, permute=False, separate=True)
+    return balanced, b / rate / scale[:, None], c * scale, d, rate
+
+
+def _size(a: Array, b: Array, c: Array, d: Array) -> float:
+    """The largest gain of a plant at some frequencies, 1 if it is zero."""
+    with np.errstate(all="ignore"):
+        gains = [np.linalg.norm(d + c @ np.linalg.lstsq(1j * w * np.eye(len(a)) - a, b.astype(complex), rcond=None)[0])
+                 for w in SAMPLES]  # fmt: skip
+    size = max(gains, default=0.0)
+    return float(size) if 0.0 < size < np.inf else 1.0

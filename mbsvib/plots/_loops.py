@@ -1,0 +1,116 @@
+"""Loop gains of single actuators, on frequencies that resolve their peaks."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from mbsvib.common.expected import kind_of, reals
+from mbsvib.common.selection import selected
+from mbsvib.errors import ResponseError
+from mbsvib.plots._choice import MOST_PANELS
+from mbsvib.responses.frequency_grid import placed
+from mbsvib.responses.frequency_grid import span as range_of
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.feedback.controller import Controller
+    from mbsvib.feedback.margins import Margins
+    from mbsvib.feedback.resolution import Resolution
+    from mbsvib.plots._choice import Names
+
+
+class Loop(Protocol):
+    """What figures of loops need; closed loops and sampled loops have it."""
+
+    @property
+    def name(self) -> str:
+        """Name of the loop."""
+
+    @property
+    def actuators(self) -> tuple[str, ...]:
+        """Names of the actuators."""
+
+    @property
+    def law(self) -> Controller:
+        """All controllers as one."""
+
+    @property
+    def open_loop(self) -> Any:
+        """The plant."""
+
+    @property
+    def resolution(self) -> Resolution:
+        """Poles of the closed loop, and the period of its responses."""
+
+    def sensitivity(self, omega: ArrayLike) -> Complex:
+        """Return S (actuators, actuators, n)."""
+
+    def margins(self, frequencies: ArrayLike | None = None) -> Margins:
+        """Return the margins."""
+
+
+def closed(loop: Any, who: str) -> Loop:
+    """Return a closed loop; refuse anything else.
+
+    Raises
+    ------
+    ResponseError
+        If it is none.
+    """
+    if kind_of(loop) not in ("closed loop", "sampled loop") or not hasattr(loop, "sensitivity"):
+        raise ResponseError(f"{who}: loop = {type(loop).__name__}; expected a closed loop, as system.feedback(...) "
+                            f"returns it.")  # fmt: skip
+    result: Loop = loop
+    return result
+
+
+def numbers(loop: Loop, actuators: Names) -> list[int]:
+    """Return the numbers of the actuators to draw, a panel each.
+
+    Raises
+    ------
+    ResponseError
+        If a name is unknown, or they are more than a figure holds.
+    """
+    which = selected(actuators, loop.actuators, "actuator", loop.name, ())
+    if not 0 < len(which) <= MOST_PANELS:
+        raise ResponseError(f"{len(which)} actuators; a figure holds 1 to {MOST_PANELS} panels: choose some by "
+                            f"actuators=[...] out of {', '.join(loop.actuators)}.")  # fmt: skip
+    return which
+
+
+def grid(
+    loop: Loop, frequencies: ArrayLike | None, span: tuple[float | None, float | None], who: str
+) -> Array:
+    """Return frequencies [Hz]: as given, or such that no pole of the plant, the controllers or the loop is missed.
+
+    Raises
+    ------
+    ResponseError
+        If the frequencies are not positive.
+    """
+    if frequencies is not None:
+        result = np.unique(reals(frequencies, who, "frequencies", "frequencies above 0 [Hz]"))
+        if not result.size or not (np.isfinite(result).all() and result[0] > 0.0):
+            raise ResponseError("frequencies: expected at least one, each finite and above 0 Hz (log axis).")
+        return result
+    poles = np.concatenate((loop.resolution.poles, loop.open_loop.poles()))
+    low, high = range_of(poles, *span)
+    return placed(np.concatenate((poles, np.linalg.eigvals(loop.law.A))), poles, low,
+                  min(high, 0.499 * loop.resolution.period))  # fmt: skip
+
+
+def gains(loop: Loop, which: list[int], frequencies: Array) -> Complex:
+    """Return the gain L (actuators, n) of each loop with the others closed, 1 + L = 1 / S."""
+    s = loop.sensitivity(2.0 * np.pi * frequencies)
+    return np.array([1.0 / s[i, i] - 1.0 for i in which])
+
+
+def shape(count: int) -> tuple[int, int]:
+    """Return rows and columns of so many panels."""
+    columns = 2 if count in (2, 4) else min(count, 3)
+    return -(-count // columns), columns

@@ -1,0 +1,116 @@
+"""Bode plots of loop gains, with the gain and phase margins of each actuator."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.plots import _loops as loops
+from mbsvib.plots import _style as style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.feedback.margins import Margins
+    from mbsvib.plots._choice import Names
+    from mbsvib.plots._loops import Loop
+
+
+def loop_gain(
+    loop: Loop, actuators: Names = None, frequencies: ArrayLike | None = None, *,
+    span: tuple[float | None, float | None] = (None, None), decibels: bool = False,
+) -> Figure:  # fmt: skip
+    """Draw the loop gain at each actuator with the other loops closed, and mark its margins.
+
+    1 + L_i(i w) = 1 / S_ii(i w), S = (1 - K G)^-1, with the critical point -1
+
+    Parameters
+    ----------
+    loop : ClosedLoop or SampledLoop
+        A plant with controllers, as ``system.feedback`` returns it.
+    actuators : str or sequence of str, optional
+        Names or patterns; default: all.
+    frequencies : array-like, shape (n,), optional
+        Where to compute [Hz]; default: a grid that resolves every resonance in ``span``.
+    span : (float or None, float or None)
+        First and last frequency [Hz]; None: from the poles.
+    decibels : bool
+        Magnitude in dB.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Magnitude and phase for each actuator. Vertical lines are the margins: from |L| to 1 where the phase is -180
+        degrees, and from the phase to -180 degrees where |L| is 1.
+
+    Raises
+    ------
+    ResponseError
+        If it is no closed loop, a name is unknown, or there are more than twelve panels.
+    """
+    loop = loops.closed(loop, "plots.loop_gain")
+    which, grid = loops.numbers(loop, actuators), loops.grid(loop, frequencies, span, "plots.loop_gain")
+    values, margins = loops.gains(loop, which, grid), loop.margins()
+    rows, columns = loops.shape(len(which))
+    with style.context():
+        figure = style.new_figure(*style.panel_size(rows, columns, 3.4, 4.8))
+        places = figure.add_gridspec(2 * rows, columns, height_ratios=[2.0, 1.15] * rows)
+        for number, i in enumerate(which):
+            row, column = divmod(number, columns)
+            top = figure.add_subplot(places[2 * row, column])
+            below = figure.add_subplot(places[2 * row + 1, column], sharex=top)
+            _magnitude(top, grid, values[number], margins, i, decibels)
+            _phase(below, grid, values[number], margins, i)
+            top.set_title(f"{loop.actuators[i]}: {told(margins, i)}", fontsize=9.0)
+            if number + columns >= len(which):
+                below.set_xlabel("frequency [Hz]")
+        figure.suptitle(f"Loop gain of {loop.name}", x=0.02, ha="left", fontsize=10.5)
+    return figure
+
+
+def told(margins: Margins, i: int) -> str:
+    """Return the margins of one actuator in a few words."""
+    if not margins.stable:
+        return "unstable"
+    low, high = margins.lower[i], margins.gain[i]
+    words = [f"gain {low:.3g} … {high:.3g}" if low > 0.0 else f"gain < {high:.3g}" if np.isfinite(high) else "any gain"]
+    words.append(f"phase {margins.phase[i]:.3g} deg" if np.isfinite(margins.phase[i]) else "any phase")
+    return ", ".join(words)
+
+
+def _magnitude(axes: Axes, f: Array, values: Complex, margins: Margins, i: int, decibels: bool) -> None:
+    size = np.abs(values)
+    size[size == 0.0] = np.nan
+    axes.plot(f, 20.0 * np.log10(size) if decibels else size, **style.line(0))
+    axes.set_xscale("log")
+    if not decibels:
+        axes.set_yscale("log")
+    axes.axhline(0.0 if decibels else 1.0, color=style.MARK, linewidth=0.8)
+    if margins.stable:
+        for factor, at in ((margins.lower[i], margins.lower_at[i]), (margins.gain[i], margins.gain_at[i])):
+            if f[0] <= at <= f[-1] and factor > 0.0:
+                ends = np.array([1.0 / factor, 1.0])
+                axes.plot([at, at], 20.0 * np.log10(ends) if decibels else ends, "o-", color=style.COLOURS[1], ms=3.0)
+    axes.set_ylabel("loop gain [dB]" if decibels else "loop gain [1]")
+    axes.set_xlim(f[0], f[-1])
+    axes.tick_params(labelbottom=False, which="both")
+
+
+def _phase(axes: Axes, f: Array, values: Complex, margins: Margins, i: int) -> None:
+    phase = np.degrees(np.angle(values))
+    broken = np.where(np.abs(np.diff(phase, append=phase[-1])) > 180.0, np.nan, phase)
+    axes.plot(f, broken, **style.line(0))
+    for critical in (-180.0, 180.0):
+        axes.axhline(critical, color=style.MARK, linewidth=0.8)
+    at = margins.phase_at[i]
+    if margins.stable and f[0] <= at <= f[-1]:
+        near = float(np.interp(np.log(at), np.log(f), np.unwrap(np.angle(values))))
+        near = np.degrees((near + np.pi) % (2.0 * np.pi) - np.pi)
+        axes.plot([at, at], [near, np.copysign(180.0, near)], "o-", color=style.COLOURS[1], ms=3.0)
+    axes.set_yticks([-180.0, -90.0, 0.0, 90.0, 180.0])
+    axes.set_ylim(-190.0, 190.0)
+    axes.set_ylabel("phase [deg]")

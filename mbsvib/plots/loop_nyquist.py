@@ -1,0 +1,84 @@
+"""Nyquist plots of loop gains, with the critical point and the modulus margin of each actuator."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.plots import _loops as loops
+from mbsvib.plots import _style as style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
+    from mbsvib.plots._choice import Names
+    from mbsvib.plots._loops import Loop
+
+# What is shown of a loop gain that grows beyond all bounds, around the critical point.
+FARTHEST = 4.0
+
+
+def loop_nyquist(
+    loop: Loop, actuators: Names = None, frequencies: ArrayLike | None = None, *,
+    span: tuple[float | None, float | None] = (None, None),
+) -> Figure:  # fmt: skip
+    """Draw the loop gain at each actuator with the other loops closed in the complex plane.
+
+    Parameters
+    ----------
+    loop : ClosedLoop or SampledLoop
+        A plant with controllers, as ``system.feedback`` returns it.
+    actuators : str or sequence of str, optional
+        Names or patterns; default: all.
+    frequencies : array-like, shape (n,), optional
+        Where to compute [Hz]; default: a grid that resolves every resonance in ``span``.
+    span : (float or None, float or None)
+        First and last frequency [Hz]; None: from the poles.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A panel for each actuator: the loop gain for positive frequencies full and for negative ones dashed, the
+        critical point -1, the unit circle, and the circle around -1 that the loop gain does not enter, of the radius of
+        the modulus margin.
+
+    Raises
+    ------
+    ResponseError
+        If it is no closed loop, a name is unknown, or there are more than twelve panels.
+    """
+    loop = loops.closed(loop, "plots.loop_nyquist")
+    which, grid = loops.numbers(loop, actuators), loops.grid(loop, frequencies, span, "plots.loop_nyquist")
+    if frequencies is None:  # circles, not polygons
+        for _ in range(2):
+            grid = np.sort(np.concatenate((grid, np.sqrt(grid[1:] * grid[:-1]))))
+    values, margins = loops.gains(loop, which, grid), loop.margins()
+    rows, columns = loops.shape(len(which))
+    around = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 200))
+    with style.context():
+        figure = style.new_figure(*style.panel_size(rows, columns, 3.6, 4.6))
+        places = figure.add_gridspec(rows, columns)
+        for number, i in enumerate(which):
+            axes = figure.add_subplot(places[number // columns, number % columns])
+            gain, look = values[number], style.line(0)
+            axes.plot(gain.real, gain.imag, **look)
+            axes.plot(gain.real, -gain.imag, **(look | {"linestyle": (0, (4, 3)), "linewidth": 0.7}))
+            axes.plot(around.real, around.imag, color=style.MARK, linewidth=0.7)
+            axes.plot([-1.0], [0.0], "+", color=style.COLOURS[1], ms=9.0, zorder=4)
+            title = loop.actuators[i]
+            if margins.stable:
+                radius = float(margins.modulus_each[i])
+                circle = -1.0 + radius * around
+                axes.plot(circle.real, circle.imag, color=style.COLOURS[1], linewidth=0.9)
+                title += f": modulus margin {radius:.3g}"
+            reach = min(FARTHEST, max(1.6, 1.1 * float(np.abs(gain + 1.0).max())))
+            axes.set_xlim(-1.0 - reach, -1.0 + reach)
+            axes.set_ylim(-reach, reach)
+            axes.set_aspect("equal")
+            axes.set_xlabel("real part [1]")
+            axes.set_ylabel("imaginary part [1]")
+            axes.set_title(title, fontsize=9.0)
+        figure.suptitle(f"Loop gain of {loop.name}", x=0.02, ha="left", fontsize=10.5)
+    return figure

@@ -1,0 +1,81 @@
+"""Poles and zeros in the complex plane."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.plots import _choice as choice
+from mbsvib.plots import _style as style
+from mbsvib.plots.root_locus import damping_rays, limits_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.figure import Figure
+
+    from mbsvib.plots._choice import Names, Systems
+    from mbsvib.plots.root_locus import Limits
+
+
+def pole_zero_map(
+    systems: Systems, outputs: Names = None, inputs: Names = None, *, real: Limits = None, imaginary: Limits = None,
+    labels: Sequence[str] | None = None,
+) -> Figure:  # fmt: skip
+    """Draw poles as crosses and the zeros from inputs to outputs as circles.
+
+    Parameters
+    ----------
+    systems : System, ClosedLoop, StateSpace, Controller, control.StateSpace, or sequence of these
+        One, or several that are drawn into the same plane.
+    outputs, inputs : str or sequence of str, optional
+        Names or patterns of the ports that the zeros belong to; default: all.
+    real, imaginary : (float, float), optional
+        First and last value of each axis [Hz]; default: all poles, with the same scale on both axes.
+    labels : sequence of str, optional
+        Names of the systems in the legend; default: their own.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Upper half of the plane in Hz; faint rays have one damping ratio.
+
+    Raises
+    ------
+    ResponseError
+        If a name is unknown, or limits are not two finite, ascending numbers.
+    """
+    across, upward = limits_of(real, "real", "plots.pole_zero_map"), limits_of(imaginary, "imaginary",
+                                                                              "plots.pole_zero_map")  # fmt: skip
+    named = choice.listed(systems, labels)
+    with style.context():
+        figure = style.new_figure(5.6, 5.2)
+        axes = figure.subplots()
+        shown = []
+        for number, (label, system) in enumerate(named):
+            colour = style.COLOURS[number % len(style.COLOURS)]
+            picked = (choice.pick(system, "output", outputs), choice.pick(system, "input", inputs))
+            for values, mark, word in ((system.poles(), "x", "poles"),
+                                       (system.transmission_zeros(*picked), "o", "zeros")):  # fmt: skip
+                upper = values[values.imag >= 0.0] / (2.0 * np.pi)
+                name = f"{label}, {word}" if len(named) > 1 else word
+                axes.plot(upper.real, upper.imag, mark, color=colour, mfc="none", markersize=6.0, label=name)
+                if mark == "x":
+                    shown.append(upper)
+        poles = np.concatenate(shown)
+        size = 1.15 * float(np.abs(poles).max(initial=0.0)) or 1.0
+        left = min(-0.25 * size, 1.1 * float(poles.real.min(initial=0.0)))
+        right = max(0.08 * size, 1.1 * float(poles.real.max(initial=0.0)))
+        left, right = across or (left, right)
+        bottom, top = upward or (0.0, max(1.15 * float(poles.imag.max(initial=0.0)), 0.25 * size))
+        same = across is None and upward is None
+        damping_rays(axes, (left, right), (bottom, top), same)
+        axes.set_xlim(left, right)
+        axes.set_ylim(bottom - 0.02 * (top - bottom) if upward is None else bottom, top)
+        axes.axvline(0.0, color=style.MARK, linewidth=0.8)
+        axes.set_aspect("equal" if same else "auto")
+        axes.set_xlabel("real part / 2 pi [1/s]")
+        axes.set_ylabel("imaginary part / 2 pi [Hz]")
+        figure.legend(loc="outside upper left", ncols=2)
+    return figure

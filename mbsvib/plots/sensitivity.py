@@ -1,0 +1,83 @@
+"""Sensitivity and complementary sensitivity of closed loops over frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ResponseError
+from mbsvib.plots import _loops as loops
+from mbsvib.plots import _style as style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
+    from mbsvib.plots._loops import Loop
+
+
+def sensitivity(
+    loop: Loop | Sequence[Loop], frequencies: ArrayLike | None = None, *,
+    span: tuple[float | None, float | None] = (None, None), labels: Sequence[str] | None = None,
+    decibels: bool = False,
+) -> Figure:  # fmt: skip
+    """Draw the largest singular values of the sensitivity S and the complementary sensitivity T over frequency.
+
+    S = (1 - K G)^-1 at the actuators, T = 1 - S
+
+    Parameters
+    ----------
+    loop : ClosedLoop, SampledLoop or sequence of these
+        Plants with controllers, as ``system.feedback`` returns them.
+    frequencies : array-like, shape (n,), optional
+        Where to compute [Hz]; default: a grid that resolves every resonance in ``span``.
+    span : (float or None, float or None)
+        First and last frequency [Hz]; None: from the poles.
+    labels : sequence of str, optional
+        Names of the loops in the legend; default: their controllers.
+    decibels : bool
+        Magnitude in dB.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Two panels; the legend tells the largest value of each curve. The peak of S is the inverse of the modulus
+        margin of all loops together.
+
+    Raises
+    ------
+    ResponseError
+        If one is no closed loop, or there are not as many labels as loops.
+    """
+    several = list(loop) if isinstance(loop, Sequence) else [loop]
+    group = [loops.closed(each, "plots.sensitivity") for each in several]
+    names = [each.law.name for each in group] if labels is None else list(labels)
+    if len(names) != len(group) or not group:
+        raise ResponseError(f"plots.sensitivity: {len(names)} labels for {len(group)} loops; give one for each.")
+    with style.context():
+        figure = style.new_figure(style.WIDEST * 0.85, 4.2)
+        panels = figure.subplots(1, 2, sharey=True)
+        for number, (name, each) in enumerate(zip(names, group, strict=True)):
+            f = loops.grid(each, frequencies, span, "plots.sensitivity")
+            s = each.sensitivity(2.0 * np.pi * f).transpose(2, 0, 1)
+            for axes, matrices in zip(panels, (s, np.eye(len(each.actuators)) - s), strict=True):
+                largest = np.linalg.svd(matrices, compute_uv=False)[:, 0]
+                peak = int(largest.argmax())
+                axes.plot(f, 20.0 * np.log10(largest) if decibels else largest, **style.line(number),
+                          label=f"{name}: {_value(largest[peak], decibels)} at {f[peak]:.4g} Hz")  # fmt: skip
+        for axes, title in zip(panels, ("sensitivity S", "complementary sensitivity T"), strict=True):
+            axes.set_xscale("log")
+            if not decibels:
+                axes.set_yscale("log")
+            axes.axhline(0.0 if decibels else 1.0, color=style.MARK, linewidth=0.8)
+            axes.set_title(title)
+            axes.set_xlabel("frequency [Hz]")
+            axes.legend(loc="best")
+        panels[0].set_ylabel("largest singular value [dB]" if decibels else "largest singular value [1]")
+    return figure
+
+
+def _value(value: float, decibels: bool) -> str:
+    return f"{20.0 * np.log10(value):.3g} dB" if decibels else f"{value:.3g}"

@@ -1,0 +1,152 @@
+"""Controllers, norms, Hankel and structured singular values by SLICOT, against closed forms and our own."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib import isolation, library
+from mbsvib.isolation.slicot import closed_loop, h2_synthesis, hinf_synthesis, linf_norm
+from tests.isolation.test_synthesis import plant as strut
+from tests.reduction.test_balanced import benchmark
+
+ctrlsys = pytest.importorskip("ctrlsys", reason="ctrlsys is not installed: pip install 'mbsvib[ctrlsys]'")
+
+# x' = w1 + u, z = (x, u), y = x + w2: both Riccati equations have 1 / sqrt(1 - g^-2), so that the least norm is sqrt(2)
+INTEGRATOR = (np.zeros((1, 1)), np.array([[1.0, 0, 1]]), np.array([[1.0], [0], [1]]),
+              np.array([[0.0, 0, 0], [0, 0, 1], [0, 1, 0]]))  # fmt: skip
+
+
+def test_the_least_norm_in_closed_form():
+    made = hinf_synthesis(INTEGRATOR, 1, 1, "test")
+    assert np.sqrt(2) <= made.norm < 1.01 * np.sqrt(2)
+    loop = closed_loop(INTEGRATOR, (made.A, made.B, made.C, made.D), 1, 1)
+    assert mv.StateSpace.from_arrays(*loop).hinf_norm().value == pytest.approx(made.norm, rel=1e-6)
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e9])
+@pytest.mark.parametrize("rate", [1e-3, 1e5])
+def test_units_do_not_matter(size, rate):
+    """SLICOT's own bisection ends at an absolute tolerance: at 600 times the least norm where numbers are small."""
+    a, b, c, d = INTEGRATOR
+    sizes = np.array([[size], [size], [1.0]])
+    # in another unit of time x has another one too
+    made = hinf_synthesis((a * rate, b * rate, c * sizes, d * sizes), 1, 1, "test")
+    assert np.sqrt(2) <= made.norm / size < 1.01 * np.sqrt(2)
+
+
+def test_a_larger_norm_that_is_allowed_slows_the_controller():
+    tight, relaxed = (hinf_synthesis(INTEGRATOR, 1, 1, "test", factor) for factor in (1.0, 1.5))
+    assert tight.norm < relaxed.norm <= 1.5 * tight.norm
+    assert np.abs(np.linalg.eigvals(relaxed.A)).max() < 0.2 * np.abs(np.linalg.eigvals(tight.A)).max()
+    p = isolation.actuated(library.cubic_hexapod(damping=2.0), "platform")
+    loops = [p.with_gains(isolation.hinf(p, p.names("acceleration"), 1.0, 0.1, relaxation=factor)[0])
+             for factor in (1.0, 1.2)]  # fmt: skip
+    assert loops[1].margins().all_phases > 1.5 * loops[0].margins().all_phases
+    with pytest.raises(mv.ResponseError, match=r"relaxation = 0\.5; expected a number from 1 on"):
+        isolation.hinf(p, p.names("acceleration"), 1.0, 0.1, relaxation=0.5)
+
+
+def test_h2_in_closed_form():
+    """Both Riccati solutions are 1: u = -x, and a filter of gain 1."""
+    made = h2_synthesis(INTEGRATOR, 1, 1, "test")
+    assert made.A[0, 0] == pytest.approx(-2)
+    assert made.B[0, 0] * made.C[0, 0] == pytest.approx(-1)
+    assert made.D[0, 0] == 0.0
+    a, b, c, d = INTEGRATOR
+    with pytest.raises(mv.ResponseError, match="feedthrough from w to z"):
+        h2_synthesis((a, b, c, d + 1.0), 1, 1, "test")
+
+
+def test_the_norm_of_a_hexapods_loop():
+    """Of z and forces from base and noise, by our own norm: what SLICOT's controller is said to reach, it reaches."""
+    p = strut(damping=60.0)
+    effort, noise = 1e-2, 1e-3
+    law, norm = isolation.hinf(p, ["leg.acceleration"], effort, noise)
+    loop = p.with_gains(law)
+    w = np.geomspace(1.0, 1e5, 3000)
+    part = loop.frequency_response(w, "acceleration.z", "base.z")[0, 0]
+    assert np.abs(part).max() <= norm * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("name", ["stewart_isolator", "cubic_hexapod"])
+def test_norms_are_slicots(name):
+    words = {"damping": 20.0} if name == "cubic_hexapod" else {}
+    space = getattr(library, name)(**words).linearize().state_space("modal")
+    part = space.with_ports(space.outputs[:3], space.inputs[:3])
+    assert linf_norm((part.A, part.B, part.C, part.D)) == pytest.approx(part.hinf_norm().value, rel=1e-8)
+    matrices = [np.array(m, order="F") for m in (part.A, part.B, part.C, 0 * part.D)]
+    value, *_, failed = ctrlsys.ab13bd("C", "H", *matrices, 0.0)
+    assert not failed
+    assert value == pytest.approx(mv.StateSpace.from_arrays(part.A, part.B, part.C, 0).h2_norm().value, rel=1e-8)
+
+
+@pytest.mark.parametrize("order", [4, 10, 20])
+def test_balanced_truncation_is_slicots(order):
+    """AB09AD by the square-root method: the same Hankel singular values and the same reduced model."""
+    building = benchmark("build")
+    space = mv.StateSpace.from_arrays(building.A, building.B, building.C, 0)
+    n = len(space.A)
+    matrices = [np.array(m, order="F") for m in (space.A, space.B, space.C)]
+    ar, br, cr, hankel, nr, _, failed = ctrlsys.ab09ad("C", "B", "N", "F", n, 1, 1, order, *matrices, 0.0)
+    assert (failed, nr) == (0, order)
+    ours = space.hankel_singular_values()
+    assert ours[:order] == pytest.approx(hankel[:order], rel=1e-8)
+    small = space.reduced(order)
+    w = np.geomspace(1.0, 200.0, 300)
+    theirs = mv.StateSpace.from_arrays(ar[:nr, :nr], br[:nr], cr[:, :nr], 0).frequency_response(w)
+    assert np.abs(small.frequency_response(w) - theirs).max() <= 1e-6 * np.abs(theirs).max()
+    error = np.abs(small.frequency_response(w) - space.frequency_response(w)).max()
+    assert 0.1 * hankel[order] < error <= small.error_bound
+    assert small.error_bound == pytest.approx(2 * hankel[order:].sum(), rel=1e-4)
+    matrices = [np.array(m, order="F") for m in (space.A, space.B, space.C)]
+    assert ctrlsys.ab13ad("C", "N", n, 1, 1, 0.0, *matrices)[0] == pytest.approx(ours[0])
+
+
+def test_structured_singular_values():
+    mu = isolation.structured_singular_values
+    rng = np.random.default_rng(2)
+    m = rng.normal(size=(5, 5, 20)) + 1j * rng.normal(size=(5, 5, 20))
+    each = np.moveaxis(m, 2, 0)
+    radius, norm = np.abs(np.linalg.eigvals(each)).max(axis=1), np.linalg.norm(each, 2, axis=(1, 2))
+    assert mu(m).shape == (20,)
+    assert (radius * (1 - 1e-9) <= mu(m)).all()
+    assert (mu(m) <= norm).all()
+    assert mu(m, [5]) == pytest.approx(norm)
+    assert (mu(m) <= mu(m, [2, 3]) * (1 + 1e-4)).all()
+    # scaling by D changes nothing, of positive matrices it is Perron's eigenvalue, of rank 1 the sum of |a_i b_i|
+    d = np.diag([1.0, 1e2, 1e-3, 5.0, 1e4])
+    assert mu(d @ each[0] @ np.linalg.inv(d)) == pytest.approx(mu(each[0]), rel=1e-3)
+    positive = rng.uniform(0.1, 1.0, (4, 4))
+    assert mu(positive) == pytest.approx(np.abs(np.linalg.eigvals(positive)).max(), rel=1e-4)
+    a, b = m[:, 0, 0], m[:, 0, 1]
+    assert mu(np.outer(a, b)) == pytest.approx(np.abs(a * b).sum(), rel=1e-4)
+    assert mu(np.diag([1.0, 2j, 3.0])) == pytest.approx(3.0)
+    assert mu(np.zeros((2, 2))) == 0.0
+
+
+def test_uncertain_actuators_of_a_hexapod():
+    """Gains of six actuators, each of its own: the loop becomes unstable no sooner than mu of K G S says."""
+    p = isolation.actuated(library.cubic_hexapod(damping=20.0), "platform")
+    loop = p.with_gains(isolation.lqg(p, p.names("acceleration"), 1e-4))
+    w = np.geomspace(1e-3, 1e6, 1500)
+    sensitivity = loop.sensitivity(w)
+    complementary = sensitivity - np.eye(6)[:, :, None]
+    bound = isolation.structured_singular_values(complementary).max()
+    norm = np.linalg.norm(np.moveaxis(complementary, 2, 0), 2, axis=(1, 2)).max()
+    assert bound <= norm
+    rng = np.random.default_rng(1)
+    law = isolation.lqg(p, p.names("acceleration"), 1e-4)
+    for _ in range(20):
+        factors = 1.0 + 0.98 / bound * rng.choice([-1.0, 1.0], 6)
+        changed = isolation.Controller("changed", law.A, law.B, factors[:, None] * law.C, factors[:, None] * law.D,
+                                       law.inputs, law.outputs)  # fmt: skip
+        assert p.with_gains(changed).stable
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    ((np.ones((2, 3)),), r"shape \(2, 3\)"), ((np.eye(3), [1, 1]), r"blocks = \[1, 1\]"),
+    ((np.eye(2), [2, 0]), "blocks"), ((np.full((2, 2), np.nan),), "NaN"),
+])  # fmt: skip
+def test_refusals(arguments, message):
+    with pytest.raises(mv.ResponseError, match=message):
+        isolation.structured_singular_values(*arguments)

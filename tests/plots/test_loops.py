@@ -1,0 +1,148 @@
+"""Figures of closed loops: loop gains with margins, sensitivities, maps of poles and zeros."""
+
+import control
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import mbsvib as mv
+from mbsvib import library, plots
+
+
+def slider():
+    model = mv.Model("slider")
+    model.add_body("mass", 1.0, (1, 1, 1))
+    model.add_joint("rail", "prismatic", "ground", "mass", axis=(1, 0, 0))
+    model.add_spring("spring", "ground", "mass", (-1, 0, 0), (0, 0, 0), 100.0, 2.0)
+    model.add_input("F", "mass", "x")
+    model.add_output("x", "mass", "x")
+    return model.linearize()
+
+
+def single():
+    return slider().feedback(control.ss([[-50.0]], [[1.0]], [[-3000.0]], [[-20.0]]), "x", "F", name="lag")
+
+
+def several():
+    plant = library.stewart(ports="legs").linearize()
+    law = control.ss(-300.0 * np.eye(6), np.eye(6), 2e8 * np.eye(6), -1e7 * np.eye(6))
+    return plant.feedback(law, "*.elongation", "*.f", name="lead")
+
+
+def line_of(s):
+    """L with the other loops closed."""
+    return 1.0 / s - 1.0
+
+
+@pytest.mark.parametrize("make", [single, several])
+def test_margins_are_where_they_are_said_to_be(make):
+    loop = make()
+    margins = loop.margins()
+    for i in range(len(loop.actuators)):
+        def gain(hertz, i=i):
+            return line_of(loop.sensitivity([2 * np.pi * hertz])[i, i, 0])
+
+        for factor, at in ((margins.gain[i], margins.gain_at[i]), (margins.lower[i], margins.lower_at[i])):
+            if np.isfinite(at):
+                assert_allclose(factor * gain(at), -1.0, atol=1e-6)
+        if np.isfinite(margins.phase[i]):
+            assert_allclose(abs(gain(margins.phase_at[i])), 1.0, rtol=1e-8)
+            assert_allclose(180.0 - abs(np.degrees(np.angle(gain(margins.phase_at[i])))), margins.phase[i], rtol=1e-6)
+            angle = 2 * np.pi * margins.delay_at[i] * margins.delay[i]
+            assert_allclose(gain(margins.delay_at[i]) * np.exp(-1j * angle), -1.0, atol=1e-8)
+        assert_allclose(abs(1.0 + gain(margins.modulus_at[i])), margins.modulus_each[i], rtol=1e-8)
+
+
+def test_margins_of_python_control():
+    loop = single()
+    margins = loop.margins()
+    plant = control.tf([1.0], [1.0, 2.0, 100.0])
+    law = control.tf([20.0, 20.0 * 50.0 + 3000.0], [1.0, 50.0])
+    gain, phase, _, at_gain, at_phase, _ = control.stability_margins(plant * law)
+    assert_allclose([margins.gain[0], margins.phase[0]], [gain, phase], rtol=1e-6)
+    assert_allclose(2 * np.pi * np.array([margins.gain_at[0], margins.phase_at[0]]), [at_gain, at_phase], rtol=1e-6)
+
+
+def test_loop_gain_and_its_margins_are_drawn():
+    loop = single()
+    margins = loop.margins()
+    figure = plots.loop_gain(loop, decibels=True)
+    top, below = figure.axes
+    f, size = top.lines[0].get_data()
+    s = loop.sensitivity(2 * np.pi * f)[0, 0]
+    assert_allclose(size, 20 * np.log10(np.abs(line_of(s))), atol=1e-9)
+    mark = top.lines[-1]
+    assert_allclose(mark.get_xdata(), margins.gain_at[0])
+    assert_allclose(mark.get_ydata(), [-20 * np.log10(margins.gain[0]), 0.0], atol=1e-12)
+    at, ends = below.lines[-1].get_data()
+    assert_allclose(at, margins.phase_at[0])
+    assert abs(abs(ends[1] - ends[0]) - margins.phase[0]) < 0.5
+    assert f"phase {margins.phase[0]:.3g} deg" in top.get_title(loc="left")
+
+
+def test_each_actuator_has_a_panel():
+    loop = several()
+    assert len(plots.loop_gain(loop).axes) == 12
+    figure = plots.loop_nyquist(loop, ["leg1.f", "leg2.f"])
+    assert len(figure.axes) == 2
+    circle = figure.axes[0].lines[-1]
+    assert_allclose(np.abs(circle.get_xdata() + 1j * circle.get_ydata() + 1.0), loop.margins().modulus_each[0])
+    f = np.geomspace(1.0, 3e3, 50)
+    curve = plots.loop_nyquist(loop, "leg3.f", f).axes[0].lines[0]
+    assert_allclose(curve.get_xdata() + 1j * curve.get_ydata(), line_of(loop.sensitivity(2 * np.pi * f)[2, 2]))
+
+
+def test_peaks_of_sensitivities():
+    loop = several()
+    figure = plots.sensitivity([loop, loop.sampled(5e4)], labels=["continuous", "sampled"])
+    left, right = figure.axes
+    f, largest = left.lines[0].get_data()
+    assert_allclose(largest.max(), 1.0 / loop.margins().modulus, rtol=1e-3)
+    s = loop.sensitivity(2 * np.pi * f).transpose(2, 0, 1)
+    assert_allclose(right.lines[0].get_ydata(), np.linalg.norm(np.eye(6) - s, 2, axis=(1, 2)), rtol=1e-10)
+    assert left.lines[1].get_label().startswith("sampled: ")
+    assert left.lines[1].get_xdata()[-1] < 2.5e4
+
+
+def test_poles_and_zeros():
+    system, loop = slider(), single()
+    axes = plots.pole_zero_map([system, loop], "x", "F").axes[0]
+    for i, each in enumerate((system, loop)):
+        poles, zeros = axes.lines[2 * i], axes.lines[2 * i + 1]
+        upper = each.poles()[each.poles().imag >= 0] / (2 * np.pi)
+        assert_allclose(np.sort_complex(poles.get_xdata() + 1j * poles.get_ydata()), np.sort_complex(upper))
+        assert len(zeros.get_xdata()) == len(each.transmission_zeros("x", "F"))
+    near = plots.pole_zero_map(system, imaginary=(0.0, 3.0)).axes[0]
+    assert near.get_ylim() == (0.0, 3.0)
+
+
+@pytest.mark.parametrize("draw", [plots.loop_gain, plots.loop_nyquist, plots.sensitivity])
+def test_open_loops_are_refused(draw):
+    with pytest.raises(mv.ResponseError, match="expected a closed loop, as system"):
+        draw(slider())
+
+
+def test_bad_arguments_are_refused():
+    with pytest.raises(mv.ResponseError, match="actuator 'G'"):
+        plots.loop_gain(single(), "G")
+    with pytest.raises(mv.ResponseError, match="2 labels for 1 loops"):
+        plots.sensitivity(single(), labels=["a", "b"])
+    with pytest.raises(mv.ResponseError, match=r"plots\.pole_zero_map: real is \(1, 0\)"):
+        plots.pole_zero_map(slider(), real=(1, 0))
+    with pytest.raises(mv.ResponseError, match="above 0"):
+        plots.loop_nyquist(single(), frequencies=[0.0])
+
+
+def test_an_unstable_loop_has_no_marks():
+    loop = slider().feedback([[1e3]], "x", "F")
+    assert not loop.stable
+    assert "unstable" in plots.loop_gain(loop).axes[0].get_title(loc="left")
+
+
+def test_a_loop_without_a_critical_frequency_says_so():
+    assert "Critical frequency: " in str(single().margins())
+    model = library.chain(1)
+    model.add_output("rate", "body1", "rz", quantity="velocity")
+    damped = model.linearize().feedback([[-1e-3]], "rate", "Mz")
+    assert_allclose(damped.margins().modulus, 1.0, rtol=1e-6)
+    assert "No critical frequency" in str(damped.margins())
