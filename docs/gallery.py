@@ -37,9 +37,11 @@ def page() -> str:
     return "\n".join(parts)
 
 
-def draw(path: Path, folder: Path) -> Path | None:
-    """Run an example, and write its first figure into a folder; None if a package is missing that it needs."""
+def draw(path: Path, folder: Path) -> Path:
+    """Run an example, and write its first figure into a folder; where an extra is missing, what to install."""
     import matplotlib as mpl
+
+    from mbsvib.errors import MbsvibError
 
     mpl.use("agg")
     from matplotlib import pyplot as plt
@@ -48,10 +50,10 @@ def draw(path: Path, folder: Path) -> Path | None:
     plt.close("all")
     try:
         runpy.run_path(str(path), run_name="__main__")
-    except ImportError:
-        return None
-    except SystemExit:  # an example ends so where an extra is missing, with the command
-        return None
+    except (ImportError, MbsvibError) as error:
+        if not isinstance(error, ImportError) and "pip install" not in str(error):
+            raise
+        plt.figure(figsize=(6.0, 1.0)).text(0.5, 0.5, f"Not drawn here.\n{error}", ha="center", va="center", wrap=True)
     picture = folder / f"{path.stem}.png"
     folder.mkdir(parents=True, exist_ok=True)
     plt.figure(plt.get_fignums()[0]).savefig(picture, dpi=80)

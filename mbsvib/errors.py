@@ -8,6 +8,21 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+__all__ = [
+    "AccuracyWarning",
+    "EquilibriumError",
+    "ExportError",
+    "LargeDisplacementWarning",
+    "LeftOutWarning",
+    "MbsvibError",
+    "ModelError",
+    "NearSingularWarning",
+    "ResponseError",
+    "SimulationError",
+    "SingularPoseError",
+    "UndeterminedForceWarning",
+]
+
 
 class MbsvibError(Exception):
     """Root of every error that mbsvib raises on purpose."""
@@ -107,3 +122,8 @@ def nearest(word: str, known: Iterable[str]) -> str:
     by_lower = {name.lower(): name for name in reversed(list(known))}
     match = get_close_matches(word.lower(), by_lower, n=1, cutoff=0.6)
     return f" Did you mean '{by_lower[match[0]]}'?" if match else ""
+
+
+def __dir__() -> list[str]:
+    """The exceptions and warnings."""
+    return __all__

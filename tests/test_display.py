@@ -1,7 +1,9 @@
 """Results show themselves: one short line by ``repr``, a table in notebooks; ``dir`` shows what is public."""
 
 import importlib
+import re
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -177,7 +179,7 @@ def test_html_is_escaped():
 
 
 @pytest.mark.parametrize("name", ["mbsvib", "mbsvib.library", "mbsvib.isolation", "mbsvib.studies", "mbsvib.plots",
-                                  "mbsvib_export"])  # fmt: skip
+                                  "mbsvib.errors", "mbsvib_export"])  # fmt: skip
 def test_dir_shows_the_public_names_and_nothing_else(name):
     module = importlib.import_module(name)
     assert sorted(dir(module)) == sorted(module.__all__)
@@ -185,4 +187,10 @@ def test_dir_shows_the_public_names_and_nothing_else(name):
 
 
 def test_public_names_of_the_package():
+    from mbsvib import errors
+
+    assert set(errors.__all__) <= set(mv.__all__)
+    page = Path(mv.__file__).parents[1] / "docs" / "pages" / "reference" / "systems.md"
+    listed = page.read_text(encoding="utf-8").split("mbsvib.errors")[1]
+    assert set(errors.__all__) == set(re.findall(r"\b[A-Z]\w+", listed.split("]")[0]))
     assert not [name for name in dir(mv) if name.startswith("_") and name != "__version__"]

@@ -96,6 +96,15 @@ def test_the_gallery_is_of_the_examples(tmp_path):
     assert GALLERY.draw(example, tmp_path).stat().st_size > 10_000
 
 
+def test_an_example_whose_extra_is_missing_has_a_picture_that_says_so(tmp_path):
+    example = tmp_path / "needy.py"
+    example.write_text("from mbsvib import ExportError\nraise ExportError('pip install \"mbsvib[rare]\"')\n")
+    assert GALLERY.draw(example, tmp_path).stat().st_size > 500
+    example.write_text("from mbsvib import ExportError\nraise ExportError('wrong')\n")
+    with pytest.raises(mv.ExportError, match="wrong"):
+        GALLERY.draw(example, tmp_path)
+
+
 @pytest.mark.parametrize("name", REFERENCE.PAGES)
 def test_pages_that_are_made_of_the_program_are_up_to_date(name):
     page = (REFERENCE.FOLDER / name).read_text(encoding="utf-8")

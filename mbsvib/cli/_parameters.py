@@ -11,6 +11,7 @@ from mbsvib.cli._lookup import model_of
 from mbsvib.errors import nearest
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from pathlib import Path
 
     import numpy as np
@@ -20,9 +21,7 @@ if TYPE_CHECKING:
 def params(model: str, pattern: str = "*", as_json: bool = False) -> None:
     """List the parameters of a model with values and units."""
     known = model_of(model).parameters
-    names = [name for name in known if fnmatchcase(name, pattern)]
-    if not names:
-        raise shell.UsageProblem(f"no parameter of the model fits '{pattern}'.{nearest(pattern, known)}")
+    names = _fitting(pattern, known, model)
     if as_json:
         shell.say_json([{"name": name, "value": known[name], "unit": known.units[name]} for name in names])
         return
@@ -43,6 +42,8 @@ def sweep(
         raise shell.UsageProblem(f"'{file}': sweeps end in {', '.join(FORMATS)} or .csv.")
     source = model_of(model)
     values = dict(_range(text, log) for text in ranges)
+    for name in values:
+        _fitting(name, source.parameters, model)
     count = min(modes, source.linearize().dof)
     result = studies.sweep(source, values, of={f"mode {k + 1} [Hz]": studies.frequency(k + 1) for k in range(count)})
     if as_json:
@@ -58,6 +59,15 @@ def sweep(
         else:
             write_figure(result.plot(), file)
         shell.say(f"Written: {shell.shown(file)}")
+
+
+def _fitting(pattern: str, known: Iterable[str], model: str) -> list[str]:
+    """The names of parameters that fit a pattern."""
+    names = [name for name in known if fnmatchcase(name, pattern)]
+    if not names:
+        raise shell.UsageProblem(f"no parameter of the model fits '{pattern}'.{nearest(pattern, known)} "
+                                 f"See: mbsvib params {model}.")  # fmt: skip
+    return names
 
 
 def _range(text: str, log: bool) -> tuple[str, NDArray[np.float64]]:

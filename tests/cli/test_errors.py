@@ -65,6 +65,8 @@ def test_message_and_status(run, line, status, words):
         ("isolation stewart platform --feedback magic --gain 3", ["'magic'", "'force', 'velocity', 'skyhook'"]),
         ("loop slider.yaml law.txt", ["'law.txt'", ".json, .npz, .mat"]),
         ("loop slider.yaml law.npz", ["no file 'law.npz'"]),
+        ("sweep slider.yaml k.stifness=1:2", ["fits 'k.stifness'", "'k.stiffness'?", "mbsvib params slider.yaml"]),
+        ("sweep slider.yaml k.stiffness", ["expected PARAMETER=FROM:TO"]),
         ("--show-completion tcsh", ["no completion for 'tcsh'", "bash, zsh, fish"]),
     ],
 )
