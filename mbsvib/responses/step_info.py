@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import matrix_balance
 
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError
@@ -31,7 +32,7 @@ PER_PERIOD, COUNTS = 32, 1e-3
 MOST_SAMPLES = 4_000_000
 # A final value below this share of the largest one is zero but for rounding.
 ZERO_FINAL = 1e-11
-# Condition of the eigenvectors, scaled to unit rows and columns, up to which the sum has seven digits: a double pole
+# Condition of the eigenvectors of balanced equations up to which the sum has seven digits: a double pole
 # makes it 1e8.
 WORST_CONDITION = 1e9
 # Halvings of an interval between samples.
@@ -108,15 +109,12 @@ def step_info(linear: Any, band: float = 0.02) -> StepInfo:
     if not 0.0 < band < 1.0:
         raise ResponseError(f"step_info: band = {band!r}; expected a share between 0 and 1, such as 0.02.")
     space = linear.state_space("modal") if linear.kind == "system" else linear.state_space()
-    values, vectors = _eigen(space.A)
+    values, vectors = _eigen(space.A, linear.name)
     if not (values.real < 0.0).all():
         worst = values[np.argmax(values.real)]
         pole = f"{worst:.4g}" if worst.imag else f"{worst.real:.4g}"
         raise ResponseError(f"step_info: '{linear.name}' has the pole {pole} 1/s, which does not decay: a step "
                             f"response has no final value.")  # fmt: skip
-    if _condition(vectors) > WORST_CONDITION:
-        raise ResponseError(f"step_info: poles of '{linear.name}' coincide, so that its step responses are no sum of "
-                            f"exponentials; use time_response.")  # fmt: skip
     residues = _residues(space, values, vectors)
     final = np.asarray(linear.frequency_response([0.0])[:, :, 0].real)
     shape = final.shape
@@ -127,21 +125,16 @@ def step_info(linear: Any, band: float = 0.02) -> StepInfo:
                     tuple(space.input_units), band, final, rise, settling, over, under, peak, peak_time)  # fmt: skip
 
 
-def _eigen(a: Array) -> tuple[Complex, Complex]:
-    """Eigenvalues and eigenvectors."""
+def _eigen(a: Array, name: str) -> tuple[Complex, Complex]:
+    """Eigenvalues and eigenvectors; an error where these are nearly dependent."""
     if not len(a):
         return np.zeros(0, dtype=complex), np.zeros((0, 0), dtype=complex)
-    values, vectors = np.linalg.eig(a)
-    return values.astype(complex), vectors.astype(complex)
-
-
-def _condition(vectors: Complex) -> float:
-    """Condition of eigenvectors with rows and columns of unit size."""
-    if not len(vectors):
-        return 1.0
-    rows = np.abs(vectors).max(axis=1)
-    scaled = vectors / np.where(rows > 0.0, rows, 1.0)[:, None]
-    return float(np.linalg.cond(scaled / np.linalg.norm(scaled, axis=0)))
+    even, scale = matrix_balance(a, permute=False)
+    values, vectors = np.linalg.eig(even)
+    if np.linalg.cond(vectors) > WORST_CONDITION:
+        raise ResponseError(f"step_info: poles of '{name}' coincide, so that its step responses are no sum of "
+                            f"exponentials; use time_response.")  # fmt: skip
+    return values.astype(complex), (scale @ vectors).astype(complex)
 
 
 def _residues(space: Any, values: Complex, vectors: Complex) -> Complex:
