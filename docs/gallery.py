@@ -6,6 +6,7 @@ python docs/gallery.py writes the page, ``pages/gallery.md``; tests hold it to t
 from __future__ import annotations
 
 import ast
+import re
 import runpy
 from pathlib import Path
 
@@ -27,13 +28,24 @@ def description(path: Path) -> tuple[str, str]:
     return title.rstrip("."), words[: max(words.rfind("."), words.rfind("?")) + 1]  # whole sentences
 
 
+def needs(path: Path) -> str | None:
+    """Return the command by which what an example needs is installed, if that is not among the tests' packages.
+
+    Its page has no picture, so that the site is built without that package.
+    """
+    text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+    found = re.search(r"^Needs \w+: +(pip install .*)$", text, re.MULTILINE)
+    return found[1] if found else None
+
+
 def page() -> str:
     """Return the page."""
     parts = [INTRODUCTION.format(first=EXAMPLES[0].stem)]
     for path in EXAMPLES:
         title, words = description(path)
-        parts.append(f"## {title}\n\n{words}\n\n![{title}](pictures/gallery/{path.stem}.png)\n\n"
-                     f"`examples/{path.name}`\n")  # fmt: skip
+        command = needs(path)
+        picture = f"![{title}](pictures/gallery/{path.stem}.png)" if command is None else f"It needs `{command}`."
+        parts.append(f"## {title}\n\n{words}\n\n{picture}\n\n`examples/{path.name}`\n")
     return "\n".join(parts)
 
 

@@ -11,9 +11,14 @@ of all six actuators may be wrong, each in its own way: 27 and 78 %.
 Needs ctrlsys:  pip install "mbsvib[ctrlsys]"
 """
 
+from importlib.util import find_spec
+
 import numpy as np
 
 from mbsvib import isolation, library
+
+if find_spec("ctrlsys") is None:
+    raise SystemExit('This example needs ctrlsys:  pip install "mbsvib[ctrlsys]"')
 
 plant = isolation.actuated(library.cubic_hexapod(damping=2.0), "platform")
 sensors = plant.names("acceleration")

@@ -180,13 +180,15 @@ def unique_names(systems: Sequence[Any], kind: str) -> list[str]:
     -------
     list of str
         As they are; where two are equal, all with the name of their system before them, as ``control.interconnect``
-        does it, and ``_2`` and so on after them where systems have one name too.
+        does it, or if all systems have one name, ``_2`` and so on after them.
     """
     names = [label for system in systems for label in getattr(system, f"{kind}_labels")]
     if len(set(names)) == len(names):
         return names
+    if len({system.name for system in systems}) > 1:
+        names = [f"{system.name}_{label}" for system in systems for label in getattr(system, f"{kind}_labels")]
     made: dict[str, None] = {}
-    for name in [f"{system.name}_{label}" for system in systems for label in getattr(system, f"{kind}_labels")]:
+    for name in names:
         other, count = name, 1
         while other in made:
             count += 1
