@@ -1,9 +1,9 @@
 // The mechanism in 3-D, and its modes in motion.
 const scene = (() => {
-  const given = data.scene, points = floats(given.points), a = floats(given.firstArm), b = floats(given.secondArm);
+  const given = data.scene || {size: 1, points: "", first: [], second: [], share: [], firstArm: "", secondArm: "", lines: [], marks: [], faces: []}, points = floats(given.points), a = floats(given.firstArm), b = floats(given.secondArm);
   return {...given, points, a, b, count: given.first.length};
 })();
-const modesOf = data.modes, motions = floats(modesOf.motion);
+const MOST_SHARES = 60, modesOf = data.modes, motions = floats(modesOf.motion);
 const state = {mode: -1, playing: false, phase: 0, drawn: 0, shape: null};
 
 // Displacements of all points in a mode, real and imaginary part, largest one 1.
@@ -113,7 +113,7 @@ const {ranges, ratio} = room();
 const axis3 = (name, i) => ({title: {text: `${name} [m]`, font: {size: 12, color: SOFT}}, range: ranges[i], autorange: false,
   showbackground: false, gridcolor: "#e9edf1", zeroline: false, showspikes: false, nticks: 5, tickfont: {size: 10.5, color: SOFT},
   linecolor: "#d4dae0"});
-Plotly.newPlot(view, traces.map(({trace, numbers, style}) => {
+if (data.scene) Plotly.newPlot(view, traces.map(({trace, numbers, style}) => {
   const [x, y, z] = columns(numbers, scene.points), made = {...trace, x, y, z, visible: numbers.length > 0, showlegend: false};
   for (const [key, [values]] of Object.entries(style)) {
     const path = key.split("."), last = path.pop();
@@ -143,6 +143,7 @@ function straight(i, [x, y, z]) {
 
 let direct = true;
 function draw() {
+  if (!data.scene) return Promise.resolve();
   const at = moved(), changed = [...traces.keys()].filter((i) => !traces[i].still && traces[i].numbers.length);
   const places = changed.map((i) => columns(traces[i].numbers, at));
   state.drawn += 1;
@@ -211,7 +212,7 @@ function tell(mode) {
   if (re < 0) item("decay time constant", seconds(-1 / re));
   if (re < 0 && im) item("Q", shown(0.5 / row.ratio, 4));
   const both = make("div", null, place, "holds");
-  for (const [which, title] of [["strain", "Strain energy by element"], ["kinetic", "Kinetic energy by body"]]) {
+  if (mode < MOST_SHARES) for (const [which, title] of [["strain", "Strain energy by element"], ["kinetic", "Kinetic energy by body"]]) {
     const part = make("div", null, both), all = data.shares[which].map(([name, values]) => [name, values[mode]]);
     const most = all.filter(([, value]) => value !== null && Math.abs(value) >= 0.05).sort((a, b) => Math.abs(b[1]) - Math.abs(a[1])).slice(0, 6);
     make("h3", title, part);
@@ -228,7 +229,7 @@ function tell(mode) {
 const seconds = (time) => (time >= 1 ? `${shown(time, 4)} s` : time >= 1e-3 ? `${shown(1e3 * time, 4)} ms` : `${shown(1e6 * time, 4)} µs`);
 
 function shapes() {
-  const names = data.topology.nodes.slice(0, modesOf.bodies).map((node) => node[0]), out = [];
+  const names = (data.topology || {nodes: []}).nodes.slice(0, modesOf.bodies).map((node) => node[0]), out = [];
   names.forEach((name, body) => ["x", "y", "z", "rx", "ry", "rz"].forEach((way, j) => {
     const at = (mode) => 2 * ((mode * modesOf.bodies + body) * 6 + j), digits = (value) => Number(value.toPrecision(7));
     out.push([name, way, ...Array.from({length: modesOf.shown}, (_, mode) => [digits(motions[at(mode)]), digits(motions[at(mode) + 1])]).flat()]);
@@ -281,4 +282,5 @@ by("csv-modes").onclick = () => csv(`${fileName(data.name)}-modes.csv`, [
   ["mode", "natural_hz", "damped_hz", "damping_ratio", "real_1", "imag_1", "real_2", "imag_2", "relative_error", "moves_most"],
   ...modesOf.rows.map((mode, i) => [i + 1, mode.natural, mode.damped, mode.ratio, ...mode.values.flat(), mode.error, mode.most])]);
 by("csv-shapes").onclick = () => csv(`${fileName(data.name)}-shapes.csv`, shapes());
-if (modesOf.shown) choose(0); else for (const id of ["play", "previous", "next", "csv-shapes"]) by(id).disabled = true;
+if (!data.scene) { document.querySelector(".stage").remove(); by("motion").querySelector(".split").classList.add("single"); by("csv-shapes").remove(); }
+else if (modesOf.shown) choose(0); else for (const id of ["play", "previous", "next", "csv-shapes"]) by(id).disabled = true;

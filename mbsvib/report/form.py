@@ -1,0 +1,202 @@
+"""The transfer functions of all pairs in the form from which the page computes its curves.
+
+G(s) = sum over rows r of an output of s^o_r  c_r (s - A)^-1 B + D,  A in blocks of one or two modal states, or triangular
+
+The modal form is exact for critically damped modes too, as their block is no pair of residues. Where modal states depend
+on each other, A is a complex Schur form instead.
+"""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ResponseError
+from mbsvib.responses.general_terms import cleaned
+from mbsvib.responses.realizations import balanced_states
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.responses.state_space import StateSpace
+
+    Ports = tuple[Sequence[int], Sequence[int]]
+
+# Largest difference from the response of the system, relative to the largest value of the curve, that modal states may
+# have: those of a form whose states are nearly dependent are larger, and no figure shows this one.
+ACCURATE = 1e-10
+# Frequencies at which a form is compared with the system: some to each side of all scales of a mechanism.
+COMPARED = 48
+NO_SUMS = np.zeros((0, 0)), np.zeros((0, 0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Form:
+    """``blocks``: sizes of the diagonal blocks of ``a``, or none where it is triangular; ``rows`` (outputs' rows, n)
+    with ``order`` and ``output`` of each; ``starts`` (rows, inputs): D of rows of order 2; ``ends`` (rows, inputs): the value at infinity of s^2 times the transfer
+    function of the row before it is differentiated, with D in rows of order 2, or no rows where outputs are sums of
+    states as they are; ``error``: largest difference found.
+    """
+
+    blocks: tuple[int, ...]
+    a: NDArray[Any]
+    b: NDArray[Any]
+    rows: NDArray[Any]
+    order: NDArray[np.intp]
+    output: NDArray[np.intp]
+    starts: Array
+    ends: Array
+    d: Array
+    error: float
+
+    def packed(self) -> dict[str, Any]:
+        """Return the form for JSON: 64-bit floats, little-endian, in base64.
+
+        Returns
+        -------
+        dict
+            Numbers, lists and texts.
+        """
+        starts = np.cumsum((0, *self.blocks))[:-1]
+        own = [self.a[i : i + k, i : i + k] for i, k in zip(starts.tolist(), self.blocks, strict=True)]
+        a = np.concatenate([block.ravel() for block in own]) if own else self.a[np.triu_indices(len(self.a))]
+        return {"states": len(self.a), "blocks": list(self.blocks), "a": doubles(a), "b": doubles(self.b),
+                "rows": doubles(self.rows), "order": self.order.tolist(), "output": self.output.tolist(),
+                "starts": doubles(self.starts), "ends": doubles(self.ends), "d": doubles(self.d), "error": self.error}  # fmt: skip
+
+
+def doubles(values: NDArray[Any]) -> str:
+    """Return an array as base64 of 64-bit floats, little-endian; complex numbers are two of them.
+
+    Parameters
+    ----------
+    values : array
+        Real or complex.
+
+    Returns
+    -------
+    str
+        Text in ASCII.
+    """
+    kind = "<c16" if np.iscomplexobj(values) else "<f8"
+    return b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")
+
+
+def form_of(system: Any, ports: Ports, omega: Array, response: Complex) -> Form:
+    """Return the form of a system that reproduces its response.
+
+    Parameters
+    ----------
+    system : System, StateSpace or ClosedLoop
+        Linear equations.
+    ports : (sequence of int, sequence of int)
+        Numbers of the outputs and inputs to keep.
+    omega : array, shape (n,)
+        Angular frequencies [rad/s] of the response.
+    response : array, shape (outputs, inputs, n)
+        Response of all pairs, which decides between the forms.
+
+    Returns
+    -------
+    Form
+        The modal one if it is accurate, else the triangular one.
+    """
+    o, i = ports
+    some = np.unique(np.linspace(0, len(omega) - 1, min(len(omega), COMPARED)).astype(int)) if len(omega) else []
+    expected = response[np.ix_(o, i)][:, :, some]
+    best: Form | None = None
+    ways: tuple[Callable[[], StateSpace | None], ...] = (lambda: _modal(system), lambda: _states(system))
+    for way in ways:
+        space = way()
+        if space is None:
+            continue
+        form = _blocks(system, space, o, i) if space.realization == "modal" else _triangular(space, o, i)
+        if form is None:
+            continue
+        size = np.maximum(np.abs(expected).max(axis=2, initial=0.0), np.finfo(float).tiny)
+        alike = np.maximum(size, ACCURATE * size.max(initial=0.0))[:, :, None]
+        error = float((np.abs(_at(form, 1j * omega[some]) - expected) / alike).max(initial=0.0))
+        form = Form(form.blocks, form.a, form.b, form.rows, form.order, form.output, form.starts, form.ends, form.d, error)  # fmt: skip
+        if best is None or error < best.error:
+            best = form
+        if error <= ACCURATE:
+            break
+    assert best is not None
+    return best
+
+
+def _modal(system: Any) -> StateSpace | None:
+    if getattr(system, "basis", None) is None:
+        return None
+    try:
+        space: StateSpace = system.state_space("modal")
+    except ResponseError:
+        return None
+    return space
+
+
+def _states(system: Any) -> StateSpace:
+    space = system.state_space("physical") if getattr(system, "basis", None) is not None else system.state_space()
+    return balanced_states(space)
+
+
+def _blocks(system: Any, space: StateSpace, o: Sequence[int], i: Sequence[int]) -> Form | None:
+    """Modal states, each output split into rows by how often a displacement is differentiated."""
+    from scipy.sparse.csgraph import connected_components
+
+    n = len(space.A)
+    _, member = connected_components(space.A != 0.0, directed=False)
+    starts = np.flatnonzero(np.diff(member, prepend=-1))
+    sizes = np.diff(np.append(starts, n))
+    if len(starts) != len(np.unique(member)) or sizes.max(initial=0) > 2:
+        return None
+    if space.through is not None:  # rates follow inputs directly: outputs as they are
+        rows, order, output = space.C[o], np.zeros(len(o), dtype=np.intp), np.arange(len(o))
+        return Form(tuple(sizes.tolist()), space.A, space.B[:, i], rows, order, output, *NO_SUMS,
+                    space.D[np.ix_(o, i)], 0.0)  # fmt: skip
+    rates = [c[o] for c in (system.Cq, system.Cv, system.Ca)]
+    order, output = np.nonzero([c.any(axis=1) for c in rates])
+    motion = np.array(rates)[order, output]
+    rows, rate = motion @ space.transform[: system.dof], space.transform[system.dof :]
+    b, d = space.B[:, i], space.D[np.ix_(o, i)]
+    given = np.asarray(system.D)[np.ix_(o, i)]
+    direct = np.where((order == 2)[:, None], given[output], 0.0)
+    accelerates = np.zeros(len(o), dtype=bool)
+    accelerates[output[order == 2]] = True
+    return Form(tuple(sizes.tolist()), space.A, b, rows, order, output, direct, cleaned(motion, rate, b, direct),
+                np.where(accelerates[:, None], 0.0, d), 0.0)  # fmt: skip
+
+
+def _triangular(space: StateSpace, o: Sequence[int], i: Sequence[int]) -> Form:
+    from scipy.linalg import schur
+
+    n = len(space.A)
+    a, vectors = schur(space.A, output="complex") if n else (np.zeros((0, 0), dtype=complex),) * 2
+    rows, b = space.C[o] @ vectors, vectors.conj().T @ space.B[:, i]
+    return Form((), a, b, rows, np.zeros(len(o), dtype=np.intp), np.arange(len(o)),
+                *NO_SUMS, space.D[np.ix_(o, i)], 0.0)  # fmt: skip
+
+
+def _at(form: Form, s: Complex) -> Complex:
+    """G(s), shape (outputs, inputs, n), by linear solutions."""
+    n = len(form.a)
+    result = np.repeat(form.d[:, :, None].astype(complex), len(s), axis=2)
+    for k, point in enumerate(s.tolist()):
+        try:
+            x = np.linalg.solve(point * np.eye(n) - form.a, form.b)
+        except np.linalg.LinAlgError:
+            result[:, :, k] = np.inf
+            continue
+        part = form.rows @ x
+        for r, (order, output) in enumerate(zip(form.order.tolist(), form.output.tolist(), strict=True)):
+            own = point**order * part[r]
+            result[output, :, k] += own
+            if order == 2:
+                result[output, :, k] += form.starts[r]
+    return result
