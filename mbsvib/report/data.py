@@ -12,10 +12,10 @@ from mbsvib.plots import _scene
 from mbsvib.plots import _tree_layout as layout
 from mbsvib.plots import _units as units
 from mbsvib.plots._choice import pick
-from mbsvib.plots._curves import curves
+from mbsvib.plots._curves import NEGLIGIBLE, curves
 from mbsvib.plots.energy import largest, shares
 from mbsvib.report.comparison import compared_modes, has_geometry
-from mbsvib.report.form import form_of
+from mbsvib.report.form import COMPARED, form_of
 from mbsvib.responses.frequency_grid import placed, span
 from mbsvib.version import __version__
 
@@ -178,22 +178,35 @@ def responses(system: Any, outputs: Names, inputs: Names) -> dict[str, Any] | No
     sources = sorted(pick(system, "input", inputs), key=lambda name: _rank(system, name, of_input=True))
     results = sorted(pick(system, "output", outputs), key=lambda name: _rank(system, name, of_input=False))
     low, high = span(poles, None, None)
-    grid = placed(poles, poles, low, high)
+    grid = _some(placed(poles, poles, low, high))
     pairs = [(result, source) for source in sources for result in results]
     drawn = curves(system, pairs, grid)
     values = np.array([curve.values for curve in drawn]).reshape(len(sources), len(results), -1).swapaxes(0, 1)
     numbers = [system.outputs.index(name) for name in results], [system.inputs.index(name) for name in sources]
-    every = np.zeros((len(system.outputs), len(system.inputs), len(grid)), dtype=complex)
-    every[np.ix_(*numbers)] = values
+    alike = np.array([curve.negligible for curve in drawn]).reshape(len(sources), len(results)).T
+    zero = alike | _vanishing(np.abs(values).max(axis=2, initial=0.0))
     return {
         "inputs": [[name, units.pretty(_unit(system.inputs, system.input_units, name))] for name in sources],
         "outputs": [[name, units.pretty(_unit(system.outputs, system.output_units, name))] for name in results],
         "span": [low, high],
         "poles": [[value.real, value.imag] for value in poles[poles.imag >= 0.0].tolist()],
         "units": [units.pretty(units.ratio(curve.output_unit, curve.source_unit)) for curve in drawn],
-        "negligible": [curve.negligible for curve in drawn],
-        "form": form_of(system, numbers, 2.0 * np.pi * grid, every).packed(),
+        "negligible": zero.T.ravel().tolist(),
+        "form": form_of(system, numbers, 2.0 * np.pi * grid, values, ~zero).packed(),
     }
+
+
+def _vanishing(height: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether largest values (outputs, inputs) are rounding, inputs and then outputs scaled to 1 at most."""
+    for axis in (0, 1):
+        largest = height.max(axis=axis, keepdims=True, initial=0.0)
+        height = np.divide(height, largest, out=np.zeros_like(height), where=largest > 0.0)
+    return height <= NEGLIGIBLE
+
+
+def _some(grid: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Evenly chosen frequencies of a grid: they judge which responses are zero, and the form."""
+    return grid[np.unique(np.linspace(0, len(grid) - 1, min(len(grid), COMPARED)).astype(int))] if len(grid) else grid
 
 
 def _rank(system: Any, name: str, of_input: bool) -> int:
