@@ -66,7 +66,7 @@ def collect(
             "floating": [topology.bodies[i] for i in topology.floating],
             "redundant": list(system.redundant),
             "cut": list(system.cut_joints),
-            "skipped": skipped(system),
+            "skipped": skipped(system, system.basis),
         }
     return {
         "name": system.name,

@@ -41,7 +41,7 @@ function nearest(curve, f) {
   return curve.angles[best] === null ? undefined : curve.angles[best];
 }
 
-const curveStyle = ({k, negligible}) => ({color: negligible ? "#9aa5b1" : COLOURS[k], width: 2, dash: DASHES[k]});
+const curveStyle = ({k, negligible}) => ({color: negligible ? "#9aa5b1" : COLOURS[k], width: 2, dash: DASHES[k], simplify: false});
 
 // Points of a window, a little wider than it so that lines leave it.
 function windowOf(curve) {
@@ -73,7 +73,7 @@ function drawBode() {
     yaxis2: axis("phase [deg]", {domain: [0, 0.34], ...(narrow || frequencies !== whole ? {} : {dtick: 90})})}), CONFIG);
   const worst = Math.max(...chosen.map(({source}) => source.form.error));
   by("response-remark").textContent = (chosen[0].negligible ? "This response is zero by symmetry: what is drawn is rounding." :
-    "Zoom in: curves are computed anew for each window. A click on a curve shows the nearest mode.") +
+    `Zoom in: curves are computed anew for each window.${data.scene ? " A click on a curve shows the nearest mode." : ""}`) +
     (worst > 1e-9 ? ` Curves differ from those of mbsvib by up to ${worst.toExponential(0)} of their largest value.` : "") +
     (other && chosen.length < 2 ? ` Only one of the two systems has this input and output.` : "");
 }
