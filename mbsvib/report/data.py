@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 MOST_MODES = 60  # with energy shares; motions of all modes are in the page up to MOST_MOTIONS numbers
 MOST_MOTIONS = 60_000
+_LISTS = "loops", "floating", "redundant", "cut", "skipped"
 LABELS = ("before", "after")
 
 
@@ -57,7 +58,7 @@ def collect(
     modes = system.modes()
     curves_of_pairs = responses(system, outputs, inputs)  # before `skipped`, which describes their computation
     whole = has_geometry(system)
-    structure: dict[str, Any] = {"topology": None, "loops": [], "floating": [], "redundant": [], "cut": [], "skipped": []}
+    structure: dict[str, Any] = {"topology": None, **{name: [] for name in _LISTS}}
     if whole:
         topology = system.provenance.topology
         structure = {

@@ -1,22 +1,21 @@
 """The transfer functions of all pairs in the form from which the page computes its curves.
 
-G(s) = sum over rows r of an output of s^o_r  c_r (s - A)^-1 B + D,  A in blocks of one or two modal states, or triangular
+G(s) = sum over rows r of an output of s^o_r  c_r (s - A)^-1 B + D,  A in blocks of one or two states, or triangular
 
-The modal form is exact for critically damped modes too, as their block is no pair of residues. Where modal states depend
-on each other, A is a complex Schur form instead.
+The modal form is exact for critically damped modes too, as their block is no pair of residues. Where modal states
+depend on each other, A is a complex Schur form instead.
 """
 
 from __future__ import annotations
 
 from base64 import b64encode
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.errors import ResponseError
 from mbsvib.responses.general_terms import cleaned
-from mbsvib.responses.realizations import balanced_states
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -39,7 +38,8 @@ NO_SUMS = np.zeros((0, 0)), np.zeros((0, 0))
 @dataclass(frozen=True, slots=True, eq=False)
 class Form:
     """``blocks``: sizes of the diagonal blocks of ``a``, or none where it is triangular; ``rows`` (outputs' rows, n)
-    with ``order`` and ``output`` of each; ``starts`` (rows, inputs): D of rows of order 2; ``ends`` (rows, inputs): the value at infinity of s^2 times the transfer
+    with ``order`` and ``output`` of each;
+    ``starts`` (rows, inputs): D of rows of order 2; ``ends`` (rows, inputs): the value at infinity of s^2 times the transfer
     function of the row before it is differentiated, with D in rows of order 2, or no rows where outputs are sums of
     states as they are; ``error``: largest difference found.
     """
@@ -68,6 +68,7 @@ class Form:
         a = np.concatenate([block.ravel() for block in own]) if own else self.a[np.triu_indices(len(self.a))]
         return {"states": len(self.a), "blocks": list(self.blocks), "a": doubles(a), "b": doubles(self.b),
                 "rows": doubles(self.rows), "order": self.order.tolist(), "output": self.output.tolist(),
+
                 "starts": doubles(self.starts), "ends": doubles(self.ends), "d": doubles(self.d), "error": self.error}  # fmt: skip
 
 
@@ -122,9 +123,9 @@ def form_of(
         if form is None:
             continue
         size = np.maximum(np.abs(response).max(axis=2, initial=0.0), np.finfo(float).tiny)
-        off = np.abs(_at(form, 1j * omega) - response).max(axis=2, initial=0.0) / size
+        off = np.abs(_at(form, np.asarray(1j * omega, dtype=complex)) - response).max(axis=2, initial=0.0) / size
         error = float(np.where(np.isfinite(off), off, 1e300)[counted].max(initial=0.0))
-        form = Form(form.blocks, form.a, form.b, form.rows, form.order, form.output, form.starts, form.ends, form.d, error)  # fmt: skip
+        form = replace(form, error=error)
         if best is None or error < best.error:
             best = form
         if error <= ACCURATE:
@@ -144,8 +145,10 @@ def _modal(system: Any) -> StateSpace | None:
 
 
 def _states(system: Any) -> StateSpace:
-    space = system.state_space("physical") if getattr(system, "basis", None) is not None else system.state_space()
-    return balanced_states(space)
+    space: StateSpace = (
+        system.state_space() if getattr(system, "basis", None) is None else system.state_space("physical")
+    )
+    return space
 
 
 def _blocks(system: Any, space: StateSpace, o: Sequence[int], i: Sequence[int]) -> Form | None:
@@ -176,11 +179,11 @@ def _blocks(system: Any, space: StateSpace, o: Sequence[int], i: Sequence[int]) 
 
 
 def _triangular(space: StateSpace, o: Sequence[int], i: Sequence[int]) -> Form:
-    from scipy.linalg import schur
+    from scipy.linalg import matrix_balance, schur
 
-    n = len(space.A)
-    a, vectors = schur(space.A, output="complex") if n else (np.zeros((0, 0), dtype=complex),) * 2
-    rows, b = space.C[o] @ vectors, vectors.conj().T @ space.B[:, i]
+    balanced, (scale, _) = matrix_balance(space.A, permute=False, separate=True)
+    a, vectors = schur(balanced, output="complex")
+    rows, b = (space.C[o] * scale) @ vectors, vectors.conj().T @ (space.B[:, i] / scale[:, None])
     return Form((), a, b, rows, np.zeros(len(o), dtype=np.intp), np.arange(len(o)),
                 *NO_SUMS, space.D[np.ix_(o, i)], 0.0)  # fmt: skip
 

@@ -134,10 +134,12 @@ def embedded(data: Any) -> str:
 
 
 def _linear(source: Any, field: str) -> Any:
-    """A model's system, a loop of second order as its system, all else as it is."""
+    """A model's system, a loop of second order as its system, an unstable loop as its states, all else as it is."""
     if kind_of(source) not in ("system", "closed loop", "state space"):
         return _linearized(a_model(source, "report", field))
     closed = getattr(source, "second_order", None)
+    if closed is None and kind_of(source) == "closed loop" and source.growing:
+        return source.state_space()  # its responses are those of the equations, and the table says that it is unstable
     return source if closed is None else closed
 
 

@@ -242,10 +242,11 @@ function exponential(m, n, t) {
 // Step response of a triangular form at equally spaced times: x' = T x + b, one exact step after the other.
 function triangularSteps({form, b, rows, d}, from, to, count) {
   const n = form.states, N = n + 1, m = new Float64Array(2 * N * N), h = (to - from) / (count - 1);
+  const size = b.reduce((most, value) => Math.max(most, Math.abs(value)), 0) || 1;  // inputs of 1 do not ask for smaller steps
   for (let i = 0, k = 0; i < n; i++) {
     for (let j = i; j < n; j++, k += 2) { m[2 * (i * N + j)] = form.a[k]; m[2 * (i * N + j) + 1] = form.a[k + 1]; }
-    m[2 * (i * N + n)] = b[2 * i];
-    m[2 * (i * N + n) + 1] = b[2 * i + 1];
+    m[2 * (i * N + n)] = b[2 * i] / size;
+    m[2 * (i * N + n) + 1] = b[2 * i + 1] / size;
   }
   const apply = (e, x) => {
     const out = new Float64Array(2 * N);
@@ -262,7 +263,7 @@ function triangularSteps({form, b, rows, d}, from, to, count) {
   if (from > 0) x = apply(exponential(m, N, from), x);
   for (let k = 0; k < count; k++) {
     let value = d;
-    for (const {c} of rows) for (let i = 0; i < n; i++) value += c[2 * i] * x[2 * i] - c[2 * i + 1] * x[2 * i + 1];
+    for (const {c} of rows) for (let i = 0; i < n; i++) value += size * (c[2 * i] * x[2 * i] - c[2 * i + 1] * x[2 * i + 1]);
     result.push({t: from + k * h, y: value});
     x = apply(once, x);
   }
