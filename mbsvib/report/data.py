@@ -12,9 +12,11 @@ from mbsvib.plots import _scene
 from mbsvib.plots import _tree_layout as layout
 from mbsvib.plots import _units as units
 from mbsvib.plots._choice import pick
-from mbsvib.plots._curves import curves
+from mbsvib.plots._curves import NEGLIGIBLE, curves
 from mbsvib.plots.energy import largest, shares
-from mbsvib.responses.frequency_grid import placed, roots, span
+from mbsvib.report.comparison import compared_modes, has_geometry
+from mbsvib.report.form import COMPARED, form_of
+from mbsvib.responses.frequency_grid import placed, span
 from mbsvib.version import __version__
 
 if TYPE_CHECKING:
@@ -26,45 +28,76 @@ if TYPE_CHECKING:
     from mbsvib.modes import Modes
     from mbsvib.plots._choice import Names
 
-MOST_MODES = 60  # with animation and energy shares; the table contains all modes
-MOST_SAMPLES = 75_000  # of all curves together: 0.8 megabytes of the page
-MOST_ZEROS = 5e7  # DOF cubed times pairs up to which zeros of each curve are computed: a second
+MOST_MODES = 60  # with energy shares; motions of all modes are in the page up to MOST_MOTIONS numbers
+MOST_MOTIONS = 60_000
+_LISTS = "loops", "floating", "redundant", "cut", "skipped"
+LABELS = ("before", "after")
 
 
-def collect(system: System, outputs: Names = None, inputs: Names = None) -> dict[str, Any]:
+def collect(
+    system: Any, outputs: Names = None, inputs: Names = None, other: Any = None, labels: tuple[str, str] = LABELS
+) -> dict[str, Any]:
     """Return everything that a report shows.
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    system : System, StateSpace or ClosedLoop
+        The equations.
     outputs, inputs : str or sequence of str, optional
         Names of those to show; default: all.
+    other : System, StateSpace or ClosedLoop, optional
+        Equations to compare with.
+    labels : (str, str)
+        What the page calls the two.
 
     Returns
     -------
     dict
-        Lists, texts and numbers.
+        Lists, texts and numbers; parts that a system without bodies does not have are None.
     """
     modes = system.modes()
-    responses = _responses(system, outputs, inputs)  # before `skipped`, which describes their computation
-    topology = system.provenance.topology
+    curves_of_pairs = responses(system, outputs, inputs)  # before `skipped`, which describes their computation
+    whole = has_geometry(system)
+    structure: dict[str, Any] = {"topology": None, **{name: [] for name in _LISTS}}
+    if whole:
+        topology = system.provenance.topology
+        structure = {
+            "topology": layout.graph(topology, system.provenance.parts),
+            "loops": _loops(system),
+            "floating": [topology.bodies[i] for i in topology.floating],
+            "redundant": list(system.redundant),
+            "cut": list(system.cut_joints),
+            "skipped": skipped(system, system.basis),
+        }
     return {
         "name": system.name,
         "version": __version__,
-        "facts": _facts(system),
-        "scene": _picture(system),
-        "modes": _modes(system, modes),
-        "responses": responses,
-        "shares": _shares(system, modes),
-        "topology": layout.graph(topology, system.provenance.parts),
-        "loops": _loops(system),
-        "floating": [topology.bodies[i] for i in topology.floating],
-        "redundant": list(system.redundant),
-        "cut": list(system.cut_joints),
-        "skipped": skipped(system),
-        "explained": system.explain(),
+        "facts": _facts(system, whole),
+        "scene": _picture(system) if whole else None,
+        "modes": _modes(system, modes, whole),
+        "responses": curves_of_pairs,
+        "shares": _shares(system, modes) if whole else {"strain": [], "kinetic": []},
+        **structure,
+        "explained": system.explain() if whole else None,
+        "compared": None if other is None else _compared(system, other, labels, (outputs, inputs)),
     }
+
+
+def _compared(
+    system: Any, other: Any, labels: tuple[str, str], names: tuple[Names, Names]
+) -> dict[str, Any]:  # fmt: skip
+    """The modes of the other system, their pairs with those of this one, and its responses."""
+    outputs, inputs = (_common(names[0], other.outputs), _common(names[1], other.inputs))
+    return {"labels": list(labels), "name": other.name, "pairs": compared_modes(system, other),
+            "modes": _rows(other.modes()), "responses": responses(other, outputs, inputs)}  # fmt: skip
+
+
+def _common(names: Names, known: Sequence[str]) -> Names:
+    """Of names that are given for the first system those that the second one has too; a pattern stays."""
+    if names is None:
+        return None
+    wanted = [names] if isinstance(names, str) else list(names)
+    return [name for name in wanted if name in known] or None
 
 
 def finite(value: float) -> float | None:
@@ -77,13 +110,15 @@ def packed(values: NDArray[Any]) -> str:
     return b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")
 
 
-def _facts(system: System) -> list[list[Any]]:
+def _facts(system: Any, whole: bool) -> list[list[Any]]:
+    ports: list[list[Any]] = [["inputs", len(system.inputs)], ["outputs", len(system.outputs)]]
+    if not whole:
+        size = ["degrees of freedom", system.dof] if hasattr(system, "dof") else ["states", len(system.state_space().A)]
+        return [size, *ports]
     topology = system.provenance.topology
-    counts = [("degrees of freedom", system.dof), ("bodies", len(topology.bodies)), ("joints", len(topology.joints)),
-              ("springs and dampers", len(system.provenance.springs)), ("loops cut", len(topology.cut)),
-              ("redundant constraints", len(system.redundant)), ("inputs", len(system.inputs)),
-              ("outputs", len(system.outputs))]  # fmt: skip
-    return [[what, count] for what, count in counts]
+    return [["degrees of freedom", system.dof], ["bodies", len(topology.bodies)], ["joints", len(topology.joints)],
+            ["springs and dampers", len(system.provenance.springs)], ["loops cut", len(topology.cut)],
+            ["redundant constraints", len(system.redundant)], *ports]  # fmt: skip
 
 
 def _picture(system: System) -> dict[str, Any]:
@@ -102,54 +137,85 @@ def _picture(system: System) -> dict[str, Any]:
     }
 
 
-def _modes(system: System, modes: Modes) -> dict[str, Any]:
-    shown = min(len(modes), MOST_MODES)
+def _modes(system: Any, modes: Any, whole: bool) -> dict[str, Any]:
+    bodies = len(system.bodies) if whole else 0
+    shown = min(len(modes), max(MOST_MODES, MOST_MOTIONS // max(1, 12 * bodies))) if whole else 0
+    result = {"rows": _rows(modes), "shown": shown, "bodies": bodies, "remarks": list(modes.remarks()), "motion": ""}
+    if whole:
+        motion = system.body_motion @ modes.shapes[:, :shown]
+        both = np.stack((motion.real, np.imag(motion)), axis=-1)  # bodies, 6, modes, 2
+        result["motion"] = packed(np.moveaxis(both, 2, 0))
+    return result
+
+
+def _rows(modes: Any) -> list[dict[str, Any]]:
     strongest = [" ".join(most) for most in modes.strongest()] or [""] * len(modes)
-    rows = [
+    return [
         {"natural": finite(f), "damped": finite(d), "ratio": finite(z), "error": finite(e.max()), "most": most,
          "values": [[finite(value.real), finite(value.imag)] for value in pair]}
         for f, d, z, e, most, pair in zip(modes.frequencies, modes.damped_frequencies, modes.damping_ratios,
                                           modes.pair_errors, strongest, modes.pairs, strict=True)
     ]  # fmt: skip
-    motion = system.body_motion @ modes.shapes[:, :shown]
-    both = np.stack((motion.real, np.imag(motion)), axis=-1)  # bodies, 6, modes, 2
-    return {"rows": rows, "shown": shown, "bodies": len(system.bodies), "remarks": list(modes.remarks()),
-            "motion": packed(np.moveaxis(both, 2, 0))}  # fmt: skip
 
 
-def _responses(system: System, outputs: Names, inputs: Names) -> dict[str, Any] | None:
-    """Magnitude and phase over frequency of as many pairs as fit into the page, and which ones these are."""
-    if not (system.inputs and system.outputs and system.dof):
-        return None
-    sources, results = pick(system, "input", inputs), pick(system, "output", outputs)
-    totals = len(sources), len(results)
+def responses(system: Any, outputs: Names, inputs: Names) -> dict[str, Any] | None:
+    """Return the form of the equations from which the page computes the curves of all pairs, and their names.
+
+    Parameters
+    ----------
+    system : System, StateSpace or ClosedLoop
+        Linear equations.
+    outputs, inputs : str or sequence of str, optional
+        Names of those to show; default: all.
+
+    Returns
+    -------
+    dict or None
+        Lists, texts and numbers; None if there is no response.
+    """
     poles = system.poles()
-    grid = placed(poles, poles, *span(poles, None, None))
-    sources, results = _fitting(sources, results, len(grid))
-    if system.dof**3 * len(sources) * len(results) <= MOST_ZEROS:
-        places = roots(system.basis, results, sources)
-        grid = placed(places, poles, *span(poles, None, None))
-        sources, results = _fitting(sources, results, len(grid))
+    if not (system.inputs and system.outputs and len(poles)):
+        return None
+    sources = sorted(pick(system, "input", inputs), key=lambda name: _rank(system, name, of_input=True))
+    results = sorted(pick(system, "output", outputs), key=lambda name: _rank(system, name, of_input=False))
+    low, high = span(poles, None, None)
+    grid = _some(placed(poles, poles, low, high))
     pairs = [(result, source) for source in sources for result in results]
-    drawn_curves = curves(system, pairs, grid)
+    drawn = curves(system, pairs, grid)
+    values = np.array([curve.values for curve in drawn]).reshape(len(sources), len(results), -1).swapaxes(0, 1)
+    numbers = [system.outputs.index(name) for name in results], [system.inputs.index(name) for name in sources]
+    alike = np.array([curve.negligible for curve in drawn]).reshape(len(sources), len(results)).T
+    zero = alike | _vanishing(np.abs(values).max(axis=2, initial=0.0))
     return {
         "inputs": [[name, units.pretty(_unit(system.inputs, system.input_units, name))] for name in sources],
         "outputs": [[name, units.pretty(_unit(system.outputs, system.output_units, name))] for name in results],
-        "left": [totals[0] - len(sources), totals[1] - len(results)],
-        "frequencies": grid.tolist(),
-        "units": [units.pretty(units.ratio(curve.output_unit, curve.source_unit)) for curve in drawn_curves],
-        "negligible": [curve.negligible for curve in drawn_curves],
-        "magnitude": packed(np.array([np.abs(curve.values) for curve in drawn_curves])),
-        "phase": packed(np.array([curve.phase() for curve in drawn_curves])),
+        "span": [low, high],
+        "poles": [[value.real, value.imag] for value in poles[poles.imag >= 0.0].tolist()],
+        "units": [units.pretty(units.ratio(curve.output_unit, curve.source_unit)) for curve in drawn],
+        "negligible": zero.T.ravel().tolist(),
+        "form": form_of(system, numbers, 2.0 * np.pi * grid, values, ~zero).packed(),
     }
 
 
-def _fitting(sources: list[str], results: list[str], points: int) -> tuple[list[str], list[str]]:
-    """Leave out the last of the inputs or outputs, whichever are more, until all curves fit into the page."""
-    inputs, outputs = len(sources), len(results)
-    while inputs * outputs > 1 and inputs * outputs * points > MOST_SAMPLES:
-        inputs, outputs = (inputs - 1, outputs) if inputs > outputs else (inputs, outputs - 1)
-    return sources[:inputs], results[:outputs]
+def _vanishing(height: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether largest values (outputs, inputs) are rounding, inputs and then outputs scaled to 1 at most."""
+    for axis in (0, 1):
+        largest = height.max(axis=axis, keepdims=True, initial=0.0)
+        height = np.divide(height, largest, out=np.zeros_like(height), where=largest > 0.0)
+    return height <= NEGLIGIBLE
+
+
+def _some(grid: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Evenly chosen frequencies of a grid: they judge which responses are zero, and the form."""
+    return grid[np.unique(np.linspace(0, len(grid) - 1, min(len(grid), COMPARED)).astype(int))] if len(grid) else grid
+
+
+def _rank(system: Any, name: str, of_input: bool) -> int:
+    """Order of ports: motions of the ground first among the inputs, and outputs of the same unit as one of these."""
+    unit = _unit(system.inputs, system.input_units, name) if of_input else _unit(
+        system.outputs, system.output_units, name)  # fmt: skip
+    moving = {known for known in system.input_units if known.startswith(("m", "rad"))}
+    return 0 if unit in moving else 1
 
 
 def _unit(names: Sequence[str], known: Sequence[str], name: str) -> str:
@@ -158,8 +224,6 @@ def _unit(names: Sequence[str], known: Sequence[str], name: str) -> str:
 
 def _shares(system: System, modes: Modes) -> dict[str, Any]:
     shown = min(len(modes), MOST_MODES)
-    if system.provenance.from_matrices:
-        return {"strain": [], "kinetic": []}
     return {kind: [[name, _percent(values[:shown])] for name, values in largest(*shares(system, modes, kind))]
             for kind in ("strain", "kinetic")}  # fmt: skip
 

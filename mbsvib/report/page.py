@@ -3,35 +3,48 @@
 from __future__ import annotations
 
 import json
+from base64 import b64encode
+from gzip import compress
 from html import escape
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.api.system import System
-from mbsvib.common.expected import a_model
+from mbsvib.common.expected import a_model, kind_of
 from mbsvib.errors import ExportError, ModelError
-from mbsvib.report.data import collect
+from mbsvib.report.data import LABELS, collect
 
 if TYPE_CHECKING:
     import os
     from pathlib import Path
 
     from mbsvib.api.model import Model
+    from mbsvib.api.state_space import StateSpace
+    from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.plots._choice import Names
+
+    Source = Model | System | StateSpace | ClosedLoop
 
 # Characters that could end a script element, open a comment in it, or end a line of JavaScript.
 _UNSAFE = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
 
 
-def html(source: Model | System, outputs: Names = None, inputs: Names = None) -> str:
+def html(
+    source: Source, outputs: Names = None, inputs: Names = None, *, compare: Source | None = None,
+    names: tuple[str, str] = LABELS,
+) -> str:  # fmt: skip
     """Return the report of a mechanism as one page of HTML that needs no network.
 
     Parameters
     ----------
-    source : Model or System
-        What to report on.
+    source : Model, System, StateSpace or ClosedLoop
+        What to report on; what has no bodies has no picture of them.
     outputs, inputs : str or sequence of str, optional
-        Names of those whose responses are shown; default: all, or as many as fit into a page.
+        Names of those whose responses are shown; default: all.
+    compare : Model, System, StateSpace or ClosedLoop, optional
+        Another design: its modes in pairs with those of ``source``, and its curves over these.
+    names : (str, str)
+        What the page calls ``source`` and ``compare``.
 
     Returns
     -------
@@ -48,31 +61,38 @@ def html(source: Model | System, outputs: Names = None, inputs: Names = None) ->
         If a name is unknown.
     """
     script = _plotly()
-    system = source if isinstance(source, System) else _linearized(a_model(source, "report", "source"))
-    data = collect(system, outputs, inputs)
+    labels = tuple(names)
+    if isinstance(names, str) or len(labels) != 2 or not all(isinstance(label, str) for label in labels):
+        raise ModelError(f"report: names = {names!r}; expected two names, such as ('before', 'after').")
+    system = _linear(source, "source")
+    other = None if compare is None else _linear(compare, "compare")
+    data = collect(system, outputs, inputs, other, (labels[0], labels[1]))
     pieces = {
         "TITLE": escape(system.name),
         "STYLE": _read("page.css"),
-        "PLOTLY": script,
+        "PLOTLY": b64encode(compress(script.encode("utf-8"), 9, mtime=0)).decode("ascii"),
         "DATA": embedded(data),
-        "SCRIPT": "\n".join(_read(name) for name in ("page.js", "motion.js", "panels.js")),
+        "SCRIPT": "\n".join(_read(name) for name in ("page.js", "motion.js", "curves.js", "responses.js", "panels.js")),
     }
     return "".join([pieces.get(piece, piece) for piece in _read("page.html").split("@@")])
 
 
 def write(
-    source: Model | System, path: str | os.PathLike[str], outputs: Names = None, inputs: Names = None
+    source: Source, path: str | os.PathLike[str], outputs: Names = None, inputs: Names = None, *,
+    compare: Source | None = None, names: tuple[str, str] = LABELS,
 ) -> Path:  # fmt: skip
     """Write the report of a mechanism to a file, whole or not at all.
 
     Parameters
     ----------
-    source : Model or System
-        What to report on.
+    source : Model, System, StateSpace or ClosedLoop
+        What to report on; what has no bodies has no picture of them.
     path : str or path-like
         Where the page goes.
     outputs, inputs : str or sequence of str, optional
-        Names of those whose responses are shown; default: all, or as many as fit into a page.
+        Names of those whose responses are shown; default: all.
+    compare, names : optional
+        Another design to compare with, and what the page calls the two, as in ``html``.
 
     Returns
     -------
@@ -86,7 +106,7 @@ def write(
     """
     from mbsvib.common.atomic_file import write_atomic
 
-    text = html(source, outputs, inputs).encode("utf-8")
+    text = html(source, outputs, inputs, compare=compare, names=names).encode("utf-8")
     try:
         return write_atomic(path, lambda stream: stream.write(text))
     except OSError as error:
@@ -111,6 +131,16 @@ def embedded(data: Any) -> str:
     for sign, code in _UNSAFE.items():
         text = text.replace(sign, code)
     return text
+
+
+def _linear(source: Any, field: str) -> Any:
+    """A model's system, a loop of second order as its system, an unstable loop as its states, all else as it is."""
+    if kind_of(source) not in ("system", "closed loop", "state space"):
+        return _linearized(a_model(source, "report", field))
+    closed = getattr(source, "second_order", None)
+    if closed is None and kind_of(source) == "closed loop" and source.growing:
+        return source.state_space()  # its responses are those of the equations, and the table says that it is unstable
+    return source if closed is None else closed
 
 
 def _linearized(model: Model) -> System:

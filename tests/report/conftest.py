@@ -65,8 +65,8 @@ def look(browser, tmp_path_factory):
 
     opened = []
 
-    def show(model):
-        path = write(model, tmp_path_factory.mktemp("report") / "report.html")
+    def show(model, **options):
+        path = write(model, tmp_path_factory.mktemp("report") / "report.html", **options)
         page = browser.new_page(viewport={"width": 1280, "height": 800})
         page.set_default_timeout(STEP)
         opened.append(page)

@@ -47,6 +47,135 @@ def frames(page, count=12):
     }})""")
 
 
+def choose_pair(page, source, result):
+    for select, name in (("#input", source), ("#output", result)):
+        texts = page.locator(f"{select} option").all_inner_texts()
+        page.select_option(select, index=[text.split(" [")[0] for text in texts].index(name))
+
+
+RESPONSES = """(count) => {
+  const all = responses, [low, high] = all.span, out = [];
+  const omega = Array.from({length: count}, (_, k) => 2 * Math.PI * low * (high / low) ** ((k + 0.37) / count));
+  all.outputs.forEach(([output], j) => all.inputs.forEach(([input], i) => {
+    const pair = pairOf(all.form, j, i), negligible = all.negligible[i * all.outputs.length + j];
+    out.push([output, input, negligible, omega.map((w) => responseAt(pair, w))]);
+  }));
+  return [omega, out];
+}"""
+STEPS = """(times) => responses.outputs.flatMap(([output], j) => responses.inputs.map(([input], i) => {
+  const pair = pairOf(responses.form, j, i), negligible = responses.negligible[i * responses.outputs.length + j];
+  const end = times[times.length - 1], evenly = () => triangularSteps(pair, 0, end, times.length).map((point) => point.y);
+  return [output, input, negligible, pair.form.triangular ? evenly() : times.map((t) => stepAt(pair, t))];
+}))"""
+
+
+def critical():
+    """A mass with critical damping, whose poles coincide, and a ground that moves."""
+    model = mv.Model("critical")
+    model.add_body("b", 2.0, (1, 1, 1))
+    model.add_joint("j", "prismatic", "ground", "b", axis=(1, 0, 0))
+    model.add_spring("k", "ground", "b", (-1, 0, 0), (0, 0, 0), stiffness=200.0, damping=40.0)
+    model.add_input("F", "b", "x")
+    model.add_base_motion("ax", "x")
+    for quantity in ("displacement", "velocity", "acceleration"):
+        model.add_output(quantity, "b", "x", quantity=quantity)
+    return model.linearize()
+
+
+def defective():
+    return mv.StateSpace.from_arrays([[-2, 1, 0], [0, -2, 1], [0, 0, -2]], [[0], [0], [1]], [[1, 0, 0]], 0)
+
+
+def regulated():
+    """A loop whose controller has a state."""
+    plant = mv.library.quarter_car().linearize()
+    law = mv.StateSpace.from_arrays([[-5.0]], [[1.0]], [[20.0]], 0)
+    return plant.feedback(law, sensors=["body.z"], actuators=["actuator"])
+
+
+SYSTEMS = {
+    "stewart": lambda: mv.library.stewart(ports=("platform", "base")).linearize(),
+    "isolator": lambda: mv.library.stewart_isolator().linearize(),
+    "wafer stage": lambda: mv.library.wafer_stage().linearize(),
+    "engine": lambda: mv.library.engine_on_mounts().linearize(),
+    "critical": critical,
+    "state space": lambda: mv.library.quarter_car().linearize().state_space(),
+    "defective": defective,
+    "loop": regulated,
+}
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_the_page_computes_what_the_core_computes(look, name):
+    """All pairs, between the frequencies of any grid, and their step responses: to 1e-9 of the largest value.
+
+    Step responses within some cycles sum modes that cancel: to 1e-8 of their largest value there.
+    """
+    system = SYSTEMS[name]()
+    page = look(system)
+    omega, pairs = page.evaluate(RESPONSES, 97)
+    G = system.frequency_response(np.array(omega))
+    compared = 0
+    for output, source, negligible, values in pairs:
+        if negligible:
+            continue
+        expected = G[system.outputs.index(output), system.inputs.index(source)]
+        values = np.array(values) @ (1.0, 1.0j)
+        np.testing.assert_allclose(values, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+        compared += 1
+    assert compared
+    times = np.linspace(0.0, 3.0 / min(abs(system.poles()[0]), 1e4), 40)
+    for output, source, negligible, values in page.evaluate(STEPS, times.tolist()):
+        if negligible:
+            continue
+        expected = system.time_response(times, np.ones_like(times), "zero", outputs=output, inputs=source)[0]
+        np.testing.assert_allclose(values, expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())
+    assert page.trouble == []
+
+
+def test_a_zoom_computes_the_curve_anew(page, stewart):
+    """In a window of one thousandth of the resonance's frequency no line is longer than a bend that can be seen."""
+    choose_pair(page, "Fz", "z")
+    system, peak = stewart[1], stewart[1].modes().damped_frequencies[2]
+    low, high = np.log10(peak * 0.9995), np.log10(peak * 1.0005)
+    page.evaluate(f"Plotly.relayout('bode', {{'xaxis.range[0]': {low}, 'xaxis.range[1]': {high}}})")
+    page.wait_for_function("frequencies !== whole")
+    x, y = (np.array(page.evaluate(f"by('bode').data[0].{way}")) for way in "xy")
+    assert len(x) >= 400
+    assert x.min() >= 10**low * (1 - 1e-9)
+    assert x.max() <= 10**high * (1 + 1e-9)
+    middle = np.sqrt(x[1:] * x[:-1])
+    G = system.frequency_response(2.0 * np.pi * middle, "z", "Fz")[0, 0]
+    bend = np.abs(np.log(np.abs(G)) - 0.5 * np.log(y[1:] * y[:-1]))
+    assert bend.max() < 0.005 * np.ptp(np.log(y))
+    page.click("#reset")
+    assert page.evaluate("frequencies === whole")
+
+
+def test_the_library_draws_every_point(page):
+    assert page.evaluate("[...by('bode').data, ...by('step').data].every((trace) => trace.line.simplify === false)")
+
+
+def test_two_designs_are_compared(look, stewart, browser):
+    soft = mv.library.stewart_isolator().linearize()
+    heavy = mv.library.stewart_isolator().linearize()
+    page = look(soft, compare=heavy, names=("before", EVIL))
+    assert page.locator("#pairs tbody tr").count() == soft.dof
+    assert page.locator("#pairs tbody tr td").nth(4).inner_text() == "0"
+    assert EVIL in page.inner_text("#pairs thead")
+    assert page.evaluate("by('bode').data.length") == 4
+    assert page.evaluate("by('step').data.length") == 2
+    assert page.trouble == []
+
+
+@pytest.mark.parametrize("width", [390, 1024, 1920])
+def test_no_width_scrolls_sideways(page, width):
+    page.set_viewport_size({"width": width, "height": 900})
+    frames(page)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    page.set_viewport_size({"width": 1280, "height": 800})
+
+
 def saved(page, button):
     with page.expect_download() as download:
         page.click(button)
@@ -157,8 +286,7 @@ def test_the_pointer_tells_what_a_part_is(page):
 @pytest.mark.parametrize(("source", "result"), [("Fz", "z"), ("Fx", "x"), ("ax", "platform.ax")])
 def test_any_input_and_output_can_be_chosen(page, stewart, source, result):
     system = stewart[1]
-    for select, name, names in (("#input", source, system.inputs), ("#output", result, system.outputs)):
-        page.select_option(select, index=names.index(name))
+    choose_pair(page, source, result)
     drawn = page.evaluate("({x: by('bode').data[0].x, y: by('bode').data[0].y, phase: by('bode').data[1].y})")
     G = system.frequency_response(2.0 * np.pi * np.array(drawn["x"]))
     G = G[system.outputs.index(result), system.inputs.index(source)]
@@ -199,8 +327,7 @@ def test_all_data_can_be_had_as_csv(page, stewart):
     name, rows = saved(page, "#csv-modes")
     assert name == "stewart-modes.csv"
     assert [float(row[1]) for row in rows[1:]] == system.modes().frequencies.tolist()
-    page.select_option("#input", index=0)
-    page.select_option("#output", index=0)
+    choose_pair(page, system.inputs[0], system.outputs[0])
     name, rows = saved(page, "#csv-response")
     values = np.array(rows[1:], dtype=float)
     G = system.frequency_response(2.0 * np.pi * values[:, 0])[0, 0]

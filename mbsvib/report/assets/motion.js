@@ -1,9 +1,9 @@
 // The mechanism in 3-D, and its modes in motion.
 const scene = (() => {
-  const given = data.scene, points = floats(given.points), a = floats(given.firstArm), b = floats(given.secondArm);
+  const given = data.scene || {size: 1, points: "", first: [], second: [], share: [], firstArm: "", secondArm: "", lines: [], marks: [], faces: []}, points = floats(given.points), a = floats(given.firstArm), b = floats(given.secondArm);
   return {...given, points, a, b, count: given.first.length};
 })();
-const modesOf = data.modes, motions = floats(modesOf.motion);
+const MOST_SHARES = 60, modesOf = data.modes, motions = floats(modesOf.motion);
 const state = {mode: -1, playing: false, phase: 0, drawn: 0, shape: null};
 
 // Displacements of all points in a mode, real and imaginary part, largest one 1.
@@ -86,6 +86,9 @@ const VIEWS = {"3-D": {eye: {x: 1.12, y: -1.29, z: 0.72}, up: {x: 0, y: 0, z: 1}
                x: {eye: {x: 1.9, y: 0, z: 0}, up: {x: 0, y: 0, z: 1}}, y: {eye: {x: 0, y: -1.9, z: 0}, up: {x: 0, y: 0, z: 1}},
                z: {eye: {x: 0, y: 0, z: 1.9}, up: {x: 0, y: 1, z: 0}}};
 
+const view = by("view");
+const FILLS = 1.22;  // of the mechanism's diagonal in the view
+
 // How far any mode goes along each axis, as a share of the amplitude.
 const farthest = [0, 0, 0];
 for (let mode = 0; mode < modesOf.shown; mode++) {
@@ -104,24 +107,41 @@ function room() {
     return [middle - half, middle + half];
   });
   const [x, y, z] = ranges.map(([low, high]) => high - low);
-  const scale = Math.min(2 / Math.hypot(x, y, z), 1.25 / z);
+  const width = Math.min(1, view.clientWidth / Math.max(1, view.clientHeight) / 1.2);  // a narrow view is filled by its width
+  const scale = FILLS * width * Math.min(2 / Math.hypot(x, y, z), 1.25 / z);
   return {ranges, ratio: {x: scale * x, y: scale * y, z: scale * z}};
 }
 
-const view = by("view");
 const {ranges, ratio} = room();
-const axis3 = (name, i) => ({title: {text: `${name} [m]`, font: {size: 12, color: SOFT}}, range: ranges[i], autorange: false,
-  showbackground: false, gridcolor: "#e9edf1", zeroline: false, showspikes: false, nticks: 5, tickfont: {size: 10.5, color: SOFT},
-  linecolor: "#d4dae0"});
-Plotly.newPlot(view, traces.map(({trace, numbers, style}) => {
+const axis3 = (i) => ({range: ranges[i], autorange: false, visible: false, showspikes: false});
+
+// Directions with a length, below the middle of the pose at rest: labels of axes around the scene would not fit into the view.
+function triad() {
+  const low = ranges.map(([from, to]) => 0.5 * (from + to));
+  low[2] = scene.points.reduce((least, value, i) => (i % 3 === 2 ? Math.min(least, value) : least), Infinity);
+  const power = 10 ** Math.floor(Math.log10(0.25 * scene.size)), length = power * [5, 2, 1].find((k) => k * power <= 0.25 * scene.size);
+  const unit = length < 0.001 ? `${shown(1e6 * length, 1)} µm` : length < 1 ? `${Number((1e3 * length).toPrecision(2))} mm` : `${length} m`;
+  const x = [], y = [], z = [], text = [];
+  ["x", "y", "z"].forEach((name, axis) => {
+    for (const end of [0, length]) {
+      [x, y, z].forEach((list, k) => list.push(low[k] + (k === axis ? end : 0)));
+      text.push(end ? (axis ? name : `${name} ${unit}`) : "");
+    }
+    for (const list of [x, y, z]) list.push(null);
+    text.push("");
+  });
+  return {type: "scatter3d", mode: "lines+text", x, y, z, text, textfont: {size: 12, color: SOFT}, line: {width: 3, color: SOFT},
+          hoverinfo: "skip", showlegend: false};
+}
+if (data.scene) Plotly.newPlot(view, traces.map(({trace, numbers, style}) => {
   const [x, y, z] = columns(numbers, scene.points), made = {...trace, x, y, z, visible: numbers.length > 0, showlegend: false};
   for (const [key, [values]] of Object.entries(style)) {
     const path = key.split("."), last = path.pop();
     path.reduce((place, name) => (place[name] = {...place[name]}), made)[last] = values;
   }
   return made;
-}), layout({margin: {l: 0, r: 0, t: 0, b: 0}, uirevision: "turned", scene: {xaxis: axis3("x", 0), yaxis: axis3("y", 1),
-  zaxis: axis3("z", 2), aspectmode: "manual",
+}).concat(triad()), layout({margin: {l: 0, r: 0, t: 0, b: 0}, uirevision: "turned", scene: {xaxis: axis3(0), yaxis: axis3(1),
+  zaxis: axis3(2), aspectmode: "manual",
   aspectratio: ratio, dragmode: "orbit", camera: {...VIEWS["3-D"], projection: {type: "perspective"}}}}), CONFIG);
 
 // The camera as it is right now: a drawing in the middle of a turn must not take the view back to where the turn began.
@@ -143,6 +163,7 @@ function straight(i, [x, y, z]) {
 
 let direct = true;
 function draw() {
+  if (!data.scene) return Promise.resolve();
   const at = moved(), changed = [...traces.keys()].filter((i) => !traces[i].still && traces[i].numbers.length);
   const places = changed.map((i) => columns(traces[i].numbers, at));
   state.drawn += 1;
@@ -211,7 +232,7 @@ function tell(mode) {
   if (re < 0) item("decay time constant", seconds(-1 / re));
   if (re < 0 && im) item("Q", shown(0.5 / row.ratio, 4));
   const both = make("div", null, place, "holds");
-  for (const [which, title] of [["strain", "Strain energy by element"], ["kinetic", "Kinetic energy by body"]]) {
+  if (mode < MOST_SHARES) for (const [which, title] of [["strain", "Strain energy by element"], ["kinetic", "Kinetic energy by body"]]) {
     const part = make("div", null, both), all = data.shares[which].map(([name, values]) => [name, values[mode]]);
     const most = all.filter(([, value]) => value !== null && Math.abs(value) >= 0.05).sort((a, b) => Math.abs(b[1]) - Math.abs(a[1])).slice(0, 6);
     make("h3", title, part);
@@ -228,7 +249,7 @@ function tell(mode) {
 const seconds = (time) => (time >= 1 ? `${shown(time, 4)} s` : time >= 1e-3 ? `${shown(1e3 * time, 4)} ms` : `${shown(1e6 * time, 4)} µs`);
 
 function shapes() {
-  const names = data.topology.nodes.slice(0, modesOf.bodies).map((node) => node[0]), out = [];
+  const names = (data.topology || {nodes: []}).nodes.slice(0, modesOf.bodies).map((node) => node[0]), out = [];
   names.forEach((name, body) => ["x", "y", "z", "rx", "ry", "rz"].forEach((way, j) => {
     const at = (mode) => 2 * ((mode * modesOf.bodies + body) * 6 + j), digits = (value) => Number(value.toPrecision(7));
     out.push([name, way, ...Array.from({length: modesOf.shown}, (_, mode) => [digits(motions[at(mode)]), digits(motions[at(mode) + 1])]).flat()]);
@@ -276,9 +297,10 @@ for (const [name, colour] of Object.entries(SWATCH)) {
   box.onchange = () => show(name, box.checked);
 }
 by("remarks").textContent = modesOf.remarks.join(" ") +
-  (modesOf.shown < modesOf.rows.length ? ` The first ${modesOf.shown} of ${modesOf.rows.length} modes are shown in motion.` : "");
+  (data.scene && modesOf.shown < modesOf.rows.length ? ` The first ${modesOf.shown} of ${modesOf.rows.length} modes are shown in motion.` : "");
 by("csv-modes").onclick = () => csv(`${fileName(data.name)}-modes.csv`, [
   ["mode", "natural_hz", "damped_hz", "damping_ratio", "real_1", "imag_1", "real_2", "imag_2", "relative_error", "moves_most"],
   ...modesOf.rows.map((mode, i) => [i + 1, mode.natural, mode.damped, mode.ratio, ...mode.values.flat(), mode.error, mode.most])]);
 by("csv-shapes").onclick = () => csv(`${fileName(data.name)}-shapes.csv`, shapes());
-if (modesOf.shown) choose(0); else for (const id of ["play", "previous", "next", "csv-shapes"]) by(id).disabled = true;
+if (!data.scene) { document.querySelector(".stage").remove(); by("motion").querySelector(".split").classList.add("single"); by("csv-shapes").remove(); }
+else if (modesOf.shown) choose(0); else for (const id of ["play", "previous", "next", "csv-shapes"]) by(id).disabled = true;

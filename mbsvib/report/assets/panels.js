@@ -1,73 +1,9 @@
-// Responses, energy, topology and accuracy.
-const responses = data.responses;
-const curvesOf = responses && {magnitude: floats(responses.magnitude), phase: floats(responses.phase)};
-
-function chosenCurve() {
-  const i = by("input").selectedIndex, j = by("output").selectedIndex, n = responses.frequencies.length;
-  const pair = i * responses.outputs.length + j, cut = (all) => Array.from(all.subarray(pair * n, (pair + 1) * n));
-  return {pair, source: responses.inputs[i][0], result: responses.outputs[j][0], unit: responses.units[pair],
-          magnitude: cut(curvesOf.magnitude), phase: cut(curvesOf.phase)};
-}
-
-function drawBode() {
-  const curve = chosenCurve(), x = responses.frequencies;
-  const line = {color: responses.negligible[curve.pair] ? "#9aa5b1" : BLUE, width: 2};
-  const low = x[0], high = x[x.length - 1];
-  const seen = [...new Set(modesOf.rows.map((mode) => mode.natural).filter((f) => f > low && f < high))];
-  const marks = by("marks").checked && seen.length <= 60 ? seen.map((f) => ({type: "line", xref: "x", yref: "paper", x0: f, x1: f,
-    y0: 0, y1: 1, line: {color: "#b6c0ca", width: 1, dash: "dot"}, layer: "below"})) : [];
-  const named = `${plain(curve.source)} → ${plain(curve.result)}`;
-  Plotly.react("bode", [
-    {x, y: curve.magnitude.map((value) => (value > 0 ? value : null)), line, mode: "lines", name: "magnitude",
-     hovertemplate: `%{x:.6g} Hz<br>%{y:.5g} ${plain(curve.unit)}<extra></extra>`},
-    {x, y: curve.phase.map((value) => (Number.isFinite(value) ? value : null)), line, mode: "lines", yaxis: "y2", name: "phase",
-     hovertemplate: "%{x:.6g} Hz<br>%{y:.2f}°<extra></extra>"},
-  ], layout({showlegend: false, shapes: marks, hovermode: "x", margin: {l: 90, r: 18, t: 34, b: 54},
-    title: {text: named, x: 0, xref: "paper", xanchor: "left", y: 0.985, yanchor: "top", font: {size: 14.5, color: INK}},
-    xaxis: axis("frequency [Hz]", {type: "log", range: [Math.log10(low), Math.log10(high)], anchor: "y2", dtick: high / low < 300 ? "D2" : 1,
-      minor: {showgrid: true, gridcolor: "#f2f4f6"}}),
-    yaxis: axis(`magnitude [${plain(curve.unit)}]`, {type: "log", domain: [0.4, 1], exponentformat: "power"}),
-    yaxis2: axis("phase [deg]", {domain: [0, 0.34], dtick: 90}), uirevision: `${curve.unit}`}), CONFIG);
-  by("response-remark").textContent = (responses.negligible[curve.pair]
-    ? "This response is zero by symmetry: what is drawn is rounding." : "A click on a curve shows the mode nearest to it.") +
-    (responses.left[0] + responses.left[1]
-      ? ` Not all fit into the page: ${counted(responses.left[0], "input")} and ${counted(responses.left[1], "output")} are left out; name those wanted by --inputs and --outputs.` : "");
-}
-
-function fill(select, ports) {
-  for (const [name, unit] of ports) make("option", `${name} [${unit}]`, select);
-  select.onchange = drawBode;
-}
-
-if (responses) {
-  fill(by("input"), responses.inputs);
-  fill(by("output"), responses.outputs);
-  by("marks").onchange = drawBode;
-  drawBode();
-  by("bode").on("plotly_click", (event) => {
-    const at = event.points[0].x;
-    let best = -1;
-    modesOf.rows.slice(0, modesOf.shown).forEach((mode, i) => {
-      if (mode.natural > 0 && (best < 0 || Math.abs(Math.log(mode.natural / at)) < Math.abs(Math.log(modesOf.rows[best].natural / at)))) best = i;
-    });
-    choose(best);
-  });
-  by("csv-response").onclick = () => {
-    const curve = chosenCurve(), head = `${curve.result} / ${curve.source} [${curve.unit}]`;
-    csv(`${fileName(data.name)}-${fileName(curve.source)}-${fileName(curve.result)}.csv`, [
-      ["frequency [Hz]", `magnitude of ${head}`, "phase [deg]"],
-      ...responses.frequencies.map((f, k) => [f, Number(curve.magnitude[k].toPrecision(7)), Number.isFinite(curve.phase[k]) ? Number(curve.phase[k].toPrecision(7)) : null])]);
-  };
-} else {
-  by("bode").parentElement.querySelector(".bar").remove();
-  by("csv-response").remove();
-  empty("bode", "The model has no input, no output or no degree of freedom: there is no response to show.");
-}
-
+// Energy, topology and accuracy.
 // Energy
+const withShares = Math.min(60, modesOf.rows.length);
 function drawShares(which) {
   for (const id of ["strain", "kinetic"]) by(id).setAttribute("aria-selected", String(id === which));
-  const rowsOf = data.shares[which], numbers = modesOf.rows.slice(0, modesOf.shown).map((_, i) => i + 1);
+  const rowsOf = data.shares[which], numbers = modesOf.rows.slice(0, withShares).map((_, i) => i + 1);
   const words = which === "strain" ? "strain energy" : "kinetic energy";
   Plotly.react("shares", rowsOf.map(([name, values], i) => ({type: "bar", name: plain(name), x: numbers, y: values,
     marker: {color: name === "all others" ? "#d5dbe1" : PALETTE[i % PALETTE.length], pattern: {shape: i >= PALETTE.length ? "/" : "", solidity: 0.25}},
@@ -76,15 +12,17 @@ function drawShares(which) {
     xaxis: axis("mode [–]", {dtick: Math.ceil(numbers.length / 20), range: [0.4, numbers.length + 0.6], showgrid: false}),
     yaxis: axis(`share of ${words} [%]`)}), CONFIG);
 }
-if (modesOf.shown) {
+if (!data.topology) {
+  for (const id of ["energy", "structure"]) { by(id).remove(); document.querySelector(`nav a[href="#${id}"]`).remove(); }
+} else if (modesOf.shown) {
   by("strain").onclick = () => drawShares("strain");
   by("kinetic").onclick = () => drawShares("kinetic");
   drawShares(data.shares.strain.length ? "strain" : "kinetic");
 } else {
   empty("shares", "No mode has any energy.");
 }
-by("csv-energy").onclick = () => csv(`${fileName(data.name)}-energy.csv`, [
-  ["energy [%]", "element", ...modesOf.rows.slice(0, modesOf.shown).map((_, i) => `mode ${i + 1}`)],
+if (data.topology) by("csv-energy").onclick = () => csv(`${fileName(data.name)}-energy.csv`, [
+  ["energy [%]", "element", ...modesOf.rows.slice(0, withShares).map((_, i) => `mode ${i + 1}`)],
   ...["strain", "kinetic"].flatMap((which) => data.shares[which].map(([name, values]) => [which, name, ...values]))]);
 
 // Topology: edges between the same two bodies bend away from each other.
@@ -129,6 +67,7 @@ function drawGraph() {
   Plotly.newPlot("graph", traces, layout({margin: {l: 12, r: 12, t: 8, b: 8}, xaxis: {...bare}, hovermode: "closest", annotations,
     yaxis: {...bare, range: [-0.6, Math.max(...nodes.map((node) => node[2])) + 0.6]}, legend: {orientation: "h", x: 0, y: 0, yanchor: "top"}}), CONFIG);
 }
+function structure() {
 drawGraph();
 by("csv-topology").onclick = () => csv(`${fileName(data.name)}-topology.csv`, [["part", "name", "what", "first", "second"],
   ...data.topology.edges.map(([kind, name, words, first, second]) => [kind, name, words, data.topology.nodes[first][0], data.topology.nodes[second][0]])]);
@@ -140,6 +79,8 @@ for (const loop of data.loops) {
   const names = loop.joints.length > 8 ? `${loop.joints.slice(0, 8).join(", ")}, … (${loop.joints.length})` : loop.joints.join(", ");
   make("p", `${names}: ${loop.rank} of ${loop.rows} constraint rows independent${pivots}; loop size ${shown(loop.length, 3)} m`, by("loops"));
 }
+}
+if (data.topology) structure();
 
 // Accuracy
 if (modesOf.rows.length) {
@@ -153,6 +94,9 @@ if (modesOf.rows.length) {
 } else {
   empty("errors", "There are no eigenvalues.");
 }
-for (const text of data.skipped) make("li", text, by("skipped"));
-by("explained").textContent = data.explained;
+if (data.explained === null) by("skipped").parentElement.remove();
+else {
+  for (const text of data.skipped) make("li", text, by("skipped"));
+  by("explained").textContent = data.explained;
+}
 document.body.dataset.ready = "yes";

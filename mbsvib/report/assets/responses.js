@@ -1,0 +1,164 @@
+// Responses of any pair, computed anew for each window, and the comparison of two systems.
+const other = data.compared, sources = [data.responses, other && other.responses].map((source) =>
+  source && {...source, form: formOf(source.form, source.inputs.length)});
+const [responses, second] = sources, COLOURS = [BLUE, "#d55e00"], DASHES = ["solid", "dash"];
+const labels = other ? other.labels : [""];
+const whole = responses && [responses, second].filter(Boolean).reduce((span, {span: [low, high]}) =>
+  [Math.min(span[0], low), Math.max(span[1], high)], [Infinity, 0]);
+let chosen = [], frequencies = whole, times = null;
+
+// The pair of each system that has both ports.
+function choosePair() {
+  const input = responses.inputs[by("input").selectedIndex][0], output = responses.outputs[by("output").selectedIndex][0];
+  chosen = sources.flatMap((source, k) => {
+    if (!source) return [];
+    const i = source.inputs.findIndex(([name]) => name === input), j = source.outputs.findIndex(([name]) => name === output);
+    if (i < 0 || j < 0) return [];
+    const number = i * source.outputs.length + j, pair = pairOf(source.form, j, i);
+    const points = sampled(pair, source.poles, ...whole);
+    return [{k, source, pair, input, output, unit: source.units[number], outputUnit: source.outputs[j][1], inputUnit: source.inputs[i][1],
+             negligible: source.negligible[number], whole: points, angles: phases(points)}];
+  });
+  frequencies = whole;
+  times = [0, longest()];
+  drawBode();
+  drawStep();
+}
+
+// Time until the slowest motion that decays has settled, at most 60 periods of the fastest one that a figure can show.
+function longest() {
+  let end = 0;
+  for (const {source} of chosen) {
+    const slow = source.poles.filter(([re, im]) => re < 0 || im > 0).map(([re, im]) => Math.min(re < 0 ? 4 / -re : Infinity, 60 * Math.PI / Math.hypot(re, im)));
+    if (slow.length) end = Math.max(end, ...slow);
+  }
+  return end || 1;
+}
+
+function nearest(curve, f) {
+  let best = 0;
+  curve.whole.forEach((point, k) => { if (curve.angles[k] !== null && Math.abs(Math.log(point.f / f)) < Math.abs(Math.log(curve.whole[best].f / f))) best = k; });
+  return curve.angles[best] === null ? undefined : curve.angles[best];
+}
+
+const curveStyle = ({k, negligible}) => ({color: negligible ? "#9aa5b1" : COLOURS[k], width: 2, dash: DASHES[k], simplify: false});
+
+// Points of a window, a little wider than it so that lines leave it.
+function windowOf(curve) {
+  const whole_ = frequencies[0] === whole[0] && frequencies[1] === whole[1];
+  if (whole_) return {points: curve.whole, angles: curve.angles};
+  const points = sampled(curve.pair, curve.source.poles, ...frequencies);
+  return {points, angles: phases(points, points.length ? nearest(curve, points[0].f) : undefined)};
+}
+
+function drawBode() {
+  if (!chosen.length) return;
+  const [low, high] = frequencies, decibel = by("decibel").checked, {unit, input, output} = chosen[0];
+  const natural = [...new Set(data.modes.rows.map((mode) => mode.natural).filter((f) => f > low && f < high))];
+  const marks = by("marks").checked && natural.length <= 60 ? natural.map((f) => ({type: "line", xref: "x", yref: "paper", x0: f, x1: f,
+    y0: 0, y1: 1, line: {color: "#b6c0ca", width: 1, dash: "dot"}, layer: "below"})) : [];
+  const traces = chosen.flatMap((curve) => {
+    const {points, angles} = windowOf(curve), x = points.map((p) => p.f), line = curveStyle(curve), name = plain(labels[curve.k]);
+    const head = other ? `<b>${name}</b><br>` : "";
+    return [{x, y: points.map((p) => (Number.isFinite(p.log) ? (decibel ? 20 * p.log : 10 ** p.log) : null)), line, mode: "lines", name,
+             hovertemplate: `${head}%{x:.6g} Hz<br>%{y:.5g} ${decibel ? "dB" : plain(unit)}<extra></extra>`},
+            {x, y: angles, line, mode: "lines", yaxis: "y2", name, showlegend: false, hovertemplate: `${head}%{x:.6g} Hz<br>%{y:.2f}°<extra></extra>`}];
+  });
+  const narrow = by("bode").clientWidth < 560;
+  Plotly.react("bode", traces, layout({showlegend: Boolean(other), legend: {orientation: "h", x: 1, xanchor: "right", y: 1.01, yanchor: "bottom"},
+    shapes: marks, hovermode: "closest", margin: {l: narrow ? 62 : 90, r: 12, t: 40, b: 54},
+    title: {text: `${plain(input)} → ${plain(output)}`, x: 0, xref: "paper", xanchor: "left", y: 0.985, yanchor: "top", font: {size: 14.5, color: INK}},
+    xaxis: axis("frequency [Hz]", {type: "log", range: [Math.log10(low), Math.log10(high)], anchor: "y2", ...ticks(low, high), minor: {showgrid: true, gridcolor: "#f2f4f6"}}),
+    yaxis: axis(decibel ? `magnitude [dB re 1 ${plain(unit)}]` : `magnitude [${plain(unit)}]`, {type: decibel ? "linear" : "log", domain: [0.4, 1], exponentformat: "power"}),
+    yaxis2: axis("phase [deg]", {domain: [0, 0.34], ...(narrow || frequencies !== whole ? {} : {dtick: 90})})}), CONFIG);
+  const worst = Math.max(...chosen.map(({source}) => source.form.error));
+  by("response-remark").textContent = (chosen[0].negligible ? "This response is zero by symmetry: what is drawn is rounding." :
+    `Zoom in: curves are computed anew for each window.${data.scene ? " A click on a curve shows the nearest mode." : ""}`) +
+    (worst > 1e-9 ? ` Curves differ from those of mbsvib by up to ${worst.toExponential(0)} of their largest value.` : "") +
+    (other && chosen.length < 2 ? ` Only one of the two systems has this input and output.` : "");
+}
+
+// One labelled tick a decade, two or three of them on short ranges, and automatic ones where a window is narrow.
+const ticks = (low, high) => (high / low < 8 ? {} : {dtick: high / low < 300 ? "D2" : 1});
+
+function drawStep() {
+  if (!chosen.length) return;
+  const {outputUnit, inputUnit} = chosen[0], narrow = by("step").clientWidth < 560;
+  Plotly.react("step", chosen.map((curve) => {
+    const points = steps(curve.pair, ...times).filter((p) => Number.isFinite(p.y));
+    return {x: points.map((p) => p.t), y: points.map((p) => p.y), mode: "lines", line: curveStyle(curve), name: plain(labels[curve.k]),
+            hovertemplate: `%{x:.6g} s<br>%{y:.6g} ${plain(outputUnit)}<extra></extra>`};
+  }), layout({showlegend: Boolean(other), legend: {orientation: "h", x: 1, xanchor: "right", y: 1.01, yanchor: "bottom"},
+    margin: {l: narrow ? 62 : 90, r: 12, t: 40, b: 54}, hovermode: "closest",
+    title: {text: `Step of 1 ${plain(inputUnit)}`, x: 0, xref: "paper", xanchor: "left", y: 0.98, yanchor: "top", font: {size: 14.5, color: INK}},
+    xaxis: axis("time [s]", {range: times, exponentformat: "power"}), yaxis: axis(`response [${plain(outputUnit)}]`, {exponentformat: "power"})}), CONFIG);
+}
+
+function zoomed(id, axisName, take) {
+  by(id).on("plotly_relayout", (event) => {
+    if (event[`${axisName}.autorange`]) { take(null); return; }
+    const range = event[`${axisName}.range`] || (`${axisName}.range[0]` in event ? [event[`${axisName}.range[0]`], event[`${axisName}.range[1]`]] : null);
+    if (range) take(range.map(Number));
+  });
+}
+
+if (responses) {
+  for (const [id, ports] of [["input", responses.inputs], ["output", responses.outputs]]) {
+    for (const [name, unit] of ports) make("option", unit ? `${name} [${unit}]` : name, by(id));
+    by(id).onchange = choosePair;
+  }
+  by("marks").onchange = by("decibel").onchange = drawBode;
+  by("reset").onclick = () => { frequencies = whole; times = [0, longest()]; drawBode(); drawStep(); };
+  choosePair();
+  zoomed("bode", "xaxis", (range) => { frequencies = range ? range.map((x) => 10 ** x) : whole; drawBode(); });
+  zoomed("step", "xaxis", (range) => { times = range ? [Math.max(0, range[0]), Math.max(range[1], 1e-12)] : [0, longest()]; drawStep(); });
+  by("bode").on("plotly_click", (event) => {
+    const at = event.points[0].x;
+    let best = -1;
+    modesOf.rows.slice(0, modesOf.shown).forEach((mode, i) => {
+      if (mode.natural > 0 && (best < 0 || Math.abs(Math.log(mode.natural / at)) < Math.abs(Math.log(modesOf.rows[best].natural / at)))) best = i;
+    });
+    choose(best);
+  });
+  const file = (what) => `${fileName(data.name)}-${fileName(chosen[0].input)}-${fileName(chosen[0].output)}${what}.csv`;
+  by("csv-response").onclick = () => {
+    const named = ({k}) => (other ? ` ${labels[k]}` : ""), rows = chosen.flatMap((curve) => {
+      const {points, angles} = windowOf(curve);
+      return points.map((p, i) => [...(other ? [labels[curve.k]] : []), p.f, 10 ** p.log, angles[i]]);
+    });
+    csv(file(""), [[...(other ? ["system"] : []), "frequency [Hz]", `magnitude of ${chosen[0].output} / ${chosen[0].input} [${chosen[0].unit}]`, "phase [deg]"], ...rows]);
+  };
+  by("csv-step").onclick = () => csv(file("-step"), [[...(other ? ["system"] : []), "time [s]", `${chosen[0].output} [${chosen[0].outputUnit}]`],
+    ...chosen.flatMap((curve) => steps(curve.pair, ...times).map((p) => [...(other ? [labels[curve.k]] : []), p.t, p.y]))]);
+} else {
+  by("bode").parentElement.querySelector(".bar").remove();
+  for (const id of ["csv-response", "csv-step", "step"]) by(id).remove();
+  empty("bode", "The model has no input, no output or no degree of freedom: there is no response to show.");
+}
+
+// Modes in pairs
+if (other) {
+  by("comparison").hidden = false;
+  document.querySelector('nav a[href="#comparison"]').hidden = false;
+  const shape = other.pairs.by === "shape", [one, two] = labels;
+  const head = [["mode", ""], [one, "Hz"], ["mode", ""], [two, "Hz"], ["difference", "Hz"], ["difference", "%"], ["damping", `${one}, %`], ["damping", `${two}, %`], ...(shape ? [["MAC", "–"]] : [])];
+  const row = make("tr", null, by("pairs").tHead);
+  for (const [word, unit] of head) { const cell = make("th", word, row); make("br", null, cell); make("i", unit, cell); }
+  const table = other.pairs.rows.map(([i, j, alike]) => {
+    const a = i === null ? null : data.modes.rows[i], b = j === null ? null : other.modes[j];
+    const change = a && b ? b.natural - a.natural : null;
+    return [a && i + 1, a && a.natural, b && j + 1, b && b.natural, change, change !== null && a.natural > 0 ? 100 * change / a.natural : null,
+            a && a.ratio !== null ? 100 * a.ratio : null, b && b.ratio !== null ? 100 * b.ratio : null, ...(shape ? [alike] : [])];
+  });
+  for (const values of table) {
+    const line = make("tr", null, by("pairs").tBodies[0]);
+    values.forEach((value, k) => {
+      const signed = (k === 4 || k === 5) && value > 0 ? "+" : "";
+      make("td", value === null ? "–" : k === 0 || k === 2 ? String(value) : signed + shown(value, k === 1 || k === 3 ? 6 : k === 8 ? 3 : 4), line);
+    });
+    if (shape && values[8] !== null && values[8] < 0.5) line.className = "unlike";
+  }
+  by("comparison-remark").textContent = shape ? "Modes are paired by their shapes (MAC). Pairs in grey are hardly alike (MAC below 0.5)."
+    : "Modes are paired by their natural frequencies: there are no shapes of common bodies.";
+  by("csv-comparison").onclick = () => csv(`${fileName(data.name)}-comparison.csv`, [head.map(([word, unit]) => `${word} ${unit}`.trim()), ...table]);
+}

@@ -1,0 +1,85 @@
+"""Modes of two systems in pairs: by their shapes where both have the same bodies, else by their frequencies."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.linalg.matching import mac
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+def compared_modes(first: Any, second: Any) -> dict[str, Any]:
+    """Return the modes of two systems in pairs, such that the sum of their MAC is largest.
+
+    MAC = |a^H b|^2 / (a^H a b^H b) of displacements, and rotations times a length, of the bodies that both have
+
+    Parameters
+    ----------
+    first, second : System, StateSpace or ClosedLoop
+        Linear equations.
+
+    Returns
+    -------
+    dict
+        ``by``: "shape" or "frequency"; ``rows``: numbers of the modes from 0 or None, MAC or None.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    a, b = first.modes(), second.modes()
+    n, k = len(a), len(b)
+    shapes = _shared(first, second)
+    if shapes is None:
+        with np.errstate(divide="ignore"):
+            x, y = np.log(a.frequencies), np.log(b.frequencies)
+        both_rest = np.isneginf(x)[:, None] & np.isneginf(y)[None, :]
+        with np.errstate(invalid="ignore"):
+            alike = np.where(both_rest, 1.0, -np.minimum(np.abs(x[:, None] - y[None, :]), 1e3))
+    else:
+        alike = mac(*shapes)
+    left, right = linear_sum_assignment(alike, maximize=True) if n and k else (np.zeros(0, int),) * 2
+    other = dict(zip(left.tolist(), right.tolist(), strict=True))
+    rows: list[list[Any]] = []
+    for i in range(n):
+        j = other.get(i)
+        rows.append([i, j, None if j is None or shapes is None else round(float(alike[i, j]), 6)])
+    rows += [[None, j, None] for j in range(k) if j not in set(other.values())]
+    return {"by": "frequency" if shapes is None else "shape", "rows": rows}
+
+
+def _shared(first: Any, second: Any) -> tuple[NDArray[Any], NDArray[Any]] | None:
+    """Shapes at the bodies that both have, rotations times the size of the mechanism."""
+    from mbsvib.plots import _scene
+
+    if not (has_geometry(first) and has_geometry(second)):
+        return None
+    names = [name for name in first.bodies if name in set(second.bodies)]
+    size = _scene.of_system(first.name, first.provenance).size
+    if not names:
+        return None
+    weights = np.tile([1.0, 1.0, 1.0, size, size, size], len(names))[:, None]
+    shapes = []
+    for system in (first, second):
+        motion = system.modes().body_shapes
+        shapes.append(weights * np.concatenate([motion[name] for name in names]))
+    return shapes[0], shapes[1]
+
+
+def has_geometry(system: Any) -> bool:
+    """Tell whether a system has bodies to draw.
+
+    Parameters
+    ----------
+    system : System, StateSpace or ClosedLoop
+        Linear equations.
+
+    Returns
+    -------
+    bool
+        False for state spaces, loops with controllers that have states, and systems from matrices.
+    """
+    provenance = getattr(system, "provenance", None)
+    return provenance is not None and not provenance.from_matrices
