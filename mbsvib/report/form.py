@@ -39,8 +39,9 @@ NO_SUMS = np.zeros((0, 0)), np.zeros((0, 0))
 class Form:
     """``blocks``: sizes of the diagonal blocks of ``a``, or none where it is triangular; ``rows`` (outputs' rows, n)
     with ``order`` and ``output`` of each;
-    ``starts`` (rows, inputs): D of rows of order 2; ``ends`` (rows, inputs): the value at infinity of s^2 times the transfer
-    function of the row before it is differentiated, with D in rows of order 2, or no rows where outputs are sums of
+    ``starts`` (rows, inputs): D of rows of order 2; ``ends`` (rows, inputs): the value at infinity of s^2 times the
+    transfer function of the row before it is differentiated, with D in rows of order 2,
+    or no rows where outputs are sums of
     states as they are; ``error``: largest difference found.
     """
 
@@ -69,7 +70,8 @@ class Form:
         return {"states": len(self.a), "blocks": list(self.blocks), "a": doubles(a), "b": doubles(self.b),
                 "rows": doubles(self.rows), "order": self.order.tolist(), "output": self.output.tolist(),
 
-                "starts": doubles(self.starts), "ends": doubles(self.ends), "d": doubles(self.d), "error": self.error}  # fmt: skip
+                "starts": doubles(self.starts), "ends": doubles(self.ends), "d": doubles(self.d),
+                "error": self.error}  # fmt: skip
 
 
 def doubles(values: NDArray[Any]) -> str:
@@ -114,12 +116,11 @@ def form_of(
     """
     o, i = ports
     best: Form | None = None
-    ways: tuple[Callable[[], StateSpace | None], ...] = (lambda: _modal(system), lambda: _states(system))
+    ways: tuple[Callable[[], Form | None], ...] = (
+        lambda: _modal(system, o, i), lambda: _triangular(_states(system), o, i),
+    )  # fmt: skip
     for way in ways:
-        space = way()
-        if space is None:
-            continue
-        form = _blocks(system, space, o, i) if space.realization == "modal" else _triangular(space, o, i)
+        form = way()
         if form is None:
             continue
         size = np.maximum(np.abs(response).max(axis=2, initial=0.0), np.finfo(float).tiny)
@@ -134,14 +135,14 @@ def form_of(
     return best
 
 
-def _modal(system: Any) -> StateSpace | None:
+def _modal(system: Any, o: Sequence[int], i: Sequence[int]) -> Form | None:
     if getattr(system, "basis", None) is None:
         return None
     try:
         space: StateSpace = system.state_space("modal")
     except ResponseError:
         return None
-    return space
+    return _blocks(system, space, o, i)
 
 
 def _states(system: Any) -> StateSpace:

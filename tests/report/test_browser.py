@@ -64,7 +64,7 @@ RESPONSES = """(count) => {
 }"""
 STEPS = """(times) => responses.outputs.flatMap(([output], j) => responses.inputs.map(([input], i) => {
   const pair = pairOf(responses.form, j, i), negligible = responses.negligible[i * responses.outputs.length + j];
-  const end = times[times.length - 1], evenly = () => triangularSteps(pair, 0, end, times.length).map((point) => point.y);
+  const n = times.length, evenly = () => triangularSteps(pair, 0, times[n - 1], n).map((point) => point.y);
   return [output, input, negligible, pair.form.triangular ? evenly() : times.map((t) => stepAt(pair, t))];
 }))"""
 

@@ -147,6 +147,15 @@ def test_modes_are_paired_by_shape_when_their_order_changes():
     assert data["labels"] == ["stiff", "soft"]
 
 
+def test_an_unstable_loop_is_a_page_that_says_so():
+    plant = mv.library.quarter_car().linearize()
+    law = mv.StateSpace.from_arrays([[-5.0]], [[1.0]], [[-20.0]], 0)
+    data = stored(report.html(plant.feedback(law, sensors=["body.z"], actuators=["actuator"])))
+    assert "Unstable" in " ".join(data["modes"]["remarks"])
+    assert data["responses"]["form"]["error"] < 1e-6  # above 1e-9 the page says how large it is
+    assert (data["scene"], data["topology"]) == (None, None)
+
+
 def test_names_of_a_comparison_are_two():
     model = mv.library.quarter_car()
     with pytest.raises(mv.ModelError, match="two names"):
