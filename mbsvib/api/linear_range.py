@@ -1,0 +1,120 @@
+"""How far the linear model holds, as users ask for it and read it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common.display import Displayed
+from mbsvib.common.expected import real
+from mbsvib.errors import ModelError, ResponseError
+
+if TYPE_CHECKING:
+    from mbsvib.api.modes import Modes
+    from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
+
+# A linear model that is off where no coordinate has moved by this much [rad, mechanism sizes] is worth a sentence.
+SMALL = 0.01
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class LinearRange(Displayed):
+    """Amplitudes of outputs in free vibration at which the second-order part reaches a ``share`` of the linear one.
+
+    ``values`` (modes, outputs) are in the ``units`` of the outputs: inf where there is no second-order part, 0 where
+    there is nothing else, NaN for outputs without second derivatives (forces in joints, strains). ``travel``
+    (modes, outputs) is how far the coordinate that moves most has moved there [rad, mechanism sizes]. ``frequencies``
+    (modes,) [Hz] are those of the modes.
+    """
+
+    name: str
+    share: float
+    outputs: tuple[str, ...]
+    units: tuple[str, ...]
+    frequencies: Array
+    values: Array
+    travel: Array
+
+    def table(self) -> dict[str, Any]:
+        """Return the table of amplitudes as arguments of ``mbsvib.common.tables.text`` and ``show``.
+
+        Returns
+        -------
+        dict
+            Title, columns and rows.
+        """
+        headers = [f"{name} [{unit}]" for name, unit in zip(self.outputs, self.units, strict=True)]
+        rows = [(str(k + 1), f"{frequency:.6g}", *(f"{value:.3g}" for value in own))
+                for k, (frequency, own) in enumerate(zip(self.frequencies, self.values, strict=True))]  # fmt: skip
+        return {"title": f"Linear range of {self.name}: amplitude at which the second-order part is {self.share:.3g}",
+                "columns": [(header, "right") for header in ("mode", "natural [Hz]", *headers)],
+                "rows": rows}  # fmt: skip
+
+    def sentences(self, below: float = SMALL) -> tuple[str, ...]:
+        """Return a sentence for each output whose range is small, for reports.
+
+        Parameters
+        ----------
+        below : float
+            ``travel`` [rad, mechanism sizes] below which a range is small.
+
+        Returns
+        -------
+        tuple of str
+            The output, its smallest range and the mode. Rigid-body modes, and outputs that a mode moves by second-order
+            parts only, are left out.
+        """
+        result = []
+        counts = np.isfinite(self.values) & (self.values > 0.0) & (self.frequencies > 0.0)[:, None]
+        travel = np.where(counts, self.travel, np.inf)
+        for j, name in enumerate(self.outputs if len(travel) else ()):
+            k = int(np.argmin(travel[:, j]))
+            if travel[k, j] < below:
+                result.append(
+                    f"output '{name}': the second-order part reaches {self.share:.0%} of the linear one at an "
+                    f"amplitude of {self.values[k, j]:.3g} {self.units[j]} in mode {k + 1} "
+                    f"({self.frequencies[k]:.4g} Hz); use model.simulate beyond."
+                )
+        return tuple(result)
+
+
+def linear_range(system: Equations, modes: Modes, share: float) -> LinearRange:
+    """Return how far the linear equations of a mechanism hold; see ``System.linear_range``.
+
+    Parameters
+    ----------
+    system : Equations
+        The equations.
+    modes : Modes
+        Their modes.
+    share : float
+        Share of the second-order part.
+
+    Returns
+    -------
+    LinearRange
+        Amplitudes by mode and output.
+
+    Raises
+    ------
+    ResponseError
+        If the share is not positive.
+    ModelError
+        If the equations are not those of a mechanism as described, or CasADi is not installed.
+    """
+    number = real(share, "linear_range", "share", "a positive share such as 0.1")
+    if not 0.0 < number < np.inf:
+        raise ResponseError(f"linear_range: share = {number:g}; expected a positive share such as 0.1.")
+    if find_spec("casadi") is None:
+        raise ModelError("linear_range: needs CasADi for second derivatives; pip install mbsvib[casadi]", field="share")
+    from mbsvib.simulation.linear_range import linear_range as computed
+
+    values, travel = computed(system, modes, number)
+    for array in (values, travel):
+        array.setflags(write=False)
+    return LinearRange(system.name, number, system.outputs, tuple(system.output_units), modes.frequencies, values,
+                       travel)  # fmt: skip

@@ -1,0 +1,89 @@
+"""How far the linear model holds: closed forms, harmonics of nonlinear runs, and what is refused."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.library import toggle
+
+
+@pytest.mark.parametrize("angle", [0.284, 0.1415, 0.05, 0.01, 0.001])
+def test_toggle_has_its_closed_form(angle):
+    """s = 2 l cos(theta): 1/2 s'' d^2 = 0.1 s' d at d = 0.2 tan(theta), where s' d = 0.4 l sin(theta) tan(theta)."""
+    found = toggle(angle=angle).linearize().linear_range()
+    expected = 0.4 * 0.1 * np.sin(angle) * np.tan(angle)
+    assert found.values[0, found.outputs.index("s")] == pytest.approx(expected, rel=1e-9)
+
+
+def test_pendulum_on_a_spring_has_the_second_order_part_of_lindstedt():
+    """theta'' + w^2 (theta + e theta^2) = 0 has the mean -e a^2 / 2 and the second harmonic e a^2 / 6."""
+    length, mass, k, ratio = 0.3, 2.0, 500.0, 0.05
+    model = mv.Model("eccentric")
+    model.add_body("bar", mass, (1e-3, 1e-3, 1e-3), (length, 0, 0))
+    model.add_joint("hinge", "revolute", "ground", "bar", (0, 0, 0), axis=(0, 0, 1))
+    # V = k/2 (|r| - L)^2 with r from (length, h) to the bar's end
+    h = ratio / 0.05 * 0.2
+    model.add_spring("s", "ground", "bar", (0.0, -h, 0), (length, 0, 0), k)
+    model.add_output("angle", "bar", "rz")
+
+    def stretch(theta):
+        end = length * np.array([np.cos(theta), np.sin(theta)])
+        return np.hypot(end[0], end[1] + h)
+
+    # exact derivatives of |r|^2 = l^2 + h^2 + 2 l h sin(theta)
+    L, c = stretch(0.0), length * h
+    first, second = c / L, -(c**2) / L**3
+    e = 1.5 * second / first  # V' = k (D1^2 t + 3/2 D1 D2 t^2)
+    found = model.linearize().linear_range(0.1)
+    assert found.values[0, 0] == pytest.approx(0.1 / abs(0.5 * e), rel=1e-9)
+
+
+@pytest.mark.parametrize("angle", [0.284, 0.05])
+def test_toggle_in_a_nonlinear_run_has_the_mean_and_harmonic_predicted(angle):
+    model = toggle(angle=angle, spring_damping=1e-9)
+    system = model.linearize(independent=["base.rz"])
+    share = 0.004
+    amplitude = system.linear_range(share).values[0, 1]
+    w = float(system.modes().natural[0])
+    t = np.linspace(0.0, 2.0 * np.pi / w, 65)
+    # quadratic terms move the mean; released at +a the run is a mean, a first and a second harmonic
+    run = model.simulate(t, initial={"base.rz": amplitude}, tolerance=1e-10)
+    angles = run["angle"]
+    basis = np.array([np.ones_like(t), np.cos(w * t), np.cos(2.0 * w * t)]).T
+    mean, first, second = np.linalg.lstsq(basis, angles, rcond=None)[0]
+    assert max(abs(mean), abs(second)) / abs(first) == pytest.approx(share, rel=0.02)
+
+
+def test_velocity_outputs_and_the_table():
+    model = toggle()
+    model.add_output("v", "slider", "x", quantity="velocity")
+    system = model.linearize()
+    found = system.linear_range(0.1)
+    assert found.values.shape == (1, 3)
+    assert np.isfinite(found.values).all()
+    assert "angle [rad]" in str(found)
+    twice = system.linear_range(0.2)
+    np.testing.assert_allclose(twice.values, 2.0 * found.values)
+    assert found.sentences() == ()
+    near = toggle(angle=0.01).linearize().linear_range()
+    assert "output 's'" in near.sentences()[0]
+    assert "mode 1" in near.sentences()[0]
+
+
+def test_linear_motion_has_no_second_order_part():
+    model = mv.Model("slider")
+    model.add_body("b", 1.0, (0.1, 0.1, 0.1), (0, 0, 0))
+    model.add_joint("rail", "prismatic", "ground", "b", axis=(1, 0, 0))
+    model.add_spring("s", "ground", "b", (-1, 0, 0), (0, 0, 0), 100.0)
+    model.add_output("x", "b", "x")
+    assert np.isinf(model.linearize().linear_range().values).all()
+
+
+def test_what_has_no_range_is_refused_by_name():
+    system = toggle().linearize()
+    with pytest.raises(mv.ResponseError, match=r"share = -0\.1"):
+        system.linear_range(-0.1)
+    with pytest.raises(mv.ModelError, match="'beam' is a beam"):
+        mv.library.singular_beam().linearize().linear_range()
+    with pytest.raises(mv.ModelError, match="made of matrices"):
+        mv.System.from_matrices(np.eye(2), None, np.eye(2)).linear_range()
