@@ -113,7 +113,8 @@ def linear_range(system: Equations, modes: Modes, share: float) -> LinearRange:
         raise ModelError("linear_range: needs CasADi for second derivatives; pip install mbsvib[casadi]", field="share")
     from mbsvib.simulation.linear_range import linear_range as computed
 
-    values, travel = computed(system, modes, number)
+    none = np.zeros((0, len(system.outputs)))
+    values, travel = computed(system, modes, number) if system.dof else (none, none.copy())
     for array in (values, travel):
         array.setflags(write=False)
     return LinearRange(system.name, number, system.outputs, tuple(system.output_units), modes.frequencies, values,

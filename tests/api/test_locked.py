@@ -96,11 +96,20 @@ def finite_h2_norm(system):
         return system.h2_norm()
 
 
+def linear_range(system):
+    """Motions without mass have none."""
+    if not system.dof:
+        return system.linear_range()
+    with pytest.raises(mv.ModelError, match="give every motion a mass"):
+        return system.linear_range()
+
+
 VERBS = {
     "modes": lambda s: [str(s.modes()), s.modes(1), s.modes(2, near=3.0), s.modes(rtol=1e-13), s.modes().table()],
     "poles": lambda s: s.poles(),
     "frequency_response": lambda s: [s.frequency_response(OMEGA), s.frequency_response([])],
     "time_response": lambda s: [steps(s), steps(s, hold="zero"), steps(s, initial=(np.zeros(s.dof), np.zeros(s.dof)))],
+    "linear_range": lambda s: str(linear_range(s)),
     "step_info": lambda s: str(s.step_info()),
     "transmission_zeros": lambda s: [s.transmission_zeros(), s.transmission_zeros(s.outputs[:1], s.inputs[:1])],
     "frequency_grid": lambda s: [s.frequency_grid(), s.frequency_grid(s.outputs[:1], s.inputs[:1], 5, f_min=1.0)],
