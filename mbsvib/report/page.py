@@ -91,8 +91,10 @@ def write(
         Where the page goes.
     outputs, inputs : str or sequence of str, optional
         Names of those whose responses are shown; default: all.
-    compare, names : optional
-        Another design to compare with, and what the page calls the two, as in ``html``.
+    compare : Model, System, StateSpace or ClosedLoop, optional
+        Another design: its modes in pairs with those of ``source``, and its curves over these.
+    names : (str, str)
+        What the page calls ``source`` and ``compare``.
 
     Returns
     -------
