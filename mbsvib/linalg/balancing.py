@@ -75,9 +75,11 @@ def exponents(a: Array, b: Array, c: Array) -> Exponents:
     off, inward, outward = np.abs(a), np.abs(b), np.abs(c)
     off[np.arange(n), np.arange(n)] = 0.0
     total = np.zeros(n, dtype=np.int64)
+    # speeds that no scaling changes: entries that follow ports become small in chains that run one way only
+    speed = max(float(np.sqrt((off * off.T).max(initial=0.0))), float(np.abs(a.diagonal()).max(initial=0.0)))
+    size = PORTS * (speed or float(off.max(initial=0.0)) or 1.0)
     for _ in range(ROUNDS):
         # inputs and outputs have other units: they only matter for states that A does not connect
-        size = PORTS * (float(off.max(initial=0.0)) or 1.0)
         for ports, axis in ((inward, 0), (outward, 1)):
             largest = ports.max(axis=axis, keepdims=True, initial=0.0)
             ports *= size / np.where(largest == 0.0, 1.0, largest)

@@ -83,3 +83,11 @@ def test_massless_motions():
     plain, even = system.state_space(), system.state_space("balanced")
     assert same_bits(even.through, plain.through)
     assert np.linalg.eigvals(even.A) == pytest.approx(np.linalg.eigvals(plain.A), rel=1e-9)
+
+
+def test_a_chain_that_runs_one_way_stays_in_range():
+    """Three equal lags in series: A is triangular, and scaling alone could make its entries as small as it likes."""
+    a, b, c = np.eye(3, k=1) - np.eye(3), np.eye(3)[:, 2:], np.eye(3)[:1]
+    scaled, *_, power = balanced(a, b, c, np.eye(3))
+    assert np.abs(power).max() < 64
+    assert scaled[[0, 1], [1, 2]].min() > 1e-7
