@@ -58,6 +58,7 @@ def test_the_whole_job(run, tmp_path):
     assert "CONTROLLER_STEP 0.001" in (folder / "controller.h").read_text()
 
 
+@pytest.mark.slow
 def test_its_numbers_are_those_of_the_library(run, without_figures, monkeypatch):
     """And the controller damps, isolates and is stable when sampled, as the text claims."""
     pytest.importorskip("fmpy")

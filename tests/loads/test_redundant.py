@@ -209,12 +209,12 @@ def test_stiffness_does_not_depend_on_the_choice(name, monkeypatch):
     expected = model.linearize()
     size = max(map(np.linalg.norm, expected.reactions.values()))
 
-    def stressed(self, wrench, missing=None):
+    def stressed(self, wrench, added_amount=None):
         result = wrench.copy()
         result[:, self.joints] += 10 * size * self.states.sum(axis=2)[..., None]
         return result
 
-    monkeypatch.setattr("mbsvib.equations.self_stress.SelfStress.least", stressed)
+    monkeypatch.setattr("mbsvib.equations.self_stress.SelfStress.minimum_norm", stressed)
     actual = restated(model).linearize()
     assert max(map(np.linalg.norm, actual.reactions.values())) > 3 * size
     np.testing.assert_allclose(actual.K, expected.K, rtol=0, atol=1e-11 * max(np.abs(expected.K).max(), size))

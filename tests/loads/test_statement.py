@@ -68,7 +68,7 @@ def test_a_changed_model_is_seen():
 
 
 def test_without_loads_no_statics_are_done(monkeypatch):
-    monkeypatch.setattr(wrenches, "applied", None)
+    monkeypatch.setattr(wrenches, "applied_wrenches", None)
     model = mv.library.stewart()
     weightless = mv.Model(model.name, gravity=(0, 0, 0))
     for group in model.groups().values():

@@ -71,6 +71,7 @@ def test_weighted_optimum_is_that_of_least_squares(weights):
     assert "weighted mean square" in str(best)
 
 
+@pytest.mark.slow
 def test_trade_off_of_force_moment_and_torque():
     """Less of one is more of another, and no design of the front is better in all."""
     model, machine = weighted_hoeken(), run()

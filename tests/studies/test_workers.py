@@ -25,6 +25,7 @@ def same(result, here):
     return np.allclose(result["low"], here["low"], rtol=1e-13, atol=0)
 
 
+@pytest.mark.slow
 def test_processes_give_the_same_numbers():
     here = expected()
     assert set(here["pid"].tolist()) == {os.getpid()}
