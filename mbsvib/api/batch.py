@@ -39,7 +39,7 @@ class Batch(BatchEquations, Displayed):
     inputs), ``Cq``, ``Cv``, ``Ca`` (n, outputs, m), ``D`` (n, outputs, inputs). They are read-only, and views of a
     single matrix where nothing varies. ``batch[i]`` is the system of variant i, ``nominal`` that of the model as given;
     ``values`` holds what varies, and ``closure`` (n, joint coordinates, m) is B'' where the geometry of loops does;
-    ``own`` is what each variant came from where they were linearized one by one. ``gyroscopic`` and ``circulatory``
+    ``provenances`` are those of variants that were linearized one by one. ``gyroscopic`` and ``circulatory``
     (n, m, m) and ``null_inertia`` (n, m, massless) are None where no variant has them.
     """
 

@@ -10,7 +10,7 @@ from copy import copy
 from typing import TYPE_CHECKING, TypeVar
 
 from mbsvib.common.memory import keep_freed_memory
-from mbsvib.equations.draft import begun
+from mbsvib.equations.draft import first_draft
 from mbsvib.equations.equations import Equations, Provenance
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.inertia import check_mass
@@ -95,7 +95,7 @@ def assembled(
     Equations
         Matrices, names and the way back to the bodies.
     """
-    draft = begun(model, scene, independent, checked)
+    draft = first_draft(model, scene, independent, checked)
     planar = check_mobility(scene.topology, scene.coordinates, scene.cuts, draft.reduction, scene.position)
     for step in STEPS:
         draft = step(draft)
@@ -139,7 +139,7 @@ def _spin(draft: Draft) -> Draft:
 
 
 def _masses(draft: Draft) -> Draft:
-    if draft.scene.inertia.whole:
+    if draft.scene.inertia.regular:
         check_mass(draft.terms.M, draft.names)
         return draft
     from mbsvib.equations.massless_separation import separated

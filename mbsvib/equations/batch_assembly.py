@@ -1,4 +1,4 @@
-"""Assembly of a batch: what does not vary is computed once, what varies in one pass over pieces that fit a cache."""
+"""Assembly of a batch: constant arrays are computed once, those that vary in chunks of variants that fit a cache."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from mbsvib.common.memory import MANY, keep_freed_memory
 from mbsvib.elements import Body, Bushing, Joint
 from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
-from mbsvib.equations.batch_geometry import moves_geometry, varied
-from mbsvib.equations.batch_loops import Pivots, pivots, reduce_batch
+from mbsvib.equations.batch_geometry import moves_geometry, scene_of_variants
+from mbsvib.equations.batch_loops import LoopPivots, loop_pivots, reduce_batch
 from mbsvib.equations.batch_one_by_one import one_by_one
 from mbsvib.equations.batch_values import checked
 from mbsvib.equations.equations import Equations
@@ -37,9 +37,9 @@ if TYPE_CHECKING:
 
 B = TypeVar("B", bound=BatchEquations)
 
-# Pieces of a batch whose largest array has this many numbers stay in a cache, and take more time than calls do.
-PIECE = 2**19
-# Pivots of a scaled mass matrix below this are looked at by the check of single systems, whose limit is lower.
+# Chunks whose largest array has this many numbers fit a cache, and are large enough that calls cost little.
+CHUNK = 2**19
+# Variants with smaller pivots of the scaled mass matrix are checked as single systems, with a lower limit.
 SUSPECT_MASS = 1e-12
 
 
@@ -82,38 +82,38 @@ def linearize_batch(
     nominal = single.assembled(plain, scene, independent, None if plain is model else copy(model), form=form)
     if plain is not model or _adds_by_variant(model, scene, nominal) or _varies_otherwise(scene, variants):
         return one_by_one(model, nominal, variants, cut, batch)
-    chosen = pivots(scene, nominal.provenance.reduction)
-    size = _piece(scene, variants)
-    pieces = [
-        _matrices(model, scene, variants.slice(start, start + size), chosen, start, nominal.coordinates)
+    pivots = loop_pivots(scene, nominal.provenance.reduction)
+    size = _chunk_size(scene, variants)
+    chunks = [
+        _matrices(model, scene, variants.slice(start, start + size), pivots, start, nominal.coordinates)
         for start in range(0, variants.count, size)
     ]
-    arrays: dict[str, Any] = {"row_owner": pieces[0]["row_owner"]}
+    arrays: dict[str, Any] = {"row_owner": chunks[0]["row_owner"]}
     for key in (*MATRICES, *FACTORS):
-        array = pieces[0][key]
-        if len(pieces) > 1 and array.ndim == _depth(key) + 1:
-            array = np.concatenate([piece[key] for piece in pieces])
-        arrays[key] = np.broadcast_to(array, (variants.count, *array.shape[array.ndim - _depth(key) :]))
+        array = chunks[0][key]
+        if len(chunks) > 1 and array.ndim == _axes_without_variants(key) + 1:
+            array = np.concatenate([chunk[key] for chunk in chunks])
+        arrays[key] = np.broadcast_to(array, (variants.count, *array.shape[array.ndim - _axes_without_variants(key) :]))
     closure = None
-    if pieces[0]["closure"] is not None:
-        closure = np.concatenate([piece["closure"] for piece in pieces])
+    if chunks[0]["closure"] is not None:
+        closure = np.concatenate([chunk["closure"] for chunk in chunks])
     return batch(nominal=nominal, values=variants, closure=closure, **arrays)
 
 
 def _adds_by_variant(model: Mechanism, scene: Scene, nominal: Equations) -> bool:
-    """Tell whether a mechanism has what is computed variant by variant: loads, spin, inerters, motions without mass."""
+    """Return whether a mechanism has loads, spin, inerters or motions without mass, which are computed by variant."""
     return bool(scene.loads is not None or scene.port.wrench_outputs or model.rotors
                 or scene.springs.inertance is not None or nominal.provenance.separation is not None)  # fmt: skip
 
 
 def _varies_otherwise(scene: Scene, values: Values) -> bool:
-    """Tell whether couplers or what they measure, lines of distance joints, or 6x6 matrices vary."""
+    """Return whether couplers or their joints, lines of distance joints, or 6x6 matrices vary."""
     cut = {scene.topology.joints[k].name for k in scene.topology.cut}
-    coupled = {part.name for part in scene.couplers} | cut & {
+    of_couplers = {part.name for part in scene.couplers} | cut & {
         name.rpartition(".")[0] for part in scene.couplers for name, _ in part.terms}  # fmt: skip
     for name, fields in values.fields.items():
         part = values.parameters.parts[name]
-        if name in coupled or (isinstance(part, Joint) and part.kind == "distance"):
+        if name in of_couplers or (isinstance(part, Joint) and part.kind == "distance"):
             return True
         if isinstance(part, Bushing) and any(
             field in fields and isinstance(value[0], tuple)
@@ -123,31 +123,31 @@ def _varies_otherwise(scene: Scene, values: Values) -> bool:
     return False
 
 
-def _depth(key: str) -> int:
+def _axes_without_variants(key: str) -> int:
     """Number of axes of an array of a single system."""
     return {"row_stiffness": 1, "row_damping": 1, "body_motion": 3}.get(key, 2)
 
 
-def _piece(scene: Scene, values: Values) -> int:
-    """How many variants to compute at once."""
+def _chunk_size(scene: Scene, values: Values) -> int:
+    """Number of variants to compute at once."""
     if not moves_geometry(values) and not values.varies((Body,)):
         return values.count
-    return max(16, PIECE // max(1, scene.coordinates.path.size * 6))
+    return max(16, CHUNK // max(1, scene.coordinates.path.size * 6))
 
 
 def _matrices(
-    model: Mechanism, scene: Scene, values: Values, chosen: Pivots, first: int, names: tuple[str, ...]
+    model: Mechanism, scene: Scene, values: Values, pivots: LoopPivots, first: int, names: tuple[str, ...]
 ) -> dict[str, Any]:
-    """The matrices of some variants; those that do not vary without an axis of variants."""
-    scene = varied(model, scene, values)
+    """The matrices of some variants; constant ones have no axis of variants."""
+    scene = scene_of_variants(model, scene, values)
     relative = scene.relative()
-    reduction = chosen.reduction
+    reduction = pivots.reduction
     phi = scene.closure(relative)
     if phi.ndim == 3:
-        reduction = reduce_batch(scene, values, phi, chosen, first)
+        reduction = reduce_batch(scene, values, phi, pivots, first)
     terms = matrices(scene, relative, reduction)
     _check_masses(terms.M, names, first)
-    return terms.named() | {"closure": None if reduction is chosen.reduction else reduction.matrix}
+    return terms.named() | {"closure": None if reduction is pivots.reduction else reduction.matrix}
 
 
 def _check_masses(mass: Array, names: tuple[str, ...], first: int) -> None:
@@ -156,7 +156,7 @@ def _check_masses(mass: Array, names: tuple[str, ...], first: int) -> None:
         return
     diagonal = np.einsum("vii->vi", mass)
     try:
-        pivots = np.einsum("vii->vi", np.linalg.cholesky(mass)) ** 2  # those of a unit diagonal, times the diagonal
+        pivots = np.einsum("vii->vi", np.linalg.cholesky(mass)) ** 2  # times the diagonal
         suspects = np.flatnonzero((pivots < SUSPECT_MASS * diagonal).any(axis=1))
     except np.linalg.LinAlgError:
         suspects = np.arange(len(mass))

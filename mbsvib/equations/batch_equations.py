@@ -31,8 +31,8 @@ class BatchEquations(Matrices):
     inputs), ``Cq``, ``Cv``, ``Ca`` (n, outputs, m), ``D`` (n, outputs, inputs). They are read-only, and views of a
     single matrix where nothing varies. ``batch[i]`` are those of variant i, ``nominal`` those of the model as given;
     ``values`` holds what varies, and ``closure`` (n, joint coordinates, m) is B'' where the geometry of loops does;
-    ``own`` is what each variant came from where they were linearized one by one. ``gyroscopic`` and ``circulatory``
-    (n, m, m) and ``null_inertia`` (n, m, massless) are None where no variant has them.
+    ``provenances`` is what each variant came from where they were linearized one by one. ``gyroscopic`` and
+    ``circulatory`` (n, m, m) and ``null_inertia`` (n, m, massless) are None where no variant has them.
     """
 
     kind: ClassVar[str] = "batch"
@@ -40,7 +40,7 @@ class BatchEquations(Matrices):
     nominal: Equations
     values: Values
     closure: Array | None
-    own: tuple[Provenance, ...] | None = None
+    provenances: tuple[Provenance, ...] | None = None
 
     def __post_init__(self) -> None:
         for name in (*MATRICES, *FACTORS, "row_owner", *self._parts):
@@ -146,7 +146,7 @@ class BatchEquations(Matrices):
         arrays |= {name: getattr(self, name)[k] if getattr(self, name)[k].any() else None for name in self._parts}
         return replace(self.nominal, row_owner=self.row_owner[used], provenance=self._provenance(k), **arrays)
 
-    def piece(self, start: int, stop: int) -> Self:
+    def slice(self, start: int, stop: int) -> Self:
         """Return some of the variants as a batch of their own, without copying anything.
 
         Parameters
@@ -163,19 +163,19 @@ class BatchEquations(Matrices):
             return self
         arrays = {name: getattr(self, name)[start:stop] for name in (*MATRICES, *FACTORS, *self._parts)}
         closure = None if self.closure is None else self.closure[start:stop]
-        own = None if self.own is None else self.own[start:stop]
-        return replace(self, values=self.values.slice(start, stop), closure=closure, own=own, **arrays)
+        provenances = None if self.provenances is None else self.provenances[start:stop]
+        return replace(self, values=self.values.slice(start, stop), closure=closure, provenances=provenances, **arrays)
 
     def _provenance(self, k: int) -> Provenance:
         """That of the pose as given, on which the choice of coordinates rests, with the variant's own numbers."""
-        if self.own is not None:
-            return self.own[k]
-        given, values = self.nominal.provenance, self.values
-        parts = tuple(values.part(part.name, k) if part.name in values.fields else part for part in given.parts)
-        topology, reduction = given.topology, given.reduction
+        if self.provenances is not None:
+            return self.provenances[k]
+        nominal, values = self.nominal.provenance, self.values
+        parts = tuple(values.part(part.name, k) if part.name in values.fields else part for part in nominal.parts)
+        topology, reduction = nominal.topology, nominal.reduction
         if values.varies((Joint,)):
-            own = [part for part in parts if isinstance(part, Joint)]
-            topology = replace(topology, joints=tuple(own))
+            joints = [part for part in parts if isinstance(part, Joint)]
+            topology = replace(topology, joints=tuple(joints))
         if self.closure is not None:
             reduction = replace(reduction, matrix=self.closure[k])
-        return replace(given, topology=topology, reduction=reduction, parts=parts)
+        return replace(nominal, topology=topology, reduction=reduction, parts=parts)

@@ -1,7 +1,7 @@
-"""Geometry: the mechanism in numbers, with an axis of variants where something varies and without one elsewhere.
+"""Geometry of a batch: arrays of a mechanism, with an axis of variants where they vary.
 
 Twists, locked rows and elastic rows are directions at a point of a part. In a variant they turn with its orientation,
-are taken at its position, and follow the line between its ends.
+move with its position, and are along the line between its ends.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from mbsvib.elements import Bushing, Input, Joint, Output, Spring
 from mbsvib.elements.families import connection_rows
 from mbsvib.elements.rows import Rows
-from mbsvib.equations.inertia import SpatialInertia, roots
+from mbsvib.equations.inertia import SpatialInertia, tensor_factors
 from mbsvib.linalg.rotations import exponential
 from mbsvib.mechanism.topology import FLOATS
 
@@ -32,17 +32,17 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.mechanism import Mechanism
 
 
-def varied(model: Mechanism, scene: Scene, values: Values) -> Scene:
-    """Return the mechanism in numbers, in all variants.
+def scene_of_variants(model: Mechanism, scene: Scene, values: Values) -> Scene:
+    """Return the arrays of a mechanism in all variants.
 
     Parameters
     ----------
     model : Mechanism
         The mechanism, for its inputs and outputs.
     scene : Scene
-        The same in numbers, as it is.
+        The arrays of the nominal mechanism.
     values : Values
-        What varies; no line of a distance joint and no 6x6 matrix.
+        Values that vary; no line of a distance joint and no 6x6 matrix.
 
     Returns
     -------
@@ -51,29 +51,29 @@ def varied(model: Mechanism, scene: Scene, values: Values) -> Scene:
     """
     number = {name: i for i, name in enumerate(scene.topology.bodies)}
     number["ground"] = len(scene.bodies)
-    moved = {number[name]: fields["position"] for name, fields in values.fields.items()
+    positions = {number[name]: fields["position"] for name, fields in values.fields.items()
              if name in number and "position" in fields}  # fmt: skip
     position = scene.position
-    if moved:
+    if positions:
         position = np.repeat(position[None], values.count, axis=0)
-        for body, array in moved.items():
+        for body, array in positions.items():
             position[:, body] = array.T
     return replace(
-        scene, position=position, coordinates=_twists(scene, values, moved), cuts=_cuts(scene, values),
-        springs=_springs(scene, values, number), port=_ports(model, scene.port, moved, number),
+        scene, position=position, coordinates=_twists(scene, values, positions), cuts=_cuts(scene, values),
+        springs=_springs(scene, values, number), port=_ports(model, scene.port, positions, number),
         inertia=_inertia(scene, values, number),
     )  # fmt: skip
 
 
 def moves_geometry(values: Values) -> bool:
-    """Tell whether anything varies but masses, inertia, stiffness and damping."""
+    """Return whether other values than masses, inertia, stiffness and damping vary."""
     return values.varies((Joint,)) or any(
         field in fields for fields in values.fields.values() for field in ("position", "start", "end")
     ) or values.varies((Bushing,), "orientation")
 
 
-def _put(array: Array, at: Any, value: Array, count: int) -> Array:
-    """Vectors (3, variants, n) that have other values (3, variants, ...) in some columns."""
+def _with_values_at(array: Array, at: Any, value: Array, count: int) -> Array:
+    """Vectors (3, variants, n) with values (3, variants, ...) in some columns."""
     result = array if array.ndim == 3 else np.repeat(array[:, None], count, axis=1)
     result[:, :, at] = value if value.ndim == 3 else value[:, :, None]
     return result
@@ -86,56 +86,58 @@ def _of_parts(
     their columns.
     """
     first, second, point = vectors
-    for part, at in owners:
+    for part, columns in owners:
         fields = values.fields.get(part.name, {})
         if "orientation" in fields:
-            turn = exponential(fields["orientation"].T)
+            rotation = exponential(fields["orientation"].T)
             first, second = (
-                _put(array, at, np.einsum("vij,jvk->ivk", turn, _columns(array, at)), values.count)
+                _with_values_at(array, columns, np.einsum("vij,jvk->ivk", rotation, _columns(array, columns)),
+                                values.count)
                 for array in (first, second)
             )
         if "position" in fields:
-            point = _put(point, at, fields["position"], values.count)
+            point = _with_values_at(point, columns, fields["position"], values.count)
         if "start" in fields or "end" in fields:
             start, end = (np.broadcast_to(fields.get(field, np.array(getattr(part, field))[:, None]), (3, values.count))
                           for field in ("start", "end"))  # fmt: skip
-            gap = end - start
-            first = _put(first, at, gap / np.sqrt(np.einsum("iv,iv->v", gap, gap)), values.count)
-            point = _put(point, at, start, values.count)
+            line = end - start
+            first = _with_values_at(first, columns, line / np.sqrt(np.einsum("iv,iv->v", line, line)), values.count)
+            point = _with_values_at(point, columns, start, values.count)
     return first, second, point
 
 
 def _columns(array: Array, at: Any) -> Array:
-    """Some columns of vectors, with an axis of variants that may have the length of one."""
+    """Some columns of vectors, with an axis of variants of length one if they are constant."""
     result: Array = array[:, None, at] if array.ndim == 2 else array[:, :, at]
     return result
 
 
-def _carried(point: Array, bodies: Sequence[tuple[int, Any]], moved: Mapping[int, Array]) -> Array:
-    """Points that are at the centres of mass of bodies; ``bodies`` are their numbers and the columns."""
-    for body, at in bodies:
-        if body in moved:
-            point = _put(point, at, moved[body], moved[body].shape[1])
+def _at_centres(point: Array, bodies: Sequence[tuple[int, Any]], positions: Mapping[int, Array]) -> Array:
+    """Points at the new centres of mass of ``bodies``, given by number and columns."""
+    for body, columns in bodies:
+        if body in positions:
+            point = _with_values_at(point, columns, positions[body], positions[body].shape[1])
     return point
 
 
-def _twists(scene: Scene, values: Values, moved: Mapping[int, Array]) -> Twists:
+def _twists(scene: Scene, values: Values, positions: Mapping[int, Array]) -> Twists:
     twists, start = scene.coordinates, 0
-    linear, owners, carried = twists.linear, [], []
+    linear, owners, at_centre = twists.linear, [], []
     # coordinates come in the order of the joints, those of floating bodies last
     for branch in sorted(scene.topology.branches, key=lambda one: (one.joint == FLOATS, one.joint)):
         joint = None if branch.joint == FLOATS else scene.topology.joints[branch.joint]
-        at = slice(start, start + (6 if joint is None else len(joint.freedom)))
-        start = at.stop
+        columns = slice(start, start + (6 if joint is None else len(joint.freedom)))
+        start = columns.stop
         if joint is None or joint.position is None:
-            carried.append((branch.body, at))
+            at_centre.append((branch.body, columns))
         if joint is not None:
-            owners.append((joint, at))
+            owners.append((joint, columns))
             pitch = values.fields.get(joint.name, {}).get("pitch")
             if pitch is not None:
-                linear = _put(linear, at, pitch[:, None] * twists.angular[:, None, at], values.count)
+                along = pitch[:, None] * twists.angular[:, None, columns]
+                linear = _with_values_at(linear, columns, along, values.count)
     linear, angular, point = _of_parts((linear, twists.angular, twists.point), owners, values)
-    return replace(twists, linear=linear, angular=angular, point=_carried(point, carried, moved))
+    return replace(twists, linear=linear, angular=angular, point=_at_centres(point, at_centre, positions))
 
 
 def _cuts(scene: Scene, values: Values) -> Cuts | None:
@@ -144,56 +146,57 @@ def _cuts(scene: Scene, values: Values) -> Cuts | None:
         return None
     rows, moment, owners = cuts.rows, cuts.rows.moment, []
     for count, k in enumerate(scene.topology.cut):
-        joint, at = scene.topology.joints[k], np.flatnonzero(cuts.joint == count)
-        owners.append((joint, at))
+        joint, rows_of_joint = scene.topology.joints[k], np.flatnonzero(cuts.joint == count)
+        owners.append((joint, rows_of_joint))
         pitch = values.fields.get(joint.name, {}).get("pitch")
         if pitch is not None:
-            row = at[[direction == "z" for direction, _ in joint.locked]]
-            moment = _put(moment, row, -pitch[:, None] * rows.force[:, None, row], values.count)
+            row = rows_of_joint[[direction == "z" for direction, _ in joint.locked]]
+            moment = _with_values_at(moment, row, -pitch[:, None] * rows.force[:, None, row], values.count)
     force, moment, point = _of_parts((rows.force, moment, rows.point), owners, values)
     return replace(cuts, rows=Rows(rows.first, rows.second, point, force, moment))
 
 
 def _springs(scene: Scene, values: Values, number: Mapping[str, int]) -> ElementRows:
-    """Rows of the spring-dampers; directions come in that only some variant has a stiffness or damping in."""
+    """Rows of the spring-dampers, in all directions with stiffness or damping in some variant."""
     parts = list(scene.elements)
     varying = [i for i, part in enumerate(parts) if part.name in values.fields]
     if not varying:
         return scene.springs
     for i in varying:
-        acts: dict[str, Any] = {field: tuple((array != 0.0).any(axis=1).astype(float).tolist())
+        active: dict[str, Any] = {field: tuple((array != 0.0).any(axis=1).astype(float).tolist())
                                 for field, array in values.fields[parts[i].name].items()
                                 if field in ("stiffness", "damping") and isinstance(parts[i], Bushing)}  # fmt: skip
-        if acts:
-            parts[i] = replace(parts[i], **acts)
+        if active:
+            parts[i] = replace(parts[i], **active)
     springs = scene.springs if parts == list(scene.elements) else connection_rows(parts, number)
     owners = [(scene.elements[i], (springs.owner == i).nonzero()[0]) for i in varying]
     rows = springs.rows
     force, moment, point = _of_parts((rows.force, rows.moment, rows.point), owners, values)
     weights = {"stiffness": springs.stiffness, "damping": springs.damping}
-    for part, at in owners:
+    for part, columns in owners:
         for field in weights.keys() & values.fields[part.name].keys():
-            array, given = weights[field], values.fields[part.name][field]
+            array, new = weights[field], values.fields[part.name][field]
             array = array if array.ndim == 2 else np.repeat(array[None], values.count, axis=0)
-            array[:, at] = given[:, None] if isinstance(part, Spring) else given[springs.unit[at].argmax(axis=1)].T
+            new = new[None] if isinstance(part, Spring) else new[springs.unit[columns].argmax(axis=1)]
+            array[:, columns] = new.T
             weights[field] = array
     return replace(springs, rows=Rows(rows.first, rows.second, point, force, moment),
                    stiffness=weights["stiffness"], damping=weights["damping"])  # fmt: skip
 
 
-def _ports(model: Mechanism, port: Ports, moved: Mapping[int, Array], number: Mapping[str, int]) -> Ports:
-    """Ports without a position are at the centre of mass of their body, or of the one they refer to on the ground."""
-    if not moved:
+def _ports(model: Mechanism, port: Ports, positions: Mapping[int, Array], number: Mapping[str, int]) -> Ports:
+    """Ports; without a position they are at the centre of mass of their body, or of the body relative to ground."""
+    if not positions:
         return port
     parts = [part for part in (*model.inputs.values(), *model.outputs.values()) if isinstance(part, Input | Output)]
     at_centre, centres = [], {}
     for row, part in enumerate(parts):
         a, b = number[part.relative_to], number[part.body]
         body = b if b < len(number) - 1 else a
-        if part.position is None and body in moved:
+        if part.position is None and body in positions:
             at_centre.append((body, slice(row, row + 1)))
-            centres[part] = moved[body].T
-    return replace(port, rows=replace(port.rows, point=_carried(port.rows.point, at_centre, moved)),
+            centres[part] = positions[body].T
+    return replace(port, rows=replace(port.rows, point=_at_centres(port.rows.point, at_centre, positions)),
                    inertial_outputs=tuple((row, output, centres.get(output, at))
                                           for row, output, at in port.inertial_outputs))  # fmt: skip
 
@@ -213,7 +216,7 @@ def _inertia(scene: Scene, values: Values, number: Mapping[str, int]) -> Spatial
             axes = np.array(body.orientation)
             if "orientation" in fields:
                 axes = exponential(fields["orientation"].T) @ axes
-            root = roots(fields["inertia"].T if "inertia" in fields else np.array([body.inertia]))
+            root = tensor_factors(fields["inertia"].T if "inertia" in fields else np.array([body.inertia]))
             angular[:, i] = root @ np.swapaxes(axes, -1, -2)
     return SpatialInertia(linear, angular)
 

@@ -1,7 +1,7 @@
-"""Batches whose variants are linearized one after the other: the form that takes every element.
+"""Batches whose variants are linearized one after the other, for mechanisms with any elements.
 
-Rows that one variant has and another has not, such as those of geometric stiffness, are zero rows there; so are the
-gyroscopic and circulatory parts of matrices where a variant has none.
+Rows and parts of matrices that only some variants have, such as those of geometric stiffness or spin, are zero in the
+others.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ def one_by_one(
     model : Mechanism
         The mechanism.
     nominal : Equations
-        Its equations in the pose as given.
+        Its equations in the nominal pose.
     variants : Values
-        What varies.
+        Values that vary.
     cut : sequence of str or None
         Joints at which loops are to be cut.
     batch : type
@@ -61,30 +61,31 @@ def one_by_one(
         If a variant has another number of degrees of freedom, by its index.
     """
     systems = [_linearized(model, nominal, variants, cut, i) for i in range(variants.count)]
-    arrays: dict[str, Any] = {key: np.array([getattr(each, key) for each in systems])
+    arrays: dict[str, Any] = {key: np.array([getattr(system, key) for system in systems])
                               for key in (*MATRICES, *FACTORS) if key not in ROWS}  # fmt: skip
-    arrays |= {key: _stacked([getattr(each, key) for each in systems]) for key in OPTIONAL}
-    counts = [np.bincount(each.row_owner, minlength=1) for each in systems]
+    arrays |= {key: _stacked([getattr(system, key) for system in systems]) for key in OPTIONAL}
+    counts = [np.bincount(system.row_owner, minlength=1) for system in systems]
     width = max(map(len, counts))
-    most = np.max([np.pad(count, (0, width - len(count))) for count in counts], axis=0)
-    start = np.concatenate(([0], np.cumsum(most)))
-    rows, values, damping = (np.zeros((len(systems), start[-1], *tail)) for tail in ((nominal.dof,), (), ()))
-    for i, each in enumerate(systems):
-        order = np.argsort(each.row_owner, kind="stable")
-        owner = each.row_owner[order]
-        place = start[owner] + np.arange(len(owner)) - np.searchsorted(owner, owner)
-        rows[i, place], values[i, place], damping[i, place] = (getattr(each, key)[order] for key in ROWS)
+    rows_per_owner = np.max([np.pad(count, (0, width - len(count))) for count in counts], axis=0)
+    first_row = np.concatenate(([0], np.cumsum(rows_per_owner)))
+    rows, values, damping = (np.zeros((len(systems), first_row[-1], *shape)) for shape in ((nominal.dof,), (), ()))
+    for i, system in enumerate(systems):
+        order = np.argsort(system.row_owner, kind="stable")
+        owner = system.row_owner[order]
+        row_number = first_row[owner] + np.arange(len(owner)) - np.searchsorted(owner, owner)
+        at = (i, row_number)
+        rows[at], values[at], damping[at] = (getattr(system, key)[order] for key in ROWS)
     return batch(
         nominal=nominal, values=variants, closure=None, elastic_rows=rows, row_stiffness=values, row_damping=damping,
-        row_owner=np.repeat(np.arange(width), most), massless=nominal.massless,
-        own=tuple(each.provenance for each in systems), **arrays,
+        row_owner=np.repeat(np.arange(width), rows_per_owner), massless=nominal.massless,
+        provenances=tuple(system.provenance for system in systems), **arrays,
     )  # fmt: skip
 
 
 def _linearized(
     model: Mechanism, nominal: Equations, variants: Values, cut: Sequence[str] | None, i: int
 ) -> Equations:
-    """Equations of variant ``i`` in the coordinates of the pose as given."""
+    """Equations of variant ``i`` in the coordinates of the nominal pose."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", NearSingularWarning)
         try:
@@ -101,7 +102,7 @@ def _linearized(
 
 
 def _in_coordinates(variant: Mechanism, nominal: Equations, cut: Sequence[str] | None) -> Equations:
-    """Equations of a variant in the coordinates of the pose as given."""
+    """Equations of a variant in the coordinates of the nominal pose."""
     try:
         result: Equations = linearized(variant, nominal.coordinates, cut)
     except ModelError as error:
@@ -115,20 +116,21 @@ def _in_coordinates(variant: Mechanism, nominal: Equations, cut: Sequence[str] |
 
 def _check_massless(system: Equations, nominal: Equations) -> None:
     """Refuse a variant in which other motions move no mass than in the model as given, by name."""
-    own, expected = _without_mass(system), _without_mass(nominal)
-    if sorted(own.values()) == sorted(expected.values()):
-        return  # of motions that move no mass together, either coordinate may stand for them
-    name = next(name for name in (*own, *expected) if own.get(name) != expected.get(name))
+    in_variant, in_nominal = _without_mass(system), _without_mass(nominal)
+    if sorted(in_variant.values()) == sorted(in_nominal.values()):
+        return  # a motion of several coordinates without mass may be named by any of them
+    name = next(name for name in (*in_variant, *in_nominal) if in_variant.get(name) != in_nominal.get(name))
     moves = "moves mass"
     raise ModelError(
-        f"coordinate '{name}' {own.get(name, moves)}, in the model as given it {expected.get(name, moves)}. All "
-        f"variants of a batch have the same motions without mass; linearize this one by itself (model.with_values).",
+        f"coordinate '{name}' {in_variant.get(name, moves)}, in the model as given it {in_nominal.get(name, moves)}. "
+        f"All variants of a batch have the same motions without mass; linearize this one by itself "
+        f"(model.with_values).",
         element=name, field="values",
     )  # fmt: skip
 
 
 def _without_mass(system: Equations) -> dict[str, str]:
-    """What motions without mass do, by coordinate."""
+    """Description of each motion without mass, by coordinate."""
     separation = system.provenance.separation
     if separation is None:
         return {}
@@ -137,7 +139,7 @@ def _without_mass(system: Equations) -> dict[str, str]:
 
 
 def _stacked(parts: list[Array | None]) -> Array | None:
-    """Matrices that some variants have and others lack, which are zero there; None where all lack them."""
+    """Matrices of all variants, zero where a variant has none; None if all have none."""
     shape = next((part.shape for part in parts if part is not None), None)
     if shape is None:
         return None

@@ -1,13 +1,13 @@
-"""Loaded beams: what their elements carry in the given pose, and the geometric stiffness that comes of it.
+"""Loaded beams: the forces in their elements at the pose, and their geometric stiffness.
 
-The pose is the loaded one. Forces in the elements follow from statics; where they are not determined (beams held at
-both ends), they spread as linear elasticity has it, with the least energy. A preloaded bushing at the middle of an
-element acts on it as on two rigid halves; what the bent line between the nodes adds under a tension N is a form in the
-element's own deformations, d across and r about the middle:
+The pose is the loaded one. Forces in the elements follow from statics; statically indeterminate ones (beams held at
+both ends) are those of linear elasticity, with the least energy. A preloaded bushing at the middle of an element acts
+as between two rigid halves; the bent line between the nodes under a tension N adds a quadratic form in the deformations
+of the element, d across and r about the middle:
 
 N (s^2 / (10 L) + 1 / (2 L)) d^2 + N d r / 2 - N L r^2 / 12,   s = 1 / (1 + phi)
 
-so that rigid halves and this form are together N / 2 times the integral of the squared slope.
+so that rigid halves and this form add up to N / 2 times the integral of the squared slope.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.linalg.rank import STRAINED, ZERO_PRESTRESS
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
@@ -37,21 +37,27 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.mechanism import Mechanism
 
 
-def weights(beam: Beam, gravity: Vector) -> list[Load]:
-    """Return the weight of a beam as forces at its nodes, half of each element's at either end.
+def beam_weights(beams: Iterable[Beam], gravity: Vector | None) -> dict[str, Load]:
+    """Return the weight of beams as forces at their nodes, half of each element's at either end.
 
     Parameters
     ----------
-    beam : Beam
-        The beam.
-    gravity : tuple of 3 floats
+    beams : iterable of Beam
+        The beams.
+    gravity : tuple of 3 floats or None
         Acceleration of free fall [m/s^2].
 
     Returns
     -------
-    list of Load
-        One force for each node that is not on the ground.
+    dict of str to Load
+        One force for each node that is not on the ground, by name; none without gravity.
     """
+    if gravity is None or not any(gravity):
+        return {}
+    return {load.name: load for beam in beams for load in _weight(beam, gravity)}
+
+
+def _weight(beam: Beam, gravity: Vector) -> list[Load]:
     line = beam.material.rho * beam.properties.A
     mass = np.zeros(len(beam.points))
     for i, length in enumerate(beam.lengths()):
@@ -62,17 +68,17 @@ def weights(beam: Beam, gravity: Vector) -> list[Load]:
     ]  # fmt: skip
 
 
-def carried(
+def element_forces(
     model: Mechanism, beams: Sequence[Beam], reduced: Sequence[ElasticPart] = ()
 ) -> tuple[dict[str, Bushing], list[Array]]:
-    """Return the elements of loaded beams with what they carry as preload, and the forces in superelements.
+    """Return the elements of loaded beams with their forces as preloads, and the forces in superelements.
 
-    Where displacements are known, their forces are taken, and statics are met by the least energy on top.
+    Forces of given displacements are taken first, then forces of least energy are added for equilibrium.
 
     Parameters
     ----------
     model : Mechanism
-        The mechanism in plain parts, without forces in elements and superelements but those of weights.
+        The mechanism in plain parts, with the weights of beams and superelements but no other forces in them.
     beams : sequence of Beam
         Its beams.
     reduced : sequence of ElasticPart
@@ -85,44 +91,40 @@ def carried(
     list of array
         Forces in the rows of each superelement.
     """
-    from mbsvib.equations.draft import begun
+    from mbsvib.equations.draft import first_draft
     from mbsvib.equations.loaded import with_loads
-    from mbsvib.equations.scene import scene
+    from mbsvib.equations.scene import scene as scene_of
 
-    view = scene(with_maxwell_nodes(model))
-    draft = begun(model, view, checked=False)
+    scene = scene_of(with_maxwell_nodes(model))
+    draft = first_draft(model, scene, checked=False)
     relative, reduction = draft.relative, draft.reduction
     names = [name for beam in beams for name in beam.element_names]
-    place = {name: i for i, name in enumerate(names)}
-    which = [(row, place[view.elements[owner].name]) for row, owner in enumerate(view.springs.owner.tolist())
-             if view.elements[owner].name in place]  # fmt: skip
-    springs = np.array([row for row, _ in which], dtype=np.intp)
-    element = np.array([i for _, i in which], dtype=np.intp)
-    direction = view.springs.unit[springs].argmax(axis=1)
-    apart = relative.dense(view.locked, relative.shape[0])
-    opened = [apart[springs]]
-    stiffness = view.springs.stiffness[springs]
-    felt, root = [reduction.apply_exactly(apart[springs])], [np.sqrt(stiffness)]
-    known = [_deformations(beams)[element, direction] * -stiffness]
-    elastic = None if view.shared is None else view.shared.elastic
+    number = {name: i for i, name in enumerate(names)}
+    springs = np.array([row for row, owner in enumerate(scene.springs.owner.tolist())
+                        if scene.elements[owner].name in number], dtype=np.intp)  # fmt: skip
+    owners = scene.springs.owner[springs].tolist()
+    element = np.array([number[scene.elements[owner].name] for owner in owners], dtype=np.intp)
+    direction = scene.springs.unit[springs].argmax(axis=1)
+    joint_rows = relative.dense(scene.locked, relative.shape[0])
+    stiffness = scene.springs.stiffness[springs]
+    # of elements, then of each superelement: rows in joint coordinates, their stiffness, and forces of displacements
+    parts = [(joint_rows[springs], stiffness, _deformations(beams)[element, direction] * -stiffness)]
+    elastic = None if scene.shared is None else scene.shared.elastic
     if elastic is not None:
-        every = elastic.composite.of(apart[len(apart) - len(elastic.composite.rows.first) :])
+        shared_rows = elastic.composite.of(joint_rows[len(joint_rows) - len(elastic.composite.rows.first) :])
         for part in reduced:
             own = np.array([owner == part.owner for owner in elastic.owner]) & (elastic.stiffness != 0.0)
-            opened.append(every[own])
-            felt.append(reduction.apply_exactly(every[own]))
-            root.append(np.sqrt(elastic.stiffness[own]))
-            known.append(part.row_forces)
-    rows, before = np.concatenate(felt), np.concatenate(known)
+            parts.append((shared_rows[own], elastic.stiffness[own], part.row_forces))
+    rows = np.concatenate([reduction.apply_exactly(part) for part, _, _ in parts])
+    open_rows, stiffness, forces = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     residual = np.zeros(rows.shape[1])
-    if view.loads is not None:
+    if scene.loads is not None:
         statics = with_loads(draft).statics
         assert statics is not None
         residual = statics.residual
-    open_rows, size = np.concatenate(opened), np.concatenate(root)
-    forces = before + spread(rows, open_rows, size, -residual - before @ rows)
-    if reduced:  # rows that feel many coordinates lose digits, which a second look finds again
-        forces = forces + spread(rows, open_rows, size, -residual - forces @ rows)
+    # rows of superelements in many coordinates lose digits; a second step restores them
+    for _ in range(2 if reduced else 1):
+        forces = forces + least_energy_forces(rows, open_rows, np.sqrt(stiffness), -residual - forces @ rows)
     preload = np.zeros((len(names), 6))
     preload[element, direction] = forces[: len(springs)]
     result = {}
@@ -130,13 +132,12 @@ def carried(
         spring = model.springs[name]
         if isinstance(spring, Bushing):
             result[name] = replace(spring, preload=tuple(six)) if any(six) else spring
-    ends = np.cumsum([len(part) for part in felt])
-    along = [forces[start:end] for start, end in pairwise(ends)] or [np.zeros(0) for _ in reduced]
-    return result, along
+    ends = np.cumsum([len(part) for part, _, _ in parts])
+    return result, [forces[start:end] for start, end in pairwise(ends)] or [np.zeros(0) for _ in reduced]
 
 
 def _deformations(beams: Sequence[Beam]) -> Array:
-    """Deformations (elements, 6) that displacements of loaded beams tell, in the axes of the elements."""
+    """Deformations (elements, 6) from the displacements of loaded beams, in the axes of the elements."""
     result = []
     for beam in beams:
         count = len(beam.element_names)
@@ -148,15 +149,15 @@ def _deformations(beams: Sequence[Beam]) -> Array:
     return np.concatenate(result) if result else np.zeros((0, 6))
 
 
-def spread(rows: Array, apart: Array, root: Array, needed: Array) -> Array:
-    """Return forces p of least energy with rows^T p = needed, where elements can hold it.
+def least_energy_forces(rows: Array, open_rows: Array, root: Array, needed: Array) -> Array:
+    """Return forces p of least energy with rows^T p = needed along coordinates that deform elements.
 
     Parameters
     ----------
     rows : array, shape (n, m)
         Deformations of the elements per coordinate.
-    apart : array, shape (n, joint coordinates)
-        The same per joint coordinate, as if loops were open.
+    open_rows : array, shape (n, joint coordinates)
+        The same per joint coordinate of the open tree.
     root : array, shape (n,)
         Square roots of their stiffness.
     needed : array, shape (m,)
@@ -167,41 +168,41 @@ def spread(rows: Array, apart: Array, root: Array, needed: Array) -> Array:
     array, shape (n,)
         One force for each row.
     """
-    energy, most = (np.sqrt(np.square(part * root[:, None]).sum(axis=0)) for part in (rows, apart))
-    rows = rows * (energy > STRAINED * max(energy.max(initial=0.0), most.max(initial=0.0)))
+    energy, largest = (np.sqrt(np.square(part * root[:, None]).sum(axis=0)) for part in (rows, open_rows))
+    rows = rows * (energy > STRAINED * max(energy.max(initial=0.0), largest.max(initial=0.0)))
     single = np.count_nonzero(rows, axis=1) == 1
-    own = {int(np.flatnonzero(rows[i])[0]): int(i) for i in np.flatnonzero(single)}
-    held = np.flatnonzero(rows.any(axis=0))
-    if len(own) < len(held):
-        scaled = rows[:, held] * root[:, None]
+    row_of = {int(np.flatnonzero(rows[i])[0]): int(i) for i in np.flatnonzero(single)}
+    deformed = np.flatnonzero(rows.any(axis=0))
+    if len(row_of) < len(deformed):
+        scaled = rows[:, deformed] * root[:, None]
         size = np.sqrt(np.square(scaled).sum(axis=0))
-        found: Array = root * np.linalg.lstsq((scaled / size).T, needed[held] / size, rcond=1e-12)[0]
-        return np.where(np.abs(found / root) > ZERO_PRESTRESS * np.abs(found / root).max(initial=0.0), found, 0.0)
-    # each coordinate is a deformation: what elements of the tree carry follows exactly from those where it is cut
-    tree = np.array([own[j] for j in held.tolist()], dtype=np.intp)
-    rest = np.setdiff1d(np.arange(len(rows)), tree)
-    entry = rows[tree, held]
+        forces: Array = root * np.linalg.lstsq((scaled / size).T, needed[deformed] / size, rcond=1e-12)[0]
+        return np.where(np.abs(forces / root) > ZERO_PRESTRESS * np.abs(forces / root).max(initial=0.0), forces, 0.0)
+    # each coordinate is a deformation: forces of the other rows determine those of the tree exactly
+    tree = np.array([row_of[j] for j in deformed.tolist()], dtype=np.intp)
+    others = np.setdiff1d(np.arange(len(rows)), tree)
+    entry = rows[tree, deformed]
     result = np.zeros(len(rows))
-    result[tree] = needed[held] / entry
-    if len(rest):
-        follows = (rows[np.ix_(rest, held)] / entry).T
-        left = np.concatenate((follows / root[tree, None], np.diag(1.0 / root[rest])))
-        right = np.concatenate((result[tree] / root[tree], np.zeros(len(rest))))
+    result[tree] = needed[deformed] / entry
+    if len(others):
+        ratios = (rows[np.ix_(others, deformed)] / entry).T
+        left = np.concatenate((ratios / root[tree, None], np.diag(1.0 / root[others])))
+        right = np.concatenate((result[tree] / root[tree], np.zeros(len(others))))
         size = np.sqrt(np.square(left).sum(axis=0))
-        result[rest] = np.linalg.lstsq(left / size, right, rcond=None)[0] / size
-        result[tree] -= follows @ result[rest]
+        result[others] = np.linalg.lstsq(left / size, right, rcond=None)[0] / size
+        result[tree] -= ratios @ result[others]
     return result
 
 
 def bent_lines(beam: Beam, elements: dict[str, Bushing]) -> list[Piece]:
-    """Return what the bent lines of a beam's elements add to the geometric stiffness of rigid halves.
+    """Return the geometric stiffness of the bent lines of a beam's elements, in addition to that of rigid halves.
 
     Parameters
     ----------
     beam : Beam
         The beam.
     elements : dict of str to Bushing
-        Its elements with what they carry.
+        Its elements with their forces as preloads.
 
     Returns
     -------
@@ -228,7 +229,7 @@ def bent_lines(beam: Beam, elements: dict[str, Bushing]) -> list[Piece]:
 
 
 def bent_forms(beam: Beam) -> Array:
-    """Return what unit tension adds to the stiffness of rigid halves, for each element in its axes.
+    """Return the geometric stiffness of bent lines per unit tension, for each element in its axes.
 
     Parameters
     ----------

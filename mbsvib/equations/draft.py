@@ -53,7 +53,7 @@ class Draft:
         return tuple([names[k] for k in self.kept])
 
 
-def begun(
+def first_draft(
     model: Mechanism, scene: Scene, independent: Sequence[str] | None = None, checked: bool = True
 ) -> Draft:
     """Return the equations of motion of bodies, joints, connections and ports, without what depends on other parts.
@@ -74,10 +74,10 @@ def begun(
     Draft
         M, C, K, B, Cq, Cv, Ca, D with their factors.
     """
-    relative = scene.relative()
-    phi = scene.closure(relative)
+    displacements = scene.relative()
+    phi = scene.closure(displacements)
     reduction = reduce(scene.coordinates, scene.cuts, phi, independent, partial(arm, scene.topology, scene.position))
     locked = scene.locked
-    terms = matrices(scene, relative, reduction, relative.acting(locked, locked + len(scene.springs.owner)))
-    return Draft(model, scene, relative, phi, reduction, tuple(reduction.independent.tolist()), terms,
+    terms = matrices(scene, displacements, reduction, displacements.acting(locked, locked + len(scene.springs.owner)))
+    return Draft(model, scene, displacements, phi, reduction, tuple(reduction.independent.tolist()), terms,
                  tuple(independent or ()), checked)  # fmt: skip

@@ -25,21 +25,21 @@ _TENSOR = np.array((0, 3, 4, 3, 1, 5, 4, 5, 2))  # xx xy xz, xy yy yz, xz yz zz 
 @dataclass(frozen=True, slots=True)
 class SpatialInertia:
     """Square roots of the bodies' inertia: ``linear`` (..., bodies) of the masses, ``angular`` (..., bodies, 3, 3) F of
-    the tensors, F^T F = I about the centre of mass in world axes. ``whole`` says that every body has a mass, and
+    the tensors, F^T F = I about the centre of mass in world axes. ``regular`` says that every body has a mass, and
     a moment about every axis.
     """
 
     linear: Array
     angular: Array
-    whole: bool = True
+    regular: bool = True
 
     def factor(self, motion: Array) -> Array:
         """Return the rows W of body motions (..., bodies, 6, m), shape (..., 6 bodies, m)."""
-        lead = max(motion.shape[:-3], self.linear.shape[:-1], self.angular.shape[:-3])
-        result = np.empty((*lead, *motion.shape[-3:]))
+        variants = max(motion.shape[:-3], self.linear.shape[:-1], self.angular.shape[:-3])
+        result = np.empty((*variants, *motion.shape[-3:]))
         np.multiply(motion[..., :3, :], self.linear[..., None, None], out=result[..., :3, :])
         np.matmul(self.angular, motion[..., 3:, :], out=result[..., 3:, :])
-        return result.reshape(*lead, 6 * motion.shape[-3], motion.shape[-1])
+        return result.reshape(*variants, 6 * motion.shape[-3], motion.shape[-1])
 
 
 def spatial_inertia(bodies: Sequence[Body]) -> SpatialInertia:
@@ -55,20 +55,20 @@ def spatial_inertia(bodies: Sequence[Body]) -> SpatialInertia:
     SpatialInertia
         Factors of the masses and tensors.
     """
-    given = table([(body.mass, *body.inertia) for body in bodies], 7)
-    whole = np.count_nonzero(given[:, :4] > 0.0) == 4 * len(bodies)
-    if np.count_nonzero(given[:, 4:]):
-        root = roots(given[:, 1:])
-        whole = whole and np.count_nonzero(root.reshape(-1, 9)[:, ::4]) == 3 * len(bodies)
+    entries = table([(body.mass, *body.inertia) for body in bodies], 7)
+    regular = np.count_nonzero(entries[:, :4] > 0.0) == 4 * len(bodies)
+    if np.count_nonzero(entries[:, 4:]):
+        root = tensor_factors(entries[:, 1:])
+        regular = regular and np.count_nonzero(root.reshape(-1, 9)[:, ::4]) == 3 * len(bodies)
     else:
         root = np.zeros((len(bodies), 3, 3))
-        root.reshape(-1, 9)[:, ::4] = np.sqrt(given[:, 1:4])
+        root.reshape(-1, 9)[:, ::4] = np.sqrt(entries[:, 1:4])
     if any(body.orientation is not IDENTITY for body in bodies):
         root = np.matmul(root, np.array([body.orientation for body in bodies]).transpose(0, 2, 1))
-    return SpatialInertia(np.sqrt(given[:, 0]), root, whole)
+    return SpatialInertia(np.sqrt(entries[:, 0]), root, regular)
 
 
-def roots(inertia: Array) -> Array:
+def tensor_factors(inertia: Array) -> Array:
     """Return F with F^T F = the tensors given by their entries (n, 6), upper triangular, shape (n, 3, 3)."""
     try:
         root = np.linalg.cholesky(inertia.take(_TENSOR, axis=1).reshape(-1, 3, 3)).astype(float, copy=False)
@@ -98,8 +98,8 @@ def check_mass(mass: Array, names: tuple[str, ...]) -> None:
     if not names:
         return
     diagonal = mass.diagonal()
-    factor, failed = lapack.dpotrf(mass.T, clean=0)
-    if not failed:
+    factor, failed_pivot = lapack.dpotrf(mass.T, clean=0)
+    if not failed_pivot:
         pivots = np.square(factor.diagonal()) / diagonal
         lowest = int(pivots.argmin())
         if pivots[lowest] > MASSLESS:
@@ -110,7 +110,7 @@ def check_mass(mass: Array, names: tuple[str, ...]) -> None:
             scale = 1.0 / np.sqrt(diagonal)
             if np.linalg.eigvalsh(mass * scale[:, None] * scale)[0] > MASSLESS:
                 return
-            lowest = failed - 1
+            lowest = failed_pivot - 1
     raise ModelError(
         f"coordinate '{names[lowest]}': the mass matrix is singular, this motion (alone or with others) moves no mass "
         f"but for rounding. Give the bodies it moves an inertia about its axis, or make what is tiny exactly zero: "

@@ -13,7 +13,7 @@ from mbsvib.elements import joint as _joint
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.elastic_part import rotation_rows, stiffness_rows, wrenches
 from mbsvib.elements.shared_rows import Pieces
-from mbsvib.equations.beam_prestress import weights
+from mbsvib.equations.beam_prestress import beam_weights
 from mbsvib.equations.expansion import expanded
 from mbsvib.equilibrium.flexible_parts import attachment_points, flexible, root_of
 from mbsvib.mechanism.mechanism import Mechanism
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements import Load
     from mbsvib.elements.elastic_part import ElasticPart
     from mbsvib.elements.shared_rows import Piece
     from mbsvib.equilibrium.report import Equilibrium
@@ -49,7 +48,8 @@ def articulated(model: M) -> M:
         line = beam_expansion.elastic_part(beam)
         for name, (node, point) in zip(line.names, line.nodes, strict=True):
             joints[name] = _joint.make(name, "free", line.root, node, point, None, None, None, None, None)
-    return model.with_parts(bodies=bodies, joints=joints, loads=dict(model.loads) | _weights(model))
+    loads = dict(model.loads) | beam_weights(model.beams.values(), model.gravity)
+    return model.with_parts(bodies=bodies, joints=joints, loads=loads)
 
 
 def expanded_articulation(model: M) -> M:
@@ -114,13 +114,6 @@ def _reduced(model: Mechanism) -> list[ElasticPart]:
     return [superelement_expansion.elastic_part(part, model.gravity) for part in model.superelements.values()]
 
 
-def _weights(model: Mechanism) -> dict[str, Load]:
-    """The weight of beams as forces on their nodes."""
-    if model.gravity is None or not any(model.gravity):
-        return {}
-    return {load.name: load for beam in model.beams.values() for load in weights(beam, model.gravity)}
-
-
 def with_rigid_parts(model: M) -> M:
     """Return the same mechanism with fixed joints in place of beams and superelements, and their nodes as bodies.
 
@@ -129,7 +122,8 @@ def with_rigid_parts(model: M) -> M:
     """
     if not model.composed:
         return model
-    bodies, joints, loads = dict(model.bodies), dict(model.joints), dict(model.loads) | _weights(model)
+    bodies, joints = dict(model.bodies), dict(model.joints)
+    loads = dict(model.loads) | beam_weights(model.beams.values(), model.gravity)
     loads |= {load.name: load for reduced in _reduced(model) for load in reduced.loads}
     parts = flexible(model)
     for part in parts:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.draft import begun
+from mbsvib.equations.draft import first_draft
 from mbsvib.equations.scene import scene
 from mbsvib.equilibrium.articulation import elastic_scale, expanded_articulation
 from mbsvib.equilibrium.moved_parts import model_in_pose
@@ -86,7 +86,7 @@ def balance(at: PosedModel, independent: Sequence[str] | None = None) -> Balance
     numbers = scene(model, at.cut)
     with warnings.catch_warnings():  # an intermediate pose, not the requested one
         warnings.simplefilter("ignore", NearSingularWarning)
-        draft = begun(model, numbers, independent, checked=False)
+        draft = first_draft(model, numbers, independent, checked=False)
     residual = balanced_forces = np.zeros(len(draft.kept))
     if numbers.loads is not None:
         from mbsvib.equations.loaded import with_loads

@@ -22,7 +22,7 @@ from scipy.linalg import cho_factor, cho_solve, eigh
 from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.elements import beam_expansion, superelement_expansion
 from mbsvib.elements.beam import Beam
-from mbsvib.equations.beam_prestress import weights
+from mbsvib.equations.beam_prestress import beam_weights
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rank import MASSLESS
 from mbsvib.linalg.rotations import skew
@@ -167,7 +167,7 @@ def _of_beam(beam: Beam, model: Mechanism, used: set[str]) -> ElasticBlock:
     damping = _matrix(beam_expansion.dampers(rest), names, points, 0)
     weight = np.zeros((len(points), 3))
     if model.gravity is not None and any(model.gravity):
-        falls = {load.body: load.force for load in weights(rest, model.gravity)}
+        falls = {load.body: load.force for load in beam_weights([rest], model.gravity).values()}
         for i in range(len(points)):
             weight[i] = falls.get(beam.node(i), (0.0, 0.0, 0.0))
     return _block(whole, points, elastic, 0, mass, damping, beam.beta, weight, used)

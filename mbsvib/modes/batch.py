@@ -143,7 +143,7 @@ def batch_modes(batch: BatchEquations, rtol: float = RTOL, form: type[Modes] = M
     if not batch.symmetric:
         return _solved_separately(batch, rtol, form)
     size = max(1, PIECE_BYTES // (64 * max(1, batch.dof) ** 2))
-    parts = [batch.piece(start, min(start + size, len(batch))) for start in range(0, len(batch), size)]
+    parts = [batch.slice(start, min(start + size, len(batch))) for start in range(0, len(batch), size)]
     result = joined([damped_batch(part, undamped_batch(part, rtol), rtol) for part in parts])
     classical = np.array([bool(reason) for reason in result.classical])
     shapes: Array | Complex = result.shapes.copy()

@@ -84,7 +84,7 @@ def massless_motions(
     SingularPoseError
         If rounding does not allow to decide which motions have mass.
     """
-    if inertia.whole:
+    if inertia.regular:
         return None
     light = ~_still(tree, inertia, shared)
     if not light.any():

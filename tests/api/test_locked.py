@@ -196,7 +196,7 @@ def test_variants():
         "time_response": lambda: batch.time_response(TIME, np.ones((2, 5))),
         "state_space": lambda: [batch.state_space(name) for name in ("physical", "modal", "balanced")],
         "displacements": lambda: [batch.displacements(np.zeros(0)), batch.displacements(np.zeros((3, 0)))],
-        "explain": batch.explain, "piece": lambda: batch.piece(0, 2).modes(),
+        "explain": batch.explain, "slice": lambda: batch.slice(0, 2).modes(),
     }  # fmt: skip
     assert verbs(Batch) == set(asked)
     for ask in asked.values():

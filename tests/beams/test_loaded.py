@@ -9,7 +9,7 @@ from scipy.special import jv
 
 import mbsvib as mv
 from mbsvib.beams import Material, Rectangle
-from mbsvib.equations.beam_prestress import spread
+from mbsvib.equations.beam_prestress import least_energy_forces
 from mbsvib.equations.expansion import expanded
 from tests.beams.reference import assembled, matrices
 
@@ -185,9 +185,9 @@ def test_strains_that_are_rounding_of_loops_carry_nothing():
     rng = np.random.default_rng(0)
     apart, root = rng.uniform(-1, 1, (6, 6)), np.array([500.0, 20.0, 20.0, 4.0, 5.0, 5.0])
     rounding = 1e-16 * rng.uniform(-1, 1, (6, 7))
-    assert not spread(rounding, apart, root, 1e-13 * rng.uniform(-1, 1, 7)).any()
+    assert not least_energy_forces(rounding, apart, root, 1e-13 * rng.uniform(-1, 1, 7)).any()
     strained = np.concatenate((rng.uniform(-1, 1, (6, 1)), rounding[:, 1:]), axis=1)
-    forces = spread(strained, apart, root, np.full(7, 3.0))
+    forces = least_energy_forces(strained, apart, root, np.full(7, 3.0))
     assert strained[:, 0] @ forces == pytest.approx(3.0)
 
 

@@ -127,7 +127,7 @@ def test_variants_are_those_of_single_models(name):
         space = single.state_space()
         assert spaces[i].states == space.states
         assert_allclose(spaces[i].A, space.A, rtol=1e-12, atol=1e-12 * np.abs(space.A).max())
-    part = batch.piece(1, 3).modes()
+    part = batch.slice(1, 3).modes()
     assert_array_equal(part.eigenvalues, modes.eigenvalues[1:])
 
 

@@ -185,7 +185,7 @@ def test_pieces_have_the_modes_of_the_whole(monkeypatch):
     np.testing.assert_allclose(parts.eigenvalues, full.eigenvalues, rtol=1e-14)
     size = np.abs(full.shapes).max()
     np.testing.assert_allclose(np.abs(parts.shapes), np.abs(full.shapes), rtol=0, atol=1e-10 * size)
-    some = batch.piece(2, 5)
+    some = batch.slice(2, 5)
     assert len(some) == 3
     np.testing.assert_allclose(some.modes().eigenvalues, full.eigenvalues[2:5], rtol=1e-14)
     assert some[0].parameters["leg1.k.stiffness"] == batch[2].parameters["leg1.k.stiffness"]
