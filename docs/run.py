@@ -62,6 +62,6 @@ def _draw_gallery(folder: Path) -> None:
         raise ImportError("gallery.py is not beside run.py.")
     gallery = module_from_spec(spec)
     spec.loader.exec_module(gallery)
-    for example in gallery.EXAMPLES:
+    for example in [path for path in gallery.EXAMPLES if gallery.needs(path) is None]:
         with redirect_stdout(StringIO()):
             gallery.draw(example, folder)
