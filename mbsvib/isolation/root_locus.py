@@ -12,7 +12,8 @@ from mbsvib.common.arguments import shown
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import mode_index, reals
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.pole_track import AT_REST, Track, has_moved, least_damping, ratios, stable
+from mbsvib.feedback.gain_spectrum import AT_REST
+from mbsvib.feedback.pole_track import Track, has_moved, least_damping, ratios, stable
 from mbsvib.isolation.collocation import removable, without
 from mbsvib.isolation.study_loops import close
 
@@ -174,8 +175,6 @@ def root_locus(plant: Plant, law: Callable[[float], Controller], gains: ArrayLik
     ResponseError
         If the gains do not ascend.
     """
-    from scipy.linalg import matrix_balance
-
     g = np.atleast_1d(reals(gains, "root_locus", "gains", "two or more, ascending, from 0 on"))
     if not callable(law):
         raise ResponseError(f"root_locus: law = {shown(law)}; expected a function of the gain, such as "
@@ -183,11 +182,7 @@ def root_locus(plant: Plant, law: Callable[[float], Controller], gains: ArrayLik
     if g.ndim != 1 or len(g) < 2 or not np.isfinite(g).all() or g[0] < 0.0 or (np.diff(g) <= 0.0).any():
         raise ResponseError(f"root_locus: gains have shape {g.shape}; expected two or more, ascending, from 0 on.")
 
-    def at(gain: float) -> Complex:
-        values = np.linalg.eigvals(matrix_balance(close(plant, law(gain)).state_space().A, permute=False)[0])
-        return np.asarray(values[np.lexsort((-values.imag, np.abs(values)))], dtype=complex)
-
-    track = Track(at, g)
+    track = Track(lambda gain: close(plant, law(gain)).state_space().A, g)
     track.refine()
     table = track.poles
     first = close(plant, law(float(g[-1])))
