@@ -144,6 +144,9 @@ def active_damping(work: Work) -> None:
     locus = isolation.root_locus(plant, lambda gain: isolation.force_feedback(plant, gain, LEAK), GAINS)
     work.draw(plots.root_locus(locus, real=(-18.0, 1.0), imaginary=(0.0, 20.0)), "root-locus.png",
               "poles of the closed loop over the gain")  # fmt: skip
+    work.draw(plots.loop_gain(loop, loop.actuators[0]), "loop-gain.png",
+              "loop gain of one leg with its margins; the six are alike")  # fmt: skip
+    work.draw(plots.sensitivity(loop), "sensitivity.png", "sensitivity and complementary sensitivity of the loop")
     labels = ["open loop", "force feedback"]
     work.draw(plots.bode([plant.system, loop], "acceleration.z", "base.z", labels=labels), "open-closed.png",
               "Bode plot, base to platform, open against closed loop")  # fmt: skip

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 ROUNDS = (0.1, 0.2, 0.4, 0.7)  # lines of one damping ratio
 ROOM = 0.04  # half of a label's width, in parts of the height or, with unequal axes, of the width
+LABEL_HEIGHT = 0.93  # of labels of damping ratios, in parts of the height
 
 Limits: TypeAlias = "tuple[float, float] | None"
 
@@ -107,11 +108,11 @@ def root_locus(
         right = max(0.05 * top, 1.08 * float(np.minimum(poles.real[:, shown], top).max(initial=0.0)))
         left, right = across or (left, right)
         bottom, top = upward or (0.0, top)
-        damping_rays(axes, (left, right), (bottom, top), same)
         axes.set_xlim(left, right)
         axes.set_ylim(bottom, top)
         axes.axvline(0.0, color=style.MARK, linewidth=0.8)
         axes.set_aspect("equal" if same else "auto")
+        damping_rays(axes)
         beginnings = poles[0, locus.modes]
         outside = int(((beginnings.real < left) | (beginnings.imag > top)).sum())
         note = f"\n({outside} of {len(beginnings)} modes are outside)" if outside else ""
@@ -144,18 +145,20 @@ def limits_of(values: Limits, field: str, who: str) -> Limits:
     return float(ends[0]), float(ends[1])
 
 
-def damping_rays(axes: Axes, across: tuple[float, float], upward: tuple[float, float], same: bool) -> None:
-    """Draw lines of one damping ratio, with labels where they pass below the upper edge."""
-    (left, right), (bottom, top) = across, upward
-    height = bottom + 0.93 * (top - bottom)
-    room = ROOM * ((top - bottom) if same else (right - left))
+def damping_rays(axes: Axes) -> None:
+    """Draw lines of one damping ratio within the limits of axes, with labels where they pass below the upper edge."""
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    to_axes = axes.transData - axes.transAxes
+    room = ROOM * ((top - bottom) / (right - left) if axes.get_aspect() == 1.0 else 1.0)
     reach = 2.0 * max(abs(left), abs(right), abs(top), abs(bottom))
+    radius = np.concatenate(([0.0], np.geomspace(1e-6, 1.0, 200))) * reach / min(ROUNDS)
     labels: list[float] = []
     for ratio in ROUNDS:
-        slope = np.sqrt(1.0 - ratio**2) / ratio
-        far = reach * max(1.0, 1.0 / slope)
-        axes.plot([0.0, -far], [0.0, far * slope], color=style.FAINT, linewidth=0.8, zorder=0)
-        x = -height / slope
-        if left < x - room and x + room < right and all(abs(x - other) > 2.0 * room for other in labels):
+        ray = np.column_stack((-ratio * radius, np.sqrt(1.0 - ratio**2) * radius))
+        axes.plot(*ray.T, color=style.FAINT, linewidth=0.8, zorder=0, scalex=False, scaley=False)
+        across, upward = to_axes.transform(ray).T
+        x = float(np.interp(LABEL_HEIGHT, upward, across))
+        if room < x < 1.0 - room and all(abs(x - other) > 2.0 * room for other in labels):
             labels.append(x)
-            axes.text(x, height, f"{100.0 * ratio:g} %", color=style.MARK, fontsize=7.5, ha="center")
+            place = to_axes.inverted().transform((x, LABEL_HEIGHT))
+            axes.text(*place, f"{100.0 * ratio:g} %", color=style.MARK, fontsize=7.5, ha="center")
