@@ -160,5 +160,5 @@ def damping_rays(axes: Axes) -> None:
         x = float(np.interp(LABEL_HEIGHT, upward, across))
         if room < x < 1.0 - room and all(abs(x - other) > 2.0 * room for other in labels):
             labels.append(x)
-            place = to_axes.inverted().transform((x, LABEL_HEIGHT))
-            axes.text(*place, f"{100.0 * ratio:g} %", color=style.MARK, fontsize=7.5, ha="center")
+            real, imaginary = to_axes.inverted().transform((x, LABEL_HEIGHT)).tolist()
+            axes.text(real, imaginary, f"{100.0 * ratio:g} %", color=style.MARK, fontsize=7.5, ha="center")
