@@ -27,6 +27,8 @@ PERIODS = 150.0  # of the slowest vibration; more of them make a solid band
 RISE = (0.1, 0.9)  # shares of the final value
 NO_OVERSHOOT = 1e-6  # per cent: rounding
 
+SAMPLED = 0.05  # share of a peak by which samples may miss it
+
 
 class Response(NamedTuple):
     """A response as it is drawn: times [s] and values (n,), and the factors of both in the units of the axes."""
@@ -114,8 +116,11 @@ def mark(axes: Axes, info: StepInfo, pair: tuple[str, str], response: Response) 
         over = float(info.overshoot[i, j])
         words.append(f"overshoot {over:.3g} %" if over > NO_OVERSHOOT else "no overshoot")
         if over > NO_OVERSHOOT:
-            at = int(np.argmax(towards))
-            axes.plot(t[at], y[at], "o", color=colour, markersize=4.5, zorder=2.5)
+            at, peak = int(np.argmax(towards)), float(info.peak[i, j])
+            place = t[at], y[at]
+            if abs(towards[at] - peak) < SAMPLED * peak:  # the other extremum may be the larger one
+                place = info.peak_time[i, j] * response.time_factor, np.sign(final) * peak * response.factor
+            axes.plot(*place, "o", color=colour, markersize=4.5, zorder=2.5)
         low, high = (response.factor * final * (1.0 + side * info.band) for side in (-1.0, 1.0))
         axes.axhspan(low, high, color=colour, alpha=0.15, linewidth=0.0)
     seen = settling <= response.t[-1]
