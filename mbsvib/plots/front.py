@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
+from mbsvib.common import units
 from mbsvib.plots import _style as style
 
 if TYPE_CHECKING:
@@ -66,8 +67,8 @@ def front(data: Front) -> Figure:
         axes.loglog(data.price, data.objective, color=style.COLOURS[0], linewidth=0.8)
         for price, value, design in zip(data.price, data.objective, data.designs, strict=True):
             axes.plot([price], [value], "o", color=style.COLOURS[0], mfc=None if design.success else "white")
-        axes.set_xlabel(data.labels[1])
-        axes.set_ylabel(data.labels[0])
+        axes.set_xlabel(units.pretty(data.labels[1]))
+        axes.set_ylabel(units.pretty(data.labels[0]))
         axes.set_title("Pareto front")
         axes.set_title(data.designs[0].model.name, loc="right", color=style.MARK, fontsize=8.5)
     return figure

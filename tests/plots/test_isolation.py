@@ -14,7 +14,7 @@ def test_transmissibility_and_compliance():
     top, below = figure.axes
     assert np.array_equal(top.lines[0].get_ydata(), first.index)
     assert np.array_equal(below.lines[1].get_ydata(), second.compliance_values[0])
-    assert top.get_ylabel().endswith("[-]")
+    assert top.get_ylabel().endswith("[1]")
     assert len(plots.isolation(first).axes) == 2
     with pytest.raises(mv.ModelError, match="a label for each"):
         plots.isolation([first, second], ["light"])
