@@ -84,7 +84,7 @@ def sensitivity(
 def _highest(f: Array, largest: Array, decibels: bool) -> str:
     """Return the peak of a curve in words; curves that end as high as anywhere have none."""
     top = float(largest.max())
-    words = f"{20.0 * np.log10(top):.3g} dB" if decibels else f"{top:.3g}"
+    words = f"{round(20.0 * np.log10(top), 2) + 0.0:.3g} dB" if decibels else f"{top:.3g}"
     ends = [end for end, value in (("low", largest[0]), ("high", largest[-1])) if value >= (1.0 - LEVEL) * top]
     if len(ends) == 2:
         return f"no peak, {words} at both ends"

@@ -123,6 +123,14 @@ def test_topology_shows_tree_cuts_and_springs():
     assert set(system.cut_joints) <= {text.get_text() for text in axes.texts}
 
 
+@pytest.mark.parametrize("name", ["stewart_isolator", "stewart", "quadruped", "seven_r", "engine_on_mounts"])
+def test_names_of_the_topology_do_not_overlap(name):
+    figure = topology(mv.library.build(name).linearize())
+    figure.draw_without_rendering()
+    boxes = [text.get_window_extent() for text in figure.axes[0].texts]
+    assert not any(one.overlaps(other) for i, one in enumerate(boxes) for other in boxes[:i])
+
+
 def test_topology_shows_gears_and_couplers():
     """A train of gears does not fall apart into bodies that have nothing to do with each other."""
     model = mv.Model("train")
