@@ -44,7 +44,7 @@ def matched(first: Spectrum, second: Spectrum, modes: NDArray[np.bool_]) -> tupl
     order : array, shape (n,)
         ``second.values[order]`` continue ``first.values``.
     certain : bool
-        Whether no other order is possible. If not, the step must be shorter.
+        Whether place and slope tell this order from all others. If not, the step must be shorter.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -68,7 +68,7 @@ def matched(first: Spectrum, second: Spectrum, modes: NDArray[np.bool_]) -> tupl
         theirs = np.sort(order[columns])
         theirs = theirs[_ascending(second.values[theirs])]
         copies = _coincide(first, ours) and _coincide(second, theirs)
-        pair = bool(first.values[ours].imag.all() or second.values[theirs].imag.all())
+        pair = _conjugate(first.values[ours]) or _conjugate(second.values[theirs])
         certain &= (copies or pair) and _same_kind(first, ours) and _same_kind(second, theirs)
         if not first.values[ours].imag.any() and second.values[theirs].imag.all():
             ours = ours[np.argsort(modes[ours], kind="stable")]
@@ -125,6 +125,12 @@ def _coincide(spectrum: Spectrum, columns: Index) -> bool:
     """Return whether poles are equal but for rounding."""
     values = spectrum.values[columns]
     return bool((np.abs(values - values[0]) <= spectrum.tolerance[columns].max()).all())
+
+
+def _conjugate(values: Complex) -> bool:
+    """Return whether the first half of poles in ascending order are the conjugates of the second half."""
+    half = len(values) // 2
+    return bool((values[:half].imag < 0.0).all() and (values[half:].imag > 0.0).all())
 
 
 def _same_kind(spectrum: Spectrum, columns: Index) -> bool:

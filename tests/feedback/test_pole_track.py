@@ -81,6 +81,38 @@ def test_nearly_equal_poles_move_together(grid):
     assert len(calls) < 300
 
 
+def by_chance(seed):
+    """Return a state matrix over the gain: a mechanism with feedback, copies of it, integrators, or anything."""
+    chance = np.random.default_rng(seed)
+    n, zero = int(chance.integers(2, 7)), np.zeros
+    factor, port = chance.normal(size=(n, n)), chance.normal(size=(n, 1))
+    stiffness = factor @ factor.T + np.eye(n)
+    start = np.block([[zero((n, n)), np.eye(n)], [-stiffness, -0.02 * stiffness]])
+    change = np.block([[zero((n, 2 * n))], [zero((n, n)), -port @ port.T]])
+    if seed % 4 == 1:
+        start, change = (np.kron(np.eye(3), matrix) for matrix in (start, change))
+        mix = chance.normal(size=start.shape)
+        start, change = (np.linalg.solve(mix, matrix @ mix) for matrix in (start, change))
+    elif seed % 4 == 2:
+        start = np.block([[start, np.vstack((zero((n, 1)), port))], [zero((1, 2 * n + 1))]])
+        change = np.vstack((zero((2 * n, 2 * n + 1)), np.hstack((-port.T, zero((1, n + 1))))))
+    elif seed % 4 == 3:
+        start, change = chance.normal(size=(2, 2 * n, 2 * n))
+    return lambda g: start + g * change
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_branches_of_any_family_are_the_same_on_all_grids(seed):
+    at, common = by_chance(seed), np.linspace(0.0, 5.0, 6)
+    chance = np.random.default_rng(seed)
+    tables = []
+    for grid in (common, np.linspace(0.0, 5.0, 51), np.union1d(common, chance.uniform(0.0, 5.0, 20))):
+        poles = Track(at, grid).poles
+        tables.append(poles[np.abs(grid[:, None] - common).argmin(axis=0)])
+    for table in tables[1:]:
+        np.testing.assert_allclose(table, tables[0], rtol=1e-6, atol=1e-6 * np.abs(tables[0]).max())
+
+
 @pytest.mark.parametrize("law", [isolation.force_feedback, isolation.velocity_feedback])
 def test_branches_of_a_symmetric_hexapod_are_the_same_on_all_grids(law):
     """Modes of x and y are equal; with tilting they meet integrators on the real axis, four poles at a time."""
