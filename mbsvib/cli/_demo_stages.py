@@ -85,6 +85,7 @@ def model_and_modes(work: Work) -> None:
     write_atomic(work.path("modes.csv", "the table of modes, with every digit"), lambda stream: stream.write(content))
     work.draw(plots.mechanism(model), "mechanism.png", "the mechanism: a platform on six legs with flexures")
     work.draw(plots.modes(system), "modes.png", "natural frequencies and damping ratios")
+    work.draw(plots.mode_strips(system), "mode-shapes.png", "the shape of each mode: which body moves how")
 
 
 def responses(work: Work) -> None:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from matplotlib.collections import LineCollection, PolyCollection
 
 import mbsvib as mv
 from mbsvib.plots import mode_strips
@@ -9,7 +10,8 @@ from mbsvib.plots import mode_strips
 
 def heights(axes):
     """Heights of bars, (directions, bodies)."""
-    return np.array([[bar.get_height() for bar in group] for group in axes.containers])
+    return np.array([[path.vertices[1, 1] for path in group.get_paths()]
+                     for group in axes.collections if isinstance(group, PolyCollection)])  # fmt: skip
 
 
 def test_bars_are_the_displacements_of_the_bodies():
@@ -51,7 +53,8 @@ def test_complex_shapes_are_drawn_in_phase_and_in_quadrature():
     assert np.abs(modes.shapes.imag).max() > 0.01
     for k, axes in enumerate(mode_strips(system).axes):
         drawn = heights(axes)[0].astype(complex)
-        for path in axes.collections[0].get_segments():
+        dashes = next(group for group in axes.collections if isinstance(group, LineCollection))
+        for path in dashes.get_segments():
             drawn[round(float(path[:, 0].mean()))] += 1j * path[0, 1]
         shape = modes.shapes[:, k]
         assert abs(np.vdot(drawn, shape)) ** 2 == pytest.approx(np.vdot(drawn, drawn).real * np.vdot(shape, shape).real)
