@@ -63,6 +63,7 @@ FIGURES = {
     "mode_strips": lambda: [plots.mode_strips(system())],
     "modes": lambda: [plots.modes(system())],
     "nyquist": lambda: [plots.nyquist(system(), "z", "Fz")],
+    "path": lambda: [plots.path(library.toggle(angle=0.284).path("base.rz", [0.0, -0.1]))],
     "periodic": lambda: [plots.periodic(cycle().periodic({"crank.rz": (0.2, 1e-3)}))],
     "pole_zero_map": lambda: [plots.pole_zero_map(system(), "z", "Fz")],
     "root_locus": lambda: [plots.root_locus(locus())],
