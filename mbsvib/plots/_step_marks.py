@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 LONGER = 1.2  # time shown, in settling times
 NEGLIGIBLE = 1e-11  # share of responses of the same units below which one is zero
 BESIDE = 0.97  # times natural frequencies: at undamped ones there is no response
-PERIODS = 150.0  # of the slowest vibration; more of them make a solid band
+PERIODS = 400.0  # of the slowest vibration; more of them make a solid band
 RISE = (0.1, 0.9)  # shares of the final value
 NO_OVERSHOOT = 1e-6  # per cent: rounding
 

@@ -50,7 +50,7 @@ def step(
     outputs, inputs : str or sequence of str, optional
         Names; default: all, if they are not too many.
     duration : float, optional
-        Time shown [s]; default: until all responses have settled. Where one does not, or only after 150 periods: five
+        Time shown [s]; default: until all responses have settled. Where one does not, or only after 400 periods: five
         time constants of the slowest mode, but at most 25 of its periods.
     labels : sequence of str, optional
         Names of the systems in the legend; default: their own.
