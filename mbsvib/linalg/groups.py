@@ -1,4 +1,4 @@
-"""Numbers of the items of groups."""
+"""Groups of items: numbers within them, and groups of linked items."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from mbsvib.common.arrays import Index
 
 
@@ -14,3 +16,27 @@ def items_of_groups(count: Index) -> tuple[Index, Index]:
     """Return the group and the number within it of every item, for groups of ``count`` items."""
     group = np.repeat(np.arange(len(count)), count)
     return group, np.arange(len(group)) - np.repeat(np.cumsum(count) - count, count)
+
+
+def linked_items(links: NDArray[np.bool_]) -> list[Index]:
+    """Return the groups of two or more items that are linked, directly or through others, each in ascending order.
+
+    Parameters
+    ----------
+    links : array of bool, shape (n, n)
+        Which items are linked, symmetric.
+
+    Returns
+    -------
+    list of array
+        Numbers of the items of each group.
+    """
+    count = len(links)
+    linked = links | np.eye(count, dtype=bool)
+    label = np.arange(count)
+    while True:
+        least = np.where(linked, label, count).min(axis=1, initial=count)
+        if (least == label).all():
+            break
+        label = least
+    return [np.flatnonzero(label == number) for number in np.flatnonzero(np.bincount(label, minlength=1) > 1).tolist()]
