@@ -1,0 +1,29 @@
+"""Random scenes in nonlinear runs; the seeds here once failed."""
+
+import warnings
+
+import pytest
+
+import mbsvib as mv
+from tests.hunt.checks import Subject
+from tests.hunt.generate import example
+from tests.hunt.runs import features, runs
+from tests.hunt.skip import Skip
+
+# 30018: locked translations beside two successive rotations; 30044: a loop that is redundant as a whole
+ONCE = (30018, 30044)
+FIRST, COUNT = 31000, 8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [*ONCE, *range(FIRST, FIRST + COUNT)])
+def test_runs_of_small_motion_are_linear(seed):
+    scene = example(seed, features(seed))
+    if scene is None:
+        pytest.skip("no scene")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mv.UndeterminedForceWarning)
+        try:
+            runs(Subject(scene))
+        except Skip as reason:
+            pytest.skip(str(reason))
