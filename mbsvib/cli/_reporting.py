@@ -5,22 +5,30 @@ from __future__ import annotations
 from pathlib import Path
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._arguments import INPUTS, JSON, MODEL, OUTPUTS, Command, file_argument
+from mbsvib.cli._arguments import INPUTS, JSON, MODEL, OUTPUTS, Command, file_argument, option
 from mbsvib.cli._lookup import model_of
 
 
 def report(
     model: str, file: Path | None = None, inputs: list[str] | None = None, outputs: list[str] | None = None,
-    as_json: bool = False,
+    as_json: bool = False, compare: str | None = None,
 ) -> None:  # fmt: skip
-    """Write one page for a browser: the model in 3-D, its modes in motion, any Bode plot, topology, accuracy."""
+    """Write one page for a browser: the model in 3-D, its modes in motion, any Bode plot, topology, accuracy.
+
+    With ``--compare`` the page has the modes of both models side by side, and their curves in one figure.
+    """
     if file is not None and file.suffix.lower() not in (".html", ".htm"):
         raise shell.UsageProblem(f"'{file}': reports end in .html.")
     source = model_of(model)
     from mbsvib.report import write
 
     path = file if file is not None else Path(f"{source.name}-report.html".replace("/", "_"))
-    write(source, path, outputs or None, inputs or None)
+    if compare is None:
+        write(source, path, outputs or None, inputs or None)
+    else:
+        other, names = model_of(compare), (Path(model).stem, Path(compare).stem)
+        write(source, path, outputs or None, inputs or None, compare=other,
+              names=names if names[0] != names[1] else (model, compare))  # fmt: skip
     size = path.stat().st_size
     if as_json:
         shell.say_written(path, as_json, bytes=size)
@@ -29,4 +37,5 @@ def report(
 
 
 PAGE = file_argument("Where to. Default: NAME-report.html.")
-COMMANDS = {"report": Command(report, (MODEL, INPUTS, OUTPUTS, PAGE, JSON))}
+OTHER = option("--compare", to="compare", metavar="MODEL", words="Another model to compare with.", completes="model")
+COMMANDS = {"report": Command(report, (MODEL, INPUTS, OUTPUTS, PAGE, OTHER, JSON))}

@@ -114,6 +114,11 @@ def test_report_is_one_page_with_the_names_asked_for(run, tmp_path):
     assert result.exit_code == 0
     assert result.stdout.startswith("Written: slider-report.html (")
     assert (tmp_path / "slider-report.html").read_text(encoding="utf-8").startswith("<!doctype html>")
+    both = run("report slider.yaml --compare quarter_car -o both.html")
+    assert both.exit_code == 0, both.stderr
+    text = (tmp_path / "both.html").read_text(encoding="utf-8")
+    assert '"slider"' in text
+    assert '"quarter_car"' in text
     refused = run("report slider.yaml -o page.pdf")
     assert refused.exit_code == 2
     assert "reports end in .html" in refused.stderr
