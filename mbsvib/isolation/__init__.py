@@ -25,7 +25,7 @@ from mbsvib.isolation.pareto import Front
 from mbsvib.isolation.passive import Passive, passive
 from mbsvib.isolation.platform import Platform, platform
 from mbsvib.isolation.root_locus import RootLocus, root_locus
-from mbsvib.isolation.slicot import structured_singular_values
+from mbsvib.isolation.structured import structured_singular_values
 from mbsvib.isolation.struts import Struts, ring, struts
 from mbsvib.isolation.study_loops import ClosedLoop, SampledLoop
 from mbsvib.isolation.synthesis import hinf, lqg

@@ -1,4 +1,4 @@
-"""SLICOT by ctrlsys, where it is installed: H-infinity and H2 controllers, structured singular values."""
+"""SLICOT by ctrlsys, where it is installed: H-infinity and H2 controllers."""
 
 from __future__ import annotations
 
@@ -11,11 +11,9 @@ from mbsvib.errors import ExportError, ResponseError
 from mbsvib.linalg.balancing import scaled
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
 
-    from numpy.typing import ArrayLike
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array
 
 # Norms, in parts of the open loop's, at which the search for an H-infinity controller begins, the first at which there
 # is one, and where it ends: a bisection to within NEAR, as poles of controllers go to infinity towards the least norm.
@@ -26,7 +24,6 @@ EXCEEDED = 1e-3
 NORM_TOLERANCE = 1e-9
 # Frequencies, in parts of the highest pole, at which the size of a plant is taken.
 SAMPLES = np.concatenate(([0.0], np.geomspace(1e-4, 10.0, 60)))
-_COMPLEX = 2  # kind of a block
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,64 +250,6 @@ def h2_synthesis(plant: tuple[Array, Array, Array, Array], measurements: int, co
                             f"must cost and each measurement have noise, and all that is unstable be in reach of "
                             f"both.")  # fmt: skip
     return Synthesis(ak * rate, bk * rate, ck, dk, None, np.asarray(conditions))
-
-
-def structured_singular_values(matrices: ArrayLike, blocks: Sequence[int] | None = None) -> Array:
-    """Return upper bounds of structured singular values: how near uncertain blocks come to make a loop singular.
-
-    mu(M) = 1 / min {sigma(Delta) : det(1 - M Delta) = 0, Delta = diag(Delta_1, Delta_2, ...)}
-
-    A loop with ``Delta_i`` in its way, each of a gain below 1 at all frequencies, is stable where mu of what it sees
-    stays below 1.
-
-    Parameters
-    ----------
-    matrices : array-like, shape (n, n) or (n, n, points)
-        M at one or several frequencies, as frequency responses have them.
-    blocks : sequence of int, optional
-        Sizes of the blocks, full and complex; default: n blocks of size 1. Real parameters count as complex ones, which
-        is safe.
-
-    Returns
-    -------
-    array, shape () or (points,)
-        Upper bounds, the infimum over D of sigma(D M D^-1); exact for up to three blocks.
-
-    Raises
-    ------
-    ExportError
-        If ctrlsys is not installed.
-    ResponseError
-        If shapes do not fit, or SLICOT finds no bound.
-
-    Source: Fan, Tits & Doyle, Robustness in the presence of mixed parametric uncertainty and unmodeled dynamics, IEEE
-    Trans. Automatic Control 36 (1991); SLICOT's AB13MD.
-    """
-    caller = "structured_singular_values"
-    m = np.asarray(matrices, dtype=complex)
-    n = m.shape[0] if m.ndim else 0
-    sizes = [1] * n if blocks is None else [int(size) for size in blocks]
-    if m.ndim not in (2, 3) or m.shape[:2] != (n, n) or sum(sizes) != n or min(sizes, default=0) < 1:
-        raise ResponseError(f"{caller}: matrices have shape {m.shape}, blocks = {sizes}; expected square matrices "
-                            f"(n, n) or (n, n, points), and sizes of blocks whose sum is n.")  # fmt: skip
-    if not np.isfinite(m).all():
-        raise ResponseError(f"{caller}: matrices hold NaN or infinity; expected finite numbers.")
-    ctrlsys = need_ctrlsys(caller)
-    result = [_structured(ctrlsys, point.T, sizes) for point in m.reshape(n, n, -1).T]
-    return np.array(result).reshape(m.shape[2:])
-
-
-def _structured(ctrlsys: Any, matrix: Complex, sizes: Sequence[int]) -> float:
-    largest = float(np.abs(matrix).max())
-    norm = float(np.linalg.norm(matrix, 2))
-    if largest == 0.0 or len(sizes) == 1:
-        return norm
-    # ctrlsys 1.1.1 does not end on many matrices with real blocks
-    kinds = np.full(len(sizes), _COMPLEX, dtype=np.int32)
-    bound, *_, failed = ctrlsys.ab13md(np.asfortranarray(matrix / largest), np.array(sizes, dtype=np.int32), kinds)
-    if failed:
-        raise ResponseError(f"structured_singular_values: no bound was found (SLICOT's AB13MD ends with {failed}).")
-    return min(float(bound) * largest, norm)
 
 
 def _normalized(plant: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array, float]:

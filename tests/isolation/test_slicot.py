@@ -102,51 +102,11 @@ def test_balanced_truncation_is_slicots(order):
     assert ctrlsys.ab13ad("C", "N", n, 1, 1, 0.0, *matrices)[0] == pytest.approx(ours[0])
 
 
-def test_structured_singular_values():
-    mu = isolation.structured_singular_values
+def test_structured_singular_values_are_no_larger():
+    """AB13MD ends up to 1e-3 above the least bound, and on some matrices with real parameters not at all."""
     rng = np.random.default_rng(2)
-    m = rng.normal(size=(5, 5, 20)) + 1j * rng.normal(size=(5, 5, 20))
-    each = np.moveaxis(m, 2, 0)
-    radius, norm = np.abs(np.linalg.eigvals(each)).max(axis=1), np.linalg.norm(each, 2, axis=(1, 2))
-    assert mu(m).shape == (20,)
-    assert (radius * (1 - 1e-9) <= mu(m)).all()
-    assert (mu(m) <= norm).all()
-    assert mu(m, [5]) == pytest.approx(norm)
-    assert (mu(m) <= mu(m, [2, 3]) * (1 + 1e-4)).all()
-    # scaling by D changes nothing, of positive matrices it is Perron's eigenvalue, of rank 1 the sum of |a_i b_i|
-    d = np.diag([1.0, 1e2, 1e-3, 5.0, 1e4])
-    assert mu(d @ each[0] @ np.linalg.inv(d)) == pytest.approx(mu(each[0]), rel=1e-3)
-    positive = rng.uniform(0.1, 1.0, (4, 4))
-    assert mu(positive) == pytest.approx(np.abs(np.linalg.eigvals(positive)).max(), rel=1e-4)
-    a, b = m[:, 0, 0], m[:, 0, 1]
-    assert mu(np.outer(a, b)) == pytest.approx(np.abs(a * b).sum(), rel=1e-4)
-    assert mu(np.diag([1.0, 2j, 3.0])) == pytest.approx(3.0)
-    assert mu(np.zeros((2, 2))) == 0.0
-
-
-def test_uncertain_actuators_of_a_hexapod():
-    """Gains of six actuators, each of its own: the loop becomes unstable no sooner than mu of K G S says."""
-    p = isolation.actuated(library.cubic_hexapod(damping=20.0), "platform")
-    loop = p.with_gains(isolation.lqg(p, p.names("acceleration"), 1e-4))
-    w = np.geomspace(1e-3, 1e6, 1500)
-    sensitivity = loop.sensitivity(w)
-    complementary = sensitivity - np.eye(6)[:, :, None]
-    bound = isolation.structured_singular_values(complementary).max()
-    norm = np.linalg.norm(np.moveaxis(complementary, 2, 0), 2, axis=(1, 2)).max()
-    assert bound <= norm
-    rng = np.random.default_rng(1)
-    law = isolation.lqg(p, p.names("acceleration"), 1e-4)
     for _ in range(20):
-        factors = 1.0 + 0.98 / bound * rng.choice([-1.0, 1.0], 6)
-        changed = isolation.Controller("changed", law.A, law.B, factors[:, None] * law.C, factors[:, None] * law.D,
-                                       law.inputs, law.outputs)  # fmt: skip
-        assert p.with_gains(changed).stable
-
-
-@pytest.mark.parametrize(("arguments", "message"), [
-    ((np.ones((2, 3)),), r"shape \(2, 3\)"), ((np.eye(3), [1, 1]), r"blocks = \[1, 1\]"),
-    ((np.eye(2), [2, 0]), "blocks"), ((np.full((2, 2), np.nan),), "NaN"),
-])  # fmt: skip
-def test_refusals(arguments, message):
-    with pytest.raises(mv.ResponseError, match=message):
-        isolation.structured_singular_values(*arguments)
+        m = rng.normal(size=(5, 5)) + 1j * rng.normal(size=(5, 5))
+        bound, *_, failed = ctrlsys.ab13md(np.asfortranarray(m), np.ones(5, dtype=np.int32), np.full(5, 2, np.int32))
+        assert not failed
+        assert 0.998 * bound <= isolation.structured_singular_values(m) <= bound * (1 + 1e-6)
