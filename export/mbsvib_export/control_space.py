@@ -64,7 +64,7 @@ class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-contr
         # python asks a subclass first: the order of the states is that of the sum
         if isinstance(other, control.StateSpace):
             return self.of(other) + self
-        return self._made(super().__radd__(other), [self], self, self)
+        return self._made(super().__radd__(other), [self, other], self, self)
 
     def __sub__(self, other: Any) -> Any:
         return self + (-self.of(other)) if isinstance(other, control.StateSpace) else super().__sub__(other)
@@ -75,7 +75,7 @@ class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-contr
     def __rmul__(self, other: Any) -> Any:
         if isinstance(other, control.StateSpace):
             return self.of(other) * self
-        return self._made(super().__rmul__(other), [self], self, self if _is_number(other) else other)
+        return self._made(super().__rmul__(other), [self, other], self, self if _is_number(other) else other)
 
     def append(self, other: Any) -> Any:
         """Return both systems beside each other, as ``control.append`` does.
@@ -91,10 +91,10 @@ class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-contr
             With the inputs and outputs of both.
         """
         made = super().append(other)
-        if not isinstance(other, control.StateSpace):
+        if not isinstance(other, (control.StateSpace, control.TransferFunction)):
             return made
         return self.of(made, unique_names([self, other], "input"), unique_names([self, other], "output"),
-                       unique_names([self, other], "state"), _joined([self, other]))  # fmt: skip
+                       _names_of_states([self, other], made.nstates), _joined([self, other]))  # fmt: skip
 
     def feedback(self, other: Any = 1, sign: float = -1) -> Any:
         """Return the closed loop with ``other`` in the way back, as ``control.feedback`` does.
@@ -158,12 +158,22 @@ class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-contr
             return space
         systems = [part for part in parts if isinstance(part, control.StateSpace)]
         inputs, outputs = getattr(entered, "input_labels", None), getattr(left, "output_labels", None)
-        states = unique_names(systems, "state")
         return self.of(
             space, inputs if inputs and len(inputs) == space.ninputs else None,
             outputs if outputs and len(outputs) == space.noutputs else None,
-            states if len(states) == space.nstates else None, _joined(systems),
+            _names_of_states(parts, space.nstates), _joined(systems),
         )  # fmt: skip
+
+
+def _names_of_states(parts: list[Any], count: int) -> list[str] | None:
+    """Names of the states of parts in their order, those of a transfer function numbered after its name."""
+    spaces = [part for part in parts if isinstance(part, control.StateSpace)]
+    names, added = unique_names(spaces, "state"), count - sum(space.nstates for space in spaces)
+    other = next((part for part in parts if isinstance(part, control.TransferFunction)), None)
+    if other is not None:
+        at = sum(space.nstates for space in spaces[: parts.index(other)])
+        names[at:at] = [f"{other.name}_x[{k}]" for k in range(added)]
+    return names if len(set(names)) == count else None
 
 
 def unique_names(systems: Sequence[Any], kind: str) -> list[str]:

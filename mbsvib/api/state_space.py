@@ -14,3 +14,9 @@ class StateSpace(Connecting, ReducibleSpace, state_space.StateSpace):
     for damped massless motions, whose rates depend directly on inputs. Arrays are read-only. ``from_arrays`` makes one
     of matrices.
     """
+
+    def explain(self) -> str:
+        """Return in words what realization it is and, of a reduced model, how large its error is at most."""
+        from mbsvib.explain.state_space import explain
+
+        return explain(self)

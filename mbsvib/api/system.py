@@ -404,4 +404,5 @@ class System(Connecting, ReducibleSystem, Sensitive, Equations):
 
     def __repr__(self) -> str:
         ports = f"{counted(len(self.inputs), 'input')}, {counted(len(self.outputs), 'output')}"
-        return f"System({self.name!r}: {self.dof} DOF, {ports})"
+        bound = "" if self.error_bound is None else f", error at most {self.error_bound:.3g}"
+        return f"System({self.name!r}: {self.dof} DOF, {ports}{bound})"

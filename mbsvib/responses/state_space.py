@@ -279,7 +279,8 @@ class StateSpace(LinearVerbs, Displayed):
     def __repr__(self) -> str:
         groups = ((self.states, "state"), (self.inputs, "input"), (self.outputs, "output"))
         counts = ", ".join(counted(len(names), what) for names, what in groups)
-        return f"StateSpace({self.name!r}, {self.realization}: {counts})"
+        bound = "" if self.error_bound is None else f", error at most {self.error_bound:.3g}"
+        return f"StateSpace({self.name!r}, {self.realization}: {counts}{bound})"
 
 
 def _matrix(name: str, label: str, value: Any) -> Array:

@@ -132,6 +132,12 @@ def test_transfer_functions_and_data_meet_named_plants():
         assert np.isfinite(made(s))
     assert (g * filter)(s) == pytest.approx(g(s) / (0.01 * s + 1.0))
     assert (g * filter).output_labels == ["body:z"]
+    filter = control.tf([1.0, 2.0], [0.01, 1.0, 3.0], name="filter")
+    for made in (g * filter, control.series(filter, g), g + filter, control.feedback(g, filter), g.append(filter)):
+        own = [k for k, name in enumerate(made.state_labels) if name.startswith("filter_x")]
+        assert [name for name in made.state_labels if not name.startswith("filter_x")] == STATES
+        assert np.linalg.eigvals(made.A[np.ix_(own, own)]) == pytest.approx(filter.poles(), rel=1e-9)
+    assert g.append(filter).input_labels == ["actuator", *filter.input_labels]
     data = control.FrequencyResponseData([1.0, 2.0], [4.0, 5.0])
     assert (data * g)(5j) == pytest.approx(2.0 * g(5j))
 

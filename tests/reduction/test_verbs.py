@@ -27,6 +27,9 @@ def test_names_and_bounds(method):
     assert (small.inputs, small.outputs, small.output_units) == (system.inputs, system.outputs, system.output_units)
     assert off(system, small) <= small.error_bound
     assert system.error_bound is None
+    assert f"error at most {small.error_bound:.3g})" in repr(small)
+    assert f"differs by {small.error_bound:.3g} at most" in small.explain()
+    assert "error" not in repr(system) + repr(system.state_space())
 
 
 def test_kept_outputs_decide_the_error():
