@@ -71,7 +71,8 @@ def measurement_of(raw: bytes) -> Measurement:
         elif item.kind not in (164, 151):
             content.left_out[f"data set {item.kind}"] += 1
     if not (content.functions or content.modes or content.positions):
-        raise ContentError(f"neither responses nor modes nor nodes, but {', '.join(content.left_out) or 'nothing'}")
+        others = f"; only {', '.join(content.left_out)}" if content.left_out else ""
+        raise ContentError(f"it holds no responses, modes or nodes{others}")
     unknown = sorted({number for number in content.system_of.values() if number} - content.axes.keys())
     if unknown:
         content.left_out[f"coordinate system {', '.join(map(str, unknown))}, which is not in the file: taken for that "

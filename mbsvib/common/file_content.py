@@ -52,16 +52,16 @@ def content_of(path: str | os.PathLike[str], error: Callable[[str], MbsvibError]
     name = os.fspath(path)
     try:
         mode = os.stat(path).st_mode
-        if not stat.S_ISREG(mode):
-            what = "a folder" if stat.S_ISDIR(mode) else "no regular file"
-            raise error(f"{name}: cannot be read: it is {what}; expected {expected}.")
-        with open(path, "rb") as stream:
-            return stream.read()
+        if stat.S_ISREG(mode):
+            with open(path, "rb") as stream:
+                return stream.read()
     except FileNotFoundError as reason:
         raise error(f"{name}: cannot be read: there is no such file; expected {expected}.") from reason
     except (OSError, ValueError, MemoryError) as reason:  # ValueError: a zero byte in the path
         message = getattr(reason, "strerror", None) or str(reason) or "not enough memory"
         raise error(f"{name}: cannot be read: {message}; expected {expected}.") from reason
+    what = "a folder" if stat.S_ISDIR(mode) else "no regular file"
+    raise error(f"{name}: cannot be read: it is {what}; expected {expected}.")
 
 
 def check_shape(shape: Sequence[int], itemsize: int, available: int, what: str) -> int:
