@@ -18,7 +18,7 @@ def test_what_is_no_file(error, tmp_path):
         with pytest.raises(error) as caught:
             content_of(path, error, "a model file")
         assert str(caught.value) == f"{path}: cannot be read: {reason}; expected a model file."
-    with pytest.raises(error, match="cannot be read: .*null"):
+    with pytest.raises(error, match=r"cannot be read: .*null"):
         content_of("a\0b", error, "a model file")
 
 
