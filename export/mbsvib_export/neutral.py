@@ -13,6 +13,7 @@ from mbsvib.common.expected import kind_of
 from mbsvib.errors import ExportError
 from mbsvib.responses.from_control import is_control
 from mbsvib.responses.state_space import StateSpace
+from mbsvib_export.arrays_and_names import check_arrays, check_names
 from mbsvib_export.names_ import SignalNames
 
 if TYPE_CHECKING:
@@ -36,54 +37,6 @@ def first_order(space: StateSpace) -> dict[str, Array]:
     """Return the matrices of a state space by name, those that it has."""
     arrays = {label: getattr(space, label) for label in FIRST_ORDER}
     return arrays if space.through is None else arrays | {THROUGH: space.through}
-
-
-def check_arrays(name: str, arrays: list[tuple[str, Array, tuple[int, ...]]]) -> None:
-    """Refuse arrays (label, array, shape expected) of another shape or with numbers that are not finite.
-
-    Parameters
-    ----------
-    name : str
-        Of the system.
-    arrays : list
-        They become read-only.
-
-    Raises
-    ------
-    ExportError
-        If one does not fit.
-    """
-    for label, array, shape in arrays:
-        if array.shape != shape:
-            raise ExportError(f"{name}: {label} has shape {array.shape}; expected {shape}, one row and column "
-                              f"for each name that goes with it.")  # fmt: skip
-        if not np.isfinite(array).all():
-            raise ExportError(f"{name}: {label} holds NaN or infinity; expected finite numbers.")
-        array.setflags(write=False)
-
-
-def check_names(name: str, groups: list[tuple[str, tuple[str, ...], tuple[str, ...]]]) -> None:
-    """Refuse groups (label, names, units) in which names are empty or repeated, or units are missing.
-
-    Parameters
-    ----------
-    name : str
-        Of the system.
-    groups : list
-        Signals of each kind.
-
-    Raises
-    ------
-    ExportError
-        If one does not fit.
-    """
-    for label, names, units in groups:
-        if len(set(names)) < len(names) or "" in names:
-            wrong = next(name for name in names if not name or names.count(name) > 1)
-            raise ExportError(f"{name}: the name {wrong!r} among the {label} is empty or there more than "
-                              f"once; expected names that differ.")  # fmt: skip
-        if len(units) != len(names):
-            raise ExportError(f"{name}: {len(units)} units for {len(names)} {label}; expected one for each.")
 
 
 @dataclass(frozen=True, repr=False, eq=False)
