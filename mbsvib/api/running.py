@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
-    from mbsvib.cycles.expressions import Statement
+    from mbsvib.cycles.machine import Machine
     from mbsvib.cycles.periodic import Periodic
     from mbsvib.cycles.reactions import Reactions
     from mbsvib.cycles.sensitivities import CycleSensitivities
@@ -162,7 +163,7 @@ class Running(Mechanism):
         return cycle_of(self, words)
 
 
-def cycle_of(model: Mechanism, words: Mapping[str, Any], compiled: Statement | None = None) -> Cycle:
+def cycle_of(model: Mechanism, words: Mapping[str, Any], like: Machine | None = None) -> Cycle:
     """Return the cycle of a model.
 
     Parameters
@@ -171,8 +172,8 @@ def cycle_of(model: Mechanism, words: Mapping[str, Any], compiled: Statement | N
         The machine.
     words : mapping
         The arguments of ``Model.cycle``.
-    compiled : Statement, optional
-        Equations of a like machine, to be used with the values of this one.
+    like : Machine, optional
+        A machine that differs by values of symbols only: its equations are used, and its motion if it is the same.
 
     Returns
     -------
@@ -188,11 +189,11 @@ def cycle_of(model: Mechanism, words: Mapping[str, Any], compiled: Statement | N
     from mbsvib.cycles.inverse_dynamics import inverse_dynamics
     from mbsvib.cycles.machine import machine
 
-    return inverse_dynamics(machine(model, **words, compiled=compiled), Cycle)
+    return inverse_dynamics(machine(model, **words, like=like), Cycle)
 
 
-def compiled_for(model: Mechanism, words: Mapping[str, Any], parameters: tuple[str, ...]) -> Statement:
-    """Return the equations of a machine in motion, with some of its numbers as symbols.
+def compiled_for(model: Mechanism, words: Mapping[str, Any], parameters: tuple[str, ...]) -> Machine:
+    """Return a machine in motion whose equations have some of its numbers as symbols.
 
     Parameters
     ----------
@@ -205,8 +206,8 @@ def compiled_for(model: Mechanism, words: Mapping[str, Any], parameters: tuple[s
 
     Returns
     -------
-    Statement
-        The equations.
+    Machine
+        The machine with its equations.
 
     Raises
     ------
@@ -216,7 +217,8 @@ def compiled_for(model: Mechanism, words: Mapping[str, Any], parameters: tuple[s
     _check_casadi()
     from mbsvib.cycles.machine import machine
 
-    return machine(model, **words).with_symbols(parameters)
+    made = machine(model, **words)
+    return replace(made, compiled=made.with_symbols(parameters))
 
 
 def _check_casadi() -> None:

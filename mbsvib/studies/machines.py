@@ -176,8 +176,9 @@ def _evaluated(words: Mapping[str, Any], point: DesignPoint, last: _Evaluated | 
         return _Evaluated(point, point.model.cycle(**words), None)
     like = last is not None and set(names) == set(last.cycle.machine.statement.names) and _same_but(
         names, last.point.model, point.model)  # fmt: skip
-    compiled = last.cycle.machine.statement if last is not None and like else compiled_for(point.model, words, names)
-    cycle = cycle_of(point.model, words, compiled)
+    cycle = cycle_of(point.model, words,
+                     last.cycle.machine if last is not None and like else compiled_for(point.model, words, names)
+                     )  # fmt: skip
     return _Evaluated(point, cycle, cycle.sensitivities(names))
 
 
