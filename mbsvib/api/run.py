@@ -205,14 +205,9 @@ class Run(Displayed):
             If the file cannot be written.
         """
         from mbsvib.common.csv_columns import write_columns
-        from mbsvib.errors import ExportError
 
         table = self.table()
-        try:
-            return write_columns(path, list(table), list(table.values()))
-        except OSError as error:
-            raise ExportError(f"{path}: cannot be written: {error.strerror or error}. Give the path of a file in a "
-                              f"folder that exists and that you may write to.") from error  # fmt: skip
+        return write_columns(path, list(table), list(table.values()))
 
     def table(self) -> dict[str, Array]:
         """Return time, outputs, coordinates and energies as columns (n,) by name."""

@@ -77,7 +77,8 @@ class CycleMeasures(Displayed):
             If there is no such quantity.
         """
         _checked(what)
-        return _OfCycle(f"mean square {what} [({UNITS[what]})^2]", lambda point: self._square(point, what, drive))
+        unit = UNITS[what] if " " not in UNITS[what] else f"({UNITS[what]})"
+        return _OfCycle(f"mean square {what} [{unit}^2]", lambda point: self._square(point, what, drive))
 
     def rms(self, what: str, drive: str | None = None) -> Quantity:
         """Return the root mean square of a quantity, for constraints; it has no derivative where it is zero.
