@@ -148,8 +148,16 @@ def trade_off(
     divisions : int, optional
         Weights are multiples of 1/divisions with the sum 1; default: 12 for two quantities (13 designs), 6 for three
         (28), fewer for more.
-    ties, method, options, starts, seed
-        As for ``optimize``.
+    ties : mapping of str to mapping of str to float or Tie, optional
+        Linear maps or functions that variables stand for; this and the next ones as for ``optimize``.
+    method : str
+        The solver.
+    options : mapping of str to object, optional
+        The solver's own.
+    starts : int
+        Number of local searches, of which the best one counts.
+    seed : int
+        Of the points where they start.
     progress : bool or callable
         True: a bar on standard error; a function is called with how many searches are done, and how many there are.
 

@@ -1,7 +1,10 @@
 """Nonlinear time response: closed forms, conservation, small motion, and what is refused."""
 
 import csv
+import os
+import signal
 import sys
+import threading
 
 import numpy as np
 import pytest
@@ -144,6 +147,23 @@ def test_pendulum_from_a_large_angle():
     period = 4.0 * np.sqrt(1.0 / model.gravity[2] * -1.0) * ellipk(np.sin(1.0) ** 2)
     np.testing.assert_allclose(np.diff(passes)[::1], 0.5 * period, rtol=1e-9)
     np.testing.assert_allclose(passes[0], 0.25 * period, rtol=1e-9)
+
+
+def test_an_interrupt_within_the_integrator_ends_the_run():
+    """CVODES turns it into an error of its own, after which the run went on."""
+    model, reached = mv.library.pendulum_chain(3), []
+
+    def press(done, _):
+        reached.append(done)
+        if done == 8:  # the last interval takes minutes
+            threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
+
+    t = np.concatenate((np.linspace(0.0, 0.4, 9), [1e4]))
+    with pytest.warns(RuntimeWarning, match="interrupted at t = 0.4 s"):
+        run = model.simulate(t, initial={"pin1.rz": 2.0}, progress=press)
+    assert not run.complete
+    assert reached == list(range(1, 9))
+    assert run.energy.balance == pytest.approx(np.zeros(9), abs=1e-6)
 
 
 def test_an_interrupted_run_keeps_what_it_has():
