@@ -13,9 +13,9 @@ from mbsvib.common.expected import names as as_names
 from mbsvib.common.interrupts import noticing_interrupts
 from mbsvib.common.progress import counting
 from mbsvib.elements.ports import BaseMotion
-from mbsvib.equilibrium.linear_range import TURNED
-from mbsvib.errors import LargeDisplacementWarning, ModelError, SimulationError, nearest
+from mbsvib.errors import ModelError, SimulationError, nearest
 from mbsvib.finite_motion.statement import finite_motion
+from mbsvib.simulation.bending import warn_of_bending
 from mbsvib.simulation.events import events
 from mbsvib.simulation.initial import initial_state
 from mbsvib.simulation.session import session
@@ -102,19 +102,8 @@ def simulate(
         warnings.warn(f"simulate: interrupted at t = {samples[-1].state.time:g} s; the run holds what was reached.",
                       RuntimeWarning, stacklevel=3)  # fmt: skip
     result = start.with_samples(samples, intervals, None if event is None else event.name)
-    _warn_of_bending(result)
+    warn_of_bending(result, 3)
     return result, complete
-
-
-def _warn_of_bending(run: Trace) -> None:
-    """Warn of beams and superelements whose interface turns further than small displacements hold."""
-    for name, angle in run.largest_bending().items():
-        if angle > TURNED:
-            warnings.warn(
-                f"simulate: '{name}' bends by {angle:.2g} rad; its displacements are small ones in the frame of the "
-                f"body that carries it, good to about {0.5 * angle**2:.0%} there. Make several parts of it, with a "
-                f"body between them.", LargeDisplacementWarning, stacklevel=4,
-            )  # fmt: skip
 
 
 def _times(t: Any) -> Array:

@@ -76,18 +76,6 @@ class Trace:
         where, rates = (array.T for array in as_described(q.T, qd.T, time, bases, run.turning))
         return Told(where, rates, outputs, slopes, kinetic, potential, np.array([state.work for state in states]).T)
 
-    def largest_bending(self) -> dict[str, float]:
-        """Return the largest angle [rad] at the interface of each beam and superelement."""
-        statement = self.session.statement
-        if not statement.bends:
-            return {}
-        motion = statement.motion
-        angles = ca.vertcat(*(part.angle for part in statement.bends.values()))
-        function = ca.Function("angles", [motion.q, motion.bases], [angles])
-        q = np.array([sample.state.q for sample in self.samples]).T
-        bases = np.array([sample.chart.bases for sample in self.samples]).T
-        return dict(zip(statement.bends, np.asarray(function(q, bases)).max(axis=1).tolist(), strict=True))
-
     def _accelerations(self, samples: Sequence[Sample]) -> Array:
         """Second derivatives (n, samples) of the tree coordinates."""
         run, columns = self.session, []
