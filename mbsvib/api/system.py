@@ -392,10 +392,14 @@ class System(Connecting, ReducibleSystem, Sensitive, Equations):
         return linear_range(self, self.modes(), share)
 
     def explain(self) -> str:
-        """Return in words how the equations came about: topology, loops, rank decisions, and what was skipped."""
+        """Return in words how the equations came about: topology, loops, rank decisions, and what was skipped.
+
+        Of systems with few degrees of freedom it tells outputs whose ``linear_range`` is small, too.
+        """
+        from mbsvib.api.linear_range import explained
         from mbsvib.explain.dense import explain
 
-        return explain(self, self.basis)
+        return "\n".join((explain(self, self.basis), *explained(self)))
 
     def _repr_html_(self) -> str:
         from mbsvib.plots import notebook
