@@ -243,6 +243,24 @@ def test_models_without_a_statement_are_refused_by_name():
         massless.simulate([0.0, 1.0])
 
 
+def test_a_beam_between_two_moving_bodies_is_refused():
+    """Both have pins of their own to the ground, so that neither carries the beam."""
+    model = mv.Model("two")
+    for name, x in (("a", 0.0), ("b", 1.0)):
+        model.add_body(name, 1.0, (0.1,) * 3, (x, 0, 0))
+        model.add_joint(f"{name}.pin", "revolute", "ground", name, (x, 0, -0.2), axis=(0, 1, 0))
+    model.add_beam("rod", "a", "b", {"type": "circle", "radius": 0.01}, {"E": 2.1e11, "nu": 0.3, "rho": 7800},
+                   (0, 0, 0), (1, 0, 0), elements=2)  # fmt: skip
+    with pytest.raises(mv.ModelError, match=r"'rod' bends between the moving bodies 'a' and 'b'.*neither carries it"):
+        model.simulate([0.0, 1.0])
+
+
+@pytest.mark.parametrize("kind", ["contact", "friction"])
+def test_contact_is_refused_with_a_way_out(kind):
+    with pytest.raises(mv.ModelError, match=f"joint 'c': kind = '{kind}'.*to_exudyn.* contact and friction"):
+        lamp().add_joint("c", kind, "ground", "arm", (0, 0, 0))
+
+
 def test_what_a_run_tells(tmp_path, monkeypatch):
     model = lamp()
     model.add_force_output("hinge", "hinge", "x")
