@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import combinations
 from typing import TYPE_CHECKING, Protocol
 
+from mbsvib.common import units
 from mbsvib.plots import _style as style
 
 if TYPE_CHECKING:
@@ -80,10 +81,10 @@ def _panel(figure: Figure, axes: Axes, data: TradeOff, pair: tuple[str, str]) ->
     if len(third) == 1:
         points = axes.scatter(data.values[x], data.values[y], c=data.values[third[0]], s=22, cmap="viridis",
                               label="designs", zorder=3)  # fmt: skip
-        figure.colorbar(points, ax=axes, label=data.labels[third[0]], location="top")
+        figure.colorbar(points, ax=axes, label=units.pretty(data.labels[third[0]]), location="top")
     else:
         axes.plot(data.values[x], data.values[y], ".-" if not third else ".", color=style.COLOURS[0], label="designs")
     axes.plot(data.ideal[x], data.ideal[y], "x", color=style.INK, label="least of each on its own")
     axes.plot(data.began[x], data.began[y], "*", color=style.COLOURS[1], markersize=9, label="given model")
-    axes.set_xlabel(data.labels[x])
-    axes.set_ylabel(data.labels[y])
+    axes.set_xlabel(units.pretty(data.labels[x]))
+    axes.set_ylabel(units.pretty(data.labels[y]))

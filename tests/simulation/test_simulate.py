@@ -280,7 +280,8 @@ def test_what_a_run_tells(tmp_path, monkeypatch):
     assert {"time", "hinge.rz", "energy.kinetic", "energy.supplied"} < set(rows[0])
     np.testing.assert_allclose(run.energy.of("arm") + run.energy.of("spring"), run.energy.total, rtol=1e-12)
     figure = run.plot()
-    assert [axes.get_ylabel() for axes in figure.axes] == ["[m]", "[rad/s]", "[N]", "energy [J]"]
+    assert [axes.get_ylabel() for axes in figure.axes] == ["displacement [m]", "angular velocity [rad/s]", "force [N]",
+                                                           "energy [J]"]  # fmt: skip
     with pytest.raises(mv.ResponseError, match="'hing' is neither"):
         run.plot("hing")
     motion = run.animate(view="y", frames=3)

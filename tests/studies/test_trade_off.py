@@ -87,8 +87,8 @@ def test_force_against_moment_against_torque(tmp_path):
         rows = list(csv.DictReader(stream))
     assert [float(row["moment"]) for row in rows] == front.values["moment"].tolist()
     figure = plots.trade_off(front)
-    assert [axes.get_xlabel() for axes in figure.axes[:3]] == ["mean square force [N^2]"] * 2 + [
-        "mean square moment [(N m)^2]"]  # fmt: skip
+    assert [axes.get_xlabel() for axes in figure.axes[:3]] == ["mean square force [N²]"] * 2 + [
+        "mean square moment [(N m)²]"]  # fmt: skip
     assert figure.axes[0].collections[0].get_offsets().tolist() == list(
         map(list, zip(front.values["force"], front.values["moment"], strict=True)))  # fmt: skip
 
