@@ -82,6 +82,8 @@ def linearize(
     -----
     UndeterminedForceWarning
         If an output is a force in joints that redundant constraints leave open.
+    LargeDisplacementWarning
+        If beams or superelements are bent, as described, further than small displacements hold.
 
     Source: Jiang, Chen & Luo (2011), sections 2 and 3.
     """

@@ -91,7 +91,7 @@ class Run(Displayed):
 
     ``run["w"]`` is an output over ``time`` (n,) [s]; ``coordinates`` and ``rates`` are those of the joints of the
     spanning tree by name, displacements from the pose as described [m, rad]; ``energy`` tells energies. ``complete``
-    tells whether it came to the last time that was asked for.
+    tells whether it came to the last time that was asked for, or to an event.
     """
 
     name: str
@@ -135,6 +135,7 @@ class Run(Displayed):
 
     def __repr__(self) -> str:
         stop = "" if self.complete else ", interrupted"
+        stop += "" if self.ended_by is None else f", ended by '{self.ended_by}'"
         return (f"Run({self.name!r}: {len(self.time)} times to {self.time[-1]:g} s, {len(self.coordinates)} "
                 f"coordinates, {len(self.outputs)} outputs{stop})")  # fmt: skip
 
@@ -142,6 +143,11 @@ class Run(Displayed):
     def model(self) -> Mechanism:
         """The model that ran."""
         return self.trace.session.model
+
+    @property
+    def ended_by(self) -> str | None:
+        """The coordinate or output that ended the run by passing its value in ``until``, if one did."""
+        return self.trace.ended_by
 
     def crossings(self, name: str, value: float = 0.0) -> Array:
         """Return the times at which a coordinate or output passes a value.
@@ -152,7 +158,7 @@ class Run(Displayed):
         Parameters
         ----------
         name : str
-            Name of a coordinate (``"elbow.rz"``) or of an output that is a displacement or velocity.
+            Name of a coordinate (``"elbow.rz"``) or of an output; forces and accelerations are told once an interval.
         value : float
             The value [m, rad, or the unit of the output].
 
@@ -205,14 +211,9 @@ class Run(Displayed):
             If the file cannot be written.
         """
         from mbsvib.common.csv_columns import write_columns
-        from mbsvib.errors import ExportError
 
         table = self.table()
-        try:
-            return write_columns(path, list(table), list(table.values()))
-        except OSError as error:
-            raise ExportError(f"{path}: cannot be written: {error.strerror or error}. Give the path of a file in a "
-                              f"folder that exists and that you may write to.") from error  # fmt: skip
+        return write_columns(path, list(table), list(table.values()))
 
     def table(self) -> dict[str, Array]:
         """Return time, outputs, coordinates and energies as columns (n,) by name."""

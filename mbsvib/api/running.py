@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
+from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.cycles.result import CycleData
 from mbsvib.errors import MbsvibError
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
+    import os
     from collections.abc import Mapping, Sequence
+    from pathlib import Path
 
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
-    from mbsvib.cycles.expressions import Statement
+    from mbsvib.cycles.machine import Machine
     from mbsvib.cycles.periodic import Periodic
     from mbsvib.cycles.reactions import Reactions
     from mbsvib.cycles.sensitivities import CycleSensitivities
@@ -45,6 +49,49 @@ class Cycle(CycleData):
     def undetermined(self) -> Mapping[str, tuple[str, ...]]:
         """Directions x ... rz of reactions, by joint, that redundant constraints leave open."""
         return self._carried.undetermined
+
+    def columns(self) -> dict[str, Array]:
+        """Return the cycle as columns by name: coordinates, torques of drives, shaking force and moment, reactions.
+
+        Returns
+        -------
+        dict of str to array, shape (n,)
+            ``crank.rz`` [rad], ``crank.rz.rate``, ``crank.rz.acceleration`` of every coordinate;
+            ``crank.rz.torque`` [N m, N] of every drive; ``shaking_force.x`` [N], ``shaking_moment.x`` [N m] about
+            ``about``; ``pin12.reaction.x`` [N] to ``pin12.reaction.rz`` [N m] of every joint.
+        """
+        result: dict[str, Array] = dict(self.coordinates)
+        result |= {f"{name}.rate": values for name, values in self.rates.items()}
+        result |= {f"{name}.acceleration": values for name, values in self.accelerations.items()}
+        result |= {f"{name}.torque": values for name, values in self.torques.items()}
+        for name, vectors in (("shaking_force", self.shaking_force), ("shaking_moment", self.shaking_moment)):
+            result |= {f"{name}.{axis}": vectors[:, i] for i, axis in enumerate("xyz")}
+        for name, wrenches in self.reactions.items():
+            result |= {f"{name}.reaction.{axis}": wrenches[:, i] for i, axis in enumerate(DIRECTIONS)}
+        return result
+
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write ``columns`` as a file of comma-separated values with a header, a line each sample.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Name of the file.
+
+        Returns
+        -------
+        Path
+            The path.
+
+        Raises
+        ------
+        ExportError
+            If the file cannot be written.
+        """
+        from mbsvib.common.csv_columns import write_columns
+
+        columns = self.columns()
+        return write_columns(path, list(columns), list(columns.values()))
 
     def sensitivities(self, parameters: Any = None) -> CycleSensitivities:
         """Return exact derivatives of torques, reactions, shaking force and moment to parameters.
@@ -162,7 +209,7 @@ class Running(Mechanism):
         return cycle_of(self, words)
 
 
-def cycle_of(model: Mechanism, words: Mapping[str, Any], compiled: Statement | None = None) -> Cycle:
+def cycle_of(model: Mechanism, words: Mapping[str, Any], like: Machine | None = None) -> Cycle:
     """Return the cycle of a model.
 
     Parameters
@@ -171,8 +218,8 @@ def cycle_of(model: Mechanism, words: Mapping[str, Any], compiled: Statement | N
         The machine.
     words : mapping
         The arguments of ``Model.cycle``.
-    compiled : Statement, optional
-        Equations of a like machine, to be used with the values of this one.
+    like : Machine, optional
+        A machine that differs by values of symbols only: its equations are used, and its motion if it is the same.
 
     Returns
     -------
@@ -188,11 +235,11 @@ def cycle_of(model: Mechanism, words: Mapping[str, Any], compiled: Statement | N
     from mbsvib.cycles.inverse_dynamics import inverse_dynamics
     from mbsvib.cycles.machine import machine
 
-    return inverse_dynamics(machine(model, **words, compiled=compiled), Cycle)
+    return inverse_dynamics(machine(model, **words, like=like), Cycle)
 
 
-def compiled_for(model: Mechanism, words: Mapping[str, Any], parameters: tuple[str, ...]) -> Statement:
-    """Return the equations of a machine in motion, with some of its numbers as symbols.
+def compiled_for(model: Mechanism, words: Mapping[str, Any], parameters: tuple[str, ...]) -> Machine:
+    """Return a machine in motion whose equations have some of its numbers as symbols.
 
     Parameters
     ----------
@@ -205,8 +252,8 @@ def compiled_for(model: Mechanism, words: Mapping[str, Any], parameters: tuple[s
 
     Returns
     -------
-    Statement
-        The equations.
+    Machine
+        The machine with its equations.
 
     Raises
     ------
@@ -216,7 +263,8 @@ def compiled_for(model: Mechanism, words: Mapping[str, Any], parameters: tuple[s
     _check_casadi()
     from mbsvib.cycles.machine import machine
 
-    return machine(model, **words).with_symbols(parameters)
+    made = machine(model, **words)
+    return replace(made, compiled=made.with_symbols(parameters))
 
 
 def _check_casadi() -> None:

@@ -23,7 +23,7 @@ class Simulated(Mechanism):
     def simulate(
         self, t: ArrayLike, inputs: Mapping[str, ArrayLike | Callable[[float], float]] | None = None,
         initial: Mapping[str, float | tuple[float, float]] | None = None, without: Sequence[str] | str = (),
-        tolerance: float = 1e-8, *, progress: Progress = False,
+        tolerance: float = 1e-8, *, until: Mapping[str, float] | None = None, progress: Progress = False,
     ) -> Run:  # fmt: skip
         """Return the nonlinear time response, from the pose as described or displaced from it.
 
@@ -48,6 +48,9 @@ class Simulated(Mechanism):
         tolerance : float
             Error of results that is asked for, between 1e-11 and 1e-2: relative to the size of coordinates and rates;
             below 1e-4 rad, or 1e-4 of the mechanism's size, as an error of that size.
+        until : mapping of str to number, optional
+            Coordinates or outputs by name, and values [m, rad, or the unit of the output]: the run ends where one
+            passes its value after the start, exactly there. Default: at the last time.
         progress : bool or callable
             True: a bar on standard error; a function is called with how many times are reached, and how many there are.
 
@@ -80,6 +83,6 @@ class Simulated(Mechanism):
         from mbsvib.api.run import run_of
         from mbsvib.simulation.simulate import simulate
 
-        trace, complete = simulate(self, t, inputs, initial, without, tolerance, progress,
+        trace, complete = simulate(self, t, inputs, initial, without, tolerance, until, progress,
                                    lambda partial: run_of(self.name, partial, False))  # fmt: skip
         return run_of(self.name, trace, complete)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.atomic_file import write_atomic
+from mbsvib.errors import ExportError
 
 if TYPE_CHECKING:
     import os
@@ -17,6 +18,30 @@ if TYPE_CHECKING:
 
 
 def write_columns(path: str | os.PathLike[str], names: Sequence[str], columns: Sequence[Array]) -> Path:
-    """Write columns under their names, numbers with all their digits; returns the path."""
+    """Write columns under their names, numbers with all their digits; whole or not at all.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Name of the file.
+    names : sequence of str
+        The header.
+    columns : sequence of array, shape (n,)
+        The columns.
+
+    Returns
+    -------
+    Path
+        The path.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written.
+    """
     lines = [",".join(names), *(",".join(map(repr, row)) for row in np.stack(columns, axis=1).tolist())]
-    return write_atomic(path, lambda stream: stream.write(("\n".join(lines) + "\n").encode()))
+    try:
+        return write_atomic(path, lambda stream: stream.write(("\n".join(lines) + "\n").encode()))
+    except OSError as error:
+        raise ExportError(f"{path}: cannot be written: {error.strerror or error}. Give the path of a file in a "
+                          f"folder that exists and that you may write to.") from error  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.common import arguments as check
-from mbsvib.cycles.expressions import Statement, evaluated, matrices, statement
+from mbsvib.cycles.expressions import Called, Statement, evaluated, matrices, statement
 from mbsvib.cycles.following import Loops, followed
 from mbsvib.cycles.prescribed import Prescribed, prescribed
 from mbsvib.errors import ModelError
@@ -33,7 +33,8 @@ class Machine:
 
     ``farthest`` [m] is the largest coordinate of any point.
 
-    ``compiled`` are its equations, or those of a like machine with other values of its parameters; default: none yet.
+    ``compiled`` are its equations, or those of a like machine with other values of its parameters, and ``known`` its
+    motion, if a like machine moves alike; default: none yet.
     """
 
     model: Mechanism
@@ -43,6 +44,7 @@ class Machine:
     size: float
     farthest: float
     compiled: Statement | None = None
+    known: Solved | None = None
 
     @property
     def rounding(self) -> float:
@@ -68,7 +70,12 @@ class Machine:
     @cached_property
     def solved(self) -> Solved:
         """Coordinates, rates and accelerations at every sample."""
-        return solved(self, self.statement)
+        return solved(self, self.statement) if self.known is None else self.known
+
+    def moves_alike(self, other: Machine) -> bool:
+        """Whether another machine with the same equations and drives has the same motion, as loops close alike."""
+        held = self.statement.closing
+        return bool((self.values(self.statement)[held] == other.values(self.statement)[held]).all())
 
 
 @dataclass(frozen=True)
@@ -86,9 +93,13 @@ class Solved:
 
 def machine(
     model: Mechanism, drive: Any, angles: Any, speed: Any, motion: Mapping[str, Any] | None, about: ArrayLike | None,
-    compiled: Statement | None = None,
+    like: Machine | None = None,
 ) -> Machine:  # fmt: skip
-    """Return a mechanism with its prescribed motion, checked; the other arguments are those of ``Model.cycle``."""
+    """Return a mechanism with its prescribed motion, checked.
+
+    ``like`` is a machine with the same motion of its drives that differs by values of symbols only, whose equations
+    serve again; the other arguments are those of ``Model.cycle``.
+    """
     prescription = prescribed(model, drive, angles, speed, motion)
     coupled = {name.rpartition(".")[0] for part in model.couplers.values() for name, _ in part.terms}
     cut, closing = cut_elsewhere(model, {*prescription.joints, *coupled})
@@ -100,7 +111,9 @@ def machine(
     points = [body.position for body in model.bodies.values()]
     points += [joint.position for joint in model.joints.values() if joint.position is not None]
     array = np.array(points)
-    return Machine(model, prescription, np.array(at), cut, length_of(array), float(np.abs(array).max()), compiled)
+    made = Machine(model, prescription, np.array(at), cut, length_of(array), float(np.abs(array).max()),
+                   None if like is None else like.statement)  # fmt: skip
+    return replace(made, known=like.solved) if like is not None and made.moves_alike(like) else made
 
 
 def solved(plant: Machine, expressions: Statement) -> Solved:
@@ -132,13 +145,15 @@ def solved(plant: Machine, expressions: Statement) -> Solved:
     units = np.where(kinematics.turns, 1.0, plant.size)
     row_units = np.where(kinematics.closure_turns, 1.0, plant.size)
     phi, _, phi_acceleration = expressions.closures
-    position = expressions.compiled("closures", lambda: (phi, ca.densify(ca.jacobian(phi, expressions.q))))
+    position = expressions.compiled("closures", lambda: (ca.densify(phi), ca.densify(ca.jacobian(phi, expressions.q))))
     curved = expressions.compiled("bias", lambda: (phi_acceleration,))
     p, still = plant.values(expressions), np.zeros(len(units))
 
+    at = Called(position, still, still, still, p, plant.about)
+
     def openings(q: Array) -> tuple[Array, Array]:
-        value, matrix = position(q * units, still, still, p, plant.about)
-        return np.array(value)[:, 0] / row_units, np.array(matrix) * units / row_units[:, None]
+        value, matrix = at(q * units)
+        return value[:, 0] / row_units, matrix * units / row_units[:, None]
 
     loops = Loops(kinematics.names, driven, units, plant.rounding, openings)
     q = followed(loops, motion)

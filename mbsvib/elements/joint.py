@@ -39,6 +39,10 @@ from mbsvib.errors import ModelError, nearest
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+# What is said of kinds that no linear equations have.
+OPENS = ("Joints do not open or stick; mbsvib_export.to_exudyn(model) takes the scene to exudyn, which has contact and "
+         "friction.")  # fmt: skip
+
 Six = tuple[float, ...]
 Named = tuple[tuple[str, Six], ...]
 
@@ -251,7 +255,8 @@ def _kind(kind: Any, free: Any, who: str) -> tuple[str, tuple[str, ...] | None]:
         if isinstance(kind, str) and kind in KINDS:
             return kind, None
         expected = f"one of {', '.join(KINDS)}, or free=(directions)"
-        raise check.refuse(who, "kind", kind, expected, nearest(str(kind), KINDS).strip())
+        hint = OPENS if str(kind).lower() in ("contact", "friction") else nearest(str(kind), KINDS).strip()
+        raise check.refuse(who, "kind", kind, expected, hint)
     if kind is not None and not (isinstance(kind, str) and kind in ("custom", "free")):
         raise ModelError(
             f"{who}: kind = {kind!r} already says what is free; leave out free=, or give kind=None with it.",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from mbsvib.equilibrium.articulation import articulated
 from mbsvib.equilibrium.balance import balance
 from mbsvib.equilibrium.flexible_parts import flexible
+from mbsvib.equilibrium.linear_range import warn_beyond
 from mbsvib.equilibrium.messages import unbalanced_force
 from mbsvib.equilibrium.motion import posed_model
 from mbsvib.equilibrium.moved_parts import static_model
@@ -27,6 +28,11 @@ def check_displacements(model: Mechanism) -> None:
     ------
     EquilibriumError
         If the residual is more than ``BALANCE`` of the forces that should cancel.
+
+    Warns
+    -----
+    LargeDisplacementWarning
+        If these displacements are beyond the range of linear theory.
     """
     if all(part.displacements is None for part in flexible(model)):
         return
@@ -40,3 +46,4 @@ def check_displacements(model: Mechanism) -> None:
             f"displacements of its beams and superelements. Find the pose with model.equilibrium(), or leave "
             f"displacements out where the pose given is the loaded one.", **where,
         )  # fmt: skip
+    warn_beyond(model, at, forces.reduction)

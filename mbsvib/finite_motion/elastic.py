@@ -28,12 +28,18 @@ ROUNDING = 1e-13
 
 @dataclass(frozen=True)
 class ElasticEnergies:
-    """What a linear block stores and dissipates [J, W]; ``angle`` [rad] is the largest rotation at its interface."""
+    """What a linear block stores and dissipates [J, W].
+
+    ``angle`` [rad] is the largest rotation at its interface; of beams, ``sag`` is the largest one between the ends over
+    the thickness, and ``stretch`` [m] how much the ends move apart.
+    """
 
     kinetic: Expression
     potential: Expression
     dissipation: Expression
     angle: Expression
+    sag: Expression
+    stretch: Expression
 
 
 def elastic_energies(block: ElasticBlock, b: Expression, z: Expression, motion: Kinematics) -> ElasticEnergies:
@@ -78,7 +84,11 @@ def elastic_energies(block: ElasticBlock, b: Expression, z: Expression, motion: 
     turns = [ca.norm_2(ca.SX(span[6 * s + 3 : 6 * s + 6]) @ both + ca.SX(block.state[6 * s + 3 : 6 * s + 6]))
              for s in block.interface]  # fmt: skip
     largest = ca.mmax(ca.vertcat(*turns)) if turns else ca.SX(0.0)
-    return ElasticEnergies(forms[0], potential, relative + forms[1], largest)
+    sag = ca.SX(0.0)
+    if len(block.sag):
+        sag = ca.mmax(ca.fabs(ca.SX(block.sag @ span) @ both + ca.SX(block.sag @ block.state)))
+    return ElasticEnergies(forms[0], potential, relative + forms[1], largest, sag,
+                           ca.dot(ca.SX(block.stretch @ span), both))  # fmt: skip
 
 
 def _stations(

@@ -22,6 +22,7 @@ from scipy.linalg import cho_factor, cho_solve, eigh
 from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.elements import beam_expansion, superelement_expansion
 from mbsvib.elements.beam import Beam
+from mbsvib.elements.beam_sag import sag_rows, stretch_row
 from mbsvib.equations.beam_prestress import beam_weights
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rank import MASSLESS
@@ -51,7 +52,9 @@ class ElasticBlock:
     (6 e + internal, 6 e + internal) and ``stiffness`` on those of x; ``weight`` (s, 3) are forces at the stations [N]
     and ``force`` (6 e + internal,) forces along x. ``interface`` numbers the elastic stations at which something is
     attached, ``joints`` names their links to the root, ``bodies`` the bodies there and ``held`` the directions (0 to 5)
-    of each that belong to b. ``modes`` N and ``static`` P (6 e + internal, ...) span x.
+    of each that belong to b. ``sag`` (2 s, 6 e + internal) makes of x the sag of a beam in units of its thickness,
+    ``stretch`` (6 e + internal,) how much its ends move apart [m]; both are 0 of superelements. ``modes`` N and
+    ``static`` P (6 e + internal, ...) span x.
     """
 
     name: str
@@ -74,7 +77,8 @@ class ElasticBlock:
     static: Array
     eigenvalues: Array
     nodes: tuple[str, ...]
-
+    sag: Array
+    stretch: Array
 
     @property
     def span(self) -> Array:
@@ -170,7 +174,9 @@ def _of_beam(beam: Beam, model: Mechanism, used: set[str]) -> ElasticBlock:
         falls = {load.body: load.force for load in beam_weights([rest], model.gravity).values()}
         for i in range(len(points)):
             weight[i] = falls.get(beam.node(i), (0.0, 0.0, 0.0))
-    return _block(whole, points, elastic, 0, mass, damping, beam.beta, weight, used)
+    columns = [6 * i + j for i in elastic for j in range(6)]
+    made = _block(whole, points, elastic, 0, mass, damping, beam.beta, weight, used)
+    return replace(made, sag=sag_rows(beam)[:, columns], stretch=stretch_row(beam)[columns])
 
 
 def _of_superelement(part: Superelement, model: Mechanism, used: set[str]) -> ElasticBlock:
@@ -212,6 +218,7 @@ def _block(
         whole.owner, whole.root, points, elastic, internal, state, mass, damping, beta * stiffness, stiffness, weight,
         force, interface, tuple([nodes[k][0] for k in interface]), tuple([nodes[k][1] for k in interface]),
         (ALL_SIX,) * len(interface), modes, static, values, tuple([body for _, body in nodes]),
+        np.zeros((0, len(state))), np.zeros(len(state)),
     )  # fmt: skip
 
 

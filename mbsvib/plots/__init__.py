@@ -26,6 +26,7 @@ from mbsvib.plots.sensitivity import sensitivity
 from mbsvib.plots.singular_values import singular_values
 from mbsvib.plots.step import step
 from mbsvib.plots.topology import topology
+from mbsvib.plots.trade_off import trade_off
 
 __all__ = [
     "bode",
@@ -50,6 +51,7 @@ __all__ = [
     "step",
     "time_grid",
     "topology",
+    "trade_off",
 ]
 
 

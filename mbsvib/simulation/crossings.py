@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.optimize import brentq
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,12 +24,12 @@ def crossings(
     """Return the times at which a quantity passes a level.
 
     Between samples the cubic through values and rates tells where; a quantity that passes twice between two samples is
-    found where this cubic does so.
+    found where this cubic does so. Without rates, a change of sign tells, and the root is bracketed.
 
     Parameters
     ----------
     time, values, rates : array, shape (n,)
-        Samples of the quantity.
+        Samples of the quantity; rates may be NaN.
     level : float
         The level.
     at : callable
@@ -56,6 +57,8 @@ def crossings(
         for s in inside:
             if abs(a) <= ON_IT * size and s < 1e-6:
                 found = float(time[k])
+            elif not np.isfinite([c, end]).all():
+                found = float(brentq(lambda t, k=k: at(k, t)[0] - level, time[k], time[k + 1], xtol=REACHED * step))
             else:
                 refined = _refined(float(time[k]), float(step), s, k, level, at)
                 if refined is None:

@@ -122,7 +122,8 @@ def _of_mode(parts: SecondOrder, shape: Array | Complex, s: complex, scale: Arra
     size = np.divide(share * first, second, out=np.full(len(first), np.inf), where=second > 0.0)
     if not reached:
         size[:] = 0.0
-    values = np.where(first > 0.0, size * first, np.where(second > 0.0, 0.0, np.inf))
+    values = np.where(second > 0.0, 0.0, np.inf)
+    np.multiply(size, first, out=values, where=first > 0.0)
     return values, size * amplitude
 
 

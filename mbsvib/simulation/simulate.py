@@ -10,11 +10,13 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import names as as_names
+from mbsvib.common.interrupts import noticing_interrupts
 from mbsvib.common.progress import counting
 from mbsvib.elements.ports import BaseMotion
-from mbsvib.equilibrium.linear_range import TURNED
-from mbsvib.errors import LargeDisplacementWarning, ModelError, SimulationError, nearest
+from mbsvib.errors import ModelError, SimulationError, nearest
 from mbsvib.finite_motion.statement import finite_motion
+from mbsvib.simulation.bending import warn_of_bending
+from mbsvib.simulation.events import events
 from mbsvib.simulation.initial import initial_state
 from mbsvib.simulation.session import session
 from mbsvib.simulation.signals import signals
@@ -33,7 +35,7 @@ LEAST, MOST = 1e-11, 1e-2
 
 
 def simulate(
-    model: Mechanism, t: Any, inputs: Any, initial: Any, without: Any, tolerance: Any, progress: Progress,
+    model: Mechanism, t: Any, inputs: Any, initial: Any, without: Any, tolerance: Any, until: Any, progress: Progress,
     failed: Callable[[Trace], object],
 ) -> tuple[Trace, bool]:  # fmt: skip
     """Return the trace of a nonlinear time response; see ``Model.simulate``.
@@ -42,7 +44,7 @@ def simulate(
     ----------
     model : Mechanism
         The model.
-    t, inputs, initial, without, tolerance, progress
+    t, inputs, initial, without, tolerance, until, progress
         As in ``Model.simulate``.
     failed : callable
         Makes the run that an error carries of the trace until then.
@@ -52,7 +54,7 @@ def simulate(
     Trace
         States at the times.
     bool
-        Whether it came to the last one.
+        Whether it came to the last one, or to an event.
 
     Raises
     ------
@@ -77,10 +79,16 @@ def simulate(
     bases = np.tile(np.eye(3).reshape(-1), len(run.turning))
     here = settled(run, initial_state(run, initial, float(time[0])), bases)
     samples, intervals, wanted = [here], [0], set(np.searchsorted(driven.breaks, time).tolist())
-    complete = True
-    with counting(progress, len(time) - 1, "simulate") as tell:
+    start = trace(run, samples, intervals)
+    ends, complete, event = events(start, until), True, None
+    with counting(progress, len(time) - 1, "simulate") as tell, noticing_interrupts() as interrupted:
         try:
-            for k, sample in enumerate(march(run, here), 1):
+            for k, sample in enumerate(march(run, here, interrupted), 1):
+                event, here = ends.after(here, sample, k - 1), sample
+                if event is not None:
+                    samples.append(event.sample)
+                    intervals.append(k - 1)
+                    break
                 if k in wanted:
                     samples.append(sample)
                     intervals.append(k)
@@ -88,25 +96,14 @@ def simulate(
         except KeyboardInterrupt:
             complete = False
         except SimulationError as stop:
-            stop.run = failed(trace(run, samples, intervals))
+            stop.run = failed(start.with_samples(samples, intervals))
             raise
     if not complete:
         warnings.warn(f"simulate: interrupted at t = {samples[-1].state.time:g} s; the run holds what was reached.",
-                      RuntimeWarning, stacklevel=4)  # fmt: skip
-    result = trace(run, samples, intervals)
-    _warn_of_bending(result)
+                      RuntimeWarning, stacklevel=3)  # fmt: skip
+    result = start.with_samples(samples, intervals, None if event is None else event.name)
+    warn_of_bending(result, 3)
     return result, complete
-
-
-def _warn_of_bending(run: Trace) -> None:
-    """Warn of beams and superelements whose interface turns further than small displacements hold."""
-    for name, angle in run.largest_bending().items():
-        if angle > TURNED:
-            warnings.warn(
-                f"simulate: '{name}' bends by {angle:.2g} rad; its displacements are small ones in the frame of the "
-                f"body that carries it, good to about {0.5 * angle**2:.0%} there. Make several parts of it, with a "
-                f"body between them.", LargeDisplacementWarning, stacklevel=5,
-            )  # fmt: skip
 
 
 def _times(t: Any) -> Array:

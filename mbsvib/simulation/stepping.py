@@ -13,7 +13,7 @@ from mbsvib.simulation.charts import LONG_TURN, LONGEST_TURN, SINGULAR, WORN, ch
 from mbsvib.simulation.states import State, restarted
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from mbsvib.common.arrays import Array
     from mbsvib.simulation.charts import Chart
@@ -44,7 +44,7 @@ def settled(run: Session, state: State, bases: Array) -> Sample:
     return Sample(replace(state, q=q, qd=run.loops.rates(q, bases, state.qd)), chart_at(run.loops, q, bases))
 
 
-def march(run: Session, start: Sample) -> Iterator[Sample]:
+def march(run: Session, start: Sample, interrupted: Callable[[], bool]) -> Iterator[Sample]:
     """Go through the intervals of the inputs and yield the state at the end of each.
 
     Parameters
@@ -53,6 +53,8 @@ def march(run: Session, start: Sample) -> Iterator[Sample]:
         What to integrate.
     start : Sample
         Where to start.
+    interrupted : callable
+        Whether there was an interrupt from the keyboard, which the integrator turns into an error of its own.
 
     Returns
     -------
@@ -63,17 +65,21 @@ def march(run: Session, start: Sample) -> Iterator[Sample]:
     ------
     SimulationError
         If a step cannot be taken.
+    KeyboardInterrupt
+        If there was an interrupt.
     """
     breaks, coefficients = run.signals.breaks, run.signals.coefficients
     here, k, count = start, 0, FIRST_BLOCK
     while k < len(coefficients):
         end = min(k + count, len(coefficients))
         states = _taken(run, here, breaks[k + 1 : end + 1], coefficients[k:end])
+        if interrupted():
+            raise KeyboardInterrupt
         if not states:
             if end - k > 1:
                 count = max(1, (end - k) // 4)
                 continue
-            here = _halved(run, here, float(breaks[k + 1]), coefficients[k], HALVINGS)
+            here = _halved(run, here, float(breaks[k + 1]), coefficients[k], HALVINGS, interrupted)
             k += 1
             yield here
             continue
@@ -87,6 +93,8 @@ def march(run: Session, start: Sample) -> Iterator[Sample]:
 
 def reached(run: Session, here: Sample, interval: int, time: float) -> State:
     """Return the state at a time within the interval of the inputs that starts at a sample."""
+    if time == here.state.time:
+        return here.state
     start, end = run.signals.breaks[interval : interval + 2]
     share = (time - here.state.time) / (end - start)
     powers = run.signals.coefficients[interval] * share ** np.arange(run.signals.coefficients.shape[2])
@@ -113,8 +121,12 @@ def _angles(run: Session, q: Array) -> float:
     return max((float(np.linalg.norm(q[joint.place])) for joint in run.turning), default=0.0)
 
 
-def _halved(run: Session, here: Sample, end: float, coefficients: Array, left: int) -> Sample:
+def _halved(
+    run: Session, here: Sample, end: float, coefficients: Array, left: int, interrupted: Callable[[], bool]
+) -> Sample:
     """The state at the end of an interval that has to be gone in parts."""
+    if interrupted():
+        raise KeyboardInterrupt
     if not left:
         name = run.at_limit(here.state.q, here.chart.bases)
         raise _stopped(run, here.state, "the integrator takes no step, however short" if name is None else
@@ -126,7 +138,7 @@ def _halved(run: Session, here: Sample, end: float, coefficients: Array, left: i
     shift = np.array([[comb(p, j) * 0.5**p for p in degrees] for j in degrees])
     for time, powers in ((middle, first), (end, coefficients @ shift.T)):
         states = _taken(run, here, np.array([time]), powers[None])
-        here = _next(run, states[0], here.chart) if states else _halved(run, here, time, powers, left - 1)
+        here = _next(run, states[0], here.chart) if states else _halved(run, here, time, powers, left - 1, interrupted)
     return here
 
 

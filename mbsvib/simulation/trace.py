@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -38,7 +38,10 @@ class Told:
 
 @dataclass(frozen=True)
 class Trace:
-    """Samples of a run at ``time`` (n,) [s]; ``intervals`` (n,) number the intervals of the inputs that start there."""
+    """Samples of a run at ``time`` (n,) [s]; ``intervals`` (n,) number the intervals of the inputs that start there.
+
+    ``ended_by`` is the coordinate or output that ended the run, if one did: the last sample is then where it did so.
+    """
 
     session: Session
     samples: tuple[Sample, ...]
@@ -46,11 +49,18 @@ class Trace:
     measured: Measured
     parts: tuple[str, ...]
     energies: Any
+    ended_by: str | None = None
 
     @property
     def time(self) -> Array:
         """Times (n,) [s]."""
         return np.array([sample.state.time for sample in self.samples])
+
+    def with_samples(
+        self, samples: Sequence[Sample], intervals: Sequence[int], ended_by: str | None = None
+    ) -> Trace:  # fmt: skip
+        """Return the trace of other samples of the same run."""
+        return replace(self, samples=tuple(samples), intervals=tuple(intervals), ended_by=ended_by)
 
     def told(self, samples: Sequence[Sample] | None = None) -> Told:
         """Return what is told of the samples of the run, or of others."""
@@ -65,18 +75,6 @@ class Trace:
         outputs, slopes = self.measured.values(time, (q, qd, qdd, y, base, run.signals.at(time)))
         where, rates = (array.T for array in as_described(q.T, qd.T, time, bases, run.turning))
         return Told(where, rates, outputs, slopes, kinetic, potential, np.array([state.work for state in states]).T)
-
-    def largest_bending(self) -> dict[str, float]:
-        """Return the largest angle [rad] at the interface of each beam and superelement."""
-        statement = self.session.statement
-        if not statement.bends:
-            return {}
-        motion = statement.motion
-        angles = ca.vertcat(*(part.angle for part in statement.bends.values()))
-        function = ca.Function("angles", [motion.q, motion.bases], [angles])
-        q = np.array([sample.state.q for sample in self.samples]).T
-        bases = np.array([sample.chart.bases for sample in self.samples]).T
-        return dict(zip(statement.bends, np.asarray(function(q, bases)).max(axis=1).tolist(), strict=True))
 
     def _accelerations(self, samples: Sequence[Sample]) -> Array:
         """Second derivatives (n, samples) of the tree coordinates."""
@@ -97,8 +95,6 @@ class Trace:
         while interval + 1 < len(breaks) - 1 and breaks[interval + 1] < time:
             here = Sample(reached(run, here, interval, float(breaks[interval + 1])), here.chart)
             interval += 1
-        if time == here.state.time:
-            return here
         return Sample(reached(run, here, interval, time), here.chart)
 
 

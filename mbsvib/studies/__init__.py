@@ -12,6 +12,7 @@ dual, evaluation, quantities, extremes   numbers of a system with their gradient
 machines, point_masses   running machines: shaking force and moment, drive torques; what balances them
 measures, modal, responses   frequencies, damping ratios, gains, peaks, root mean squares
 scales, search, solvers, optimizing   ``optimize`` and its result
+trade_offs        ``trade_off``: designs of which none is better in all of several quantities
 """
 
 from mbsvib.studies.extremes import largest, smallest
@@ -26,11 +27,12 @@ from mbsvib.studies.results import Sweep
 from mbsvib.studies.scatter import Tolerances, tolerances
 from mbsvib.studies.sweeps import sweep
 from mbsvib.studies.tracks import Tracks, track
+from mbsvib.studies.trade_offs import TradeOff, trade_off
 
 __all__ = [
-    "Constraint", "CycleMeasures", "Optimum", "Quantity", "Sweep", "Tie", "Tolerances", "Tracks", "cycle",
+    "Constraint", "CycleMeasures", "Optimum", "Quantity", "Sweep", "Tie", "Tolerances", "Tracks", "TradeOff", "cycle",
     "damping_ratio", "equimomental", "frequency", "gain", "given", "largest", "optimize", "peak", "placement", "rms",
-    "smallest", "sweep", "tolerances", "track", "variable", "with_counterweights",
+    "smallest", "sweep", "tolerances", "track", "trade_off", "variable", "with_counterweights",
 ]  # fmt: skip
 
 

@@ -77,7 +77,8 @@ class CycleMeasures(Displayed):
             If there is no such quantity.
         """
         _checked(what)
-        return _OfCycle(f"mean square {what} [({UNITS[what]})^2]", lambda point: self._square(point, what, drive))
+        unit = UNITS[what] if " " not in UNITS[what] else f"({UNITS[what]})"
+        return _OfCycle(f"mean square {what} [{unit}^2]", lambda point: self._square(point, what, drive))
 
     def rms(self, what: str, drive: str | None = None) -> Quantity:
         """Return the root mean square of a quantity, for constraints; it has no derivative where it is zero.
@@ -176,8 +177,9 @@ def _evaluated(words: Mapping[str, Any], point: DesignPoint, last: _Evaluated | 
         return _Evaluated(point, point.model.cycle(**words), None)
     like = last is not None and set(names) == set(last.cycle.machine.statement.names) and _same_but(
         names, last.point.model, point.model)  # fmt: skip
-    compiled = last.cycle.machine.statement if last is not None and like else compiled_for(point.model, words, names)
-    cycle = cycle_of(point.model, words, compiled)
+    cycle = cycle_of(point.model, words,
+                     last.cycle.machine if last is not None and like else compiled_for(point.model, words, names)
+                     )  # fmt: skip
     return _Evaluated(point, cycle, cycle.sensitivities(names))
 
 

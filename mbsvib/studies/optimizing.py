@@ -56,7 +56,8 @@ class Optimum(Displayed):
     The search is local: it goes downhill from its start, and another start may lead to a smaller objective. Where there
     were several starts it is the best of them, and ``starts`` has all of them, the model's own first.
 
-    ``constraints`` has the constrained numbers by label, and ``violation`` the largest violation relative to their
+    ``observed`` has the quantities that were asked for besides, by name. ``constraints`` has the constrained numbers by
+    label, and ``violation`` the largest violation relative to their
     bounds. ``optimality`` is the norm of the objective's gradient minus its projection on those of active constraints
     and bounds, relative to the largest gradient: 0 at an optimum. ``success`` is true if the constraints hold, and the
     solver has converged or the projected gradient is small.
@@ -70,6 +71,7 @@ class Optimum(Displayed):
     began: float
     label: str
     constraints: Mapping[str, Array]
+    observed: Mapping[str, Array]
     violation: float
     optimality: float
     success: bool
@@ -90,7 +92,7 @@ class Optimum(Displayed):
         rows = [(name + (f" [{self.units[name]}]" if name in self.units else ""), f"{self.start[name]:.7g}",
                  f"{value:.7g}") for name, value in self.values.items()]  # fmt: skip
         rows.append((self.label, f"{self.began:.7g}", f"{self.objective:.7g}"))
-        notes = [f"{label}: {_span(numbers)}." for label, numbers in self.constraints.items()]
+        notes = [f"{label}: {_span(numbers)}." for label, numbers in {**self.constraints, **self.observed}.items()]
         notes.append(f"{'Optimal' if self.success else 'Not optimal'} after {counted(self.iterations, 'iteration')}, "
                      f"{counted(self.evaluations, 'system')} evaluated; residual gradient {self.optimality:.1e}, "
                      f"constraint violation {self.violation:.1e}.")  # fmt: skip
@@ -120,7 +122,7 @@ def optimize(
     model: Model, variables: Mapping[str, tuple[float | None, float | None] | None], objective: Quantity,
     constraints: Constraint | Iterable[Constraint] = (), *, ties: Ties | None = None,
     start: Mapping[str, float] | None = None, method: str = "SLSQP", options: Mapping[str, Any] | None = None,
-    starts: int = 1, seed: int = 0,
+    starts: int = 1, seed: int = 0, observed: Mapping[str, Quantity] | None = None,
 ) -> Optimum:  # fmt: skip
     """Return the values of some parameters at which a quantity is smallest, by its exact gradient.
 
@@ -157,6 +159,8 @@ def optimize(
         must then have (logarithmic for positive bounds).
     seed : int
         Of the Latin hypercube: the same seed gives the same points.
+    observed : mapping of str to Quantity, optional
+        Quantities by name that are wanted at the optimum, but neither minimised nor bounded.
 
     Returns
     -------
@@ -180,7 +184,8 @@ def optimize(
             raise check.refuse("optimize", "constraints", constraint, "a constraint, such as damping_ratio() >= 0.05")
     solve = solver(method)
     variables_design = design(model, variables, ties)
-    search = Search(model, variables_design, scales(variables_design, variables, start), objective, constraint_list)
+    search = Search(model, variables_design, scales(variables_design, variables, start), objective, constraint_list,
+                    _watched(observed))  # fmt: skip
     ends: list[Optimum] = []
     descents: list[Descent] = []
     for x in _points(search, starts, seed):
@@ -198,6 +203,13 @@ def optimize(
     best = min(ends, key=lambda end: (max(end.violation, FEASIBLE), end.objective))
     iterations = sum(end.iterations for end in ends)
     return replace(best, starts=tuple(descents), iterations=iterations, evaluations=search.evaluations)
+
+
+def _watched(observed: Mapping[str, Quantity] | None) -> dict[str, Quantity]:
+    result = {} if observed is None else observed
+    if not isinstance(result, Mapping) or not all(isinstance(part, Quantity) for part in result.values()):
+        raise check.refuse("optimize", "observed", observed, "quantities by name, such as {'stroke': rms('stroke')}")
+    return dict(result)
 
 
 def _points(search: Search, starts: int, seed: int) -> Array:
@@ -252,7 +264,8 @@ def _optimum(search: Search, z: Array, solver_result: SolverResult, start: Array
     return Optimum(
         model, values, parameters, descent.start, objective, began,
         search.objective.label,
-        {item.label: value for item, value in zip(search.constraints, numbers, strict=True)}, violation, optimality,
+        {item.label: value for item, value in zip(search.constraints, numbers, strict=True)},
+        search.observations(z), violation, optimality,
         success, solver_result.message, solver_result.iterations, search.evaluations, search.design.units, (descent,),
     )  # fmt: skip
 

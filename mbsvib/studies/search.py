@@ -51,8 +51,9 @@ class Search:
     """The objective and constraints of a search."""
 
     def __init__(
-        self, model: Model, design: Design, scales: Scales, objective: Quantity, constraints: tuple[Constraint, ...]
-    ) -> None:
+        self, model: Model, design: Design, scales: Scales, objective: Quantity, constraints: tuple[Constraint, ...],
+        observed: Mapping[str, Quantity] | None = None,
+    ) -> None:  # fmt: skip
         self.model, self.design, self.scales = model, design, scales
         self.objective, self.constraints = objective, constraints
         self.evaluations, self.steepest = 0, 0.0
@@ -60,10 +61,13 @@ class Search:
         self._references: list[tuple[Array, Reference]] = []
         self._point: tuple[Array, DesignPoint] | None = None
         self._value: Value | None = None
-        items = [item for part in (objective, *(c.quantity for c in constraints)) for item in part.inner()]
+        self.observed = dict(observed or {})
+        asked = (objective, *(c.quantity for c in constraints))
+        items = [item for part in (*asked, *self.observed.values()) for item in part.inner()]
         self._follows = any(isinstance(item, Modal) for item in items)
-        self.largest = tuple(dict.fromkeys(item for item in items if isinstance(item, Largest)))
-        self.needs_equations = any(part.needs_equations for part in (objective, *(c.quantity for c in constraints)))
+        self.largest = tuple(dict.fromkeys(
+            item for part in asked for item in part.inner() if isinstance(item, Largest)))  # fmt: skip
+        self.needs_equations = any(part.needs_equations for part in (*asked, *self.observed.values()))
         start = self.point(np.zeros(len(scales.start)))
         if self.needs_equations:
             check_variables(start.system, start.rates)
@@ -162,6 +166,11 @@ class Search:
         """Return objective and constrained quantities, with maxima instead of their bounds."""
         point = self.point(z[: len(self.scales.start)])
         return float(self.objective.at(point).value[0]), [c.quantity.at(point).value for c in self.constraints]
+
+    def observations(self, z: Array) -> dict[str, Array]:
+        """Return the observed quantities by name."""
+        point = self.point(z[: len(self.scales.start)])
+        return {name: part.at(point).value for name, part in self.observed.items()}
 
     def _scalar(self, dual: Dual) -> Dual:
         if len(dual.value) != 1:

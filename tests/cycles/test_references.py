@@ -3,7 +3,7 @@
 import mpmath as mp
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 import mbsvib as mv
 from mbsvib import library
@@ -291,3 +291,17 @@ def test_what_joints_of_all_kinds_carry(seed):
         elif not any(name.rpartition(".")[2].startswith("r") for name in drives):
             assert_allclose(left[:, 3:], 0, atol=1e-11 * scale)
     assert not cycle.undetermined
+
+
+def test_a_cycle_as_a_file(tmp_path):
+    cycle = library.hoeken().cycle("crank.rz", ANGLES, speed=TURN)
+    lines = cycle.to_csv(tmp_path / "cycle.csv").read_text(encoding="utf-8").splitlines()
+    names, numbers = lines[0].split(","), np.array([line.split(",") for line in lines[1:]], dtype=float)
+    columns = dict(zip(names, numbers.T, strict=True))
+    assert names[0] == "crank.rz"
+    for name, values in (("crank.rz", cycle.angles), ("rocker.rz.rate", cycle.rates["rocker.rz"]),
+                         ("crank.rz.torque", cycle.torque), ("shaking_moment.z", cycle.shaking_moment[:, 2]),
+                         ("pin12.reaction.y", cycle.reactions["pin12"][:, 1])):  # fmt: skip
+        assert_array_equal(columns[name], values)
+    with pytest.raises(mv.errors.ExportError, match=r"cannot be written: .*Give the path of a file"):
+        cycle.to_csv(tmp_path / "no folder" / "cycle.csv")

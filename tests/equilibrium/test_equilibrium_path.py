@@ -102,6 +102,45 @@ def test_a_soft_pusher_snaps_back_though_it_is_held():
     assert path.models[-1].bodies["p"].position[1] == pytest.approx(0.5 + last, rel=1e-11)
 
 
+def column(elbow=3.0, length=0.5, pusher=400.0):
+    """Two rigid links, one above the other, with a torsion spring at their elbow; a slider pushes them by a spring."""
+    model = mv.Model("column")
+    for name, x in (("low", 0.25), ("high", 0.75)):
+        model.add_body(name, 1.0, (0.02,) * 3, position=(0, 0, x))
+    model.add_body("top", 0.5, (0.01,) * 3, position=(0, 0, 1.0))
+    model.add_body("press", 1.0, (0.01,) * 3, position=(0, 0, 2.0))
+    for name, a, b, x in (("foot", "ground", "low", 0.0), ("elbow", "low", "high", 0.5), ("head", "high", "top", 1.0)):
+        model.add_joint(name, "revolute", a, b, position=(0, 0, x), axis=(0, 1, 0))
+    for name, body, x in (("guide", "top", 1.0), ("drive", "press", 2.0)):
+        model.add_joint(name, "prismatic", "ground", body, position=(0, 0, x), axis=(0, 0, 1))
+    model.add_torsion_spring("knee", "low", "high", axis=(0, 1, 0), stiffness=elbow)
+    model.add_spring("push", "top", "press", start=(0, 0, 1.0), end=(0, 0, 2.0), stiffness=pusher)
+    return model
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_a_column_of_two_links_buckles(sense):
+    """P = 2 k / l; beyond, each link leans by an angle a with P l sin(a) = 2 k a (dead load of the pusher)."""
+    critical = 2 * 3.0 / 0.5
+    straight = column().path("drive.z", [-0.02, -0.06])
+    branch = [point for point in straight.points if point.kind == "branch"]
+    assert [point.value for point in branch] == pytest.approx([-critical / 400.0], rel=1e-8)
+    assert [point.force for point in branch] == pytest.approx([-critical], rel=1e-8)
+    assert straight.stable_held.tolist() == [True, False]
+    assert straight.forces == pytest.approx([-8.0, -24.0], rel=1e-12)
+    bent = column().path("drive.z", [-0.02, -0.06, -0.2], switch=sense)
+    assert bent.stable_held.all()
+    for there, force, value in zip(bent.models[1:], bent.forces[1:], bent.values[1:], strict=True):
+        x, _, z = there.bodies["low"].position
+        lean = np.arctan2(x, z)
+        assert abs(lean) > 0.1
+        assert -force * 0.5 * np.sin(lean) == pytest.approx(2 * 3.0 * lean, rel=1e-9)
+        shorter = 2 * 0.5 * (1 - np.cos(lean))
+        assert -force == pytest.approx(400.0 * (-value - shorter), rel=1e-9)
+    leans = [np.sign(there.bodies["low"].position[0]) for there in bent.models[1:]]
+    assert leans[0] == leans[1]
+
+
 def test_a_path_reverses_with_its_values():
     path = truss(0.5).path("arch.y", [0.1, -0.2, 0.1, 0.0])
     assert path.forces == pytest.approx([force(0.5, v)[0] for v in path.values], abs=1e-9)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib import isolation, library, plots
+from mbsvib import isolation, library, plots, studies
 from mbsvib.campbell import campbell
 from mbsvib.common import units
 
@@ -43,6 +43,14 @@ def cycle():
     return library.hoeken().cycle("crank.rz", ANGLES, speed=2 * np.pi)
 
 
+def trade_off():
+    places = {"link1": (0.0, (-0.08, 0, 0)), "link3": (0.0, (0.2, -0.08, 0))}
+    model = studies.with_counterweights(library.hoeken(), places)
+    measures = studies.cycle("crank.rz", ANGLES[::16], speed=2 * np.pi)
+    quantities = {what: measures.mean_square(what) for what in ("force", "moment", "torque")}
+    return studies.trade_off(model, {"link*.counterweight.mass": (0.0, 2.0)}, quantities, divisions=1)
+
+
 def run():
     model = library.four_bar()
     return model.simulate(np.linspace(0.0, 0.02, 5))
@@ -72,6 +80,7 @@ FIGURES = {
     "step": lambda: [plots.step(system(), ["z", "rx"], ["Fz", "Mx"])],
     "time_grid": list,
     "topology": list,
+    "trade_off": lambda: [plots.trade_off(trade_off())],
     "run": lambda: [run().plot()],
     "sweep": lambda: [mv.track(library.quarter_car(), {"suspension.damping": np.geomspace(50.0, 5e3, 20)}).plot(),
                       mv.track(library.quarter_car(), {"suspension.damping": np.geomspace(50.0, 5e3, 20)}).root_locus(),

@@ -87,3 +87,21 @@ def test_what_has_no_range_is_refused_by_name():
         mv.library.singular_beam().linearize().linear_range()
     with pytest.raises(mv.ModelError, match="made of matrices"):
         mv.System.from_matrices(np.eye(2), None, np.eye(2)).linear_range()
+
+
+def test_explain_tells_small_ranges_and_computes_no_modes_for_them():
+    system = mv.library.toggle(angle=0.01).linearize()
+    text = system.explain()
+    assert "linear range\n  output 's': the second-order part reaches 10% of the linear one at an amplitude of" in text
+    assert "4e-06 m in mode 1" in text
+    assert "no eigenvalue was computed" in system.explain()
+    assert "linear range" not in mv.library.toggle(angle=0.284).linearize().explain()
+    assert "linear range" not in mv.library.stewart_isolator().linearize().explain()
+
+
+def test_outputs_without_any_part_are_no_warning():
+    """An output that a mode does not move has an infinite range."""
+    model = mv.library.toggle(angle=0.284)
+    model.add_output("across", "slider", "z")
+    found = model.linearize().linear_range()
+    assert np.isinf(found.values[:, found.outputs.index("across")]).all()

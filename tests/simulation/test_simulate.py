@@ -1,7 +1,10 @@
 """Nonlinear time response: closed forms, conservation, small motion, and what is refused."""
 
 import csv
+import os
+import signal
 import sys
+import threading
 
 import numpy as np
 import pytest
@@ -146,6 +149,23 @@ def test_pendulum_from_a_large_angle():
     np.testing.assert_allclose(passes[0], 0.25 * period, rtol=1e-9)
 
 
+def test_an_interrupt_within_the_integrator_ends_the_run():
+    """CVODES turns it into an error of its own, after which the run went on."""
+    model, reached = mv.library.pendulum_chain(3), []
+
+    def press(done, _):
+        reached.append(done)
+        if done == 8:  # the last interval takes minutes
+            threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
+
+    t = np.concatenate((np.linspace(0.0, 0.4, 9), [1e4]))
+    with pytest.warns(RuntimeWarning, match="interrupted at t = 0.4 s"):
+        run = model.simulate(t, initial={"pin1.rz": 2.0}, progress=press)
+    assert not run.complete
+    assert reached == list(range(1, 9))
+    assert run.energy.balance == pytest.approx(np.zeros(9), abs=1e-6)
+
+
 def test_an_interrupted_run_keeps_what_it_has():
     def stop(done, total):
         if done == 5:
@@ -223,6 +243,24 @@ def test_models_without_a_statement_are_refused_by_name():
         massless.simulate([0.0, 1.0])
 
 
+def test_a_beam_between_two_moving_bodies_is_refused():
+    """Both have pins of their own to the ground, so that neither carries the beam."""
+    model = mv.Model("two")
+    for name, x in (("a", 0.0), ("b", 1.0)):
+        model.add_body(name, 1.0, (0.1,) * 3, (x, 0, 0))
+        model.add_joint(f"{name}.pin", "revolute", "ground", name, (x, 0, -0.2), axis=(0, 1, 0))
+    model.add_beam("rod", "a", "b", {"type": "circle", "radius": 0.01}, {"E": 2.1e11, "nu": 0.3, "rho": 7800},
+                   (0, 0, 0), (1, 0, 0), elements=2)  # fmt: skip
+    with pytest.raises(mv.ModelError, match=r"'rod' bends between the moving bodies 'a' and 'b'.*neither carries it"):
+        model.simulate([0.0, 1.0])
+
+
+@pytest.mark.parametrize("kind", ["contact", "friction"])
+def test_contact_is_refused_with_a_way_out(kind):
+    with pytest.raises(mv.ModelError, match=f"joint 'c': kind = '{kind}'.*to_exudyn.* contact and friction"):
+        lamp().add_joint("c", kind, "ground", "arm", (0, 0, 0))
+
+
 def test_what_a_run_tells(tmp_path, monkeypatch):
     model = lamp()
     model.add_force_output("hinge", "hinge", "x")
@@ -242,7 +280,8 @@ def test_what_a_run_tells(tmp_path, monkeypatch):
     assert {"time", "hinge.rz", "energy.kinetic", "energy.supplied"} < set(rows[0])
     np.testing.assert_allclose(run.energy.of("arm") + run.energy.of("spring"), run.energy.total, rtol=1e-12)
     figure = run.plot()
-    assert [axes.get_ylabel() for axes in figure.axes] == ["[m]", "[rad/s]", "[N]", "energy [J]"]
+    assert [axes.get_ylabel() for axes in figure.axes] == ["displacement [m]", "angular velocity [rad/s]", "force [N]",
+                                                           "energy [J]"]  # fmt: skip
     with pytest.raises(mv.ResponseError, match="'hing' is neither"):
         run.plot("hing")
     motion = run.animate(view="y", frames=3)

@@ -1,0 +1,121 @@
+"""Events: a run ends where a coordinate or output passes a value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common import arguments as check
+from mbsvib.errors import ModelError, nearest
+from mbsvib.simulation.crossings import crossings
+from mbsvib.simulation.stepping import Sample, reached
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
+    from mbsvib.simulation.trace import Told, Trace
+
+# Events this near to the start of a run, as a share of an interval, are where it starts.
+SAME = 1e-9
+
+
+@dataclass(frozen=True)
+class Event:
+    """Where a run ends: the ``sample`` at which the coordinate or output ``name`` passes its value."""
+
+    name: str
+    sample: Sample
+
+
+class Events:
+    """Values at which a run ends; what is compared with them is counted from interval to interval.
+
+    Parameters
+    ----------
+    start : Trace
+        A trace of the first sample alone.
+    levels : mapping of str to float
+        Values [m, rad, or the unit of the output] of coordinates or outputs.
+    """
+
+    def __init__(self, start: Trace, levels: Mapping[str, float]) -> None:
+        self._trace, self._levels = start, levels
+        told = start.told()
+        self._values = {name: float(self._quantity(told, name)[0][0]) for name in levels}
+        self._first = start.samples[0].state.time
+
+    def after(self, here: Sample, there: Sample, interval: int) -> Event | None:
+        """Return the first event in an interval of the inputs, between its first and its last sample."""
+        if not self._levels:
+            return None
+        told = self._trace.told([here, there])
+        found: list[tuple[float, str]] = []
+        for name, level in self._levels.items():
+            values, rates = self._quantity(told, name)
+            # a rotation vector counts whole turns from the first of these samples
+            turns = self._values[name] - values[0]
+            self._values[name] = float(values[1] + turns)
+            ends = np.array([here.state.time, there.state.time])
+
+            def at(_: int, time: float, name: str = name, turns: float = turns) -> tuple[float, float]:
+                return self._at(here, interval, time, name, turns)
+
+            times = crossings(ends, values + turns, rates, level, at)
+            found += [(time, name) for time in times.tolist() if time - self._first > SAME * (ends[1] - ends[0])]
+        if not found:
+            return None
+        time, name = min(found)
+        return Event(name, there if time >= there.state.time else self._sample(here, interval, time))
+
+    def _sample(self, here: Sample, interval: int, time: float) -> Sample:
+        return Sample(reached(self._trace.session, here, interval, time), here.chart)
+
+    def _at(self, here: Sample, interval: int, time: float, name: str, turns: float) -> tuple[float, float]:
+        values, rates = self._quantity(self._trace.told([here, self._sample(here, interval, time)]), name)
+        return float(values[1] + turns), float(rates[1])
+
+    def _quantity(self, told: Told, name: str) -> tuple[Array, Array]:
+        """Values and rates of a coordinate or output."""
+        names = self._trace.session.names
+        if name in names:
+            i = names.index(name)
+            return told.coordinates[i], told.rates[i]
+        return told.outputs[name], told.output_rates[name]
+
+
+def events(start: Trace, until: Any) -> Events:
+    """Return the events that end a run.
+
+    Parameters
+    ----------
+    start : Trace
+        A trace of the first sample alone.
+    until : mapping of str to number, or None
+        Values by name of coordinate or output.
+
+    Returns
+    -------
+    Events
+        What ends the run.
+
+    Raises
+    ------
+    ModelError
+        If a name is neither, or a value no number.
+    """
+    if until is not None and not isinstance(until, Mapping):
+        raise check.refuse("simulate", "until", until,
+                           "a mapping of coordinates or outputs to values, {'elbow.rz': 0.5}")  # fmt: skip
+    levels = {}
+    for name, value in (until or {}).items():
+        known = (*start.session.names, *start.measured.names)
+        if name in start.measured.refused:
+            raise ModelError(f"simulate: until: {start.measured.refused[name]}.", element=name, field="until")
+        if name not in known:
+            raise ModelError(f"simulate: until: '{name}' is neither a coordinate nor an output of the model."
+                             f"{nearest(str(name), known)} It has {', '.join(known)}.", element=str(name),
+                             field="until")  # fmt: skip
+        levels[name] = check.number(value, "simulate", f"until[{name!r}]")
+    return Events(start, levels)

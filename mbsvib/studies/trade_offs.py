@@ -1,0 +1,300 @@
+"""Trade-offs: designs of which none is better in all of several quantities (Pareto fronts)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from itertools import combinations
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.api.in_equilibrium import in_equilibrium
+from mbsvib.common import arguments as check
+from mbsvib.common.display import Displayed
+from mbsvib.common.progress import counting
+from mbsvib.errors import MbsvibError, ModelError, counted
+from mbsvib.studies.design import design
+from mbsvib.studies.evaluation import DesignPoint, checked
+from mbsvib.studies.extremes import largest
+from mbsvib.studies.optimizing import optimize
+from mbsvib.studies.quantities import Quantity, quantity
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array
+    from mbsvib.common.progress import Progress
+    from mbsvib.studies.design import Ties
+    from mbsvib.studies.optimizing import Optimum
+    from mbsvib.studies.quantities import Constraint
+
+# Share of the sum that is added to the largest: of designs with the same largest, the better ones in the others count.
+SUM = 1e-4
+# Differences below this share of a quantity's range on the front are none.
+SAME = 1e-6
+# Quantities that are zero in all designs have this range.
+TINY = 1e-300
+# Divisions of each weight between 0 and 1, by the number of quantities; more quantities have the last.
+DIVISIONS = {2: 12, 3: 6, 4: 4}
+FEWEST = 3
+# Variables that the table lists.
+LISTED = 4
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class TradeOff(Displayed):
+    """Designs of which none is better in all quantities, in ascending order of the first.
+
+    ``values`` (n,) are the quantities by name and ``variables`` (n,) the variables, ``optima`` the n designs with their
+    models. ``ideal`` is the least of each quantity on its own, ``began`` its value of the model that was given, and
+    ``labels`` tell what it is. ``weights`` (n, quantities) are those of each search; ``left_out`` says why
+    designs of other searches are not on the front.
+    """
+
+    name: str
+    labels: Mapping[str, str]
+    values: Mapping[str, Array]
+    variables: Mapping[str, Array]
+    weights: Array
+    optima: tuple[Optimum, ...]
+    ideal: Mapping[str, float]
+    began: Mapping[str, float]
+    units: Mapping[str, str] = field(repr=False)
+    left_out: Mapping[str, int]
+
+    def __len__(self) -> int:
+        return len(self.optima)
+
+    def columns(self) -> dict[str, Array]:
+        """Return quantities and variables as columns (n,) by name."""
+        return {**self.values, **self.variables}
+
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write ``columns`` as a file of comma-separated values with a header, a line each design.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Name of the file.
+
+        Returns
+        -------
+        Path
+            The path.
+
+        Raises
+        ------
+        ExportError
+            If the file cannot be written.
+        """
+        from mbsvib.common.csv_columns import write_columns
+
+        columns = self.columns()
+        return write_columns(path, list(columns), list(columns.values()))
+
+    def table(self) -> dict[str, Any]:
+        """Return the table of designs as arguments of ``mbsvib.common.tables.text`` and ``show``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        listed = list(self.variables)[:LISTED]
+        columns: list[tuple[str, str]] = [(name, "right") for name in self.values]
+        columns += [(name + (f" [{self.units[name]}]" if name in self.units else ""), "right") for name in listed]
+        rows = [tuple(f"{column[i]:.6g}" for column in (*self.values.values(), *(self.variables[x] for x in listed)))
+                for i in range(len(self))]  # fmt: skip
+        notes = [f"{name} is {label}; least on its own {self.ideal[name]:.6g}, of the given model "
+                 f"{self.began[name]:.6g}." for name, label in self.labels.items()]  # fmt: skip
+        searches = len(self) + sum(self.left_out.values())
+        without = ", ".join(f"{count} {why}" for why, count in self.left_out.items() if count)
+        notes.append(f"{counted(len(self), 'design')} of {searches} local searches"
+                     f"{f'; not on the front: {without}' if without else ''}.")  # fmt: skip
+        return {"title": f"Trade-off of {self.name}", "columns": columns, "rows": rows, "notes": notes}
+
+    def __repr__(self) -> str:
+        return f"TradeOff({self.name!r}: {counted(len(self), 'design')}, {' against '.join(self.values)})"
+
+
+def trade_off(
+    model: Model, variables: Mapping[str, tuple[float | None, float | None] | None],
+    quantities: Mapping[str, Quantity], constraints: Constraint | Iterable[Constraint] = (), *,
+    divisions: int | None = None, ties: Ties | None = None, method: str = "SLSQP",
+    options: Mapping[str, Any] | None = None, starts: int = 1, seed: int = 0, progress: Progress = False,
+) -> TradeOff:  # fmt: skip
+    """Return designs of which none is better in all of several quantities: the Pareto front.
+
+    minimise  max over k of w_k n_k + 0.0001 sum of n_k,  n_k = (f_k - least of f_k) / range of f_k
+
+    for weights w on a grid, by the exact gradients of ``optimize``; fronts need not be convex. The least of each
+    quantity is searched for first. Then each search begins at the design with the nearest weights; all are local.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    variables : mapping of str to (float, float) or None
+        Lower and upper bound of each variable, as for ``optimize``.
+    quantities : mapping of str to Quantity
+        Two or more quantities of one number each by name, all to be small; the negative of one that is to be large.
+        One that reaches zero needs a derivative there: mean squares rather than root mean squares.
+    constraints : Constraint or iterable of Constraint
+        What has to hold.
+    divisions : int, optional
+        Weights are multiples of 1/divisions with the sum 1; default: 12 for two quantities (13 designs), 6 for three
+        (28), fewer for more.
+    ties : mapping of str to mapping of str to float or Tie, optional
+        Linear maps or functions that variables stand for; this and the next ones as for ``optimize``.
+    method : str
+        The solver.
+    options : mapping of str to object, optional
+        The solver's own.
+    starts : int
+        Number of local searches, of which the best one counts.
+    seed : int
+        Of the points where they start.
+    progress : bool or callable
+        True: a bar on standard error; a function is called with how many searches are done, and how many there are.
+
+    Returns
+    -------
+    TradeOff
+        Quantities and variables of the designs, with their models; ``print`` shows a table, ``plots.trade_off`` a
+        figure.
+
+    Raises
+    ------
+    ModelError
+        If there are less than two quantities, one has several numbers, or the least of one is not found; and as
+        ``optimize`` does.
+
+    Source: R. E. Steuer, E.-U. Choo, "An interactive weighted Tchebycheff procedure for multiple objective
+    programming" (1983).
+    """
+    names = _checked(quantities)
+    held = tuple(constraints) if isinstance(constraints, Iterable) else (constraints,)
+    count = DIVISIONS.get(len(names), FEWEST) if divisions is None else divisions
+    if not isinstance(count, (int, np.integer)) or isinstance(count, bool) or count < 1:
+        raise check.refuse("trade_off", "divisions", divisions, "a whole number, at least 1")
+    grid = _grid(len(names), int(count))
+
+    def best(objective: Quantity, start: Mapping[str, float] | None) -> Optimum:
+        return optimize(model, variables, objective, held, ties=ties, start=start, method=method, options=options,
+                        starts=starts, seed=seed, observed=quantities)  # fmt: skip
+
+    with counting(progress, len(names) + len(grid), "trade-off") as tell:
+        alone = []
+        for name in names:
+            alone.append(best(quantities[name], None))
+            tell(1)
+        ideal, span = _range(list(map(_numbers, alone)))
+        ends: list[tuple[Array, Optimum]] = list(zip(np.eye(len(names)), alone, strict=True))
+        failed = 0
+        for i, weights in enumerate(grid):
+            if i == len(names):  # the first have one weight alone
+                span = _range([_numbers(optimum) for _, optimum in ends])[1]
+            near = min(range(len(ends)), key=lambda k, w=weights: float(np.abs(ends[k][0] - w).sum()))  # type: ignore[misc]
+            try:
+                end = best(_scalar(quantities, weights, ideal, span), ends[near][1].values)
+                ends[i : i + 1] = [(weights, end)]
+            except MbsvibError:
+                failed += 1
+            tell(1)
+    rows = np.array([_numbers(optimum) for _, optimum in ends])
+    return _front(model, quantities, ends, rows, span, ideal, _began(model, variables, ties, quantities), failed)
+
+
+def _range(rows: Sequence[Array]) -> tuple[Array, Array]:
+    """The least of each quantity, and how much larger it is where another one is least."""
+    table = np.array(rows)
+    least, span = table.min(axis=0), np.ptp(table, axis=0)
+    return least, np.where(span > SAME * np.abs(table).max(axis=0), span, np.maximum(np.abs(least), TINY))
+
+
+def _front(
+    model: Model, quantities: Mapping[str, Quantity], ends: list[tuple[Array, Optimum]], rows: Array, span: Array,
+    ideal: Array, began: Mapping[str, float], failed: int,
+) -> TradeOff:  # fmt: skip
+    """The designs that are optimal, not dominated and not the same."""
+    good = np.array([optimum.success for _, optimum in ends])
+    kept: list[int] = []
+    dominated = same = 0
+    scaled = (rows - ideal) / span
+    for i in np.flatnonzero(good):
+        others = np.delete(scaled[good], np.flatnonzero(good) == i, axis=0) - scaled[i]
+        if ((others <= SAME).all(axis=1) & (others < -SAME).any(axis=1)).any():
+            dominated += 1
+        elif any(np.abs(scaled[i] - scaled[k]).max() <= SAME for k in kept):
+            same += 1
+        else:
+            kept.append(int(i))
+    if not kept:
+        raise ModelError(f"trade_off: no search of {len(ends) + failed} ends in an optimum, the first: "
+                         f"{ends[0][1].message}; give a better start or other bounds.", field="variables")  # fmt: skip
+    kept.sort(key=lambda i: tuple(rows[i]))
+    optima = tuple(ends[i][1] for i in kept)
+    table, weights = rows[kept].T, np.array([ends[i][0] for i in kept])
+    variables = {name: np.array([optimum.values[name] for optimum in optima]) for name in optima[0].values}
+    for array in (table, weights, *variables.values()):
+        array.setflags(write=False)
+    return TradeOff(
+        model.name, {name: part.label for name, part in quantities.items()}, dict(zip(quantities, table, strict=True)),
+        variables, weights, optima, dict(zip(quantities, map(float, ideal), strict=True)),
+        began, optima[0].units,
+        {"dominated": dominated, "same as others": same, "not converged": int((~good).sum()), "refused": failed},
+    )  # fmt: skip
+
+
+def _began(model: Model, variables: Iterable[str], ties: Ties | None, quantities: Mapping[str, Quantity]
+           ) -> dict[str, float]:  # fmt: skip
+    """The quantities of the model that was given."""
+    own = design(model, variables, ties)
+    values = dict(own.start)
+    if any(part.needs_equations for part in quantities.values()):
+        equations, changed = checked(in_equilibrium(model)[1]), None
+    else:
+        equations, changed = None, model
+    point = DesignPoint(equations, own.rates(values), values, np.ones(len(values)), {}, changed=changed)
+    return {name: float(part.at(point).value[0]) for name, part in quantities.items()}
+
+
+def _scalar(quantities: Mapping[str, Quantity], weights: Array, ideal: Array, span: Array) -> Quantity:
+    """The largest of the weighted quantities and a small share of their sum, plus 1, the unit of a search's scales."""
+    scaled = [(part - float(least)) / float(size)
+              for part, least, size in zip(quantities.values(), ideal, span, strict=True)]  # fmt: skip
+    total: Quantity = quantity(0.0)
+    for part in scaled:
+        total = total + SUM * part
+    result = largest(*(float(w) * part + 1.0 for w, part in zip(weights, scaled, strict=True) if w)) + total
+    several = ", ".join(f"{w:.3g} {name}" for w, name in zip(weights, quantities, strict=True) if w)
+    result.label = f"largest of {several}"
+    return result
+
+
+def _grid(count: int, divisions: int) -> Array:
+    """Weights (n, count) with the sum 1, multiples of 1 / divisions; those with one entry alone are first."""
+    bars = combinations(range(divisions + count - 1), count - 1)
+    edges = np.array([(-1, *bar, divisions + count - 1) for bar in bars])
+    weights = (np.diff(edges, axis=1) - 1) / divisions
+    alone = weights.max(axis=1) == 1.0
+    return np.concatenate((np.eye(count), weights[~alone]))
+
+
+def _numbers(optimum: Optimum) -> Array:
+    """The values of the quantities at an optimum."""
+    return np.array([float(values[0]) for values in optimum.observed.values()])
+
+
+def _checked(quantities: Any) -> tuple[str, ...]:
+    expected = "two or more quantities by name, such as {'force': cycle.mean_square('force'), ...}"
+    if not isinstance(quantities, Mapping) or len(quantities) < 2:
+        raise check.refuse("trade_off", "quantities", quantities, expected)
+    for name, part in quantities.items():
+        if not isinstance(part, Quantity):
+            raise check.refuse("trade_off", f"quantities[{name!r}]", part, "a quantity, such as studies.rms('x')")
+    return tuple(quantities)
