@@ -12,7 +12,7 @@ import mbsvib as mv
 import mbsvib_export as mx
 from mbsvib import isolation, library, studies
 from mbsvib.campbell import campbell
-from mbsvib.common.display import Displayed, brief
+from mbsvib.common.display import Displayed, brief, upper
 from tests.support.public import returned_classes
 
 LONGEST = 160
@@ -194,3 +194,9 @@ def test_public_names_of_the_package():
     listed = page.read_text(encoding="utf-8").split("mbsvib.errors")[1]
     assert set(errors.__all__) == set(re.findall(r"\b[A-Z]\w+", listed.split("]")[0]))
     assert not [name for name in dir(mv) if name.startswith("_") and name != "__version__"]
+
+
+def test_bounds_are_rounded_up():
+    for bound in (0.0, 1.0, 117.4999, 1.0004e-7, 9.999e5, 2.5e-300):
+        assert bound <= float(upper(bound)) <= bound * 1.01
+    assert upper(117.1) == "118"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, cast
 from mbsvib.api.connecting import Connecting
 from mbsvib.api.reducing import ReducibleSystem
 from mbsvib.api.sensitivities import Sensitive
+from mbsvib.common.display import upper
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import counted
 
@@ -411,5 +412,5 @@ class System(Connecting, ReducibleSystem, Sensitive, Equations):
 
     def __repr__(self) -> str:
         ports = f"{counted(len(self.inputs), 'input')}, {counted(len(self.outputs), 'output')}"
-        bound = "" if self.error_bound is None else f", error at most {self.error_bound:.3g}"
+        bound = "" if self.error_bound is None else f", error at most {upper(self.error_bound)}"
         return f"System({self.name!r}: {self.dof} DOF, {ports}{bound})"

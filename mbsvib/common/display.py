@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
+from decimal import ROUND_CEILING, Context
 from typing import Any
 
 import numpy as np
@@ -77,6 +78,22 @@ def brief(value: Any) -> str:
     if "\n" in words or len(words) > LONGEST:
         return f"{words[: LONGEST - 5]}...'" if isinstance(value, str) else type(value).__name__
     return words
+
+
+def upper(bound: float) -> str:
+    """Return a bound in three digits, rounded up.
+
+    Parameters
+    ----------
+    bound : float
+        Not negative.
+
+    Returns
+    -------
+    str
+        A number that is no less.
+    """
+    return f"{float(Context(prec=3, rounding=ROUND_CEILING).create_decimal_from_float(bound)):.3g}"
 
 
 def _in_brackets(brackets: str, entries: list[str], count: int) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from mbsvib.common.display import upper
 from mbsvib.common.tables import SHOWN, listed
 from mbsvib.elements.inerter import Inerter
 from mbsvib.elements.part import Composed
@@ -70,8 +71,8 @@ def _reduced(system: Equations, made: Truncation) -> str:
     """Description of a reduced model."""
     return "\n".join([
         f"{system.name}: {system.dof} DOF, a reduced model of {made.before} DOF (method '{made.method}')",
-        f"  the frequency response differs by {made.error_bound:.3g} at most, as its largest singular value, output by "
-        f"input in SI units",
+        f"  the frequency response differs by {upper(made.error_bound)} at most, as its largest singular value, output "
+        f"by input in SI units",
         f"  coordinates: {listed(system.coordinates) or 'none'}",
     ])  # fmt: skip
 

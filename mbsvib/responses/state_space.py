@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
-from mbsvib.common.display import Displayed
+from mbsvib.common.display import Displayed, upper
 from mbsvib.common.expected import reals
 from mbsvib.errors import ResponseError, counted
 from mbsvib.responses.linear import LinearVerbs
@@ -279,7 +279,7 @@ class StateSpace(LinearVerbs, Displayed):
     def __repr__(self) -> str:
         groups = ((self.states, "state"), (self.inputs, "input"), (self.outputs, "output"))
         counts = ", ".join(counted(len(names), what) for names, what in groups)
-        bound = "" if self.error_bound is None else f", error at most {self.error_bound:.3g}"
+        bound = "" if self.error_bound is None else f", error at most {upper(self.error_bound)}"
         return f"StateSpace({self.name!r}, {self.realization}: {counts}{bound})"
 
 
