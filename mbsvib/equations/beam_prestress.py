@@ -21,8 +21,8 @@ import numpy as np
 from mbsvib.elements import Bushing
 from mbsvib.elements import beam_element as element
 from mbsvib.elements import load as _load
-from mbsvib.elements.beam_expansion import elastic_part, middle, turned
-from mbsvib.elements.shared_rows import Node, Piece
+from mbsvib.elements.beam_expansion import elastic_part, middle, rotated
+from mbsvib.elements.shared_rows import Node, SharedRows
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.linalg.rank import STRAINED, ZERO_PRESTRESS
 
@@ -194,7 +194,7 @@ def least_energy_forces(rows: Array, open_rows: Array, root: Array, needed: Arra
     return result
 
 
-def bent_lines(beam: Beam, elements: dict[str, Bushing]) -> list[Piece]:
+def bent_lines(beam: Beam, elements: dict[str, Bushing]) -> list[SharedRows]:
     """Return the geometric stiffness of the bent lines of a beam's elements, in addition to that of rigid halves.
 
     Parameters
@@ -223,8 +223,8 @@ def bent_lines(beam: Beam, elements: dict[str, Bushing]) -> list[Piece]:
                 row[across], row[about] = d, sign * r
                 rows.append(row)
                 values.append(tension * value)
-        node = Node(beam.node(i + 1), middle(beam, i), against=beam.node(i))
-        result.append(Piece(beam.name, (node,), turned(np.array(rows), axes), stiffness=np.array(values)))
+        node = Node(beam.node(i + 1), middle(beam, i), relative_to=beam.node(i))
+        result.append(SharedRows(beam.name, (node,), rotated(np.array(rows), axes), stiffness=np.array(values)))
     return result
 
 

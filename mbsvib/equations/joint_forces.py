@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.equations.base_motion import ground_motion
 from mbsvib.equations.force_paths import force_paths
 from mbsvib.equations.reactions import reactions
 from mbsvib.equations.shared_forces import shared_wrenches
@@ -75,11 +76,8 @@ def with_joint_forces(draft: Draft) -> Draft:
     sources = _of_inputs(scene, position)
     base = np.zeros_like(sources)
     for column, source in scene.port.base_motions:
-        linear, angular = np.array(source.wrench[:3]), np.array(source.wrench[3:])
-        carried = np.zeros((len(still), 6, 1))
-        carried[:, :3, 0] = np.cross(angular, position.T - source.position) + linear
-        carried[:, 3:, 0] = angular
-        base[:, :, column] = -_inertia(scene.bodies, carried)[:, :, 0]
+        acceleration = ground_motion(source.wrench, source.position, position.T)
+        base[:, :, column] = -_inertia(scene.bodies, acceleration[..., None])[:, :, 0]
     if scene.shared is not None:
         more = shared_wrenches(scene, relative, reduction, position)
         elastic, damping, inertia, base = (a + b for a, b in zip((elastic, damping, inertia, base), more, strict=True))

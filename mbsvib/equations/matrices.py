@@ -57,7 +57,7 @@ def matrices(
         if reduction.matrix is not None:
             moves = np.asarray(elastic.any(axis=1)).nonzero()[0]
             kept, elastic = kept.take(moves), elastic.take(moves, axis=0)
-        springs = springs.only(kept)
+        springs = springs.take(kept)
     rows, k, c, owner = elastic, springs.stiffness, springs.damping, springs.owner
     if springs.inertance is not None:
         others = (springs.inertance == 0.0).nonzero()[0]

@@ -32,8 +32,8 @@ def with_maxwell_nodes(model: M) -> M:
     relaxing = [part for part in springs if isinstance(part, Maxwell)]
     if not relaxing:
         return model
-    from mbsvib.elements.maxwell_rows import node_body, slide
+    from mbsvib.elements.maxwell_rows import node_body, node_joint
 
     bodies: dict[str, Any] = dict(model.bodies) | {part.node: node_body(part) for part in relaxing}
-    joints: dict[str, Any] = dict(model.joints) | {part.name: slide(part) for part in relaxing}
+    joints: dict[str, Any] = dict(model.joints) | {part.name: node_joint(part) for part in relaxing}
     return model.with_parts(bodies=bodies, joints=joints)

@@ -51,7 +51,7 @@ def shared_wrenches(
         inertia -= _of_masses(shared.mass, shared.mass.of(base_rows[:count]), position)
         for column, source in scene.port.base_motions:
             wrench = np.array(source.wrench)
-            ground_motion = shared.mass.carried(wrench[:3], wrench[3:], np.array(source.position))
+            ground_motion = shared.mass.of_ground_motion(wrench[:3], wrench[3:], np.array(source.position))
             base[:, :, column] -= _of_masses(shared.mass, ground_motion, position)[:, :, 0]
     if shared.elastic is not None:
         rows = shared.elastic.composite.of(base_rows[count:])
@@ -64,7 +64,7 @@ def _on_bodies(composite: Composite, forces: Array, position: Array) -> Array:
     """Wrenches (6, bodies + 1, n) of forces (rows, n) along composite rows; none on internal coordinates."""
     rows = composite.rows
     pairs = WrenchPairs(rows.first, rows.second, rows.point, rows.point, rows.force, rows.moment)
-    along_rows = composite.back(forces) * composite.rides[:, None]
+    along_rows = composite.back(forces) * composite.moves_with_ground[:, None]
     return np.asarray(np.einsum("cbr,rn->cbn", wrenches_on_bodies(pairs, position), along_rows))
 
 
@@ -76,5 +76,5 @@ def _of_masses(composite: Composite, forces: Array, position: Array) -> Array:
     on_ground = rows.second == position.shape[1] - 1
     point, force, moment = (array[:, on_ground] for array in (rows.point, rows.force, rows.moment))
     wrench = np.concatenate((force, moment + np.cross(point, force, axis=0)))
-    result[:, -1] = wrench @ (composite.back(forces) * composite.rides[:, None])[on_ground]
+    result[:, -1] = wrench @ (composite.back(forces) * composite.moves_with_ground[:, None])[on_ground]
     return result

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.elements import BaseMotion, Bushing
-from mbsvib.elements.contribution import Contribution, Weights, turns
+from mbsvib.elements.contribution import Contribution, Weights, rotation_rows
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.statement import antisymmetric, minimal_rows
 from mbsvib.equations.steady_spin import check_steady, own_spin, tensor, together, world
@@ -61,7 +61,7 @@ def spin_contribution(
     _check_surroundings(model)
     ground = len(bodies)
     return Contribution.join([
-        *(Contribution.of(turns(np.full(3, i), np.eye(3), ground), gyroscopic=_antisymmetric(skew(momentum)))
+        *(Contribution.of(rotation_rows(np.full(3, i), np.eye(3), ground), gyroscopic=_antisymmetric(skew(momentum)))
           for i, momentum in momenta(model, bodies)),
         *(Contribution.of(damper.rows, circulatory=_antisymmetric(damper.matrix))
           for damper in rotating_dampers(model, bodies, elements)),

@@ -80,7 +80,7 @@ def check_steady(model: Mechanism, parts: Sequence[Body], elements: Sequence[Bus
     spins = own_spin(model)
     of = {rotor.body: rotor.name for rotor in model.rotors.values() if rotor.inertia is None}
     bodies = {body.name: body for body in parts}
-    flexible = frozenset() if model.pieces is None else model.pieces.nodes
+    flexible = frozenset() if model.expansion is None else model.expansion.nodes
     for rotor in model.rotors.values():
         body = bodies[rotor.body]
         if body.name not in flexible and not any(body.inertia):

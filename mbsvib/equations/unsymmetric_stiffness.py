@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.elements.contribution import Contribution, Weights, shifts, turns
+from mbsvib.elements.contribution import Contribution, Weights, displacement_rows, rotation_rows
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.second_order_rows import normals
 from mbsvib.kinematics.mobility import crossed_product
@@ -64,7 +64,8 @@ def _of_load(applied: AppliedWrenches, position: Array, k: int) -> Contribution:
     half = 0.5 if follower else -0.5
     entries += [(count + i, count + j, half * sign * torque[c]) for i, j, c, sign in _PAIRS if i < j]
     bodies = np.full(count, body)
-    rows = Rows.join([shifts(bodies, along, np.repeat(center, count, axis=1), ground), turns(bodies, along, ground)])
+    rows = Rows.join([displacement_rows(bodies, along, np.repeat(center, count, axis=1), ground),
+                      rotation_rows(bodies, along, ground)])  # fmt: skip
     return Contribution.of(rows, stiffness=_weights(products, k), circulatory=_weights(entries, k))
 
 

@@ -68,7 +68,7 @@ def part_in_pose(part: Flexible, pose: Pose) -> dict[str, Any] | Part:
     bodies = [part.node(i) for i in range(len(part.points))] if isinstance(part, Beam) else \
         [part.body_of(i) for i in range(len(part.nodes))]  # fmt: skip
     carriers = [] if isinstance(part, Beam) else [name for name in part.carriers if name in pose.number]
-    if pose.as_described or all(map(pose.stays, [root_of(part), *bodies, *carriers])):
+    if pose.as_described or all(map(pose.is_unmoved, [root_of(part), *bodies, *carriers])):
         return part
     return _beam(part, bodies, pose) if isinstance(part, Beam) else _superelement(part, bodies, pose)
 
@@ -80,9 +80,9 @@ def _bent(root: str, bodies: list[str], points: Array, before: Array, pose: Pose
     ``before`` (n, 6) are the displacements in the reference pose, ``points`` (n, 3) the points there.
     """
     which, frame = np.array([pose.number[body] for body in bodies]), np.full(len(bodies), pose.number[root])
-    there, turn = pose.points(which, points), pose.turn[pose.number[root]]
+    there, turn = pose.points(which, points), pose.rotations[pose.number[root]]
     change = there - pose.points(frame, points)
-    rotation = logarithm(turn.T @ pose.turn[which] @ exponential(before[:, 3:]))
+    rotation = logarithm(turn.T @ pose.rotations[which] @ exponential(before[:, 3:]))
     after = np.concatenate((before[:, :3] @ turn.T + change, rotation @ turn.T), axis=1)
     extent = float(np.abs(np.concatenate((points, there))).max())
     turned = np.abs(rotation - before[:, 3:]).max()
@@ -95,7 +95,7 @@ def _beam(part: Beam, bodies: list[str], pose: Pose) -> dict[str, Any] | Part:
     points, after, bends = _bent(root, bodies, np.array(part.points), before, pose)
     if not bends and part.displacements is None:
         return _rigid_words(part, root, pose)
-    turn = exponential(0.5 * (after[1:, 3:] + after[:-1, 3:])) @ pose.turn[pose.number[root]]
+    turn = exponential(0.5 * (after[1:, 3:] + after[:-1, 3:])) @ pose.rotations[pose.number[root]]
     return part.through(points, np.einsum("eij,ej->ei", turn, part.without_forces().y_axes()), after)
 
 
@@ -104,7 +104,7 @@ def _superelement(part: Superelement, bodies: list[str], pose: Pose) -> Part:
     before = np.zeros(len(part.M)) if part.displacements is None else np.array(part.displacements)
     world = (before[: 6 * count].reshape(-1, 3) @ axes.T).reshape(-1, 6)
     points, after, bends = _bent(root, bodies, np.array([point for _, point in part.nodes]), world, pose)
-    turned = pose.turned(root, part.orientation)
+    turned = pose.rotated(root, part.orientation)
     internal = before[6 * count :].copy()
     for i, name in enumerate(part.carriers):
         k = pose.number.get(name)
@@ -122,14 +122,14 @@ def _superelement(part: Superelement, bodies: list[str], pose: Pose) -> Part:
 
 def _rigid_words(part: Beam, root: str, pose: Pose) -> dict[str, Any]:
     """Arguments of a beam that moves as a rigid body."""
-    words = part.words()
+    words = part.constructor_kwargs()
     for key in ("start", "end"):
         if words.get(key) is not None:
             words[key] = pose.point(root, words[key])
     if words.get("nodes") is not None:
         words["nodes"] = [pose.point(root, point) for point in words["nodes"]]
     if words.get("axis") is not None:
-        words["axis"] = pose.turned(root, words["axis"])
-    sideways = part.y_axes() @ pose.turn[pose.number[root]].T
+        words["axis"] = pose.rotated(root, words["axis"])
+    sideways = part.y_axes() @ pose.rotations[pose.number[root]].T
     words["y_axis"] = sideways[0] if np.abs(part.y_axes() - part.y_axes()[0]).max() == 0.0 else sideways
     return words

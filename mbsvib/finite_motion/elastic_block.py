@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.elastic_part import ElasticPart
-    from mbsvib.elements.shared_rows import Node, Piece
+    from mbsvib.elements.shared_rows import Node, SharedRows
     from mbsvib.elements.superelement import Superelement
     from mbsvib.mechanism.mechanism import Mechanism
 
@@ -232,7 +232,7 @@ def _craig_bampton(mass: Array, stiffness: Array, held: list[int]) -> tuple[Arra
     return modes, static, values
 
 
-def _matrix(pieces: Sequence[Piece], names: dict[str, int], points: Array, internal: int) -> Array:
+def _matrix(pieces: Sequence[SharedRows], names: dict[str, int], points: Array, internal: int) -> Array:
     """The products of shared rows, with their coefficients, over the displacements of stations and internal ones."""
     count = len(points)
     result = np.zeros((6 * count + internal, 6 * count + internal))
@@ -241,8 +241,8 @@ def _matrix(pieces: Sequence[Piece], names: dict[str, int], points: Array, inter
         for k, node in enumerate(piece.nodes):
             own = piece.matrix[:, 6 * k : 6 * k + 6]
             _add(rows, own, node, node.body, names, points)
-            if node.against in names:
-                _add(rows, -own, node, node.against, names, points)
+            if node.relative_to in names:
+                _add(rows, -own, node, node.relative_to, names, points)
         value = np.ones(len(rows)) if piece.damping is None else piece.damping
         result += rows.T @ (value[:, None] * rows)
     return result

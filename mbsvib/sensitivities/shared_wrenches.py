@@ -83,9 +83,9 @@ def shared_forces(
     plain: Mechanism, bodies: Sequence[Body], number: dict[str, int], ways: Kinematics
 ) -> SharedForces | None:
     """Return what more than two bodies of a mechanism in plain parts share, None where nothing is."""
-    if plain.pieces is None:
+    if plain.expansion is None:
         return None
-    shared = shared_rows(plain.pieces, number, 0)
+    shared = shared_rows(plain.expansion, number, 0)
     if not shared.base:
         return None
     rows = Rows.join(shared.base)

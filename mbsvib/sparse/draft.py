@@ -136,10 +136,10 @@ def begun(model: Mechanism, nodes: Mechanism, topology: Topology, gone: frozense
     springs = connection_rows(model.springs.values(), number)
     elastic = relative_rows(structure, unknowns, springs.rows)
     acting = np.flatnonzero(np.diff(elastic.indptr))
-    springs, elastic = springs.only(acting), elastic[acting]
+    springs, elastic = springs.take(acting), elastic[acting]
     inertia, port = spatial_inertia(bodies), ports(model, bodies, number)
     factor = inertia_rows(unknowns, inertia)
-    shared = None if model.pieces is None else shared_rows(model.pieces, number, len(model.springs))
+    shared = None if model.expansion is None else shared_rows(model.expansion, number, len(model.springs))
     asked = [joint for _, kind, joint, _ in port.wrench_outputs if kind == "joint"]
     return SparseDraft(
         model, nodes, topology, bodies, number, structure, closure, unknowns, springs, elastic, elastic,

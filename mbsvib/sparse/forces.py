@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements.rows import Rows
+from mbsvib.equations.base_motion import inertia_of_ground_motion
 from mbsvib.equations.force_paths import carrier_of, point_of
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.rotated_forces import RotatedForces
@@ -246,9 +247,7 @@ class ForceSums:
 
     def _rigid_inertia(self, six: Array, origin: Array) -> Array:
         """Square roots of inertia times a rigid motion (6,) of everything, the ground included, about an origin."""
-        motion = Virtual(np.ones(len(self.tree.parent)), six[:3], six[3:], origin)
-        moved = self.inertia.factor(motion.of_bodies(self.tree.position)[:, :, None])
-        return (moved if self.shared is None else self.shared.carried(moved, six[:3], six[3:], origin))[:, 0]
+        return inertia_of_ground_motion(six, origin, self.tree.position, self.inertia, self.shared)
 
     @cached_property
     def _blended(self) -> csr_matrix | None:
@@ -280,4 +279,4 @@ class ForceSums:
 
 def _rigidly(composite: Composite, motion: Motion) -> Array:
     """Displacements of the rigid part of a motion along composite rows."""
-    return composite.of((motion.along(composite.rows) * composite.rides)[:, None])[:, 0]
+    return composite.of((motion.along(composite.rows) * composite.moves_with_ground)[:, None])[:, 0]

@@ -312,7 +312,7 @@ def test_joints_by_object_and_names_in_use():
     model = shafts(2)
     joints = list(model.joints.values())
     part = model.add_gear("mesh", joints[0], joints[1], 2)
-    assert part.words() == {"name": "mesh", "first": "s0.j.rz", "second": "s1.j.rz", "ratio": 2.0}
+    assert part.constructor_kwargs() == {"name": "mesh", "first": "s0.j.rz", "second": "s1.j.rz", "ratio": 2.0}
     with pytest.raises(mv.ModelError, match="the name is taken by a gear"):
         model.add_body("mesh", 1.0, (1, 1, 1))
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mbsvib.elements.contribution import NONE, Contribution, Weights, shifts, turns
+from mbsvib.elements.contribution import NONE, Contribution, Weights, displacement_rows, rotation_rows
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.scene import scene
 from mbsvib.equations.statement import antisymmetric, minimal_rows, products, signed_squares
@@ -70,7 +70,7 @@ def test_rows_in_minimal_coordinates(loops):
     system, view = model.linearize(), scene(model)
     ground, bodies = len(view.bodies), np.array([0, 2, 3])
     along, point = RNG.normal(size=(3, 3)), RNG.normal(size=(3, 3))
-    rows = Rows.join([turns(bodies, along, ground), shifts(bodies, along, point, ground)])
+    rows = Rows.join([rotation_rows(bodies, along, ground), displacement_rows(bodies, along, point, ground)])
     part = Contribution.of(rows, row=np.array([0, 1, 2, 3, 4, 0]))
     motion = system.body_motion
     result = minimal_rows(part, view.coordinates, system.provenance.reduction, motion)
@@ -83,8 +83,9 @@ def test_rows_in_minimal_coordinates(loops):
 
 
 def test_joined_contributions_number_their_rows_one_after_the_other():
-    one = Contribution.of(turns(np.array([0, 1]), np.eye(3)[:, :2], 2), stiffness=weights([0, 1], [0, 1]))
-    second = Contribution.of(turns(np.array([1]), np.eye(3)[:, :1], 2), stiffness=weights([0], [0]), gyroscopic=NONE)
+    one = Contribution.of(rotation_rows(np.array([0, 1]), np.eye(3)[:, :2], 2), stiffness=weights([0, 1], [0, 1]))
+    rows = rotation_rows(np.array([1]), np.eye(3)[:, :1], 2)
+    second = Contribution.of(rows, stiffness=weights([0], [0]), gyroscopic=NONE)
     both = Contribution.join([one, second, one])
     assert both.count == 5
     assert both.stiffness.first.tolist() == [0, 1, 2, 3, 4]
