@@ -316,7 +316,7 @@ class Sensitive(Equations):
         ModelError
             If a parameter is unknown, or the system does not change smoothly with it.
         ResponseError
-            If the peak is infinite or at infinite frequency, or a port is unknown.
+            If the peak is infinite, or a port is unknown.
         """
         from mbsvib.sensitivities import hinf_norm
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.feedback.pole_track import vibrates
+from mbsvib.linalg.balancing import scaled_matrix
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,9 +43,9 @@ def eigen(a: Array, rate: float | None = None) -> tuple[Complex, Array]:
 
     Source: I. J. Perez-Arriaga, G. C. Verghese and F. C. Schweppe, IEEE Trans. Power Appar. Syst. 101 (1982) 3117.
     """
-    from scipy.linalg import eig, matrix_balance
+    from scipy.linalg import eig
 
-    values, left, right = eig(matrix_balance(a, permute=False)[0], left=True)
+    values, left, right = eig(scaled_matrix(a), left=True)
     if rate is not None:
         remembered = np.abs(values) > FORGOTTEN
         values, left, right = np.log(values[remembered]) * rate, left[:, remembered], right[:, remembered]
@@ -56,7 +57,9 @@ def eigen(a: Array, rate: float | None = None) -> tuple[Complex, Array]:
         if todo[k]:
             same = np.flatnonzero(todo & (np.abs(values - values[k]) <= ALIKE * np.abs(values[k])))
             v, w = right[:, same], left[:, same]
-            projection = np.abs(np.einsum("ij,ji->i", v, np.linalg.pinv(w.conj().T @ v) @ w.conj().T))
+            gram = w.conj().T @ v
+            gram /= np.abs(gram).max() or 1.0  # as small as the coupling of chains; the columns are normalized below
+            projection = np.abs(np.einsum("ij,ji->i", v, np.linalg.pinv(gram) @ w.conj().T))
             share[:, same] = (projection / (projection.sum() or 1.0))[:, None]
             todo[same] = False
     return values, share

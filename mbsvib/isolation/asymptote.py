@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.api.system import System
+from mbsvib.linalg.balancing import scaled
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -143,11 +144,8 @@ def _second_order(system: System, into: list[int], out: list[int], unit: float) 
 
 def _first_order(linear: Linear, into: list[int], out: list[int], unit: float) -> Iterator[Array]:
     """Markov parameters D, C B, C A B, ..., zeros where they are rounding, in units of time."""
-    from scipy.linalg import matrix_balance
-
     space = linear.state_space("physical" if isinstance(linear, System) else "modal")
-    a, (scale, _) = matrix_balance(space.A / unit, permute=False, separate=True)
-    power, c = space.B[:, into] / scale[:, None] / unit, space.C[out] * scale
+    a, power, c = scaled(space.A / unit, space.B[:, into] / unit, space.C[out])
     yield direct(linear)[np.ix_(out, into)]
     while True:
         markov, size = c @ power, np.linalg.norm(c, axis=1)[:, None] * np.linalg.norm(power, axis=0)

@@ -13,6 +13,7 @@ import numpy as np
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.resolution import resolution
 from mbsvib.isolation.asymptote import direct as at_once
+from mbsvib.linalg.balancing import scaled
 from mbsvib.responses import extrema
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def moments(linear: Linear, inputs: Sequence[str], outputs: Sequence[str], filte
     ResponseError
         If the system is not stable.
     """
-    from scipy.linalg import block_diag, matrix_balance
+    from scipy.linalg import block_diag
 
     space = linear.state_space("modal")
     into = [linear.inputs.index(name) for name in inputs]
@@ -70,9 +71,7 @@ def moments(linear: Linear, inputs: Sequence[str], outputs: Sequence[str], filte
     enters, leaves = np.concatenate((b @ fd, fb)), np.concatenate((c, d @ fc), axis=1)
     root = np.sqrt([0.5 * f.level for f in filters])
     strength = root[:, None] * correlation * root
-    balanced, (scale, _) = matrix_balance(augmented, permute=False, separate=True)
-    enters, leaves = enters / scale[:, None], leaves * scale
-    result = _lyapunov(space.name, balanced, enters, leaves, strength)
+    result = _lyapunov(space.name, *scaled(augmented, enters, leaves), strength)
     through = (at_once(linear)[np.ix_(out, into)] @ fd @ np.diag(root) != 0.0).any(axis=1)
     result[through] = np.inf
     return result

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import ExportError, ResponseError
+from mbsvib.linalg.balancing import scaled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -314,14 +315,11 @@ def _structured(ctrlsys: Any, matrix: Complex, sizes: Sequence[int]) -> float:
 
 def _normalized(plant: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array, float]:
     """The plant in time units of its highest pole and with balanced states, and the unit [1/s]."""
-    from scipy.linalg import matrix_balance
-
     a, b, c, d = (np.array(matrix, dtype=float) for matrix in plant)
     rate = float(np.abs(np.linalg.eigvals(a)).max(initial=0.0)) or float(np.abs(a).max(initial=0.0)) or 1.0
     if not len(a):
         return a, b, c, d, rate
-    balanced, (scale, _) = matrix_balance(a / rate, permute=False, separate=True)
-    return balanced, b / rate / scale[:, None], c * scale, d, rate
+    return *scaled(a / rate, b / rate, c), d, rate
 
 
 def _size(a: Array, b: Array, c: Array, d: Array) -> float:

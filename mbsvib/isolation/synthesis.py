@@ -10,6 +10,7 @@ from mbsvib.errors import ResponseError
 from mbsvib.feedback.controller import Controller
 from mbsvib.isolation.slicot import hinf_synthesis, need_ctrlsys
 from mbsvib.isolation.study_scene import ACCELERATIONS
+from mbsvib.linalg.balancing import scaled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -156,8 +157,6 @@ def _feedback(a: Array, b: Array, state: Array, effort: Array, both: Array) -> A
 
 def _weighted(plant: Plant, sensors: Sequence[str], performance: Sequence[str]) -> tuple[Array, ...]:
     """Matrices of the plant in time units of its highest frequency, balanced, rotations times the length."""
-    from scipy.linalg import matrix_balance
-
     from mbsvib.responses.transmission_zeros import numbers
 
     space, scene = plant.space, plant.scene
@@ -165,10 +164,8 @@ def _weighted(plant: Plant, sensors: Sequence[str], performance: Sequence[str]) 
     y, z = numbers(plant.system, "output", sensors), numbers(plant.system, "output", performance)
     size = _sizes(plant, performance)
     scale = float(np.abs(plant.system.poles()).max())
-    a, (states, _) = matrix_balance(space.A / scale, permute=False, separate=True)
-    b = space.B / scale / states[:, None]
+    a, b, c = scaled(space.A / scale, space.B / scale, space.C)
     weights = 1.0 / scene.scale(scene.base_directions)
-    c = space.C * states
     d = space.D
     # noise and cost are densities over time too: a change of its unit scales all of them equally
     return (a, b[:, u], b[:, w] * weights, c[y], d[np.ix_(y, u)], d[np.ix_(y, w)] * weights, size[:, None] * c[z],

@@ -52,6 +52,58 @@ def balanced(a: Array, b: Array, c: Array, transform: Array) -> tuple[Array, Arr
         power = np.trunc(power / 2).astype(np.int64)  # less scaling where numbers leave the range of floating point
 
 
+def scaled(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
+    """Return A, B, C with their states scaled as by ``balanced``.
+
+    Parameters
+    ----------
+    a, b, c : array, shape (n, n), (n, inputs), (outputs, n)
+        First-order equations.
+
+    Returns
+    -------
+    tuple of array
+        T^-1 A T, T^-1 B, C T.
+    """
+    return balanced(a, b, c, np.empty((0, len(a))))[:3]
+
+
+def scaled_matrix(a: Array) -> Array:
+    """Return T^-1 A T, T = diag(2^k), for eigenvalues and participation factors.
+
+    Parts whose states act on each other both ways are balanced each for itself. Between parts that act one way, any
+    scaling is possible: entries there are made small.
+
+    Parameters
+    ----------
+    a : array, shape (n, n)
+        Square matrix.
+
+    Returns
+    -------
+    array, shape (n, n)
+        The scaled matrix; no entry is rounded, and some between parts may underflow.
+    """
+    from scipy.sparse.csgraph import connected_components
+
+    _, part = connected_components(a != 0.0, directed=True, connection="strong")
+    inside, none = part[:, None] == part, np.empty((len(a), 0))
+    power = exponents(np.where(inside, a, 0.0), none, none.T)
+    even = np.ldexp(a, power[None, :] - power[:, None])
+    _, excess = np.frexp(np.abs(even) / (PORTS * (float(np.abs(even[inside]).max(initial=0.0)) or 1.0)))
+    one_way = np.argwhere(~inside & (a != 0.0))
+    shift = np.zeros(int(part.max(initial=-1)) + 1, dtype=np.int64)
+    while True:  # the longest path through parts, which has no circle
+        before = shift.copy()
+        for i, j in one_way:
+            shift[part[i]] = max(shift[part[i]], shift[part[j]] + excess[i, j])
+        if np.array_equal(before, shift):
+            break
+    power = shift[part]
+    result: Array = np.ldexp(even, power[None, :] - power[:, None])
+    return result
+
+
 def exponents(a: Array, b: Array, c: Array) -> Exponents:
     """Return k, so that with T = diag(2^k) the rows and columns of [[T^-1 A T, T^-1 B], [C T, 0]] are of like size.
 

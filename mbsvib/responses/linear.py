@@ -177,7 +177,7 @@ class LinearVerbs:
         Raises
         ------
         ResponseError
-            If the peak is infinite or at infinite frequency, or a name is unknown.
+            If the peak is infinite, or a name is unknown.
         ModelError
             If parameters are given.
         """
@@ -186,7 +186,7 @@ class LinearVerbs:
         self._refuse_parameters("hinf_norm", parameters)
         part, poles = self.with_ports(outputs, inputs), self.poles()
         check_decays(poles, self.name, "Hinf")
-        return hinf(part.frequency_response, poles, part.state_space().D, self.name)
+        return hinf(part.frequency_response, poles, part.state_space().D)
 
     def _refuse_parameters(self, caller: str, parameters: Any) -> None:
         if parameters is not None and len(parameters):

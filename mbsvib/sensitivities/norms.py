@@ -96,7 +96,7 @@ def h2_norm(
         return Norm(value)
     slopes = np.zeros(len(names))
     state, force, seen = (p @ q)[:, k:].T, (q @ base.B)[k:], base.C @ p
-    for which, change in basis.matrix_derivatives_in_parts(parameters, max(1, BLOCK // max(1, system.dof**2))):
+    for which, change in basis.matrix_derivatives_in_parts(parameters, _in_block(basis)):
         da, db, dc, dd = changed(base, change, *ports)
         total = (da * state).sum(axis=(1, 2)) + (db * force).sum(axis=(1, 2)) + (dc * seen).sum(axis=(1, 2))
         size = np.abs(dd).max(axis=(1, 2), initial=0.0)
@@ -123,14 +123,15 @@ def hinf_norm(
     Returns
     -------
     Norm
-        Value, frequency and derivatives; where two singular values or peaks are equally high, those of one of them.
+        Value, frequency (inf where the response only tends to its largest value) and derivatives; where two singular
+        values or peaks are equally high, those of one of them.
 
     Raises
     ------
     ModelError
         If a parameter is unknown, or the system does not change smoothly with it.
     ResponseError
-        If the response is highest at infinite frequency, or infinite: a mode of what these ports act on or see does not
+        If the response is infinite: a mode of what these ports act on or see does not
         decay. A response that is 0 has the norm 0 all the same.
     """
     system = basis.equations
@@ -152,16 +153,30 @@ def hinf_norm(
     omega, value = band.highest(_largest)
     far = float(_largest(band.response(np.array([FAR * fastest])))[0])
     if far > value * (1.0 + ROUNDING):
-        raise ResponseError(
-            f"Hinf norm of '{system.name}': the response is highest at infinite frequency ({far:.4g}, against "
-            f"{value:.4g} below). Ask for outputs that do not see the inputs at once."
-        )
+        return _at_infinity(basis, (i, o), names, parameters)
     if not names:
         return Norm(value, omega=omega)
     u, _, v = np.linalg.svd(_response(basis.responses, i, o, np.array([omega]))[0])
     change = frequency_response_sensitivities(basis, [omega], parameters, *named)[..., 0]
     slopes = np.einsum("o,poi,i->p", u[:, 0].conj(), change, v[0].conj()).real
     return Norm(value, names, slopes, omega)
+
+
+def _at_infinity(
+    basis: SensitivityBasis, ports: tuple[list[int], list[int]], names: tuple[str, ...], parameters: Asked
+) -> Norm:
+    """The largest singular value of D, which the response tends to, and its derivatives Re(u^H dD v)."""
+    base = states(basis.responses, *ports)
+    u, sizes, v = np.linalg.svd(base.D)
+    slopes = np.zeros(len(names))
+    for which, change in basis.matrix_derivatives_in_parts(parameters, _in_block(basis)) if names else ():
+        slopes[which] = changed(base, change, *ports)[3] @ v[0] @ u[:, 0]
+    return Norm(float(sizes[0]), names, slopes, np.inf)
+
+
+def _in_block(basis: SensitivityBasis) -> int:
+    """How many parameters are taken together."""
+    return max(1, BLOCK // max(1, basis.equations.dof**2))
 
 
 def _names(system: Equations, parameters: Asked) -> tuple[str, ...]:

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from mbsvib.responses.basis import Basis
     from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
 
-# A rigid-body mode has the scale of the slowest mode beside it, but not below this share of the fastest.
-SLOWEST = 1e-3
 # A sum below this share of its terms is their rounding.
 CANCELLED = 1e-12
 
@@ -73,8 +71,7 @@ def states(basis: Basis, inputs: list[int], outputs: list[int]) -> States:
     system, chosen = basis.equations, state_basis(basis)
     k = chosen.massive
     omega = np.sqrt(np.abs(np.diagonal(chosen.stiffness)[:k]))
-    fastest = omega.max(initial=0.0) or 1.0
-    scale = np.maximum(omega, SLOWEST * fastest) if (omega < SLOWEST * fastest).any() else omega
+    scale = np.where(omega > 0.0, omega, omega[omega > 0.0].min(initial=np.inf) if omega.any() else 1.0)
     rows = _rows(chosen.stiffness, chosen.damping, scale)
     a = np.concatenate((np.zeros((k, rows.shape[1])), rows))
     a[np.arange(k), k + np.arange(k)] = scale

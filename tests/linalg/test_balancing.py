@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from scipy.linalg import hessenberg
 
 from mbsvib import library
-from mbsvib.linalg.balancing import balanced, exponents
+from mbsvib.feedback.participation import eigen
+from mbsvib.linalg.balancing import balanced, exponents, scaled_matrix
 from tests.export.plants import block_error, resonances, same_bits, stewart, stiff_model
 from tests.massless.scenes import along_z
 from tests.support.compare import linearized
@@ -91,3 +92,29 @@ def test_a_chain_that_runs_one_way_stays_in_range():
     scaled, *_, power = balanced(a, b, c, np.eye(3))
     assert np.abs(power).max() < 64
     assert scaled[[0, 1], [1, 2]].min() > 1e-7
+
+
+@pytest.mark.parametrize("coupling", [1.0, 1e10])
+def test_chains_that_act_one_way_stay_in_range(coupling):
+    """LAPACK's scaling of such a chain has no end: it leaves the range of floating point."""
+    a = np.diag(-np.arange(1.0, 61.0)) + np.diag(np.full(59, coupling), 1)
+    even = scaled_matrix(a)
+    assert np.isfinite(even).all()
+    assert np.array_equal(even.diagonal(), a.diagonal())
+    assert np.array_equal(np.frexp(even[a != 0.0])[0], np.frexp(a[a != 0.0])[0])
+    assert np.abs(even).max() <= 60.0
+
+
+def test_slow_parts_beside_fast_ones_are_balanced():
+    slow, fast = np.array([[0.0, 1.0], [-1e-12, 0.0]]), np.array([[0.0, 1.0], [-1e12, 0.0]])
+    a = np.block([[slow, np.zeros((2, 2))], [1e3 * np.ones((2, 2)), fast]])
+    even = np.abs(scaled_matrix(a))
+    for i in (0, 2):
+        assert 0.25 < even[i, i + 1] / even[i + 1, i] < 4.0
+
+
+def test_participation_of_a_chain_that_acts_one_way():
+    a = np.diag(-np.arange(1.0, 61.0)) + np.diag(np.full(59, 1e10), 1)
+    poles, share = eigen(a)
+    assert poles == pytest.approx(-np.arange(1.0, 61.0))
+    assert share.sum(axis=0) == pytest.approx(1.0)

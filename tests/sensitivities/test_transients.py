@@ -106,10 +106,36 @@ def test_infinite_norms_are_refused():
         undamped.h2_norm("way", "push")
     with pytest.raises(mv.ResponseError, match="mode 1 does not decay"):
         undamped.hinf_norm("way", "push")
-    with pytest.raises(mv.ResponseError, match="highest at infinite frequency"):
-        isolator().with_values({"spring.damping": 200.0}).linearize().hinf_norm("felt", "push")
     with pytest.raises(mv.ModelError, match=r"Did you mean 'mass\.mass'"):
         system.hinf_norm("way", "push", "mass.mas")
+
+
+@pytest.mark.parametrize(("k", "c"), [(1.0, 2e-3), (1e-6, 2e-9)])
+def test_rms_of_a_slow_mode_beside_a_fast_one(k, c):
+    """White noise on a body that a soft spring holds, ||x||^2 = 1 / (2 c k), and a stiff spring in it: k_stiff 1e10."""
+    model = mv.Model()
+    for i, name in enumerate(("a", "b")):
+        model.add_body(name, 1.0, (1, 1, 1), position=(i, 0, 0))
+    model.add_joint("ja", "prismatic", "ground", "a", position=(0, 0, 0), axis=(1, 0, 0))
+    model.add_joint("jb", "prismatic", "a", "b", position=(1, 0, 0), axis=(1, 0, 0))
+    model.add_spring("soft", "ground", "a", start=(-1, 0, 0), end=(0, 0, 0), stiffness=k, damping=c)
+    model.add_spring("stiff", "a", "b", start=(0, 0, 0), end=(1, 0, 0), stiffness=1e10, damping=2.0)
+    model.add_input("F", "b", "x")
+    model.add_output("x", "b", "x")
+    norm = model.linearize().h2_norm("x", "F", ["soft.stiffness", "soft.damping"])
+    value = (2 * c * k) ** -0.5
+    assert norm.value == pytest.approx(value, rel=1e-9)
+    assert norm.slopes == pytest.approx([-0.5 * value / k, -0.5 * value / c], rel=2e-5)
+
+
+def test_a_response_may_be_highest_at_infinite_frequency():
+    """The acceleration under strong damping tends to 1/m from below."""
+    system = isolator().with_values({"spring.damping": 200.0}).linearize()
+    mass = system.parameters["mass.mass"]
+    norm = system.hinf_norm("felt", "push", ["mass.mass", "spring.stiffness", "spring.damping"])
+    assert (norm.value, norm.omega) == (pytest.approx(1 / mass, rel=1e-12), np.inf)
+    assert norm.slopes == pytest.approx([-1 / mass**2, 0.0, 0.0], rel=1e-12, abs=1e-15)
+    assert str(norm)
 
 
 def beside_a_swing(own):
