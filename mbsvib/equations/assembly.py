@@ -102,7 +102,7 @@ def assembled(
     turns = scene.coordinates.turns
     return form(
         name=model.name, coordinates=draft.names,
-        coordinate_units=tuple(["rad" if turns[k] else "m" for k in draft.kept]),
+        coordinate_units=tuple(["rad" if turns[k] else "m" for k in draft.minimal]),
         inputs=tuple(model.inputs), input_units=scene.port.input_units, outputs=tuple(model.outputs),
         output_units=scene.port.output_units, bodies=scene.topology.bodies, **draft.terms.named(),
         provenance=Provenance(

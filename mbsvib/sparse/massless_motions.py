@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from mbsvib.equations.massless_null_motion import cleaned, null_space, own_coordinates
+from mbsvib.equations.massless_null_motion import null_space, own_coordinates, without_rounding
 from mbsvib.equations.massless_separation import check_gap
 from mbsvib.linalg.rank import CERTAIN_INERTIA, EPS, RANK_FACTOR, ZERO_SUM
 
@@ -257,7 +257,7 @@ class _Part:
             largest = (terms * scale[:, None]).max(axis=0)
             null, least, most = null_space(rows * scale[:, None], largest, noise)
         own = own_coordinates(null)[0]
-        null = cleaned(null, unit[ahead:], noise)
+        null = without_rounding(null, unit[ahead:], noise)
         if null.shape[1]:
             check_gap(null[:, 0], unit[ahead:], names, least, most)
         moved = follows @ null

@@ -6,7 +6,7 @@ import pytest
 from mbsvib.elements.contribution import NONE, Contribution, Weights, displacement_rows, rotation_rows
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.scene import scene
-from mbsvib.equations.statement import antisymmetric, minimal_rows, products, signed_squares
+from mbsvib.equations.statement import antisymmetric, minimal_rows, squares_of_products, signed_squares
 from tests.support.random_models import spatial
 
 RNG = np.random.default_rng(3)
@@ -35,13 +35,13 @@ def test_signed_squares_are_the_symmetric_form():
 
 def test_products_of_sizes_far_apart_keep_their_digits():
     first, second = RNG.normal(size=(3, 4)), 1e12 * RNG.normal(size=(3, 4))
-    rows, value = products(first, second)
+    rows, value = squares_of_products(first, second)
     expected = first.T @ second + second.T @ first
     np.testing.assert_allclose(rows.T @ (value[:, None] * rows), expected, atol=1e-15 * np.abs(expected).max() * 8)
 
 
 def test_a_product_with_nothing_is_nothing():
-    rows, value = products(np.zeros((1, 3)), np.ones((1, 3)))
+    rows, value = squares_of_products(np.zeros((1, 3)), np.ones((1, 3)))
     assert not value.any()
     assert np.isfinite(rows).all()
 
