@@ -135,7 +135,7 @@ class Disc:
         """Return the empty disc of the left eigenvectors."""
         return Disc(replace(self.shifted, transposed=True), self.values[:0], self.basis[:, :0], 0.0)
 
-    def apart(self, values: Complex) -> Array:
+    def distance(self, values: Complex) -> Array:
         """Return lower bounds of the distances of eigenvalues from those that are not in the disc."""
         return np.asarray(np.maximum(self.reach - np.abs(values - self.shifted.sigma), 0.0))
 

@@ -8,13 +8,13 @@ additional spring, which a self-equilibrated load does not deform, and the modes
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.linalg.rank import SAME_ENERGY
 from mbsvib.sparse.assembly import with_stiffness
+from mbsvib.sparse.quadratic import Quadratic
 from mbsvib.sparse.rigid import far_rows, unsprung, without_far
 
 if TYPE_CHECKING:
@@ -34,41 +34,37 @@ BRAKED = 200
 
 @dataclass(frozen=True)
 class Operator:
-    """T at ``sigma``, with ``rigid`` modes (size, r) of the equations and ``away`` (h, r), the deflated vectors.
+    """T at ``sigma``, with ``rigid`` modes (size, r) of the equations and the ``deflated`` vectors (h, r).
 
     ``total`` is the number of all rigid-body modes, None if it is not known beforehand; at a shift they are not
     deflated but computed like all others.
     """
 
-    system: SparseEquations
+    quadratic: Quadratic
     sigma: float
     factor: Factor
     rigid: Array
-    away: Array
+    deflated: Array
     total: int | None
 
-    @cached_property
-    def w(self) -> Any:
-        """The rows of W that are not empty."""
-        w = self.system.inertia_factor
-        return w[np.diff(w.indptr) > 0]
+    @property
+    def system(self) -> SparseEquations:
+        """The equations of motion."""
+        return self.quadratic.system
 
-    @cached_property
+    @property
+    def w(self) -> Any:
+        """The nonzero rows of W."""
+        return self.quadratic.w
+
+    @property
     def wt(self) -> Any:
         """W^T by rows."""
-        return self.w.T.tocsr()
-
-    @cached_property
-    def _balance(self) -> tuple[Index, Array]:
-        return self.system.layout.balance()
+        return self.quadratic.wt
 
     def right(self, force: NDArray[Any]) -> NDArray[Any]:
         """Return right sides of the tableau for generalised forces (size, n) on displacements and coordinates."""
-        row, sign = self._balance
-        used = np.flatnonzero(sign)
-        result = np.zeros_like(force)
-        result[row[used]] = force[used] * (sign[used] if force.ndim == 1 else sign[used, None])
-        return result
+        return self.quadratic.right(force)
 
     def solve(self, h: NDArray[Any], refinements: int = 0) -> NDArray[Any]:
         """Return displacements and coordinates (size, n) under the loads W^T h, h (rows, n) or (rows,)."""
@@ -81,7 +77,7 @@ class Operator:
 
     def without_rigid(self, h: NDArray[Any]) -> NDArray[Any]:
         """Return vectors (h, n) without their components along the deflated rigid-body modes."""
-        return h - self.away @ (self.away.T @ h) if self.away.shape[1] else h
+        return h - self.deflated @ (self.deflated.T @ h) if self.deflated.shape[1] else h
 
     def diverging(self) -> int:
         """Return the number of modes that diverge by negative stiffness; all modes if they cannot be counted."""
@@ -94,10 +90,9 @@ class Operator:
         count = factor.negative(self.system.layout)
         return self.system.dof if count is None else count
 
-    def deflated(self, more: Array) -> Operator:
+    def deflating(self, more: Array) -> Operator:
         """Return the operator with more vectors (h, n) deflated."""
-        vectors = np.linalg.qr(np.concatenate((self.away, more), axis=1))[0]
-        return replace(self, away=vectors)
+        return replace(self, deflated=np.linalg.qr(np.concatenate((self.deflated, more), axis=1))[0])
 
 
 def operator(system: SparseEquations, sigma: float | None, wanted: int) -> Operator:
@@ -117,9 +112,9 @@ def operator(system: SparseEquations, sigma: float | None, wanted: int) -> Opera
     Operator
         The factored operator.
     """
-    none = np.zeros((system.layout.size, 0))
-    first = Operator(system, sigma or 0.0, _factor(system, sigma or 0.0), none, np.zeros((0, 0)), None)
-    first = replace(first, away=np.zeros((first.w.shape[0], 0)))
+    quadratic = Quadratic(system)
+    first = Operator(quadratic, sigma or 0.0, _factor(system, sigma or 0.0), np.zeros((system.layout.size, 0)),
+                     np.zeros((quadratic.w.shape[0], 0)), None)  # fmt: skip
     if sigma is not None:
         return first
     if first.factor is not None and _holds(first):
@@ -188,7 +183,7 @@ def _free(held: Operator, modes: Array) -> Operator:
         root = np.linalg.qr(h)[1]
         modes = np.linalg.solve(root.T, modes.T).T
         h = held.w @ modes
-    return replace(held, rigid=modes, away=h)
+    return replace(held, rigid=modes, deflated=h)
 
 
 def _shifted(first: Operator) -> Operator:

@@ -15,9 +15,9 @@ import numpy as np
 from mbsvib.equations.unresisted_motion import free_motions
 from mbsvib.errors import ResponseError
 from mbsvib.modes import modes as dense_modes
-from mbsvib.sparse.converged import Galerkin, eigenvectors, error_bound, joined, parts
 from mbsvib.sparse.disc import disc
 from mbsvib.sparse.first_order import following, heaviest, independent, split_massless
+from mbsvib.sparse.galerkin import Galerkin, eigenvectors, error_bound, extended_within_constraints, parts
 from mbsvib.sparse.layout import kinematics
 from mbsvib.sparse.operator import BRAKED, operator
 from mbsvib.sparse.quadratic import Quadratic
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.equations.equations import Equations
     from mbsvib.modes import Modes
-    from mbsvib.sparse.converged import Solution
     from mbsvib.sparse.disc import Disc
     from mbsvib.sparse.equations import SparseEquations
+    from mbsvib.sparse.galerkin import Solution
 
 # Number of additional modes.
 GUARDS = 2
@@ -199,13 +199,13 @@ class Search:
         system, basis, light = self.quadratic.system, rigid, rigid[:, :0]
         for member in discs:
             mass, massless = split_massless(system, parts(member.motions()))
-            basis = joined(self.quadratic, basis, mass, abs(member.shifted.sigma))
+            basis = extended_within_constraints(self.quadratic, basis, mass, abs(member.shifted.sigma))
             light = independent(system, np.concatenate((light, massless), axis=1))
 
-        def apart(values: Complex) -> Array:
-            return np.asarray(np.max([member.apart(values) for member in discs], axis=0))
+        def distance(values: Complex) -> Array:
+            return np.asarray(np.max([member.distance(values) for member in discs], axis=0))
 
-        galerkin = Galerkin(self.quadratic, self.choose, apart, self.form)
+        galerkin = Galerkin(self.quadratic, self.choose, distance, self.form)
         result = galerkin.converged(basis, light, rigid.shape[1])
         known = discs[0].values[np.abs(discs[0].values) > SAME * discs[0].reach]
         off = np.abs(known[:, None] - result.modes.eigenvalues).min(axis=1, initial=np.inf)

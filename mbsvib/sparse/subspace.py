@@ -85,7 +85,7 @@ def subspace(system: SparseEquations, k: int, near: float) -> Subspace:
         missed = _missed(t, theta, k - rigid)
         if missed == 0:
             break
-        more, vectors = _lanczos(t.deflated(h), min(missed or GUARDS, flexible - len(theta) - 1))
+        more, vectors = _lanczos(t.deflating(h), min(missed or GUARDS, flexible - len(theta) - 1))
         last = np.sort(np.abs(theta))[-min(k - rigid, len(theta))]
         if missed is None and not (np.abs(more) > last * (1.0 + BEFORE)).any():
             break  # modes cannot be counted, but another search finds no more
@@ -169,8 +169,8 @@ def _solved(t: Operator, h: Array, reach: float, missed: int | None, centre: flo
     correction = t.factor.lu.solve(rest) * scale[1]
     z = rough + correction
     hz = t.w @ z
-    if t.away.shape[1] and t.rigid.shape[1]:
-        share = t.away[:, : t.rigid.shape[1]].T @ hz
+    if t.deflated.shape[1] and t.rigid.shape[1]:
+        share = t.deflated[:, : t.rigid.shape[1]].T @ hz
         z -= t.rigid @ share
         hz = t.w @ z
     length = np.sqrt(np.einsum("ij,ij->j", hz, hz))
@@ -211,7 +211,7 @@ def _named(space: Subspace) -> Subspace:
         return _sorted(space, min(still.total, near_zero))
     others = np.sort(np.argsort(strain, kind="stable")[still.rigid.shape[1] :])
     z = space.z[:, others]
-    z = z - still.rigid @ (still.away.T @ (t.w @ z))
+    z = z - still.rigid @ (still.deflated.T @ (t.w @ z))
     return _led(replace(space, z=z, residual=space.residual[others], noise=space.noise[others]), still.rigid)
 
 

@@ -73,11 +73,11 @@ def corrected(system: SparseEquations, small: E, count: int) -> E:
         )
     force = np.asarray(system.input_rows.toarray().T)
     if rigid:
-        momentum = t.wt @ t.away[:, :rigid]
+        momentum = t.wt @ t.deflated[:, :rigid]
         force = force - momentum @ (t.rigid.T @ force)
     motion = t.factor.solve(t.right(force))
     if rigid:
-        motion = motion - t.rigid @ (t.away[:, :rigid].T @ (t.w @ motion))
+        motion = motion - t.rigid @ (t.deflated[:, :rigid].T @ (t.w @ motion))
     full = np.asarray(system.output_rows[0] @ motion)
     phi = basis.shapes[:, basis.rigid :]
     modal = (small.Cq @ phi / basis.square[basis.rigid :]) @ (phi.T @ small.B)

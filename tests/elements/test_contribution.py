@@ -6,7 +6,7 @@ import pytest
 from mbsvib.elements.contribution import NONE, Contribution, Weights, displacement_rows, rotation_rows
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.scene import scene
-from mbsvib.equations.statement import antisymmetric, minimal_rows, squares_of_products, signed_squares
+from mbsvib.equations.statement import antisymmetric, minimal_rows, signed_squares, squares_of_products
 from tests.support.random_models import spatial
 
 RNG = np.random.default_rng(3)

@@ -1,0 +1,342 @@
+"""The modes of a large system in a subspace that grows until the residual of the full system is small.
+
+(lambda^2 M + lambda (C + G) + K + N) x = 0, and y^T from the left, are solved in one subspace for both: the projected
+small dense system (by the dense path) gives eigenvalues and vectors. If the residual of a vector in the full system is
+too large, P(lambda)^-1 P'(lambda) x, a step of inverse iteration, is added to the subspace.
+
+Source: Voss, BIT 44 (2004), an Arnoldi method for nonlinear eigenvalue problems; Schreiber, thesis, TU Berlin (2008),
+two-sided methods.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.modes import modes as dense_modes
+from mbsvib.modes.general import General
+from mbsvib.sparse.first_order import independent, split_massless
+from mbsvib.sparse.reduction import RTOL, reduced, rounding
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.equations.equations import Equations
+    from mbsvib.modes import Modes
+    from mbsvib.sparse.equations import SparseEquations
+    from mbsvib.sparse.quadratic import Quadratic
+
+# Largest relative residual of right vectors, and largest relative error of eigenvalues, which is bounded by the product
+# of the residuals of both vectors.
+CONVERGED, ACCURATE = 1e-9, 1e-13
+# Rounds in which the subspace grows.
+ROUNDS = 12
+# A direction is left out if less than this fraction remains after orthogonalization, and in the second pass.
+NEW, STILL_NEW = 1e-10, 0.1
+# Residuals are measured with P(s) at a real s, this factor above |lambda|: it is no eigenvalue of a stable system.
+ABOVE = 1.3
+
+
+@dataclass(frozen=True, slots=True)
+class Eigenvectors:
+    """Nonzero eigenvalues ``values`` (h,), of conjugate pairs those with positive imaginary part.
+
+    ``right`` and ``left`` (n, h) are the vectors in the small system, ``number`` (h,) the numbers among the eigenvalues
+    of its modes.
+    """
+
+    values: Complex
+    right: Complex
+    left: Complex
+    number: Index
+
+
+def eigenvectors(result: Modes, numbers: Index) -> Eigenvectors:
+    """Return the eigenvalues and vectors of some modes of a small system.
+
+    Parameters
+    ----------
+    result : Modes
+        Its modes.
+    numbers : array
+        Numbers of modes.
+
+    Returns
+    -------
+    Eigenvectors
+        Nonzero eigenvalues and vectors.
+    """
+    modal, starts = result.damped, result.starts
+    if isinstance(modal, General):
+        spectrum = modal.spectrum
+        used = np.flatnonzero(np.isin(modal.mode, numbers))
+        first = starts[modal.mode[used]]
+        is_second = result.eigenvalues[first] != spectrum.values[used]
+        number = first + (is_second & (starts[modal.mode[used] + 1] - first > 1))
+        return Eigenvectors(spectrum.values[used], spectrum.right[:, used], spectrum.left[:, used], number)
+    number = np.stack((2 * numbers, 2 * numbers + 1), axis=1).reshape(-1)
+    values = result.eigenvalues[number]
+    used = (values != 0.0) & (values.imag >= 0.0)
+    number, shapes = number[used], modal.shapes.astype(complex)
+    x = shapes[:, number // 2] if modal.vectors is None else shapes @ modal.vectors[:, number // 2, number % 2]
+    return Eigenvectors(result.eigenvalues[number], x, x, number)
+
+
+def parts(z: NDArray[np.inexact]) -> Array:
+    """Return the real vectors that span complex ones and their conjugates."""
+    return np.concatenate((z.real, z.imag), axis=1) if np.iscomplexobj(z) else np.asarray(z, dtype=float)
+
+
+def extended(
+    w: Any, basis: Array, more: Array, tolerance: float, project: Callable[[Array], Array] | None = None
+) -> Array:
+    """Return a basis extended by some motions, orthonormal in kinetic energy, basis^T M basis = 1.
+
+    Parameters
+    ----------
+    w : csr_matrix, shape (rows, size)
+        W of M = W^T W.
+    basis : array, shape (size, n)
+        Orthonormal motions.
+    more : array, shape (size, k)
+        Further motions.
+    tolerance : float
+        A direction is left out if less than this fraction remains after orthogonalization.
+    project : callable, optional
+        Projection of new directions, before they are orthogonalized again.
+
+    Returns
+    -------
+    array, shape (size, n + new)
+        The motions.
+    """
+    rows = w @ basis
+    length = np.linalg.norm(w @ more, axis=0)
+    more = more[:, length > 0.0] / length[length > 0.0]
+    for limit in (tolerance, STILL_NEW):
+        for _ in range(2):
+            amplitudes = rows.T @ (w @ more)
+            more = more - basis @ amplitudes
+        _, singular, right = np.linalg.svd(w @ more, full_matrices=False)
+        significant = singular > limit
+        more = more @ (right[significant].T / singular[significant])
+        if project is not None and limit == tolerance:
+            more = project(more)
+    return np.concatenate((basis, more), axis=1)
+
+
+def extended_within_constraints(quadratic: Quadratic, basis: Array, more: Array, speed: float) -> Array:
+    """Return ``extended`` with new directions projected on motions that the joints allow, at a frequency [rad/s].
+
+    Small remainders after the orthogonalization violate the constraints by rounding.
+    """
+    if not more.shape[1]:
+        return basis
+    factor = quadratic.system.tableau.factor(s=ABOVE * speed)
+    return extended(quadratic.w, basis, more, NEW,
+                    lambda z: np.asarray(quadratic.solve(factor, quadratic.force(ABOVE * speed, z))))  # fmt: skip
+
+
+def truncation(right: Array, left: Array, distance: Array) -> Array:
+    """Return bounds (h,) of the errors of eigenvalues by residuals (h,) of both vectors, to first and second order.
+
+    ``distance`` (h,) is the relative distance to the eigenvalues that are not in the subspace.
+    """
+    return np.asarray(np.minimum(np.maximum(right, left), right * left / np.maximum(distance, CONVERGED)))
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Modes in a subspace: the ``small`` system, its ``modes`` and the numbers ``selected`` of the wanted modes.
+
+    The subspace has motions with ``mass`` (size, n), of which the first ``rigid`` deform no spring, and ``massless``
+    ones. ``bound`` is that of the relative error of each eigenvalue by truncation, ``residuals`` (2, h) are those of
+    the right and left ``vectors`` of the selected modes.
+    """
+
+    mass: Array
+    massless: Array
+    rigid: int
+    small: Equations
+    modes: Modes
+    selected: Index
+    bound: Array
+    vectors: Eigenvectors
+    residuals: Array
+
+    @property
+    def basis(self) -> Array:
+        """All motions, massless ones last."""
+        return np.concatenate((self.mass, self.massless), axis=1)
+
+
+@dataclass(frozen=True)
+class Galerkin:
+    """Modes of a large system from a subspace, with a small system of the class ``form``.
+
+    ``choose`` returns the numbers of the wanted modes among all modes of the small system, ``distance`` those of
+    eigenvalues from the eigenvalues that are not in the subspace.
+    """
+
+    quadratic: Quadratic
+    choose: Callable[[Modes], Index]
+    distance: Callable[[Complex], Array]
+    form: type[Equations]
+
+    def solution(self, mass: Array, massless: Array, rigid: int) -> Solution:
+        """Return the modes in a subspace."""
+        basis = np.concatenate((mass, massless), axis=1)
+        small = reduced(self.quadratic.system, basis, rigid, self.form, massless.shape[1])
+        result: Modes = dense_modes(small, RTOL)
+        selected = self.choose(result)
+        vectors = eigenvectors(result, selected)
+        sizes = residuals(self.quadratic, basis, vectors)
+        errors = truncation(sizes[0], sizes[1], self.distance(vectors.values) / np.abs(vectors.values))
+        bound = error_bound(self.quadratic.system, small, result, vectors, errors)
+        return Solution(mass, massless, rigid, small, result, selected, bound, vectors, sizes)
+
+    def converged(self, mass: Array, massless: Array, rigid: int) -> Solution:
+        """Return the modes in a subspace that grows until the selected ones satisfy the full system's equations."""
+        for _ in range(ROUNDS):
+            result = self.solution(mass, massless, rigid)
+            corrections = self._corrections(result)
+            if not corrections:
+                break
+            mass, massless = self.extended(mass, massless, np.concatenate(corrections, axis=1), result.vectors)
+            if mass.shape[1] + massless.shape[1] == len(result.small.M):
+                break
+        return result
+
+    def extended(
+        self, mass: Array, massless: Array, more: NDArray[Any], vectors: Eigenvectors
+    ) -> tuple[Array, Array]:
+        """Return motions with mass and massless motions, both extended by parts of further motions."""
+        more_mass, more_massless = split_massless(self.quadratic.system, parts(more))
+        speed = float(np.abs(vectors.values).max(initial=1.0))
+        return (extended_within_constraints(self.quadratic, mass, more_mass, speed),
+                independent(self.quadratic.system, np.concatenate((massless, more_massless), axis=1)))  # fmt: skip
+
+    def _corrections(self, solution: Solution) -> list[NDArray[Any]]:
+        """Steps of inverse iteration for the vectors that do not satisfy the full system's equations."""
+        vectors, inaccurate = solution.vectors, solution.bound[solution.vectors.number] > ACCURATE
+        unconverged = (inaccurate | (solution.residuals[0] > CONVERGED), inaccurate)
+        sides = ((False, vectors.right), (True, vectors.left))[: 2 - self.quadratic.symmetric]
+        return [_inverse_iteration(self.quadratic, s, z, transposed) for transposed, side in sides
+                for s, z, used in zip(vectors.values, (solution.basis @ side).T, unconverged[transposed], strict=True)
+                if used]  # fmt: skip
+
+    def narrowed(self, solution: Solution) -> Solution:
+        """Return the selected modes in the subspace of their right and left vectors and of free motions.
+
+        The larger subspace is returned if other modes of the smaller one are unstable, or it is not converged.
+        """
+        vectors, modal, rigid = solution.vectors, solution.modes.damped, solution.rigid
+        sides: list[NDArray[Any]] = [vectors.right, vectors.left][: 2 - self.quadratic.symmetric]
+        if isinstance(modal, General) and (solution.modes.eigenvalues == 0.0).any():
+            sides += [modal.state.show @ modal.state.right, modal.state.force.T @ modal.state.left]
+        motions = solution.basis @ parts(np.concatenate(sides, axis=1))
+        mass, massless = self.extended(solution.mass[:, :rigid], solution.massless[:, :0], motions, vectors)
+        result = self.solution(mass, massless, rigid)
+        others = np.setdiff1d(np.arange(len(result.modes)), result.selected)
+        if len(self._corrections(result)) or result.modes.growing[others].any():
+            return solution
+        return result
+
+
+def _inverse_iteration(quadratic: Quadratic, s: complex, z: Complex, transposed: bool) -> NDArray[Any]:
+    """One step of inverse iteration at an approximate eigenvalue, P(s)^-1 P'(s) z, or with the transposed P."""
+    shift: Any = s if s.imag else s.real
+    for offset in (0.0, 1e-9, 1e-7):
+        try:
+            factor = quadratic.system.tableau.factor(s=shift * (1.0 + offset))
+        except np.linalg.LinAlgError:
+            continue
+        motion = quadratic.solve(factor, quadratic.slope(s, z[:, None], transposed), transposed)
+        if np.isfinite(motion).all():
+            break
+    return motion
+
+
+def residuals(quadratic: Quadratic, basis: Array, vectors: Eigenvectors) -> Array:
+    """Return the residuals of the full system's equations as motions, relative to the vectors, in energy.
+
+    |P(s)^-1 P(lambda) x| / |x| with s = |lambda| to a power of two, and for left vectors with the transposed P
+
+    Parameters
+    ----------
+    quadratic : Quadratic
+        P(s).
+    basis : array, shape (size, n)
+        The subspace.
+    vectors : Eigenvectors
+        Eigenvalues with right and left vectors in it.
+
+    Returns
+    -------
+    array, shape (2, h)
+        For right and left vectors.
+    """
+    values = vectors.values
+    octave = np.round(np.log2(ABOVE * np.abs(values)))
+    result = np.zeros((2, len(values)))
+    sides = (vectors.right,) if quadratic.symmetric else (vectors.right, vectors.left)
+    for exponent in np.unique(octave):
+        used, speed = np.flatnonzero(octave == exponent), float(2.0**exponent)
+        factor = quadratic.system.tableau.factor(s=speed)
+        for i, side in enumerate(sides):
+            z = basis @ side[:, used]
+            motion = quadratic.solve(factor, quadratic.force(values[used], z, bool(i)), bool(i))
+            sizes = [np.linalg.norm(quadratic.energy(part, speed), axis=0) for part in (motion, z)]
+            result[i, used] = sizes[0] / sizes[1]
+    return result if len(sides) > 1 else result[[0, 0]]
+
+
+def error_bound(
+    system: SparseEquations, small: Equations, result: Modes, vectors: Eigenvectors, errors: Array
+) -> Array:
+    """Return bounds of the relative errors of eigenvalues: truncation of the subspace and rounding of displacements.
+
+    |x| |y| / |lambda y^T P'(lambda) x| times the sum of both, in energy at the speed |lambda|
+
+    Parameters
+    ----------
+    system : SparseEquations
+        The full system.
+    small : Equations
+        The system in the subspace.
+    result : Modes
+        Its modes.
+    vectors : Eigenvectors
+        Eigenvalues and vectors of the modes.
+    errors : array, shape (h,)
+        Their truncation errors.
+
+    Returns
+    -------
+    array
+        Bounds for all eigenvalues of the modes, 0 for those without a vector.
+    """
+    values, x, y = vectors.values, vectors.right, vectors.left
+    speed = np.abs(values)
+    slope = np.abs(np.einsum("ij,ij->j", y, 2.0 * values * (small.M @ x) + small.C @ x))
+    weights = np.abs(small.row_stiffness)[:, None] + speed * np.abs(small.row_damping)[:, None]
+    energy = [np.sqrt(speed**2 * (np.abs(small.inertia_factor @ v) ** 2).sum(axis=0)
+                      + (weights * np.abs(small.elastic_rows @ v) ** 2).sum(axis=0)) for v in (x, y)]  # fmt: skip
+    with np.errstate(divide="ignore", invalid="ignore"):
+        condition = np.nan_to_num(energy[0] * energy[1] / (slope * speed), nan=np.inf)
+    return of_all_eigenvalues(result, vectors, condition * (errors + rounding(system)))
+
+
+def of_all_eigenvalues(result: Modes, vectors: Eigenvectors, errors: Array) -> Array:
+    """Return errors (h,) of some eigenvalues as those of all eigenvalues, with conjugates, 0 for the others."""
+    bound = np.zeros(len(result.eigenvalues))
+    bound[vectors.number] = errors
+    first = vectors.number[vectors.number + 1 < len(bound)]
+    first = first[result.eigenvalues[first + 1] == result.eigenvalues[first].conj()]
+    bound[first + 1] = bound[first]
+    return bound
