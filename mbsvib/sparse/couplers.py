@@ -45,7 +45,7 @@ class Coupled:
     largest: Array
 
     @property
-    def slides(self) -> NDArray[np.bool_]:
+    def translational(self) -> NDArray[np.bool_]:
         """Mask of the couplers with a translation among their coordinates, shape (couplers,)."""
         return np.asarray(self.largest[1] > 0.0)
 
@@ -89,7 +89,7 @@ class Coupled:
         share = csr_matrix((coefficient, (coupler, np.arange(len(coupler)))), shape=(shape[0], len(coupler)))
         total = own + share @ relative_rows(tree, layout, self.terms.measured)
         unit = 2.0 ** np.round(np.log2(self.scale(tree.length)))
-        unit[self.slides] *= tree.length  # the scale of the multiplier divides by it
+        unit[self.translational] *= tree.length  # the scale of the multiplier divides by it
         return (diags(unit) @ total).tocsr()
 
 

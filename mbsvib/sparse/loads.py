@@ -214,15 +214,15 @@ def _cut_joint_forces(
     tree: Tree, closure: Constraints, subtree: Array, size: Array, context: tuple[str, Topology], reach: float
 ) -> WrenchPairs | None:
     """Forces in the cut joints that balance all others, row by row; an error if there are none."""
-    motion, body = tree.motion.T, tree.carried
+    motion, body = tree.motion.T, tree.coordinate_body
     unbalanced_force = np.einsum("ck,ck->k", motion, subtree[:, body])
     lengths = np.sqrt(np.square(motion.reshape(2, 3, -1)).sum(axis=1))
     limit = np.maximum(np.einsum("ck,ck->k", lengths, size[:, body]), LEAST_LEVER * reach * lengths[1] * size[0, body])
-    count = int(closure.kept.sum())
+    count = int(closure.is_independent.sum())
     if not count:
         _check_residual(unbalanced_force, limit, tree, context)
         return None
-    row, column, entry = closure.kept_entries(tree)
+    row, column, entry = closure.independent_entries(tree)
     value, rest, least = _least_squares((column, row, entry), len(unbalanced_force), count, -unbalanced_force)
     # forces from anywhere in a loop arrive at each of its joints, with the rounding of the largest ones
     force, moment = size.max(axis=1)
@@ -230,7 +230,7 @@ def _cut_joint_forces(
     np.add.at(from_multipliers, column, np.abs(entry) * np.maximum(np.abs(value), LEAST_LEVER * least)[row])
     _check_residual(-rest, limit + from_multipliers, tree, context)
     rows, multipliers = closure.rows, np.zeros(len(closure.names))
-    multipliers[closure.kept] = value
+    multipliers[closure.is_independent] = value
     if closure.couplers is not None:  # in joints of the tree they are part of the forces of these
         coupler, share = closure.couplers.measured
         multipliers = np.concatenate((multipliers[: len(rows.first)], share * multipliers[len(rows.first) + coupler]))

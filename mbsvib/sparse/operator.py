@@ -15,7 +15,7 @@ import numpy as np
 from mbsvib.linalg.rank import SAME_ENERGY
 from mbsvib.sparse.assembly import with_stiffness
 from mbsvib.sparse.quadratic import Quadratic
-from mbsvib.sparse.rigid import far_rows, unsprung, without_far
+from mbsvib.sparse.rigid import coordinates_without_stiffness, far_rows, without_far
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 # Shifts, as shares of the highest frequency's square, at which modes are counted if the springs do not determine which
 # coordinates are free. Below the last one rounding of the stiffness dominates.
 SHARES = 10.0 ** -np.arange(2.0, 13.5, 0.5)
-# Dampers may couple all rigid-body modes, so that the slowest ones are combinations of all: up to this many are
-# computed together, even if fewer modes are wanted.
-BRAKED = 200
+# Dampers may couple all rigid-body modes, so that the slowest ones are combinations of all. Up to this number all are
+# computed, even if fewer modes are wanted.
+COUPLED_RIGID = 200
 
 
 @dataclass(frozen=True)
@@ -117,9 +117,9 @@ def operator(system: SparseEquations, sigma: float | None, wanted: int) -> Opera
                      np.zeros((quadratic.w.shape[0], 0)), None)  # fmt: skip
     if sigma is not None:
         return first
-    if first.factor is not None and _holds(first):
+    if first.factor is not None and _all_motions_resisted(first):
         return replace(first, total=0)
-    lock = unsprung(system)
+    lock = coordinates_without_stiffness(system)
     if len(lock):
         try:
             return _locked(first, lock, wanted)
@@ -132,15 +132,15 @@ def _locked(first: Operator, lock: Index, wanted: int) -> Operator:
     """T at zero with the free motions locked and deflated; with a shift if the locks do not cover all of them."""
     system, far, modes = first.system, far_rows(first.system), None
     if far.any():
-        near = with_stiffness(system, system.stiffness * ~far)
-        held = replace(first, factor=near.tableau.factor(lock=system.layout.coordinate[lock]))
-        lock, modes = without_far(system, lock, _locked_motions(held, lock))
-    held = replace(first, factor=system.tableau.factor(lock=system.layout.coordinate[lock]), total=len(lock))
-    if not _holds(held, lock):
+        short_only = with_stiffness(system, system.stiffness * ~far)
+        locked = replace(first, factor=short_only.tableau.factor(lock=system.layout.coordinate[lock]))
+        lock, modes = without_far(system, lock, _locked_motions(locked, lock))
+    locked = replace(first, factor=system.tableau.factor(lock=system.layout.coordinate[lock]), total=len(lock))
+    if not _all_motions_resisted(locked, lock):
         return _shifted(first)
-    if system.damping.any() and len(lock) <= BRAKED:
+    if system.damping.any() and len(lock) <= COUPLED_RIGID:
         wanted = len(lock)
-    return _free(held, _locked_motions(held, lock[:wanted]) if modes is None else modes[:, :wanted])
+    return _with_rigid_modes(locked, _locked_motions(locked, lock[:wanted]) if modes is None else modes[:, :wanted])
 
 
 def _factor(system: SparseEquations, sigma: float) -> Any:
@@ -152,38 +152,38 @@ def _factor(system: SparseEquations, sigma: float) -> Any:
         return None
 
 
-def _holds(held: Operator, lock: Index | None = None) -> bool:
-    """Tell whether springs (and locks) resist all motions: work and strain energy of a random load agree."""
-    system = held.system
-    h = np.random.default_rng(0).standard_normal(held.w.shape[0])
-    z = held.factor.solve(held.right(held.wt @ h), 0)
-    work = float(h @ (held.w @ z))
+def _all_motions_resisted(locked: Operator, lock: Index | None = None) -> bool:
+    """Whether springs (and locks) resist all motions, so that work and strain energy of a random load are equal."""
+    system = locked.system
+    h = np.random.default_rng(0).standard_normal(locked.w.shape[0])
+    z = locked.factor.solve(locked.right(locked.wt @ h), 0)
+    work = float(h @ (locked.w @ z))
     e = system.elastic_rows @ z
     strain = float(system.stiffness @ (e * e))
     if lock is not None:
         index = system.layout.coordinate[lock]
-        scale = held.factor.column_scale[index] * held.factor.row_scale[index]
+        scale = locked.factor.column_scale[index] * locked.factor.row_scale[index]
         strain += float(np.sum(z[index] ** 2 / scale))
     size = float(np.abs(system.stiffness) @ (e * e))
     return bool(np.isfinite(work)) and abs(work - strain) <= SAME_ENERGY * max(abs(work), size)
 
 
-def _locked_motions(held: Operator, lock: Index) -> Array:
-    """Free motions: the response of the locked stiffness to a unit load on each lock, which strains only the lock."""
-    index = held.system.layout.coordinate[lock]
-    right = np.zeros((held.system.layout.size, len(index)))
-    right[index, np.arange(len(index))] = 1.0 / held.factor.row_scale[index]
-    return np.asarray(held.factor.solve(right))
+def _locked_motions(locked: Operator, lock: Index) -> Array:
+    """Free motions: responses of the locked stiffness to a unit load on each lock, which deform this lock only."""
+    index = locked.system.layout.coordinate[lock]
+    right = np.zeros((locked.system.layout.size, len(index)))
+    right[index, np.arange(len(index))] = 1.0 / locked.factor.row_scale[index]
+    return np.asarray(locked.factor.solve(right))
 
 
-def _free(held: Operator, modes: Array) -> Operator:
+def _with_rigid_modes(locked: Operator, modes: Array) -> Operator:
     """The operator with deflated rigid-body modes, which are M-orthonormalized."""
-    h = held.w @ modes
+    h = locked.w @ modes
     for _ in range(2):  # the second pass removes the rounding of the first
         root = np.linalg.qr(h)[1]
         modes = np.linalg.solve(root.T, modes.T).T
-        h = held.w @ modes
-    return replace(held, rigid=modes, deflated=h)
+        h = locked.w @ modes
+    return replace(locked, rigid=modes, deflated=h)
 
 
 def _shifted(first: Operator) -> Operator:

@@ -34,7 +34,7 @@ def with_ports(draft: SparseDraft) -> SparseDraft:
     port, springs, layout = draft.port, draft.springs, draft.layout
     forces = len(port.force_inputs)
     shape = (len(port.input_units), layout.size)
-    entries = draft.seen[:forces].tocoo()
+    entries = draft.port_rows[:forces].tocoo()
     inputs = coo_matrix((entries.data, (port.force_inputs[entries.row], entries.col)), shape=shape).tocsr()
     through = np.zeros((len(port.output_units), len(port.input_units)))
     position = draft.structure.position
@@ -47,7 +47,7 @@ def with_ports(draft: SparseDraft) -> SparseDraft:
             through[row, column] = np.dot(output.wrench, ground_motion(source.wrench, source.position, point))
     shape = (len(port.output_units), layout.size)
     outputs = []
-    entries = draft.seen[forces:].tocoo()
+    entries = draft.port_rows[forces:].tocoo()
     for derivative in range(3):
         used = port.derivative[entries.row] == derivative
         rows = port.motion_outputs[entries.row[used]]

@@ -19,7 +19,7 @@ from mbsvib.sparse.disc import disc
 from mbsvib.sparse.first_order import following, heaviest, independent, split_massless
 from mbsvib.sparse.galerkin import Galerkin, eigenvectors, error_bound, extended_within_constraints, parts
 from mbsvib.sparse.layout import kinematics
-from mbsvib.sparse.operator import BRAKED, operator
+from mbsvib.sparse.operator import COUPLED_RIGID, operator
 from mbsvib.sparse.quadratic import Quadratic
 from mbsvib.sparse.reduction import RTOL, reduced
 
@@ -237,7 +237,7 @@ def rigid_motions(quadratic: Quadratic, count: int) -> Array:
     """Return the motions that deform no spring (size, r), if only springs determine them."""
     if (quadratic.system.stiffness < 0.0).any():
         return np.zeros((quadratic.system.layout.size, 0))
-    return operator(quadratic.system, None, max(count, BRAKED)).rigid
+    return operator(quadratic.system, None, max(count, COUPLED_RIGID)).rigid
 
 
 def lowest_speed(quadratic: Quadratic) -> float:
@@ -292,7 +292,7 @@ def coordinates(system: SparseEquations) -> Array:
     layout, tree, m = system.layout, system.structure, len(system.joint_coordinates)
     free = np.eye(m)
     if len(layout.multiplier):
-        row, column, value = system.constraints.kept_entries(tree)
+        row, column, value = system.constraints.independent_entries(tree)
         loops = np.zeros((len(layout.multiplier), m))
         np.add.at(loops, (row, column), value)
         free = free_motions(loops)
