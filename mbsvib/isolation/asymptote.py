@@ -9,6 +9,7 @@ import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.linalg.balancing import scaled
+from mbsvib.responses.feedthrough import feedthrough
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -84,7 +85,7 @@ def direct(linear: Linear) -> Array:
     array, shape (outputs, inputs)
         D of the first-order equations.
     """
-    return without_rounding(*_direct(linear)) if isinstance(linear, System) else linear.direct()
+    return _direct(linear) if isinstance(linear, System) else linear.direct()
 
 
 def without_rounding(value: Array, terms: Array) -> Array:
@@ -92,18 +93,15 @@ def without_rounding(value: Array, terms: Array) -> Array:
     return np.where(np.abs(value) > ROUNDING * terms, value, 0.0)
 
 
-def _direct(system: System) -> tuple[Array, Array]:
-    """D + Ca M^-1 B, and the sum of the magnitudes of its terms, for their rounding."""
+def _direct(system: System) -> Array:
     if not system.massless:
-        inverse = np.linalg.inv(system.M)
-        bound = np.abs(inverse) @ np.abs(system.M) @ np.abs(inverse) @ np.abs(system.B)
-        return system.D + system.Ca @ (inverse @ system.B), np.abs(system.D) + np.abs(system.Ca) @ bound
+        return feedthrough(system)
     space, m = system.state_space(), system.dof
     rate = np.abs(space.transform[m:]) @ np.abs(space.B)
     terms = np.abs(system.D) + np.abs(system.Ca) @ rate
     if space.through is not None:
         terms += np.abs(system.Cv) @ np.abs(space.through[m:])
-    return space.D, terms
+    return without_rounding(space.D, terms)
 
 
 def _second_order(system: System, into: list[int], out: list[int], unit: float) -> Iterator[Array]:

@@ -89,6 +89,8 @@ def peaks(system: Equations, modes: Undamped, corrected: bool) -> Array:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # a mode without damping has no bound
         height = np.where(seen > 0.0, seen / (damping * omega), 0.0)
         height = height if corrected else np.maximum(height, static / omega**2)
-    height[free] = np.inf
     reached = np.linalg.norm(shapes.T @ system.B, axis=1)
-    return np.where(free, np.inf, np.where(reached > 0.0, height * reached, 0.0))
+    result = np.zeros(len(omega))
+    np.multiply(height, reached, out=result, where=reached > 0.0)  # an undamped mode counts if an input reaches it
+    result[free] = np.inf
+    return result

@@ -9,7 +9,7 @@ import numpy as np
 
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError
-from mbsvib.linalg.balancing import exponents
+from mbsvib.linalg.balancing import scaled
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.extrema import Band, panels
 
@@ -94,11 +94,9 @@ def h2(space: tuple[Array, Array, Array, Array], names: tuple[tuple[str, ...], t
                             )  # fmt: skip
     if not len(a):
         return Norm(0.0)
-    power = exponents(a, b, c)
-    scaled, into = np.ldexp(a, power[None, :] - power[:, None]), np.ldexp(b, -power[:, None])
-    seen = np.ldexp(c, power)
-    covariance = solve_continuous_lyapunov(scaled, -into @ into.T)
-    return Norm(float(np.sqrt(max(0.0, np.sum(seen @ covariance * seen)))))
+    a, b, c = scaled(a, b, c)
+    covariance = solve_continuous_lyapunov(a, -b @ b.T)
+    return Norm(float(np.sqrt(max(0.0, np.sum(c @ covariance * c)))))
 
 
 def hinf(response: Callable[[Array], Complex], poles: Complex, direct: Array) -> Norm:

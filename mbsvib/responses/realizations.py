@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, TypeVar, cast
 import numpy as np
 
 from mbsvib.errors import ResponseError, nearest
-from mbsvib.linalg.qr import triangle
 from mbsvib.modes.general import is_general
+from mbsvib.responses.feedthrough import accelerations, feedthrough
 from mbsvib.responses.general_terms import cleaned
 from mbsvib.responses.state_space import StateSpace
 
@@ -68,7 +68,7 @@ def state_space(basis: Basis, realization: str = "physical", form: type[S] = Sta
     q, rate = transform[:m], transform[m:]
     # q'' = T' A x + T' B u with T' the rows of q', whatever the states are
     c = system.Cq @ q + system.Cv @ rate + system.Ca @ (rate @ a)
-    d = cleaned(system.Ca, rate, b, system.D)
+    d = feedthrough(system)
     return form(system.name, realization, a, b, c, d, transform, names, units, system.inputs, system.input_units,
                 system.outputs, system.output_units)  # fmt: skip
 
@@ -119,9 +119,7 @@ def _physical(system: Equations) -> tuple[Array, Array, Array, tuple[str, ...], 
     a = np.zeros((2 * m, 2 * m))
     b = np.zeros((2 * m, system.B.shape[1]))
     if m:
-        root = triangle(system.inertia_factor)
-        right = np.concatenate((system.K, system.C, system.B), axis=1)
-        solution = np.linalg.solve(root, np.linalg.solve(root.T, right))
+        solution = accelerations(system, np.concatenate((system.K, system.C, system.B), axis=1))
         a[:m, m:] = np.eye(m)
         a[m:] = -solution[:, : 2 * m]
         b[m:] = solution[:, 2 * m :]

@@ -17,7 +17,8 @@ from mbsvib.equations.controllable_part import reachable
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.extrema import Band, panels
-from mbsvib.responses.norms import Norm
+from mbsvib.responses.norms import Norm, h2
+from mbsvib.responses.realizations import state_space
 from mbsvib.sensitivities.basis import SensitivityBasis
 from mbsvib.sensitivities.responses import frequency_response_sensitivities, solutions
 from mbsvib.sensitivities.states import changed, states
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.equations import Equations
     from mbsvib.responses.basis import Basis
+    from mbsvib.responses.state_space import StateSpace
     from mbsvib.sensitivities.variables import Asked
 
     Ports = str | Sequence[str] | None
@@ -91,7 +93,9 @@ def h2_norm(
         )
     p = solve_continuous_lyapunov(base.A, -base.B @ base.B.T)
     q = solve_continuous_lyapunov(base.A.T, -base.C.T @ base.C)
-    value = float(np.sqrt(max(0.0, np.sum(base.C @ p * base.C))))
+    value = _rms(basis.responses, ports)
+    if value is None:
+        value = float(np.sqrt(max(0.0, np.sum(base.C @ p * base.C))))
     if not names:
         return Norm(value)
     slopes = np.zeros(len(names))
@@ -102,6 +106,16 @@ def h2_norm(
         size = np.abs(dd).max(axis=(1, 2), initial=0.0)
         slopes[which] = np.where(size > 0.0, np.inf, total / value if value else total)
     return Norm(value, names, slopes)
+
+
+def _rms(basis: Basis, ports: tuple[list[int], list[int]]) -> float | None:
+    """The H2 norm by modal states, which slow modes beside fast ones lose no digits in; None if they are dependent."""
+    system, (i, o) = basis.equations, ports
+    try:
+        space: StateSpace = state_space(basis, "modal")
+        return h2((space.A, space.B[:, i], space.C[o], np.zeros((len(o), len(i)))), ((), ()), system.name).value
+    except ResponseError:
+        return None
 
 
 def hinf_norm(

@@ -19,6 +19,7 @@ from scipy.linalg import cholesky, eigh, solve_triangular
 
 from mbsvib.elements import Body, Maxwell
 from mbsvib.errors import ModelError
+from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
 
 if TYPE_CHECKING:
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 
 # A sum below this share of its terms is their rounding.
 CANCELLED = 1e-12
+# A product of vectors below this share of their lengths is rounding of the motions, which are orthogonal to so much.
+ORTHOGONAL = 256 * EPS
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +83,7 @@ def states(basis: Basis, inputs: list[int], outputs: list[int]) -> States:
     b = np.concatenate((np.zeros_like(force[:k]), force))
     moving = _moving(rates, k)
     c = _seen(rates, scale, k) + moving @ rows
-    return States(a, b, c, _sum(system.D[np.ix_(outputs, inputs)], (moving, force)), chosen, scale, rates, force)
+    return States(a, b, c, _sum(system.D[np.ix_(outputs, inputs)], k, (moving, force)), chosen, scale, rates, force)
 
 
 def state_basis(basis: Basis) -> StateBasis:
@@ -137,7 +140,7 @@ def changed(base: States, change: MatrixDerivatives, inputs: list[int], outputs:
                   for slope, matrix in zip((change.Cq, change.Cv, change.Ca), base.rates, strict=True))  # fmt: skip
     moving, moved = _moving(base.rates, k), _moving(rates, k)
     c = _seen(rates, base.scale, k) + moved @ base.A[k:] + moving @ rows
-    d = _sum(change.D[:, outputs][:, :, inputs], (moved, base.force), (moving, force))
+    d = _sum(change.D[:, outputs][:, :, inputs], k, (moved, base.force), (moving, force))
     return rows, force, c, d
 
 
@@ -173,11 +176,14 @@ def _moving(rates: tuple[Array, ...], k: int) -> Array:
     return np.concatenate((rates[2][..., :k], rates[1][..., k:]), axis=-1)
 
 
-def _sum(start: Array, *products: tuple[Array, Array]) -> Array:
-    """Sum of a matrix and of products, 0 where they cancel but for rounding: accelerations see the base at once, and
-    what the mechanism takes back.
+def _sum(start: Array, k: int, *products: tuple[Array, Array]) -> Array:
+    """Sum of a matrix and of products over k motions with mass and those without, 0 where they cancel but for rounding:
+    accelerations see the base at once, and what the mechanism takes back.
     """
-    total, size = start, np.abs(start)
+    total, size, bound = start, np.abs(start), 0.0
     for a, b in products:
         total, size = total + a @ b, size + np.abs(a) @ np.abs(b)
-    return np.where(np.abs(total) <= CANCELLED * size, 0.0, total)
+        for part in (slice(0, k), slice(k, None)):
+            bound = bound + (np.linalg.norm(a[..., part], axis=-1)[..., :, None]
+                             * np.linalg.norm(b[..., part, :], axis=-2)[..., None, :])  # fmt: skip
+    return np.where((np.abs(total) <= CANCELLED * size) | (np.abs(total) <= ORTHOGONAL * bound), 0.0, total)

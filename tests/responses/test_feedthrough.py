@@ -1,0 +1,65 @@
+"""What outputs see of inputs at once: D + Ca M^-1 B, exactly 0 between mechanisms that share no inertia."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from tests.support.random_models import rotation
+
+
+def two_mechanisms():
+    """Two chains of bodies, each on its own damped bushings, in all directions; nothing ties them to each other."""
+    rng = np.random.default_rng(5)
+    model = mv.Model()
+    below = {"left": "ground", "right": "ground"}
+    for i in range(4):
+        for side in below:
+            body = f"{side}{i}"
+            model.add_body(body, 1.0 + rng.random(), 0.1 + rng.random(3) * 0.05, position=rng.normal(size=3),
+                           orientation=rotation(rng))  # fmt: skip
+            model.add_joint(f"{body}.hinge", "spherical", below[side], body, position=rng.normal(size=3))
+            model.add_bushing(f"{body}.mount", "ground", body, position=rng.normal(size=3), orientation=rotation(rng),
+                              stiffness=rng.uniform(1e3, 1e4, 6), damping=rng.uniform(1, 10, 6))  # fmt: skip
+            below[side] = body
+    for side, body in below.items():
+        model.add_input(f"{side}.F", body, "x")
+        model.add_output(f"{side}.a", body, "y", quantity="acceleration")
+    return model
+
+
+def test_mechanisms_that_share_no_inertia_see_nothing_at_once():
+    system = two_mechanisms().linearize()
+    inverse = np.linalg.inv(system.M)
+    for realization in ("physical", "modal", "balanced"):
+        d = system.state_space(realization).D
+        assert d[0, 1] == d[1, 0] == 0.0
+        assert d == pytest.approx(system.Ca @ inverse @ system.B, rel=1e-12, abs=1e-15)
+    physical = system.state_space("physical")
+    m = system.dof
+    left = np.array([name.startswith("left") for name in system.coordinates])
+    assert not physical.A[m:, :m][np.ix_(left, ~left)].any()
+    assert not physical.A[m:, m:][np.ix_(~left, left)].any()
+
+
+def test_what_is_not_seen_at_once_has_an_h2_norm():
+    """Nor do its derivatives make it infinite."""
+    system = two_mechanisms().linearize()
+    norm = system.h2_norm("left.a", "right.F", ["left1.mass", "right2.hinge.position.x"])
+    assert norm.value < 1e-9
+    assert np.isfinite(norm.slopes).all()
+    with pytest.raises(mv.ResponseError, match="infinite"):
+        system.h2_norm("left.a", "left.F")
+
+
+def test_a_mode_that_no_input_reaches_counts_for_nothing_in_a_reduction():
+    """An undamped mode has an infinite peak, times no force at all."""
+    model = mv.Model()
+    for i in range(3):
+        model.add_body(f"b{i}", 1.0, (1, 1, 1), position=(i, 0, 0))
+        model.add_joint(f"j{i}", "prismatic", "ground", f"b{i}", position=(i, 0, 0), axis=(0, 0, 1))
+        model.add_spring(f"s{i}", "ground", f"b{i}", start=(i, 0, -1), end=(i, 0, 0), stiffness=100.0 * (i + 1))
+    model.add_input("F", "b1", "z")
+    model.add_output("z", "b1", "z")
+    model.add_output("beside", "b2", "z")
+    small = model.linearize().reduced(1, method="modal")
+    assert small.modes().frequencies == pytest.approx([np.sqrt(200.0) / (2 * np.pi)])
