@@ -51,12 +51,12 @@ def one_by_one(
     Returns
     -------
     BatchEquations
-        All variants, in the minimal coordinates of the pose as given.
+        All variants, in the minimal coordinates of the nominal pose.
 
     Raises
     ------
     ModelError
-        If other motions than in the model as given move no mass, or a variant is refused by itself, by its index.
+        If a variant has other massless motions than the nominal model, or is invalid by itself, by its index.
     SingularPoseError
         If a variant has another number of degrees of freedom, by its index.
     """
@@ -115,7 +115,7 @@ def _in_coordinates(variant: Mechanism, nominal: Equations, cut: Sequence[str] |
 
 
 def _check_massless(system: Equations, nominal: Equations) -> None:
-    """Refuse a variant in which other motions move no mass than in the model as given, by name."""
+    """Refuse a variant that has other massless motions than the nominal model, by name."""
     in_variant, in_nominal = _without_mass(system), _without_mass(nominal)
     if sorted(in_variant.values()) == sorted(in_nominal.values()):
         return  # a motion of several coordinates without mass may be named by any of them

@@ -78,7 +78,7 @@ def element_forces(
     Parameters
     ----------
     model : Mechanism
-        The mechanism in plain parts, with the weights of beams and superelements but no other forces in them.
+        The expanded mechanism, with the weights of beams and superelements but no other forces in them.
     beams : sequence of Beam
         Its beams.
     reduced : sequence of ElasticPart

@@ -32,7 +32,7 @@ E = TypeVar("E", bound=Equations)
 
 
 def selected_ports(
-    names: tuple[str, ...], selection: str | Sequence[str] | None, what: str, name: str, others: tuple[str, ...] = ()
+    names: tuple[str, ...], selection: str | Sequence[str] | None, kind: str, name: str, others: tuple[str, ...] = ()
 ) -> list[int]:
     """Return the numbers of the selected ports, in the system's order.
 
@@ -42,7 +42,7 @@ def selected_ports(
         Names of all ports.
     selection : str or sequence of str, optional
         Selected names; default: all.
-    what : str
+    kind : str
         "inputs" or "outputs".
     name : str
         The system's name, for messages.
@@ -59,10 +59,10 @@ def selected_ports(
     ResponseError
         If a name is unknown, or there is none.
     """
-    numbers = selected(selection, names, what[:-1], name, others)
+    numbers = selected(selection, names, kind[:-1], name, others)
     if not numbers:
-        raise ResponseError(f"reachable: no {what} are asked for, which leaves nothing of '{name}'; expected one or "
-                            f"more of {', '.join(names) or 'its ' + what + ', yet it has none'}.")  # fmt: skip
+        raise ResponseError(f"reachable: no {kind} are asked for, which leaves nothing of '{name}'; expected one or "
+                            f"more of {', '.join(names) or 'its ' + kind + ', yet it has none'}.")  # fmt: skip
     return sorted(numbers)
 
 

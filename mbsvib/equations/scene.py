@@ -90,7 +90,7 @@ def scene(model: Mechanism, cut: Sequence[str] | None = None) -> Scene:
     Parameters
     ----------
     model : Mechanism
-        The mechanism in plain parts.
+        The expanded mechanism.
     cut : sequence of str, optional
         Joints at which loops are to be cut.
 

@@ -1,8 +1,8 @@
 """Stiffness of follower loads and torques, whose work depends on the path of the motion.
 
-In coordinates (u, theta) of the exponential map a force f and a torque t about the centre of mass, that turn with the
-body, have the tangent [[0, [f]x], [0, 1/2 [t]x]]; a torque that stays fixed in the world has -1/2 [t]x. The symmetric
-part of f is a product of rows, 1/2 u . (f x theta); the antisymmetric rest is the circulatory matrix N.
+In coordinates (u, theta) of the exponential map a force f and a torque t about the centre of mass, which rotate with
+the body, have the tangent [[0, [f]x], [0, 1/2 [t]x]]; that of a torque fixed in the world is -1/2 [t]x. The symmetric
+part of f is a product of rows, 1/2 u . (f x theta); the antisymmetric part is the circulatory matrix N.
 
 Source: Ziegler, Principles of Structural Stability (1968), for circulatory forces and torques.
 """

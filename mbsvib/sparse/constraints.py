@@ -22,6 +22,7 @@ from mbsvib.elements.rows import Rows
 from mbsvib.errors import NearSingularWarning, SingularPoseError
 from mbsvib.kinematics.loop_group import LoopGroup, decided, measures
 from mbsvib.kinematics.relative_motion import arm
+from mbsvib.linalg.groups import connected_parts
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import (
     CERTAIN_DISTANCE,
@@ -199,15 +200,10 @@ class Entries:
 
     def groups(self) -> list[Index]:
         """Rows of loops that share a coordinate."""
-        from scipy.sparse import csr_matrix
-        from scipy.sparse.csgraph import connected_components
-
         if not len(self.loop):
             return []
-        loops, columns = int(self.loop.max()) + 1, int(self.column.max(initial=-1)) + 1
-        ends = (self.loop[self.row], loops + self.column)
-        graph = csr_matrix((np.ones(len(self.row), dtype=bool), ends), shape=(loops + columns, loops + columns))
-        label = connected_components(graph, directed=False)[1][self.loop]
+        shape = int(self.loop.max()) + 1, int(self.column.max(initial=-1)) + 1
+        label = connected_parts(self.loop[self.row], self.column, shape)[0][self.loop]
         order = np.argsort(label, kind="stable")
         parts = np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
         return sorted(parts, key=lambda part: int(part[0]))

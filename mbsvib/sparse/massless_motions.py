@@ -16,6 +16,7 @@ from scipy.linalg import solve_triangular
 
 from mbsvib.equations.massless_null_motion import null_space, own_coordinates, without_rounding
 from mbsvib.equations.massless_separation import check_gap
+from mbsvib.linalg.groups import connected_parts
 from mbsvib.linalg.rank import CERTAIN_INERTIA, EPS, RANK_FACTOR, ZERO_SUM
 
 if TYPE_CHECKING:
@@ -197,16 +198,12 @@ def _connected(
     row: Index, column: Index, value: Array, rows: int, columns: int
 ) -> Iterator[tuple[Index, Index, Array]]:
     """Rows, columns (ascending) and dense block of each connected part of a sparse matrix."""
-    from scipy.sparse import csr_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    graph = csr_matrix((np.ones(len(row), dtype=bool), (row, rows + column)), shape=(rows + columns, rows + columns))
-    count, label = connected_components(graph, directed=False)
+    row_part, column_part = connected_parts(row, column, (rows, columns))
     ranges = []
-    for part in (label[row], label[:rows], label[rows:]):
+    for part in (row_part[row], row_part, column_part):
         order = np.argsort(part, kind="stable")
-        ranges.append((order, np.searchsorted(part[order], np.arange(count + 1))))
-    for k in np.unique(label[rows:]).tolist():
+        ranges.append((order, np.searchsorted(part[order], np.arange(rows + columns + 1))))
+    for k in np.unique(column_part).tolist():
         entry, part_rows, part_columns = (order[begin[k] : begin[k + 1]] for order, begin in ranges)
         block = np.zeros((len(part_rows), len(part_columns)))
         block[np.searchsorted(part_rows, row[entry]), np.searchsorted(part_columns, column[entry])] = value[entry]

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.groups import connected_parts
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import DEPENDENT_ROWS
 
@@ -89,14 +90,9 @@ def _entries(system: SparseEquations) -> tuple[Index, Index, Array]:
 
 def _parts(row: Index, column: Index, value: Array) -> list[tuple[Index, Index, Array]]:
     """Entries by independent parts."""
-    from scipy.sparse import csr_matrix
-    from scipy.sparse.csgraph import connected_components
-
     if not len(row):
         return []
-    rows, columns = int(row.max()) + 1, int(column.max()) + 1
-    graph = csr_matrix((np.ones(len(row), dtype=bool), (row, rows + column)), shape=(rows + columns, rows + columns))
-    label = connected_components(graph, directed=False)[1][row]
+    label = connected_parts(row, column, (int(row.max()) + 1, int(column.max()) + 1))[0][row]
     order = np.argsort(label, kind="stable")
     cuts = np.flatnonzero(np.diff(label[order])) + 1
     return [(row[part], column[part], value[part]) for part in np.split(order, cuts)]

@@ -23,6 +23,7 @@ from mbsvib.equations.self_stress import Undetermined, self_stress
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.characteristic_length import length_of
 from mbsvib.kinematics.couplers import measure
+from mbsvib.linalg.groups import connected_parts
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import COLUMN_REGULARISATION, DETERMINED
 from mbsvib.linalg.rotations import skew
@@ -202,25 +203,19 @@ def regions(
     dict of int to Region
         By joint; no entry for joints without redundant constraints.
     """
-    from scipy.sparse import csr_matrix
-    from scipy.sparse.csgraph import connected_components
-
     if not any(group.surplus for group in closure.groups):
         return {}
     loop, joint = _joints_of_loops(topology, tree, closure, number)
-    loops = int(loop.max()) + 1
-    shape = (loops + len(topology.joints),) * 2
-    graph = csr_matrix((np.ones(len(loop), dtype=bool), (loop, loops + joint)), shape=shape)
-    label = connected_components(graph, directed=False)[1]
-    surplus = np.zeros(len(label), dtype=np.intp)
+    loop_part, joint_part = connected_parts(loop, joint, (int(loop.max()) + 1, len(topology.joints)))
+    surplus = np.zeros(len(loop_part) + len(joint_part), dtype=np.intp)
     for group in closure.groups:
-        surplus[label[closure.loop[group.rows[0]]]] += group.surplus
+        surplus[loop_part[closure.loop[group.rows[0]]]] += group.surplus
     of_part: dict[int, Region] = {}
     result = {}
     for k in joints:
-        part = int(label[loops + k])
+        part = int(joint_part[k])
         if surplus[part] and part not in of_part:
-            within = np.flatnonzero(label[:loops] == part), np.flatnonzero(label[loops:] == part)
+            within = np.flatnonzero(loop_part == part), np.flatnonzero(joint_part == part)
             of_part[part] = _region(topology, tree, closure, number, within, int(surplus[part]))
         if surplus[part]:
             result[k] = of_part[part]
