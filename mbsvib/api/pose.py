@@ -9,7 +9,10 @@ from mbsvib.mechanism.mechanism import Mechanism
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from numpy.typing import ArrayLike
+
     from mbsvib.elements import Bushing, Spring
+    from mbsvib.equilibrium.equilibrium_path import EquilibriumPath
     from mbsvib.equilibrium.report import Equilibrium
 
     Preloaded = Sequence[str | Spring | Bushing] | str | bool
@@ -133,3 +136,43 @@ class Posed(Mechanism):
 
             result = with_preloads_of(self, equilibrium(preloaded(with_rigid_parts(self), preload), snap, cut))
         return result if report else result.model
+
+    def path(self, coordinate: str, values: ArrayLike, switch: int = 0) -> EquilibriumPath[Self]:
+        """Return the equilibria while one joint coordinate is led to values in turn, with their stability.
+
+        r_free(z) = 0:  the forces along all other coordinates vanish, and a force along this one holds it
+
+        The path is followed through extremes of the force, where the mechanism would snap if the force stayed, through
+        extremes of the coordinate, where it would snap though the coordinate is held, and through points where another
+        path crosses. These points are located and listed. After an extreme of the coordinate the path goes back until
+        it reaches the value asked for on another way.
+
+        Parameters
+        ----------
+        coordinate : str
+            Joint coordinate (``"elbow.rz"``); its joint has one free rotation at most.
+        values : array-like, shape (n,)
+            Displacements from where the coordinate is [m, rad], in the order in which they are reached. The path
+            reverses where the next value lies in the other direction.
+        switch : int
+            1 or -1: at the first branch point go on along the path that crosses, along or against the ``direction`` of
+            that point. Default: stay on the path.
+
+        Returns
+        -------
+        EquilibriumPath
+            ``values``, holding ``forces``, ``models``, ``frequencies``, ``stable``, ``stable_held`` and special
+            ``points``; ``print`` shows a table, ``plots.path`` a figure.
+
+        Raises
+        ------
+        ModelError
+            If the coordinate is unknown, or its joint has several rotations.
+        EquilibriumError
+            If the model is not in balance while the coordinate is held, or a value is not reached.
+
+        Source: E. L. Allgower and K. Georg, Introduction to Numerical Continuation Methods (SIAM 2003), chapters 2-8.
+        """
+        from mbsvib.equilibrium.equilibrium_path import equilibrium_path
+
+        return equilibrium_path(self, coordinate, values, switch)

@@ -23,7 +23,7 @@ from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import cut_elsewhere
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -83,7 +83,7 @@ def moved(
 
 def _rigid_pose(stiff: Mechanism, displacements: Mapping[str, float], cut: tuple[str, ...] | None) -> Pose:
     """The pose of a mechanism whose parts are rigid."""
-    here = posed_model(stiff, start(stiff), _cut_elsewhere(stiff, displacements) if cut is None else cut)
+    here = posed_model(stiff, start(stiff), cut_elsewhere_of(stiff, displacements) if cut is None else cut)
     target = np.zeros(len(here.coordinates.names))
     for name, value in displacements.items():
         if name not in here.coordinates.names:
@@ -102,7 +102,7 @@ def _all_coordinates(model: Mechanism) -> set[str]:
 def _bent_model(model: M, displacements: Mapping[str, float], cut: tuple[str, ...] | None) -> M | None:
     """The model in the pose with its beams and superelements bent, or None if that pose cannot be reached either."""
     mechanism = elastic_mechanism(model)
-    cut = _cut_elsewhere(mechanism, displacements) if cut is None else cut
+    cut = cut_elsewhere_of(mechanism, displacements) if cut is None else cut
     reached = pose_of_least_energy(mechanism, displacements, cut)
     if reached is None:
         return None
@@ -165,9 +165,9 @@ def _unreachable(here: PosedModel, target: Array, names: list[str], done: float,
     )  # fmt: skip
 
 
-def _cut_elsewhere(model: Mechanism, given: Mapping[str, float]) -> tuple[str, ...]:
+def cut_elsewhere_of(model: Mechanism, coordinates: Iterable[str]) -> tuple[str, ...]:
     """Return joints to cut so that the joints of the coordinates asked for are part of the tree."""
-    cut, closing = cut_elsewhere(model, {name.rsplit(".", 1)[0] for name in given} & set(model.joints))
+    cut, closing = cut_elsewhere(model, {name.rsplit(".", 1)[0] for name in coordinates} & set(model.joints))
     if closing is not None:
         raise ModelError(f"moved: all joints of the loop that '{closing}' closes have a value; leave one of them to "
                          f"follow from the others.", element=closing, field="values")  # fmt: skip

@@ -57,18 +57,7 @@ class Equilibrium(Displayed, Generic[M]):
 
     @cached_property
     def _modes(self) -> Modes | None:
-        from mbsvib.modes.result import RTOL, modes
-        from mbsvib.sparse.choice import linearized
-        from mbsvib.sparse.equations import SparseEquations
-
-        system: Equations | SparseEquations = linearized(self.model)
-        if not system.dof:
-            return None
-        if not isinstance(system, SparseEquations):
-            return modes(system, RTOL, clean=False)
-        from mbsvib.sparse.modes import modes as some_modes
-
-        return some_modes(system, min(LOWEST, system.dof))
+        return modes_of(self.model)
 
     def _stability(self) -> str:
         """The stability of the pose in words: unstable modes, or rigid-body modes."""
@@ -100,6 +89,22 @@ class Equilibrium(Displayed, Generic[M]):
             went, turned = np.linalg.norm(six[:3]), np.linalg.norm(six[3:])
             lines.append(f"    {name:<{width}}  {went:.6g} m  {turned:.6g} rad")
         return "\n".join(lines)
+
+
+def modes_of(model: Mechanism) -> Modes | None:
+    """Return the modes of a model, the lowest ones where its equations are sparse; None if nothing can move."""
+    from mbsvib.modes.result import RTOL, modes
+    from mbsvib.sparse.choice import linearized
+    from mbsvib.sparse.equations import SparseEquations
+
+    system: Equations | SparseEquations = linearized(model)
+    if not system.dof:
+        return None
+    if not isinstance(system, SparseEquations):
+        return modes(system, RTOL, clean=False)
+    from mbsvib.sparse.modes import modes as some_modes
+
+    return some_modes(system, min(LOWEST, system.dof))
 
 
 def displacements(pose: Pose) -> dict[str, Array]:

@@ -45,12 +45,12 @@ def equilibrium(model: M, snap: bool = False, cut: Sequence[str] = ()) -> Equili
     first = posed_model(articulated_model, pose, cut)
     before = balance(first)
     if before.share <= BALANCED:
-        model_there = _model_at(model, pose)
+        model_there = balanced_model(model, pose)
         return Equilibrium(model_there, 0, (before.share,), (), _displacements(model, pose))
     result = descend(first) if snap or not _is_held(first) else follow(first)
     if result.stopped:
         raise _unreachable(result)
-    model_there = _model_at(model, result.at.pose)
+    model_there = balanced_model(model, result.at.pose)
     warn_beyond(model_there, result.at, result.balance.reduction)
     displaced = _displacements(model, result.at.pose)
     return Equilibrium(model_there, result.steps, result.residuals, result.shares, displaced)
@@ -62,7 +62,7 @@ def _displacements(model: Mechanism, pose: Pose) -> dict[str, Array]:
     return {name: six for name, six in displacements(pose).items() if name not in carriers}
 
 
-def _model_at(model: M, pose: Pose) -> M:
+def balanced_model(model: M, pose: Pose) -> M:
     """The model in a pose of equilibrium."""
     model_there = model_in_pose(model, pose)
     if not model.composed:

@@ -17,6 +17,7 @@ from mbsvib.plots.mechanism import mechanism
 from mbsvib.plots.mode_comparison import mode_comparison
 from mbsvib.plots.modes import modes
 from mbsvib.plots.nyquist import nyquist
+from mbsvib.plots.path import path
 from mbsvib.plots.periodic import periodic
 from mbsvib.plots.pole_zero_map import pole_zero_map
 from mbsvib.plots.root_locus import root_locus
@@ -38,6 +39,7 @@ __all__ = [
     "mode_comparison",
     "modes",
     "nyquist",
+    "path",
     "periodic",
     "pole_zero_map",
     "root_locus",

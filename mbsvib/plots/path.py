@@ -1,0 +1,114 @@
+"""Paths of equilibria: the holding force and the natural frequencies over a joint coordinate."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from mbsvib.plots import _style as style
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from mbsvib.common.arrays import Array
+
+# Modes that are drawn, and markers of special points.
+LOWEST = 6
+MARKERS = {"limit": ("o", "extreme of the force"), "turning": ("s", "extreme of the coordinate"),
+           "branch": ("D", "another path crosses")}  # fmt: skip
+
+
+class Point(Protocol):
+    """A special point."""
+
+    @property
+    def kind(self) -> str:
+        """ "limit", "turning" or "branch"."""
+
+    @property
+    def value(self) -> float:
+        """The coordinate."""
+
+    @property
+    def force(self) -> float:
+        """The holding force."""
+
+
+class EquilibriumPath(Protocol):
+    """What ``Model.path`` returns."""
+
+    @property
+    def coordinate(self) -> str:
+        """Name of the coordinate."""
+
+    @property
+    def unit(self) -> str:
+        """Its unit."""
+
+    @property
+    def values(self) -> Array:
+        """Values (n,) of the coordinate."""
+
+    @property
+    def frequencies(self) -> Array:
+        """Natural frequencies (n, modes) [Hz]."""
+
+    @property
+    def curve(self) -> Array:
+        """Coordinate and force (k, 2) of all steps."""
+
+    @property
+    def curve_stable(self) -> NDArray[np.bool_]:
+        """Whether the stiffness is positive there (k,)."""
+
+    @property
+    def points(self) -> Sequence[Point]:
+        """Special points."""
+
+
+def path(data: EquilibriumPath) -> Figure:
+    """Draw a path of equilibria: the holding force above, natural frequencies below, over the coordinate.
+
+    Parameters
+    ----------
+    data : EquilibriumPath
+        What ``Model.path`` returned.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Full lines are stable under the holding force, dashed ones are not; special points have markers. At most the six
+        lowest frequencies are drawn.
+    """
+    with style.context():
+        figure = style.new_figure(6.4, 5.4)
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+        # a step between a stable and an unstable point belongs to the one that is not on the border of both
+        stable = data.curve_stable[:-1] | data.curve_stable[1:]
+        for wanted, dash, label in ((True, "-", "stable"), (False, "--", "unstable")):
+            if (stable == wanted).any():
+                ends = np.stack((data.curve[:-1], data.curve[1:], np.full_like(data.curve[1:], np.nan)), axis=1)
+                ends[stable != wanted] = np.nan
+                above.plot(*ends.reshape(-1, 2).T, color=style.COLOURS[0], linestyle=dash, label=label)
+        for kind, (marker, label) in MARKERS.items():
+            at = [(point.value, point.force) for point in data.points if point.kind == kind]
+            if at:
+                above.plot(*zip(*at, strict=True), marker, color=style.INK, mfc="white", markersize=5.0, label=label)
+        count = np.isfinite(data.frequencies).sum(axis=1)
+        # lines end where modes become unstable, as the others then have other numbers
+        same = np.flatnonzero(np.diff(count)) + 1
+        values, rows = np.insert(data.values, same, np.nan), np.insert(data.frequencies, same, np.nan, axis=0)
+        for mode in range(min(LOWEST, rows.shape[1])):
+            below.plot(values, rows[:, mode], ".-", color=style.COLOURS[mode % len(style.COLOURS)], markersize=3.0)
+        above.axhline(0.0, color=style.MARK, linewidth=0.6)
+        below.set_ylim(bottom=0.0)
+        above.set_ylabel(f"holding {'moment [N m]' if data.unit == 'rad' else 'force [N]'}")
+        below.set_ylabel("natural frequency [Hz]")
+        below.set_xlabel(f"{data.coordinate} [{data.unit}]")
+        above.set_title("path of equilibria")
+        figure.legend(*above.get_legend_handles_labels(), loc="outside lower center", ncols=5)
+    return figure
