@@ -260,11 +260,6 @@ def _damping(who: str, word: str, value: Any) -> float:
     return result
 
 
-def moved(beam: Beam, **changes: Any) -> Beam:
-    """Return a beam with some fields replaced unchecked."""
-    return replace(beam, **changes)
-
-
 def _end_along(who: str, start: Any, end: Any, axis: Any, length: Any) -> tuple[Vector, float, Vector]:
     """Checked axis and length, and the end point that follows from them."""
     if end is not None:

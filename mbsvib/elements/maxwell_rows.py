@@ -11,9 +11,7 @@ from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.rows import columns
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from mbsvib.elements.part import Part
+    from collections.abc import Mapping, Sequence
 
 
 class Node(Body):
@@ -37,22 +35,6 @@ def node_joint(part: Maxwell) -> NodeJoint:
     """Return the joint in which the node of a Maxwell element slides along its line."""
     joint = _joint.make(part.name, "prismatic", part.second, part.node, part.end, None, part.line, None, None, None)
     return NodeJoint(*(getattr(joint, item.name) for item in fields(joint)))
-
-
-def without_nodes(parts: Iterable[Part]) -> tuple[Part, ...]:
-    """Return the parts without nodes of Maxwell elements and their joints.
-
-    Parameters
-    ----------
-    parts : iterable of Part
-        Parts of a model with nodes.
-
-    Returns
-    -------
-    tuple of Part
-        All other parts.
-    """
-    return tuple(part for part in parts if not isinstance(part, (Node, NodeJoint)))
 
 
 def rows(parts: Sequence[tuple[int, Maxwell]], number: Mapping[str, int]) -> ElementRows:

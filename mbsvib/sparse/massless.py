@@ -33,15 +33,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SparseSeparation(Separation):
-    """The motions without mass, over the unknowns: ``static`` (size, n) are those that follow from statics, ``damped``
-    (size, n) those with damping, including the static motions that follow; only one of them is nonzero at each of the
-    ``own`` (n,) unknowns. ``at_once`` (outputs, inputs) is the direct contribution of static motions to the outputs,
-    Cq N (N^T K N)^-1 N^T B.
+    """Massless motions over the unknowns: ``static`` (size, n) without and ``damped`` (size, n) with damping.
+
+    Static motions follow from statics; damped motions include the static motions that they cause. Only one damped
+    motion is nonzero at each of the unknowns ``amplitude_of`` (n,). ``at_once`` (outputs, inputs) is the feedthrough of
+    static motions, Cq N (N^T K N)^-1 N^T B.
     """
 
     static: csc_matrix
     damped: csc_matrix
-    own: Index
+    amplitude_of: Index
     at_once: Array
 
 
@@ -88,7 +89,7 @@ def separation(
     z = motions.shapes
     acts = np.flatnonzero((elastic[1] != 0.0) | (elastic[2] != 0.0))
     parts = _Parts(
-        motions, layout, np.array([tree.names[k] for k in motions.own.tolist()], dtype=object), bodies, ports,
+        motions, layout, np.array([tree.names[k] for k in motions.coordinate.tolist()], dtype=object), bodies, ports,
         _clean(elastic[0][acts], z).tocsc(), elastic[1][acts], elastic[2][acts],
         tuple([None if matrix is None else _clean(matrix, z) for matrix in antisymmetric]),
         _clean(inputs, z).T.tocsr(), tuple([_clean(rows, z).tocsc() for rows in outputs]),
@@ -101,13 +102,13 @@ def separation(
         at_once[part.outputs] += part.at_once
     number = {name: i for i, name in enumerate(tree.names)}
     condensed = sorted([number[name] for part in results for name in part.condensed])
-    own = np.array([number[name] for part in results for name in part.first_order], dtype=np.intp)
-    order = np.argsort(own)
+    first_order = np.array([number[name] for part in results for name in part.first_order], dtype=np.intp)
+    order = np.argsort(first_order)
     static, damped = ((z @ hstack([getattr(part, key) for part in results])).tocsc() for key in ("static", "damped"))
     return SparseSeparation(
-        tuple([tree.names[i] for i in condensed]), tuple([tree.names[i] for i in own[order].tolist()]),
+        tuple([tree.names[i] for i in condensed]), tuple([tree.names[i] for i in first_order[order].tolist()]),
         motions.kept_pivot, motions.dropped_pivot, at_once=at_once, static=static, damped=damped[:, order],
-        own=layout.coordinate[own[order]],
+        amplitude_of=layout.coordinate[first_order[order]],
     )  # fmt: skip
 
 

@@ -38,13 +38,15 @@ TINY = float(np.finfo(float).tiny)
 
 @dataclass(frozen=True, slots=True)
 class Motions:
-    """``shapes`` (size, n) of the motions over the unknowns, the coordinate ``own`` (n,) of each, the mask ``light``
-    (bodies,) of the bodies that may move; the smallest pivot ``kept_pivot`` and the largest ``dropped_pivot`` of the
-    inertia rows.
+    """Massless motions: ``shapes`` (size, n) over the unknowns, and the number ``coordinate`` (n,) of each of them.
+
+    The coordinate is nonzero in one motion only. ``light`` (bodies,) is the mask of bodies that may move. Of the
+    pivots of inertia rows ``kept_pivot`` is the smallest that counts as mass, ``dropped_pivot`` the largest that
+    counts as zero.
     """
 
     shapes: csc_matrix
-    own: Index
+    coordinate: Index
     light: Mask
     kept_pivot: float
     dropped_pivot: float
@@ -175,7 +177,7 @@ def _by_parts(
     points = tree.position[body[column]]
     points[len(moving) :] = tree.point[:, coordinate].T
     shapes: list[tuple[Index, Index, Array]] = []
-    own: list[Index] = []
+    own_coordinate: list[Index] = []
     kept_pivot, dropped_pivot, count, length = 1.0, 0.0, 0, tree.length
     for row, columns, block in _connected(entries.row, entries.col, entries.data, rows.shape[0], len(column)):
         displacements = int(np.searchsorted(columns, len(moving)))
@@ -185,13 +187,13 @@ def _by_parts(
         kept_pivot, dropped_pivot = min(kept_pivot, smallest), max(dropped_pivot, largest)
         at, which = np.nonzero(motions)
         shapes.append((column[columns[at]], count + which, motions[at, which]))
-        own.append(numbers[first])
+        own_coordinate.append(numbers[first])
         count += motions.shape[1]
     if not count:
         return None
     unknown, number, value = (np.concatenate([shape[i] for shape in shapes]) for i in range(3))
     matrix = csc_matrix((value, (unknown, number)), shape=(layout.size, count))
-    return Motions(matrix, np.concatenate(own), light, kept_pivot, dropped_pivot)
+    return Motions(matrix, np.concatenate(own_coordinate), light, kept_pivot, dropped_pivot)
 
 
 def _connected(
@@ -241,10 +243,10 @@ class _Part:
             rows[np.abs(rows) <= ZERO_SUM * terms] = 0.0
             scale = 1.0 / (self.size[0, d:] + self.size[1, d:] / length)
             null, smallest, largest = null_space(rows * scale[:, None], (terms * scale[:, None]).max(axis=0), noise)
-        own = own_coordinates(null)[0]
+        coordinate = own_coordinates(null)[0]
         null = without_rounding(null, unit[d:], noise)
         if null.shape[1]:
             check_gap(null[:, 0], unit[d:], names, smallest, largest)
         displacements = per_coordinate @ null
         displacements[np.abs(displacements) <= noise * unit[:d, None]] = 0.0
-        return np.concatenate((displacements, null)), smallest, largest, own
+        return np.concatenate((displacements, null)), smallest, largest, coordinate

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.tableau import Factor
 
-# Shifts, as shares of the highest frequency's square, at which modes are counted if the springs do not determine which
-# coordinates are free. Below the last one rounding of the stiffness dominates.
-SHARES = 10.0 ** -np.arange(2.0, 13.5, 0.5)
+# Shifts, relative to the square of the highest frequency, at which modes are counted if the springs do not determine
+# which coordinates are free. Below the last one rounding of the stiffness dominates.
+SHIFTS = 10.0 ** -np.arange(2.0, 13.5, 0.5)
 # Dampers may couple all rigid-body modes, so that the slowest ones are combinations of all. Up to this number all are
 # computed, even if fewer modes are wanted.
 COUPLED_RIGID = 200
@@ -192,8 +192,8 @@ def _shifted(first: Operator) -> Operator:
     highest = float(np.abs(system.stiffness) @ np.asarray(system.elastic_rows.power(2).sum(axis=1))[:, 0])
     highest /= float(system.inertia_factor.power(2).sum()) or 1.0
     highest = highest or 1.0
-    counts = [system.tableau.factor(square=share * highest, pivot=0.0).negative(system.layout) for share in SHARES]
+    counts = [system.tableau.factor(square=shift * highest, pivot=0.0).negative(system.layout) for shift in SHIFTS]
     total = counts[-1]
-    grows = [share for share, here in zip(SHARES, counts, strict=True) if here is not None and here != total]
-    sigma = -highest * float(min(grows, default=SHARES[0])) if total is not None else -1e-6 * highest
+    larger = [shift for shift, count in zip(SHIFTS, counts, strict=True) if count is not None and count != total]
+    sigma = -highest * float(min(larger, default=SHIFTS[0])) if total is not None else -1e-6 * highest
     return replace(first, sigma=sigma, factor=system.tableau.factor(square=sigma), total=total)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def with_ports(draft: SparseDraft) -> SparseDraft:
-    """Return a draft with the rows of its inputs and outputs, but for forces in joints.
+    """Return a draft with the rows of its inputs and outputs, except forces in joints.
 
     Parameters
     ----------
@@ -53,10 +53,10 @@ def with_ports(draft: SparseDraft) -> SparseDraft:
         rows = port.motion_outputs[entries.row[used]]
         outputs.append(csr_matrix((entries.data[used], (rows, entries.col[used])), shape=shape))
     for row, owner, wrench in port.force_outputs:
-        own = np.flatnonzero(springs.owner == owner)
-        share = springs.unit[own] @ wrench
+        which = np.flatnonzero(springs.owner == owner)
+        factors = springs.unit[which] @ wrench
         for derivative, value in springs.weights:
-            line = (csr_matrix(share * value[own]) @ draft.elastic[own]).tocoo()
+            line = (csr_matrix(factors * value[which]) @ draft.elastic[which]).tocoo()
             outputs[derivative] = outputs[derivative] + csr_matrix(
                 (line.data, (np.full(line.nnz, row), line.col)), shape=shape)  # fmt: skip
     return replace(draft, inputs=inputs, outputs=(_with_spin(draft, outputs[0]), outputs[1], outputs[2]), D=through)

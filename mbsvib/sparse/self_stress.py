@@ -292,8 +292,8 @@ def _of_couplers(
             k, joint = known[name]
             six = np.concatenate(measure(joint, direction)[:2])
         else:
-            k, *rest = next(cut)
-            six = np.array(rest)
+            k, *components = next(cut)
+            six = np.array(components)
         if coupler in row:
             result.append((index_of[k], row[coupler], value * six))
     return result
@@ -305,8 +305,8 @@ def _rows(entries: list[tuple[int, int, Any]], joints: int, length: float) -> cs
 
     joint, row = np.array([entry[:2] for entry in entries], dtype=np.intp).T
     six = np.array([entry[2] for entry in entries]) * np.repeat((1.0, 1.0 / length), 3)
-    where, direction = np.nonzero(six)
-    wrenches = csr_matrix((six[where, direction], (6 * joint[where] + direction, row[where])),
+    entry, direction = np.nonzero(six)
+    wrenches = csr_matrix((six[entry, direction], (6 * joint[entry] + direction, row[entry])),
                           shape=(6 * joints, int(row.max()) + 1))  # fmt: skip
     return (wrenches @ diags(1.0 / np.sqrt(np.asarray(wrenches.power(2).sum(axis=0))[0]))).tocsr()
 

@@ -169,8 +169,7 @@ def _solved(t: Operator, h: Array, reach: float, missed: int | None, centre: flo
     z = rough + correction
     hz = t.w @ z
     if t.deflated.shape[1] and t.rigid.shape[1]:
-        share = t.deflated[:, : t.rigid.shape[1]].T @ hz
-        z -= t.rigid @ share
+        z -= t.rigid @ (t.deflated[:, : t.rigid.shape[1]].T @ hz)
         hz = t.w @ z
     length = np.sqrt(np.einsum("ij,ij->j", hz, hz))
     theta = np.einsum("ij,ij->j", h, hz)

@@ -144,11 +144,11 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def _directions(outward: Index, parent: Index, position: Array, body_of: Index, motion: Array) -> tuple[Index, Mask]:
-    """Depth of the bodies, and the world directions in which joints let them move: exact zeros of B' and no others."""
+    """Depth of the bodies, and the world directions in which joints let them move, with the exact zeros of B'."""
     n = len(parent)
-    own = np.zeros((n, 6), dtype=bool)
-    np.logical_or.at(own, body_of, (motion != 0.0).T)
-    bits = (own @ (1 << np.arange(6))).tolist()
+    in_joint = np.zeros((n, 6), dtype=bool)
+    np.logical_or.at(in_joint, body_of, (motion != 0.0).T)
+    bits = (in_joint @ (1 << np.arange(6))).tolist()
     ground = parent == n
     arm = position - np.concatenate((position, np.zeros((1, 3))))[parent]
     arms = np.where(ground, 0, (arm != 0.0) @ (1 << np.arange(3))).tolist()
