@@ -142,8 +142,7 @@ class Beam(Composed):
     @property
     def root(self) -> str:
         """Body in whose frame it is linear: ground if it holds an end, else a body that does, else its first node."""
-        held = [body for body in (self.a, self.b) if body is not None]
-        return "ground" if "ground" in held else next(iter(held), self.node(0))
+        return "ground" if "ground" in (self.a, self.b) else self.a or self.b or self.node(0)
 
     def frames(self) -> list[tuple[float, Matrix3]]:
         """Return length and axes (columns, x along the element) of all elements."""

@@ -19,6 +19,7 @@ from mbsvib.elements.beam import Beam
 from mbsvib.elements.body import Body
 from mbsvib.elements.elastic_part import ElasticPart
 from mbsvib.elements.shared_rows import ExpandedPart, Node, SharedRows
+from mbsvib.linalg.rotations import rigid_transport
 
 if TYPE_CHECKING:
     from mbsvib.common.arguments import Matrix3, Vector
@@ -79,7 +80,7 @@ def elastic_part(beam: Beam) -> ElasticPart:
         to_local, midpoint = np.kron(np.eye(2), np.array(axes).T), np.array(middle(unloaded, i))
         for j, sign in ((i, -1.0), (i + 1, 1.0)):
             arm = midpoint - np.array(unloaded.points[j])
-            rows[6 * i : 6 * i + 6, 6 * j : 6 * j + 6] = sign * to_local @ _rigid_motion(arm)
+            rows[6 * i : 6 * i + 6, 6 * j : 6 * j + 6] = sign * to_local @ rigid_transport(arm)
         values += element.stiffness(length, beam.properties, beam.material, beam.shear)
     state = np.zeros((len(beam.points), 6)) if beam.displacements is None else np.array(beam.displacements)
     columns = [6 * i + j for i in nodes for j in range(6)]
@@ -134,17 +135,9 @@ def _free_mass_rows(beam: Beam) -> Array:
     motion[0, :, :6] = np.eye(6)
     for i, (_, axes) in enumerate(frames):
         start, end, midpoint = (np.array(point) for point in (beam.points[i], beam.points[i + 1], middle(beam, i)))
-        motion[i + 1] = _rigid_motion(end - start) @ motion[i]
-        motion[i + 1, :, 6 * i + 6 : 6 * i + 12] = _rigid_motion(end - midpoint) @ np.kron(np.eye(2), np.array(axes))
+        motion[i + 1] = rigid_transport(end - start) @ motion[i]
+        motion[i + 1, :, 6 * i + 6 : 6 * i + 12] = rigid_transport(end - midpoint) @ np.kron(np.eye(2), np.array(axes))
     return np.concatenate([rows.matrix @ motion[i : i + 2].reshape(12, -1) for i, rows in enumerate(masses(beam))])
-
-
-def _rigid_motion(arm: Array) -> Array:
-    """The motion (u + theta x arm, theta) of a point at ``arm`` from a point with the motion (u, theta)."""
-    x, y, z = arm
-    result = np.eye(6)
-    result[:3, 3:] = ((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0))
-    return result
 
 
 def rotated(rows: Array, axes: Matrix3) -> Array:

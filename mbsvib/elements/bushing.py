@@ -118,7 +118,7 @@ def deflections(bushings: Sequence[Bushing], pose: Pose) -> tuple[Array, Array]:
 
 def _expanded_about(bushings: Sequence[Bushing], d: Array, rho: Array) -> list[StiffnessDampingPreload]:
     """Stiffness, damping and preload of bushings about the pose with the deflections d and rho."""
-    k, c = (np.array([_matrix(value) for value in values]) for values in (
+    k, c = (np.array([matrix6(value) for value in values]) for values in (
         [part.stiffness for part in bushings], [part.damping for part in bushings]))  # fmt: skip
     wrench = np.array([part.preload or ZERO for part in bushings])
     wrench -= (k @ np.concatenate((d, rho), axis=1)[..., None])[..., 0]
@@ -139,9 +139,9 @@ def _expanded_about(bushings: Sequence[Bushing], d: Array, rho: Array) -> list[S
             for i, (part, values) in enumerate(zip(bushings, wrenches, strict=True))]
 
 
-def _matrix(value: Six | Matrix6) -> Array:
-    """Six values or a matrix as a matrix."""
-    array = np.array(value)
+def matrix6(value: Six | Matrix6) -> Array:
+    """Return six values, or a matrix of them, as a matrix (6, 6)."""
+    array = np.array(value, dtype=float)
     return array * _SIX if array.ndim == 1 else array
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.arguments import IDENTITY
+from mbsvib.elements.bushing import matrix6
 from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.rows import Rows, columns, table
 from mbsvib.linalg.products import eigenrows
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.bushing import Bushing, Matrix6, Six
+    from mbsvib.elements.bushing import Bushing
 
     Numbered = Sequence[tuple[int, Bushing]]
 
@@ -59,7 +60,7 @@ def _rows_of_matrices(parts: Numbered, number: Mapping[str, int]) -> ElementRows
     """One row for each eigenvector of K if C is proportional to it, else rows of K and rows of C."""
     which, units, k, c = [], [np.zeros((0, 6))], [np.zeros(0)], [np.zeros(0)]
     for i, (_, part) in enumerate(parts):
-        stiffness, damping = _matrix(part.stiffness), _matrix(part.damping)
+        stiffness, damping = matrix6(part.stiffness), matrix6(part.damping)
         values, vectors = _eigenrows(stiffness if stiffness.any() else damping)
         ratio = _proportion(damping, stiffness)
         if ratio is not None:
@@ -88,11 +89,6 @@ def _in_world(parts: Numbered, number: Mapping[str, int], which: Index, unit: Ar
         both = (axes.reshape(3, 3, -1) * both[:, None]).sum(axis=2)
     force, moment = both
     return ElementRows(Rows(first, second, ends[3:], force, moment), k, c, owner, unit)
-
-
-def _matrix(value: Six | Matrix6) -> Array:
-    array = np.array(value, dtype=float)
-    return np.diag(array) if array.ndim == 1 else array
 
 
 def _proportion(damping: Array, stiffness: Array) -> float | None:

@@ -14,6 +14,7 @@ from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.elements.part import Composed, derived
 from mbsvib.errors import ModelError, counted
 from mbsvib.linalg.products import eigenrows
+from mbsvib.linalg.rotations import rigid_transport
 
 Array = NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
@@ -83,8 +84,8 @@ class Superelement(Composed):
     @property
     def node_names(self) -> dict[str, Vector]:
         """Names and points of the nodes that are bodies of their own."""
-        held = dict(self.bodies)
-        return {f"{self.name}.{name}": point for name, point in self.nodes if name not in held}
+        on_bodies = dict(self.bodies)
+        return {f"{self.name}.{name}": point for name, point in self.nodes if name not in on_bodies}
 
     @property
     def element_names(self) -> tuple[str, ...]:
@@ -200,10 +201,7 @@ def factor(who: str, field: str, matrix: Array) -> tuple[Array, Array]:
 def rigid_motions(points: Array, axes: Array, size: int) -> Array:
     """Return the rigid-body motions (size, 6) of nodes about the first of them, in the given axes."""
     result = np.zeros((size, 6))
-    local = (points - points[0]) @ axes
-    for i, (x, y, z) in enumerate(local):
-        result[6 * i : 6 * i + 6] = np.eye(6)
-        result[6 * i : 6 * i + 3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+    result[: 6 * len(points)] = rigid_transport((points - points[0]) @ axes).reshape(-1, 6)
     return result
 
 

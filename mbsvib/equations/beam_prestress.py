@@ -113,8 +113,8 @@ def element_forces(
     if elastic is not None:
         shared_rows = elastic.composite.of(joint_rows[len(joint_rows) - len(elastic.composite.rows.first) :])
         for part in reduced:
-            own = np.array([owner == part.owner for owner in elastic.owner]) & (elastic.stiffness != 0.0)
-            parts.append((shared_rows[own], elastic.stiffness[own], part.row_forces))
+            of_part = np.array([owner == part.owner for owner in elastic.owner]) & (elastic.stiffness != 0.0)
+            parts.append((shared_rows[of_part], elastic.stiffness[of_part], part.row_forces))
     rows = np.concatenate([reduction.apply_exactly(part) for part, _, _ in parts])
     open_rows, stiffness, forces = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     residual = np.zeros(rows.shape[1])

@@ -126,7 +126,7 @@ def _names(system: Equations, mask: Mask) -> tuple[str, ...]:
 def _part(system: E, remaining: Index, removed: Removed) -> E:
     square = np.ix_(remaining, remaining)
     rows = system.elastic_rows[:, remaining]
-    acts = np.asarray(rows.any(axis=1))
+    nonzero = np.asarray(rows.any(axis=1))
     null = system.null_inertia
     if null is not None:
         null = null[remaining]
@@ -142,9 +142,9 @@ def _part(system: E, remaining: Index, removed: Removed) -> E:
         coordinate_units=tuple(system.coordinate_units[k] for k in remaining),
         M=system.M[square], C=system.C[square], K=system.K[square], B=system.B[remaining],
         Cq=system.Cq[:, remaining], Cv=system.Cv[:, remaining], Ca=system.Ca[:, remaining],
-        inertia_factor=system.inertia_factor[:, remaining], elastic_rows=rows[acts],
-        row_stiffness=system.row_stiffness[acts], row_damping=system.row_damping[acts],
-        row_owner=system.row_owner[acts],
+        inertia_factor=system.inertia_factor[:, remaining], elastic_rows=rows[nonzero],
+        row_stiffness=system.row_stiffness[nonzero], row_damping=system.row_damping[nonzero],
+        row_owner=system.row_owner[nonzero],
         body_motion=np.ascontiguousarray(system.body_motion[:, :, remaining]),
         gyroscopic=_block(system.gyroscopic, square), circulatory=_block(system.circulatory, square),
         massless=0 if null is None else null.shape[1], null_inertia=null,

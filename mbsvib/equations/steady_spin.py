@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements import Body, Bushing, Spring
+from mbsvib.elements.bushing import matrix6
 from mbsvib.elements.inerter import Inerter
 from mbsvib.equations.inertia import inertia_tensor
 from mbsvib.errors import ModelError
@@ -28,9 +29,8 @@ TURN = 1.0
 
 def in_world_axes(bushing: Bushing, value: Any) -> Array:
     """Return a bushing's 6 or 6x6 coefficients as a matrix in world axes."""
-    matrix = np.array(value)
     axes = np.kron(np.eye(2), np.array(bushing.orientation))
-    return np.asarray(axes @ (np.diag(matrix) if matrix.ndim == 1 else matrix) @ axes.T)
+    return np.asarray(axes @ matrix6(value) @ axes.T)
 
 
 def spin_velocities(model: Mechanism) -> dict[str, Array]:

@@ -22,7 +22,7 @@ from mbsvib.elements.rows import Rows
 from mbsvib.errors import NearSingularWarning, SingularPoseError
 from mbsvib.kinematics.loop_group import LoopGroup, decided, measures
 from mbsvib.kinematics.relative_motion import arm
-from mbsvib.linalg.groups import connected_parts
+from mbsvib.linalg.groups import connected_parts, items_of_groups
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import (
     CERTAIN_DISTANCE,
@@ -211,9 +211,9 @@ class Entries:
     def of(self, rows: Index) -> tuple[Index, Index, Array]:
         """Return the entries of some rows, numbered among these."""
         counts = self.begin[rows + 1] - self.begin[rows]
-        here = np.repeat(np.arange(len(rows)), counts)
-        at = np.arange(len(here)) - np.repeat(np.cumsum(counts) - counts, counts) + np.repeat(self.begin[rows], counts)
-        return here, self.column[at], self.value[at]
+        row, nth = items_of_groups(counts)
+        entry = self.begin[rows][row] + nth
+        return row, self.column[entry], self.value[entry]
 
 
 def _decide(

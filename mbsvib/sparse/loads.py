@@ -172,8 +172,8 @@ def _sum_on_bodies(pairs: WrenchPairs, position: Array) -> tuple[Array, Array]:
     for arm, body, sign in zip(pairs.arms(position), (pairs.first, pairs.second), (-1.0, 1.0), strict=True):
         lever = crossed_product(arm, pairs.force)
         np.add.at(wrench, body, sign * np.concatenate((pairs.force, pairs.torque + lever)).T)
-        force, torque, turn = np.sqrt(np.square(np.array((pairs.force, pairs.torque, lever))).sum(axis=1))
-        np.add.at(size, body, np.stack((force, torque + turn), axis=1))
+        force, torque, moment = np.sqrt(np.square(np.array((pairs.force, pairs.torque, lever))).sum(axis=1))
+        np.add.at(size, body, np.stack((force, torque + moment), axis=1))
     return wrench.T.copy(), size.T.copy()
 
 
@@ -264,8 +264,8 @@ def _check_residual(residual: Array, size: Array, tree: Tree, context: tuple[str
     off = np.flatnonzero(np.abs(residual) > BALANCE * size)
     if not len(off):
         return
-    share = np.abs(residual[off]) / np.where(size[off] > 0.0, size[off], 1.0)
-    worst = int(off[np.argmax(share)])
+    relative = np.abs(residual[off]) / np.where(size[off] > 0.0, size[off], 1.0)
+    worst = int(off[np.argmax(relative)])
     name, topology = context
     missing = -float(residual[worst])
-    raise unbalanced(name, tree.names[worst], bool(tree.turns[worst]), missing, float(share.max()), topology)
+    raise unbalanced(name, tree.names[worst], bool(tree.turns[worst]), missing, float(relative.max()), topology)

@@ -87,10 +87,10 @@ def separation(
     from scipy.sparse import hstack
 
     z = motions.shapes
-    acts = np.flatnonzero((elastic[1] != 0.0) | (elastic[2] != 0.0))
+    used = np.flatnonzero((elastic[1] != 0.0) | (elastic[2] != 0.0))
     parts = _Parts(
         motions, layout, np.array([tree.names[k] for k in motions.coordinate.tolist()], dtype=object), bodies, ports,
-        _clean(elastic[0][acts], z).tocsc(), elastic[1][acts], elastic[2][acts],
+        _clean(elastic[0][used], z).tocsc(), elastic[1][used], elastic[2][used],
         tuple([None if matrix is None else _clean(matrix, z) for matrix in antisymmetric]),
         _clean(inputs, z).T.tocsr(), tuple([_clean(rows, z).tocsc() for rows in outputs]),
     )  # fmt: skip

@@ -40,14 +40,14 @@ TINY = float(np.finfo(float).tiny)
 class Motions:
     """Massless motions: ``shapes`` (size, n) over the unknowns, and the number ``coordinate`` (n,) of each of them.
 
-    The coordinate is nonzero in one motion only. ``light`` (bodies,) is the mask of bodies that may move. Of the
+    The coordinate is nonzero in one motion only. ``movable`` (bodies,) is the mask of bodies that may move. Of the
     pivots of inertia rows ``kept_pivot`` is the smallest that counts as mass, ``dropped_pivot`` the largest that
     counts as zero.
     """
 
     shapes: csc_matrix
     coordinate: Index
-    light: Mask
+    movable: Mask
     kept_pivot: float
     dropped_pivot: float
 
@@ -89,18 +89,18 @@ def massless_motions(
     """
     if inertia.regular:
         return None
-    light = ~_bodies_at_rest(tree, inertia, shared)
-    if not light.any():
+    movable = ~_bodies_at_rest(tree, inertia, shared)
+    if not movable.any():
         return None
-    return _by_parts(tree, layout, light, kinematics, factor, loops)
+    return _by_parts(tree, layout, movable, kinematics, factor, loops)
 
 
 def _bodies_at_rest(tree: Tree, inertia: SpatialInertia, shared: Shared | None) -> Mask:
     """Bodies that are certainly at rest in every massless motion."""
     n = len(tree.parent)
     at_rest = _nodes_with_mass(tree, shared)
-    heavy = np.flatnonzero(inertia.linear > 0.0)
-    at_rest[heavy[_smallest(inertia.angular[heavy]) > CERTAIN_INERTIA]] = True
+    with_mass = np.flatnonzero(inertia.linear > 0.0)
+    at_rest[with_mass[_smallest(inertia.angular[with_mass]) > CERTAIN_INERTIA]] = True
     others = np.flatnonzero(~at_rest)
     if not len(others):
         return at_rest
@@ -154,14 +154,14 @@ def _nodes_with_mass(tree: Tree, shared: Shared | None) -> Mask:
 
 
 def _by_parts(
-    tree: Tree, layout: Layout, light: Mask, kinematics: csr_matrix, factor: csr_matrix, loops: csr_matrix
+    tree: Tree, layout: Layout, movable: Mask, kinematics: csr_matrix, factor: csr_matrix, loops: csr_matrix
 ) -> Motions | None:
     """The motions of light bodies, part by part; the unknowns are their displacements and all coordinates at them."""
     from scipy.sparse import csc_matrix, vstack
 
-    near = light | np.concatenate((light, [False]))[tree.parent]
+    near = movable | np.concatenate((movable, [False]))[tree.parent]
     inward = np.argsort(tree.depth[:-1], kind="stable")
-    moving, at_rest = (layout.displacement[inward[mask[inward]]] for mask in (light, near & ~light))
+    moving, at_rest = (layout.displacement[inward[mask[inward]]] for mask in (movable, near & ~movable))
     moving, at_rest = moving[moving >= 0], at_rest[at_rest >= 0]
     coordinate = np.flatnonzero(near[tree.coordinate_body])
     column = np.concatenate((moving, layout.coordinate[coordinate]))
@@ -193,7 +193,7 @@ def _by_parts(
         return None
     unknown, number, value = (np.concatenate([shape[i] for shape in shapes]) for i in range(3))
     matrix = csc_matrix((value, (unknown, number)), shape=(layout.size, count))
-    return Motions(matrix, np.concatenate(own_coordinate), light, kept_pivot, dropped_pivot)
+    return Motions(matrix, np.concatenate(own_coordinate), movable, kept_pivot, dropped_pivot)
 
 
 def _connected(

@@ -75,9 +75,9 @@ def frequency_response(system: SparseEquations, omega: ArrayLike) -> Complex:
         s = 1j * frequency
         answer = _answer(system, right, s, damped)
         if answer is None:
-            what = "a rigid-body mode" if frequency == 0.0 else "an undamped mode"
+            kind = "a rigid-body mode" if frequency == 0.0 else "an undamped mode"
             raise ResponseError(
-                f"frequency_response: omega[{i}] = {frequency:g} rad/s is a pole of the system ({what}), where the "
+                f"frequency_response: omega[{i}] = {frequency:g} rad/s is a pole of the system ({kind}), where the "
                 f"response is infinite; leave this frequency out, or give the mechanism damping."
             )
         result[:, :, i] = displacement @ answer + s * (velocity @ answer) + s * s * (acceleration @ answer) + through

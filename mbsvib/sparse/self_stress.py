@@ -26,7 +26,7 @@ from mbsvib.kinematics.couplers import measure
 from mbsvib.linalg.groups import connected_parts
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import COLUMN_REGULARISATION, DETERMINED
-from mbsvib.linalg.rotations import skew
+from mbsvib.linalg.rotations import rigid_transport
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.constraints import WHOLE
 from mbsvib.sparse.rows import paths
@@ -320,9 +320,7 @@ def _gaps(point: Array, ends: Index, position: Array, length: float) -> csr_matr
     row, column, value = [], [], []
     for end, sign in zip(ends, (-1.0, 1.0), strict=True):
         moves = np.flatnonzero(end >= 0)
-        arm = (point[moves] - position[end[moves]]) / length
-        block = np.tile(np.eye(6), (len(moves), 1, 1))
-        block[:, :3, 3:] = -skew(arm)
+        block = rigid_transport((point[moves] - position[end[moves]]) / length)
         which, i, j = np.nonzero(block)
         row.append(6 * moves[which] + i)
         column.append(6 * end[moves[which]] + j)
