@@ -51,7 +51,7 @@ assert system.dof == 12
 integrator = control.ss(-np.pi * np.eye(6), np.eye(6), 80.0 * np.eye(6), 0 * np.eye(6), name="force feedback")
 damped = system.feedback(integrator, forces, coils)
 
-driven, shaken = mx.to_control(damped[camera, coils], "modal"), mx.to_control(damped[camera, "floor.*"], "modal")
+driven, shaken = mx.to_control(damped[camera, coils]), mx.to_control(damped[camera, "floor.*"])
 weighted = np.diag([1, 1, 1, 0.2, 0.2, 0.2]) @ driven.C
 gain, _, _ = control.lqr(driven.A, driven.B, weighted.T @ weighted, 1e-2 * np.eye(6), method="scipy")
 observer, _, _ = control.lqe(driven.A, shaken.B, driven.C, np.eye(6), 1.0 * np.eye(6), method="scipy")

@@ -18,12 +18,14 @@ from mbsvib_export.c_text import MARK, Plan, ascii_text, header, source, test_pr
 from mbsvib_export.fmu_.names import identifier
 from mbsvib_export.neutral import SystemData, state_space_of
 from mbsvib_export.sampling import discretised
+from mbsvib_export.selection import with_ports
 
 if TYPE_CHECKING:
     import os
 
     from mbsvib.api.system import System
     from mbsvib.responses.state_space import StateSpace
+    from mbsvib_export.selection import Ports
 
 # Samples in the test vectors: enough to see each state several times, few enough to read.
 SAMPLES = 64
@@ -42,6 +44,7 @@ class CFiles(Displayed):
 def to_c(
     system: System | StateSpace | SystemData | Controller, folder: str | os.PathLike[str], step: float = 1e-4, *,
     realization: str = "modal", method: str | None = None, precision: str = "double", name: str | None = None,
+    outputs: Ports = None, inputs: Ports = None,
 ) -> CFiles:  # fmt: skip
     """Write a discrete-time state space as C source that depends on nothing: NAME.h, NAME.c and NAME_test.c.
 
@@ -70,6 +73,8 @@ def to_c(
         "double", or "single" for processors that compute with 32 bits.
     name : str, optional
         Prefix of functions and files; default: the name of the system, as far as C allows it.
+    outputs, inputs : str or sequence of str, optional
+        Names or patterns of those to export; default: all.
 
     Returns
     -------
@@ -82,8 +87,9 @@ def to_c(
         If the system has no inputs or no outputs, grows beyond numbers in the test vectors, or a value is refused; if a
         file of one of these names was not written by this export.
     ResponseError
-        If the realization is unknown.
+        If the realization, or the name of an output or input, is unknown.
     """
+    system = with_ports(system, outputs, inputs)
     a_path(folder, "folder", ExportError)
     ready = kind_of(system) == "state space" or isinstance(system, SystemData)
     space = state_space_of(system, "physical" if ready and realization == "modal" else realization, "to_c")
@@ -97,8 +103,8 @@ def to_c(
         raise ExportError(f"to_c: name = {name!r}; expected letters, digits and _ of ASCII, no digit first.")
     method = method or ("tustin" if isinstance(system, Controller) else "zoh")
     matrices = _rounded(discretised(space, step, method, "to_c"), precision)
-    inputs, expected, tolerance = _test_vectors(space.name, matrices, precision)
-    plan = Plan(prefix, space, float(step), method, matrices, precision, inputs, expected, tolerance)
+    vectors, expected, tolerance = _test_vectors(space.name, matrices, precision)
+    plan = Plan(prefix, space, float(step), method, matrices, precision, vectors, expected, tolerance)
     target = _folder(folder)
     texts = {target / f"{prefix}.h": header(plan), target / f"{prefix}.c": source(plan),
              target / f"{prefix}_test.c": test_program(plan)}  # fmt: skip

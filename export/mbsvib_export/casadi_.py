@@ -16,6 +16,7 @@ from mbsvib_export.casadi_exponential import exponential_step
 from mbsvib_export.neutral import refuse_many, state_space_of
 from mbsvib_export.packages import need
 from mbsvib_export.sampling import step_of
+from mbsvib_export.selection import with_ports
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.affine import Affine
     from mbsvib_export.neutral import SystemData
+    from mbsvib_export.selection import Ports
 
 
 INSTALL = "mbsvib[casadi]"
@@ -61,6 +63,7 @@ class CasadiModel(Displayed):
 def to_casadi(
     system: System | StateSpace | SystemData, step: float | None = None, parameters: str | Sequence[str] | None = None,
     realization: str = "physical",
+    *, outputs: Ports = None, inputs: Ports = None,
 ) -> CasadiModel:  # fmt: skip
     """Return a system as functions of CasADi, for optimal control, estimation and design.
 
@@ -80,6 +83,8 @@ def to_casadi(
         the vector p. States are physical then.
     realization : str
         The states of a System: "physical", "modal" or "balanced".
+    outputs, inputs : str or sequence of str, optional
+        Names or patterns of those to export; default: all.
 
     Returns
     -------
@@ -93,8 +98,9 @@ def to_casadi(
     ModelError
         If a parameter is unknown.
     ResponseError
-        If the realization is unknown.
+        If the realization, or the name of an output or input, is unknown.
     """
+    system = with_ports(system, outputs, inputs)
     casadi = need("casadi", "to_casadi", INSTALL)
     if parameters is not None:
         return _with_parameters(casadi, system, step, parameters, realization)

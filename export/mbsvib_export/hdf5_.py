@@ -23,6 +23,7 @@ from mbsvib_export.neutral import data_of
 from mbsvib_export.npz_ import KEYS, arrays_of, data_from
 from mbsvib_export.packages import need
 from mbsvib_export.read_errors import read_errors
+from mbsvib_export.selection import with_ports
 
 if TYPE_CHECKING:
     from mbsvib.api.system import System
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.neutral import SystemData
+    from mbsvib_export.selection import Ports
 
 _INSTALL = "mbsvib[hdf5]"
 HEAD = 512  # bytes before the file itself, which HDF5 leaves to others
@@ -54,6 +56,7 @@ def head(content: bytes) -> bytes:
 def to_hdf5(
     system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
     realization: str = "physical",
+    *, outputs: Ports = None, inputs: Ports = None,
 ) -> Path:  # fmt: skip
     """Write a system to an HDF5 file, completely or not at all.
 
@@ -65,6 +68,8 @@ def to_hdf5(
         File to write; no suffix is added.
     realization : str
         States of the state space: "physical", "modal" or "balanced".
+    outputs, inputs : str or sequence of str, optional
+        Names or patterns of those to export; default: all.
 
     Returns
     -------
@@ -76,8 +81,9 @@ def to_hdf5(
     ExportError
         If h5py is not installed, the file cannot be written, or no system is given.
     ResponseError
-        If the realization is unknown.
+        If the realization, or the name of an output or input, is unknown.
     """
+    system = with_ports(system, outputs, inputs)
     h5py = need("h5py", "to_hdf5", _INSTALL)
     arrays = arrays_of(data_of(system, realization, "to_hdf5"))
     stream = BytesIO()

@@ -13,6 +13,7 @@ from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.format_version import FORMAT, SPACE_FORMAT, VERSION
 from mbsvib_export.json_reading import data_in
 from mbsvib_export.neutral import ERROR_BOUND, SECOND_ORDER, SystemData, data_of, first_order
+from mbsvib_export.selection import with_ports
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -21,11 +22,13 @@ if TYPE_CHECKING:
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
+    from mbsvib_export.selection import Ports
 
 
 def to_json(
     system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str] | None = None,
     realization: str = "physical",
+    *, outputs: Ports = None, inputs: Ports = None,
 ) -> str:  # fmt: skip
     """Return a system as JSON text, and write it to a file if a path is given.
 
@@ -41,6 +44,8 @@ def to_json(
         File to write: whole or not at all.
     realization : str
         States of the state space: "physical", "modal" or "balanced".
+    outputs, inputs : str or sequence of str, optional
+        Names or patterns of those to export; default: all.
 
     Returns
     -------
@@ -52,8 +57,9 @@ def to_json(
     ExportError
         If the file cannot be written, or no system is given.
     ResponseError
-        If the realization is unknown.
+        If the realization, or the name of an output or input, is unknown.
     """
+    system = with_ports(system, outputs, inputs)
     text = _text(_words(data_of(system, realization, "to_json"))) + "\n"
     if path is not None:
         write_atomic(path, lambda stream: stream.write(text.encode()))

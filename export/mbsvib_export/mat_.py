@@ -41,6 +41,7 @@ from mbsvib_export.responses import (
     second_order_response,
     state_space_response,
 )
+from mbsvib_export.selection import with_ports
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace as FirstOrder
+    from mbsvib_export.selection import Ports
 
 
 # Accelerations are taken into F, G and D by M^-1; where M is singular, a row that M^-1 would not reach is left over.
@@ -60,6 +62,7 @@ TITLE = 116  # bytes of free text that a .mat file begins with
 def to_mat(
     system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
     realization: str = "physical", loader: bool = True,
+    *, outputs: Ports = None, inputs: Ports = None,
 ) -> Path:  # fmt: skip
     """Write a system to a .mat file of MATLAB, and beside it a script that rebuilds it there with all its names.
 
@@ -76,6 +79,8 @@ def to_mat(
         States of the state space: "physical", "modal" or "balanced".
     loader : bool
         Whether to write the script ``load_NAME.m`` into the same folder.
+    outputs, inputs : str or sequence of str, optional
+        Names or patterns of those to export; default: all.
 
     Returns
     -------
@@ -87,8 +92,9 @@ def to_mat(
     ExportError
         If a file cannot be written, or no system is given.
     ResponseError
-        If the realization is unknown.
+        If the realization, or the name of an output or input, is unknown.
     """
+    system = with_ports(system, outputs, inputs)
     data = data_of(system, realization, "to_mat")
     if isinstance(data, SystemData):
         content = _content(data, system if isinstance(system, System) else None)

@@ -14,6 +14,7 @@ from mbsvib.version import __version__
 from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.fmu_.names import base_unit, identifier
 from mbsvib_export.neutral import state_space_of
+from mbsvib_export.selection import with_ports
 
 if TYPE_CHECKING:
     import os
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.neutral import SystemData
+    from mbsvib_export.selection import Ports
 
 WIDTH = 110
 # Words of the language, and its predefined types.
@@ -40,6 +42,7 @@ _RESERVED = frozenset((
 def to_modelica(
     system: System | StateSpace | SystemData | Controller, path: str | os.PathLike[str], *,
     realization: str = "physical", connectors: bool = False, name: str | None = None,
+    outputs: Ports = None, inputs: Ports = None,
 ) -> Path:  # fmt: skip
     """Write a state space as a model in Modelica.
 
@@ -61,6 +64,8 @@ def to_modelica(
         diagrams connect.
     name : str, optional
         Name of the model; default: that of the file, as far as Modelica allows it.
+    outputs, inputs : str or sequence of str, optional
+        Names or patterns of those to export; default: all.
 
     Returns
     -------
@@ -72,8 +77,9 @@ def to_modelica(
     ExportError
         If there is no system, nothing to write, or the file cannot be written.
     ResponseError
-        If the realization is unknown.
+        If the realization, or the name of an output or input, is unknown.
     """
+    system = with_ports(system, outputs, inputs)
     caller = "to_modelica"
     space = state_space_of(system, realization, caller)
     model = identifier(Path(path).stem) if name is None else name

@@ -41,6 +41,7 @@ from mbsvib_export.neutral import (
 )
 from mbsvib_export.npz_reading import arrays_in
 from mbsvib_export.read_errors import read_errors
+from mbsvib_export.selection import with_ports
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace as FirstOrder
+    from mbsvib_export.selection import Ports
 
 PORT_TEXTS = ("inputs", "input_units", "outputs", "output_units")
 TEXTS = ("coordinates", "coordinate_units", *PORT_TEXTS, "bodies")
@@ -61,6 +63,7 @@ KEYS = ("format", "version", "name", "realization", *TEXTS, *STATE_TEXTS, *SECON
 def to_npz(
     system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
     realization: str = "physical",
+    *, outputs: Ports = None, inputs: Ports = None,
 ) -> Path:  # fmt: skip
     """Write a system to a .npz file of numpy, completely or not at all.
 
@@ -72,6 +75,8 @@ def to_npz(
         File to write; no suffix is added.
     realization : str
         States of the state space: "physical", "modal" or "balanced".
+    outputs, inputs : str or sequence of str, optional
+        Names or patterns of those to export; default: all.
 
     Returns
     -------
@@ -83,8 +88,9 @@ def to_npz(
     ExportError
         If the file cannot be written, or no system is given.
     ResponseError
-        If the realization is unknown.
+        If the realization, or the name of an output or input, is unknown.
     """
+    system = with_ports(system, outputs, inputs)
     arrays = arrays_of(data_of(system, realization, "to_npz"))
     return write_atomic(path, lambda stream: np.savez(stream, **arrays))
 

@@ -20,6 +20,7 @@ from mbsvib.common.op4_file import read_op4_file
 from mbsvib.errors import ExportError
 from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.neutral import SystemData, data_of
+from mbsvib_export.selection import with_ports
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
+    from mbsvib_export.selection import Ports
 
 
 NAMES = {"MAA": "M", "BAA": "C", "KAA": "K", "BU": "B", "CQ": "Cq", "CV": "Cv", "CA": "Ca", "DU": "D"}
@@ -44,6 +46,7 @@ _PER_LINE, _FORMAT = 3, "1P,3E24.16"
 def to_op4(
     system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
     binary: bool = False,
+    *, outputs: Ports = None, inputs: Ports = None,
 ) -> Path:  # fmt: skip
     """Write the second-order matrices of a system to an OP4 file of Nastran, every number to the last bit.
 
@@ -57,6 +60,8 @@ def to_op4(
         File to write, taken as it is: no suffix is added.
     binary : bool
         Whether numbers are binary (little-endian, integers of 32 bits) and not text.
+    outputs, inputs : str or sequence of str, optional
+        Names or patterns of those to export; default: all.
 
     Returns
     -------
@@ -68,6 +73,7 @@ def to_op4(
     ExportError
         If the file cannot be written, no system is given, or it has neither coordinates nor ports.
     """
+    system = with_ports(system, outputs, inputs)
     data = data_of(system, "physical", "to_op4")
     names = NAMES if isinstance(data, SystemData) else dict(zip(SPACE_NAMES, SPACE_NAMES, strict=True))
     arrays = {name: getattr(data, key) for name, key in names.items()}

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from mbsvib_export.neutral import state_space_of
 from mbsvib_export.packages import need
+from mbsvib_export.selection import with_ports
 
 if TYPE_CHECKING:
     from scipy import signal
@@ -13,9 +14,13 @@ if TYPE_CHECKING:
     from mbsvib.api.system import System
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.neutral import SystemData
+    from mbsvib_export.selection import Ports
 
 
-def to_scipy(system: System | StateSpace | SystemData, realization: str = "physical") -> signal.StateSpace:
+def to_scipy(
+    system: System | StateSpace | SystemData, realization: str = "physical",
+    *, outputs: Ports = None, inputs: Ports = None,
+) -> signal.StateSpace:
     """Return a system as a state space of scipy.signal.
 
     x' = A x + B u,  y = C x + D u, the matrices bit for bit those of ``system.state_space(realization)``, whose
@@ -28,6 +33,8 @@ def to_scipy(system: System | StateSpace | SystemData, realization: str = "physi
         The equations of motion, or a state space that is ready.
     realization : str
         The states of a System: "physical" (q and q'), "modal" or "balanced".
+    outputs, inputs : str or sequence of str, optional
+        Names or patterns of those to export; default: all.
 
     Returns
     -------
@@ -39,8 +46,9 @@ def to_scipy(system: System | StateSpace | SystemData, realization: str = "physi
     ExportError
         If no system is given, or a state space that is ready in another realization.
     ResponseError
-        If the realization is unknown.
+        If the realization, or the name of an output or input, is unknown.
     """
+    system = with_ports(system, outputs, inputs)
     space = state_space_of(system, realization, "to_scipy")
     signal = need("scipy.signal", "to_scipy", "scipy>=1.11.4")
     return signal.StateSpace(space.A.copy(), space.B.copy(), space.C.copy(), space.D.copy())

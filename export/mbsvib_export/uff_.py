@@ -20,6 +20,7 @@ from mbsvib.errors import ExportError
 from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.neutral import SystemData, linear_of, refuse_many
 from mbsvib_export.responses import second_order_response
+from mbsvib_export.selection import with_ports
 from mbsvib_export.uff_functions import MARK
 from mbsvib_export.uff_geometry import geometry_sets, mode_sets
 from mbsvib_export.uff_points import geometry_of
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from mbsvib.feedback.controller import Controller
     from mbsvib.responses.measurement import Measurement, Point
     from mbsvib.responses.state_space import StateSpace
+    from mbsvib_export.selection import Ports
 
 
 # specific data types of the format; types without a number are 0, unknown
@@ -45,6 +47,7 @@ LINE = 80
 def to_uff(
     system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
     omega: ArrayLike | None = None, binary: bool = True, modes: bool = False,
+    *, outputs: Ports = None, inputs: Ports = None,
 ) -> Path:  # fmt: skip
     """Write the frequency responses of all inputs and outputs to a universal file, with nodes and directions.
 
@@ -69,6 +72,8 @@ def to_uff(
         Whether to write the modes as well, to six digits, as the format keeps them: normal ones where damping is
         proportional, else complex ones, of which the format's readers take translations only; without those that do
         not oscillate.
+    outputs, inputs : str or sequence of str, optional
+        Names or patterns of those to export; default: all.
 
     Returns
     -------
@@ -80,8 +85,9 @@ def to_uff(
     ExportError
         If the file cannot be written, there is nothing to write, frequencies do not ascend, or a name does not fit.
     ResponseError
-        If a frequency is not finite or is an undamped pole of the system.
+        If a frequency is not finite or is an undamped pole of the system, or a name is unknown.
     """
+    system = with_ports(system, outputs, inputs)
     linear: Any = system if isinstance(system, SystemData) else linear_of(system)
     if linear is None or kind_of(system) == "sparse system":
         refuse_many(system, "to_uff")

@@ -8,14 +8,14 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from mbsvib.linalg.qr import triangle
+from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Equations
 
-# An entry of D below this share of what rounding of M^-1 can make of its terms is 0: sums over a hundred motions lose
-# two or three of sixteen digits.
-ROUNDING = 1e-12
+# An entry of D below this share of what M^-1 makes of rounding of its terms is 0.
+ROUNDING = 32 * EPS
 
 
 def accelerations(system: Equations, forces: Array) -> Array:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 # A sum below this share of its terms is their rounding.
 CANCELLED = 1e-12
 # A product of vectors below this share of their lengths is rounding of the motions, which are orthogonal to so much.
-ORTHOGONAL = 256 * EPS
+ORTHOGONAL = 32 * EPS
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,3 +63,22 @@ def test_a_mode_that_no_input_reaches_counts_for_nothing_in_a_reduction():
     model.add_output("beside", "b2", "z")
     small = model.linearize().reduced(1, method="modal")
     assert small.modes().frequencies == pytest.approx([np.sqrt(200.0) / (2 * np.pi)])
+
+
+def test_small_accelerations_are_no_rounding():
+    """A light body on a heavy one, 1e7 apart: what the heavy one does at once is small, and known to all digits."""
+    model = mv.Model()
+    for i, (name, mass) in enumerate((("heavy", 1e5), ("light", 1e-2))):
+        model.add_body(name, mass, (mass, mass, mass), position=(i, 0, 0))
+    model.add_joint("slide", "prismatic", "ground", "heavy", position=(0, 0, 0), axis=(1, 0, 0))
+    model.add_joint("tilted", "prismatic", "heavy", "light", position=(1, 0, 0), axis=(1e-3, 1, 0))
+    model.add_spring("k", "ground", "heavy", start=(-1, 0, 0), end=(0, 0, 0), stiffness=1e6)
+    model.add_spring("l", "heavy", "light", start=(1, -1, 0), end=(1, 0, 0), stiffness=1e2)
+    model.add_input("F", "light", "y")
+    model.add_output("a", "heavy", "x", quantity="acceleration")
+    system = model.linearize()
+    tilt = 1e-3
+    total = 1e5 + 1e-2 * (1 - tilt**2 / (1 + tilt**2))
+    expected = -tilt / (1 + tilt**2) / total
+    for realization in ("physical", "modal"):
+        assert system.state_space(realization).D[0, 0] == pytest.approx(expected, rel=1e-9)

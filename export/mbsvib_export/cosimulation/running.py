@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
 
 _MOST = 500  # iterations of a step
-_MET = 1e-14
+# Outputs meet when they change by the first share of their size, or by no more than the second and not less than in so
+# many iterations before: what is left is rounding of the states, which outputs may magnify.
+_MET, _ROUNDING, _WITHOUT_PROGRESS = 1e-14, 1e-8, 10
 
 
 def run(
@@ -116,7 +118,7 @@ def _iterate(
     h = loop.h
     saved = [instance.fmu.getFMUState() for instance in (p, k)]
     try:
-        guess = f
+        guess, least, since = f, np.inf, 0
         for number in range(_MOST):
             if number:
                 for instance, state in zip((p, k), saved, strict=True):
@@ -129,7 +131,9 @@ def _iterate(
             k.step(t, h, loop.measure @ (y1 - y) / h)
             outputs = k.get()
             change = np.abs(outputs - guess).max(initial=0.0)
-            if change <= _MET * max(np.abs(outputs).max(initial=0.0), np.abs(f).max(initial=0.0)):
+            size = max(np.abs(outputs).max(initial=0.0), np.abs(f).max(initial=0.0))
+            least, since = (change, 0) if change < least else (least, since + 1)
+            if change <= _MET * size or (since >= _WITHOUT_PROGRESS and change <= _ROUNDING * size):
                 return up + h / 2 * slope, y1, outputs
             guess = outputs
     finally:

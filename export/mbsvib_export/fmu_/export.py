@@ -20,6 +20,7 @@ from mbsvib_export.fmu_.matrices import matrices_file
 from mbsvib_export.fmu_.names import identifier
 from mbsvib_export.fmu_.sources import plant_of
 from mbsvib_export.fmu_.variables import attributes, variables_of
+from mbsvib_export.selection import with_ports
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.fmu_.plant import Plant
     from mbsvib_export.neutral import SystemData
+    from mbsvib_export.selection import Ports
 
     Source: TypeAlias = System | StateSpace | SystemData | control.StateSpace
 
@@ -71,6 +73,7 @@ class FmuFile(Displayed):
 def to_fmu(
     system: Source, path: str | os.PathLike[str], version: str = ..., *, tunable: Sequence[str] = ...,
     realization: str = ..., platforms: str | Sequence[str] | None = ...,
+    outputs: Ports = ..., inputs: Ports = ...,
 ) -> FmuFile: ...  # fmt: skip
 
 
@@ -78,12 +81,14 @@ def to_fmu(
 def to_fmu(
     system: Source, path: str | os.PathLike[str], version: tuple[str, ...] | list[str], *, tunable: Sequence[str] = ...,
     realization: str = ..., platforms: str | Sequence[str] | None = ...,
+    outputs: Ports = ..., inputs: Ports = ...,
 ) -> tuple[FmuFile, ...]: ...  # fmt: skip
 
 
 def to_fmu(
     system: Source, path: str | os.PathLike[str], version: str | Sequence[str] = "3.0", *, tunable: Sequence[str] = (),
     realization: str = "physical", platforms: str | Sequence[str] | None = None,
+    outputs: Ports = None, inputs: Ports = None,
 ) -> FmuFile | tuple[FmuFile, ...]:  # fmt: skip
     """Write a system as a functional mock-up unit, for model exchange and co-simulation at once.
 
@@ -113,6 +118,8 @@ def to_fmu(
         installed. What is not there yet is compiled once, in some seconds, and kept: for this platform by gcc or clang,
         for others by zig (``pip install "mbsvib[fmu]"``). The ``repr`` of the result
         says what is in the file.
+    outputs, inputs : str or sequence of str, optional
+        Names or patterns of those to export; default: all.
 
     Returns
     -------
@@ -127,8 +134,9 @@ def to_fmu(
     ModelError
         If a parameter is unknown.
     ResponseError
-        If the realization is unknown.
+        If the realization, or the name of an output or input, is unknown.
     """
+    system = with_ports(system, outputs, inputs)
     versions = (version,) if isinstance(version, str) else tuple(dict.fromkeys(version))
     for fmi_version in versions:
         if fmi_version not in VERSIONS:

@@ -1,0 +1,85 @@
+"""Some outputs and inputs of a system in every format."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+import mbsvib_export as mx
+from mbsvib import library
+
+OUTPUTS, INPUTS = ["z", "r?"], "F?"
+KEPT = ("z", "rx", "ry", "rz"), ("Fx", "Fy", "Fz")
+
+
+@pytest.fixture(scope="module")
+def system():
+    return library.stewart_isolator().linearize()
+
+
+@pytest.fixture(scope="module")
+def sources(system):
+    loop = system.feedback(mv.StateSpace.from_arrays([[-9.0]], [[1.0]], [[-2.0]], 0.0), ["x"], ["Fx"])
+    return {"system": system, "loop": loop, "state space": system.state_space(),
+            "from a file": mx.from_json(mx.to_json(system)), "control": mx.to_control(system)}  # fmt: skip
+
+
+def written(function, reader, suffix):
+    def read_back(source, folder, **ports):
+        path = folder / f"file{suffix}"
+        function(source, path, **ports)
+        return reader(path)
+
+    return read_back
+
+
+READ = {
+    "json": lambda source, folder, **ports: mx.from_json(mx.to_json(source, **ports)),
+    "npz": written(mx.to_npz, mx.from_npz, ".npz"),
+    "hdf5": written(mx.to_hdf5, mx.from_hdf5, ".h5"),
+    "mat": written(mx.to_mat, mx.from_mat, ".mat"),
+}
+
+
+@pytest.mark.parametrize("kind", ["system", "loop", "state space", "from a file", "control"])
+@pytest.mark.parametrize("reader", READ)
+def test_files_hold_the_ports_named(sources, kind, reader, tmp_path):
+    data = READ[reader](sources[kind], tmp_path, outputs=OUTPUTS, inputs=INPUTS)
+    assert (data.outputs, data.inputs) == KEPT
+    space = data.state_space if isinstance(data, mx.SystemData) else data
+    whole = mx.to_control(sources[kind])
+    rows, columns = ([known.index(name) for name in names] for known, names in
+                     ((list(whole.output_labels), KEPT[0]), (list(whole.input_labels), KEPT[1])))  # fmt: skip
+    assert np.allclose(space.D, whole.D[np.ix_(rows, columns)], rtol=1e-12, atol=1e-12)
+    assert np.allclose(space.C, whole.C[rows], rtol=1e-12, atol=1e-12)
+    assert np.allclose(space.B, whole.B[:, columns], rtol=1e-12, atol=1e-12)
+
+
+def test_other_targets_have_the_ports_named(system, tmp_path):
+    ports = {"outputs": OUTPUTS, "inputs": INPUTS}
+    assert mx.to_scipy(system, **ports).C.shape[0] == 4
+    model = mx.to_casadi(system, **ports)
+    assert (model.outputs, model.inputs) == KEPT
+    assert tuple(mx.from_uff(mx.to_uff(system, tmp_path / "a.uff", [10.0, 20.0], **ports)).outputs) == KEPT[0]
+    text = mx.to_modelica(system, tmp_path / "a.mo", **ports).read_text(encoding="utf-8")
+    assert "output Real rz" in text
+    assert "output Real y" not in text
+    header = mx.to_c(system, tmp_path / "c", **ports).header.read_text(encoding="ascii")
+    assert "Fz" in header
+    assert "Mx" not in header
+    mx.to_op4(system, tmp_path / "a.op4", **ports)
+
+
+def test_fmus_have_the_ports_named(system, tmp_path):
+    from fmpy import read_model_description
+
+    path = mx.to_fmu(system, tmp_path / "a.fmu", outputs=OUTPUTS, inputs=INPUTS).path
+    variables = read_model_description(path).modelVariables
+    for causality, names in zip(("output", "input"), KEPT, strict=True):
+        assert tuple(v.name for v in variables if v.causality == causality) == names
+
+
+def test_unknown_names(system):
+    with pytest.raises(mv.ResponseError, match="no such output"):
+        mx.to_json(system, outputs="zz")
+    with pytest.raises(mv.ResponseError, match="'Fq'"):
+        mx.to_json(mx.from_json(mx.to_json(system)), inputs="Fq")
