@@ -164,7 +164,7 @@ def _angle_error(bushing: Bushing, rho: Array) -> ModelError:
     """Close to half a turn the rotation vector, and with it the moment, may as well have the opposite direction."""
     who, angle = f"bushing '{bushing.name}'", float(np.linalg.norm(rho))
     return ModelError(f"{who}: is turned by {np.degrees(angle):.0f} degrees, where its moment is no longer defined "
-                      f"(limit {np.degrees(LARGEST_ANGLE):.0f}). Describe the model in a pose nearer by.",
+                      f"(limit {np.degrees(LARGEST_ANGLE):.0f}). Describe the model in a nearer pose.",
                       element=who, field="stiffness")  # fmt: skip
 
 

@@ -143,7 +143,7 @@ def make_coupler(name: str, coefficients: Any, joints: Mapping[str, Joint]) -> C
     for key, value in coefficients.items():
         coordinate = coordinate_of(key, joints, who, "coefficients")
         if coordinate in terms:
-            raise check.refuse(who, "coefficients", dict(coefficients), expected, f"'{coordinate}' is there twice.")
+            raise check.refuse(who, "coefficients", dict(coefficients), expected, f"'{coordinate}' is given twice.")
         terms[coordinate] = value
     if len(terms) < 2:
         hint = "To lock one coordinate, take a joint that does not have it." if terms else ""

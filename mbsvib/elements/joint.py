@@ -147,7 +147,7 @@ def make(
         raise check.refuse(who, "position", None, "the joint's point (x, y, z) [m] in world axes")
     if axis is not None:
         if orientation is not None:
-            raise ModelError(f"{who}: both orientation and axis are given; they say the same, give one.",
+            raise ModelError(f"{who}: both orientation and axis are given; give one of them.",
                              element=who, field="axis")  # fmt: skip
         axis = check.vector(axis, who, "axis")
     if kind == "distance":
@@ -255,7 +255,8 @@ def _kind(kind: Any, free: Any, who: str) -> tuple[str, tuple[str, ...] | None]:
         raise check.refuse(who, "kind", kind, expected, nearest(str(kind), KINDS).strip())
     if kind is not None and not (isinstance(kind, str) and kind in ("custom", "free")):
         raise ModelError(
-            f"{who}: kind = {kind!r} already says what is free; leave out free=, or give kind=None with it.",
+            f"{who}: kind = {kind!r} already determines the free directions; leave out free=, or give kind=None with "
+            f"it.",
             element=who, field="free",
         )  # fmt: skip
     directions = (free,) if isinstance(free, str) else _as_tuple(free, who)

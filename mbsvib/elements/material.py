@@ -52,7 +52,7 @@ def make(value: Any, who: str) -> Material:
     if isinstance(value, Material):
         return value
     if not hasattr(value, "keys"):
-        raise check.refuse(who, "material", value, "a Material or its words, such as "
+        raise check.refuse(who, "material", value, "a Material or a dict, such as "
                            "{'E': 2.1e11, 'nu': 0.3, 'rho': 7800}")  # fmt: skip
     result: Material = built(Material, dict(value), who, "material")
     return result

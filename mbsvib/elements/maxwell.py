@@ -102,6 +102,6 @@ def make(
     if preload is not None:
         preload = check.number(preload, who, "preload", "the tension of its static spring in the given pose [N]")
         if preload and not k0:
-            raise ModelError(f"{who}: preload = {preload} needs a static_stiffness to carry it, as the damper gives "
-                             f"way; give one, or leave preload out.", element=who, field="preload")  # fmt: skip
+            raise ModelError(f"{who}: preload = {preload} needs a static_stiffness, as a damper has no force at rest; "
+                             f"give one, or leave preload out.", element=who, field="preload")  # fmt: skip
     return Maxwell(name, first, second, a, b, k, c, k0, preload, line)

@@ -50,5 +50,5 @@ def make(name: str, body: str, speed: Any, axis: Any, inertia: Any) -> Rotor:
         inertia = check.number(inertia, who, "inertia", "its moment about the axis [kg m^2]")
         if inertia <= 0.0:
             raise check.refuse(who, "inertia", inertia, "a positive moment about the axis [kg m^2]",
-                               "Leave it out where the body itself spins.")  # fmt: skip
+                               "Leave it out if the body itself spins.")  # fmt: skip
     return Rotor(name, body, speed, check.axis(axis, who, "axis"), inertia)

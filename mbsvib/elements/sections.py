@@ -175,7 +175,7 @@ def make(value: Any, who: str) -> Shape:
     if isinstance(value, Section | Circle | Tube | Rectangle):
         return value
     if not hasattr(value, "keys"):
-        raise check.refuse(who, "section", value, "a Tube, Circle, Rectangle or Section, or words: {'type': 'tube', "
+        raise check.refuse(who, "section", value, "a Tube, Circle, Rectangle or Section, or a dict: {'type': 'tube', "
                            "'radius': 0.1, 'wall': 0.01}, {'A': ..., 'Iy': ..., 'Iz': ..., 'J': ...}")  # fmt: skip
     kwargs: dict[str, Any] = dict(value)
     kind = kwargs.pop("type", "properties")

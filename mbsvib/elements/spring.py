@@ -94,13 +94,13 @@ def make(
     if free_length is not None:
         free_length = check.number(free_length, who, "free_length", "the length without load [m]")
         if preload is not None:
-            raise ModelError(f"{who}: both preload and free_length are given; they say the same, give one.",
+            raise ModelError(f"{who}: both preload and free_length are given; give one of them.",
                              element=who, field="free_length")  # fmt: skip
         if free_length < 0.0:
             raise check.refuse(who, "free_length", free_length, "a length that is not negative [m]")
         if k == 0.0:
-            raise ModelError(f"{who}: free_length = {free_length} needs a stiffness to make a force of; give one, or "
-                             f"give the tension as preload.", element=who, field="free_length")  # fmt: skip
+            raise ModelError(f"{who}: free_length = {free_length} needs a stiffness; give one, or give the tension as "
+                             f"preload.", element=who, field="free_length")  # fmt: skip
         tension = k * (length - free_length)
     if k == 0.0 and c == 0.0 and not tension:
         raise ModelError(f"{who}: neither stiffness nor damping is given; give one, or leave the spring out.",

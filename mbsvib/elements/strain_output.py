@@ -86,6 +86,6 @@ def _surface(part: StrainOutput, beam: Beam) -> float:
         return 0.5 * (section.width if part.side[-1] == "y" else section.height)
     if isinstance(section, Section):
         raise ModelError(f"strain output '{part.name}': the section of beam '{beam.name}' is given by its properties, "
-                         f"which do not tell where its surface is; give distance= [m] from the centre line.",
+                         f"which do not contain its surface; give distance= [m] from the centre line.",
                          element=part.name, field="distance")  # fmt: skip
     return section.radius

@@ -221,8 +221,8 @@ def _check_rigid(who: str, stiffness: Array, rigid: Array) -> None:
     if forces[worst] > RIGID:
         raise ModelError(
             f"{who}: K resists a motion of all nodes as one rigid body along '{check.DIRECTIONS[worst]}' (forces are "
-            f"{forces[worst]:.2g} of the terms they sum up). Check the nodes' positions, order and axes "
-            f"(x y z rx ry rz each); if the model stands on the ground within, say grounded=True.",
+            f"{forces[worst]:.2g} of the sum of their terms). Check the nodes' positions, order and axes "
+            f"(x y z rx ry rz each); if the model itself is fixed to the ground, give grounded=True.",
             element=who, field="K",
         )  # fmt: skip
 

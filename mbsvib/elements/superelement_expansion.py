@@ -193,9 +193,9 @@ def _with_weight(
     translations = rigid_motions(points, layout.axes, len(mass_matrix))
     if part.grounded:
         raise ModelError(
-            f"superelement '{part.name}': its mass does not tell how gravity acts on a model that is held by the "
-            f"ground within (grounded=True); leave gravity out, or give the model with its feet as nodes on the "
-            f"ground.", element=part.name, field="grounded",
+            f"superelement '{part.name}': its mass matrix does not determine how gravity acts on a model that itself "
+            f"is fixed to the ground (grounded=True); leave gravity out, or give the model with nodes on the ground.",
+            element=part.name, field="grounded",
         )  # fmt: skip
     moments = translations[:, :3].T @ mass_matrix
     total, first = moments @ translations[:, :3], moments @ translations[:, 3:]
@@ -204,7 +204,7 @@ def _with_weight(
     if np.abs(total - mass * np.eye(3)).max() > RIGID * abs(mass) or np.abs(first + first.T).max() > RIGID * size:
         raise ModelError(
             f"superelement '{part.name}': its mass for translations along its axes is {total.diagonal().tolist()} kg, "
-            f"so M does not tell how gravity acts; expected the same along all three and none across. Reduce the "
+            f"so M does not determine how gravity acts; expected the same along all three and none across. Reduce the "
             f"model with nodes that move it as a rigid body, or leave gravity out.", element=part.name, field="M",
         )  # fmt: skip
     g, world_moments = np.array(gravity), layout.axes @ moments[:, layout.coordinates]

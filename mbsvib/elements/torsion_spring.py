@@ -79,8 +79,8 @@ class TorsionSpring(Connection):
         if square < LARGEST_SWING or abs(angle) > bushing.LARGEST_ANGLE:
             who = f"torsion spring '{self.name}'"
             raise ModelError(f"{who}: its bodies are turned by {degrees(abs(angle)):.0f} degrees about its axis and by "
-                             f"{degrees(2.0 * atan2(hypot(x, y), sqrt(square))):.0f} across it, where its angle is no "
-                             f"longer known. Describe the model in a pose nearer by.",
+                             f"{degrees(2.0 * atan2(hypot(x, y), sqrt(square))):.0f} across it, where its angle is not "
+                             f"unique. Describe the model in a nearer pose.",
                              element=who, field="stiffness")  # fmt: skip
         moment = (self.preload or 0.0) - self.stiffness * angle
         if hypot(x, y) <= SWING:

@@ -104,7 +104,7 @@ def check_rotation(model: Mechanism, source: BaseMotion) -> None:
         if hypot(*cross) > PARALLEL_DIRECTIONS * hypot(*axis) * hypot(*direction):
             raise ModelError(
                 f"base motion '{source.name}': turns the ground about {tuple(axis)}, but {name}, which does not turn "
-                f"with it; its effect grows with the angle, which the angular acceleration as an input does not give. "
+                f"with it; its effect depends on the angle, which is no linear function of the acceleration. "
                 f"{hint}, or carry the mechanism on a body that a torque turns.",
                 element=source.name, field="direction",
             )  # fmt: skip

@@ -166,5 +166,5 @@ def _check_masses(mass: Array, names: tuple[str, ...], first: int) -> None:
             check_mass(mass[i], names)
         except ModelError as error:
             raise ModelError(f"variant {first + i}: {error} All variants of a batch have the same motions without "
-                             f"mass, and the model as given has none.", element=error.element) from error  # fmt: skip
+                             f"mass, and the nominal model has none.", element=error.element) from error  # fmt: skip
 

@@ -109,7 +109,7 @@ def _in_coordinates(variant: Mechanism, nominal: Equations, cut: Sequence[str] |
         if error.field != "independent":
             raise
         _check_massless(linearized(variant, None, cut), nominal)  # more motions without mass, fewer coordinates
-        raise SingularPoseError(f"its loops tie the coordinates {', '.join(nominal.coordinates)} of the pose as given "
+        raise SingularPoseError(f"its loops tie the coordinates {', '.join(nominal.coordinates)} of the nominal pose "
                                 f"to each other. {HELP}") from error  # fmt: skip
     return result
 
@@ -122,7 +122,7 @@ def _check_massless(system: Equations, nominal: Equations) -> None:
     name = next(name for name in (*in_variant, *in_nominal) if in_variant.get(name) != in_nominal.get(name))
     moves = "moves mass"
     raise ModelError(
-        f"coordinate '{name}' {in_variant.get(name, moves)}, in the model as given it {in_nominal.get(name, moves)}. "
+        f"coordinate '{name}' {in_variant.get(name, moves)}, in the nominal model it {in_nominal.get(name, moves)}. "
         f"All variants of a batch have the same motions without mass; linearize this one by itself "
         f"(model.with_values).",
         element=name, field="values",

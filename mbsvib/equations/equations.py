@@ -141,7 +141,7 @@ class Provenance:
         self.check_mechanism(name, request)
         if self.closed_loop:
             raise ModelError(f"{request}: a controller acts on '{name}', and derivatives with closed loops are not "
-                             f"available. Ask the system with open loops, loop.open_loop.")  # fmt: skip
+                             f"available. Use the system with open loops, loop.open_loop.")  # fmt: skip
 
 
 @dataclass(frozen=True, repr=False, eq=False, kw_only=True)

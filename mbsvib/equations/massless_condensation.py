@@ -92,8 +92,8 @@ def condense(
     if required[dependent].any():
         name = names[int(dependent[required[dependent]][0])]
         raise ModelError(
-            f"independent: coordinate '{name}' cannot be kept: motions without mass and damper follow the others, and "
-            f"the springs leave no other choice. Leave it out of independent=.",
+            f"independent: coordinate '{name}' cannot be kept: motions without mass and damping follow from statics, "
+            f"and the springs allow no other choice of coordinates. Leave it out of independent=.",
             element=name, field="independent",
         )  # fmt: skip
     remaining = np.setdiff1d(np.arange(len(names)), dependent)

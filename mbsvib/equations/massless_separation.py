@@ -238,7 +238,7 @@ def _check_proper(
             quantity = "displacement" if key == "Cv" else "displacement or velocity"
             raise ModelError(
                 f"output '{outputs[i]}' would need the derivative of input '{inputs[j]}', which acts on a motion "
-                f"without mass; ask for its {quantity}, or give what moves a mass.",
+                f"without mass; use its {quantity} as output, or give the bodies that move a mass.",
                 element=outputs[i], field="quantity",
             )  # fmt: skip
 

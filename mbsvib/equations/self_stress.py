@@ -141,9 +141,9 @@ def warn(model: str, undetermined: Sequence[Undetermined]) -> None:
 
             warnings.warn(
                 f"model '{model}' does not determine the outputs {listed(forces.outputs)}: constraints of the joints "
-                f"{listed(forces.joints)} are redundant. Of all forces that hold the bodies those of least norm are "
-                f"given, as explain() says. To have others, make one of these joints flexible (a bushing in its place) "
-                f"or let it free directions that the others lock.",
+                f"{listed(forces.joints)} are redundant. Of all forces in equilibrium those of least norm are "
+                f"returned, see explain(). To obtain others, replace one of these joints by a bushing, or by a joint "
+                f"that frees directions that the others lock.",
                 UndeterminedForceWarning, stacklevel=4,
             )  # fmt: skip
 

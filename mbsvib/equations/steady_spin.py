@@ -40,7 +40,8 @@ def spin_velocities(model: Mechanism) -> dict[str, Array]:
         if rotor.inertia is None:
             if rotor.body in result:
                 raise ModelError(f"rotor '{rotor.name}': body '{rotor.body}' spins already; add the speeds up, or give "
-                                 f"the inertia of what spins on it.", element=rotor.name, field="body")  # fmt: skip
+                                 f"the inertia of the part that spins on it.",
+                                 element=rotor.name, field="body")  # fmt: skip
             result[rotor.body] = rotor.speed * np.array(rotor.axis)
     return result
 
@@ -87,7 +88,7 @@ def check_steady(model: Mechanism, bodies: Sequence[Body], elements: Sequence[Bu
             spins[body.name]
         ):
             raise ModelError(f"rotor '{rotor.name}' spins about an axis that moves, as body '{body.name}' spins about "
-                             f"another one (rotor '{rotor_of[body.name]}'); only axes that stay are supported.",
+                             f"another one (rotor '{rotor_of[body.name]}'); only fixed axes are supported.",
                              element=rotor.name, field="axis")  # fmt: skip
     if not any(spin.any() for spin in spins.values()):
         return
@@ -107,7 +108,7 @@ def _check_symmetric(name: str, body: Body, axis: Array) -> None:
     off = max(float(np.abs(projection @ inertia @ axis).max()), float(np.abs(transverse - mean * projection).max()))
     if off > SLACK * float(np.abs(inertia).max()):
         raise ModelError(f"rotor '{name}': body '{body.name}' spins, and its inertia is not symmetric about the axis "
-                         f"(off by {off:.3g} kg m^2); what it does in axes that do not spin would vary with time. "
+                         f"(off by {off:.3g} kg m^2); its inertia in axes that do not spin would vary with time. "
                          f"Check axis and tensor, or give the inertia of the part that spins.",
                          element=name, field="axis")  # fmt: skip
 
@@ -147,17 +148,17 @@ def _check_joint(
     velocity = locked @ _relative_velocity(point, pair, bodies, spins)
     size = np.linalg.norm(locked[:, :3], axis=1) * length + np.linalg.norm(locked[:, 3:], axis=1)
     if (np.abs(velocity) > SLACK * speed * size).any():
-        raise ModelError(f"rotor '{rotor}': joint '{joint.name}' does not let body '{spinning}' spin about this "
-                         f"axis; turn its axis or put it on the axis, or give the inertia of what spins on the body "
+        raise ModelError(f"rotor '{rotor}': joint '{joint.name}' does not allow body '{spinning}' to spin about this "
+                         f"axis; align the joint with the axis, or give the inertia of the part that spins on the body "
                          f"(also of a disk on a shaft).", element=rotor, field="axis")  # fmt: skip
     locked = locked / np.linalg.norm(locked, axis=1)[:, None]
     both = np.concatenate((locked, _rotated(locked, point, center, axis)))
     both[:, 3:] /= length or 1.0
     values = np.linalg.svd(both, compute_uv=False)
     if np.count_nonzero(values > SLACK * values[0]) > np.linalg.matrix_rank(locked, tol=SLACK):
-        raise ModelError(f"rotor '{rotor}': joint '{joint.name}' turns with body '{spinning}' and is not the "
-                         f"same from all sides of its axis; the equations would vary with time, which is not "
-                         f"supported.", element=rotor, field="axis")  # fmt: skip
+        raise ModelError(f"rotor '{rotor}': joint '{joint.name}' turns with body '{spinning}' and is not axisymmetric; "
+                         f"the equations would vary with time, which is not supported.",
+                         element=rotor, field="axis")  # fmt: skip
 
 
 def _reference_length(body: Body, point: Array) -> float:
@@ -195,9 +196,10 @@ def _check_spring(
             distance = float(np.linalg.norm(np.cross(spins[name], arm))) / float(np.linalg.norm(axis))
             if distance > SLACK * _reference_length(bodies[name], np.array(points[name])):
                 swap = name == spring.first and spring.second not in spins and not isinstance(spring, Spring)
-                more = f" Where an equilibrium moved it, name '{name}' as its second body, which its point goes with."
-                raise ModelError(f"{subject}does so off its axis, by {distance:.3g} m: it would turn with it; put its "
-                                 f"point on the axis.{more if swap else ''}", element=rotor, field="axis")  # fmt: skip
+                more = f" If an equilibrium moved it, give '{name}' as its second body, with which its point moves."
+                raise ModelError(f"{subject}does so off its axis, by {distance:.3g} m: its point would move around the "
+                                 f"axis; put it on the axis.{more if swap else ''}",
+                                 element=rotor, field="axis")  # fmt: skip
     both_spin = spring.first in spins and spring.second in spins
     if isinstance(spring, Spring):
         if both_spin:
@@ -210,7 +212,8 @@ def _check_spring(
         size = _blocks(stiffness) @ (_reference_length(bodies[spinning], point), 1.0)
         if (force_rates[:, 0] > SLACK * float(np.linalg.norm(axis)) * size).any():
             raise ModelError(f"{subject}would be wound up by the spin; give it no stiffness about the axis, or give "
-                             "the inertia of what spins on the body.", element=rotor, field="axis")  # fmt: skip
+                             "the inertia of the part that spins on the body.",
+                             element=rotor, field="axis")  # fmt: skip
     if both_spin:
         for matrix in (stiffness, damping):
             _check_axisymmetric(matrix, (center, axis), subject, rotor)
@@ -223,5 +226,5 @@ def _check_axisymmetric(matrix: Array, line: tuple[Array, Array], subject: str, 
     if len(matrix) == 6:
         after = _rotated(after.T, center, center, axis).T
     if (_blocks(after - matrix) > SLACK * _blocks(matrix)).any():
-        raise ModelError(f"{subject}turns with it and is not the same from all sides of the axis; the equations would "
-                         "vary with time, which is not supported.", element=rotor, field="axis")  # fmt: skip
+        raise ModelError(f"{subject}turns with it and is not axisymmetric; the equations would vary with time, which "
+                         "is not supported.", element=rotor, field="axis")  # fmt: skip

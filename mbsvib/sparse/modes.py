@@ -172,8 +172,8 @@ def _nearest(system: SparseEquations, space: Subspace, k: int) -> tuple[Array | 
         ritz = undamped(small, RTOL)
     except np.linalg.LinAlgError:
         raise ResponseError(
-            f"modes: the search for the lowest modes of '{system.name}' found motions that depend on each other, "
-            f"beside motions that hardly any stiffness holds; take linearize(method='dense')."
+            f"modes: the search for the lowest modes of '{system.name}' found linearly dependent motions, and motions "
+            f"with very small stiffness; use linearize(method='dense')."
         ) from None  # fmt: skip
     if sigma > 0.0:
         centre = space.centre

@@ -105,8 +105,8 @@ def static_compliance(system: SparseEquations) -> Array:
     answer = _answer(system, forces(system.layout, system.input_rows), 0.0, False)
     if answer is None:
         raise ResponseError(
-            f"static_compliance: the stiffness of '{system.name}' is singular, a motion of the mechanism meets no "
-            f"spring; modes(k) shows these rigid-body modes."
+            f"static_compliance: the stiffness of '{system.name}' is singular, a motion of the mechanism has no "
+            f"stiffness; modes(k) shows these rigid-body modes."
         )
     return np.asarray(system.output_rows[0] @ answer + _through(system), dtype=float)
 

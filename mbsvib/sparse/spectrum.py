@@ -105,8 +105,8 @@ def general_modes(
             return result.small, result.modes, result.bound, result.selected
         if system.dof > LARGEST:
             raise ResponseError(
-                f"modes: {k} modes of '{system.name}' near {near:g} Hz are not told apart from others nearby; ask for "
-                f"fewer, or near another frequency, or linearize(method='dense')."
+                f"modes: {k} modes of '{system.name}' near {near:g} Hz cannot be separated from others nearby; ask for "
+                f"fewer, or near another frequency, or use linearize(method='dense')."
             )
     mass, massless = split_massless(system, with_static_motions(system, coordinates(system)))
     if massless.shape[1]:

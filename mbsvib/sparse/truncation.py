@@ -68,8 +68,8 @@ def corrected(system: SparseEquations, small: E, count: int) -> E:
         free = f"at least {rigid}" if rigid else "others"
         raise ResponseError(
             f"reduced: static correction of '{system.name}' with {count} modes; free motions have no static part, so "
-            f"all of them must be among the modes kept and be told from slow ones: ask for more modes ({free}), or for "
-            f"no correction."
+            f"all of them must be among the modes, and differ from slow ones: ask for more modes ({free}), or for no "
+            f"correction."
         )
     force = np.asarray(system.input_rows.toarray().T)
     if rigid:
