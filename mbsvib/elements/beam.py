@@ -97,19 +97,7 @@ class Beam(Composed):
         """Area, second moments, torsion constant and shear factors."""
         return self.section.properties(self.material.poisson)
 
-    def node(self, i: int) -> str:
-        """Return the name of the body at node i: the node itself, or the body that holds this end.
-
-        Parameters
-        ----------
-        i : int
-            Number of the node, from 0.
-
-        Returns
-        -------
-        str
-            Name of a body or ground.
-        """
+    def body_of(self, i: int) -> str:
         if i == 0 and self.a is not None:
             return self.a
         if i == len(self.points) - 1 and self.b is not None:
@@ -119,8 +107,7 @@ class Beam(Composed):
     @property
     def node_names(self) -> dict[str, Vector]:
         """Names and points of the nodes that are bodies of their own."""
-        bodies = ((self.node(i), i, point) for i, point in enumerate(self.points))
-        return {name: point for name, i, point in bodies if name == f"{self.name}.{i}"}
+        return {body: point for i, (body, point) in enumerate(self.node_bodies) if body == f"{self.name}.{i}"}
 
     @property
     def element_names(self) -> tuple[str, ...]:
@@ -142,7 +129,7 @@ class Beam(Composed):
     @property
     def root(self) -> str:
         """Body in whose frame it is linear: ground if it holds an end, else a body that does, else its first node."""
-        return "ground" if "ground" in (self.a, self.b) else self.a or self.b or self.node(0)
+        return "ground" if "ground" in (self.a, self.b) else self.a or self.b or self.body_of(0)
 
     def frames(self) -> list[tuple[float, Matrix3]]:
         """Return length and axes (columns, x along the element) of all elements."""

@@ -49,7 +49,7 @@ def elements(beam: Beam) -> list[tuple[Joint, Bushing]]:
     for i, (length, axes) in enumerate(beam.frames()):
         midpoint = middle(beam, i)
         k = element.stiffness(length, beam.properties, beam.material, beam.shear)
-        first, second = beam.node(i), beam.node(i + 1)
+        first, second = beam.body_of(i), beam.body_of(i + 1)
         name = beam.element_names[i]
         joint = _joint.make(name, "free", first, second, midpoint, axes, None, None, None, None)
         bushing = _bushing.make(name, first, second, midpoint, k, tuple([beam.beta * value for value in k]), axes)
@@ -72,8 +72,8 @@ def masses(beam: Beam) -> list[SharedRows]:
 
 def elastic_part(beam: Beam) -> ElasticPart:
     """Return a beam as a linear elastic part in the frame of its root, in the displacements of its nodes."""
-    unloaded, root = beam.without_forces(), beam.root
-    nodes = [i for i in range(len(beam.points)) if beam.node(i) != root]
+    unloaded, root, bodies = beam.without_forces(), beam.root, beam.node_bodies
+    nodes = [i for i, (body, _) in enumerate(bodies) if body != root]
     rows = np.zeros((6 * (len(beam.points) - 1), 6 * len(beam.points)))
     values: list[float] = []
     for i, (length, axes) in enumerate(unloaded.frames()):
@@ -85,9 +85,8 @@ def elastic_part(beam: Beam) -> ElasticPart:
     state = np.zeros((len(beam.points), 6)) if beam.displacements is None else np.array(beam.displacements)
     columns = [6 * i + j for i in nodes for j in range(6)]
     return ElasticPart(
-        beam.name, root, tuple([f"{beam.name}.{i}" for i in nodes]),
-        tuple([(beam.node(i), beam.points[i]) for i in nodes]), (), beam.points[0], rows[:, columns], np.array(values),
-        state[nodes].reshape(-1),
+        beam.name, root, tuple([f"{beam.name}.{i}" for i in nodes]), tuple([bodies[i] for i in nodes]), (),
+        beam.points[0], rows[:, columns], np.array(values), state[nodes].reshape(-1),
     )  # fmt: skip
 
 
@@ -123,7 +122,7 @@ def modal_damper(beam: Beam) -> SharedRows:
     forces = modes[order] * np.sqrt(k.reshape(-1)) * omega[:, None]
     matrix = np.concatenate([rotated(forces[:, 6 * i : 6 * i + 6], axes) for i, (_, axes) in enumerate(frames)], axis=1)
     nodes = tuple([
-        Node(beam.node(i + 1), middle(beam, i), relative_to=beam.node(i)) for i in range(len(frames))
+        Node(beam.body_of(i + 1), middle(beam, i), relative_to=beam.body_of(i)) for i in range(len(frames))
     ])  # fmt: skip
     return SharedRows(beam.name, nodes, matrix, damping=2.0 * beam.damping_ratio / omega**3)
 
@@ -147,7 +146,7 @@ def rotated(rows: Array, axes: Matrix3) -> Array:
 
 
 def _node(beam: Beam, i: int) -> Node:
-    return Node(beam.node(i), beam.points[i])
+    return Node(beam.body_of(i), beam.points[i])
 
 
 def middle(beam: Beam, i: int) -> Vector:

@@ -191,6 +191,41 @@ class Composed(Part):
 
     @property
     @abstractmethod
+    def points(self) -> tuple[Vector, ...]:
+        """Points of its nodes [m], world axes."""
+
+    @abstractmethod
+    def body_of(self, i: int) -> str:
+        """Return the name of the body at node i: the node itself, or the body that holds it.
+
+        Parameters
+        ----------
+        i : int
+            Number of the node, from 0.
+
+        Returns
+        -------
+        str
+            Name of a body or ground.
+        """
+
+    @property
+    def node_bodies(self) -> tuple[tuple[str, Vector], ...]:
+        """Body and point [m] of each node."""
+        return tuple([(self.body_of(i), point) for i, point in enumerate(self.points)])
+
+    @property
+    @abstractmethod
+    def root(self) -> str:
+        """Name of the body in whose frame it is linear."""
+
+    @property
+    def carriers(self) -> tuple[str, ...]:
+        """Names of the bodies whose displacements are internal coordinates, three each."""
+        return ()
+
+    @property
+    @abstractmethod
     def node_names(self) -> dict[str, Vector]:
         """Names and points [m] of its nodes that are bodies of their own."""
 

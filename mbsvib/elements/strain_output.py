@@ -74,8 +74,8 @@ def expand(part: StrainOutput, composed: Mapping[str, Part]) -> ExpandedPart:
         local[4] = offset / length
         local[2] = -6.0 * end * offset / (length * length * (1.0 + shear[1]))
     world = [sum(row[k] * local[start + k] for k in range(3)) for start in (0, 3) for row in axes]
-    output = ports.make_output(part.name, beam.node(i + 1), world, middle(beam, i), beam.node(i), "displacement", None,
-                               UNIT)  # fmt: skip
+    output = ports.make_output(part.name, beam.body_of(i + 1), world, middle(beam, i), beam.body_of(i),
+                               "displacement", None, UNIT)  # fmt: skip
     return ExpandedPart(outputs={part.name: output})
 
 

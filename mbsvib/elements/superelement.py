@@ -59,7 +59,17 @@ class Superelement(Composed):
         return result | ({"grounded": True} if self.grounded else {})
 
     @property
-    def root(self) -> int | None:
+    def points(self) -> tuple[Vector, ...]:
+        """Points of its nodes [m], world axes."""
+        return tuple([point for _, point in self.nodes])
+
+    @property
+    def root(self) -> str:
+        """Body in whose frame it is linear: that of the root node, or ground."""
+        return "ground" if self.root_node is None else self.body_of(self.root_node)
+
+    @property
+    def root_node(self) -> int | None:
         """Number of the node in whose frame it is linear: one on the ground, else one on a body, else the first.
 
         None if it is ``grounded``: it is then linear in the frame of the ground.
@@ -108,18 +118,6 @@ class Superelement(Composed):
                 f"rank of M {self.rank[0]} and of K {self.rank[1]} of {size} ({free} motions without stiffness)")
 
     def body_of(self, i: int) -> str:
-        """Return the name of the body at node i: the node itself, or the body that holds it.
-
-        Parameters
-        ----------
-        i : int
-            Number of the node, from 0.
-
-        Returns
-        -------
-        str
-            Name of a body or ground.
-        """
         name = self.nodes[i][0]
         return dict(self.bodies).get(name, f"{self.name}.{name}")
 

@@ -81,7 +81,7 @@ def elastic(part: Superelement) -> list[SharedRows]:
         result.append(stiffness_rows(elastic_part(part)))
     if damping is not None and len(damping[0]):
         c, rows = damping
-        layout = Layout.of(part, None if rows.shape[1] == len(part.M) else part.root)
+        layout = Layout.of(part, None if rows.shape[1] == len(part.M) else part.root_node)
         result.append(SharedRows(part.name, layout.row_nodes(part), layout.rows(rows), damping=c))
     return result
 
@@ -119,7 +119,8 @@ class Layout:
         """Return the nodes of rows, and the bodies of internal coordinates."""
         relative_to = "ground" if self.root is None else part.body_of(self.root)
         origin = part.nodes[0][1]
-        return (*[Node(part.body_of(i), part.nodes[i][1], relative_to=relative_to) for i in self.nodes],
+        bodies = part.node_bodies
+        return (*[Node(*bodies[i], relative_to=relative_to) for i in self.nodes],
                 *[Node(name, origin, moves_with_ground=False) for name in part.carriers])  # fmt: skip
 
     def rows(self, rows: Array) -> Array:
@@ -147,14 +148,13 @@ def elastic_part(part: Superelement, gravity: Vector | None = None) -> ElasticPa
     ModelError
         If gravity acts and the mass matrix does not determine the weight.
     """
-    layout = Layout.of(part, part.root)
+    layout = Layout.of(part, part.root_node)
     values, rows = part.factors[1]
     nodes = layout.row_nodes(part)[: len(layout.nodes)]
-    root, point = ("ground", part.nodes[0][1]) if part.root is None else (part.body_of(part.root),
-                                                                       part.nodes[part.root][1])  # fmt: skip
+    point = part.points[part.root_node or 0]
     state = np.zeros(len(part.M)) if part.displacements is None else np.array(part.displacements)
     result = ElasticPart(
-        part.name, root, tuple([f"{part.name}.{part.nodes[i][0]}" for i in layout.nodes]),
+        part.name, part.root, tuple([f"{part.name}.{part.nodes[i][0]}" for i in layout.nodes]),
         tuple([(node.body, node.point) for node in nodes]), part.carriers, part.nodes[0][1],
         layout.world(rows), values, layout.world(state[layout.coordinates]),
     )  # fmt: skip
@@ -175,7 +175,7 @@ def weight_rows(part: Superelement) -> Array:
         The mass that moves along world axes per displacement of each node except the root, and of each body of internal
         coordinates [kg, kg m].
     """
-    layout = Layout.of(part, part.root)
+    layout = Layout.of(part, part.root_node)
     translations = rigid_motions(np.array(part.points_without_forces), layout.axes, len(part.M))[:, :3]
     moments = translations.T @ np.array(part.M)
     return layout.rows(layout.axes @ moments[:, layout.coordinates])

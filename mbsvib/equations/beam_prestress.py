@@ -63,8 +63,8 @@ def _weight(beam: Beam, gravity: Vector) -> list[Load]:
     for i, length in enumerate(beam.lengths()):
         mass[i : i + 2] += 0.5 * line * length
     return [
-        _load.make(f"{beam.name}.weight{i}", beam.node(i), [m * g for g in gravity], _load.NONE, point, False)
-        for i, (m, point) in enumerate(zip(mass.tolist(), beam.points, strict=True)) if beam.node(i) != "ground"
+        _load.make(f"{beam.name}.weight{i}", beam.body_of(i), [m * g for g in gravity], _load.NONE, point, False)
+        for i, (m, point) in enumerate(zip(mass.tolist(), beam.points, strict=True)) if beam.body_of(i) != "ground"
     ]  # fmt: skip
 
 
@@ -223,7 +223,7 @@ def bent_lines(beam: Beam, elements: dict[str, Bushing]) -> list[SharedRows]:
                 row[across], row[about] = d, sign * r
                 rows.append(row)
                 values.append(tension * value)
-        node = Node(beam.node(i + 1), middle(beam, i), relative_to=beam.node(i))
+        node = Node(beam.body_of(i + 1), middle(beam, i), relative_to=beam.body_of(i))
         result.append(SharedRows(beam.name, (node,), rotated(np.array(rows), axes), stiffness=np.array(values)))
     return result
 

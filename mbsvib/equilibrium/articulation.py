@@ -15,7 +15,7 @@ from mbsvib.elements.elastic_part import second_order_rotation_rows, stiffness_r
 from mbsvib.elements.shared_rows import Expansion
 from mbsvib.equations.beam_prestress import beam_weights
 from mbsvib.equations.expansion import expanded
-from mbsvib.equilibrium.flexible_parts import attachment_points, flexible, root_of
+from mbsvib.equilibrium.flexible_parts import attachment_points, flexible
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.rebuilding import changed
 
@@ -131,7 +131,7 @@ def with_rigid_parts(model: M) -> M:
             bodies[node] = _body.make(node, 0.0, (0.0, 0.0, 0.0), point, None)
     for part in parts:
         points = attachment_points(part)
-        root = root_of(part)
+        root = part.root
         for k, (body, point) in enumerate(points.items()):
             if body != root:
                 name = f"{part.name} holds {k}"

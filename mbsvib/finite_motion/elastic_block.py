@@ -161,15 +161,15 @@ def _used(model: Mechanism) -> set[str]:
 def _of_beam(beam: Beam, model: Mechanism, used: set[str]) -> ElasticBlock:
     rest, whole = beam.without_forces(), beam_expansion.elastic_part(beam)
     points = np.array(rest.points)
-    elastic = tuple([i for i in range(len(points)) if beam.node(i) != beam.root])
-    names = {beam.node(i): i for i in reversed(range(len(points)))}
+    elastic = tuple([i for i in range(len(points)) if beam.body_of(i) != beam.root])
+    names = {beam.body_of(i): i for i in reversed(range(len(points)))}
     mass = _matrix(beam_expansion.masses(rest), names, points, 0)
     damping = _matrix(beam_expansion.dampers(rest), names, points, 0)
     weight = np.zeros((len(points), 3))
     if model.gravity is not None and any(model.gravity):
         falls = {load.body: load.force for load in beam_weights([rest], model.gravity).values()}
         for i in range(len(points)):
-            weight[i] = falls.get(beam.node(i), (0.0, 0.0, 0.0))
+            weight[i] = falls.get(beam.body_of(i), (0.0, 0.0, 0.0))
     return _block(whole, points, elastic, 0, mass, damping, beam.beta, weight, used)
 
 
@@ -183,7 +183,7 @@ def _of_superelement(part: Superelement, model: Mechanism, used: set[str]) -> El
     whole = superelement_expansion.elastic_part(part, model.gravity)
     points = np.array(part.points_without_forces)
     count = len(points)
-    elastic = tuple([i for i in range(count) if i != part.root and part.body_of(i) != whole.root])
+    elastic = tuple([i for i in range(count) if i != part.root_node and part.body_of(i) != whole.root])
     names = {part.body_of(i): i for i in range(count)}
     names |= {name: count + i for i, name in enumerate(part.carriers)}
     mass = _matrix(superelement_expansion.masses(part), names, points, part.internal)
