@@ -15,7 +15,7 @@ import numpy as np
 
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.modes import modes as dense_modes
-from mbsvib.sparse.galerkin import CONVERGED, ROUNDS, eigenvectors, extended, of_all_eigenvalues, parts, truncation
+from mbsvib.sparse.galerkin import CONVERGED, ROUNDS, eigenvectors, of_all_eigenvalues, parts, truncation
 from mbsvib.sparse.reduction import RTOL, reduced
 
 if TYPE_CHECKING:
@@ -106,8 +106,8 @@ def coupled(
         if not unconverged.any():
             break
         if basis.shape[1] > limit:
-            basis = extended(t.w, basis[:, :rigid], parts(z), NEW)
-        basis = extended(t.w, basis, parts(correction[:, unconverged]), NEW)
+            basis = _extended(t, basis[:, :rigid], parts(z))
+        basis = _extended(t, basis, parts(correction[:, unconverged]))
     # relative distance of the selected modes from those that are not in the subspace
     distance = np.abs(np.abs(vectors.values) ** 2 - t.sigma)
     errors = truncation(size, size, space.reach / np.maximum(distance, 1e-300) - 1.0)
@@ -122,3 +122,24 @@ def _kinetic(t: Operator, force: NDArray[np.inexact]) -> tuple[NDArray[np.inexac
         amplitudes = t.deflated[:, : t.rigid.shape[1]].T @ rows
         motion, rows = motion - t.rigid @ amplitudes, rows - t.deflated[:, : t.rigid.shape[1]] @ amplitudes
     return motion, rows
+
+
+def _extended(t: Operator, basis: Array, more: Array) -> Array:
+    """The basis extended by some motions, M-orthonormal.
+
+    Corrections are mostly in the basis already. Their remainders are scaled to unit length before the SVD, which would
+    otherwise leave them out.
+    """
+    basis_rows = t.w @ basis
+    for _ in range(2):
+        rows = t.w @ more
+        length = np.linalg.norm(rows, axis=0)
+        amplitudes = basis_rows.T @ rows
+        rows -= basis_rows @ amplitudes
+        remaining = np.linalg.norm(rows, axis=0)
+        used = remaining > NEW * length
+        more, rows = (more - basis @ amplitudes)[:, used] / remaining[used], rows[:, used] / remaining[used]
+        _, singular, right = np.linalg.svd(rows, full_matrices=False)
+        significant = singular > NEW * singular.max(initial=0.0)
+        more = more @ (right[significant].T / singular[significant])
+    return np.concatenate((basis, more), axis=1)

@@ -92,54 +92,44 @@ def parts(z: NDArray[np.inexact]) -> Array:
     return np.concatenate((z.real, z.imag), axis=1) if np.iscomplexobj(z) else np.asarray(z, dtype=float)
 
 
-def extended(
-    w: Any, basis: Array, more: Array, tolerance: float, project: Callable[[Array], Array] | None = None
-) -> Array:
+def extended(quadratic: Quadratic, basis: Array, more: Array, speed: float) -> Array:
     """Return a basis extended by some motions, orthonormal in kinetic energy, basis^T M basis = 1.
 
     Parameters
     ----------
-    w : csr_matrix, shape (rows, size)
-        W of M = W^T W.
+    quadratic : Quadratic
+        P(s).
     basis : array, shape (size, n)
         Orthonormal motions.
     more : array, shape (size, k)
         Further motions.
-    tolerance : float
-        A direction is left out if less than this fraction remains after orthogonalization.
-    project : callable, optional
-        Projection of new directions, before they are orthogonalized again.
+    speed : float
+        A frequency [rad/s] at which new directions are projected on motions that the joints allow: small remainders
+        after the orthogonalization violate the constraints by rounding.
 
     Returns
     -------
     array, shape (size, n + new)
         The motions.
     """
-    rows = w @ basis
-    length = np.linalg.norm(w @ more, axis=0)
-    more = more[:, length > 0.0] / length[length > 0.0]
-    for limit in (tolerance, STILL_NEW):
-        for _ in range(2):
-            amplitudes = rows.T @ (w @ more)
-            more = more - basis @ amplitudes
-        _, singular, right = np.linalg.svd(w @ more, full_matrices=False)
-        significant = singular > limit
-        more = more @ (right[significant].T / singular[significant])
-        if project is not None and limit == tolerance:
-            more = project(more)
-    return np.concatenate((basis, more), axis=1)
-
-
-def extended_within_constraints(quadratic: Quadratic, basis: Array, more: Array, speed: float) -> Array:
-    """Return ``extended`` with new directions projected on motions that the joints allow, at a frequency [rad/s].
-
-    Small remainders after the orthogonalization violate the constraints by rounding.
-    """
     if not more.shape[1]:
         return basis
+    w = quadratic.w
+    basis_rows = w @ basis
+    length = np.linalg.norm(w @ more, axis=0)
+    more = more[:, length > 0.0] / length[length > 0.0]
     factor = quadratic.system.tableau.factor(s=ABOVE * speed)
-    return extended(quadratic.w, basis, more, NEW,
-                    lambda z: np.asarray(quadratic.solve(factor, quadratic.force(ABOVE * speed, z))))  # fmt: skip
+    for limit in (NEW, STILL_NEW):
+        for _ in range(2):
+            rows = w @ more
+            amplitudes = basis_rows.T @ rows
+            more, rows = more - basis @ amplitudes, rows - basis_rows @ amplitudes
+        _, singular, right = np.linalg.svd(rows, full_matrices=False)
+        significant = singular > limit
+        more = more @ (right[significant].T / singular[significant])
+        if limit == NEW:
+            more = quadratic.solve(factor, quadratic.force(ABOVE * speed, more))
+    return np.concatenate((basis, more), axis=1)
 
 
 def truncation(right: Array, left: Array, distance: Array) -> Array:
@@ -218,7 +208,7 @@ class Galerkin:
         """Return motions with mass and massless motions, both extended by parts of further motions."""
         more_mass, more_massless = split_massless(self.quadratic.system, parts(more))
         speed = float(np.abs(vectors.values).max(initial=1.0))
-        return (extended_within_constraints(self.quadratic, mass, more_mass, speed),
+        return (extended(self.quadratic, mass, more_mass, speed),
                 independent(self.quadratic.system, np.concatenate((massless, more_massless), axis=1)))  # fmt: skip
 
     def _corrections(self, solution: Solution) -> list[NDArray[Any]]:

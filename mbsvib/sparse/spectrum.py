@@ -17,7 +17,7 @@ from mbsvib.errors import ResponseError
 from mbsvib.modes import modes as dense_modes
 from mbsvib.sparse.disc import disc
 from mbsvib.sparse.first_order import independent, independent_with_mass, split_massless, with_static_motions
-from mbsvib.sparse.galerkin import Galerkin, eigenvectors, error_bound, extended_within_constraints, parts
+from mbsvib.sparse.galerkin import Galerkin, eigenvectors, error_bound, extended, parts
 from mbsvib.sparse.layout import kinematics
 from mbsvib.sparse.operator import COUPLED_RIGID, operator
 from mbsvib.sparse.quadratic import Quadratic
@@ -200,7 +200,7 @@ class Search:
         system, mass, massless = self.quadratic.system, rigid, rigid[:, :0]
         for member in discs:
             more_mass, more_massless = split_massless(system, parts(member.motions()))
-            mass = extended_within_constraints(self.quadratic, mass, more_mass, abs(member.shifted.sigma))
+            mass = extended(self.quadratic, mass, more_mass, abs(member.shifted.sigma))
             massless = independent(system, np.concatenate((massless, more_massless), axis=1))
 
         def distance(values: Complex) -> Array:
