@@ -59,8 +59,6 @@ def displacement(joint: Joint, numbers: Numbers, q: Expression, base: Expression
     rotation = _rotation(joint, turns, base)
     if joint.kind == "distance":
         shift = _swing(joint, shift)
-    elif joint.successive and 0 < len(joint.freedom) - len(turns) < 3:
-        shift = _turned_axes(joint, rotation) @ shift
     point = point_of(joint, numbers)
     return Frame(rotation, point + shift - rotation @ point)
 
@@ -88,8 +86,6 @@ def openings(joint: Joint, numbers: Numbers, relative: Frame) -> list[tuple[str,
         length = math.dist(joint.position or (0.0, 0.0, 0.0), joint.end or (0.0, 0.0, 0.0))
         return [("z", 0.5 * (ca.dot(rod, rod) - length**2) / length)]
     gap, turns, result = relative.point(point) - point, free_rotations(joint), []
-    if joint.successive and any(name[0] != "r" for name, _ in joint.freedom):
-        gap = _turned_axes(joint, relative.rotation).T @ gap
     for name, six in joint.locked:
         along, axis = ca.SX(np.array(six[:3])), ca.SX(np.array(six[3:]))
         if joint.kind == "screw" and name == "z":
@@ -125,18 +121,6 @@ def _swing(joint: Joint, across: Expression) -> Expression:
     length = float(np.linalg.norm(rod))
     square = ca.dot(across, across) / length**2
     return sinc(square) * across - 0.5 * length * square * sinc(0.25 * square) ** 2 * ca.SX(rod / length)
-
-
-def _turned_axes(joint: Joint, rotation: Expression) -> Expression:
-    """Rotation (3, 3) of axes along the first free rotation, across both, and across these."""
-    one, two = map(ca.SX, free_rotations(joint))
-
-    def axes(second: Expression) -> Expression:
-        normal = ca.cross(one, second)
-        normal /= ca.norm_2(normal)
-        return ca.horzcat(one, normal, ca.cross(normal, one))
-
-    return axes(rotation @ two) @ axes(two).T
 
 
 def _off_thread(joint: Joint, rotation: Expression, gap: Expression) -> Expression:
