@@ -70,6 +70,6 @@ if __name__ == "__main__":
     for name, curve in curves.items():
         axes.semilogy(fine / (2 * np.pi), curve, label=name)
     axes.axhline(truth["peak"], color="k", ls=":", label="least peak, closed form")
-    axes.set(xlabel="frequency [Hz]", ylabel="displacement over static displacement [-]")
+    axes.set(xlabel="frequency [Hz]", ylabel="displacement over static displacement [1]")
     axes.legend()
     plt.show()

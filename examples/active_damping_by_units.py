@@ -53,6 +53,6 @@ if __name__ == "__main__":
     axes = figure.subplots()
     for each in check.masters:
         axes.loglog(each.steps, each.errors, "o-", label=f"{each.method}, order {each.order:.1f}")
-    axes.set(xlabel="step [s]", ylabel="error of the platform's motion [-]", title="Co-simulated active damping")
+    axes.set(xlabel="step [s]", ylabel="error of the platform's motion [1]", title="Co-simulated active damping")
     axes.legend()
     plt.show()

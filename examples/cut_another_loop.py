@@ -49,10 +49,10 @@ def draw():
         above.set_xticks(range(6), system.coordinates, rotation=90, fontsize=7)
         above.set_yticks(range(6), system.coordinates, fontsize=7)
         below.stem(range(1, 7), system.modes().frequencies)
-        below.set(xlabel="mode [-]", ylabel="frequency [Hz]" if above is panels[0, 0] else "", ylim=(0, 1400))
+        below.set(xlabel="mode", ylabel="frequency [Hz]" if above is panels[0, 0] else "", ylim=(0, 1400))
         below.set_xticks(range(1, 7))
         below.grid(alpha=0.3)
-    figure.colorbar(image, ax=list(panels[0]), label="mass matrix, scaled to a unit diagonal [-]")
+    figure.colorbar(image, ax=list(panels[0]), label="mass matrix, scaled to a unit diagonal [1]")
     figure.suptitle("One platform, five ways to cut its loops")
     return figure
 

@@ -55,7 +55,7 @@ def draw():
     above.plot([], [], "o", markerfacecolor="none", color="0.3", markersize=9, label="reference, 50 digits")
     above.set(title="Natural frequencies of the three families", ylabel="natural frequency [Hz]")
     above.legend(loc="lower right")
-    below.set(xlabel="number of the mode [-]", ylabel="relative error [-]", ylim=(3e-18, 1e-11))
+    below.set(xlabel="number of the mode", ylabel="relative error [1]", ylim=(3e-18, 1e-11))
     for axes in (above, below):
         axes.grid(alpha=0.3)
     return figure

@@ -55,11 +55,11 @@ def draw():
     _, (left, right) = plt.subplots(1, 2, figsize=(11, 4.8), layout="constrained")
     for name, study in studies.items():
         left.loglog(study.frequencies, study.index, label=name)
-    left.set(xlabel="frequency [Hz]", ylabel="index of transmissibility [-]")
+    left.set(xlabel="frequency [Hz]", ylabel="index of transmissibility [1]")
     left.legend()
     for name, values in uncertain.items():
         right.semilogx(frequencies, values, label=name)
-    right.set(xlabel="frequency [Hz]", ylabel="structured singular value of T [-]")
+    right.set(xlabel="frequency [Hz]", ylabel="structured singular value of T [1]")
     right.legend()
     plt.show()
 

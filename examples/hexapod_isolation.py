@@ -82,6 +82,6 @@ if __name__ == "__main__":
     for name, each in (("passive", system), ("force feedback", damped), ("and LQG", loop)):
         response = each.frequency_response(grid, "camera.z", "floor.z")[0, 0]
         plt.loglog(grid / (2 * np.pi), abs(response), label=name)
-    plt.gca().set(xlabel="frequency [Hz]", ylabel="floor z to camera z [-]", title="Isolation of the camera")
+    plt.gca().set(xlabel="frequency [Hz]", ylabel="floor z to camera z [1]", title="Isolation of the camera")
     plt.legend()
     plt.show()

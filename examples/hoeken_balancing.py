@@ -59,7 +59,7 @@ def draw():
         right.plot(rms[:, 0], rms[:, k], mark, label=f"{WHAT[k]} after optimisation")
     right.plot([1, 1], [1, 1], "k*", ms=11, label="without counterweights")
     right.plot([0, 0], [berkof.rms(what) / before.rms(what) for what in WHAT[1:]], "kx", ms=8, label="Berkof and Lowen")
-    right.set(xlabel="rms shaking force, relative [-]", ylabel="rms moment and torque, relative [-]", title="Trade-off")
+    right.set(xlabel="rms shaking force, relative [1]", ylabel="rms moment and torque, relative [1]", title="Trade-off")
     right.legend()
     for cycle, label in ((before, "without"), (middle, "in between"), (berkof, "Berkof and Lowen")):
         force = np.vstack((cycle.shaking_force, cycle.shaking_force[:1]))

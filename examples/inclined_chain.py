@@ -44,7 +44,7 @@ def draw():
     figure.legend(handles=[closed, beads], loc="outside upper right", ncols=2)
     figure.suptitle("Beads on an inclined rail", x=0.01, ha="left")
     for axes in panels[:, 0]:
-        axes.set_ylabel("displacement [-]")
+        axes.set_ylabel("displacement [1]")
     for axes in panels[1]:
         axes.set_xlabel("along the rail [m]")
     return figure

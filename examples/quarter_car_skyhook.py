@@ -59,7 +59,7 @@ def draw():
         left.loglog(frequency, abs(transmissibility(car)), label=name)
         right.plot(time, acceleration, label=name)
     left.loglog(frequency, abs(ideal), "k:", label="skyhook on a rigid tyre")
-    left.set(title="Road to body", xlabel="frequency [Hz]", ylabel="transmissibility [-]", ylim=(1e-3, 5))
+    left.set(title="Road to body", xlabel="frequency [Hz]", ylabel="transmissibility [1]", ylim=(1e-3, 5))
     left.set_xticks((0.2, 0.5, 1, 2, 5, 10, 20), labels=("0.2", "0.5", "1", "2", "5", "10", "20"))
     left.minorticks_off()
     right.set(title="Over a bump of 5 cm", xlabel="time [s]", ylabel="acceleration of the body [m/s²]")

@@ -63,7 +63,7 @@ def draw():
         above.loglog(omega / (2 * np.pi), np.abs(response), label=label)
         below.semilogx(omega / (2 * np.pi), np.degrees(np.unwrap(np.angle(response))), label=label)
     above.plot(FREQUENCY * RATIO, PEAK, "ko", label="1 + 2/N, whatever the damper")
-    above.set(ylabel="transmissibility [-]", ylim=(1e-4, 4), title="Same peak, another slope")
+    above.set(ylabel="transmissibility [1]", ylim=(1e-4, 4), title="Same peak, another slope")
     above.legend()
     below.set(xlabel="frequency [Hz]", ylabel="phase [deg]", xlim=(0.1, 400), yticks=(-180, -90, 0))
     return figure

@@ -64,7 +64,7 @@ def draw():
     left.set(xlim=(-1500, 50), ylim=(0, 1500), xlabel="real part [1/s]", ylabel="damped frequency [Hz]")
     for name, study in studies.items():
         right.loglog(study.frequencies, study.index, label=name)
-    right.set(xlim=(10, 5000), xlabel="frequency [Hz]", ylabel="index of transmissibility [-]")
+    right.set(xlim=(10, 5000), xlabel="frequency [Hz]", ylabel="index of transmissibility [1]")
     right.legend()
     plt.show()
 

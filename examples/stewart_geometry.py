@@ -54,7 +54,7 @@ def draw():
     _, (left, right) = plt.subplots(1, 2, figsize=(11, 4.5), layout="constrained")
     for name, study in (("as it was", best.before), ("best springs", springs.after), ("best geometry", best.after)):
         left.loglog(study.frequencies, study.index, label=name)
-    left.set(xlabel="frequency [Hz]", ylabel="index of transmissibility [-]")
+    left.set(xlabel="frequency [Hz]", ylabel="index of transmissibility [1]")
     left.legend()
     for each, style in ((model, "C0:"), (best.model, "C2-")):
         for leg in each.springs.values():

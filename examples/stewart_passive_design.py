@@ -51,7 +51,7 @@ def draw():
     _, (left, right) = plt.subplots(1, 2, figsize=(11, 4.5), layout="constrained")
     for name, study in (("as it was", best.before), ("best", best.after)):
         left.loglog(study.frequencies, study.index, label=name)
-    left.set(xlabel="frequency [Hz]", ylabel="index of transmissibility [-]")
+    left.set(xlabel="frequency [Hz]", ylabel="index of transmissibility [1]")
     left.legend()
     right.loglog(front.price, 1e3 * front.objective, "o-")
     right.set(xlabel="compliance of the payload [m/N]", ylabel="vibration of the payload, rms [mm/s^2]")

@@ -42,12 +42,12 @@ def draw():
         left.hist(found.sampled[:, i], edges, color=colour, alpha=0.5, label=f"mode {i + 1}, samples")
         left.hist(found.linear[:, i], edges, color=colour, histtype="step", label="first order")
     left.axvline(found.nominal[0], color="0.3", linewidth=0.8, linestyle="--", label="as drawn")
-    left.set(xlabel="frequency [Hz]", ylabel="platforms [-]", title="Two frequencies that are one by symmetry")
+    left.set(xlabel="frequency [Hz]", ylabel="number of platforms", title="Two frequencies that are one by symmetry")
     left.legend(fontsize=8)
     edges = np.linspace(0.0, np.quantile(apart, 0.999), 60)
     right.hist(apart, edges, color="0.7", label="samples")
     right.hist(found.linear[:, 1] - found.linear[:, 0], edges, histtype="step", color="C3", label="first order")
-    right.set(xlabel="modes 1 and 2 are apart by [Hz]", ylabel="platforms [-]", title="A pair that parts repels")
+    right.set(xlabel="modes 1 and 2 are apart by [Hz]", ylabel="number of platforms", title="A pair that parts repels")
     right.legend()
     return figure
 

@@ -62,7 +62,7 @@ def draw():
     middle.set(xlabel="time [periods]", ylabel="angle of the first arm [mrad]", title="Released at the range")
     right.loglog(FACTORS, 100.0 * shares, "o", label="nonlinear runs")
     right.loglog(FACTORS, 100.0 * SHARE * FACTORS, "k-", lw=1, label="second order")
-    right.set(xlabel="amplitude over the range [-]", ylabel="mean or second harmonic [%]", title="Second-order part")
+    right.set(xlabel="amplitude over the range [1]", ylabel="mean or second harmonic [%]", title="Second-order part")
     for axes in (left, middle, right):
         axes.legend(frameon=False)
         axes.grid(alpha=0.3, which="both")

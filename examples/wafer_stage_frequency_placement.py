@@ -57,7 +57,7 @@ def draw():
             axes.semilogy(share, track, color="0.75", linewidth=1, zorder=0)
     axes.set_yticks([0.5, 1, 2, 5, 10, 20, 40], labels=["0.5", "1", "2", "5", "10", "20", "40"])
     axes.minorticks_off()
-    axes.set(xlabel="share of the way from start to optimum [-]", ylabel="natural frequency [Hz]", xlim=(0, 1.02),
+    axes.set(xlabel="share of the way from start to optimum [1]", ylabel="natural frequency [Hz]", xlim=(0, 1.02),
              title="Wafer stage: four frequencies are placed, the others go along")  # fmt: skip
     axes.legend(loc="center", bbox_to_anchor=(0.5, 0.46))
     return figure

@@ -56,7 +56,7 @@ def draw():
     axes.set_xticks(place, [f"{name}\n{f:.0f} Hz" for name, f in zip(names, system.modes().frequencies, strict=True)])
     axes.axhline(0.0, color="0.3", linewidth=0.8)
     axes.grid(axis="y", alpha=0.3)
-    axes.set(xlabel="mode [-]", ylabel="shift of the frequency [Hz]",
+    axes.set(xlabel="mode", ylabel="shift of the frequency [Hz]",
              title="What is done to leg 1 alone, and which mode it moves")  # fmt: skip
     axes.legend(ncols=2, fontsize=8)
     return figure

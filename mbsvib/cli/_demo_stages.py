@@ -85,6 +85,7 @@ def model_and_modes(work: Work) -> None:
     write_atomic(work.path("modes.csv", "the table of modes, with every digit"), lambda stream: stream.write(content))
     work.draw(plots.mechanism(model), "mechanism.png", "the mechanism: a platform on six legs with flexures")
     work.draw(plots.modes(system), "modes.png", "natural frequencies and damping ratios")
+    work.draw(plots.mode_strips(system), "mode-shapes.png", "the shape of each mode: which body moves how")
 
 
 def responses(work: Work) -> None:
@@ -144,6 +145,9 @@ def active_damping(work: Work) -> None:
     locus = isolation.root_locus(plant, lambda gain: isolation.force_feedback(plant, gain, LEAK), GAINS)
     work.draw(plots.root_locus(locus, real=(-18.0, 1.0), imaginary=(0.0, 20.0)), "root-locus.png",
               "poles of the closed loop over the gain")  # fmt: skip
+    work.draw(plots.loop_gain(loop, loop.actuators[0]), "loop-gain.png",
+              "loop gain of one leg with its margins; the six are alike")  # fmt: skip
+    work.draw(plots.sensitivity(loop), "sensitivity.png", "sensitivity and complementary sensitivity of the loop")
     labels = ["open loop", "force feedback"]
     work.draw(plots.bode([plant.system, loop], "acceleration.z", "base.z", labels=labels), "open-closed.png",
               "Bode plot, base to platform, open against closed loop")  # fmt: skip

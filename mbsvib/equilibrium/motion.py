@@ -7,12 +7,12 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import blas, lapack, qr
+from scipy.linalg import lapack, qr
 
 from mbsvib.equilibrium.couplers import coupled_coordinates, coupler_travel
 from mbsvib.equilibrium.pose_kinematics import locked, pose_kinematics
-from mbsvib.linalg.qr import pivoted_qr
-from mbsvib.linalg.rank import CLOSED_EXACTLY, EPS, FULL_RANK, RANK_FACTOR, REDUNDANT_LOOPS
+from mbsvib.linalg.minimum_norm import minimum_norm_solution
+from mbsvib.linalg.rank import CLOSED_EXACTLY, EPS, RANK_FACTOR, REDUNDANT_LOOPS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -153,36 +153,6 @@ def close(at: PosedModel, may_move: NDArray[np.bool_] | None = None) -> tuple[Po
         step[allowed] = -scale * minimum_norm_solution(here.closure[:, allowed] * scale, error, limit)
         here = here.moved(step)
     return best, opening
-
-
-def minimum_norm_solution(a: Array, right: Array, limit: float = REDUNDANT_LOOPS) -> Array:
-    """Return the least-squares solution of a x = right of least norm.
-
-    Parameters
-    ----------
-    a : array, shape (k, n)
-        Scaled equations.
-    right : array, shape (k,)
-        Their right-hand side.
-    limit : float
-        Singular values up to this limit, or this share of the largest, belong to redundant rows.
-
-    Returns
-    -------
-    array, shape (n,)
-        The solution.
-    """
-    packed, order, tau = pivoted_qr(a)
-    n, pivots = a.shape[1], np.abs(packed.diagonal())
-    full = 0 < len(pivots) == n and pivots[-1] > max(FULL_RANK, 100.0 * limit) * max(1.0, pivots[0])
-    if full:
-        turned = lapack.dormqr("L", "T", packed, tau, right[:, None], 64)[0]
-        result = np.empty(n)
-        result[order] = blas.dtrsm(1.0, packed[:n], turned[:n])[:, 0]
-        return result
-    u, values, v = np.linalg.svd(a, full_matrices=False)
-    retained = values > limit * max(1.0, float(values.max(initial=0.0)))
-    return np.asarray((u[:, retained].T @ right / values[retained]) @ v[retained])
 
 
 def same_branch(here: PosedModel, there: PosedModel, depends: NDArray[np.bool_]) -> bool:

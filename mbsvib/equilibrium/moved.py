@@ -13,12 +13,13 @@ from mbsvib.common.expected import names
 from mbsvib.equilibrium.articulation import with_rigid_parts
 from mbsvib.equilibrium.bending import elastic_mechanism, pose_of_least_energy
 from mbsvib.equilibrium.linear_range import warn_beyond
-from mbsvib.equilibrium.motion import close, minimum_norm_solution, posed_model, same_branch
+from mbsvib.equilibrium.motion import close, posed_model, same_branch
 from mbsvib.equilibrium.moved_parts import model_in_pose
 from mbsvib.equilibrium.pose import start
 from mbsvib.errors import ModelError, nearest
 from mbsvib.kinematics.loops import reduce
 from mbsvib.kinematics.relative_motion import arm
+from mbsvib.linalg.minimum_norm import minimum_norm_solution
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import cut_elsewhere
 
@@ -144,7 +145,7 @@ def _dependent(here: PosedModel, depends: NDArray[np.bool_], independent: Array)
     """First guess of the dependent coordinates for a step of the independent ones."""
     phi = here.closure * here.scale
     right = phi[:, ~depends] @ (independent / here.scale[~depends])
-    return minimum_norm_solution(phi[:, depends], -right) * here.scale[depends]
+    return np.asarray(minimum_norm_solution(phi[:, depends], -right) * here.scale[depends])
 
 
 def _near(here: PosedModel, there: PosedModel) -> bool:

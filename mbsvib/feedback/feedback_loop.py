@@ -16,8 +16,8 @@ from mbsvib.errors import ResponseError
 from mbsvib.feedback.controller import Controller, as_controller
 from mbsvib.feedback.integrand import response
 from mbsvib.feedback.margins import margins
-from mbsvib.feedback.participation import sources
-from mbsvib.feedback.pole_track import GROWS, vibrates
+from mbsvib.feedback.pole_track import vibrates
+from mbsvib.feedback.pole_words import described, origins, unstable
 from mbsvib.responses.linear import LinearVerbs
 
 if TYPE_CHECKING:
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from mbsvib.responses.state_space import StateSpace
 
     Ports = str | Sequence[str] | None
-
-RESTS = 3e-8  # error of double poles at 0, in parts of the largest
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -321,28 +319,14 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
     @cached_property
     def growing(self) -> tuple[str, ...]:
         """The unstable modes in words, each with the mode of the mechanism it comes from."""
-        values = self._eigen[0]
-        largest = np.abs(values).max(initial=0.0)
-        grows = (values.real > GROWS * largest) & (values.imag >= 0.0) & (np.abs(values) > RESTS * largest)
-        return tuple([
-            f"{self.sources[i]} at {abs(values[i]) / (2.0 * np.pi):.4g} Hz, damping ratio "
-            f"{-100.0 * values[i].real / abs(values[i]):.3g} %" for i in np.flatnonzero(grows).tolist()
-        ])  # fmt: skip
+        poles = self._eigen[0]
+        numbers = unstable(poles)
+        return described(poles, self.sources, numbers) if len(numbers) else ()
 
     @cached_property
     def sources(self) -> tuple[str, ...]:
         """Where each pole comes from, in words: a mode of the plant, or the controller."""
-        system, states = self.plant.system, self.plant.space.states
-        if getattr(system, "basis", None) is None:  # given states belong to no mode of their own
-            plant = self._eigen[1][: len(states)].sum(axis=0)
-            return tuple(["plant" if share >= 0.5 else "controller" for share in plant.tolist()])
-        modes = system.modes()
-        strongest = modes.strongest()
-        return tuple([
-            "controller" if mode is None
-            else f"mode {mode + 1} ({modes.frequencies[mode]:.4g} Hz, {' '.join(strongest[mode])})"
-            for mode in sources(*self._eigen, states)
-        ])  # fmt: skip
+        return origins(self.plant.system, self.plant.space.states, *self._eigen)
 
     @property
     def stable(self) -> bool:

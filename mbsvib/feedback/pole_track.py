@@ -8,25 +8,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.feedback.gain_spectrum import AT_REST, OSCILLATES, Spectrum
+from mbsvib.feedback.pole_matching import matched
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Complex, Index
 
-
-HALVINGS = 6
-# A step is short enough if every pole moves by less than this share of its distance to the nearest other one.
-SHORT = 0.3
-REAL = 0.05
-ALIKE = 1e-7  # relative distance below which poles coincide
+# A step in which poles are not matched with certainty is halved so often, until poles meet but for rounding; in total,
+# so many steps are tried between two gains.
+HALVINGS, TRIALS = 40, 400
 MOVED = 0.01  # share of its magnitude by which a pole must move to count as moved
-# Rounding of repeated real poles: their relative imaginary parts; of integrators at rest: their relative magnitude.
-OSCILLATES, AT_REST = 1e-6, 1e-9
 GROWS = 1e-10  # a real part above this share of the largest pole is unstable
-# Curves have a point for each change of a pole by this share of its magnitude, with a maximum number per step.
+# Curves have a point for each change of a pole by this share of its magnitude, with a maximum number per step
 SMOOTH, MOST = 0.05, 24
+ROUNDS = 4  # of adding points, which resolve square roots where poles meet
 # Poles are compared with no less than this share of the largest one: near zero every change is large.
 LEAST = 1e-3
 GOLDEN, SECTIONS = 0.5 * (3.0 - 5.0**0.5), 24  # golden ones: gains to 1e-5 of the steps between points
@@ -38,43 +37,63 @@ class Track:
     Parameters
     ----------
     at : callable
-        Gain -> poles, in any order.
+        Gain -> state matrix (poles, poles), the states being the same at all gains.
     gains : array, shape (n,)
         Ascending gains.
     """
 
-    def __init__(self, at: Callable[[float], Complex], gains: Array) -> None:
+    def __init__(self, at: Callable[[float], Array], gains: Array) -> None:
         self._at = at
-        rows = [at(float(gains[0]))]
-        for low, high in pairwise(gains.tolist()):
-            rows.append(followed(at, (low, rows[-1]), (high, at(high)), HALVINGS))
-        self.poles: Complex = np.array(rows)
-        self._poles = dict(zip(gains.tolist(), rows, strict=True))
-        self._order = gains.tolist()
+        first = Spectrum(float(gains[0]), at(float(gains[0])))
+        self._spectra, self._columns = {first.gain: first}, {first.gain: np.arange(len(first.poles))}
+        self._order = [first.gain]
+        self._modes = first.values.imag > 0.0
+        self.poles: Complex = np.array([self.at(gain) for gain in gains.tolist()])
 
     def at(self, gain: float) -> Complex:
-        """Return the poles at a gain between the first and the last one."""
-        poles: Complex | None = self._poles.get(gain)
-        if poles is None:
+        """Return the poles at a gain that is not below the first one."""
+        if gain not in self._spectra:
             low = self._order[bisect_right(self._order, gain) - 1]
-            poles = self._poles[gain] = followed(self._at, (low, self._poles[low]), (gain, self._at(gain)), HALVINGS)
+            spectrum = Spectrum(gain, self._at(gain))
+            columns = self._columns[low]
+            self._columns[gain] = self._followed(self._spectra[low], spectrum, columns)
+            self._spectra[gain] = spectrum
             insort(self._order, gain)
-        return poles
+        return self._spectra[gain].poles[self._columns[gain]]
+
+    def _followed(self, first: Spectrum, last: Spectrum, columns: Index) -> Index:
+        """Return which poles of the last gain continue columns of the first."""
+        trials = 0
+        least = (last.gain - first.gain) * 0.5**HALVINGS
+        reached, ahead = first, [last]
+        while ahead:
+            modes = np.empty_like(self._modes)
+            modes[columns] = self._modes
+            order, certain = matched(reached, ahead[-1], modes)
+            trials += 1
+            middle = 0.5 * (reached.gain + ahead[-1].gain)
+            if certain or trials > TRIALS or ahead[-1].gain - reached.gain <= least or not (
+                reached.gain < middle < ahead[-1].gain):  # fmt: skip
+                reached, columns = ahead.pop(), order[columns]
+            else:
+                ahead.append(Spectrum(middle, self._at(middle)))
+        return columns
 
     @property
     def curves(self) -> Complex:
         """Poles at all computed gains, in ascending order, (more, poles)."""
-        return np.array([self._poles[gain] for gain in self._order])
+        return np.array([self.at(gain) for gain in self._order])
 
     def refine(self) -> None:
         """Add gains where poles change much from one to the next."""
         largest = float(np.abs(self.poles[0]).max(initial=0.0)) or 1.0
-        for low, high in pairwise(tuple(self._order)):
-            one, other = self._poles[low], self._poles[high]
-            size = np.maximum(np.maximum(np.abs(one), np.abs(other)), LEAST * largest)
-            change = float((np.abs(other - one) / size).max(initial=0.0))
-            for gain in np.linspace(low, high, min(int(np.ceil(change / SMOOTH)), MOST) + 1)[1:-1].tolist():
-                self.at(gain)
+        for _ in range(ROUNDS):
+            for low, high in pairwise(tuple(self._order)):
+                one, other = self.at(low), self.at(high)
+                size = np.maximum(np.maximum(np.abs(one), np.abs(other)), LEAST * largest)
+                change = float((np.abs(other - one) / size).max(initial=0.0))
+                for gain in np.linspace(low, high, min(int(np.ceil(change / SMOOTH)), MOST) + 1)[1:-1].tolist():
+                    self.at(gain)
 
     def highest(self, measure: Callable[[Complex], Array]) -> tuple[float, float, Complex]:
         """Return the gain at which a measure is highest, its value and the poles there, of stable loops only.
@@ -94,10 +113,10 @@ class Track:
             return np.where(stable(poles), measure(poles), -np.inf)
 
         order = list(self._order)
-        value = height(np.array([self._poles[gain] for gain in order]))
+        value = height(self.curves)
         best = int(value.argmax())
         if np.isneginf(value[best]):
-            return order[0], -np.inf, self._poles[order[0]]
+            return order[0], -np.inf, self.at(order[0])
         top = order[best], float(value[best])
         low, high = order[max(best - 1, 0)], order[min(best + 1, len(order) - 1)]
         gains = [low + GOLDEN * (high - low), high - GOLDEN * (high - low)]
@@ -142,26 +161,3 @@ def stable(poles: Complex) -> NDArray[np.bool_]:
     """Return whether all poles of (n, poles) are stable, (n,)."""
     largest = np.abs(poles).max(axis=1, keepdims=True)
     return np.asarray((poles.real <= GROWS * largest).all(axis=1))
-
-
-def followed(
-    at: Callable[[float], Complex], first: tuple[float, Complex], second: tuple[float, Complex], halvings: int
-) -> Complex:
-    """Return the poles at the other gain, in the order of those at the one."""
-    from scipy.optimize import linear_sum_assignment
-
-    (low, before), (high, after) = first, second
-    distance = np.abs(before[:, None] - after)
-    # squares keep the order of poles on the real axis, where sums of distances have many minima
-    row, column = linear_sum_assignment(np.square(distance))
-    step = distance[row, column]
-    apart = np.abs(after[column][:, None] - after[column])
-    size = np.maximum(np.abs(after[column]), AT_REST * np.abs(after).max(initial=0.0))
-    apart[apart <= ALIKE * size[:, None]] = np.inf  # coinciding poles need not be distinguished
-    # overdamped poles meet and separate on the real axis: there are no modes to follow
-    waves = (np.abs(before[row].imag) > REAL * size) & (np.abs(after[column].imag) > REAL * size)
-    if halvings and (waves & (step > SHORT * apart.min(axis=1, initial=np.inf))).any():
-        middle = 0.5 * (low + high)
-        between = followed(at, first, (middle, at(middle)), halvings - 1)
-        return followed(at, (middle, between), second, halvings - 1)
-    return np.asarray(after[column])

@@ -77,7 +77,7 @@ class Passive(Displayed):
         """
         f, ports = checked(frequencies), self._ports(self._base_weights, "index")
         span = f"{f[0]:g} Hz" if len(f) == 1 else f"{f[0]:g} to {f[-1]:g} Hz"
-        return Leaf(f"index at {span}", lambda point: ports.size(point, 2.0 * np.pi * f))
+        return Leaf(f"index at {span} [1]", lambda point: ports.size(point, 2.0 * np.pi * f))
 
     def rms(self, spectra: Mapping[str, Any], band: tuple[float, float] | None = None) -> Quantity:
         """Return the root mean square acceleration of the body under base noise, rotations times the length.

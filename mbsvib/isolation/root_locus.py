@@ -12,7 +12,8 @@ from mbsvib.common.arguments import shown
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import mode_index, reals
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.pole_track import AT_REST, Track, has_moved, least_damping, ratios, stable
+from mbsvib.feedback.gain_spectrum import AT_REST
+from mbsvib.feedback.pole_track import Track, has_moved, least_damping, ratios, stable
 from mbsvib.isolation.collocation import removable, without
 from mbsvib.isolation.study_loops import close
 
@@ -160,22 +161,22 @@ def root_locus(plant: Plant, law: Callable[[float], Controller], gains: ArrayLik
     plant : Plant
         The mechanism.
     law : callable
-        Returns the controller of a gain, ``lambda g: isolation.force_feedback(plant, g)``.
+        Returns the controller of a gain, ``lambda g: isolation.force_feedback(plant, g)``, with the same states at all
+        gains.
     gains : array-like, shape (n,)
         Ascending gains, from 0 on.
 
     Returns
     -------
     RootLocus
-        Poles that keep their column from gain to gain.
+        Poles that keep their column from gain to gain, whatever the gains are. Where a pair meets on the real axis,
+        the one with the positive imaginary part goes on as the right one of the two real poles.
 
     Raises
     ------
     ResponseError
-        If the gains do not ascend.
+        If the gains do not ascend, or the controller has not the same states at all of them.
     """
-    from scipy.linalg import matrix_balance
-
     g = np.atleast_1d(reals(gains, "root_locus", "gains", "two or more, ascending, from 0 on"))
     if not callable(law):
         raise ResponseError(f"root_locus: law = {shown(law)}; expected a function of the gain, such as "
@@ -183,11 +184,16 @@ def root_locus(plant: Plant, law: Callable[[float], Controller], gains: ArrayLik
     if g.ndim != 1 or len(g) < 2 or not np.isfinite(g).all() or g[0] < 0.0 or (np.diff(g) <= 0.0).any():
         raise ResponseError(f"root_locus: gains have shape {g.shape}; expected two or more, ascending, from 0 on.")
 
-    def at(gain: float) -> Complex:
-        values = np.linalg.eigvals(matrix_balance(close(plant, law(gain)).state_space().A, permute=False)[0])
-        return np.asarray(values[np.lexsort((-values.imag, np.abs(values)))], dtype=complex)
+    count = len(close(plant, law(float(g[0]))).state_space().A)
 
-    track = Track(at, g)
+    def matrix(gain: float) -> Array:
+        result: Array = close(plant, law(gain)).state_space().A
+        if len(result) != count:
+            raise ResponseError(f"root_locus: the loop has {count} states at the gain {g[0]:g} and {len(result)} at "
+                                f"{gain:g}; expected a controller with the same states at all gains.")  # fmt: skip
+        return result
+
+    track = Track(matrix, g)
     track.refine()
     table = track.poles
     first = close(plant, law(float(g[-1])))

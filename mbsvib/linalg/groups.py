@@ -1,4 +1,4 @@
-"""Items of groups, and connected parts of sparse patterns."""
+"""Groups of items: numbers within them, groups of linked items, and connected parts of sparse patterns."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from mbsvib.common.arrays import Index
 
 
@@ -25,3 +27,27 @@ def connected_parts(row: Index, column: Index, shape: tuple[int, int]) -> tuple[
     graph = csr_matrix((np.ones(len(row), dtype=bool), (row, rows + column)), shape=(size, size))
     part = np.asarray(connected_components(graph, directed=False)[1], dtype=np.intp)
     return part[:rows], part[rows:]
+
+
+def linked_items(links: NDArray[np.bool_]) -> list[Index]:
+    """Return the groups of two or more items that are linked, directly or through others, each in ascending order.
+
+    Parameters
+    ----------
+    links : array of bool, shape (n, n)
+        Which items are linked, symmetric.
+
+    Returns
+    -------
+    list of array
+        Numbers of the items of each group.
+    """
+    count = len(links)
+    linked = links | np.eye(count, dtype=bool)
+    label = np.arange(count)
+    while True:
+        least = np.where(linked, label, count).min(axis=1, initial=count)
+        if (least == label).all():
+            break
+        label = least
+    return [np.flatnonzero(label == number) for number in np.flatnonzero(np.bincount(label, minlength=1) > 1).tolist()]

@@ -15,6 +15,7 @@ from mbsvib.plots.loop_gain import loop_gain
 from mbsvib.plots.loop_nyquist import loop_nyquist
 from mbsvib.plots.mechanism import mechanism
 from mbsvib.plots.mode_comparison import mode_comparison
+from mbsvib.plots.mode_strips import mode_strips
 from mbsvib.plots.modes import modes
 from mbsvib.plots.nyquist import nyquist
 from mbsvib.plots.path import path
@@ -37,6 +38,7 @@ __all__ = [
     "loop_nyquist",
     "mechanism",
     "mode_comparison",
+    "mode_strips",
     "modes",
     "nyquist",
     "path",

@@ -9,7 +9,7 @@ from mbsvib.common.expected import a_linear, kind_of
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
 from mbsvib.plots._system import Linear
-from mbsvib.responses.from_control import is_control
+from mbsvib.responses.from_control import is_control, is_transfer_function, of_control
 
 Names: TypeAlias = str | Sequence[str] | None
 Systems: TypeAlias = Linear | Sequence[Linear]
@@ -18,13 +18,22 @@ MOST_PANELS = 12
 
 
 def linear(value: Any) -> Linear:
-    """Return a system, closed loop or state space; controllers and state spaces of python-control become one."""
+    """Return a system, closed loop or state space; controllers and systems of python-control become one.
+
+    Raises
+    ------
+    ResponseError
+        If it is nothing of these, or data without equations.
+    """
     if kind_of(value) == "controller":
         return cast("Linear", value.state_space())
-    if is_control(value):
+    if is_control(value) or is_transfer_function(value):
         from mbsvib.responses.state_space import StateSpace
 
         return cast("Linear", StateSpace.from_control(value))
+    if of_control(value):
+        raise ResponseError(f"plots: systems = {type(value).__name__} '{value.name}'; expected equations, a "
+                            f"control.StateSpace or control.TransferFunction. Data are drawn by python-control.")
     return cast("Linear", a_linear(value, "plots", "systems"))
 
 

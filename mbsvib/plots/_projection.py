@@ -28,14 +28,17 @@ LINES: dict[str, tuple[str, float]] = {
     "ground": ("#8a949e", 0.8), "input": ("#3a9a6e", 1.6),
 }  # fmt: skip
 REST = ("#ccd3da", 0.9)
-# Sign, size [pt], colour and edge of a mark by its kind.
-MARKS: dict[str, tuple[str, float, str, str]] = {
-    "body": ("o", 4.5, "#16365f", "white"), "node": ("o", 3.5, "#16365f", "white"),
-    "joint": ("o", 4.5, "white", "#39434e"), "cut": ("D", 4.5, "#c4321f", "white"),
-    "bushing": ("s", 4.5, "#dd7a1f", "white"),
+# Sign, size [pt], colour, edge and its width [pt] of a mark by its kind, from below to above: a bushing is a ring,
+# within which a joint at the same place is seen.
+MARKS: dict[str, tuple[str, float, str, str, float]] = {
+    "bushing": ("o", 10.0, "#fbe6d2", "#dd7a1f", 2.2),
+    "body": ("o", 4.5, "#16365f", "white", 0.9), "node": ("o", 3.5, "#16365f", "white", 0.9),
+    "joint": ("o", 4.5, "white", "#39434e", 0.9), "cut": ("D", 4.5, "#c4321f", "white", 0.9),
 }  # fmt: skip
 FACE = (0.56, 0.69, 0.85, 0.35)
 MARGIN = 0.06
+HEAD, HALF_ANGLE = 0.022, np.radians(24.0)  # of arrows: length as a share of the size, and half of the opening angle
+CORNER = 44.0  # size [pt] of the corner with the directions of the axes
 
 
 def axes_of(view: View) -> Array:
@@ -85,12 +88,14 @@ class Picture:
         axes.add_collection(self._faces)
         axes.add_collection(self._lines)
         self._marks = []
-        for kind, (sign, size, colour, edge) in MARKS.items():
+        for kind, (sign, size, colour, edge, width) in MARKS.items():
             numbers = [mark.point for mark in scene.marks if mark.kind == kind]
-            drawn = axes.plot([], [], sign, ms=size, mfc=colour, mec=edge, mew=0.9, zorder=4)[0]
+            drawn = axes.plot([], [], sign, ms=size, mfc=colour, mec=edge, mew=width, zorder=4)[0]
             self._marks.append((drawn, numbers))
-        self._arrows = [line.last - 1 for line in scene.lines if line.kind == "input"]
-        self._heads = axes.plot([], [], "D", ms=3.0, color=LINES["input"][0], zorder=4)[0]
+        self._arrows = np.array([line.last - 1 for line in scene.lines if line.kind == "input"], dtype=np.intp)
+        self._heads = LineCollection([], colors=LINES["input"][0], linewidths=LINES["input"][1], capstyle="round",
+                                     zorder=3.5)  # fmt: skip
+        axes.add_collection(self._heads)
         low, high = (flat.min(axis=0), flat.max(axis=0)) if len(flat) else (-np.ones(3), np.ones(3))
         room = MARGIN * scene.size + reach
         axes.set_xlim(low[0] - room, high[0] + room)
@@ -113,19 +118,31 @@ class Picture:
             self._lines.set_linewidth(self._widths[order].tolist())
         if len(self._scene.faces):
             self._faces.set_verts(list(flat[self._scene.faces, :2]))
-        for drawn, numbers in (*self._marks, (self._heads, self._arrows)):
+        self._heads.set_segments(list(_heads(flat[self._arrows - 1, :2], flat[self._arrows, :2],
+                                             HEAD * self._scene.size)))  # fmt: skip
+        for drawn, numbers in self._marks:
             drawn.set_data(flat[numbers, 0], flat[numbers, 1])
 
 
+def _heads(tails: Array, tips: Array, length: float) -> Array:
+    """Return the heads of arrows from tails to tips (n, 2) as polylines (n, 3, 2); shorter for arrows seen end-on."""
+    along = tips - tails
+    seen = np.linalg.norm(along, axis=1, keepdims=True)
+    back = -np.divide(along, seen, out=np.zeros_like(along), where=seen > 0.0) * np.minimum(length, 0.5 * seen)
+    c, s = np.cos(HALF_ANGLE), np.sin(HALF_ANGLE)
+    sides = [tips + back @ np.array([[c, sign * s], [-sign * s, c]]) for sign in (-1.0, 1.0)]
+    return np.stack((sides[0], tips, sides[1]), axis=1)
+
+
 def triad(axes: Axes, view: View) -> None:
-    """Draw the directions x, y and z into the lower left corner."""
-    arms = axes_of(view)[:2].T
-    corner = axes.inset_axes((0.0, 0.0, 0.13, 0.13))
-    corner.set_xlim(-1.5, 1.5)
-    corner.set_ylim(-1.5, 1.5)
-    corner.set_aspect("equal")
-    corner.set_axis_off()
+    """Draw the directions x, y and z into the lower left corner, as large in every drawing."""
+    from matplotlib.transforms import offset_copy
+
+    arms, corner = axes_of(view)[:2].T, 0.5 * CORNER
+    origin = offset_copy(axes.transAxes, axes.get_figure(root=True), corner, corner, units="points")
     for name, arm in zip("xyz", arms, strict=True):
         if np.linalg.norm(arm) > 0.1:
-            corner.plot([0.0, arm[0]], [0.0, arm[1]], color=style.MARK, linewidth=0.9)
-            corner.text(1.3 * arm[0], 1.3 * arm[1], name, ha="center", va="center", fontsize=7.5, color=style.INK)
+            axes.annotate(name, (0.0, 0.0), tuple((0.75 * corner * arm).tolist()), xycoords=origin,
+                          textcoords="offset points", ha="center", va="center", fontsize=7.5, color=style.INK,
+                          arrowprops={"arrowstyle": "-", "color": style.MARK, "linewidth": 0.9, "shrinkA": 1.0,
+                                      "shrinkB": 0.0})  # fmt: skip

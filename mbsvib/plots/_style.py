@@ -98,6 +98,13 @@ def name_systems(figure: Figure, names: Sequence[str], axes: Axes) -> None:
         axes.set_title(names[0], loc="right", color=MARK, fontsize=8.5)
 
 
+def tell_left_out(figure: Figure, shown: int, count: int, what: str, how: str = "") -> None:
+    """Tell above a figure that it shows only the first of so many, and how the others are obtained."""
+    if shown < count:
+        words = f"{shown} of {count} {what}" + (f"; {how}" if how else "")
+        figure.suptitle(words, x=0.02, ha="left", fontsize=8.5, color=MARK)
+
+
 def zero(curves: Iterable[NDArray[Any]]) -> str:
     """Return the remark on responses that are zero by symmetry, exactly or up to rounding."""
     return "zero: what is drawn is rounding" if any(values.any() for values in curves) else "zero"

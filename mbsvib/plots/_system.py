@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from mbsvib.explain.energy_shares import StiffnessShares
     from mbsvib.modes.result import Modes
     from mbsvib.responses.basis import Basis
+    from mbsvib.responses.step_info import StepInfo
 
 
 class LinearModes(Protocol):
@@ -70,6 +71,9 @@ class Linear(Protocol):
         inputs: Any = None,
     ) -> Array:  # fmt: skip
         """Return the outputs (outputs, n) at times [s]."""
+
+    def step_info(self, outputs: Any = None, inputs: Any = None, band: float = 0.02) -> StepInfo:
+        """Return rise time, overshoot and settling time of step responses."""
 
 
 class System(Protocol):

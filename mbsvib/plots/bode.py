@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common import units
 from mbsvib.plots import _choice as choice
 from mbsvib.plots import _style as style
-from mbsvib.plots import _units as units
 from mbsvib.plots._curves import Curve, curves, shared_grid
 
 if TYPE_CHECKING:

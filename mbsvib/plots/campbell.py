@@ -117,6 +117,8 @@ def campbell(data: Campbell, orders: Sequence[float] = (1.0,), modes: int | None
         if handles:
             figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
         axes.set_title(data.name, loc="right", color=style.MARK, fontsize=8.5)
+        if modes is None:
+            style.tell_left_out(figure, count, data.frequencies.shape[1], "modes", "ask for more by modes=...")
     return figure
 
 

@@ -68,6 +68,8 @@ def cycle(cycles: CycleData | Sequence[CycleData], *, labels: Sequence[str] | No
             closed = np.concatenate((data.shaking_force, data.shaking_force[:1]))[:, plane]
             hodograph.plot(*closed.T, **line, label=name)
         _named(several[0], left, hodograph, plane)
+        drives = max(len(data.drives) for data in several)
+        style.tell_left_out(figure, min(drives, MOST_DRIVES), drives, "drives", "the others are in cycle.torques")
         if len(several) > 1:
             style.name_systems(figure, names, left[0])
         elif len(several[0].drives) > 1:
@@ -106,7 +108,7 @@ def _named(first: CycleData, left: Sequence[Axes], hodograph: Axes, plane: Seque
 
     drives = first.drives
     turning = all(map(_turns, drives))
-    over = f"{drives[0]} [{'deg' if _turns(drives[0]) else 'm'}]" if len(drives) == 1 else "sample [-]"
+    over = f"{drives[0]} [{'deg' if _turns(drives[0]) else 'm'}]" if len(drives) == 1 else "sample"
     left[0].set_ylabel("torque [N m]" if turning else "force of drive [N]" if len(drives) == 1 else "torque [N m, N]")
     left[1].set_ylabel("shaking force [N]")
     left[2].set_ylabel("shaking moment [N m]")

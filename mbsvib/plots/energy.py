@@ -78,6 +78,7 @@ def energy(system: System, kind: str = "strain") -> Figure:
         axes.set_ylabel(f"share of {TITLES[kind].lower()} [%]")
         axes.set_title(f"{TITLES[kind]} of modes")
         axes.set_title(system.name, loc="right", color=style.MARK, fontsize=8.5)
+        style.tell_left_out(figure, count, len(system.modes()), "modes")
         if rows:
             figure.legend(loc="outside right upper", ncols=1 if len(rows) <= 16 else 2)
     return figure

@@ -96,7 +96,7 @@ def isolation(studies: Isolation | Sequence[Isolation], labels: Sequence[str] | 
             if f[0] < study.crossover < f[-1]:
                 top.plot([study.crossover], [1.0], "o", color=look["color"], mfc="white", markersize=5.0, zorder=3)
         top.axhline(1.0, color=style.MARK, linewidth=0.8)
-        top.set_ylabel("index of transmissibility [-]")
+        top.set_ylabel("index of transmissibility [1]")
         below.set_ylabel("largest compliance [m/N]")
         below.set_xlabel("frequency [Hz]")
         top.set_title(f"Isolation of {listed[0].scene.body} from {listed[0].scene.base}")

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from mbsvib.common.expected import a_system
+from mbsvib.plots import _labels as labels
 from mbsvib.plots import _scene
 from mbsvib.plots import _style as style
-from mbsvib.plots._projection import Picture, triad
+from mbsvib.plots import _symbols as symbols
+from mbsvib.plots._projection import CORNER, Picture, triad
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,7 +27,7 @@ def mechanism(source: Mechanism | System, view: View = "3-D", names: bool = True
     """Draw bodies, joints, springs, dampers and inputs.
 
     Bodies are blue and reach as far as what holds them; joints are circles, those at which a loop is cut red
-    diamonds; springs are orange, dampers violet, inputs green.
+    diamonds; springs are orange, bushings orange rings, dampers violet, inputs green. A legend explains what occurs.
 
     Parameters
     ----------
@@ -57,12 +61,17 @@ def mechanism(source: Mechanism | System, view: View = "3-D", names: bool = True
         axes = figure.subplots()
         picture = Picture(axes, scene, view)
         triad(axes, view)
+        axes.set_title(scene.name)
+        symbols.legend(figure, scene)
         bodies = [mark for mark in scene.marks if mark.kind in ("body", "node")]
         if names and len(bodies) <= MOST_NAMES:
-            flat = picture.flat(scene.points)
-            for mark in bodies:
-                x, y, _ = flat[mark.point]
-                axes.annotate(mark.name, (x, y), (5, 4), textcoords="offset points", fontsize=8, zorder=5,
-                              bbox={"fc": "white", "ec": "none", "alpha": 0.7, "pad": 0.5})  # fmt: skip
-        axes.set_title(scene.name)
+            flat = picture.flat(scene.points)[:, :2]
+            ways = [flat[line.first : line.last] for line in scene.lines if line.kind != "axis"]
+            figure.draw_without_rendering()
+            whole, inner = axes.get_position(original=True), axes.get_position()
+            corners = figure.transFigure.transform(((whole.x0, whole.y0), (whole.x1, inner.y1)))
+            corner = figure.transFigure.transform((inner.x0, inner.y0))
+            blocked = np.concatenate((corner, corner + CORNER * figure.dpi / 72.0))[None]
+            anchors, marks = (flat[[mark.point for mark in group]] for group in (bodies, scene.marks))
+            labels.place(axes, [mark.name for mark in bodies], anchors, marks, ways, corners.ravel(), blocked)
     return figure

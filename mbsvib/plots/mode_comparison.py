@@ -1,98 +1,139 @@
-"""Natural frequencies of two systems beside each other, and their differences in percent."""
+"""Natural frequencies and damping ratios of two sets of modes beside each other, and their differences in percent."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from mbsvib.common.expected import a_system, reals
+from mbsvib.common.expected import a_system, kind_of, reals
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _style as style
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
+    from mbsvib.modes.result import Modes
     from mbsvib.plots._system import System
 
-    Frequencies: TypeAlias = System | ArrayLike
+    ModeSet: TypeAlias = System | Modes | ArrayLike
 
-LOG_FROM = 20.0  # ratio of the highest to the lowest frequency from which the axis is logarithmic
+LOG_FROM = 20.0  # ratio of the highest to the lowest value from which the axis is logarithmic
 MOST_TICKS = 20
+EXPECTED = "a System, its modes, ascending frequencies [Hz], or frequencies and damping ratios, shape (2, n)"
 
 
-def mode_comparison(reference: Frequencies, other: Frequencies, labels: Sequence[str] | None = None) -> Figure:
-    """Draw natural frequencies over the order of the modes, and by how much the second set differs from the first.
+class Values(NamedTuple):
+    """Natural frequencies [Hz] (n,), and damping ratios (n,) where they are known."""
 
-    100 (f_other - f_reference) / f_reference
+    frequencies: Array
+    ratios: Array | None
+
+
+def mode_comparison(reference: ModeSet, other: ModeSet, labels: Sequence[str] | None = None) -> Figure:
+    """Draw natural frequencies and damping ratios over the order of the modes, and how the second set differs.
+
+    100 (f_other - f_reference) / f_reference, and the same of the damping ratios
 
     Parameters
     ----------
-    reference, other : System or array-like, shape (n,)
-        Two systems, or natural frequencies [Hz] in ascending order, as measured or as another program has them. Where
-        the numbers of modes differ, those are compared that both have.
+    reference, other : System, Modes or array-like, shape (n,) or (2, n)
+        Two systems or sets of modes, or natural frequencies [Hz] in ascending order, as measured or as another program
+        has them, with damping ratios [1] as the second row where they are known. Where the numbers of modes differ,
+        those are compared that both have.
     labels : sequence of str, optional
         Names in the legend; default: those of the systems, "reference" and "other" for frequencies.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Frequencies [Hz] above, differences [%] below. Rigid-body modes have no difference in percent.
+        Frequencies [Hz] and, if both have them, damping ratios [%] above; relative differences [%] below. Rigid-body
+        modes, and modes that are not damped in the reference, have no relative difference.
 
     Raises
     ------
     ResponseError
         If there is no mode, frequencies are not ascending, or there are not two labels.
+
+    Source
+    ------
+    Jiang, W., Chen, X. D. (2011), Vibration and sensitivity analysis of spatial multibody systems based on constraint
+    topology transformation, in: Advances in Vibration Analysis Research, figures 10 and 13.
     """
     names = [getattr(part, "name", default) for part, default in ((reference, "reference"), (other, "other"))]
     if labels is not None:
         names = list(labels)
         if len(names) != 2:
             raise ResponseError(f"plots.mode_comparison: {len(names)} labels; expected two, one for each set of modes.")
-    first, second = _frequencies(reference, "reference"), _frequencies(other, "other")
-    count = min(len(first), len(second))
-    number = np.arange(1.0, max(len(first), len(second)) + 1.0)
-    oscillates = first[:count] > 0.0
-    difference = np.full(count, np.nan)
-    difference[oscillates] = 100.0 * (second[:count] - first[:count])[oscillates] / first[:count][oscillates]
+    sets = [_values(reference, "reference"), _values(other, "other")]
+    columns = [("natural frequency [Hz]", [each.frequencies for each in sets])]
+    ratios = [100.0 * each.ratios for each in sets if each.ratios is not None]
+    if len(ratios) == 2:
+        columns.append(("damping ratio [%]", [np.where(np.isfinite(values), values, np.nan) for values in ratios]))
+    most = max(len(each.frequencies) for each in sets)
     with style.context():
-        figure = style.new_figure(6.4, 4.6)
-        top, below = figure.subplots(2, 1, sharex=True, height_ratios=[1.6, 1.0])
-        for i, (values, name, marker) in enumerate(((first, names[0], "o"), (second, names[1], "x"))):
-            top.plot(number[: len(values)], values, marker, color=style.COLOURS[i], label=name, fillstyle="none",
-                     markersize=6.5, markeredgewidth=1.3)  # fmt: skip
-        rising = np.concatenate((first[first > 0.0], second[second > 0.0]))
-        if rising.size and rising.max() > LOG_FROM * rising.min():
-            top.set_yscale("log")
-        top.set_ylabel("natural frequency [Hz]")
-        top.set_title("Modes compared")
-        top.legend(loc="upper left")
-        below.bar(number[:count], difference, width=0.6, color=style.COLOURS[1])
-        below.axhline(0.0, color=style.INK, linewidth=0.7)
-        below.set_ylabel("difference [%]")
-        below.set_xlabel("mode")
-        below.set_xlim(0.4, len(number) + 0.6)
-        below.xaxis.get_major_locator().set_params(integer=True)
-        if len(number) <= MOST_TICKS:
-            below.set_xticks(number)
-        for axes in (top, below):
-            axes.grid(False, axis="x")
+        figure = style.new_figure(6.4 if len(columns) == 1 else style.WIDEST, 4.6)
+        panels = figure.subplots(2, len(columns), sharex=True, squeeze=False, height_ratios=[1.6, 1.0])
+        for (title, pair), (top, below) in zip(columns, panels.T, strict=True):
+            _above(top, pair, names)
+            top.set_ylabel(title)
+            below.bar(*_difference(*pair), width=0.6, color=style.COLOURS[1])
+            below.axhline(0.0, color=style.INK, linewidth=0.7)
+            below.set_ylabel("difference [%]")
+            below.set_xlabel("mode")
+            for axes in (top, below):
+                axes.grid(False, axis="x")
+        panels[1, 0].set_xlim(0.4, most + 0.6)
+        panels[1, 0].xaxis.get_major_locator().set_params(integer=True)
+        if most <= MOST_TICKS:
+            panels[1, 0].set_xticks(np.arange(1.0, most + 1.0))
+        handles, words = panels[0, 0].get_legend_handles_labels()
+        figure.legend(handles, words, loc="outside upper right", ncols=2)
+        figure.suptitle("Modes compared", x=0.02, ha="left", fontsize=10.5)
     return figure
 
 
-def _frequencies(source: Frequencies, what: str) -> Array:
-    """Natural frequencies [Hz] in ascending order."""
-    if hasattr(source, "modes"):
-        values = np.asarray(a_system(source, "plots.mode_comparison", what).modes().frequencies)
+def _above(axes: Axes, pair: Sequence[Array], names: Sequence[str]) -> None:
+    """Draw the values of both sets."""
+    for i, (values, name, marker) in enumerate(zip(pair, names, ("o", "x"), strict=True)):
+        axes.plot(np.arange(1.0, len(values) + 1.0), values, marker, color=style.COLOURS[i], label=name,
+                  fillstyle="none", markersize=6.5, markeredgewidth=1.3)  # fmt: skip
+    both = np.concatenate(list(pair))
+    rising = both[both > 0.0]
+    if rising.size and rising.max() > LOG_FROM * rising.min() and not (both < 0.0).any():
+        axes.set_yscale("log")
+    elif not (both < 0.0).any():
+        axes.set_ylim(bottom=0.0)
+
+
+def _difference(first: Array, second: Array) -> tuple[Array, Array]:
+    """Return the numbers of the modes that both sets have, and relative differences [%]; NaN where there is none."""
+    count = min(len(first), len(second))
+    one, other = first[:count], second[:count]
+    result = np.full(count, np.nan)
+    compared = np.isfinite(one) & np.isfinite(other) & (one != 0.0)
+    result[compared] = 100.0 * (other - one)[compared] / np.abs(one[compared])
+    return np.arange(1.0, count + 1.0), result
+
+
+def _values(source: Any, what: str) -> Values:
+    """Natural frequencies [Hz] in ascending order, and damping ratios."""
+    if hasattr(source, "damping_ratios") or kind_of(source) is not None:
+        modes = source if kind_of(source) is None else a_system(source, "plots.mode_comparison", what).modes()
+        result = Values(np.asarray(modes.frequencies), np.asarray(modes.damping_ratios))
     else:
-        values = reals(source, "plots.mode_comparison", what, "a System, or ascending frequencies [Hz]")
-        if values.ndim != 1 or not np.isfinite(values).all() or (np.diff(values) < 0.0).any() or (values < 0.0).any():
-            raise ResponseError(f"plots.mode_comparison: {what} = {np.array2string(values, threshold=6)}; expected "
-                                f"natural frequencies [Hz] in ascending order, none negative.")  # fmt: skip
-    if not len(values):
+        rows = reals(source, "plots.mode_comparison", what, EXPECTED)
+        result = Values(*rows) if rows.ndim == 2 and len(rows) == 2 else Values(rows, None)
+        values = result.frequencies
+        if values.ndim != 1 or not np.isfinite(rows).all() or (np.diff(values) < 0.0).any() or (values < 0.0).any():
+            raise ResponseError(f"plots.mode_comparison: {what} = {np.array2string(rows, threshold=6)}; expected "
+                                f"natural frequencies [Hz] in ascending order, none negative, and damping ratios as a "
+                                f"second row where they are known.")  # fmt: skip
+    if not len(result.frequencies):
         raise ResponseError(f"plots.mode_comparison: {what} has no modes; there is nothing to compare.")
-    return values
+    return result

@@ -110,5 +110,6 @@ def path(data: EquilibriumPath) -> Figure:
         below.set_ylabel("natural frequency [Hz]")
         below.set_xlabel(f"{data.coordinate} [{data.unit}]")
         above.set_title("path of equilibria")
+        style.tell_left_out(figure, min(LOWEST, rows.shape[1]), rows.shape[1], "frequencies")
         figure.legend(*above.get_legend_handles_labels(), loc="outside lower center", ncols=5)
     return figure

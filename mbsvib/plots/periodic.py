@@ -45,8 +45,8 @@ def periodic(data: Periodic) -> Figure:
         right.plot(values.real[~grows], values.imag[~grows], "o", color=style.COLOURS[0])
         right.plot(values.real[grows], values.imag[grows], "s", color=style.COLOURS[1])
         right.set_aspect("equal", adjustable="datalim")
-        right.set_xlabel("real part of multipliers [-]")
-        right.set_ylabel("imaginary part [-]")
+        right.set_xlabel("real part of multipliers [1]")
+        right.set_ylabel("imaginary part [1]")
         right.set_title("deviations grow" if grows.any() and not data.stable else "stable")
         left.set_title(data.name, loc="right", color=style.MARK, fontsize=8.5)
     return figure

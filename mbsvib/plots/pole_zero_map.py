@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.feedback.gain_spectrum import AT_REST
 from mbsvib.plots import _choice as choice
 from mbsvib.plots import _style as style
 from mbsvib.plots.root_locus import damping_rays, limits_of
@@ -18,21 +19,27 @@ if TYPE_CHECKING:
     from mbsvib.plots._choice import Names, Systems
     from mbsvib.plots.root_locus import Limits
 
+WIDE = 10.0  # ratio of magnitudes of poles above which linear axes hide the smallest
+
 
 def pole_zero_map(
     systems: Systems, outputs: Names = None, inputs: Names = None, *, real: Limits = None, imaginary: Limits = None,
-    labels: Sequence[str] | None = None,
+    equal: bool | None = None, labels: Sequence[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw poles as crosses and the zeros from inputs to outputs as circles.
 
     Parameters
     ----------
-    systems : System, ClosedLoop, StateSpace, Controller, control.StateSpace, or sequence of these
+    systems : System, ClosedLoop, StateSpace, Controller, control.StateSpace, control.TransferFunction, or sequence
         One, or several that are drawn into the same plane.
     outputs, inputs : str or sequence of str, optional
         Names or patterns of the ports that the zeros belong to; default: all.
     real, imaginary : (float, float), optional
-        First and last value of each axis [Hz]; default: all poles, with the same scale on both axes.
+        First and last value of each axis [Hz]; default: all poles.
+    equal : bool, optional
+        The same linear scale on both axes, so that angles are true; default: only if no limits are given and the
+        magnitudes of the poles spread by less than ten times. Magnitudes that spread more are drawn on scales that are
+        logarithmic but near zero (asinh), unless limits are given.
     labels : sequence of str, optional
         Names of the systems in the legend; default: their own.
 
@@ -48,6 +55,8 @@ def pole_zero_map(
     """
     across, upward = limits_of(real, "real", "plots.pole_zero_map"), limits_of(imaginary, "imaginary",
                                                                               "plots.pole_zero_map")  # fmt: skip
+    from matplotlib.ticker import NullLocator
+
     named = choice.listed(systems, labels)
     with style.context():
         figure = style.new_figure(5.6, 5.2)
@@ -64,17 +73,31 @@ def pole_zero_map(
                 if mark == "x":
                     shown.append(upper)
         poles = np.concatenate(shown)
-        size = 1.15 * float(np.abs(poles).max(initial=0.0)) or 1.0
-        left = min(-0.25 * size, 1.1 * float(poles.real.min(initial=0.0)))
-        right = max(0.08 * size, 1.1 * float(poles.real.max(initial=0.0)))
+        sizes = np.abs(poles[np.abs(poles) > AT_REST * np.abs(poles).max(initial=0.0)])
+        given = across is not None or upward is not None
+        wide = bool(sizes.size) and float(sizes.max()) > WIDE * float(sizes.min())
+        same = not (given or wide) if equal is None else equal
+        size = 1.15 * float(sizes.max(initial=0.0)) or 1.0
+        edge = -0.5 * float(sizes.min()) if wide and not same and not given else -0.25 * size
+        left = min(edge, 1.1 * float(poles.real.min(initial=0.0)))
+        right = max(-0.3 * edge, 1.1 * float(poles.real.max(initial=0.0)))
         left, right = across or (left, right)
         bottom, top = upward or (0.0, max(1.15 * float(poles.imag.max(initial=0.0)), 0.25 * size))
-        same = across is None and upward is None
-        damping_rays(axes, (left, right), (bottom, top), same)
+        if wide and not same and not given:
+            width = float(sizes.min())
+            decades = 10.0 ** np.arange(np.ceil(np.log10(width / 3.0)), np.floor(np.log10(size)) + 1.0)
+            ticks = [*(-decades[::-1]).tolist(), 0.0, *decades.tolist()]
+            axes.set_xscale("asinh", linear_width=width)
+            axes.set_yscale("asinh", linear_width=width)
+            for axis in (axes.xaxis, axes.yaxis):
+                axis.set_ticks(ticks, [f"{tick:g}".replace("-", "\N{MINUS SIGN}") for tick in ticks])
+                axis.set_minor_locator(NullLocator())
+            bottom = -0.15 * width if upward is None else bottom
         axes.set_xlim(left, right)
-        axes.set_ylim(bottom - 0.02 * (top - bottom) if upward is None else bottom, top)
+        axes.set_ylim(bottom - 0.02 * (top - bottom) if same and upward is None else bottom, top)
         axes.axvline(0.0, color=style.MARK, linewidth=0.8)
         axes.set_aspect("equal" if same else "auto")
+        damping_rays(axes)
         axes.set_xlabel("real part / 2 pi [1/s]")
         axes.set_ylabel("imaginary part / 2 pi [Hz]")
         figure.legend(loc="outside upper left", ncols=2)

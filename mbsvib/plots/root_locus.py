@@ -8,6 +8,7 @@ import numpy as np
 
 from mbsvib.common.expected import reals
 from mbsvib.errors import ResponseError
+from mbsvib.feedback.pole_track import has_moved
 from mbsvib.plots import _style as style
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 ROUNDS = (0.1, 0.2, 0.4, 0.7)  # lines of one damping ratio
 ROOM = 0.04  # half of a label's width, in parts of the height or, with unequal axes, of the width
+LABEL_HEIGHT = 0.93  # of labels of damping ratios, in parts of the height
 
 Limits: TypeAlias = "tuple[float, float] | None"
 
@@ -61,7 +63,7 @@ def root_locus(
     scale : float
         What gains are multiplied by in the label.
     real, imaginary : (float, float), optional
-        First and last value of each axis [Hz]; default: all open-loop poles.
+        First and last value of each axis [Hz]; default: all open-loop poles that the gain moves.
     equal : bool, optional
         The same scale on both axes, so that angles are true; default: only if no limits are given. Unequal axes show
         the paths of slow poles beside fast ones.
@@ -70,7 +72,8 @@ def root_locus(
     -------
     matplotlib.figure.Figure
         Upper half of the plane of poles in Hz; crosses are open loops, circles zeros, dots the best gain of the least
-        damped vibration; faint rays have one damping ratio. The title tells the least damping of what vibrates without
+        damped vibration; faint rays have one damping ratio. The axis
+        tells how many modes are outside, the title the least damping of what vibrates without
         the controller and at the best gain.
 
     Raises
@@ -85,8 +88,10 @@ def root_locus(
         figure = style.new_figure(5.2, 5.2)
         axes = figure.subplots()
         poles = locus.curves / (2.0 * np.pi)
-        largest = np.abs(poles[:, locus.modes]).max(initial=0.0) if len(locus.modes) else np.abs(poles).max()
-        top = 1.15 * float(np.abs(poles[0]).max()) or float(largest) or 1.0
+        moving = has_moved(poles) if has_moved(poles).any() else np.ones(poles.shape[1], dtype=bool)
+        shown = np.intersect1d(locus.modes, np.flatnonzero(moving))
+        largest = np.abs(poles[:, shown]).max(initial=0.0) if len(shown) else np.abs(poles[:, moving]).max()
+        top = 1.15 * float(np.abs(poles[0, moving]).max()) or float(largest) or 1.0
         marked = locus.best_poles / (2.0 * np.pi)
         for column in np.setdiff1d(np.arange(poles.shape[1]), locus.modes).tolist():  # integrators may begin to swing
             path = poles[:, column]
@@ -99,19 +104,34 @@ def root_locus(
             axes.plot([marked[column].real], [np.abs(marked[column].imag)], "o", color=colour, markersize=4.0)
         zeros = locus.zeros[locus.zeros.imag >= 0.0] / (2.0 * np.pi)
         axes.plot(zeros.real, zeros.imag, "o", color=style.INK, mfc="none", markersize=6.0)
-        left = min(-0.25 * top, 1.08 * float(np.maximum(poles.real[:, locus.modes], -top).min(initial=0.0)))
-        right = max(0.05 * top, 1.08 * float(np.minimum(poles.real[:, locus.modes], top).max(initial=0.0)))
+        left = min(-0.25 * top, 1.08 * float(np.maximum(poles.real[:, shown], -top).min(initial=0.0)))
+        right = max(0.05 * top, 1.08 * float(np.minimum(poles.real[:, shown], top).max(initial=0.0)))
         left, right = across or (left, right)
         bottom, top = upward or (0.0, top)
-        damping_rays(axes, (left, right), (bottom, top), same)
         axes.set_xlim(left, right)
         axes.set_ylim(bottom, top)
         axes.axvline(0.0, color=style.MARK, linewidth=0.8)
         axes.set_aspect("equal" if same else "auto")
-        axes.set_xlabel("real part / 2 pi [1/s]")
+        damping_rays(axes)
+        beginnings = poles[0, locus.modes]
+        outside = int(((beginnings.real < left) | (beginnings.imag > top)).sum())
+        note = f"\n({outside} of {len(beginnings)} modes are outside)" if outside else ""
+        axes.set_xlabel("real part / 2 pi [1/s]" + note)
         axes.set_ylabel("imaginary part / 2 pi [Hz]")
+        draw_legend(axes)
         figure.suptitle(f"{locus.name}: " + "\n".join(locus.summary(scale)), x=0.02, ha="left", fontsize=10.5)
     return figure
+
+
+def draw_legend(axes: Axes) -> None:
+    """Explain the marks above a root locus."""
+    from matplotlib.lines import Line2D
+
+    marks = [Line2D([], [], color=style.INK, linestyle="none", marker=marker, markersize=size, mfc=face, label=words)
+             for marker, size, face, words in (("x", 6.0, None, "open loops"), ("o", 4.0, None, "best gain"),
+                                               ("o", 6.0, "none", "zeros"))]  # fmt: skip
+    axes.legend(handles=marks, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.2,
+                handletextpad=0.2, columnspacing=1.2)  # fmt: skip
 
 
 def limits_of(values: Limits, field: str, who: str) -> Limits:
@@ -125,16 +145,20 @@ def limits_of(values: Limits, field: str, who: str) -> Limits:
     return float(ends[0]), float(ends[1])
 
 
-def damping_rays(axes: Axes, across: tuple[float, float], upward: tuple[float, float], same: bool) -> None:
-    """Draw lines of one damping ratio, with labels where they pass below the upper edge."""
-    (left, right), (bottom, top) = across, upward
-    height = bottom + 0.93 * (top - bottom)
-    room = ROOM * ((top - bottom) if same else (right - left))
+def damping_rays(axes: Axes) -> None:
+    """Draw lines of one damping ratio within the limits of axes, with labels where they pass below the upper edge."""
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    to_axes = axes.transData - axes.transAxes
+    room = ROOM * ((top - bottom) / (right - left) if axes.get_aspect() == 1.0 else 1.0)
     reach = 2.0 * max(abs(left), abs(right), abs(top), abs(bottom))
+    radius = np.concatenate(([0.0], np.geomspace(1e-6, 1.0, 200))) * reach / min(ROUNDS)
+    labels: list[float] = []
     for ratio in ROUNDS:
-        slope = np.sqrt(1.0 - ratio**2) / ratio
-        far = reach * max(1.0, 1.0 / slope)
-        axes.plot([0.0, -far], [0.0, far * slope], color=style.FAINT, linewidth=0.8, zorder=0)
-        x = -height / slope
-        if left < x - room and x + room < right:
-            axes.text(x, height, f"{100.0 * ratio:g} %", color=style.MARK, fontsize=7.5, ha="center")
+        ray = np.column_stack((-ratio * radius, np.sqrt(1.0 - ratio**2) * radius))
+        axes.plot(*ray.T, color=style.FAINT, linewidth=0.8, zorder=0, scalex=False, scaley=False)
+        across, upward = to_axes.transform(ray).T
+        x = float(np.interp(LABEL_HEIGHT, upward, across))
+        if room < x < 1.0 - room and all(abs(x - other) > 2.0 * room for other in labels):
+            labels.append(x)
+            real, imaginary = to_axes.inverted().transform((x, LABEL_HEIGHT)).tolist()
+            axes.text(real, imaginary, f"{100.0 * ratio:g} %", color=style.MARK, fontsize=7.5, ha="center")

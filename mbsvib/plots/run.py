@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from mbsvib.common import units
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.plots import _style as style
 from mbsvib.plots._projection import axes_of
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from mbsvib.plots._projection import View
 
 MOST_CURVES = 12  # in one panel that was not asked for by name
+QUANTITIES = {"m": "displacement", "rad": "rotation", "m/s": "velocity", "rad/s": "angular velocity", "N": "force",
+              "m/s^2": "acceleration", "rad/s^2": "angular acceleration", "N m": "moment", "1": "strain"}  # fmt: skip
 
 
 class RunData(Protocol):
@@ -106,7 +109,9 @@ def run_figure(run: RunData, names: Sequence[str] | str | None) -> Figure:
     unit = {name: "rad" if name.rpartition(".")[2].startswith("r") else "m" for name in run.coordinates}
     unit |= dict(run.output_units)
     if names is None:
-        chosen = list(run.outputs or run.coordinates)[:MOST_CURVES]
+        what = "outputs" if run.outputs else "coordinates"
+        everything = list(run.outputs or run.coordinates)
+        chosen = everything[:MOST_CURVES]
     else:
         chosen = [names] if isinstance(names, str) else list(names)
     for name in chosen:
@@ -122,7 +127,7 @@ def run_figure(run: RunData, names: Sequence[str] | str | None) -> Figure:
         for axes, (own_unit, members) in zip(panels, groups.items(), strict=False):
             for i, name in enumerate(members):
                 axes.plot(run.time, known[name], label=name, **style.line(i))
-            axes.set_ylabel(f"[{own_unit}]")
+            axes.set_ylabel(f"{QUANTITIES.get(own_unit, 'output')} [{units.pretty(own_unit)}]")
             axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
         for i, kind in enumerate(("total", "kinetic", "potential", "dissipated")):
             panels[-1].plot(run.time, getattr(run.energy, kind), label=kind, **style.line(i))
@@ -131,6 +136,8 @@ def run_figure(run: RunData, names: Sequence[str] | str | None) -> Figure:
         panels[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
         panels[-1].set_xlim(run.time[0], run.time[-1])
         panels[0].set_title(run.name, loc="right", color=style.MARK, fontsize=8.5)
+        if names is None:
+            style.tell_left_out(figure, len(chosen), len(everything), what, "name others by run.plot([...])")
     return figure
 
 

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
+    from mbsvib.common.arrays import Array
     from mbsvib.plots._loops import Loop
+
+LEVEL = 1e-3  # share by which a peak is above the ends of its curve
 
 
 def sensitivity(
@@ -43,8 +46,8 @@ def sensitivity(
     Returns
     -------
     matplotlib.figure.Figure
-        Two panels; the legend tells the largest value of each curve. The peak of S is the inverse of the modulus
-        margin of all loops together.
+        Two panels; the legend tells the peak of each curve, or at which end of the range it is highest. The peak of S
+        is the inverse of the modulus margin of all loops together.
 
     Raises
     ------
@@ -63,10 +66,9 @@ def sensitivity(
             f = loops.grid(each, frequencies, span, "plots.sensitivity")
             s = each.sensitivity(2.0 * np.pi * f).transpose(2, 0, 1)
             for axes, matrices in zip(panels, (s, np.eye(len(each.actuators)) - s), strict=True):
-                largest = np.linalg.svd(matrices, compute_uv=False)[:, 0]
-                peak = int(largest.argmax())
+                largest = np.asarray(np.linalg.svd(matrices, compute_uv=False)[:, 0], dtype=float)
                 axes.plot(f, 20.0 * np.log10(largest) if decibels else largest, **style.line(number),
-                          label=f"{name}: {_value(largest[peak], decibels)} at {f[peak]:.4g} Hz")  # fmt: skip
+                          label=f"{name}: {_highest(f, largest, decibels)}")  # fmt: skip
         for axes, title in zip(panels, ("sensitivity S", "complementary sensitivity T"), strict=True):
             axes.set_xscale("log")
             if not decibels:
@@ -79,5 +81,13 @@ def sensitivity(
     return figure
 
 
-def _value(value: float, decibels: bool) -> str:
-    return f"{20.0 * np.log10(value):.3g} dB" if decibels else f"{value:.3g}"
+def _highest(f: Array, largest: Array, decibels: bool) -> str:
+    """Return the peak of a curve in words; curves that end as high as anywhere have none."""
+    top = float(largest.max())
+    words = f"{round(20.0 * np.log10(top), 2) + 0.0:.3g} dB" if decibels else f"{top:.3g}"
+    ends = [end for end, value in (("low", largest[0]), ("high", largest[-1])) if value >= (1.0 - LEVEL) * top]
+    if len(ends) == 2:
+        return f"no peak, {words} at both ends"
+    if ends:
+        return f"no peak, {words} towards {ends[0]} frequencies"
+    return f"peak {words} at {f[largest.argmax()]:.4g} Hz"

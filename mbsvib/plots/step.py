@@ -1,14 +1,15 @@
-"""Step responses, from rest to settled, in units that are easy to read."""
+"""Step responses, from rest to settled, in units that are easy to read; rise, overshoot and settling marked."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from mbsvib.common import units
 from mbsvib.plots import _choice as choice
+from mbsvib.plots import _step_marks as marks
 from mbsvib.plots import _style as style
-from mbsvib.plots import _units as units
 from mbsvib.plots.grid import time_grid
 
 if TYPE_CHECKING:
@@ -22,10 +23,18 @@ if TYPE_CHECKING:
     from mbsvib.plots._system import Linear
 
 
-NEGLIGIBLE = 1e-11
 LONGEST_LABEL = 26
 MOST_SWINGS = 150  # of a thick line
 BEFORE = 0.03  # of the time shown: the rest before the step
+
+
+class Drawn(NamedTuple):
+    """A response y (n,) of a system with its label, and whether it is zero but for rounding."""
+
+    name: str
+    system: Linear
+    y: Array
+    zero: bool
 
 
 def step(
@@ -41,14 +50,17 @@ def step(
     outputs, inputs : str or sequence of str, optional
         Names; default: all, if they are not too many.
     duration : float, optional
-        Time shown [s]; default: until the slowest mode has settled, but at most 25 of its periods.
+        Time shown [s]; default: until all responses have settled. Where one does not, or only after 400 periods: five
+        time constants of the slowest mode, but at most 25 of its periods.
     labels : sequence of str, optional
         Names of the systems in the legend; default: their own.
 
     Returns
     -------
     matplotlib.figure.Figure
-        One panel for each pair of input and output; a dashed line is the static response, where there is one.
+        One panel for each pair of input and output; a dashed line is the static response, where there is one. For a
+        single system that settles, marks show rise (10 % to 90 % of the final value), peak and settling (the band of
+        2 %), as ``system.step_info()`` tells them.
 
     Raises
     ------
@@ -57,9 +69,12 @@ def step(
     """
     named = choice.listed(systems, labels)
     panels = choice.pairs(named[0][1], outputs, inputs)
-    t = time_grid([system for _, system in named], duration)
+    group, flat = [system for _, system in named], [pair for row in panels for pair in row]
+    known = marks.infos(group, *(list(dict.fromkeys(names)) for names in zip(*flat, strict=True)))
+    zero = [marks.rounding(system) for system in group]
+    t = time_grid(group, marks.until_settled(group, known, zero) if duration is None else duration)
     factor, unit = units.prefix("s", t[-1])
-    responses = [_responses(system, t, {source for row in panels for _, source in row}) for _, system in named]
+    responses = [_responses(system, t, {source for row in panels for _, source in row}) for system in group]
     rows, columns, count = len(panels), max(map(len, panels)), sum(map(len, panels))
     with style.context():
         figure = style.new_figure(*style.panel_size(rows, columns, 2.6, 3.6))
@@ -67,8 +82,13 @@ def step(
         for i, row in enumerate(panels):
             for j, (output, source) in enumerate(row):
                 axes = figure.add_subplot(places[i, j])
-                drawn = [(name, system, y[source]) for (name, system), y in zip(named, responses, strict=True)]
-                _panel(axes, t * factor, drawn, source, output)
+                drawn = [Drawn(name, system, y[source][system.outputs.index(output)],
+                               bool(none[system.outputs.index(output), system.inputs.index(source)]))
+                         for (name, system), y, none in zip(named, responses, zero, strict=True)]  # fmt: skip
+                scale = _panel(axes, t * factor, drawn, source, output)
+                if len(group) == 1 and known[0] is not None and scale is not None:
+                    response = marks.Response(t, drawn[0].y, factor, scale)
+                    marks.mark(axes, known[0], (output, source), response)
                 if (i + 1) * columns + j >= count:
                     axes.set_xlabel(f"time [{unit}]")
         style.name_systems(figure, [label for label, _ in named], figure.axes[len(panels[0]) - 1])
@@ -85,22 +105,16 @@ def _responses(system: Linear, t: Array, sources: set[str]) -> dict[str, Array]:
     return result
 
 
-def _panel(axes: Axes, t: Array, drawn: list[tuple[str, Linear, Array]], source: str, output: str) -> None:
-    shown, largest, negligible = [], 0.0, True
-    for name, system, response in drawn:
-        choice.pick(system, "output", output)
-        number = system.outputs.index(output)
-        y = response[number]
-        alike = [i for i, unit in enumerate(system.output_units) if unit == system.output_units[number]]
-        negligible &= bool(np.abs(y).max() <= NEGLIGIBLE * np.abs(response[alike]).max())
-        largest = max(largest, float(np.abs(y).max()))
-        shown.append((name, system, y))
-    system = drawn[0][1]
+def _panel(axes: Axes, t: Array, drawn: list[Drawn], source: str, output: str) -> float | None:
+    """Draw one pair; return the factor of its values, or None where they are rounding."""
+    negligible = all(each.zero for each in drawn)
+    largest = max(float(np.abs(each.y).max()) for each in drawn)
+    system = drawn[0].system
     output_unit = system.output_units[system.outputs.index(output)]
     input_unit = system.input_units[system.inputs.index(source)]
     factor, unit = units.prefix(output_unit, 0.0 if negligible else largest)
     before = -BEFORE * t[-1]
-    for i, (name, system, y) in enumerate(shown):
+    for i, (name, system, y, _) in enumerate(drawn):
         final = static(system, source, output)
         if final is not None:
             axes.axhline(factor * final, color=style.line(i)["color"], linewidth=0.8, alpha=0.6, dashes=(4, 3))
@@ -110,12 +124,13 @@ def _panel(axes: Axes, t: Array, drawn: list[tuple[str, Linear, Array]], source:
         axes.plot(times, values, label=name, **look)
     axes.set_xlim(before, t[-1])
     axes.set_title(f"{source} → {output}")
-    short = f"[{units.pretty(unit)}] for 1 {units.pretty(input_unit)}"
+    short = f"[{units.pretty(unit) or 1}]" + (f" for 1 {units.pretty(input_unit)}" if input_unit else "")
     axes.set_ylabel(f"{output} {short}" if len(output) + len(short) < LONGEST_LABEL else short)
     if negligible:
-        style.remark(axes, style.zero(y for _, _, y in shown))
-    elif system.modes().rigid:
-        style.remark(axes, "rigid-body motion: need not settle", top=bool(shown[0][2][-1] > 0.0))
+        style.remark(axes, style.zero(each.y for each in drawn))
+    elif drawn[0].system.modes().rigid:
+        style.remark(axes, "rigid-body motion: need not settle", top=bool(drawn[0].y[-1] > 0.0))
+    return None if negligible else factor
 
 
 def static(system: Linear, source: str, output: str) -> float | None:

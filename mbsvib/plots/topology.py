@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.expected import a_system
+from mbsvib.plots import _labels as labels
 from mbsvib.plots import _style as style
 from mbsvib.plots import _tree_layout as layout
 
@@ -51,6 +52,7 @@ def topology(system: System) -> Figure:
         figure = style.new_figure(float(np.clip(1.1 * width + 2.0, 4.5, 12.0)), float(np.clip(height + 1.6, 3.0, 9.0)))
         axes = figure.subplots()
         axes.set_axis_off()
+        texts, ways = [], []
         for kind, name, _, first, second in edges:
             pair = min(first, second), max(first, second)
             nth, seen[pair] = seen[pair], seen[pair] + 1
@@ -59,8 +61,9 @@ def topology(system: System) -> Figure:
             label, colour, thick, dash = KINDS[kind]
             axes.plot(*points.T, color=colour, linewidth=thick, linestyle=dash, label=label, zorder=2)
             if len(edges) <= MOST_NAMES and kind != "floating":
-                position = points[5 if kind in ("spring", "coupler") else 9]
-                axes.annotate(name, position, ha="center", va="center", fontsize=6.5, color=colour, bbox=BOX, zorder=3)
+                texts.append(axes.annotate(name, points[len(points) // 2], ha="center", va="center", fontsize=6.5,
+                                           color=colour, bbox=BOX, zorder=3))  # fmt: skip
+                ways.append(points)
         ground = len(nodes) - 1
         axes.plot(*at[:ground].T, "o", ms=8.0, color="#2b5c9e", mec="white", zorder=4)
         axes.plot(*at[ground], "s", ms=10.0, color="#6b7682", mec="white", zorder=4)
@@ -72,11 +75,15 @@ def topology(system: System) -> Figure:
         handles = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
         figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=max(1, len(handles)))
         axes.set_title(system.name)
+        figure.draw_without_rendering()
+        marks = [text for text in axes.texts if text not in texts]
+        blocked = np.array([text.get_window_extent().extents for text in marks]).reshape(-1, 4)
+        labels.slide(axes, texts, ways, blocked)
     return figure
 
 
 def _bent(start: Array, end: Array, bend: float) -> Array:
     """A curved line from start to end."""
-    s = np.linspace(0.0, 1.0, 17)[:, None]
+    s = np.linspace(0.0, 1.0, 41)[:, None]
     aside = 0.5 * (start + end) + bend * np.array([end[1] - start[1] or 1.0, start[0] - end[0]])
     return np.asarray((1.0 - s) ** 2 * start + 2.0 * s * (1.0 - s) * aside + s**2 * end)

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common import units
 from mbsvib.explain.dense import skipped
 from mbsvib.plots import _scene
 from mbsvib.plots import _tree_layout as layout
-from mbsvib.plots import _units as units
 from mbsvib.plots._choice import pick
 from mbsvib.plots._curves import NEGLIGIBLE, curves
 from mbsvib.plots.energy import largest, shares

@@ -106,12 +106,12 @@ class StateSpace(LinearVerbs, Displayed):
 
     @classmethod
     def from_control(cls, space: Any) -> Self:
-        """Return a state space of python-control with its names.
+        """Return a state space or transfer function of python-control with its names.
 
         Parameters
         ----------
-        space : control.StateSpace
-            In continuous time.
+        space : control.StateSpace or control.TransferFunction
+            In continuous time; a transfer function from one input to one output.
 
         Returns
         -------
@@ -121,12 +121,13 @@ class StateSpace(LinearVerbs, Displayed):
         Raises
         ------
         ResponseError
-            If it is no such state space, or discrete.
+            If it is neither, or discrete, or a transfer function of several ports.
         """
-        from mbsvib.responses.from_control import arguments, is_control
+        from mbsvib.responses.from_control import arguments, is_control, is_transfer_function
 
-        if not is_control(space):
-            raise ResponseError(f"from_control: {type(space).__name__}; expected a control.StateSpace.")
+        if not (is_control(space) or is_transfer_function(space)):
+            raise ResponseError(f"from_control: {type(space).__name__}; expected a control.StateSpace "
+                                f"or control.TransferFunction.")  # fmt: skip
         return cls.from_arrays(**arguments(space))
 
     @cached_property

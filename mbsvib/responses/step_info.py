@@ -15,6 +15,7 @@ import numpy as np
 from scipy.linalg import matrix_balance
 
 from mbsvib.common.display import Displayed
+from mbsvib.common.units import pretty, ratio
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ class StepInfo(Displayed):
             for j, source in enumerate(self.inputs):
                 values = (self.final, self.rise_time, self.settling_time, self.overshoot, self.peak, self.peak_time)
                 words = ["" if np.isnan(value[i, j]) else f"{value[i, j]:.4g}" for value in values]
-                rows.append((output, source, f"{self.output_units[i]} / {self.input_units[j]}", *words))
+                rows.append((output, source, pretty(ratio(self.output_units[i], self.input_units[j])), *words))
         headers = ("output", "input", "unit", "final", "rise time [s]", "settling time [s]", "overshoot [%]", "peak",
                    "peak time [s]")  # fmt: skip
         return {"title": f"Step responses of {self.name}",

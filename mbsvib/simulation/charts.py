@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import qr
 
+from mbsvib.linalg.minimum_norm import minimum_norm_solution
 from mbsvib.linalg.rank import REDUNDANT_LOOPS
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ class Loops:
                 break
             left, best = now, q
             q = q.copy()
-            step = -np.linalg.lstsq(jacobian[:, allowed], phi, rcond=REDUNDANT_LOOPS)[0]
+            step = -minimum_norm_solution(jacobian[:, allowed], phi)
             q[allowed] += self.coordinate_scale[allowed] * step
         return (q, now) if now < left else (best, left)
 
@@ -82,7 +83,7 @@ class Loops:
             return qd
         _, jacobian = self.scaled(q, bases)
         scaled = qd / self.coordinate_scale
-        scaled = scaled - np.linalg.lstsq(jacobian, jacobian @ scaled, rcond=REDUNDANT_LOOPS)[0]
+        scaled = scaled - minimum_norm_solution(jacobian, jacobian @ scaled)
         return np.asarray(scaled * self.coordinate_scale)
 
     def rank(self, q: Array, bases: Array) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, nearest
+from mbsvib.linalg.minimum_norm import minimum_norm_solution
 from mbsvib.simulation.states import State
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ def _rates(run: Session, q: Array, qd: Array, fixed: list[int], bases: Array) ->
     others = np.setdiff1d(np.arange(len(q)), fixed)
     result = qd / scale
     right = -jacobian[:, fixed] @ result[fixed]
-    result[others] = np.linalg.lstsq(jacobian[:, others], right, rcond=1e-9)[0]
+    result[others] = minimum_norm_solution(jacobian[:, others], right)
     if np.abs(jacobian @ result).max() > 1e-8 * max(1.0, float(np.abs(result).max())):
         names = ", ".join(run.names[k] for k in fixed)
         raise ModelError(f"simulate: the loops do not allow these rates of {names}; give fewer of them.",

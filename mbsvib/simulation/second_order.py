@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
+from mbsvib.linalg.minimum_norm import minimum_norm_solution
 from mbsvib.linalg.rank import REDUNDANT_LOOPS
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ class SecondOrder:
     def first(self, shape: Array | Complex, s: complex) -> Complex:
         """Return x1 = (q1, s q1, s^2 q1, mu1) of a shape (m,) of the independent coordinates."""
         q = self.to_all @ shape
-        forces = np.linalg.lstsq(self.jacobian.T.astype(complex), self.operator(s) @ q, rcond=REDUNDANT_LOOPS)[0]
+        forces = minimum_norm_solution(self.jacobian.T, self.operator(s) @ q)
         return np.concatenate((q, s * q, s**2 * q, forces))
 
     def residual(self, shape: Array | Complex, s: complex) -> float:
@@ -74,8 +75,7 @@ class SecondOrder:
         result = np.zeros(len(self.to_all), dtype=complex)
         dependent = np.setdiff1d(np.arange(len(result)), self.independent)
         if len(dependent):
-            own = self.jacobian[:, dependent].astype(complex)
-            result[dependent] = -np.linalg.lstsq(own, opening, rcond=REDUNDANT_LOOPS)[0]
+            result[dependent] = -minimum_norm_solution(self.jacobian[:, dependent], opening)
         return result
 
     def forced(self, force: Complex, opening: Complex, s: complex) -> tuple[Complex, bool]:
@@ -124,7 +124,7 @@ def second_order(statement: FiniteMotion, measured: Measured, independent: Index
     zero = np.zeros(x.shape[0])
     J = np.asarray(ca.Function("J", [x], [ca.densify(statement.jacobian)])(zero)).reshape(-1, n)
     unbalanced = np.asarray(ca.Function("f", [x], [every[0]])(zero))[:, 0]
-    zero[3 * n :] = np.linalg.lstsq(J.T, unbalanced, rcond=REDUNDANT_LOOPS)[0]
+    zero[3 * n :] = minimum_norm_solution(J.T, unbalanced)
     slopes = ca.Function("slopes", [x], [ca.densify(ca.jacobian(every[0], x)), ca.densify(ca.jacobian(every[2], x))])
     own, seen = map(np.asarray, slopes(zero))
     a, b = ca.SX.sym("a", x.shape[0]), ca.SX.sym("b", x.shape[0])
@@ -133,7 +133,7 @@ def second_order(statement: FiniteMotion, measured: Measured, independent: Index
     dependent = np.setdiff1d(np.arange(n), independent)
     to_all = np.eye(n)[:, independent]
     if len(dependent):
-        to_all[dependent] = -np.linalg.lstsq(J[:, dependent], J[:, independent], rcond=REDUNDANT_LOOPS)[0]
+        to_all[dependent] = -minimum_norm_solution(J[:, dependent], J[:, independent])
     return SecondOrder(
         to_all, independent, (own[:, :n], own[:, n : 2 * n], own[:, 2 * n : 3 * n]), J,
         seen.reshape(-1, x.shape[0])[:, : 3 * n], zero[3 * n :], lambda left, right: full(zero, left, right),

@@ -70,7 +70,7 @@ def over_variables(
         else:
             histograms(axes, flat)
             axes.set_xlabel(words)
-            axes.set_ylabel("points [-]")
+            axes.set_ylabel("number of points")
         over = ", ".join(varied[:3]) + (", ..." if len(varied) > 3 else "")
         title(axes, f"{label} over {over or 'nothing'}", name)
     return figure
@@ -82,7 +82,7 @@ def histograms(axes: Axes, values: NDArray[Any]) -> None:
         column = values[np.isfinite(values[:, i]), i]
         axes.hist(column, bins=BINS, color=style.COLOURS[i % len(style.COLOURS)], alpha=0.75, label=f"{i + 1}")
     if values.shape[1] > 1:
-        axes.legend(title="entry")
+        axes.legend(title=_counted("entry", "entries", values.shape[1]))
 
 
 def title(axes: Axes, words: str, name: str) -> None:
@@ -171,8 +171,8 @@ def tolerances(labels: Sequence[str], sampled: Array, linear: Array, nominal: Ar
                 axes.hist(first, bins=edges, histtype="step", color=style.COLOURS[1], label="first order")
             axes.axvline(nominal[i], color=style.INK, linewidth=0.9, linestyle="--", label="nominal")
             quantity, _, unit = label.partition(" [")
-            axes.set_xlabel(f"{quantity} [{unit or '-]'}")
-            axes.set_ylabel("samples [-]")
+            axes.set_xlabel(f"{quantity} [{unit or '1]'}")
+            axes.set_ylabel("number of samples")
             axes.locator_params(axis="x", nbins=4)
         panels.flat[0].legend(fontsize=7.0)
         figure.suptitle(f"Tolerances of {name}", x=0.02, ha="left", fontsize=10.5)
@@ -186,7 +186,8 @@ def _lines(axes: Axes, x: NDArray[Any], flat: NDArray[Any], names: Sequence[str]
         dots: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 3.0} if samples else {}
         axes.plot(x[order], flat[order, i], label=names[i] if names else f"{i + 1}", **(style.line(i) | dots))
     if flat.shape[1] > 1:
-        axes.legend(title="mode" if names else "entry", ncols=2)
+        one, many = ("mode", "modes") if names else ("entry", "entries")
+        axes.legend(title=_counted(one, many, flat.shape[1]), ncols=2)
 
 
 def _map(figure: Figure, axes: Axes, grid: Sequence[Array], values: Array, words: str) -> None:
@@ -199,5 +200,10 @@ def _map(figure: Figure, axes: Axes, grid: Sequence[Array], values: Array, words
     figure.colorbar(image, ax=axes, label=words)
 
 
+def _counted(one: str, many: str, count: int) -> str:
+    """Return what lines are; how many of them are shown, if not all."""
+    return one if count <= MOST_LINES else f"{MOST_LINES} of {count} {many}"
+
+
 def _with_unit(name: str, units: Mapping[str, str]) -> str:
-    return f"{name} [{units.get(name, '-')}]"
+    return f"{name} [{units.get(name, '1')}]"

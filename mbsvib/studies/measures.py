@@ -68,7 +68,7 @@ def damping_ratio(mode: int | Iterable[int] | None = None) -> Quantity:
         ratio = -0.5 * total / natural
         return ratio, -(0.5 * d_total + ratio * d_natural) / natural
 
-    return Modal("damping ratio", "-", mode, rule)
+    return Modal("damping ratio", "1", mode, rule)
 
 
 def placement(targets: Mapping[int, float]) -> Quantity:
@@ -97,7 +97,7 @@ def placement(targets: Mapping[int, float]) -> Quantity:
     if min(targets_hz) <= 0.0:
         raise check.refuse("placement", "targets", targets, "frequencies [Hz] above 0")
     result = ((frequency(list(targets)) / targets_hz - 1.0) ** 2).sum()
-    result.label = "misplacement of frequencies [-]"
+    result.label = "misplacement of frequencies [1]"
     return result
 
 

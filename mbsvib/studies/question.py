@@ -26,7 +26,7 @@ BATCHED = frozenset((
     "modes.frequencies", "modes.damped_frequencies", "modes.damping_ratios", "modes.stable",
 ))  # fmt: skip
 UNITS = {"modes.eigenvalues": "1/s", "poles": "1/s", "modes.natural": "rad/s", "modes.frequencies": "Hz",
-         "modes.damped_frequencies": "Hz", "modes.damping_ratios": "-", "modes.errors": "-"}  # fmt: skip
+         "modes.damped_frequencies": "Hz", "modes.damping_ratios": "1", "modes.errors": "1"}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

@@ -264,7 +264,7 @@ class _Ask:
 
 def _quantities(of: Any) -> dict[str, Quantity]:
     if of is None:
-        return {"frequency [Hz]": frequency(), "damping ratio [-]": damping_ratio()}
+        return {"frequency [Hz]": frequency(), "damping ratio [1]": damping_ratio()}
     if isinstance(of, Quantity):
         return {f"{of.what} [{of.unit}]" if isinstance(of, Modal) else of.label: of}
     items = dict(of) if isinstance(of, Mapping) else {}

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from mbsvib.studies.design import Design, Ties
 
 
-UNITS = {"eigenvalues": "1/s", "frequencies": "Hz", "damped_frequencies": "Hz", "damping_ratios": "-"}
+UNITS = {"eigenvalues": "1/s", "frequencies": "Hz", "damped_frequencies": "Hz", "damping_ratios": "1"}
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -16,13 +16,15 @@ from mbsvib.cli import _demo_stages as stages
 from mbsvib.cli._demo import command_line
 
 PNG = b"\x89PNG"
-FIGURES = ("mechanism", "modes", "bode", "step", "root-locus", "open-closed", "isolation", "co-simulation")
+FIGURES = ("mechanism", "modes", "mode-shapes", "bode", "step", "root-locus", "loop-gain", "sensitivity", "open-closed",
+           "isolation", "co-simulation")  # fmt: skip
 
 
 @pytest.fixture
 def without_figures(monkeypatch):
     """Figures are drawn empty: what is tested is elsewhere."""
-    for name in ("bode", "step", "modes", "mechanism", "root_locus", "isolation"):
+    names = ("bode", "step", "modes", "mode_strips", "mechanism", "root_locus", "isolation", "loop_gain", "sensitivity")
+    for name in names:
         monkeypatch.setattr(f"mbsvib.plots.{name}", lambda *_, **__: Figure())
 
 

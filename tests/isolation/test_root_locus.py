@@ -73,6 +73,13 @@ def test_a_law_is_asked_when_the_locus_is_made():
     assert plots.root_locus(locus).axes
 
 
+def test_controllers_keep_their_states():
+    plant = isolation.actuated(active_strut(), "payload", "leg", directions="z")
+    laws = (isolation.velocity_feedback, isolation.force_feedback)
+    with pytest.raises(mv.ResponseError, match=r"2 states at the gain 0 and 3 at 100; expected .* the same states"):
+        isolation.root_locus(plant, lambda g: laws[g > 0.0](plant, g), [0.0, 100.0])
+
+
 def test_loops_that_are_never_stable_say_so():
     plant = isolation.actuated(active_strut(damping=1.0), "payload", "leg", directions="z")
     locus = isolation.root_locus(plant, lambda g: isolation.velocity_feedback(plant, -g), [10.0, 100.0])

@@ -28,7 +28,7 @@ def test_drives_of_a_robot():
     axes = plots.cycle(library.six_link(joints="RRRRRR").cycle(
         motion=motion | {f"joint{i}.rz": (0.0, 0.0, 0.0) for i in range(3, 7)})).axes  # fmt: skip
     assert [text.get_text() for text in axes[0].get_legend().get_texts()] == [f"joint{i}.rz" for i in range(1, 7)]
-    assert axes[2].get_xlabel() == "sample [-]"
+    assert axes[2].get_xlabel() == "sample"
     slide = plots.cycle(library.toggle().cycle("rail.z", [0.0, -0.01], speed=0.1)).axes
     assert (slide[0].get_ylabel(), slide[2].get_xlabel()) == ("force of drive [N]", "rail.z [m]")
 

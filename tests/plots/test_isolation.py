@@ -14,7 +14,7 @@ def test_transmissibility_and_compliance():
     top, below = figure.axes
     assert np.array_equal(top.lines[0].get_ydata(), first.index)
     assert np.array_equal(below.lines[1].get_ydata(), second.compliance_values[0])
-    assert top.get_ylabel().endswith("[-]")
+    assert top.get_ylabel().endswith("[1]")
     assert len(plots.isolation(first).axes) == 2
     with pytest.raises(mv.ModelError, match="a label for each"):
         plots.isolation([first, second], ["light"])
@@ -52,6 +52,15 @@ def test_root_locus_keeps_the_limits_that_are_given():
     (axes,) = plots.root_locus(locus, equal=False).axes
     assert (axes.get_xlim(), axes.get_ylim(), axes.get_aspect()) == (default.get_xlim(), default.get_ylim(), "auto")
     assert plots.root_locus(locus, real=(-5.0, 1.0), equal=True).axes[0].get_aspect() == 1.0
+
+
+def test_modes_that_the_gain_does_not_move_leave_room_for_the_others():
+    plant = isolation.actuated(mv.library.stewart_isolator(), "platform")
+    locus = isolation.root_locus(plant, lambda g: isolation.force_feedback(plant, g), [0.0, 100.0])
+    (axes,) = plots.root_locus(locus).axes
+    assert 17.0 < axes.get_ylim()[1] < 25.0  # the highest mode that moves is at 17 Hz, those that do not are at 292 Hz
+    assert axes.get_xlabel().endswith("(6 of 12 modes are outside)")
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["open loops", "best gain", "zeros"]
 
 
 def test_labels_of_damping_are_on_their_rays_and_within_the_limits():

@@ -116,6 +116,66 @@ def test_poles_and_zeros():
     assert near.get_ylim() == (0.0, 3.0)
 
 
+def legends(figure):
+    return [axes.get_legend().get_texts()[0].get_text() for axes in figure.axes]
+
+
+def test_an_end_of_the_range_is_no_peak():
+    """S = (s + 1) / (s + 11) rises to 1, and T = 10 / (s + 11) falls from 10 / 11."""
+    plant = mv.StateSpace.from_arrays([[-1.0]], [[1.0]], [[1.0]], [[0.0]], inputs=["u"], outputs=["y"])
+    loop = plant.feedback([[-10.0]], "y", "u", name="gain")
+    s, t = legends(plots.sensitivity(loop, np.geomspace(1e-3, 1e3, 300)))
+    assert s == "gain: no peak, 1 towards high frequencies"
+    assert t == "gain: no peak, 0.909 towards low frequencies"
+    (s, t) = legends(plots.sensitivity(single()))
+    f, largest = plots.sensitivity(single()).axes[0].lines[0].get_data()
+    assert s == f"lag: peak {largest.max():.3g} at {f[largest.argmax()]:.4g} Hz"
+    assert legends(plots.sensitivity(loop, [1e5, 2e5]))[0] == "gain: no peak, 1 at both ends"
+
+
+def test_transfer_functions_of_python_control_are_drawn():
+    transfer = control.tf([1.0, 2.0], [1.0, 2.0, 100.0], name="resonance")
+    axes = plots.pole_zero_map(transfer).axes[0]
+    poles, zeros = (line.get_xydata() @ [1.0, 1.0j] for line in axes.lines[:2])
+    assert_allclose(2 * np.pi * poles, [-1.0 + 1j * np.sqrt(99.0)])
+    assert_allclose(2 * np.pi * zeros, [-2.0])
+    f, size = plots.bode(transfer, decibels=False).axes[0].lines[0].get_data()
+    assert_allclose(size, np.abs(transfer(2j * np.pi * f)), rtol=1e-9)
+    integrator = mv.StateSpace.from_control(control.tf([3.0], [1.0, 0.0]))
+    assert_allclose(integrator.frequency_response([2.0])[0, 0], 3.0 / 2j)
+    static = mv.StateSpace.from_control(control.tf([3.0], [2.0]))
+    assert static.A.shape == (0, 0)
+    assert_allclose(static.D, 1.5)
+
+
+@pytest.mark.parametrize(("source", "words"), [
+    (control.tf([[[1], [1]]], [[[1, 2], [1, 3]]]), "from 2 inputs to 1 outputs; expected one of each"),
+    (control.tf([1, 0, 0], [1, 1]), "numerator has degree 2"),
+    (control.tf([1], [1, 1], 0.1), "dt = 0.1"),
+    (control.frd([1.0, 2.0], [1.0, 2.0]), "FrequencyResponseData"),
+])  # fmt: skip
+def test_other_systems_of_python_control_are_refused(source, words):
+    with pytest.raises(mv.ResponseError, match=words):
+        plots.pole_zero_map(source)
+
+
+def test_poles_far_apart_are_told_apart():
+    """Poles from 10 to 300 Hz take half of each axis; given limits are linear."""
+    system = library.stewart_isolator().linearize()
+    axes = plots.pole_zero_map(system, "z", "Fz").axes[0]
+    assert (axes.get_aspect(), axes.get_xscale()) == ("auto", "asinh")
+    ends = np.array([[0.0, 9.5], [0.0, 17.0]])
+    low, high = (axes.transData - axes.transAxes).transform(ends)[:, 1]
+    assert high - low > 0.1
+    shares = (axes.transData - axes.transAxes).transform(axes.lines[0].get_xydata())
+    assert shares.min() > 0.0
+    assert shares.max() < 1.0
+    near = plots.pole_zero_map(system, "z", "Fz", imaginary=(0.0, 20.0)).axes[0]
+    assert near.get_xscale() == "linear"
+    assert plots.pole_zero_map(system, "z", "Fz", equal=True).axes[0].get_aspect() == 1.0
+    assert plots.pole_zero_map(slider()).axes[0].get_aspect() == 1.0
+
+
 @pytest.mark.parametrize("draw", [plots.loop_gain, plots.loop_nyquist, plots.sensitivity])
 def test_open_loops_are_refused(draw):
     with pytest.raises(mv.ResponseError, match="expected a closed loop, as system"):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 import mbsvib as mv
 from mbsvib.plots import mechanism, topology
@@ -29,6 +30,74 @@ def test_bodies_are_named():
     assert {"platform", "leg1.upper", "leg6.lower"} <= texts
 
 
+def tree_of_26():
+    """Bodies at places by chance, each on a bushing of an earlier one."""
+    chance = np.random.default_rng(3)
+    model, places = mv.Model("tree"), [np.zeros(3)]
+    for i in range(26):
+        base = int(chance.integers(0, i + 1))
+        places.append(places[base] + chance.uniform(-0.2, 0.3, 3))
+        model.add_body(f"branch{i}", 1.0, (0.1, 0.1, 0.1), position=places[-1])
+        model.add_bushing(f"mount{i}", f"branch{base - 1}" if base else "ground", f"branch{i}", position=places[base],
+                          stiffness=(1.0,) * 6)  # fmt: skip
+    return model
+
+
+LIBRARY = ("quadruped", "stanford", "seven_r", "puma", "singular_beam", "stewart_isolator", "engine_on_mounts",
+           "gripper", "wafer_stage", "carpet_scraper")  # fmt: skip
+
+
+@pytest.mark.parametrize(("make", "dpi"), [
+    *((getattr(mv.library, name), dpi) for name in LIBRARY for dpi in (60, 220)), (tree_of_26, 100),
+    (lambda: mv.library.tree(5), 100)])  # fmt: skip
+def test_names_overlap_nothing(make, dpi):
+    figure = mechanism(make())
+    figure.set_dpi(dpi)
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    boxes = {text: Text.get_window_extent(text) for text in axes.texts if text.get_text()}
+    others = [figure.legends[0].get_window_extent(), axes._left_title.get_window_extent()]
+    texts = list(boxes)
+    for i, text in enumerate(texts):
+        assert not any(boxes[text].overlaps(boxes[other]) for other in texts[:i]), text.get_text()
+        assert not any(boxes[text].overlaps(box) for box in others), text.get_text()
+        assert figure.bbox.x0 <= boxes[text].x0 < boxes[text].x1 <= figure.bbox.x1
+    if len(texts) < 20:  # centres of marks are seen where there is room
+        marks = np.concatenate([axes.transData.transform(line.get_xydata()) for line in axes.lines])
+        assert not any(box.contains(*mark) for box in boxes.values() for mark in marks)
+
+
+def test_the_legend_explains_what_is_drawn():
+    words = [text.get_text() for text in mechanism(mv.library.quadruped()).legends[0].get_texts()]
+    assert words == ["body, centre of mass", "joint", "axis of a joint", "bushing or torsion spring", "input", "ground"]
+    loops = [text.get_text() for text in mechanism(mv.library.stewart_isolator()).legends[0].get_texts()]
+    assert {"spring", "joint at which a loop is cut"} <= set(loops)
+
+
+def test_bushings_are_rings_around_joints():
+    axes = mechanism(mv.library.quadruped()).axes[0]
+    bushings, *others = sorted((line for line in axes.lines if len(line.get_xdata())), key=lambda line: -line.get_ms())
+    assert len(bushings.get_xdata()) == 16
+    joints = next(line for line in others if line.get_mfc() == "white")
+    places = {tuple(place) for place in np.round(bushings.get_xydata(), 9).tolist()}
+    assert {tuple(place) for place in np.round(joints.get_xydata(), 9).tolist()} <= places
+    assert bushings.get_zorder() <= joints.get_zorder()
+    assert bushings.get_ms() > 2.0 * joints.get_ms()
+    assert axes.lines.index(bushings) < axes.lines.index(joints)
+
+
+def test_inputs_are_arrows():
+    model = mv.Model("push")
+    model.add_body("b", 1.0, (1, 1, 1), position=(0, 0, 1))
+    model.add_input("F", "b", "x")
+    axes = mechanism(model, view="y").axes[0]
+    head = next(item for item in axes.collections if item.get_zorder() == 3.5).get_segments()
+    (sides,) = head
+    np.testing.assert_allclose(sides[1], [0.0, 1.0], atol=1e-12)  # the tip is at the body, the sides are behind it
+    assert (sides[[0, 2], 0] < 0.0).all()
+    np.testing.assert_allclose(sides[0, 1] + sides[2, 1], 2.0)
+
+
 def test_views_look_along_their_axis():
     np.testing.assert_allclose(axes_of("x"), [[0, 1, 0], [0, 0, 1], [1, 0, 0]], atol=1e-15)
     np.testing.assert_allclose(axes_of("y"), [[1, 0, 0], [0, 0, 1], [0, -1, 0]], atol=1e-15)
@@ -52,6 +121,14 @@ def test_topology_shows_tree_cuts_and_springs():
     assert looks.count("joint of the tree") == 13
     assert looks.count("spring or damper") == 6
     assert set(system.cut_joints) <= {text.get_text() for text in axes.texts}
+
+
+@pytest.mark.parametrize("name", ["stewart_isolator", "stewart", "quadruped", "seven_r", "engine_on_mounts"])
+def test_names_of_the_topology_do_not_overlap(name):
+    figure = topology(mv.library.build(name).linearize())
+    figure.draw_without_rendering()
+    boxes = [text.get_window_extent() for text in figure.axes[0].texts]
+    assert not any(one.overlaps(other) for i, one in enumerate(boxes) for other in boxes[:i])
 
 
 def test_topology_shows_gears_and_couplers():

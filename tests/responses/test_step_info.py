@@ -95,7 +95,7 @@ def test_ports_and_table():
     alone = system["x", "Fx"].step_info()
     assert_allclose(alone.settling_time[0, 0], info.settling_time[1, 0], rtol=1e-9)
     text = str(info)
-    for word in ("Step responses of stewart_isolator", "settling time [s]", "m / N", "settled within 2 %"):
+    for word in ("Step responses of stewart_isolator", "settling time [s]", "m/N", "settled within 2 %"):
         assert word in text
 
 

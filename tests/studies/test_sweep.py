@@ -202,7 +202,7 @@ def test_figures_have_units(values, of, kind):
     result = sweep(quarter_car(), values, of, how="paired" if kind == "histogram" else "grid")
     figure = result.plot()
     labels = [axes.get_xlabel() + axes.get_ylabel() for axes in figure.axes]
-    assert all(label.endswith("]") for label in labels)
+    assert all(label.endswith(("]", "number of points")) for label in labels)
     assert len(figure.axes) == (2 if kind == "map" else 1)
     with pytest.raises(ModelError, match="Did you mean"):
         result.plot("modes.frequences" if kind != "histogram" else "lowes")

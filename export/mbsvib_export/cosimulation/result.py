@@ -124,7 +124,7 @@ class CosimulationCheck(Displayed):
                 if 0 < master.largest_stable_step < 100 * self.step:
                     axes.axvline(master.largest_stable_step, color=colour, linestyle=":")
             axes.set_xlabel("step [s]")
-            axes.set_ylabel("relative error [-]")
+            axes.set_ylabel("relative error [1]")
             axes.set_title("Error of co-simulation; dotted: largest stable step")
             axes.set_title(f"{self.plant}, {self.controller}", loc="right", color=style.MARK, fontsize=8.5)
             axes.legend()

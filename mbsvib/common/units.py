@@ -1,4 +1,4 @@
-"""Units as they are written on axes: quotients, superscripts and prefixes."""
+"""Units as they are written on axes and in tables: quotients, superscripts and prefixes."""
 
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ def pretty(unit: str) -> str:
 
 def ratio(output: str, source: str) -> str:
     """Return the unit of output over input, what divides both cancelled: ``m/N``, ``rad/(N m)``, ``s^2``, ``1``."""
-    if output == source:
-        return "1"
+    if output == source or not output:
+        return "1" if output == source or not source else f"1/{_grouped(source, ' /+')}"
+    if not source:  # signals of python-control have no units
+        return output
     top, _, top_below = output.partition("/")
     bottom, _, bottom_below = source.partition("/")
     if not top_below and output == bottom:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mbsvib.plots import _units as units
+from mbsvib.common import units
 
 
 @pytest.mark.parametrize(

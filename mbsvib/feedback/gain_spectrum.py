@@ -1,0 +1,106 @@
+"""Poles of a loop at one gain, and their derivatives with respect to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.linalg.groups import linked_items
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array, Complex, Index
+
+ALIKE = 1e-7  # relative distance below which poles coincide
+# Rounding of repeated real poles: their relative imaginary parts; of integrators at rest: their relative magnitude.
+OSCILLATES, AT_REST = 1e-6, 1e-9
+SEPARATE = 1e-12  # reciprocal condition of the products of left and right vectors below which poles are defective
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Eigenvalues ``poles`` (n,) of the state ``matrix`` (n, n) at a ``gain``, in ascending order of magnitude."""
+
+    gain: float
+    matrix: Array
+
+    @property
+    def poles(self) -> Complex:
+        """Eigenvalues as computed [1/s], (n,); those with positive imaginary part before their conjugates."""
+        return self._decomposition[0]
+
+    @cached_property
+    def values(self) -> Complex:
+        """Eigenvalues without rounding: exactly real, or exactly zero, where they differ from that by rounding."""
+        poles = self.poles.copy()
+        poles.imag[np.abs(poles.imag) <= OSCILLATES * np.abs(poles)] = 0.0
+        poles[np.abs(poles) <= AT_REST * self.largest] = 0.0
+        return poles
+
+    @property
+    def largest(self) -> float:
+        """Magnitude of the largest eigenvalue [1/s]."""
+        return float(np.abs(self.poles).max(initial=0.0))
+
+    @cached_property
+    def tolerance(self) -> Array:
+        """Distance from each eigenvalue below which another one coincides with it [1/s], (n,)."""
+        return np.asarray(ALIKE * np.maximum(np.abs(self.values), AT_REST * self.largest))
+
+    def slopes(self, change: Array) -> Complex:
+        """Return the derivatives of the eigenvalues.
+
+        For a simple eigenvalue lambda' = y^H A' x / (y^H x); for one of multiplicity m, the m eigenvalues of
+        (Y^H X)^-1 Y^H A' X with its left and right vectors Y and X, in ascending order of real plus imaginary part.
+
+        Parameters
+        ----------
+        change : array, shape (n, n)
+            Derivative A' of the state matrix.
+
+        Returns
+        -------
+        array, shape (n,)
+            Derivatives in the order of ``values``; zero where an eigenvalue is defective and has none.
+
+        Source
+        ------
+        Lancaster, P. (1964), On eigenvalues of matrices dependent on a parameter, Numer. Math. 6, theorem 7.
+        """
+        _, left, right, scale = self._decomposition
+        rows = left.conj().T
+        moved = (change / scale[:, None] * scale) @ right
+        overlap = np.einsum("ij,ji->i", rows, right)
+        regular = np.abs(overlap) > SEPARATE
+        result = np.einsum("ij,ji->i", rows, moved) / np.where(regular, overlap, np.inf)
+        for clusters in self._clusters:
+            y, x = rows[clusters], right.T[clusters].swapaxes(1, 2)
+            overlaps, rates = y @ x, y @ moved.T[clusters].swapaxes(1, 2)
+            sizes = np.linalg.svd(overlaps, compute_uv=False)
+            regular = sizes[:, -1] > SEPARATE * sizes[:, 0]
+            overlaps[~regular], rates[~regular] = np.eye(clusters.shape[1]), 0.0
+            slopes = np.linalg.eigvals(np.linalg.solve(overlaps, rates))
+            in_order = np.argsort(slopes.real + slopes.imag, axis=-1, kind="stable")
+            result[clusters] = np.take_along_axis(slopes, in_order, axis=-1)
+        return np.asarray(result)
+
+    @cached_property
+    def _clusters(self) -> list[Index]:
+        """Columns (clusters, multiplicity) of repeated eigenvalues, one array for each multiplicity."""
+        values = self.values
+        groups = linked_items(np.abs(values[:, None] - values) <= np.minimum(self.tolerance[:, None], self.tolerance))
+        sizes = sorted({len(group) for group in groups})
+        return [np.array([group for group in groups if len(group) == size]) for size in sizes]
+
+    @cached_property
+    def _decomposition(self) -> tuple[Complex, Complex, Complex, Array]:
+        """Eigenvalues; left and right vectors (n, n) as columns, of the matrix with its states in units ``scale``."""
+        from scipy.linalg import eig, matrix_balance
+
+        balanced, (scale, _) = matrix_balance(self.matrix, permute=False, separate=True)
+        values, left, right = eig(balanced, left=True)
+        order = np.lexsort((-values.imag, np.abs(values)))
+        left, right = left.astype(complex)[:, order], right.astype(complex)[:, order]
+        return values[order], left, right, scale

@@ -1,0 +1,62 @@
+"""Poles of closed loops in words: where each comes from, and which are unstable."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.feedback.participation import sources
+from mbsvib.feedback.pole_track import GROWS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.common.arrays import Array, Complex, Index
+
+RESTS = 3e-8  # error of double poles at 0, in parts of the largest
+
+
+def origins(system: Any, states: Sequence[str], poles: Complex, participation: Array) -> tuple[str, ...]:
+    """Return where each pole comes from: a mode of the plant, or the controller.
+
+    Parameters
+    ----------
+    system : System or StateSpace
+        The plant.
+    states : sequence of str
+        Names of its states, which come before those of controllers.
+    poles : array, shape (poles,)
+        Of the closed loop [1/s].
+    participation : array, shape (states, poles)
+        Of each state in each pole.
+
+    Returns
+    -------
+    tuple of str
+        One entry a pole.
+    """
+    if getattr(system, "basis", None) is None:  # given states belong to no mode of their own
+        plant = participation[: len(states)].sum(axis=0)
+        return tuple(["plant" if share >= 0.5 else "controller" for share in plant.tolist()])
+    modes = system.modes()
+    strongest = modes.strongest()
+    return tuple([
+        "controller" if mode is None
+        else f"mode {mode + 1} ({modes.frequencies[mode]:.4g} Hz, {' '.join(strongest[mode])})"
+        for mode in sources(poles, participation, states)
+    ])  # fmt: skip
+
+
+def unstable(poles: Complex) -> Index:
+    """Return the numbers of unstable poles (poles,) [1/s], one of each pair; those at 0 but for rounding are stable."""
+    largest = np.abs(poles).max(initial=0.0)
+    return np.flatnonzero((poles.real > GROWS * largest) & (poles.imag >= 0.0) & (np.abs(poles) > RESTS * largest))
+
+
+def described(poles: Complex, comes_from: Sequence[str], numbers: Index) -> tuple[str, ...]:
+    """Return origin, frequency and damping ratio of poles with some numbers, in words."""
+    return tuple([
+        f"{comes_from[i]} at {abs(poles[i]) / (2.0 * np.pi):.4g} Hz, damping ratio "
+        f"{-100.0 * poles[i].real / abs(poles[i]):.3g} %" for i in numbers.tolist()
+    ])  # fmt: skip

@@ -1,0 +1,52 @@
+"""The legend of a drawing of a mechanism: only symbols that occur."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mbsvib.plots._projection import LINES, MARKS
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+    from mbsvib.plots._scene import Scene
+
+# What a symbol means, by the kind of marks and lines, in the order of the legend.
+MEANINGS = {"body": "body, centre of mass", "beam": "beam or superelement", "rod": "rod", "joint": "joint",
+            "cut": "joint at which a loop is cut", "axis": "axis of a joint", "bushing": "bushing or torsion spring",
+            "spring": "spring", "damper": "damper", "input": "input", "ground": "ground"}  # fmt: skip
+COLUMNS = 4
+
+
+def legend(figure: Figure, scene: Scene) -> None:
+    """Explain below the drawing what its symbols mean.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The drawing.
+    scene : Scene
+        What is drawn.
+    """
+    marks, lines = {mark.kind for mark in scene.marks}, {line.kind for line in scene.lines}
+    handles = [_handle(kind, words, kind in marks, kind in lines) for kind, words in MEANINGS.items()
+               if kind in marks | lines]  # fmt: skip
+    if handles:
+        figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), COLUMNS), fontsize=8.0,
+                      handlelength=1.8, columnspacing=1.4)  # fmt: skip
+
+
+def _handle(kind: str, words: str, marked: bool, drawn: bool) -> Line2D:
+    """Return an entry: a line, a mark, or both."""
+    from matplotlib.lines import Line2D
+
+    colour, width = LINES.get(kind, ("none", 0.0))
+    sign, size, fill, edge, edge_width = MARKS.get(kind, ("None", 0.0, "none", "none", 0.0))
+    if kind == "input":
+        sign, size, fill, edge = ">", 5.0, colour, colour
+    if kind == "ground":
+        sign, size, fill, edge, edge_width = "^", 6.0, "none", colour, 0.8
+    drawn, marked = drawn and kind != "ground", marked or kind in ("ground", "input")
+    return Line2D([], [], color=colour if drawn else "none", linewidth=width, marker=sign if marked else "None",
+                  markersize=size, mfc=fill, mec=edge, mew=edge_width, label=words)  # fmt: skip

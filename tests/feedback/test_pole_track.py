@@ -1,0 +1,135 @@
+"""Tracks of poles over a gain against closed forms: the same branches on every grid."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib import isolation
+from mbsvib.feedback.pole_track import Track
+
+GRIDS = (np.array([0.0, 2.0]), np.linspace(0.0, 2.0, 5), np.linspace(0.0, 2.0, 24), np.linspace(0.0, 2.0, 101))
+
+
+def mixed(*blocks, seed=1):
+    """Return a state matrix of blocks in unknown states."""
+    from scipy.linalg import block_diag
+
+    matrix = block_diag(*blocks)
+    change = np.random.default_rng(seed).normal(size=matrix.shape)
+    return np.linalg.solve(change, matrix @ change)
+
+
+def oscillator(real, imaginary):
+    return np.array([[real, imaginary], [-imaginary, real]])
+
+
+def columns_at_end(at, grid):
+    """Return the poles at the last gain of the columns that start with a positive imaginary part, by their starts."""
+    poles = Track(at, grid).poles
+    up = np.flatnonzero(poles[0].imag > 0.0)
+    return poles[-1, up[np.argsort(poles[0, up].imag)]]
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+def test_poles_that_cross_go_straight_on(grid):
+    """In the middle of one step, and in a grid's gain, both poles are at -0.5 + 5j."""
+
+    def at(g):
+        return mixed(oscillator(-0.5, 4.0 + g), oscillator(-0.3 - 0.2 * g, 6.0 - g))
+
+    assert columns_at_end(at, grid) == pytest.approx([-0.5 + 6.0j, -0.7 + 4.0j], rel=1e-9)
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+def test_poles_that_pass_each_other_keep_apart(grid):
+    """Real symmetric coupling makes frequencies repel each other: the lower one stays the lower one."""
+    coupling = 0.01
+
+    def stiffness(g):
+        return np.array([[16.0 + 6.0 * g, coupling], [coupling, 30.0 - 6.0 * g]])
+
+    def at(g):
+        return mixed(np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness(g), np.zeros((2, 2))]]))
+
+    assert columns_at_end(at, grid).imag == pytest.approx(np.sqrt(np.linalg.eigvalsh(stiffness(2.0))), rel=1e-9)
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+@pytest.mark.parametrize("copies", [1, 2, 3])
+def test_a_pair_that_meets_on_the_real_axis_goes_on_to_the_right(grid, copies):
+    """s^2 + 2 g s + 1: the poles are -g +- sqrt(g^2 - 1), the same for each copy of the block."""
+
+    def at(g):
+        return mixed(*[np.array([[0.0, 1.0], [-1.0, -2.0 * g]])] * copies)
+
+    assert columns_at_end(at, grid) == pytest.approx([-2.0 + np.sqrt(3.0)] * copies, rel=1e-7)
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+def test_nearly_equal_poles_move_together(grid):
+    """A difference of 1e-5 does not ask for steps of 1e-5."""
+    calls = []
+
+    def at(g):
+        calls.append(g)
+        turn = 5.0 + np.sin(g)
+        return mixed(oscillator(-g, turn), oscillator(-g, turn * (1.0 + 1e-5)), oscillator(-0.1, 9.0))
+
+    end = 5.0 + np.sin(2.0)
+    assert columns_at_end(at, grid) == pytest.approx([-2.0 + end * 1j, -2.0 + end * (1.0 + 1e-5) * 1j, -0.1 + 9j],
+                                                     rel=1e-8)  # fmt: skip
+    assert len(calls) < 300
+
+
+def by_chance(seed):
+    """Return a state matrix over the gain: a mechanism with feedback, copies of it, integrators, or anything."""
+    chance = np.random.default_rng(seed)
+    n, zero = int(chance.integers(2, 7)), np.zeros
+    factor, port = chance.normal(size=(n, n)), chance.normal(size=(n, 1))
+    stiffness = factor @ factor.T + np.eye(n)
+    start = np.block([[zero((n, n)), np.eye(n)], [-stiffness, -0.02 * stiffness]])
+    change = np.block([[zero((n, 2 * n))], [zero((n, n)), -port @ port.T]])
+    if seed % 4 == 1:
+        start, change = (np.kron(np.eye(3), matrix) for matrix in (start, change))
+        mix = chance.normal(size=start.shape)
+        start, change = (np.linalg.solve(mix, matrix @ mix) for matrix in (start, change))
+    elif seed % 4 == 2:
+        start = np.block([[start, np.vstack((zero((n, 1)), port))], [zero((1, 2 * n + 1))]])
+        change = np.vstack((zero((2 * n, 2 * n + 1)), np.hstack((-port.T, zero((1, n + 1))))))
+    elif seed % 4 == 3:
+        start, change = chance.normal(size=(2, 2 * n, 2 * n))
+    return lambda g: start + g * change
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_branches_of_any_family_are_the_same_on_all_grids(seed):
+    at, common = by_chance(seed), np.linspace(0.0, 5.0, 6)
+    chance = np.random.default_rng(seed)
+    tables = []
+    for grid in (common, np.linspace(0.0, 5.0, 51), np.union1d(common, chance.uniform(0.0, 5.0, 20))):
+        poles = Track(at, grid).poles
+        tables.append(poles[np.abs(grid[:, None] - common).argmin(axis=0)])
+    for table in tables[1:]:
+        np.testing.assert_allclose(table, tables[0], rtol=1e-6, atol=1e-6 * np.abs(tables[0]).max())
+
+
+@pytest.mark.parametrize("law", [isolation.force_feedback, isolation.velocity_feedback])
+def test_branches_of_a_symmetric_hexapod_are_the_same_on_all_grids(law):
+    """Modes of x and y are equal; with tilting they meet integrators on the real axis, four poles at a time."""
+    plant = isolation.actuated(mv.library.stewart_isolator(), "platform")
+    common = np.linspace(0.0, 300.0, 11)
+    grids = [common, *(np.linspace(0.0, 300.0, n) for n in (31, 101))]
+    loci = [isolation.root_locus(plant, lambda g: law(plant, g), grid) for grid in grids]
+    tables = [locus.poles[np.abs(locus.gains[:, None] - common).argmin(axis=0)] for locus in loci]
+    for table in tables[1:]:
+        np.testing.assert_allclose(table, tables[0], rtol=1e-7, atol=1e-6)
+
+
+def test_modes_under_force_feedback_end_near_zeros():
+    """The classical root locus: a branch leads from each pole to a zero, or to infinity along an asymptote."""
+    plant = isolation.actuated(mv.library.stewart_isolator(), "platform")
+    locus = isolation.root_locus(plant, lambda g: isolation.force_feedback(plant, g), [0.0, 300.0, 3e4])
+    ends = locus.poles[-1, locus.modes][:6]
+    targets = np.sort_complex(locus.zeros[(locus.zeros.imag > 0.0) & (np.abs(locus.zeros) < 200.0)])
+    assert ends.imag.min() > 0.0
+    assert np.sort_complex(ends.imag) == pytest.approx(np.sort_complex(targets.imag), rel=1e-3)
