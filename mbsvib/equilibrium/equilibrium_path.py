@@ -199,7 +199,9 @@ def _held_model(model: M, state: State) -> M:
     wrench = np.zeros(6)  # of a screw the moment alone, which does all the work
     half = slice(3, 6) if direction.startswith("r") else slice(0, 3)
     wrench[half] = force * (axes.T @ twist[half])
-    hold = bushing.make(f"{state.led}.hold", joint.first, joint.second, joint.position, NONE, NONE, joint.axes, wrench)
+    body = joint.first if joint.second == "ground" else joint.second
+    point = joint.position or there.bodies[body].position  # a slider may have no point: any will do
+    hold = bushing.make(f"{state.led}.hold", joint.first, joint.second, point, NONE, NONE, joint.axes, wrench)
     return there.with_parts(springs=dict(there.springs) | {hold.name: hold})
 
 

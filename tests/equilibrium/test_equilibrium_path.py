@@ -158,6 +158,12 @@ def test_a_closed_loop_under_gravity():
     assert path.forces[[1, 4]] == pytest.approx(np.subtract(energy[2::3], energy[::3]) / (2 * h), rel=1e-6)
 
 
+def test_a_slider_without_a_point():
+    model = library.toggle()
+    path = model.path("rail.z", [0.0, -0.002])
+    assert path.forces == pytest.approx([0.0, -0.002 * model.springs["spring"].stiffness], abs=1e-9)
+
+
 def test_a_beam_bends_along_the_path():
     """A slider pulls the tip of a cantilever by a spring: two springs in series."""
     model = mv.Model()

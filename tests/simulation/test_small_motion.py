@@ -7,7 +7,8 @@ import mbsvib as mv
 from tests.support.slow_cases import some
 
 FREE = [("x", "ry", "rz"), ("y", "rx", "rz"), ("z", "rx", "ry"), ("x", "y", "rx", "ry"), ("y", "z", "ry", "rz"),
-        ("x", "rx", "ry"), ("rx", "rz"), ("x", "y", "z", "rx", "rz"), ("y", "z", "rx"), ("x", "rx", "ry", "rz")]  # fmt: skip
+        ("x", "rx", "ry"), ("rx", "rz"), ("x", "y", "z", "rx", "rz"), ("y", "z", "rx"),
+        ("x", "rx", "ry", "rz")]  # fmt: skip
 
 
 def two_bodies():
@@ -15,7 +16,8 @@ def two_bodies():
     model.add_body("a", 2.0, (0.3, 0.4, 0.5, 0.02, 0.03, -0.01), position=(0.1, 0.2, 0.3))
     model.add_body("b", 1.0, (0.2, 0.1, 0.15), position=(0.5, 0.1, 0.4))
     model.add_bushing("ka", "ground", "a", position=(0.05, 0, 0.1), stiffness=(500, 400, 300, 50, 40, 60))
-    model.add_bushing("kc", "ground", "b", position=(0.05, 0.4, 0.1), stiffness=(50, 40, 30, 5, 4, 6), damping=[0.5] * 6)
+    model.add_bushing("kc", "ground", "b", position=(0.05, 0.4, 0.1), stiffness=(50, 40, 30, 5, 4, 6),
+                      damping=[0.5] * 6)  # fmt: skip
     return model
 
 
