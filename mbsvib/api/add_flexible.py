@@ -143,7 +143,7 @@ class FlexibleMechanism(Mechanism):
         return self._compose(part)
 
     def _compose(self, part: P) -> P:
-        for name in part.made:
+        for name in part.generated_names:
             self._check_name(name, f"{type(part).__name__.lower()} '{part.name}': part")
         self._name_made(part)
         return self._keep(self._composed, part)

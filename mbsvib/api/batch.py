@@ -37,7 +37,7 @@ class Batch(BatchEquations, Displayed):
 
     Arrays are those of ``System`` with an axis of variants in front: ``M``, ``C``, ``K`` (n, m, m), ``B`` (n, m,
     inputs), ``Cq``, ``Cv``, ``Ca`` (n, outputs, m), ``D`` (n, outputs, inputs). They are read-only, and views of a
-    single matrix where nothing varies. ``batch[i]`` is the system of variant i, ``nominal`` that of the model as given;
+    single matrix where nothing varies. ``batch[i]`` is the system of variant i, ``nominal`` that of the model itself;
     ``values`` holds what varies, and ``closure`` (n, joint coordinates, m) is B'' where the geometry of loops does;
     ``provenances`` are those of variants that were linearized one by one. ``gyroscopic`` and ``circulatory``
     (n, m, m) and ``null_inertia`` (n, m, massless) are None where no variant has them.

@@ -141,7 +141,7 @@ class Model(
         result = type(self)(self.name, self.gravity)
         for part in parts:
             add = getattr(result, ADDERS[type(part)])
-            words = part.words()
+            words = part.constructor_kwargs()
             if part.name == element:
                 allowed = signature(add).parameters
                 for word in changes:

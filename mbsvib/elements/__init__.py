@@ -1,6 +1,6 @@
-"""The parts of a model: what the user said, checked and immutable, one file a family.
+"""The parts of a model, checked and immutable, one file for each family.
 
-Every part keeps the words of the call that made it (``words()`` gives them back), so that a model can be saved,
+Every part keeps the arguments of the call that made it (``constructor_kwargs()``), so that a model can be saved,
 compared and changed part by part.
 """
 

@@ -14,7 +14,7 @@ from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.elements import material as _material
 from mbsvib.elements import sections as _sections
 from mbsvib.elements.material import Material
-from mbsvib.elements.part import Composed, ParameterField, derived, point
+from mbsvib.elements.part import Composed, ParameterField, derived, vector_field
 from mbsvib.elements.sections import Properties, Shape
 from mbsvib.errors import ModelError, counted
 from mbsvib.linalg.rotations import exponential
@@ -26,25 +26,24 @@ if TYPE_CHECKING:
     from mbsvib.elements.bushing import Six
 
 ELEMENTS = 8
-# A line of so many bodies is solved in seconds; more is a slip of a file or a pen.
-MOST_ELEMENTS = 100_000
-# sine of the angle between a beam and the direction that says where its y axis is
+# A chain of this many bodies is solved in seconds; a larger number is most probably an error in the input.
+MAX_ELEMENTS = 100_000
+# Smallest sine of the angle between a beam and the direction of its y axis
 PARALLEL = 1e-6
 MATERIAL = ("E", "rho", "nu", "G")
-# Units of parameters that are no lengths.
+# Units of parameters other than lengths.
 UNITS = {"E": "N/m^2", "G": "N/m^2", "rho": "kg/m^3", "nu": "-", "A": "m^2", "Iy": "m^4", "Iz": "m^4", "J": "m^4",
          "ky": "-", "kz": "-", "alpha": "1/s", "beta": "s", "damping_ratio": "-"}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
 class Beam(Composed):
-    """A beam from ``start`` to ``end`` or along ``nodes`` [m, world axes], its ends held by bodies ``a`` and ``b``
-    (None: free).
+    """A beam from ``start`` to ``end`` or along ``nodes`` [m, world axes]; the bodies ``a`` and ``b`` hold its ends.
 
-    ``points`` are the nodes that follow from this, ``y_axis`` says where the section's y axis points, of all elements
-    or of each; ``alpha`` [1/s] and ``beta`` [s] are Rayleigh's damping, ``damping_ratio`` that of every mode of the
-    free beam. ``displacements`` (nodes, 6) [m, rad], world axes, are how far its nodes are from where the beam without
-    forces has them in the frame of the body that carries it, ``root``.
+    An end without a body is free. ``points`` are its nodes. ``y_axis`` is the direction of the section's y axis, one
+    for all elements or one for each. ``alpha`` [1/s] and ``beta`` [s] are the coefficients of Rayleigh damping,
+    ``damping_ratio`` is that of all modes of the free beam. ``displacements`` (nodes, 6) [m, rad], world axes, are
+    those of its nodes relative to the beam without forces, in the frame of its ``root``.
     """
 
     a: str | None
@@ -65,13 +64,13 @@ class Beam(Composed):
     displacements: tuple[Six, ...] | None = None
     points: tuple[Vector, ...] = derived(())
 
-    def words(self) -> dict[str, Any]:
-        """Return the arguments of ``add_beam`` that make this part, without those at their default."""
-        said = {"name": self.name, "a": self.a, "b": self.b, "section": _sections.words_of(self.section),
-                "material": self.material.words()}  # fmt: skip
-        rest = ("start", "end", "axis", "length", "nodes", "elements", "shear", "y_axis", "alpha", "beta",
-                "damping_ratio", "displacements")  # fmt: skip
-        return said | {word: value for word in rest if (value := getattr(self, word)) not in (None, False, 0.0)}
+    def constructor_kwargs(self) -> dict[str, Any]:
+        """Return the arguments of ``add_beam`` that make this part, except those at their default."""
+        required = {"name": self.name, "a": self.a, "b": self.b, "section": _sections.constructor_kwargs(self.section),
+                    "material": self.material.constructor_kwargs()}  # fmt: skip
+        optional = ("start", "end", "axis", "length", "nodes", "elements", "shear", "y_axis", "alpha", "beta",
+                    "damping_ratio", "displacements")  # fmt: skip
+        return required | {key: value for key in optional if (value := getattr(self, key)) not in (None, False, 0.0)}
 
     def parameter_fields(self) -> Iterator[ParameterField]:
         for part in (self.material, self.section):
@@ -80,37 +79,25 @@ class Beam(Composed):
                     yield ParameterField(item.name, value, UNITS.get(item.name, "m"))
         for field in ("start", "end"):
             if (value := getattr(self, field)) is not None:
-                yield point(field, value)
+                yield vector_field(field, value)
         if self.length is not None:
             yield ParameterField("length", self.length, "m")
         for field in ("alpha", "beta", "damping_ratio"):
             yield ParameterField(field, getattr(self, field), UNITS[field])
 
     def with_values(self, values: Mapping[str, Any]) -> Beam:
-        words = self.words()
+        kwargs = self.constructor_kwargs()
         for field, value in values.items():
-            owner = words["material"] if field in MATERIAL else words if hasattr(self, field) else words["section"]
+            owner = kwargs["material"] if field in MATERIAL else kwargs if hasattr(self, field) else kwargs["section"]
             owner[field] = value
-        return make(**words)
+        return make(**kwargs)
 
     @property
     def properties(self) -> Properties:
         """Area, second moments, torsion constant and shear factors."""
         return self.section.properties(self.material.poisson)
 
-    def node(self, i: int) -> str:
-        """Return the name of the body at node i: the node itself, or what holds this end.
-
-        Parameters
-        ----------
-        i : int
-            Number of the node, from 0.
-
-        Returns
-        -------
-        str
-            Name of a body or ground.
-        """
+    def body_of(self, i: int) -> str:
         if i == 0 and self.a is not None:
             return self.a
         if i == len(self.points) - 1 and self.b is not None:
@@ -120,59 +107,57 @@ class Beam(Composed):
     @property
     def node_names(self) -> dict[str, Vector]:
         """Names and points of the nodes that are bodies of their own."""
-        own = ((self.node(i), i, point) for i, point in enumerate(self.points))
-        return {name: point for name, i, point in own if name == f"{self.name}.{i}"}
+        return {body: point for i, (body, point) in enumerate(self.node_bodies) if body == f"{self.name}.{i}"}
 
     @property
     def element_names(self) -> tuple[str, ...]:
-        """Names of the elements, ``"tube.e1"`` being the one at the start."""
+        """Names of the elements from the start: ``"tube.e1"``, ``"tube.e2"``, ..."""
         return tuple([f"{self.name}.e{i}" for i in range(1, len(self.points))])
 
     @property
-    def made(self) -> tuple[str, ...]:
-        """Names of the bodies, joints and springs that it becomes."""
+    def generated_names(self) -> tuple[str, ...]:
+        """Names of the bodies, joints and springs that replace it in the equations."""
         return (*self.node_names, *self.element_names)
 
     @property
-    def account(self) -> str:
-        """What it is made of, in a few words."""
+    def summary(self) -> str:
+        """Its name and the numbers of its elements and nodes."""
         kind = "Timoshenko" if self.shear else "Euler-Bernoulli"
-        made = counted(len(self.element_names), f"{kind} element")
-        return f"beam '{self.name}': {made}, {counted(len(self.node_names), 'node')} of its own"
+        elements = counted(len(self.element_names), f"{kind} element")
+        return f"beam '{self.name}': {elements}, {counted(len(self.node_names), 'node')} of its own"
 
     @property
     def root(self) -> str:
-        """Name of the body that carries it: ground if that holds an end, else a body that does, else its first node."""
-        held = [body for body in (self.a, self.b) if body is not None]
-        return "ground" if "ground" in held else next(iter(held), self.node(0))
+        """Body in whose frame it is linear: ground if it holds an end, else a body that does, else its first node."""
+        return "ground" if "ground" in (self.a, self.b) else self.a or self.b or self.body_of(0)
 
     def frames(self) -> list[tuple[float, Matrix3]]:
         """Return length and axes (columns, x along the element) of all elements."""
-        who, points, towards = f"beam '{self.name}'", self.points, self.y_axis
-        if towards is not None and isinstance(towards[0], tuple):
-            return [_frame(p, q, y, who) for (p, q), y in zip(pairwise(points), towards, strict=True)]
+        who, points, y_axis = f"beam '{self.name}'", self.points, self.y_axis
+        if y_axis is not None and isinstance(y_axis[0], tuple):
+            return [_frame(p, q, y, who) for (p, q), y in zip(pairwise(points), y_axis, strict=True)]
         if self.nodes is not None:
-            return [_frame(p, q, towards, who) for p, q in pairwise(points)]
-        length, axes = _frame(points[0], points[-1], towards, who)
+            return [_frame(p, q, y_axis, who) for p, q in pairwise(points)]
+        length, axes = _frame(points[0], points[-1], y_axis, who)
         return [(length / (len(points) - 1), axes)] * (len(points) - 1)
 
     def without_forces(self) -> Beam:
-        """Return the beam as it is without forces, in the frame of the body that carries it in this pose."""
+        """Return the beam without forces, in the frame of its root in this pose."""
         if self.displacements is None:
             return self
         six = np.array(self.displacements)
-        turn = exponential(-0.5 * (six[1:, 3:] + six[:-1, 3:]))
-        return self.through(np.array(self.points) - six[:, :3], np.einsum("eij,ej->ei", turn, self.y_axes()))
+        rotations = exponential(-0.5 * (six[1:, 3:] + six[:-1, 3:]))
+        return self.through(np.array(self.points) - six[:, :3], np.einsum("eij,ej->ei", rotations, self.y_axes()))
 
     def y_axes(self) -> Array:
-        """Return where the y axis of each element is to point (elements, 3); it is what is across the element of it."""
+        """Return the direction of each element's y axis (elements, 3), which need not be normal to the element."""
         if self.y_axis is None:
             return np.array([np.array(axes)[:, 1] for _, axes in self.frames()])
         return np.tile(self.y_axis, (len(self.points) - 1, 1)) if isinstance(self.y_axis[0], float) else \
             np.array(self.y_axis)  # fmt: skip
 
     def lengths(self) -> list[float]:
-        """Return the lengths of its elements without forces [m], which tell their mass."""
+        """Return the lengths of its elements without forces [m], which determine their mass."""
         return [length for length, _ in self.without_forces().frames()]
 
     def through(self, points: Array, y_axes: Array, displacements: Array | None = None) -> Beam:
@@ -183,9 +168,9 @@ class Beam(Composed):
         points : array, shape (nodes, 3)
             Its nodes [m].
         y_axes : array, shape (elements, 3)
-            Where the y axis of each element points.
+            Direction of the y axis of each element.
         displacements : array, shape (nodes, 6), optional
-            How far these nodes are from where they would be without forces [m, rad].
+            Displacements of these nodes relative to the beam without forces [m, rad].
 
         Returns
         -------
@@ -209,25 +194,26 @@ def make(
 ) -> Beam:  # fmt: skip
     """Check the values of a beam and build it."""
     who = f"beam '{name}'"
-    shape, stuff = _sections.make(section, who), _material.make(material, who)
+    shape, material = _sections.make(section, who), _material.make(material, who)
     if type(shear) is not bool:
         raise check.refuse(who, "shear", shear, "True (Timoshenko) or False (Euler-Bernoulli)")
-    properties = shape.properties(stuff.poisson)
+    properties = shape.properties(material.poisson)
     if shear and (properties.ky is None or properties.kz is None):
         raise ModelError(f"{who}: shear=True needs the section's shear factors ky and kz; give them (5/6 for a "
                          f"rectangle), or use a tube, circle or rectangle.", element=who, field="section")  # fmt: skip
     rayleigh = _damping(who, "alpha", alpha), _damping(who, "beta", beta)
     ratio = _damping(who, "damping_ratio", damping_ratio)
     if axis is not None or length is not None:
-        axis, length, far = _reached(who, start, end, axis, length)
-        ends, between, points, count = _points(who, start, far, nodes, elements)
-        ends = ends[0], None
+        axis, length, far_end = _end_along(who, start, end, axis, length)
+        (start, _), nodes, points, elements = _points(who, start, far_end, nodes, elements)
     else:
-        ends, between, points, count = _points(who, start, end, nodes, elements)
-    towards = None if y_axis is None else _y_axis(who, y_axis, len(points) - 1)
-    bent = None if displacements is None else _displacements(who, displacements, len(points))
-    beam = Beam(name, a, b, shape, stuff, *ends, axis, length, between, count, shear, towards, *rayleigh, ratio, bent,
-                points)  # fmt: skip
+        (start, end), nodes, points, elements = _points(who, start, end, nodes, elements)
+    if y_axis is not None:
+        y_axis = _y_axis(who, y_axis, len(points) - 1)
+    if displacements is not None:
+        displacements = _displacements(who, displacements, len(points))
+    beam = Beam(name, a, b, shape, material, start, end, axis, length, nodes, elements, shear, y_axis, *rayleigh, ratio,
+                displacements, points)  # fmt: skip
     beam.frames()
     if a is not None and a == b and len(points) == 2:
         raise ModelError(f"{who}: both ends are on '{a}' and nothing between them can move; give it more elements, "
@@ -260,13 +246,8 @@ def _damping(who: str, word: str, value: Any) -> float:
     return result
 
 
-def moved(beam: Beam, **changes: Any) -> Beam:
-    """Return a beam with some fields replaced unchecked."""
-    return replace(beam, **changes)
-
-
-def _reached(who: str, start: Any, end: Any, axis: Any, length: Any) -> tuple[Vector, float, Vector]:
-    """Axis and length as given, and the end that they lead to."""
+def _end_along(who: str, start: Any, end: Any, axis: Any, length: Any) -> tuple[Vector, float, Vector]:
+    """Checked axis and length, and the end point that follows from them."""
     if end is not None:
         raise ModelError(f"{who}: axis and length are given, so leave out end.", element=who, field="end")
     if axis is None or length is None:
@@ -275,17 +256,18 @@ def _reached(who: str, start: Any, end: Any, axis: Any, length: Any) -> tuple[Ve
     size = check.number(length, who, "length")
     if size <= 0.0:
         raise check.refuse(who, "length", length, "a positive number [m]")
-    along, first = check.axis(axis, who, "axis"), check.vector(start, who, "start", "a point (x, y, z) [m], world axes")
+    unit, first = check.axis(axis, who, "axis"), check.vector(start, who, "start", "a point (x, y, z) [m], world axes")
     return check.vector(axis, who, "axis"), size, (
-        first[0] + size * along[0], first[1] + size * along[1], first[2] + size * along[2])  # fmt: skip
+        first[0] + size * unit[0], first[1] + size * unit[1], first[2] + size * unit[2])  # fmt: skip
 
 
 def _points(
     who: str, start: Any, end: Any, nodes: Any, elements: Any
 ) -> tuple[tuple[Vector | None, Vector | None], tuple[Vector, ...] | None, tuple[Vector, ...], int | None]:
+    """Checked start and end, nodes, points of all nodes, and number of elements."""
     count = ELEMENTS if elements is None else elements
-    if type(count) is not int or not 1 <= count <= MOST_ELEMENTS:
-        raise check.refuse(who, "elements", elements, f"a whole number from 1 to {MOST_ELEMENTS}")
+    if type(count) is not int or not 1 <= count <= MAX_ELEMENTS:
+        raise check.refuse(who, "elements", elements, f"a whole number from 1 to {MAX_ELEMENTS}")
     if nodes is not None:
         if start is not None or end is not None or elements is not None:
             raise ModelError(f"{who}: nodes are given, so leave out start, end and elements.",
@@ -293,21 +275,20 @@ def _points(
         items = check.listed(nodes, who, "nodes", "two or more points")
         if len(items) < 2:
             raise check.refuse(who, "nodes", nodes, "two or more points")
-        between = tuple([check.vector(point, who, "nodes") for point in items])
-        return (None, None), between, between, None
+        points = tuple([check.vector(point, who, "nodes") for point in items])
+        return (None, None), points, points, None
     for word, value in (("start", start), ("end", end)):
         if value is None:
             raise check.refuse(who, word, None, "a point (x, y, z) [m], world axes, or nodes")
     first, last = check.vector(start, who, "start"), check.vector(end, who, "end")
     if first == last:
         raise check.refuse(who, "end", end, "a point other than start", "A beam needs a length.")
-    share = (np.arange(count + 1) / count)[:, None]
-    line = (1.0 - share) * first + share * last
-    return (first, last), None, tuple([tuple(point) for point in line.tolist()]), elements
+    fraction = (np.arange(count + 1) / count)[:, None]
+    return (first, last), None, _tuples((1.0 - fraction) * first + fraction * last), elements
 
 
 def _frame(p: Vector, q: Vector, y_axis: Vector | None, who: str) -> tuple[float, Matrix3]:
-    """Length and axes: x along the element, y towards ``y_axis``, or horizontal (z x axis; the y axis if vertical)."""
+    """Length and axes: x along the element, y towards ``y_axis``, by default horizontal (world y if it is vertical)."""
     d = (q[0] - p[0], q[1] - p[1], q[2] - p[2])
     length = hypot(*d)
     if length == 0.0:

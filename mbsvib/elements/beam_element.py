@@ -1,9 +1,9 @@
-"""A straight beam element: stiffness of its middle, mass as factor rows.
+"""A straight beam element: stiffness at its midpoint, mass as factor rows.
 
-Seen from its midpoint an element of length L is six independent springs between its ends, in its axes (x along it):
+At its midpoint an element of length L is equal to six independent springs between its ends, in its axes (x along it):
 EA/L, 12 E Iz/(L^3 (1 + phi_y)), 12 E Iy/(L^3 (1 + phi_z)), GJ/L, E Iy/L, E Iz/L. This is the exact static stiffness of
-Euler-Bernoulli (phi = 0) and Timoshenko beams, phi_y = 12 E Iz/(ky G A L^2). The consistent mass matrix comes as rows
-F, F^T F = M: the displacement at Gauss points that integrate it exactly, times sqrt(rho A weight).
+Euler-Bernoulli (phi = 0) and Timoshenko beams, phi_y = 12 E Iz/(ky G A L^2). The consistent mass matrix is F^T F with
+rows F: displacements at Gauss points, which integrate it exactly, times sqrt(rho A weight).
 
 Source: Przemieniecki, Theory of Matrix Structural Analysis (1968), sections 5.6 and 11.6.
 """
@@ -11,33 +11,36 @@ Source: Przemieniecki, Theory of Matrix Structural Analysis (1968), sections 5.6
 from __future__ import annotations
 
 from math import sqrt
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from mbsvib.common.arrays import Array
     from mbsvib.elements.material import Material
     from mbsvib.elements.sections import Properties
 
 
-# where in (u1, theta1, u2, theta2) the two planes of bending have their displacements and slopes, and slope / rotation
-_PLANES = (((1, 5, 7, 11), 1.0), ((2, 4, 8, 10), -1.0))
+# Of both planes of bending: indices of deflection and rotation of both ends in (u1, theta1, u2, theta2), and the ratio
+# of slope to rotation.
+_PLANES = (([1, 5, 7, 11], 1.0), ([2, 4, 8, 10], -1.0))
 
 
 def shear_ratios(length: float, section: Properties, material: Material, shear: bool) -> tuple[float, float]:
-    """Return (phi_y, phi_z), bending against shear stiffness; zero where shear is left out."""
+    """Return (phi_y, phi_z), the ratios of bending to shear stiffness, zero without shear deformation."""
     if not shear:
         return 0.0, 0.0
-    rigid = material.shear_modulus * section.A * length * length
+    shear_stiffness = material.shear_modulus * section.A * length * length
     assert section.ky is not None
     assert section.kz is not None
-    return (12.0 * material.E * section.Iz / (section.ky * rigid),
-            12.0 * material.E * section.Iy / (section.kz * rigid))  # fmt: skip
+    return (12.0 * material.E * section.Iz / (section.ky * shear_stiffness),
+            12.0 * material.E * section.Iy / (section.kz * shear_stiffness))  # fmt: skip
 
 
 def stiffness(length: float, section: Properties, material: Material, shear: bool) -> tuple[float, ...]:
-    """Return the six springs at the midpoint, along and about the element's axes [N/m, N m/rad]."""
+    """Return the six stiffnesses at the midpoint, along and about the element's axes [N/m, N m/rad]."""
     phi_y, phi_z = shear_ratios(length, section, material, shear)
     e, cubed = material.E, length**3
     return (e * section.A / length, 12.0 * e * section.Iz / (cubed * (1.0 + phi_y)),
@@ -64,40 +67,40 @@ def mass_rows(length: float, section: Properties, material: Material, shear: boo
     array, shape (12, 12) or (18, 12)
         One row for each Gauss point and direction, over (u1, theta1, u2, theta2) in the element's axes.
     """
-    line, polar = material.rho * section.A * length, material.rho * (section.Iy + section.Iz) * length
+    mass, polar_inertia = material.rho * section.A * length, material.rho * (section.Iy + section.Iz) * length
     rows = []
+
+    def add(inertia: float, indices: Sequence[int], values: Any) -> None:
+        row = np.zeros(12)
+        row[indices] = values
+        rows.append(sqrt(inertia) * row)
+
     for x, weight in _gauss(2):
-        for first, whole in ((0, line), (3, polar)):
-            row = np.zeros(12)
-            row[first], row[first + 6] = 1.0 - x, x
-            rows.append(sqrt(weight * whole) * row)
-    for (place, sign), phi, second in zip(_PLANES, shear_ratios(length, section, material, shear),
-                                          (section.Iz, section.Iy), strict=True):  # fmt: skip
-        turn = np.array([1.0, sign, 1.0, sign])
+        add(weight * mass, [0, 6], (1.0 - x, x))
+        add(weight * polar_inertia, [3, 9], (1.0 - x, x))
+    for (indices, sign), phi, moment in zip(_PLANES, shear_ratios(length, section, material, shear),
+                                            (section.Iz, section.Iy), strict=True):  # fmt: skip
+        slopes = np.array([1.0, sign, 1.0, sign])
         for x, weight in _gauss(4):
-            row = np.zeros(12)
-            row[list(place)] = turn * deflection(x, length, phi)
-            rows.append(sqrt(weight * line) * row)
+            add(weight * mass, indices, slopes * deflection(x, length, phi))
         for x, weight in _gauss(3) if shear else ():
-            row = np.zeros(12)
-            row[list(place)] = turn * rotation(x, length, phi)
-            rows.append(sqrt(weight * material.rho * second * length) * row)
+            add(weight * material.rho * moment * length, indices, slopes * rotation(x, length, phi))
     return np.array(rows)
 
 
 def deflection(x: float, length: float, phi: float) -> Array:
     """Return the deflection at x (0..1) per deflection and rotation of the first end and of the second."""
     y = 1.0 - x
-    bump = 0.5 * phi * x * y
-    return np.array([y * (y * (1.0 + 2.0 * x) + phi), length * (x * y * y + bump), x * (x * (1.0 + 2.0 * y) + phi),
-                     -length * (x * x * y + bump)]) / (1.0 + phi)  # fmt: skip
+    shear = 0.5 * phi * x * y
+    return np.array([y * (y * (1.0 + 2.0 * x) + phi), length * (x * y * y + shear), x * (x * (1.0 + 2.0 * y) + phi),
+                     -length * (x * x * y + shear)]) / (1.0 + phi)  # fmt: skip
 
 
 def rotation(x: float, length: float, phi: float) -> Array:
     """Return the rotation of the section at x (0..1) per deflection and rotation of the first end and the second."""
     y = 1.0 - x
-    bow = 6.0 * x * y / length
-    return np.array([-bow, y * (1.0 - 3.0 * x + phi), bow, x * (1.0 - 3.0 * y + phi)]) / (1.0 + phi)
+    slope = 6.0 * x * y / length
+    return np.array([-slope, y * (1.0 - 3.0 * x + phi), slope, x * (1.0 - 3.0 * y + phi)]) / (1.0 + phi)
 
 
 def _gauss(points: int) -> list[tuple[float, float]]:

@@ -1,7 +1,8 @@
-"""Beams as plain parts: nodes are bodies, neighbours are joined freely at the middle of an element, where a bushing is
-its elasticity; the mass of an element moves with both of its ends, and so do mass-proportional and modal damping.
+"""Expansion of beams to bodies, joints, bushings and shared rows.
 
-The coordinates are then the deformations of the elements: each spring feels one of them and nothing cancels.
+Each node is a body. Each element is a free joint between its nodes and a bushing at its midpoint. The mass of an
+element and mass-proportional and modal damping are rows that both ends share. The coordinates are the deformations of
+the elements, so that the stiffness is diagonal and no digits cancel.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from mbsvib.elements import joint as _joint
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.body import Body
 from mbsvib.elements.elastic_part import ElasticPart
-from mbsvib.elements.shared_rows import Node, Piece, PlainParts
+from mbsvib.elements.shared_rows import ExpandedPart, Node, SharedRows
+from mbsvib.linalg.rotations import rigid_transport
 
 if TYPE_CHECKING:
     from mbsvib.common.arguments import Matrix3, Vector
@@ -27,17 +29,17 @@ if TYPE_CHECKING:
 _NO_INERTIA = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def plain(beam: Beam, *_: Any) -> PlainParts:
-    """Return nodes, joints and bushings of a beam, its mass rows, and its dampers other than those of its elements."""
+def expand(beam: Beam, *_: Any) -> ExpandedPart:
+    """Return nodes, joints and bushings of a beam, its mass rows, and rows of mass-proportional and modal damping."""
     pairs = elements(beam)
-    return PlainParts(
+    return ExpandedPart(
         {body.name: body for body in node_bodies(beam)}, {joint.name: joint for joint, _ in pairs},
         {spring.name: spring for _, spring in pairs}, mass=tuple(masses(beam)), elastic=tuple(dampers(beam)),
     )  # fmt: skip
 
 
 def node_bodies(beam: Beam) -> list[Body]:
-    """Return the bodies, without mass of their own, that the free nodes of a beam are."""
+    """Return the massless bodies of the nodes that no other body holds."""
     return [Body(name, 0.0, _NO_INERTIA, point) for name, point in beam.node_names.items()]
 
 
@@ -45,67 +47,68 @@ def elements(beam: Beam) -> list[tuple[Joint, Bushing]]:
     """Return joint and bushing of each element, both in its axes at its midpoint."""
     result = []
     for i, (length, axes) in enumerate(beam.frames()):
-        at = middle(beam, i)
+        midpoint = middle(beam, i)
         k = element.stiffness(length, beam.properties, beam.material, beam.shear)
-        first, second = beam.node(i), beam.node(i + 1)
+        first, second = beam.body_of(i), beam.body_of(i + 1)
         name = beam.element_names[i]
-        free = _joint.make(name, "free", first, second, at, axes, None, None, None, None)
-        spring = _bushing.make(name, first, second, at, k, tuple([beam.beta * value for value in k]), axes)
-        result.append((free, spring))
+        joint = _joint.make(name, "free", first, second, midpoint, axes, None, None, None, None)
+        bushing = _bushing.make(name, first, second, midpoint, k, tuple([beam.beta * value for value in k]), axes)
+        result.append((joint, bushing))
     return result
 
 
-def masses(beam: Beam) -> list[Piece]:
+def masses(beam: Beam) -> list[SharedRows]:
     """Return the mass rows of all elements, in world axes."""
     rows: dict[float, Array] = {}
     result = []
-    for i, ((length, axes), before) in enumerate(zip(beam.frames(), beam.lengths(), strict=True)):
+    for i, ((length, axes), unloaded) in enumerate(zip(beam.frames(), beam.lengths(), strict=True)):
         if length not in rows:
             rows[length] = element.mass_rows(length, beam.properties, beam.material, beam.shear)
-        # what bends keeps its mass
-        own = rows[length] if before == length else rows[length] * sqrt(before / length)
-        result.append(Piece(beam.name, (_node(beam, i), _node(beam, i + 1)), turned(own, axes)))
+        # the mass is that of the length without forces
+        matrix = rows[length] if unloaded == length else rows[length] * sqrt(unloaded / length)
+        result.append(SharedRows(beam.name, (_node(beam, i), _node(beam, i + 1)), rotated(matrix, axes)))
     return result
 
 
 def elastic_part(beam: Beam) -> ElasticPart:
-    """Return a beam as what is linear in the frame of the body that carries it, over displacements of its nodes."""
-    rest, root = beam.without_forces(), beam.root
-    seen = [i for i in range(len(beam.points)) if beam.node(i) != root]
+    """Return a beam as a linear elastic part in the frame of its root, in the displacements of its nodes."""
+    unloaded, root, bodies = beam.without_forces(), beam.root, beam.node_bodies
+    nodes = [i for i, (body, _) in enumerate(bodies) if body != root]
     rows = np.zeros((6 * (len(beam.points) - 1), 6 * len(beam.points)))
     values: list[float] = []
-    for i, (length, axes) in enumerate(rest.frames()):
-        local, at = np.kron(np.eye(2), np.array(axes).T), np.array(middle(rest, i))
+    for i, (length, axes) in enumerate(unloaded.frames()):
+        to_local, midpoint = np.kron(np.eye(2), np.array(axes).T), np.array(middle(unloaded, i))
         for j, sign in ((i, -1.0), (i + 1, 1.0)):
-            rows[6 * i : 6 * i + 6, 6 * j : 6 * j + 6] = sign * local @ _carried(at - np.array(rest.points[j]))
+            arm = midpoint - np.array(unloaded.points[j])
+            rows[6 * i : 6 * i + 6, 6 * j : 6 * j + 6] = sign * to_local @ rigid_transport(arm)
         values += element.stiffness(length, beam.properties, beam.material, beam.shear)
     state = np.zeros((len(beam.points), 6)) if beam.displacements is None else np.array(beam.displacements)
-    columns = [6 * i + j for i in seen for j in range(6)]
+    columns = [6 * i + j for i in nodes for j in range(6)]
     return ElasticPart(
-        beam.name, root, tuple([f"{beam.name}.{i}" for i in seen]),
-        tuple([(beam.node(i), beam.points[i]) for i in seen]), (), beam.points[0], rows[:, columns], np.array(values),
-        state[seen].reshape(-1),
+        beam.name, root, tuple([f"{beam.name}.{i}" for i in nodes]), tuple([bodies[i] for i in nodes]), (),
+        beam.points[0], rows[:, columns], np.array(values), state[nodes].reshape(-1),
     )  # fmt: skip
 
 
-def dampers(beam: Beam) -> list[Piece]:
-    """Return the rows of mass-proportional and of modal damping, none where neither is asked for."""
+def dampers(beam: Beam) -> list[SharedRows]:
+    """Return the rows of mass-proportional and of modal damping, if the beam has any."""
     result = []
     if beam.alpha:
-        result += [Piece(beam.name, piece.nodes, piece.matrix, damping=np.full(len(piece.matrix), beam.alpha))
-                   for piece in masses(beam)]  # fmt: skip
+        result += [SharedRows(beam.name, rows.nodes, rows.matrix, damping=np.full(len(rows.matrix), beam.alpha))
+                   for rows in masses(beam)]  # fmt: skip
     if beam.damping_ratio:
         result.append(modal_damper(beam))
     return result
 
 
-def modal_damper(beam: Beam) -> Piece:
-    """Return damping rows that give all modes of the beam, left to itself, the same damping ratio zeta.
+def modal_damper(beam: Beam) -> SharedRows:
+    """Return damping rows that give all modes of the free beam the same damping ratio zeta.
 
     C = sum over its elastic modes of 2 zeta omega M phi phi^T M = 2 zeta / omega^3 K phi phi^T K
 
-    K acts on deformations only, so that no rigid-body motion of the beam is damped. With mass rows W that see rigid
-    motions as W_r and deformations as W_e, 1 / omega are the singular values of (1 - Q Q^T) W_e K^-1/2, W_r = Q R.
+    K acts on deformations only, so that no rigid-body motion of the beam is damped. With the mass rows W_r of
+    rigid-body motions and W_e of deformations, 1 / omega are the singular values of (1 - Q Q^T) W_e K^-1/2, where W_r
+    = Q R.
     """
     frames = beam.frames()
     k = np.array([element.stiffness(length, beam.properties, beam.material, beam.shear) for length, _ in frames])
@@ -117,41 +120,33 @@ def modal_damper(beam: Beam) -> Piece:
     order = np.argsort(-period, kind="stable")
     omega = 1.0 / period[order]
     forces = modes[order] * np.sqrt(k.reshape(-1)) * omega[:, None]
-    matrix = np.concatenate([turned(forces[:, 6 * i : 6 * i + 6], axes) for i, (_, axes) in enumerate(frames)], axis=1)
+    matrix = np.concatenate([rotated(forces[:, 6 * i : 6 * i + 6], axes) for i, (_, axes) in enumerate(frames)], axis=1)
     nodes = tuple([
-        Node(beam.node(i + 1), middle(beam, i), against=beam.node(i)) for i in range(len(frames))
+        Node(beam.body_of(i + 1), middle(beam, i), relative_to=beam.body_of(i)) for i in range(len(frames))
     ])  # fmt: skip
-    return Piece(beam.name, nodes, matrix, damping=2.0 * beam.damping_ratio / omega**3)
+    return SharedRows(beam.name, nodes, matrix, damping=2.0 * beam.damping_ratio / omega**3)
 
 
 def _free_mass_rows(beam: Beam) -> Array:
-    """Mass rows of the beam left to itself: on its rigid-body motion, then on the deformations of its elements."""
+    """Mass rows of the free beam, on its rigid-body motion and then on the deformations of its elements."""
     frames, count = beam.frames(), len(beam.points)
     motion = np.zeros((count, 6, 6 * count))
     motion[0, :, :6] = np.eye(6)
     for i, (_, axes) in enumerate(frames):
-        start, end, at = (np.array(point) for point in (beam.points[i], beam.points[i + 1], middle(beam, i)))
-        motion[i + 1] = _carried(end - start) @ motion[i]
-        motion[i + 1, :, 6 * i + 6 : 6 * i + 12] = _carried(end - at) @ np.kron(np.eye(2), np.array(axes))
-    return np.concatenate([piece.matrix @ motion[i : i + 2].reshape(12, -1) for i, piece in enumerate(masses(beam))])
+        start, end, midpoint = (np.array(point) for point in (beam.points[i], beam.points[i + 1], middle(beam, i)))
+        motion[i + 1] = rigid_transport(end - start) @ motion[i]
+        motion[i + 1, :, 6 * i + 6 : 6 * i + 12] = rigid_transport(end - midpoint) @ np.kron(np.eye(2), np.array(axes))
+    return np.concatenate([rows.matrix @ motion[i : i + 2].reshape(12, -1) for i, rows in enumerate(masses(beam))])
 
 
-def _carried(arm: Array) -> Array:
-    """The motion of a point that a rigid body carries at ``arm`` from another: u + theta x arm, theta."""
-    x, y, z = arm
-    result = np.eye(6)
-    result[:3, 3:] = ((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0))
-    return result
-
-
-def turned(rows: Array, axes: Matrix3) -> Array:
+def rotated(rows: Array, axes: Matrix3) -> Array:
     """Return rows on vectors in local axes as rows on the same vectors in world axes."""
     result: Array = (rows.reshape(-1, 3) @ np.array(axes).T).reshape(rows.shape)
     return result
 
 
 def _node(beam: Beam, i: int) -> Node:
-    return Node(beam.node(i), beam.points[i])
+    return Node(beam.body_of(i), beam.points[i])
 
 
 def middle(beam: Beam, i: int) -> Vector:

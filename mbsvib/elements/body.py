@@ -4,31 +4,30 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import acos, cos, pi, sqrt
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import IDENTITY, Matrix3, Vector
-from mbsvib.elements.part import ParameterField, Part, point, rotation
+from mbsvib.elements.part import ParameterField, Part, rotation_field, vector_field
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from mbsvib.elements.placement import Placement
+    from mbsvib.elements.pose import Pose
 
-# Inertia tensors come from CAD print-outs with six or seven digits, in which a thin plate misses
-# Ixx + Iyy = Izz by that much.
+# CAD programs print inertia tensors with six or seven digits; a thin plate then violates Ixx + Iyy = Izz by this much.
 TRIANGLE_SLACK = 1e-6
-# Minors of E over those of a ball of the same trace, above which no rounding makes a tensor one that no body has
-CLEAR = 1e-6
+# A tensor is certainly valid if the leading minors of E, relative to those of a sphere of equal trace, are above this.
+CLEARLY_VALID = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Body(Part):
     """A rigid body.
 
-    ``inertia`` holds the tensor entries (xx, yy, zz, xy, xz, yz) [kg m^2] about the centre of mass in body axes,
-    ``position`` the centre of mass [m] and ``orientation`` the body axes (columns), both in world axes.
+    ``inertia`` are the tensor entries (xx, yy, zz, xy, xz, yz) [kg m^2] about the centre of mass in body axes,
+    ``position`` is the centre of mass [m] and ``orientation`` the body axes (columns), both in world axes.
     """
 
     mass: float
@@ -39,18 +38,16 @@ class Body(Part):
     def parameter_fields(self) -> Iterator[ParameterField]:
         yield ParameterField("mass", self.mass, "kg")
         yield ParameterField("inertia", self.inertia, "kg m^2", ("xx", "yy", "zz", "xy", "xz", "yz"))
-        yield point("position", self.position)
-        yield rotation()
+        yield vector_field("position", self.position)
+        yield rotation_field()
 
-    def with_values(self, values: Mapping[str, Any]) -> Self:
-        turned = {} if "orientation" not in values else {
-            "orientation": check.rotated(values["orientation"], self.orientation)}  # fmt: skip
-        return make(**self.arguments() | dict(values) | turned)  # type: ignore[return-value]
+    def with_values(self, values: Mapping[str, Any]) -> Body:
+        return make(**self._arguments_with(values))
 
-    def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
-        if pose.stays(self.name):
+    def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
+        if pose.is_unmoved(self.name):
             return self
-        axes = pose.axes(self.name, self.orientation)
+        axes = pose.rotated_axes(self.name, self.orientation)
         return Body(self.name, self.mass, self.inertia, pose.centre_of(self.name), axes)
 
 
@@ -74,7 +71,7 @@ def _inertia(value: Any, who: str) -> tuple[float, float, float, float, float, f
     else:
         entries = check.numbers(items, (3, 6), who, "inertia", expected)
         xx, yy, zz, xy, xz, yz = entries if len(entries) == 6 else (*entries, 0.0, 0.0, 0.0)
-    if _is_plain(xx, yy, zz, xy, xz, yz):
+    if _is_clearly_valid(xx, yy, zz, xy, xz, yz):
         return (xx, yy, zz, xy, xz, yz)
     low, middle, high = sorted((xx, yy, zz)) if not (xy or xz or yz) else principal(xx, yy, zz, xy, xz, yz)
     slack = TRIANGLE_SLACK * max(high, -low)
@@ -91,16 +88,14 @@ def _inertia(value: Any, who: str) -> tuple[float, float, float, float, float, f
     return (xx, yy, zz, xy, xz, yz)
 
 
-def _is_plain(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> bool:
-    """Tell whether a tensor J is one of a body beyond doubt: E = tr(J) / 2 - J, whose eigenvalues are those of the mass
-    distribution, has positive leading minors, clearly above rounding.
-    """
+def _is_clearly_valid(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> bool:
+    """Whether the leading minors of the second moments of mass E = tr(J) / 2 - J are positive, far above rounding."""
     half = 0.5 * (xx + yy + zz)
     a, b, c = half - xx, half - yy, half - zz
-    least = CLEAR * half
+    limit = CLEARLY_VALID * half
     minor = a * b - xy * xy
-    return a > least and minor > least * half and (
-        c * minor - a * yz * yz - b * xz * xz - 2.0 * xy * xz * yz > least * half * half)
+    return a > limit and minor > limit * half and (
+        c * minor - a * yz * yz - b * xz * xz - 2.0 * xy * xz * yz > limit * half * half)
 
 
 def principal(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> tuple[float, float, float]:
@@ -110,7 +105,7 @@ def principal(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) 
     mean = (xx + yy + zz) / 3.0
     a, b, c = xx - mean, yy - mean, zz - mean
     p = sqrt((a * a + b * b + c * c + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0)
-    if p < 1e-100:  # a ball, up to entries that no rounding can tell from zero
+    if p < 1e-100:  # a sphere, except for entries so small that their squares underflow
         return (scale * mean, scale * mean, scale * mean)
     determinant = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
     angle = acos(min(1.0, max(-1.0, determinant / (2.0 * p * p * p)))) / 3.0

@@ -1,4 +1,4 @@
-"""Rows of bushings: one for each of six directions, or for each eigenvector of a matrix."""
+"""Rows of bushings: one for each direction with stiffness or damping, or for each eigenvector of a 6x6 matrix."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.arguments import IDENTITY
+from mbsvib.elements.bushing import matrix6
 from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.rows import Rows, columns, table
 from mbsvib.linalg.products import eigenrows
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.bushing import Bushing, Matrix6, Six
+    from mbsvib.elements.bushing import Bushing
 
     Numbered = Sequence[tuple[int, Bushing]]
 
@@ -35,19 +36,18 @@ def rows(parts: Numbered, number: Mapping[str, int]) -> ElementRows:
     Returns
     -------
     ElementRows
-        Rows of those with six values, then of those with matrices.
+        Rows of bushings with six values, then of bushings with matrices.
     """
-    six: list[tuple[int, Bushing]] = []
-    full: list[tuple[int, Bushing]] = []
+    with_values: list[tuple[int, Bushing]] = []
+    with_matrices: list[tuple[int, Bushing]] = []
     for item in parts:
         matrix = isinstance(item[1].stiffness[0], tuple) or isinstance(item[1].damping[0], tuple)
-        (full if matrix else six).append(item)
-    return ElementRows.join([
-        *([_of_values(six, number)] if six else []), *([_of_matrices(full, number)] if full else []),
-    ])  # fmt: skip
+        (with_matrices if matrix else with_values).append(item)
+    return ElementRows.join([*([_rows_of_values(with_values, number)] if with_values else []),
+                             *([_rows_of_matrices(with_matrices, number)] if with_matrices else [])])  # fmt: skip
 
 
-def _of_values(parts: Numbered, number: Mapping[str, int]) -> ElementRows:
+def _rows_of_values(parts: Numbered, number: Mapping[str, int]) -> ElementRows:
     k = table([part.stiffness for _, part in parts], 6).reshape(-1)
     c = table([part.damping for _, part in parts], 6).reshape(-1)
     used: Index = ((k != 0.0) | (c != 0.0)).nonzero()[0]
@@ -56,30 +56,31 @@ def _of_values(parts: Numbered, number: Mapping[str, int]) -> ElementRows:
     return _in_world(parts, number, which, unit, k.take(used), c.take(used))
 
 
-def _of_matrices(parts: Numbered, number: Mapping[str, int]) -> ElementRows:
+def _rows_of_matrices(parts: Numbered, number: Mapping[str, int]) -> ElementRows:
+    """One row for each eigenvector of K if C is proportional to it, else rows of K and rows of C."""
     which, units, k, c = [], [np.zeros((0, 6))], [np.zeros(0)], [np.zeros(0)]
     for i, (_, part) in enumerate(parts):
-        stiffness, damping = _matrix(part.stiffness), _matrix(part.damping)
+        stiffness, damping = matrix6(part.stiffness), matrix6(part.damping)
         values, vectors = _eigenrows(stiffness if stiffness.any() else damping)
-        share = _proportion(damping, stiffness)
-        if share is not None:
+        ratio = _proportion(damping, stiffness)
+        if ratio is not None:
             which += [i] * len(values)
             units.append(vectors)
             k.append(values)
-            c.append(share * values)
+            c.append(ratio * values)
         else:
+            elastic = len(values) if stiffness.any() else 0
             damping_values, damping_vectors = _eigenrows(damping)
-            own = (values, np.zeros_like(damping_values)) if stiffness.any() else (0.0 * values[:0], damping_values * 0)
-            which += [i] * (len(own[0]) + len(damping_values))
-            units += [vectors[: len(own[0])], damping_vectors]
-            k += [own[0], own[1]]
-            c += [np.zeros_like(own[0]), damping_values]
+            which += [i] * (elastic + len(damping_values))
+            units += [vectors[:elastic], damping_vectors]
+            k += [values[:elastic], np.zeros_like(damping_values)]
+            c += [np.zeros(elastic), damping_values]
     return _in_world(parts, number, np.array(which, dtype=np.intp), np.concatenate(units), np.concatenate(k),
                      np.concatenate(c))  # fmt: skip
 
 
 def _in_world(parts: Numbered, number: Mapping[str, int], which: Index, unit: Array, k: Array, c: Array) -> ElementRows:
-    """Return directions ``unit`` (n, 6) in the axes of the bushings ``which`` (n,) as rows in world axes."""
+    """Rows in world axes along directions ``unit`` (n, 6) in the axes of the bushings ``which`` (n,)."""
     ends = columns([(number[b.first], number[b.second], i, *b.position) for i, b in parts], 6).take(which, axis=1)
     first, second, owner = ends[:3].astype(np.intp)
     both = np.ascontiguousarray(unit.T).reshape(2, 3, -1)
@@ -90,23 +91,19 @@ def _in_world(parts: Numbered, number: Mapping[str, int], which: Index, unit: Ar
     return ElementRows(Rows(first, second, ends[3:], force, moment), k, c, owner, unit)
 
 
-def _matrix(value: Six | Matrix6) -> Array:
-    array = np.array(value, dtype=float)
-    return np.diag(array) if array.ndim == 1 else array
-
-
 def _proportion(damping: Array, stiffness: Array) -> float | None:
-    """Return the factor by which damping is stiffness (exactly, to rounding), or None."""
+    """The ratio C / K of two proportional matrices, None where they are not proportional to rounding."""
     if not damping.any():
         return 0.0
     if not stiffness.any():
         return None
     largest = np.unravel_index(np.argmax(np.abs(stiffness)), stiffness.shape)
-    share = float(damping[largest] / stiffness[largest])
-    return share if np.allclose(damping, share * stiffness, rtol=1e-15, atol=0.0) else None
+    ratio = float(damping[largest] / stiffness[largest])
+    return ratio if np.allclose(damping, ratio * stiffness, rtol=1e-15, atol=0.0) else None
 
 
 def _eigenrows(matrix: Array) -> tuple[Array, Array]:
+    """Nonzero eigenvalues and their rows."""
     values, vectors = eigenrows(matrix)
-    keep = values != 0.0
-    return values[keep], vectors[keep]
+    nonzero = values != 0.0
+    return values[nonzero], vectors[nonzero]

@@ -23,12 +23,12 @@ class Connection(Part):
 
     @property
     def points(self) -> tuple[Vector, ...]:
-        """Points at which it acts [m], world axes: one, or that on the first body and that on the second."""
+        """Points at which it acts [m], world axes: one, or one on the first and one on the second body."""
         return tuple([value for key in ("position", "start", "end") if (value := getattr(self, key, None)) is not None])
 
     @property
     def loaded(self) -> bool:
-        """Whether it carries a force in the pose as described."""
+        """Whether it has a force in the reference pose."""
         return False
 
 
@@ -49,7 +49,7 @@ def line_between(who: str, start: Any, end: Any, hint: str) -> tuple[Vector, Vec
     start, end : array-like, shape (3,)
         The points, world axes.
     hint : str
-        What the message says if both are one point.
+        Sentence for the message if both points coincide.
 
     Returns
     -------
@@ -59,7 +59,7 @@ def line_between(who: str, start: Any, end: Any, hint: str) -> tuple[Vector, Vec
     Raises
     ------
     ModelError
-        If a point is no vector, or both are one point.
+        If a point is no vector, or both points coincide.
     """
     a, b = check.vector(start, who, "start"), check.vector(end, who, "end")
     x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]

@@ -1,4 +1,4 @@
-"""What elements add to the equations: relative displacements, and weights of their squares and products."""
+"""Contributions of elements to the equations: relative displacements, and weights of their squares and products."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Weights:
-    """Weights of products of rows d: ``first``, ``second`` (n,) number the rows, ``value`` (n,) weighs their product.
+    """Weights ``value`` (n,) of the products of the rows d with the numbers ``first`` and ``second`` (n,).
 
-    As a symmetric form each entry adds value d_i d_i^T to a matrix, or value (d_i d_j^T + d_j d_i^T) for two different
-    rows; as an antisymmetric one value (d_i d_j^T - d_j d_i^T). ``owner`` (n,) numbers the parts that they belong to.
+    In a symmetric form each entry adds value d_i d_i^T to a matrix, or value (d_i d_j^T + d_j d_i^T) for two different
+    rows; in an antisymmetric form it adds value (d_i d_j^T - d_j d_i^T). ``owner`` (n,) numbers the parts.
     """
 
     first: Index
@@ -29,8 +29,8 @@ class Weights:
     value: Array
     owner: Index
 
-    def shifted(self, by: int) -> Weights:
-        """Return the same weights of rows that stand behind ``by`` others."""
+    def offset(self, by: int) -> Weights:
+        """Return the weights with row numbers increased by ``by``."""
         return Weights(self.first + by, self.second + by, self.value, self.owner) if by else self
 
     @staticmethod
@@ -47,11 +47,11 @@ NONE = Weights(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(
 
 @dataclass(frozen=True, slots=True)
 class Contribution:
-    """What some elements add to the equations of motion, as sums over relative displacements.
+    """Terms of the equations of motion, as quadratic forms of relative displacements.
 
     Row r is the sum of the relative displacements in ``rows`` whose ``row`` (n,) is r; there are ``count`` rows.
-    ``stiffness`` is a symmetric form of them, ``circulatory`` (part of K) and ``gyroscopic`` (part of C) are
-    antisymmetric ones.
+    ``stiffness`` is a symmetric form of them; ``circulatory`` (part of K) and ``gyroscopic`` (part of C) are
+    antisymmetric forms.
     """
 
     rows: Rows
@@ -66,7 +66,7 @@ class Contribution:
         rows: Rows, *, stiffness: Weights | None = None, circulatory: Weights | None = None,
         gyroscopic: Weights | None = None, row: Index | None = None,
     ) -> Contribution:  # fmt: skip
-        """Return a contribution whose rows are single relative displacements unless ``row`` adds some of them up."""
+        """Return a contribution; without ``row`` each row is a single relative displacement."""
         row = np.arange(len(rows.first)) if row is None else row
         return Contribution(rows, row, int(row.max(initial=-1)) + 1, stiffness or NONE, circulatory or NONE,
                             gyroscopic or NONE)  # fmt: skip
@@ -77,16 +77,16 @@ class Contribution:
         if len(parts) == 1:
             return parts[0]
         *start, count = accumulate((part.count for part in parts), initial=0)
-        placed = list(zip(parts, start, strict=True))
+        starts = list(zip(parts, start, strict=True))
         return Contribution(
-            Rows.join([part.rows for part in parts]), np.concatenate([part.row + at for part, at in placed]), count,
-            Weights.join([part.stiffness.shifted(at) for part, at in placed]),
-            Weights.join([part.circulatory.shifted(at) for part, at in placed]),
-            Weights.join([part.gyroscopic.shifted(at) for part, at in placed]),
+            Rows.join([part.rows for part in parts]), np.concatenate([part.row + at for part, at in starts]), count,
+            Weights.join([part.stiffness.offset(at) for part, at in starts]),
+            Weights.join([part.circulatory.offset(at) for part, at in starts]),
+            Weights.join([part.gyroscopic.offset(at) for part, at in starts]),
         )  # fmt: skip
 
 
-def turns(body: Index, along: Array, ground: int) -> Rows:
+def rotation_rows(body: Index, along: Array, ground: int) -> Rows:
     """Return components of the rotations of bodies, along . theta.
 
     Parameters
@@ -101,12 +101,12 @@ def turns(body: Index, along: Array, ground: int) -> Rows:
     Returns
     -------
     Rows
-        Relative displacements against the ground, taken at the origin.
+        Rotations relative to the ground, with the origin as point.
     """
-    none = np.zeros(along.shape)
-    return Rows(np.full(len(body), ground), body, none, none, along)
+    zero = np.zeros(along.shape)
+    return Rows(np.full(len(body), ground), body, zero, zero, along)
 
 
-def shifts(body: Index, along: Array, point: Array, ground: int) -> Rows:
+def displacement_rows(body: Index, along: Array, point: Array, ground: int) -> Rows:
     """Return components of the displacements of points (3, n) of bodies (n,) along vectors (3, n)."""
     return Rows(np.full(len(body), ground), body, point, along, np.zeros(along.shape))

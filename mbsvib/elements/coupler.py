@@ -1,15 +1,21 @@
-"""Couplers: linear relations between joint coordinates, as gears and racks make them.
+"""Couplers: linear relations between joint coordinates, such as gears and racks.
 
-A coupler demands sum of c_i q_i = 0 of displacements from the model's pose, its ``terms`` being the pairs (q_i, c_i).
-q_i is a joint's coordinate "JOINT.direction": what its second body does relative to its first, in the tree or not.
+The constraint of a coupler is sum of c_i q_i = 0 for displacements from the reference pose; ``terms`` are the pairs
+(q_i, c_i). q_i is a joint's coordinate "JOINT.direction", the motion of its second body relative to its first, of
+joints in the spanning tree and of cut joints.
 
-Exactly, in any pose: sum of c_i (q_i - q_i of the model's pose) = 0, with q_i the angle [rad] that a revolute,
-cylindrical or screw joint has turned by (whole turns count), the distance [m] along z that a prismatic or cylindrical
-joint has slid by, the two angles of a universal joint (about ``axis`` in the first body, then ``axis2`` in the
-second) or of another joint with two successive rotations, and of any other joint the components, in its axes as the
-first body carries them, of p_b - p_a and of the rotation vector from the first to the second body. In another pose the
-latter is no linear relation of the coordinates there: couplers on homokinetic joints do not go along, and those on
-joints with three free rotations relate small rotations in each pose anew.
+In any pose the constraint is sum of c_i (q_i - q_i of the reference pose) = 0, where q_i is
+
+- the angle [rad] of a revolute, cylindrical or screw joint, full turns included;
+- the displacement [m] along z of a prismatic or cylindrical joint;
+- one of the two angles of a universal joint (about ``axis`` in the first body, then ``axis2`` in the second) or of
+  another joint with two successive rotations;
+- for any other joint a component of p_b - p_a or of the rotation vector from the first to the second body, in its axes,
+  which are fixed in the first body.
+
+In another pose the components of a rotation vector are no linear function of the coordinates. Therefore mechanisms with
+couplers on homokinetic joints cannot be moved, and couplers on joints with three free rotations relate small rotations
+from the respective pose.
 """
 
 from __future__ import annotations
@@ -28,12 +34,12 @@ if TYPE_CHECKING:
     from mbsvib.elements.joint import Joint
 
 Terms = tuple[tuple[str, float], ...]
-TURNS, SLIDES = ("rx", "ry", "rz"), ("x", "y", "z")
+ROTATIONS, TRANSLATIONS = ("rx", "ry", "rz"), ("x", "y", "z")
 
 
 @dataclass(frozen=True, slots=True)
 class Coupling(Part):
-    """What couplers of all kinds have: ``terms``, the pairs (coordinate, coefficient) whose products add up to 0."""
+    """The base class of couplers: ``terms`` are pairs (coordinate, coefficient), the sum of their products is zero."""
 
     terms: Terms = derived(())
 
@@ -44,13 +50,13 @@ class Coupler(Coupling):
 
     coefficients: Terms = ()
 
-    def words(self) -> dict[str, Any]:
+    def constructor_kwargs(self) -> dict[str, Any]:
         """Return the arguments of ``add_coupler`` that make this part."""
         return {"name": self.name, "coefficients": dict(self.coefficients)}
 
     def parameter_fields(self) -> Iterator[ParameterField]:
-        ends = tuple(str(i + 1) for i in range(len(self.coefficients)))
-        yield ParameterField("coefficient", tuple(value for _, value in self.coefficients), "-", ends)
+        suffixes = tuple(str(i + 1) for i in range(len(self.coefficients)))
+        yield ParameterField("coefficient", tuple(value for _, value in self.coefficients), "-", suffixes)
 
     def with_values(self, values: Mapping[str, Any]) -> Coupler:
         terms = {name: value for (name, _), value in zip(self.coefficients, values["coefficient"], strict=True)}
@@ -134,10 +140,10 @@ def make_coupler(name: str, coefficients: Any, joints: Mapping[str, Joint]) -> C
     if not isinstance(coefficients, Mapping):
         raise check.refuse(who, "coefficients", coefficients, expected)
     terms: dict[str, Any] = {}
-    for given, value in coefficients.items():
-        coordinate = coordinate_of(given, joints, who, "coefficients")
+    for key, value in coefficients.items():
+        coordinate = coordinate_of(key, joints, who, "coefficients")
         if coordinate in terms:
-            raise check.refuse(who, "coefficients", dict(coefficients), expected, f"'{coordinate}' is there twice.")
+            raise check.refuse(who, "coefficients", dict(coefficients), expected, f"'{coordinate}' is given twice.")
         terms[coordinate] = value
     if len(terms) < 2:
         hint = "To lock one coordinate, take a joint that does not have it." if terms else ""
@@ -148,39 +154,40 @@ def make_coupler(name: str, coefficients: Any, joints: Mapping[str, Joint]) -> C
 def make_gear(name: str, first: Any, second: Any, ratio: Any, joints: Mapping[str, Joint]) -> Gear:
     """Check the values of a gear and build it."""
     who = f"gear '{name}'"
-    a, b = _pair(who, joints, ("first", first, TURNS), ("second", second, TURNS))
+    a, b = _pair(who, joints, ("first", first, ROTATIONS), ("second", second, ROTATIONS))
     return _gear(name, a, b, ratio)
 
 
 def make_worm(name: str, worm: Any, wheel: Any, ratio: Any, joints: Mapping[str, Joint]) -> Worm:
     """Check the values of a worm and its wheel and build them."""
     who = f"worm '{name}'"
-    a, b = _pair(who, joints, ("worm", worm, TURNS), ("wheel", wheel, TURNS))
+    a, b = _pair(who, joints, ("worm", worm, ROTATIONS), ("wheel", wheel, ROTATIONS))
     return _worm(name, a, b, ratio)
 
 
 def make_rack(name: str, pinion: Any, rack: Any, radius: Any, joints: Mapping[str, Joint]) -> Rack:
     """Check the values of a pinion and its rack and build them."""
     who = f"rack '{name}'"
-    a, b = _pair(who, joints, ("pinion", pinion, TURNS), ("rack", rack, SLIDES))
+    a, b = _pair(who, joints, ("pinion", pinion, ROTATIONS), ("rack", rack, TRANSLATIONS))
     return _rack(name, a, b, radius)
 
 
 def coordinate_of(
-    given: Any, joints: Mapping[str, Joint], who: str, field: str, directions: tuple[str, ...] = SLIDES + TURNS
-) -> str:
-    """Return the coordinate "JOINT.direction" that a name stands for: of a joint with a single one it may be left out.
+    value: Any, joints: Mapping[str, Joint], who: str, field: str,
+    directions: tuple[str, ...] = TRANSLATIONS + ROTATIONS,
+) -> str:  # fmt: skip
+    """Return the name "JOINT.direction" of a coordinate; "JOINT" is enough for a joint with one coordinate.
 
     Parameters
     ----------
-    given : str or Joint
-        Name of a coordinate, or of a joint.
+    value : str or Joint
+        Name of a coordinate, or a joint or its name.
     joints : mapping
         The model's joints.
     who, field : str
-        For messages.
+        Element and argument, for messages.
     directions : tuple of str
-        The directions that will do.
+        The directions that are allowed.
 
     Returns
     -------
@@ -192,33 +199,33 @@ def coordinate_of(
     ModelError
         If there is no such joint or it has no such coordinate.
     """
-    what = "a rotation" if directions == TURNS else "a translation" if directions == SLIDES else "a coordinate"
-    key = given if isinstance(given, str) else getattr(given, "name", given)
-    expected = f"{what} of a joint, as JOINT.{directions[-1]}"
+    kinds: dict[tuple[str, ...], str] = {ROTATIONS: "a rotation", TRANSLATIONS: "a translation"}
+    kind = kinds.get(directions, "a coordinate")
+    key = value if isinstance(value, str) else getattr(value, "name", value)
+    expected = f"{kind} of a joint, as JOINT.{directions[-1]}"
     if not isinstance(key, str):
-        raise check.refuse(who, field, given, expected)
+        raise check.refuse(who, field, value, expected)
     name, _, direction = key.rpartition(".")
     if key in joints:
         name, direction = key, ""
     joint = joints.get(name)
     if joint is None:
         known = [*joints, *(f"{other.name}.{d}" for other in joints.values() for d, _ in other.freedom)]
-        raise check.refuse(who, field, given, expected, nearest(key, known).strip() or
+        raise check.refuse(who, field, value, expected, nearest(key, known).strip() or
                            "Add joints before what couples them.")  # fmt: skip
     free = [d for d, _ in joint.freedom if d in directions]
     if direction in free or (not direction and len(free) == 1):
         return f"{name}.{direction or free[0]}"
     has = ", ".join(d for d, _ in joint.freedom) or "none"
-    raise check.refuse(who, field, given, expected, f"The {joint.kind} joint '{name}' has the coordinates {has}.")
+    raise check.refuse(who, field, value, expected, f"The {joint.kind} joint '{name}' has the coordinates {has}.")
 
 
-def _pair(
-    who: str, joints: Mapping[str, Joint], *given: tuple[str, Any, tuple[str, ...]]
-) -> tuple[str, str]:  # fmt: skip
-    a, b = (coordinate_of(value, joints, who, field, directions) for field, value, directions in given)
+def _pair(who: str, joints: Mapping[str, Joint], *arguments: tuple[str, Any, tuple[str, ...]]) -> tuple[str, str]:
+    """Two different coordinates, from argument name, value and allowed directions of each."""
+    a, b = (coordinate_of(value, joints, who, field, directions) for field, value, directions in arguments)
     if a == b:
         raise ModelError(f"{who}: couples '{a}' with itself; name two different coordinates.",
-                         element=who, field=given[1][0])  # fmt: skip
+                         element=who, field=arguments[1][0])  # fmt: skip
     return a, b
 
 

@@ -1,10 +1,10 @@
-"""Parts that are linear in the frame of the body that carries them: beams and superelements in finite motion.
+"""Beams and superelements in finite motion: linear elastic parts in the frame of one of their bodies.
 
-The frame of the body ``root`` moves finitely; coordinates x in it are small: of each node the displacement d [m] of its
-point and its rotation vector rho [rad] since the part was without forces, then internal ones. The potential is
-V = x^T K x / 2 - f . x with K = D^T diag(k) D and weights f. So with F = f - K x a node feels the wrench
-(F_d, J(rho)^T F_rho), J = d(rho) / d(rotation), whose reaction acts on ``root`` at the same point, and the second
-derivative of V at the pose is J^T K J less F_rho . d^2(rho), besides what wrenches do that turn with the frame.
+The frame of the body ``root`` has a finite motion, the coordinates x in it are small: the displacement d [m] and the
+rotation vector rho [rad] of each node relative to the part without forces, then internal coordinates. The potential
+is V = x^T K x / 2 - f . x with K = D^T diag(k) D and weights f. With F = f - K x the wrench on a node is
+(F_d, J(rho)^T F_rho), J = d(rho) / d(rotation); its reaction acts on ``root`` at the same point. The second derivative
+of V is J^T K J - F_rho . d^2(rho), to which the stiffness of wrenches that rotate with the frame is added.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from mbsvib.elements.bushing import ZERO, Bushing
 from mbsvib.elements.load import Load
-from mbsvib.elements.shared_rows import Node, Piece
+from mbsvib.elements.shared_rows import Node, SharedRows
 from mbsvib.linalg.products import eigenrows
 from mbsvib.linalg.rotations import inverse_jacobian, second_order
 
@@ -27,12 +27,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ElasticPart:
-    """A part that is linear in the frame of body ``root``, world axes.
+    """A part that is linear elastic in the frame of the body ``root``, world axes.
 
-    ``nodes`` (n), called ``names``, pair bodies with their points [m] in this pose, ``carriers`` are the bodies of
-    internal coordinates, three each, at ``origin``. ``rows`` D (r, 6 n + internal) and ``values`` k (r,) are its
-    stiffness, ``state`` x (6 n + internal,) its displacements and ``force`` f its weight along them, if it has one.
-    ``loads`` are the weight on the root, ``extra`` is the stiffness of a weight that does not turn with the frame.
+    ``nodes`` (n) are pairs of a body and its point [m] in this pose, with the names ``names``. ``carriers`` are the
+    bodies of internal coordinates, three each, at ``origin``. ``rows`` D (r, 6 n + internal) and ``values`` k (r,) are
+    its stiffness, ``state`` x (6 n + internal,) its displacements and ``force`` f its weight along them or None.
+    ``loads`` are its weight on the root. ``weight_stiffness`` has the stiffness of the weight, whose direction is fixed
+    in the world.
     """
 
     owner: str
@@ -46,10 +47,10 @@ class ElasticPart:
     state: Array
     force: Array | None = None
     loads: tuple[Load, ...] = ()
-    extra: tuple[Piece, ...] = ()
+    weight_stiffness: tuple[SharedRows, ...] = ()
 
     def forces(self, rows: Array | None = None) -> Array:
-        """Return the forces f - K x (6 n + internal,) along its coordinates, or those of other forces in its rows."""
+        """Return the forces f - K x (6 n + internal,) along its coordinates, or f + D^T rows for given row forces."""
         result: Array = (self.row_forces if rows is None else rows) @ self.rows
         return result if self.force is None else result + self.force
 
@@ -59,17 +60,17 @@ class ElasticPart:
         return np.asarray(-self.values * (self.rows @ self.state))
 
     @property
-    def seen(self) -> tuple[Node, ...]:
-        """What its rows see: nodes against the root, and carriers."""
-        return (*[Node(body, point, against=self.root) for body, point in self.nodes],
-                *[Node(name, self.origin, rides=False) for name in self.carriers])  # fmt: skip
+    def row_nodes(self) -> tuple[Node, ...]:
+        """The nodes of its rows: nodes relative to the root, and carriers."""
+        return (*[Node(body, point, relative_to=self.root) for body, point in self.nodes],
+                *[Node(name, self.origin, moves_with_ground=False) for name in self.carriers])  # fmt: skip
 
     def rotations(self) -> Array:
         """Return rho (n, 3) of the nodes."""
         return self.state[: 6 * len(self.nodes)].reshape(-1, 6)[:, 3:]
 
     def per_rotation(self, rows: Array) -> Array:
-        """Return rows (r, 6 n + internal) on coordinates as rows on displacements and small rotations of the nodes."""
+        """Return rows (r, 6 n + internal) on rotation vectors as rows on small rotations of the nodes."""
         result = rows
         for i, rho in enumerate(self.rotations()):
             if rho.any():
@@ -79,23 +80,24 @@ class ElasticPart:
 
 
 def on_carriers(rows: Array, internal: int) -> Array:
-    """Return rows with six columns for each carrier in place of one for each of the last, internal coordinates."""
+    """Return rows in which the six columns of each carrier replace those of its three internal coordinates."""
     count = (internal + 2) // 3
     nodes = rows.shape[1] - internal
-    carried = np.zeros((len(rows), count, 6))
+    columns = np.zeros((len(rows), count, 6))
     for j in range(internal):
-        carried[:, j // 3, j % 3] = rows[:, nodes + j]
-    return np.concatenate((rows[:, :nodes], carried.reshape(len(rows), 6 * count)), axis=1)
+        columns[:, j // 3, j % 3] = rows[:, nodes + j]
+    return np.concatenate((rows[:, :nodes], columns.reshape(len(rows), 6 * count)), axis=1)
 
 
-def stiffness_rows(part: ElasticPart) -> Piece:
+def stiffness_rows(part: ElasticPart) -> SharedRows:
     """Return the rows of K."""
     internal = part.rows.shape[1] - 6 * len(part.nodes)
-    return Piece(part.owner, part.seen, on_carriers(part.per_rotation(part.rows), internal), stiffness=part.values)
+    rows = on_carriers(part.per_rotation(part.rows), internal)
+    return SharedRows(part.owner, part.row_nodes, rows, stiffness=part.values)
 
 
-def turning_rows(part: ElasticPart, point: Vector, across: Array) -> tuple[Piece, ...]:
-    """Return the stiffness of a potential theta . Q x, theta being the root's rotation, as rows with signed values.
+def root_rotation_rows(part: ElasticPart, point: Vector, coupling: Array) -> tuple[SharedRows, ...]:
+    """Return the stiffness of a potential theta . Q x with the root's rotation theta, as rows with signed values.
 
     Parameters
     ----------
@@ -103,7 +105,7 @@ def turning_rows(part: ElasticPart, point: Vector, across: Array) -> tuple[Piece
         The part.
     point : tuple of 3 floats
         A point of the root [m].
-    across : array, shape (3, 6 n + internal)
+    coupling : array, shape (3, 6 n + internal)
         Q.
 
     Returns
@@ -111,23 +113,23 @@ def turning_rows(part: ElasticPart, point: Vector, across: Array) -> tuple[Piece
     tuple of Piece
         At most one.
     """
-    across = part.per_rotation(across)
-    if not across.any():
+    coupling = part.per_rotation(coupling)
+    if not coupling.any():
         return ()
     # theta . Q x = (|a + b|^2 - |a - b|^2) / 4 with a = theta / s, b = s Q x
-    lengths = np.sqrt(np.square(across).sum(axis=1))
+    lengths = np.sqrt(np.square(coupling).sum(axis=1))
     used = lengths > 0.0
     count = int(used.sum())
-    turns = np.zeros((count, 6))
-    turns[:, 3:] = np.eye(3)[used] * np.sqrt(lengths[used])[:, None]
-    scaled = on_carriers(across[used] / np.sqrt(lengths[used])[:, None], part.rows.shape[1] - 6 * len(part.nodes))
-    rows = np.concatenate((np.concatenate((turns, scaled), axis=1), np.concatenate((turns, -scaled), axis=1)))
-    nodes = (Node(part.root, point), *part.seen)
-    return (Piece(part.owner, nodes, rows, stiffness=np.repeat((0.5, -0.5), count)),)
+    rotations = np.zeros((count, 6))
+    rotations[:, 3:] = np.eye(3)[used] * np.sqrt(lengths[used])[:, None]
+    scaled = on_carriers(coupling[used] / np.sqrt(lengths[used])[:, None], part.rows.shape[1] - 6 * len(part.nodes))
+    rows = np.concatenate((np.concatenate((rotations, scaled), axis=1), np.concatenate((rotations, -scaled), axis=1)))
+    nodes = (Node(part.root, point), *part.row_nodes)
+    return (SharedRows(part.owner, nodes, rows, stiffness=np.repeat((0.5, -0.5), count)),)
 
 
-def rotation_rows(part: ElasticPart, forces: Array) -> list[Piece]:
-    """Return what forces along rotation vectors do to second order, -f_rho . d^2 rho, as rows with signed values."""
+def second_order_rotation_rows(part: ElasticPart, forces: Array) -> list[SharedRows]:
+    """Return the stiffness -f_rho . d^2 rho of forces along rotation vectors, as rows with signed values."""
     result = []
     for i, (rho, (body, point)) in enumerate(zip(part.rotations(), part.nodes, strict=True)):
         moment = forces[6 * i + 3 : 6 * i + 6]
@@ -136,13 +138,13 @@ def rotation_rows(part: ElasticPart, forces: Array) -> list[Piece]:
             used = values != 0.0
             matrix = np.concatenate((np.zeros((int(used.sum()), 3)), rows[used]), axis=1)
             if len(matrix):
-                result.append(Piece(part.owner, (Node(body, point, against=part.root),), matrix,
+                result.append(SharedRows(part.owner, (Node(body, point, relative_to=part.root),), matrix,
                                     stiffness=values[used]))  # fmt: skip
     return result
 
 
 def wrenches(part: ElasticPart, rows: Array | None = None) -> tuple[list[Bushing], list[Load]]:
-    """Return the forces of a part as preloads between root and nodes, and as loads on carriers.
+    """Return the forces of a part as preloads between root and nodes, and loads on carriers.
 
     Parameters
     ----------
@@ -156,7 +158,7 @@ def wrenches(part: ElasticPart, rows: Array | None = None) -> tuple[list[Bushing
     list of Bushing
         Preloads without stiffness.
     list of Load
-        Elastic forces on internal coordinates, and the weight of these.
+        Elastic forces and weights on internal coordinates.
     """
     bushings, loads = [], []
     at_nodes, end = part.per_rotation(part.forces(rows)[None])[0], 6 * len(part.nodes)
@@ -165,9 +167,9 @@ def wrenches(part: ElasticPart, rows: Array | None = None) -> tuple[list[Bushing
         if any(six):
             bushings.append(Bushing(part.names[i], part.root, body, point, ZERO, ZERO, preload=six))
     elastic = (part.row_forces if rows is None else rows) @ part.rows
-    for what, forces in (("force", elastic), ("weight", part.force)):
+    for suffix, forces in (("force", elastic), ("weight", part.force)):
         if forces is not None:
-            along = on_carriers(forces[None, end:], len(forces) - end)[0]
-            loads += [Load(f"{name}.{what}", name, tuple(six[:3]))
-                      for name, six in zip(part.carriers, along.reshape(-1, 6).tolist(), strict=True) if any(six)]
+            on_bodies = on_carriers(forces[None, end:], len(forces) - end)[0]
+            loads += [Load(f"{name}.{suffix}", name, tuple(six[:3]))
+                      for name, six in zip(part.carriers, on_bodies.reshape(-1, 6).tolist(), strict=True) if any(six)]
     return bushings, loads

@@ -1,7 +1,7 @@
 """Rows of elements between two bodies: relative displacements with a stiffness, a damping and an inertance.
 
-K = D^T diag(k) D, C = D^T diag(c) D and, of inerters, M = D^T diag(b) D share the rows D. A direction without
-stiffness or without damping has a zero there; one without both is left out.
+K = D^T diag(k) D, C = D^T diag(c) D and, for inerters, M = D^T diag(b) D have the same rows D. A direction with
+neither stiffness nor damping has no row.
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ElementRows:
-    """Elastic, damping and inertial rows: ``rows``, ``stiffness`` and ``damping`` (..., n), the number of the ``owner``
-    (n,) among the model's connections, and the direction ``unit`` (..., n, 6) in the owner's axes. ``inertance`` (n,)
-    is None where no inerter is among them.
+    """Relative displacements ``rows`` with ``stiffness``, ``damping`` (..., n) and ``inertance`` (n,), None: all zero.
+
+    ``owner`` (n,) is the number of each row's element among the model's connections, ``unit`` (..., n, 6) its direction
+    in the axes of this element.
     """
 
     rows: Rows
@@ -71,20 +72,20 @@ class ElementRows:
                                            for key in ("stiffness", "damping", "owner", "unit"))  # fmt: skip
         return ElementRows(Rows.join([part.rows for part in parts]), stiffness, damping, owner, unit, inertance)
 
-    def only(self, kept: Index) -> ElementRows:
-        """Return the rows of some numbers, in ascending order."""
-        if len(kept) == len(self.owner):
+    def take(self, which: Index) -> ElementRows:
+        """Return the rows with some numbers, in ascending order."""
+        if len(which) == len(self.owner):
             return self
         rows = self.rows
         return ElementRows(
-            Rows(rows.first.take(kept), rows.second.take(kept), rows.point.take(kept, axis=-1),
-                 rows.force.take(kept, axis=-1), rows.moment.take(kept, axis=-1)),
-            self.stiffness.take(kept, axis=-1), self.damping.take(kept, axis=-1), self.owner.take(kept),
-            self.unit.take(kept, axis=-2), None if self.inertance is None else self.inertance.take(kept),
+            Rows(rows.first.take(which), rows.second.take(which), rows.point.take(which, axis=-1),
+                 rows.force.take(which, axis=-1), rows.moment.take(which, axis=-1)),
+            self.stiffness.take(which, axis=-1), self.damping.take(which, axis=-1), self.owner.take(which),
+            self.unit.take(which, axis=-2), None if self.inertance is None else self.inertance.take(which),
         )  # fmt: skip
 
     @property
     def weights(self) -> tuple[tuple[int, Array], ...]:
-        """Stiffness, damping and inertance, by the derivative of the displacement that each of them multiplies."""
+        """Order of the time derivative and coefficients: (0, stiffness), (1, damping) and (2, inertance), if any."""
         return tuple([(order, value) for order, value in enumerate((self.stiffness, self.damping, self.inertance))
                       if value is not None])  # fmt: skip

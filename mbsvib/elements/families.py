@@ -1,6 +1,6 @@
-"""The table of all families of parts: what the program has to know of each beside its own file.
+"""The table of all families of parts.
 
-A new family is one file with its part and ``make``, a row here, and its ``add_...`` call in ``api``.
+A new family needs one file with its part and ``make``, a row here, and its ``add_...`` call in ``api``.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
     from mbsvib.elements.connection import Connection
-    from mbsvib.elements.shared_rows import PlainParts
+    from mbsvib.elements.shared_rows import ExpandedPart
 
 P = TypeVar("P", bound=Part)
 
@@ -44,9 +44,9 @@ P = TypeVar("P", bound=Part)
 class Family:
     """A family of parts.
 
-    ``word`` names its call, ``add_WORD``, and its type in model files, where it stands in ``section``. ``make`` checks
-    the words of the call and returns the part. ``rows`` returns the relative displacements on which connections act;
-    ``plain`` returns the other parts that stand for one in the equations.
+    ``word`` is the name of its call, ``add_WORD``, and its type in the ``section`` of model files. ``make`` checks the
+    arguments of the call and returns the part. ``rows`` returns the relative displacements on which connections act;
+    ``expand`` returns the parts that replace a part in the equations.
     """
 
     part: type[Part]
@@ -54,25 +54,26 @@ class Family:
     section: str
     make: Callable[..., Part] | None
     rows: Callable[..., ElementRows] | None = None
-    plain: Callable[..., PlainParts] | None = None
+    expand: Callable[..., ExpandedPart] | None = None
 
 
-def _superelement(M: Any, C: Any, K: Any, **words: Any) -> superelement.Superelement:
-    return superelement.make(mass=M, damping=C, stiffness=K, **words)
+def _superelement(M: Any, C: Any, K: Any, **kwargs: Any) -> superelement.Superelement:
+    return superelement.make(mass=M, damping=C, stiffness=K, **kwargs)
 
 
-# In the order of model files; the first family of a section goes there without its type.
+# In the order of model files; parts of the first family of a section are written without a type.
 FAMILIES = (
     Family(body.Body, "body", "bodies", body.make),
-    Family(beam.Beam, "beam", "beams", beam.make, plain=beam_expansion.plain),
+    Family(beam.Beam, "beam", "beams", beam.make, expand=beam_expansion.expand),
     Family(superelement.Superelement, "superelement", "superelements", _superelement,
-           plain=superelement_expansion.plain),
+           expand=superelement_expansion.expand),
     Family(joint.Joint, "joint", "joints", joint.make),
     Family(spring.Spring, "spring", "springs", spring.make, rows=spring.rows),
     Family(bushing.Bushing, "bushing", "springs", bushing.make, rows=bushing_rows.rows),
     Family(maxwell.Maxwell, "maxwell", "springs", maxwell.make, rows=maxwell_rows.rows),
     Family(inerter.Inerter, "inerter", "springs", inerter.make, rows=inerter.rows),
-    Family(torsion_spring.TorsionSpring, "torsion_spring", "springs", torsion_spring.make, plain=torsion_spring.plain),
+    Family(torsion_spring.TorsionSpring, "torsion_spring", "springs", torsion_spring.make,
+           expand=torsion_spring.expand),
     Family(Coupler, "coupler", "couplers", None),
     Family(Gear, "gear", "couplers", None),
     Family(Worm, "worm", "couplers", None),
@@ -83,7 +84,7 @@ FAMILIES = (
     Family(ports.BaseMotion, "base_motion", "inputs", ports.make_base_motion),
     Family(ports.Output, "output", "outputs", ports.make_output),
     Family(ports.ForceOutput, "force_output", "outputs", ports.make_force_output),
-    Family(strain_output.StrainOutput, "strain_output", "outputs", strain_output.make, plain=strain_output.plain),
+    Family(strain_output.StrainOutput, "strain_output", "outputs", strain_output.make, expand=strain_output.expand),
 )  # fmt: skip
 _MAKERS = {family.part: family.make for family in FAMILIES if family.make is not None}
 _ROWS = {family.part: family.rows for family in FAMILIES if family.rows is not None}
@@ -95,43 +96,43 @@ def connection_rows(parts: Iterable[Connection], number: Mapping[str, int]) -> E
     Parameters
     ----------
     parts : iterable of Connection
-        The model's connections, all of them plain.
+        The connections of an expanded model.
     number : mapping
         Number of each body, ground included.
 
     Returns
     -------
     ElementRows
-        Rows family by family; ``owner`` counts in the order of ``parts``.
+        Rows family by family; ``owner`` numbers the ``parts``.
     """
     families: dict[type, list[tuple[int, Connection]]] = {}
     for i, part in enumerate(parts):
         families.setdefault(type(part), []).append((i, part))
-    return ElementRows.join([_ROWS[family](some, number) for family, some in families.items()]
+    return ElementRows.join([_ROWS[family](members, number) for family, members in families.items()]
                             or [spring.rows([], number)])  # fmt: skip
 
 
-def remade(part: P, words: Mapping[str, Any]) -> P:
-    """Return a part with other words.
+def rebuild_with(part: P, kwargs: Mapping[str, Any]) -> P:
+    """Return a part made with other arguments.
 
     Parameters
     ----------
     part : Part
         A part of a mechanism.
-    words : mapping
-        All words of the call that adds such a part, but those at their default; those of a coupler stay as they are.
+    kwargs : mapping
+        All arguments of the call that adds such a part, except those at their default.
 
     Returns
     -------
     Part
-        The part with these words.
+        The part with these arguments; a coupler is returned unchanged.
 
     Raises
     ------
     ModelError
-        If a word is refused.
+        If an argument is refused.
     """
     if isinstance(part, Coupling):
         return part
-    result: P = _MAKERS[type(part)](**defaults(type(part)) | dict(words))  # type: ignore[assignment]
+    result: P = _MAKERS[type(part)](**defaults(type(part)) | dict(kwargs))  # type: ignore[assignment]
     return result

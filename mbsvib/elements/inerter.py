@@ -1,7 +1,7 @@
-"""Inerters: a force along a line in proportion to the relative acceleration of its two ends.
+"""Inerters: a force along a line, proportional to the relative acceleration of its two ends.
 
-F = b (u_b - u_a)'' . e, with the inertance b [kg] and the line's unit vector e: kinetic energy 1/2 b (L')^2, where L is
-the distance of the ends. At rest it carries no force, so that it adds to M only.
+F = b (u_b - u_a)'' . e, with the inertance b [kg] and the line's unit vector e. The kinetic energy is 1/2 b (L')^2,
+where L is the distance of the ends. There is no force at rest, so that an inerter contributes to M only.
 
 Source: Smith (2002), Synthesis of mechanical networks: the inerter, IEEE Trans. Automatic Control 47, section II.
 """
@@ -9,7 +9,7 @@ Source: Smith (2002), Synthesis of mechanical networks: the inerter, IEEE Trans.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,20 +17,20 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements.connection import Connection, check_ends, line_between
 from mbsvib.elements.element_rows import ElementRows
-from mbsvib.elements.part import ParameterField, Part, derived, point
+from mbsvib.elements.part import ParameterField, Part, derived, vector_field
 from mbsvib.elements.rows import columns
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from mbsvib.elements.placement import Placement
+    from mbsvib.elements.pose import Pose
 
 
 @dataclass(frozen=True, slots=True)
 class Inerter(Connection):
     """An ``inertance`` [kg] along the line from ``start`` on ``first`` to ``end`` on ``second`` [m, world axes].
 
-    Its force on both bodies is inertance times the second derivative of their distance along the unit vector ``line``.
+    Its force on both bodies is inertance times the second derivative of the length, along the unit vector ``line``.
     """
 
     stiffness = damping = tension = 0.0
@@ -43,14 +43,15 @@ class Inerter(Connection):
 
     def parameter_fields(self) -> Iterator[ParameterField]:
         yield ParameterField("inertance", self.inertance, "kg")
-        yield point("start", self.start)
-        yield point("end", self.end)
+        yield vector_field("start", self.start)
+        yield vector_field("end", self.end)
 
-    def with_values(self, values: Mapping[str, Any]) -> Self:
-        return make(**self.arguments() | dict(values))  # type: ignore[return-value]
+    def with_values(self, values: Mapping[str, Any]) -> Inerter:
+        return make(**self._arguments_with(values))
 
-    def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
-        return self.words() | {"start": pose.point(self.first, self.start), "end": pose.point(self.second, self.end)}
+    def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
+        ends = {"start": pose.point(self.first, self.start), "end": pose.point(self.second, self.end)}
+        return self.constructor_kwargs() | ends
 
 
 def make(name: str, first: str, second: str, start: Any, end: Any, inertance: Any) -> Inerter:
@@ -78,8 +79,8 @@ def rows(parts: Sequence[tuple[int, Inerter]], number: Mapping[str, int]) -> Ele
     Returns
     -------
     ElementRows
-        One row an inerter, without stiffness and damping.
+        One row for each inerter, without stiffness and damping.
     """
     table = columns([(number[p.first], number[p.second], i, *p.start, *p.line, p.inertance) for i, p in parts], 10)
-    none = np.zeros(len(parts))
-    return ElementRows.along_lines(table[:3], table[3:6], table[6:9], none, none, table[9])
+    zero = np.zeros(len(parts))
+    return ElementRows.along_lines(table[:3], table[3:6], table[6:9], zero, zero, table[9])

@@ -1,39 +1,38 @@
-"""Ideal joints: which relative displacements of two bodies are free, and which are locked.
+"""Ideal joints: free and locked relative displacements of two bodies.
 
 A joint's axes Q have the kind's axis along local z (universal: first axis along x, second in the x-y plane).
-In these axes the free displacements span the columns of S (6 x f) and the locked ones the rows of L (6-f x 6),
-with L S = 0. Displacements are those of the second body relative to the first, at the joint's point. What a joint
-hands on, diag(Q, Q) S and L diag(Q, Q)^T, is in world axes.
+In these axes the free displacements are the columns of S (6 x f) and the locked ones the rows of L (6-f x 6),
+with L S = 0. Displacements are those of the second body relative to the first, at the joint's point. ``Joint`` has
+diag(Q, Q) S and L diag(Q, Q)^T, in world axes.
 
-Three kinds lock translations of a point only and leave all rotations free. What they demand of any pose, with p_a the
-point as the first body carries it, p_b as the second does, and x, y, z the axes as the first does:
+Three kinds lock translations of a point only and leave all rotations free. In any pose, with the point p_a and the axes
+x, y, z fixed in the first body and the point p_b fixed in the second body, their constraints are:
 
-- point_on_line: x . (p_b - p_a) = 0 and y . (p_b - p_a) = 0; the line through p_a along z is the first body's;
-- point_on_plane: z . (p_b - p_a) = 0; the plane through p_a normal to z is the first body's;
-- distance: |p_b - p_a| = L, with p_a = ``position`` on the first, p_b = ``end`` on the second and L from the given
-  pose: a rod without mass on two ball joints. Its z is the rod, which neither body carries; its free directions are
-  x, y (p_b across the rod) and rx, ry, rz (the second body about p_b).
+- point_on_line: x . (p_b - p_a) = 0 and y . (p_b - p_a) = 0; the line through p_a along z is fixed in the first body;
+- point_on_plane: z . (p_b - p_a) = 0; the plane through p_a normal to z is fixed in the first body;
+- distance: |p_b - p_a| = L, with p_a = ``position`` on the first, p_b = ``end`` on the second and L from the reference
+  pose: a massless rod between two ball joints. Its z is along the rod and fixed in neither body; its free directions
+  are x, y (p_b normal to the rod) and rx, ry, rz (the second body about p_b).
 
-Free rotations by q of a kind are either the components of one rotation vector, exp(sum of q e), or successive: of two,
-exp(q e) exp(q' e'), the first about an axis that stays in the first body, the second about one that stays in the
+Free rotations by q of a kind are either the components of one rotation vector, exp(sum of q e), or two successive
+rotations exp(q e) exp(q' e'), the first about an axis fixed in the first body, the second about an axis fixed in the
 second. The rotation vector of the latter is q e + q' e' + 1/2 q q' e x e' to second order: it has a component along
-the locked axis, so that a moment 1/2 tau . (e x e') q q' comes on top. That of the former has none.
+the locked axis, which adds the term 1/2 tau . (e x e') q q' of the moment tau. The former has no such term.
 
-A homokinetic joint (of constant velocity) has a rotation vector normal to its z: both shafts turn at the same rate,
-whatever their angle. Displaced by a rotation vector v, it is the same joint with its z turned by v / 2, which bisects
-the angle of the shafts, as the product of exp(v') with exp(v) has a rotation vector normal to z where v' is normal to
-exp(v / 2) z.
+A homokinetic (constant-velocity) joint has a rotation vector normal to its z: both shafts rotate at the same rate at
+any angle. Displaced by a rotation vector v, it is the same joint with its z rotated by v / 2, which bisects the angle
+of the shafts: the product of exp(v') and exp(v) has a rotation vector normal to z if v' is normal to exp(v / 2) z.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import hypot, inf
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import DIRECTIONS, UNIT6, Matrix3, Vector
-from mbsvib.elements.part import ParameterField, Part, derived, point, rotation
+from mbsvib.elements.part import ParameterField, Part, derived, rotation_field, vector_field
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
@@ -49,8 +48,9 @@ Named = tuple[tuple[str, Six], ...]
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """A kind of joint: its ``free`` directions, and whether its two free rotations are ``successive`` or the components
-    of one rotation vector, as the rotations of all others are.
+    """A kind of joint: its ``free`` directions, and whether its two free rotations are ``successive``.
+
+    Otherwise they are components of one rotation vector.
     """
 
     free: tuple[str, ...]
@@ -72,9 +72,9 @@ KINDS: dict[str, Kind] = {
     "point_on_plane": Kind(("x", "y", "rx", "ry", "rz")),
     "distance": Kind(("x", "y", "rx", "ry", "rz")),
 }
-# Where no rotation is free, the relative displacement is the same at every point.
+# Without a free rotation the relative displacement is the same at every point.
 NEEDS_NO_POINT = frozenset({"prismatic", "fixed"})
-# sin of the angle between the axes of a universal joint, below which they count as parallel
+# Smallest sine of the angle between the axes of a universal joint
 PARALLEL = 1e-6
 
 
@@ -86,7 +86,7 @@ def subspaces(free: tuple[str, ...]) -> tuple[Named, Named]:
     )
 
 
-_PLACE = {direction: i for i, direction in enumerate(DIRECTIONS)}
+_INDEX = {direction: i for i, direction in enumerate(DIRECTIONS)}
 _SUBSPACES = {name: subspaces(kind.free) for name, kind in KINDS.items()}
 
 
@@ -94,10 +94,10 @@ _SUBSPACES = {name: subspaces(kind.free) for name, kind in KINDS.items()}
 class Joint(Part):
     """An ideal joint between ``first`` and ``second`` at ``position`` [m], axes Q = ``axes`` (columns, world).
 
-    ``point`` is where displacements are taken, None where any point will do: ``position``, of a distance joint its
-    ``end``. ``freedom`` and ``locked`` pair each direction's name with its six-vector in world axes (twist; row of the
-    relative displacement that is zero). ``successive`` tells whether two rotations are free one after the other, in the
-    order of ``freedom``.
+    ``point`` is the point of the displacements: ``position``, of a distance joint its ``end``, None if any point is
+    equivalent. ``freedom`` and ``locked`` are pairs of a direction's name and its six-vector in world axes: a twist,
+    or a row of the relative displacement that is zero. If ``successive``, the two free rotations follow each other in
+    the order of ``freedom``.
     """
 
     kind: str
@@ -118,21 +118,21 @@ class Joint(Part):
 
     def parameter_fields(self) -> Iterator[ParameterField]:
         if self.position is not None:
-            yield point("position", self.position)
-        yield rotation() if self.end is None else point("end", self.end)
+            yield vector_field("position", self.position)
+        yield rotation_field() if self.end is None else vector_field("end", self.end)
         if self.pitch is not None:
             yield ParameterField("pitch", self.pitch, "m/rad")
 
-    def with_values(self, values: Mapping[str, Any]) -> Self:
-        words = self.arguments() | dict(values)
+    def with_values(self, values: Mapping[str, Any]) -> Joint:
+        arguments = self.arguments() | dict(values)
         if "orientation" in values:
-            turn = values["orientation"]
+            rotation = values["orientation"]
             if self.kind == "universal" and self.axis is not None and self.axis2 is not None:
-                words |= {"orientation": None, "axis": check.rotated(turn, self.axis),
-                          "axis2": check.rotated(turn, self.axis2)}  # fmt: skip
+                arguments |= {"orientation": None, "axis": check.rotated(rotation, self.axis),
+                              "axis2": check.rotated(rotation, self.axis2)}  # fmt: skip
             else:
-                words |= {"orientation": check.rotated(turn, self.axes), "axis": None}
-        return make(**words)  # type: ignore[return-value]
+                arguments |= {"orientation": check.rotated(rotation, self.axes), "axis": None}
+        return make(**arguments)
 
 
 def make(
@@ -151,12 +151,12 @@ def make(
         raise check.refuse(who, "position", None, "the joint's point (x, y, z) [m] in world axes")
     if axis is not None:
         if orientation is not None:
-            raise ModelError(f"{who}: both orientation and axis are given; they say the same, give one.",
+            raise ModelError(f"{who}: both orientation and axis are given; give one of them.",
                              element=who, field="axis")  # fmt: skip
         axis = check.vector(axis, who, "axis")
     if kind == "distance":
-        for field, given in (("axis", axis), ("orientation", orientation)):
-            if given is not None:
+        for field, value in (("axis", axis), ("orientation", orientation)):
+            if value is not None:
                 raise ModelError(f"{who}: {field} is given, but the axis of a distance joint is the line from position "
                                  f"to end; leave it out.", element=who, field=field)  # fmt: skip
     elif end is not None:
@@ -171,7 +171,7 @@ def make(
                              element=who, field="axis2")  # fmt: skip
         if kind == "distance":
             end = check.vector(end, who, "end", "the rod's point (x, y, z) on the second body [m] in world axes")
-            axes = check.frame_along(_rod(position, end, who))
+            axes = check.frame_along(_rod_direction(position, end, who))
         else:
             axes = check.orthonormal(check.orientation(orientation, who)) if axis is None else \
                 check.frame_along(check.axis(axis, who, "axis"))  # fmt: skip
@@ -184,44 +184,45 @@ def make(
                    free, end), axes, freedom)  # fmt: skip
 
 
-def _built(words: tuple[Any, ...], axes: Matrix3, freedom: Named | None) -> Joint:
-    """Build a joint of its words, with its directions in world axes; ``freedom`` where these are not the kind's."""
-    _, kind, _, _, position, _, _, _, pitch, free, end = words
+def _built(arguments: tuple[Any, ...], axes: Matrix3, freedom: Named | None) -> Joint:
+    """A joint with its directions in world axes; ``freedom`` None: the free directions of its kind."""
+    _, kind, _, _, position, _, _, _, pitch, free, end = arguments
     if free is None:
-        (usual, locked), successive = _SUBSPACES[kind], KINDS[kind].successive
+        (of_kind, locked), successive = _SUBSPACES[kind], KINDS[kind].successive
     else:
-        (usual, locked), successive = subspaces(free), len(_rotations(free)) == 2
+        (of_kind, locked), successive = subspaces(free), len(_rotations(free)) == 2
     if kind == "screw":
-        usual = (("rz", (0.0, 0.0, pitch, 0.0, 0.0, 1.0)),)
+        of_kind = (("rz", (0.0, 0.0, pitch, 0.0, 0.0, 1.0)),)
         locked = tuple((d, (0.0, 0.0, 1.0, 0.0, 0.0, -pitch) if d == "z" else row) for d, row in locked)
-    freedom = freedom or usual
+    freedom = freedom or of_kind
     if axes is not check.IDENTITY:
         freedom, locked = _in_world(axes, freedom, locked)
     derived_fields: tuple[Any, ...] = (axes, freedom, locked, position if end is None else end, successive)
-    return Joint(*words, *derived_fields)
+    return Joint(*arguments, *derived_fields)
 
 
-def elsewhere(
+def moved_joint(
     joint: Joint, position: Vector | None, end: Vector | None = None, axes: Matrix3 | None = None,
     axis: Vector | None = None, axis2: Vector | None = None,
 ) -> Joint:  # fmt: skip
-    """Return a joint in another pose, where nothing of it that could be refused has changed.
+    """Return a joint in another pose; its arguments are not checked again.
 
     Parameters
     ----------
     joint : Joint
-        The joint as described.
+        The joint in the reference pose.
     position, end : tuple of float
-        Its points there [m].
+        Its points in the other pose [m].
     axes : tuple of tuple of float, optional
-        Its axes there (columns); default: along ``axis``, and of a universal joint ``axis2``, or along its rod.
+        Its axes (columns); default: along ``axis``, of a universal joint along ``axis`` and ``axis2``, or along its
+        rod.
     axis, axis2 : tuple of float, optional
         Its axis, and the axis of a universal joint in the second body.
 
     Returns
     -------
     Joint
-        What ``add_joint`` would make of these values.
+        The joint that ``add_joint`` makes of these values.
     """
     who, freedom, orientation = f"joint '{joint.name}'", None, None
     if axes is not None:
@@ -231,21 +232,21 @@ def elsewhere(
     elif axis is not None:
         axes = check.frame_along(check.axis(axis, who, "axis"))
     elif position is not None and end is not None:
-        axes = check.frame_along(_rod(position, end, who))
+        axes = check.frame_along(_rod_direction(position, end, who))
     return _built((joint.name, joint.kind, joint.first, joint.second, position, orientation, axis, axis2, joint.pitch,
                    joint.free, end), axes or joint.axes, freedom)  # fmt: skip
 
 
 def _in_world(axes: Matrix3, *directions: Named) -> list[Named]:
-    """Turn six-vectors from the axes Q into world axes."""
+    """Six-vectors in world axes, from those in the axes Q."""
     (a, b, c), (d, e, f), (g, h, i) = axes
     columns = ((a, d, g, 0.0, 0.0, 0.0), (b, e, h, 0.0, 0.0, 0.0), (c, f, i, 0.0, 0.0, 0.0),
                (0.0, 0.0, 0.0, a, d, g), (0.0, 0.0, 0.0, b, e, h), (0.0, 0.0, 0.0, c, f, i))  # fmt: skip
-    return [tuple([(name, columns[_PLACE[name]] if six is UNIT6[_PLACE[name]] else _turned(axes, six))
+    return [tuple([(name, columns[_INDEX[name]] if six is UNIT6[_INDEX[name]] else _rotated(axes, six))
                    for name, six in group]) for group in directions]  # fmt: skip
 
 
-def _turned(axes: Matrix3, six: Six) -> Six:
+def _rotated(axes: Matrix3, six: Six) -> Six:
     x, y, z, rx, ry, rz = six
     return tuple(r[0] * p + r[1] * q + r[2] * s for p, q, s in ((x, y, z), (rx, ry, rz)) for r in axes)
 
@@ -259,34 +260,35 @@ def _kind(kind: Any, free: Any, who: str) -> tuple[str, tuple[str, ...] | None]:
         raise check.refuse(who, "kind", kind, expected, hint)
     if kind is not None and not (isinstance(kind, str) and kind in ("custom", "free")):
         raise ModelError(
-            f"{who}: kind = {kind!r} already says what is free; leave out free=, or give kind=None with it.",
+            f"{who}: kind = {kind!r} already determines the free directions; leave out free=, or give kind=None with "
+            f"it.",
             element=who, field="free",
         )  # fmt: skip
-    given = (free,) if isinstance(free, str) else _several(free, who)
-    for direction in given:
+    directions = (free,) if isinstance(free, str) else _as_tuple(free, who)
+    for direction in directions:
         if not isinstance(direction, str) or direction not in DIRECTIONS:
             raise check.refuse(who, "free", free, "directions out of x y z rx ry rz",
                                nearest(str(direction), DIRECTIONS).strip())  # fmt: skip
-    if len(set(given)) != len(given):
+    if len(set(directions)) != len(directions):
         raise check.refuse(who, "free", free, "each direction once")
-    turns = _rotations(given)
-    if len(turns) != 2 or isinstance(free, (set, frozenset)):
-        turns = tuple(sorted(turns))
-    return "custom", (*(d for d in DIRECTIONS[:3] if d in given), *turns)
+    rotations = _rotations(directions)
+    if len(rotations) != 2 or isinstance(free, (set, frozenset)):
+        rotations = tuple(sorted(rotations))
+    return "custom", (*(d for d in DIRECTIONS[:3] if d in directions), *rotations)
 
 
 def _rotations(free: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(d for d in free if d in DIRECTIONS[3:])
 
 
-def _several(free: Any, who: str) -> tuple[Any, ...]:
+def _as_tuple(free: Any, who: str) -> tuple[Any, ...]:
     try:
         return tuple(free)
     except TypeError as error:
         raise check.refuse(who, "free", free, "directions out of x y z rx ry rz") from error
 
 
-def _rod(position: Vector, end: Vector, who: str) -> Vector:
+def _rod_direction(position: Vector, end: Vector, who: str) -> Vector:
     x, y, z = end[0] - position[0], end[1] - position[1], end[2] - position[2]
     length = hypot(x, y, z)
     if not 0.0 < length < inf:
@@ -296,7 +298,7 @@ def _rod(position: Vector, end: Vector, who: str) -> Vector:
 
 
 def _universal(axis: Vector | None, axis2: Vector | None, orientation: Any, who: str) -> tuple[Matrix3, Named]:
-    """Axes of a universal joint: x along ``axis``, ``axis2`` in the x-y plane, the locked rotation along z."""
+    """Axes of a universal joint: x along ``axis``, ``axis2`` in the x-y plane, the locked rotation about z."""
     if axis is None:
         if axis2 is not None:
             raise check.refuse(who, "axis", None, "the axis in the first body, to go with axis2")

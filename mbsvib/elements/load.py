@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any, Self
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
-from mbsvib.elements.part import Part, point
+from mbsvib.elements.part import Part, vector_field
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from mbsvib.elements.part import ParameterField
-    from mbsvib.elements.placement import Placement
+    from mbsvib.elements.pose import Pose
 
 NONE: Vector = (0.0, 0.0, 0.0)
 
@@ -23,8 +23,8 @@ NONE: Vector = (0.0, 0.0, 0.0)
 class Load(Part):
     """A constant ``force`` [N] at the point ``position`` of ``body`` and a constant ``torque`` [N m], world axes.
 
-    ``position`` [m] is where the point of the body is in the given pose, None its centre of mass. A dead load keeps its
-    direction in the world when the body turns, a ``follower`` turns with the body.
+    ``position`` [m] is the point in the reference pose, None the centre of mass. A dead load keeps its direction in the
+    world when the body rotates; a ``follower`` rotates with the body.
     """
 
     body: str
@@ -34,31 +34,31 @@ class Load(Part):
     follower: bool = False
 
     def parameter_fields(self) -> Iterator[ParameterField]:
-        yield point("force", self.force, "N")
-        yield point("torque", self.torque, "N m")
+        yield vector_field("force", self.force, "N")
+        yield vector_field("torque", self.torque, "N m")
         if self.position is not None:
-            yield point("position", self.position)
+            yield vector_field("position", self.position)
 
-    def with_values(self, values: Mapping[str, Any]) -> Self:
-        return make(**self.arguments() | dict(values))  # type: ignore[return-value]
+    def with_values(self, values: Mapping[str, Any]) -> Load:
+        return make(**self._arguments_with(values))
 
-    def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
-        if pose.stays(self.body):
+    def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
+        if pose.is_unmoved(self.body):
             return self
         changes: dict[str, Any] = {} if self.position is None else {"position": pose.point(self.body, self.position)}
         if self.follower:
-            changes |= {key: pose.direction(self.body, getattr(self, key)) for key in ("force", "torque")}
+            changes |= {key: pose.rotated_vector(self.body, getattr(self, key)) for key in ("force", "torque")}
         return replace(self, **changes)
 
 
 @dataclass(frozen=True, slots=True)
 class Gravity(Part):
-    """The ``acceleration`` of free fall [m/s^2], world axes, as its components ``"gravity.x"`` ... are parameters."""
+    """The ``acceleration`` of free fall [m/s^2], world axes, with the parameters ``"gravity.x"``, ...y and ...z."""
 
     acceleration: Vector
 
     def parameter_fields(self) -> Iterator[ParameterField]:
-        yield point("", self.acceleration, "m/s^2")
+        yield vector_field("", self.acceleration, "m/s^2")
 
     def with_values(self, values: Mapping[str, Any]) -> Self:
         expected = "an acceleration of free fall [m/s^2]"

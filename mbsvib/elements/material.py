@@ -23,10 +23,10 @@ class Material:
             value = getattr(self, item.name)
             if value is not None:
                 object.__setattr__(self, item.name, check.number(value, "material", item.name))
-        for word in ("E", "rho", "G"):
-            value = getattr(self, word)
+        for key in ("E", "rho", "G"):
+            value = getattr(self, key)
             if value is not None and value <= 0.0:
-                raise check.refuse("material", word, value, "a positive number")
+                raise check.refuse("material", key, value, "a positive number")
         if (self.nu is None) == (self.G is None):
             raise check.refuse("material", "nu", self.nu, "either nu (Poisson's ratio) or G (shear modulus), not both")
         if self.nu is not None and not -1.0 < self.nu <= 0.5:
@@ -34,25 +34,25 @@ class Material:
 
     @property
     def shear_modulus(self) -> float:
-        """G as given, or E / (2 (1 + nu)) [N/m^2]."""
+        """G, or E / (2 (1 + nu)) if nu is given [N/m^2]."""
         return self.G if self.G is not None else self.E / (2.0 * (1.0 + self.poisson))
 
     @property
     def poisson(self) -> float:
-        """Nu as given, or E / (2 G) - 1."""
+        """Poisson's ratio nu, or E / (2 G) - 1 if G is given."""
         return self.nu if self.nu is not None else self.E / (2.0 * (self.G or 1.0)) - 1.0
 
-    def words(self) -> dict[str, Any]:
-        """Return the words that ``make`` turns into the same material."""
+    def constructor_kwargs(self) -> dict[str, Any]:
+        """Return the dict from which ``make`` makes the same material."""
         return {item.name: value for item in fields(self) if (value := getattr(self, item.name)) is not None}
 
 
 def make(value: Any, who: str) -> Material:
-    """Return a material from an object or from words such as {"E": 2.1e11, "nu": 0.3, "rho": 7800}."""
+    """Return a material from an object or from a dict such as {"E": 2.1e11, "nu": 0.3, "rho": 7800}."""
     if isinstance(value, Material):
         return value
     if not hasattr(value, "keys"):
-        raise check.refuse(who, "material", value, "a Material or its words, such as "
+        raise check.refuse(who, "material", value, "a Material or a dict, such as "
                            "{'E': 2.1e11, 'nu': 0.3, 'rho': 7800}")  # fmt: skip
     result: Material = built(Material, dict(value), who, "material")
     return result

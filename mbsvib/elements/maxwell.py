@@ -1,38 +1,37 @@
-"""Maxwell elements: a spring in series with a damper along a line, and a static spring beside them if wanted.
+"""Maxwell elements: a spring in series with a damper along a line, and an optional static spring parallel to them.
 
-Between its points the element is k0 + k1 c s / (k1 + c s): soft as k0 when slow, stiff as k0 + k1 when fast, with the
-damper at work between.
+The dynamic stiffness between its points is k0 + k1 c s / (k1 + c s): k0 at low and k0 + k1 at high frequencies, with
+damping in between.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import dist
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements.connection import Connection, check_ends, line_between
-from mbsvib.elements.part import ParameterField, Part, derived, point
+from mbsvib.elements.part import ParameterField, Part, derived, vector_field
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from mbsvib.elements.placement import Placement
+    from mbsvib.elements.pose import Pose
 
-# A change of the length below this share of it is rounding.
+# Smaller changes of the length, relative to the length, are rounding errors.
 ROUNDING = 1.6e-14
 
 
 @dataclass(frozen=True, slots=True)
 class Maxwell(Connection):
-    """A spring (``stiffness`` k1 [N/m]) in series with a damper (``damping`` c [N s/m]), and beside both a spring of
+    """A spring (``stiffness`` k1 [N/m]) in series with a damper (``damping`` c [N s/m]), parallel to both a spring of
     ``static_stiffness`` k0, along the line from ``start`` on ``first`` to ``end`` on ``second`` [m, world axes].
 
-    ``preload`` is the tension of the static spring in the given pose [N]; the one in series carries nothing there, as
-    its damper has given way. The damper is at the end; what it yields is the coordinate ``"NAME.z"``. ``line`` is the
-    line's unit vector.
+    ``preload`` is the tension of the static spring in the reference pose [N]; the spring in series is relaxed there.
+    The damper is at the end; its deformation is the coordinate ``"NAME.z"``. ``line`` is the line's unit vector.
     """
 
     start: Vector
@@ -45,12 +44,12 @@ class Maxwell(Connection):
 
     @property
     def tension(self) -> float:
-        """Tension in the pose as described [N]."""
+        """Tension in the reference pose [N]."""
         return self.preload or 0.0
 
     @property
     def loaded(self) -> bool:
-        """Whether it carries a force in the pose as described."""
+        """Whether it has a force in the reference pose."""
         return bool(self.preload)
 
     @property
@@ -64,22 +63,22 @@ class Maxwell(Connection):
         yield ParameterField("static_stiffness", self.static_stiffness, "N/m")
         if self.preload is not None:
             yield ParameterField("preload", self.preload, "N")
-        yield point("start", self.start)
-        yield point("end", self.end)
+        yield vector_field("start", self.start)
+        yield vector_field("end", self.end)
 
-    def with_values(self, values: Mapping[str, Any]) -> Self:
-        return make(**self.arguments() | dict(values))  # type: ignore[return-value]
+    def with_values(self, values: Mapping[str, Any]) -> Maxwell:
+        return make(**self._arguments_with(values))
 
-    def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
-        # the damper gives way until the spring in series carries nothing; the static one beside them does not
-        if pose.stays(self.first) and pose.stays(self.second):
+    def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
+        # the damper deforms until the spring in series is relaxed; only the static spring changes its force
+        if pose.is_unmoved(self.first) and pose.is_unmoved(self.second):
             return self
         start, end = pose.point(self.first, self.start), pose.point(self.second, self.end)
-        words = self.words() | {"start": start, "end": end}
+        kwargs = self.constructor_kwargs() | {"start": start, "end": end}
         change = dist(start, end) - dist(self.start, self.end)
         if not relaxed and self.static_stiffness and abs(change) > ROUNDING * dist(start, end):
-            words["preload"] = self.tension + self.static_stiffness * change
-        return words
+            kwargs["preload"] = self.tension + self.static_stiffness * change
+        return kwargs
 
 
 def make(
@@ -103,6 +102,6 @@ def make(
     if preload is not None:
         preload = check.number(preload, who, "preload", "the tension of its static spring in the given pose [N]")
         if preload and not k0:
-            raise ModelError(f"{who}: preload = {preload} needs a static_stiffness to carry it, as the damper gives "
-                             f"way; give one, or leave preload out.", element=who, field="preload")  # fmt: skip
+            raise ModelError(f"{who}: preload = {preload} needs a static_stiffness, as a damper has no force at rest; "
+                             f"give one, or leave preload out.", element=who, field="preload")  # fmt: skip
     return Maxwell(name, first, second, a, b, k, c, k0, preload, line)

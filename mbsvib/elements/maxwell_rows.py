@@ -1,4 +1,4 @@
-"""Maxwell elements in plain parts: a massless node that slides along the line, and rows of spring and damper on it."""
+"""Expansion of Maxwell elements: a massless node that slides along the line, with rows of springs and damper."""
 
 from __future__ import annotations
 
@@ -11,19 +11,17 @@ from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.rows import columns
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from mbsvib.elements.part import Part
+    from collections.abc import Mapping, Sequence
 
 
 class Node(Body):
-    """The massless node between the spring and the damper of a Maxwell element; no part that the user gave."""
+    """The massless node between the spring and the damper of a Maxwell element."""
 
     __slots__ = ()
 
 
-class Slide(Joint):
-    """What the damper of a Maxwell element yields; no part that the user gave."""
+class NodeJoint(Joint):
+    """The joint whose coordinate is the deformation of a Maxwell element's damper."""
 
     __slots__ = ()
 
@@ -33,33 +31,17 @@ def node_body(part: Maxwell) -> Node:
     return Node(part.node, 0.0, (0.0,) * 6, part.end)
 
 
-def slide(part: Maxwell) -> Slide:
-    """Return the joint that lets the node of a Maxwell element slide along its line."""
-    plain = _joint.make(part.name, "prismatic", part.second, part.node, part.end, None, part.line, None, None, None)
-    return Slide(*(getattr(plain, item.name) for item in fields(plain)))
-
-
-def given(parts: Iterable[Part]) -> tuple[Part, ...]:
-    """Return the parts that the user gave out of all.
-
-    Parameters
-    ----------
-    parts : iterable of Part
-        Parts of a model with nodes.
-
-    Returns
-    -------
-    tuple of Part
-        Those that are no nodes of Maxwell elements, and not what these slide on.
-    """
-    return tuple(part for part in parts if not isinstance(part, (Node, Slide)))
+def node_joint(part: Maxwell) -> NodeJoint:
+    """Return the joint in which the node of a Maxwell element slides along its line."""
+    joint = _joint.make(part.name, "prismatic", part.second, part.node, part.end, None, part.line, None, None, None)
+    return NodeJoint(*(getattr(joint, item.name) for item in fields(joint)))
 
 
 def rows(parts: Sequence[tuple[int, Maxwell]], number: Mapping[str, int]) -> ElementRows:
     """Return the rows of Maxwell elements.
 
-    k1 acts between the first body and the node, c between the node and the second body, k0 between both bodies; the
-    element's force is that of k1 and k0, which is what c hands on.
+    k1 acts between the first body and the node, c between the node and the second body, k0 between both bodies. The
+    element's force is the sum of those of k1 and k0; the force of c is equal to that of k1.
 
     Parameters
     ----------
@@ -71,17 +53,17 @@ def rows(parts: Sequence[tuple[int, Maxwell]], number: Mapping[str, int]) -> Ele
     Returns
     -------
     ElementRows
-        Up to three rows an element; that of the damper has no direction in the owner's axes, as it adds no force.
+        Up to three rows for each element. The direction ``unit`` of the damper's row is zero: it adds no force.
     """
     tuples = []
     for i, p in parts:
         first, second, node = number[p.first], number[p.second], number[p.node]
-        on = (*p.start, *p.line)
-        tuples.append((first, node, i, *on, p.stiffness, 0.0, 1.0))
+        line = (*p.start, *p.line)
+        tuples.append((first, node, i, *line, p.stiffness, 0.0, 1.0))
         if p.damping:
-            tuples.append((second, node, i, *on, 0.0, p.damping, 0.0))
+            tuples.append((second, node, i, *line, 0.0, p.damping, 0.0))
         if p.static_stiffness:
-            tuples.append((first, second, i, *on, p.static_stiffness, 0.0, 1.0))
+            tuples.append((first, second, i, *line, p.static_stiffness, 0.0, 1.0))
     table = columns(tuples, 12)
     result = ElementRows.along_lines(table[:3], table[3:6], table[6:9], table[9], table[10])
     result.unit[:, 2] = table[11]

@@ -1,4 +1,4 @@
-"""What all parts share: the words of the call that made them, and their parameters."""
+"""The base class of all parts: arguments of the call that made them, parameters, and change of pose."""
 
 from __future__ import annotations
 
@@ -8,58 +8,59 @@ from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
 from typing import TYPE_CHECKING, Any, Self
 
-from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.common.arguments import DIRECTIONS, rotated
 
 if TYPE_CHECKING:
     from mbsvib.common.arguments import Vector
-    from mbsvib.elements.placement import Placement
+    from mbsvib.elements.pose import Pose
 
 Index = tuple[int, ...]
 
 
 def derived(default: Any = None) -> Any:
-    """Declare a field that follows from the others: neither compared, shown nor saved."""
+    """Declare a field that is computed from the others: neither compared, shown nor saved."""
     return field(default=default, repr=False, compare=False, metadata={"derived": True})
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterField:
-    """A field of a part whose numbers are parameters: a number, a vector or a symmetric 6x6 matrix as tuples.
+    """A field of a part whose values are parameters: a number, a vector or a symmetric 6x6 matrix as tuples.
 
-    ``ends`` name the entries, None for a number; ``unit`` is that of all entries, or a function of their index.
+    ``suffixes`` name the entries of a vector or matrix. ``unit`` is the unit of all entries, or a function of the
+    index.
     """
 
     name: str
     value: Any
     unit: str | Callable[[Index], str]
-    ends: tuple[str, ...] | None = None
+    suffixes: tuple[str, ...] | None = None
 
     def entries(self) -> Iterator[tuple[str, Index, float, str]]:
-        """Yield the end of the name, the index, the value and the unit of each entry, those of a matrix once."""
+        """Yield suffix, index, value and unit of each entry, of a matrix only those of the upper triangle."""
         unit: Callable[[Index], str] = self.unit if callable(self.unit) else lambda _: str(self.unit)
-        if self.ends is None:
+        if self.suffixes is None:
             yield "", (), self.value, unit(())
         elif isinstance(self.value[0], tuple):
             for i in range(6):
                 for j in range(i, 6):
-                    end = f".{self.ends[i]}" + (f".{self.ends[j]}" if i != j else "")
-                    yield end, (i, j), self.value[i][j], unit((i, j))
+                    suffix = f".{self.suffixes[i]}" + (f".{self.suffixes[j]}" if i != j else "")
+                    yield suffix, (i, j), self.value[i][j], unit((i, j))
         else:
-            for i, end in enumerate(self.ends):
-                yield f".{end}", (i,), self.value[i], unit((i,))
+            for i, suffix in enumerate(self.suffixes):
+                yield f".{suffix}", (i,), self.value[i], unit((i,))
 
 
-def point(name: str, value: Any, unit: str = "m") -> ParameterField:
+def vector_field(name: str, value: Any, unit: str = "m") -> ParameterField:
     """Return the field of a vector, such as a point [m], in world axes."""
     return ParameterField(name, value, unit, DIRECTIONS[:3])
 
 
-def rotation() -> ParameterField:
-    """Return the field ``orientation``: a rotation vector [rad] from the pose as described, world axes."""
+def rotation_field() -> ParameterField:
+    """Return the field ``orientation``: a rotation vector [rad] from the reference pose, world axes."""
     return ParameterField("orientation", (0.0, 0.0, 0.0), "rad", DIRECTIONS[3:])
 
 
-def six(name: str, value: Any, units: tuple[str, str, str]) -> ParameterField:
+def spatial_field(name: str, value: Any, units: tuple[str, str, str]) -> ParameterField:
     """Return the field of six values or of a symmetric 6x6 matrix on x y z rx ry rz.
 
     Parameters
@@ -69,7 +70,7 @@ def six(name: str, value: Any, units: tuple[str, str, str]) -> ParameterField:
     value : tuple
         Six values, or six rows of six.
     units : tuple of str
-        Units of entries of two translations, of a translation and a rotation, and of two rotations.
+        Units of entries between two translations, a translation and a rotation, and two rotations.
 
     Returns
     -------
@@ -81,12 +82,12 @@ def six(name: str, value: Any, units: tuple[str, str, str]) -> ParameterField:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A named, immutable piece of a model."""
+    """A named, immutable part of a model."""
 
     name: str
 
-    def words(self) -> dict[str, Any]:
-        """Return the arguments of the ``add_...`` call that makes this part, without those at their default."""
+    def constructor_kwargs(self) -> dict[str, Any]:
+        """Return the arguments of the ``add_...`` call that makes this part, except those at their default."""
         result = {}
         for name, default in _arguments(type(self)):  # type: ignore[arg-type]
             value = getattr(self, name)
@@ -95,11 +96,18 @@ class Part:
         return result
 
     def arguments(self) -> dict[str, Any]:
-        """Return all fields that do not follow from others, by name."""
+        """Return all fields that are not computed from others, by name."""
         return {name: getattr(self, name) for name, _ in _arguments(type(self))}  # type: ignore[arg-type]
 
+    def _arguments_with(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return ``arguments()`` with other values; that of ``orientation`` is a rotation vector [rad], world axes."""
+        arguments, changed = self.arguments(), dict(values)
+        if "orientation" in changed:
+            changed["orientation"] = rotated(changed["orientation"], arguments["orientation"])
+        return arguments | changed
+
     def parameter_fields(self) -> Iterator[ParameterField]:
-        """Yield the fields whose numbers are parameters; a part without parameters yields none."""
+        """Yield the fields whose values are parameters."""
         return iter(())
 
     def with_values(self, values: Mapping[str, Any]) -> Self:
@@ -113,78 +121,113 @@ class Part:
         Returns
         -------
         Part
-            The changed part.
+            The part with these values.
 
         Raises
         ------
         ModelError
-            If a value is refused, as when the part is added.
+            If a value is invalid for such a part.
         """
         assert not values  # a part without parameters
         return self
 
-    def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
-        """Return the part in another pose of the bodies; one that is fixed to no body stays as it is.
+    def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
+        """Return the part in another pose of the bodies; a part that is attached to no body does not change.
 
         Parameters
         ----------
-        pose : Placement
+        pose : Pose
             The pose.
         relaxed : bool
-            Whether springs keep the forces that they have as described; otherwise these follow from the motion.
+            True: springs keep their forces of the reference pose. False: their forces change with their deformation.
 
         Returns
         -------
         Part or dict
-            The part there, or the words of the call that adds it.
+            The part in this pose, or the arguments of the call that adds it.
 
         Raises
         ------
         NoWordsError
-            If no such part can be described in that pose.
+            If no such part can be described in this pose.
         """
         return self
 
     @staticmethod
-    def all_in_pose(parts: Sequence[Any], pose: Placement, relaxed: bool) -> list[Part | dict[str, Any]]:
-        """Return parts of this kind in another pose, as ``in_pose`` returns each of them.
+    def all_in_pose(parts: Sequence[Any], pose: Pose, relaxed: bool) -> list[Part | dict[str, Any]]:
+        """Return parts of one family in another pose.
 
         Parameters
         ----------
         parts : sequence of Part
             The parts.
-        pose : Placement
+        pose : Pose
             The pose.
         relaxed : bool
-            Whether springs keep the forces that they have as described.
+            As in ``in_pose``.
 
         Returns
         -------
         list of Part or dict
-            Each part there, or the words of the call that adds it.
+            The result of ``in_pose`` for each part.
         """
         return [part.in_pose(pose, relaxed) for part in parts]
 
 
 @cache
 def _arguments(kind: Any) -> tuple[tuple[str, Any], ...]:
-    """Name and default of all fields that do not follow from the others."""
+    """Name and default of all fields that are not computed from others."""
     return tuple((item.name, item.default) for item in fields(kind) if not item.metadata.get("derived"))
 
 
 def defaults(kind: type[Part]) -> dict[str, Any]:
-    """Return the words of a kind of part that have a default, with this default."""
+    """Return the arguments of a class of parts that have a default, with this default."""
     return {name: default for name, default in _arguments(kind) if default is not MISSING}  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, slots=True)
 class Composed(Part):
-    """A part that becomes several bodies, joints and springs when equations are made, such as a beam."""
+    """A part that bodies, joints and springs replace in the equations, such as a beam."""
+
+    @property
+    @abstractmethod
+    def points(self) -> tuple[Vector, ...]:
+        """Points of its nodes [m], world axes."""
+
+    @abstractmethod
+    def body_of(self, i: int) -> str:
+        """Return the name of the body at node i: the node itself, or the body that holds it.
+
+        Parameters
+        ----------
+        i : int
+            Number of the node, from 0.
+
+        Returns
+        -------
+        str
+            Name of a body or ground.
+        """
+
+    @property
+    def node_bodies(self) -> tuple[tuple[str, Vector], ...]:
+        """Body and point [m] of each node."""
+        return tuple([(self.body_of(i), point) for i, point in enumerate(self.points)])
+
+    @property
+    @abstractmethod
+    def root(self) -> str:
+        """Name of the body in whose frame it is linear."""
+
+    @property
+    def carriers(self) -> tuple[str, ...]:
+        """Names of the bodies whose displacements are internal coordinates, three each."""
+        return ()
 
     @property
     @abstractmethod
     def node_names(self) -> dict[str, Vector]:
-        """Names of its own nodes, which are bodies, and where they are [m]."""
+        """Names and points [m] of its nodes that are bodies of their own."""
 
     @property
     @abstractmethod
@@ -193,10 +236,10 @@ class Composed(Part):
 
     @property
     @abstractmethod
-    def made(self) -> tuple[str, ...]:
-        """Names of the bodies, joints and springs that it becomes."""
+    def generated_names(self) -> tuple[str, ...]:
+        """Names of the bodies, joints and springs that replace it in the equations."""
 
     @property
     @abstractmethod
-    def account(self) -> str:
-        """What it is made of, in a few words."""
+    def summary(self) -> str:
+        """Its name and the numbers of its elements and nodes."""

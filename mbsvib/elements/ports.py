@@ -1,4 +1,4 @@
-"""Inputs and outputs: forces that act, base motion, and what is measured."""
+"""Inputs and outputs: forces, base motion, motions and internal forces."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mbsvib.elements.part import Part, derived
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
-    from mbsvib.elements.placement import Placement
+    from mbsvib.elements.pose import Pose
 
 Six = tuple[float, ...]
 QUANTITIES = ("displacement", "velocity", "acceleration")
@@ -19,10 +19,10 @@ QUANTITIES = ("displacement", "velocity", "acceleration")
 
 @dataclass(frozen=True, slots=True)
 class Port(Part):
-    """A body, a direction (``wrench``: the same as a six-vector) and a point [m].
+    """An input or output at the point ``position`` [m] of ``body`` along ``direction`` (``wrench``: its six-vector).
 
-    ``position`` None is the body's centre of mass; ``relative_to`` is the body on which an input reacts, or against
-    which an output is measured.
+    ``position`` None is the body's centre of mass. ``relative_to`` is the body on which the reaction of an input acts,
+    or relative to which an output is measured.
     """
 
     body: str
@@ -30,9 +30,9 @@ class Port(Part):
     position: Vector | None = None
     relative_to: str = "ground"
 
-    def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
-        # its direction is fixed in the world
-        if self.position is None or pose.stays(self.body):
+    def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
+        # the direction is fixed in the world
+        if self.position is None or pose.is_unmoved(self.body):
             return self
         return replace(self, position=pose.point(self.body, self.position))
 
@@ -48,9 +48,8 @@ class Input(Port):
 class Output(Port):
     """A displacement, velocity or acceleration of ``body`` relative to ``relative_to``.
 
-    ``inertial`` matters only where the ground itself moves (base motion): True measures against inertial space,
-    False against the moving ground; ``absolute`` is what the user said of it. ``unit`` is None where the direction and
-    the quantity tell it.
+    With base motion, ``inertial`` outputs are relative to inertial space, others relative to the moving ground;
+    ``absolute`` is the user's choice or None. ``unit`` is None if it follows from direction and quantity.
     """
 
     quantity: str = "displacement"
@@ -78,21 +77,26 @@ class ForceOutput(Part):
     wrench: Six = derived(())
 
 
-def _port(who: str, body: str, direction: Any, position: Any, relative_to: str) -> tuple[Any, ...]:
+def _checked(who: str, body: str, direction: Any, position: Any, relative_to: str) -> tuple[Any, ...]:
+    """Body, direction, position, relative_to and wrench."""
     if body == relative_to:
         raise ModelError(f"{who}: body and relative_to are both '{body}', so it is always zero; "
                          f"name two different bodies.", element=who, field="relative_to")  # fmt: skip
-    wrench = check.direction(direction, who)
-    said = direction if isinstance(direction, str) else wrench
+    direction, wrench = _direction(direction, who)
     if position is not None:
         position = check.vector(position, who, "position")
-    return body, said, position, relative_to, wrench
+    return body, direction, position, relative_to, wrench
+
+
+def _direction(direction: Any, who: str) -> tuple[str | Six, Six]:
+    """A direction by its name, if it has one, and as a six-vector."""
+    wrench = check.direction(direction, who)
+    return direction if isinstance(direction, str) else wrench, wrench
 
 
 def make_input(name: str, body: str, direction: Any, position: Any, relative_to: str) -> Input:
     """Check the values of a force input and build it."""
-    body, said, position, relative_to, wrench = _port(f"input '{name}'", body, direction, position, relative_to)
-    return Input(name, body, said, position, relative_to, wrench)
+    return Input(name, *_checked(f"input '{name}'", body, direction, position, relative_to))
 
 
 def make_output(
@@ -104,26 +108,23 @@ def make_output(
     if not isinstance(quantity, str) or quantity not in QUANTITIES:
         raise check.refuse(who, "quantity", quantity, "displacement, velocity or acceleration",
                            nearest(str(quantity), QUANTITIES).strip())  # fmt: skip
-    body, said, position, relative_to, wrench = _port(who, body, direction, position, relative_to)
+    body, direction, position, relative_to, wrench = _checked(who, body, direction, position, relative_to)
     if absolute is not None and str(absolute) not in ("True", "False"):
         raise check.refuse(who, "absolute", absolute, "True, False or None")
     if absolute and relative_to != "ground":
         raise ModelError(f"{who}: absolute=True, yet measured relative to body '{relative_to}'; leave one out.",
                          element=who, field="absolute")  # fmt: skip
     inertial = quantity == "acceleration" and relative_to == "ground" if absolute is None else bool(absolute)
-    return Output(name, body, said, position, relative_to, quantity, absolute, inertial, wrench, unit)
+    return Output(name, body, direction, position, relative_to, quantity, absolute, inertial, wrench, unit)
 
 
 def make_base_motion(name: str, direction: Any, position: Any) -> BaseMotion:
     """Check the values of a base motion and build it."""
     who = f"base motion '{name}'"
-    wrench = check.direction(direction, who)
-    said = direction if isinstance(direction, str) else wrench
-    return BaseMotion(name, said, check.vector(position, who, "position"), wrench)
+    direction, wrench = _direction(direction, who)
+    return BaseMotion(name, direction, check.vector(position, who, "position"), wrench)
 
 
 def make_force_output(name: str, element: str, direction: Any) -> ForceOutput:
     """Check the values of a force output and build it."""
-    who = f"force output '{name}'"
-    wrench = check.direction(direction, who)
-    return ForceOutput(name, element, direction if isinstance(direction, str) else wrench, wrench)
+    return ForceOutput(name, element, *_direction(direction, f"force output '{name}'"))

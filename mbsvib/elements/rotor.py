@@ -1,4 +1,4 @@
-"""Rotors: what spins steadily on a body, or the body itself."""
+"""Rotors: parts of a body, or whole bodies, that spin at a constant speed."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from mbsvib.common.arguments import Vector
 from mbsvib.elements.part import ParameterField, Part
 
 if TYPE_CHECKING:
-    from mbsvib.elements.placement import Placement
+    from mbsvib.elements.pose import Pose
 
 
 @dataclass(frozen=True, slots=True)
 class Rotor(Part):
-    """A constant angular momentum on ``body``: ``inertia`` [kg m^2] times ``speed`` [rad/s] about ``axis`` (world axes,
-    unit length). Without ``inertia`` the body itself spins, with its own moment about the axis.
+    """A constant angular momentum of ``body``: ``inertia`` [kg m^2] times ``speed`` [rad/s] about ``axis``.
+
+    The axis is a unit vector in world axes. Without ``inertia`` the body itself spins, with its own moment of inertia.
     """
 
     body: str
@@ -31,11 +32,11 @@ class Rotor(Part):
             yield ParameterField("inertia", self.inertia, "kg m^2")
 
     def with_values(self, values: Mapping[str, Any]) -> Self:
-        part = make(**self.arguments() | dict(values))
+        part = make(**self._arguments_with(values))
         return replace(self, speed=part.speed, inertia=part.inertia)
 
-    def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
-        return self.words() | {"axis": pose.direction(self.body, self.axis)}
+    def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
+        return self.constructor_kwargs() | {"axis": pose.rotated_vector(self.body, self.axis)}
 
 
 def make(name: str, body: str, speed: Any, axis: Any, inertia: Any) -> Rotor:
@@ -49,5 +50,5 @@ def make(name: str, body: str, speed: Any, axis: Any, inertia: Any) -> Rotor:
         inertia = check.number(inertia, who, "inertia", "its moment about the axis [kg m^2]")
         if inertia <= 0.0:
             raise check.refuse(who, "inertia", inertia, "a positive moment about the axis [kg m^2]",
-                               "Leave it out where the body itself spins.")  # fmt: skip
+                               "Leave it out if the body itself spins.")  # fmt: skip
     return Rotor(name, body, speed, check.axis(axis, who, "axis"), inertia)

@@ -1,4 +1,4 @@
-"""Rows: scalar relative displacements of two bodies, of which all springs, masses and ports are made."""
+"""Rows: scalar relative displacements of two bodies, in which springs, masses and ports are stated."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """Scalar relative displacements d = force . u + moment . theta of ``second`` against ``first`` at ``point``.
+    """Scalar relative displacements d = force . u + moment . theta of ``second`` relative to ``first`` at ``point``.
 
     Arrays over rows: ``first``, ``second`` (n,) body numbers, ``point``, ``force``, ``moment`` (3, n), world axes.
     """
@@ -41,7 +41,7 @@ class Rows:
 
     @staticmethod
     def join(parts: list[Rows]) -> Rows:
-        """Put several stacks one below the other."""
+        """Return several stacks as one."""
         parts = [part for part in parts if len(part.first)] or parts[:1]
         if len(parts) == 1:
             return parts[0]
@@ -58,12 +58,12 @@ def table(tuples: Sequence[tuple[Any, ...]], width: int) -> Array:
 
 
 def columns(tuples: Sequence[tuple[Any, ...]], width: int) -> Array:
-    """Return tuples of equal length as the columns of an array (width, n), each component contiguous."""
+    """Return tuples of equal length as the columns of an array (width, n) in C order."""
     return table(tuples, width).T.copy()
 
 
 def _joined(arrays: list[Any]) -> Any:
-    """Arrays one behind the other along their last axis; what has no axis of variants gets one where another has."""
+    """Arrays concatenated along their last axis; if one has an axis of variants, the others are repeated along it."""
     try:
         return np.concatenate(arrays, axis=-1)
     except ValueError:

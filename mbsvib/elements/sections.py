@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Properties:
-    """What a beam feels of its section: area ``A`` [m^2], second moments ``Iy`` and ``Iz`` and torsion constant ``J``
-    [m^4], shear factors ``ky`` and ``kz`` (None: not known) of forces along y and z.
+    """Area ``A`` [m^2], second moments ``Iy`` and ``Iz`` and torsion constant ``J`` [m^4], and shear factors ``ky`` and
+    ``kz`` (None: not known) for forces along y and z.
     """
 
     A: float
@@ -45,7 +45,7 @@ class Section:
         _check(self)
 
     def properties(self, nu: float) -> Properties:
-        """Return the properties as they are given.
+        """Return the properties.
 
         Parameters
         ----------
@@ -62,7 +62,7 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """A full circle of ``radius`` [m]; shear factors after Cowper unless given."""
+    """A solid circle of ``radius`` [m]; default shear factors after Cowper."""
 
     radius: float
     ky: float | None = None
@@ -90,7 +90,7 @@ class Circle:
 
 @dataclass(frozen=True, slots=True)
 class Tube:
-    """A circular tube of outer ``radius`` and thickness ``wall`` [m]; shear factors after Cowper unless given."""
+    """A circular tube of outer ``radius`` and thickness ``wall`` [m]; default shear factors after Cowper."""
 
     radius: float
     wall: float
@@ -119,14 +119,14 @@ class Tube:
         area = pi * self.wall * (outer + inner)
         bending = 0.25 * area * (outer * outer + inner * inner)
         ratio = (inner / outer) ** 2
-        whole = (1.0 + ratio) ** 2
-        factor = 6.0 * (1.0 + nu) * whole / ((7.0 + 6.0 * nu) * whole + (20.0 + 12.0 * nu) * ratio)
+        square = (1.0 + ratio) ** 2
+        factor = 6.0 * (1.0 + nu) * square / ((7.0 + 6.0 * nu) * square + (20.0 + 12.0 * nu) * ratio)
         return Properties(area, bending, bending, 2.0 * bending, self.ky or factor, self.kz or factor)
 
 
 @dataclass(frozen=True, slots=True)
 class Rectangle:
-    """A rectangle, ``width`` along y and ``height`` along z [m]; shear factors after Cowper unless given."""
+    """A rectangle, ``width`` along y and ``height`` along z [m]; default shear factors after Cowper."""
 
     width: float
     height: float
@@ -163,7 +163,7 @@ _NAMES = {shape: name for name, shape in SHAPES.items()}
 
 
 def _torsion(a: float, b: float) -> float:
-    """Saint-Venant's series for the sides a >= b; with tanh x = 1 - 2 / (1 + e^2x) the sum of 1 has a closed form."""
+    """Saint-Venant's series for sides a >= b; with tanh x = 1 - 2 / (1 + e^2x) the sum of ones has a closed form."""
     total = 31.0 * 1.0369277551433699263 / 32.0  # sum over odd n of n^-5 = 31/32 zeta(5)
     for n in range(1, 41, 2):
         total -= 2.0 * exp(-n * pi * a / b) / (1.0 + exp(-n * pi * a / b)) / n**5
@@ -171,39 +171,40 @@ def _torsion(a: float, b: float) -> float:
 
 
 def make(value: Any, who: str) -> Shape:
-    """Return a section from an object of this module or from words such as {"type": "tube", "radius": ..., ...}."""
+    """Return a section from an object of this module or from a dict such as {"type": "tube", "radius": ..., ...}."""
     if isinstance(value, Section | Circle | Tube | Rectangle):
         return value
     if not hasattr(value, "keys"):
-        raise check.refuse(who, "section", value, "a Tube, Circle, Rectangle or Section, or words: {'type': 'tube', "
+        raise check.refuse(who, "section", value, "a Tube, Circle, Rectangle or Section, or a dict: {'type': 'tube', "
                            "'radius': 0.1, 'wall': 0.01}, {'A': ..., 'Iy': ..., 'Iz': ..., 'J': ...}")  # fmt: skip
-    words: dict[str, Any] = dict(value)
-    kind = words.pop("type", "properties")
+    kwargs: dict[str, Any] = dict(value)
+    kind = kwargs.pop("type", "properties")
     if kind not in SHAPES:
         expected = f"type: one of {', '.join(SHAPES)}"
         raise check.refuse(who, "section", value, expected, nearest(str(kind), SHAPES).strip())
-    result: Shape = built(SHAPES[kind], words, who, "section")
+    result: Shape = built(SHAPES[kind], kwargs, who, "section")
     return result
 
 
-def words_of(shape: Shape) -> dict[str, Any]:
-    """Return the words that ``make`` turns into the same section."""
-    said = {"type": _NAMES[type(shape)]} if not isinstance(shape, Section) else {}
-    return said | {item.name: value for item in fields(shape) if (value := getattr(shape, item.name)) is not None}
+def constructor_kwargs(shape: Shape) -> dict[str, Any]:
+    """Return the dict from which ``make`` makes the same section."""
+    kind = {"type": _NAMES[type(shape)]} if not isinstance(shape, Section) else {}
+    return kind | {item.name: value for item in fields(shape) if (value := getattr(shape, item.name)) is not None}
 
 
-def built(kind: type, words: Mapping[str, Any], who: str, field: str) -> Any:
-    """Build a section or material from words, with refusals that name the element."""
-    known = {item.name: item.default is MISSING for item in fields(kind)}
-    for word in words:
-        if word not in known:
-            raise ModelError(f"{who}: {field} has no '{word}'.{nearest(str(word), known)} It has {', '.join(known)}.",
-                             element=who, field=field)  # fmt: skip
-    missing = [word for word, needed in known.items() if needed and word not in words]
+def built(kind: type, kwargs: Mapping[str, Any], who: str, field: str) -> Any:
+    """Build a section or material, with messages that name the element."""
+    is_required = {item.name: item.default is MISSING for item in fields(kind)}
+    for key in kwargs:
+        if key not in is_required:
+            raise ModelError(f"{who}: {field} has no '{key}'.{nearest(str(key), is_required)} It has "
+                             f"{', '.join(is_required)}.", element=who, field=field)  # fmt: skip
+    missing = [key for key, required in is_required.items() if required and key not in kwargs]
     if missing:
-        raise ModelError(f"{who}: {field} = {check.shown(words)} needs {', '.join(missing)}.", element=who, field=field)
+        raise ModelError(f"{who}: {field} = {check.shown(kwargs)} needs {', '.join(missing)}.", element=who,
+                         field=field)  # fmt: skip
     try:
-        return kind(**words)
+        return kind(**kwargs)
     except ModelError as error:
         raise ModelError(f"{who}: {field}: {error}", element=who, field=field) from error
 

@@ -18,21 +18,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """A point of a body whose displacement composite rows see; ``rides`` tells whether the moving ground carries it
-    (internal coordinates of a reduced model count from their own body, which it does not carry). ``against`` is the
-    body it is measured from; ``point`` [m], world axes.
+    """A ``point`` [m, world axes] of a body, whose displacement relative to another body enters shared rows.
+
+    ``moves_with_ground`` is False for internal coordinates of a reduced model, which base motion does not change.
     """
 
     body: str
     point: tuple[float, float, float]
-    rides: bool = True
-    against: str = "ground"
+    moves_with_ground: bool = True
+    relative_to: str = "ground"
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
-    """Rows of one matrix (rows, 6 nodes) on the six displacements of its nodes, with a coefficient for each row: they
-    belong to part ``owner``.
+class SharedRows:
+    """Rows of part ``owner``: a ``matrix`` (rows, 6 nodes) on the six displacements of each node.
+
+    Elastic and damping rows have a coefficient for each row.
     """
 
     owner: str
@@ -43,33 +44,34 @@ class Piece:
 
 
 @dataclass(frozen=True, slots=True)
-class PlainParts:
-    """What a part becomes when equations are made: bodies, joints, springs and outputs by name, and shared rows."""
+class ExpandedPart:
+    """The bodies, joints, springs and outputs by name, and the shared rows, that replace a part in the equations."""
 
     bodies: Mapping[str, Body] = field(default_factory=dict)
     joints: Mapping[str, Joint] = field(default_factory=dict)
     springs: Mapping[str, Connection] = field(default_factory=dict)
     outputs: Mapping[str, Output] = field(default_factory=dict)
-    mass: tuple[Piece, ...] = ()
-    elastic: tuple[Piece, ...] = ()
+    mass: tuple[SharedRows, ...] = ()
+    elastic: tuple[SharedRows, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Pieces:
-    """Rows of a model that more than two bodies share: ``mass``, W of M = W^T W, and ``elastic`` ones; ``nodes`` are
-    the bodies whose mass these rows are. ``owners`` are the parts that have become others, ``made`` the names of these,
-    ``order`` the names of all parts that the user gave.
+class Expansion:
+    """Shared rows of an expanded model, and the parts before the expansion.
+
+    ``mass`` rows are W of M = W^T W, and ``nodes`` the bodies with this mass. ``owners`` are the parts that are
+    replaced, ``generated_names`` the names of their replacements, ``order`` the names of all parts of the user.
     """
 
-    mass: tuple[Piece, ...]
-    elastic: tuple[Piece, ...]
+    mass: tuple[SharedRows, ...]
+    elastic: tuple[SharedRows, ...]
     nodes: frozenset[str]
     owners: tuple[Part, ...] = ()
-    made: frozenset[str] = frozenset()
+    generated_names: frozenset[str] = frozenset()
     order: tuple[str, ...] = ()
 
     def declared(self, parts: tuple[Part, ...]) -> tuple[Part, ...]:
-        """Return parts as the user knows them, the owners in place of what they have become, in the ``order``."""
-        known = {part.name: part for part in parts if part.name not in self.made}
+        """Return the parts of the user in their ``order``, with the owners in place of generated parts."""
+        known = {part.name: part for part in parts if part.name not in self.generated_names}
         known |= {part.name: part for part in self.owners}
         return tuple([known[name] for name in self.order if name in known])

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import dist
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements.connection import Connection, check_ends, line_between
 from mbsvib.elements.element_rows import ElementRows
-from mbsvib.elements.part import ParameterField, Part, derived, point
+from mbsvib.elements.part import ParameterField, Part, derived, vector_field
 from mbsvib.elements.rows import columns
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from mbsvib.elements.placement import Placement
+    from mbsvib.elements.pose import Pose
 
-# A force below this share of stiffness times length is rounding of the length.
+# Forces below this fraction of stiffness times length are rounding errors of the length.
 ROUNDING = 1e-15
 
 
@@ -27,9 +27,9 @@ ROUNDING = 1e-15
 class Spring(Connection):
     """A spring-damper along the line from ``start`` on ``first`` to ``end`` on ``second`` [m, world axes].
 
-    ``stiffness`` [N/m] and ``damping`` [N s/m] act on the change of its length; ``line`` is its unit vector, ``length``
-    [m] and ``tension`` [N] are those of the given pose. ``preload`` is the tension as given [N]; ``free_length`` [m]
-    gives it as stiffness (length - free_length).
+    ``stiffness`` [N/m] and ``damping`` [N s/m] act on the change of its length. Unit vector ``line``, ``length`` [m]
+    and ``tension`` [N] are those in the reference pose. The tension is the ``preload`` [N], or stiffness (length -
+    free_length) if ``free_length`` [m] is given.
     """
 
     start: Vector
@@ -45,37 +45,37 @@ class Spring(Connection):
     def parameter_fields(self) -> Iterator[ParameterField]:
         yield ParameterField("stiffness", self.stiffness, "N/m")
         yield ParameterField("damping", self.damping, "N s/m")
-        yield point("start", self.start)
-        yield point("end", self.end)
+        yield vector_field("start", self.start)
+        yield vector_field("end", self.end)
         if self.preload is not None:
             yield ParameterField("preload", self.preload, "N")
         if self.free_length is not None:
             yield ParameterField("free_length", self.free_length, "m")
 
-    def with_values(self, values: Mapping[str, Any]) -> Self:
-        return make(**self.arguments() | dict(values))  # type: ignore[return-value]
+    def with_values(self, values: Mapping[str, Any]) -> Spring:
+        return make(**self._arguments_with(values))
 
     @property
     def loaded(self) -> bool:
-        """Whether it carries a force in the pose as described."""
+        """Whether it has a force in the reference pose."""
         return self.tension != 0.0
 
-    def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
-        if pose.stays(self.first) and pose.stays(self.second):
+    def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
+        if pose.is_unmoved(self.first) and pose.is_unmoved(self.second):
             return self
         start, end = pose.point(self.first, self.start), pose.point(self.second, self.end)
-        words = self.words() | {"start": start, "end": end}
+        kwargs = self.constructor_kwargs() | {"start": start, "end": end}
         if relaxed:
             if self.free_length is not None:
-                words["preload"] = self.tension
-                del words["free_length"]
+                kwargs["preload"] = self.tension
+                del kwargs["free_length"]
         elif self.free_length is None:
             tension = self.tension + self.stiffness * (dist(start, end) - self.length)
             if abs(tension) < ROUNDING * abs(self.stiffness) * self.length:
                 tension = 0.0
             if tension or self.preload is not None:
-                words["preload"] = tension
-        return words
+                kwargs["preload"] = tension
+        return kwargs
 
 
 def make(
@@ -94,13 +94,13 @@ def make(
     if free_length is not None:
         free_length = check.number(free_length, who, "free_length", "the length without load [m]")
         if preload is not None:
-            raise ModelError(f"{who}: both preload and free_length are given; they say the same, give one.",
+            raise ModelError(f"{who}: both preload and free_length are given; give one of them.",
                              element=who, field="free_length")  # fmt: skip
         if free_length < 0.0:
             raise check.refuse(who, "free_length", free_length, "a length that is not negative [m]")
         if k == 0.0:
-            raise ModelError(f"{who}: free_length = {free_length} needs a stiffness to make a force of; give one, or "
-                             f"give the tension as preload.", element=who, field="free_length")  # fmt: skip
+            raise ModelError(f"{who}: free_length = {free_length} needs a stiffness; give one, or give the tension as "
+                             f"preload.", element=who, field="free_length")  # fmt: skip
         tension = k * (length - free_length)
     if k == 0.0 and c == 0.0 and not tension:
         raise ModelError(f"{who}: neither stiffness nor damping is given; give one, or leave the spring out.",

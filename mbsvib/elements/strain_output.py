@@ -1,4 +1,4 @@
-"""Strain outputs: the axial strain on the surface of a beam, as a strain gauge sees it.
+"""Strain outputs: the axial strain on the surface of a beam, as measured by a strain gauge.
 
 eps = d_x / L - y v'' - z w'', with the deformations (d, theta) of a beam element of length L about its midpoint, in its
 axes: v'' = theta_z / L +- 6 d_y / (L^2 (1 + phi_y)) and w'' = -theta_y / L +- 6 d_z / (L^2 (1 + phi_z)), with + at its
@@ -19,14 +19,14 @@ from mbsvib.elements.beam_element import shear_ratios
 from mbsvib.elements.beam_expansion import middle
 from mbsvib.elements.part import Part
 from mbsvib.elements.sections import Rectangle, Section
-from mbsvib.elements.shared_rows import PlainParts
+from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-# Where on an element, from its midpoint, in half lengths.
-PLACES = {"start": -1.0, "middle": 0.0, "end": 1.0}
+# Positions along an element, from its midpoint in half lengths.
+POSITIONS = {"start": -1.0, "middle": 0.0, "end": 1.0}
 SIDES = ("y", "-y", "z", "-z")
 UNIT = "m/m"
 
@@ -47,7 +47,7 @@ class StrainOutput(Part):
 def make(name: str, element: str, at: Any = "start", side: Any = "z", distance: Any = None) -> StrainOutput:
     """Check the values of a strain output and build it."""
     who = f"strain output '{name}'"
-    if at not in PLACES:
+    if at not in POSITIONS:
         raise check.refuse(who, "at", at, "'start', 'middle' or 'end' of the element")
     if side not in SIDES:
         raise check.refuse(who, "side", side, "'y', '-y', 'z' or '-z', the direction of the surface in the beam's axes")
@@ -58,14 +58,14 @@ def make(name: str, element: str, at: Any = "start", side: Any = "z", distance: 
     return StrainOutput(name, element, at, side, distance)
 
 
-def plain(part: StrainOutput, composed: Mapping[str, Part]) -> PlainParts:
+def expand(part: StrainOutput, composed: Mapping[str, Part]) -> ExpandedPart:
     """Return the output as a relative displacement of the two nodes of its element."""
-    beam = next(each for each in composed.values() if isinstance(each, Beam) and part.element in each.element_names)
+    beam = next(item for item in composed.values() if isinstance(item, Beam) and part.element in item.element_names)
     i = beam.element_names.index(part.element)
     length, axes = beam.frames()[i]
     sign = -1.0 if part.side[0] == "-" else 1.0
     offset = sign * (_surface(part, beam) if part.distance is None else part.distance)
-    end, shear = -PLACES[part.at], shear_ratios(length, beam.properties, beam.material, beam.shear)
+    end, shear = -POSITIONS[part.at], shear_ratios(length, beam.properties, beam.material, beam.shear)
     local = [1.0 / length, 0.0, 0.0, 0.0, 0.0, 0.0]
     if part.side[-1] == "y":
         local[5] = -offset / length
@@ -74,9 +74,9 @@ def plain(part: StrainOutput, composed: Mapping[str, Part]) -> PlainParts:
         local[4] = offset / length
         local[2] = -6.0 * end * offset / (length * length * (1.0 + shear[1]))
     world = [sum(row[k] * local[start + k] for k in range(3)) for start in (0, 3) for row in axes]
-    output = ports.make_output(part.name, beam.node(i + 1), world, middle(beam, i), beam.node(i), "displacement", None,
-                               UNIT)  # fmt: skip
-    return PlainParts(outputs={part.name: output})
+    output = ports.make_output(part.name, beam.body_of(i + 1), world, middle(beam, i), beam.body_of(i),
+                               "displacement", None, UNIT)  # fmt: skip
+    return ExpandedPart(outputs={part.name: output})
 
 
 def _surface(part: StrainOutput, beam: Beam) -> float:
@@ -86,6 +86,6 @@ def _surface(part: StrainOutput, beam: Beam) -> float:
         return 0.5 * (section.width if part.side[-1] == "y" else section.height)
     if isinstance(section, Section):
         raise ModelError(f"strain output '{part.name}': the section of beam '{beam.name}' is given by its properties, "
-                         f"which do not tell where its surface is; give distance= [m] from the centre line.",
+                         f"which do not contain its surface; give distance= [m] from the centre line.",
                          element=part.name, field="distance")  # fmt: skip
     return section.radius

@@ -1,4 +1,4 @@
-"""Superelements: reduced finite element models by their matrices, on interface nodes and internal coordinates."""
+"""Superelements: matrices of reduced finite element models on interface nodes and internal coordinates."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.elements.part import Composed, derived
 from mbsvib.errors import ModelError, counted
 from mbsvib.linalg.products import eigenrows
+from mbsvib.linalg.rotations import rigid_transport
 
 Array = NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
-# A motion of the nodes as a rigid body leaves forces that are this small beside the terms they are the sum of; finite
-# element programs print seven to sixteen digits.
+# Finite element programs print seven to sixteen digits. Limits relative to the size of terms:
+# of forces under a rigid-body motion of all nodes, of differences between entries across the diagonal,
 RIGID = 1e-6
-# The same of entries across the diagonal.
 SYMMETRIC = 1e-6
-# Negative eigenvalues (of matrices scaled to a unit diagonal) beyond this are no rounding.
+# and of negative eigenvalues of matrices scaled to a unit diagonal.
 NEGATIVE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Superelement(Composed):
-    """A reduced model: M, C, K (n, n) on the six displacements of each node, in this order, then on internal ones.
+    """A reduced model: M, C, K (n, n) on the six displacements of each node, then on internal coordinates.
 
-    ``nodes`` pairs names with points [m, world axes], ``bodies`` those nodes that a body holds with this body. Nodes
-    move in the axes ``orientation``. ``factors`` pairs values and rows of M, K and C; ``rank`` counts the first two.
-    ``displacements`` (n,) are how far its coordinates are, in these axes, from where the model without forces has them
-    in the frame of the node ``root`` that carries it, or of the ground within.
+    ``nodes`` are pairs of name and point [m, world axes], ``bodies`` pairs of a node and the body that holds it. The
+    displacements of nodes are in the axes ``orientation``. ``factors`` are pairs of values and rows of M, K and C;
+    ``rank`` has the ranks of M and K. ``displacements`` (n,), in these axes, are those relative to the model without
+    forces, in the frame of its ``root``.
     """
 
     M: Matrix
@@ -47,28 +47,38 @@ class Superelement(Composed):
     factors: Any = derived()
     rank: tuple[int, int] = derived((0, 0))
 
-    def words(self) -> dict[str, Any]:
-        """Return the arguments of ``add_superelement`` that make this part, without those at their default."""
-        said: dict[str, Any] = {"name": self.name, "M": self.M, "C": self.C, "K": self.K, "nodes": dict(self.nodes)}
+    def constructor_kwargs(self) -> dict[str, Any]:
+        """Return the arguments of ``add_superelement`` that make this part, except those at their default."""
+        result: dict[str, Any] = {"name": self.name, "M": self.M, "C": self.C, "K": self.K, "nodes": dict(self.nodes)}
         if self.bodies:
-            said["bodies"] = dict(self.bodies)
+            result["bodies"] = dict(self.bodies)
         if self.orientation is not check.IDENTITY:
-            said["orientation"] = self.orientation
+            result["orientation"] = self.orientation
         if self.displacements is not None:
-            said["displacements"] = self.displacements
-        return said | ({"grounded": True} if self.grounded else {})
+            result["displacements"] = self.displacements
+        return result | ({"grounded": True} if self.grounded else {})
 
     @property
-    def root(self) -> int | None:
-        """Number of the node that carries it: one on the ground, else one that a body holds, else the first one.
+    def points(self) -> tuple[Vector, ...]:
+        """Points of its nodes [m], world axes."""
+        return tuple([point for _, point in self.nodes])
 
-        None if the ground within carries it.
+    @property
+    def root(self) -> str:
+        """Body in whose frame it is linear: that of the root node, or ground."""
+        return "ground" if self.root_node is None else self.body_of(self.root_node)
+
+    @property
+    def root_node(self) -> int | None:
+        """Number of the node in whose frame it is linear: one on the ground, else one on a body, else the first.
+
+        None if it is ``grounded``: it is then linear in the frame of the ground.
         """
         return None if self.grounded else _root([name for name, _ in self.nodes], dict(self.bodies))
 
     @property
     def points_without_forces(self) -> list[Vector]:
-        """Where its nodes are without forces [m], in the frame that carries it in this pose."""
+        """Points of its nodes without forces [m], in the frame of its root in this pose."""
         return _without_forces(self.nodes, self.orientation, self.displacements)
 
     @property
@@ -78,29 +88,29 @@ class Superelement(Composed):
 
     @property
     def carriers(self) -> tuple[str, ...]:
-        """Names of the bodies that stand for three internal coordinates each."""
+        """Names of the bodies whose displacements are internal coordinates, three each."""
         return tuple([f"{self.name}.internal{i + 1}" for i in range((self.internal + 2) // 3)])
 
     @property
     def node_names(self) -> dict[str, Vector]:
         """Names and points of the nodes that are bodies of their own."""
-        held = dict(self.bodies)
-        return {f"{self.name}.{name}": point for name, point in self.nodes if name not in held}
+        on_bodies = dict(self.bodies)
+        return {f"{self.name}.{name}": point for name, point in self.nodes if name not in on_bodies}
 
     @property
     def element_names(self) -> tuple[str, ...]:
-        """No elements: forces within a superelement are not told apart."""
+        """No elements: forces within a superelement are not available."""
         return ()
 
     @property
-    def made(self) -> tuple[str, ...]:
-        """Names of the bodies, joints and springs that it becomes."""
+    def generated_names(self) -> tuple[str, ...]:
+        """Names of the bodies, joints and springs that replace it in the equations."""
         links = [f"{self.name}.{name}" for name, _ in self.nodes]
         return (*dict.fromkeys((*self.node_names, *links)), *self.carriers)
 
     @property
-    def account(self) -> str:
-        """What it is made of, in a few words."""
+    def summary(self) -> str:
+        """Its name, the numbers of nodes and internal coordinates, and the ranks of its matrices."""
         size = len(self.M)
         free = size - self.rank[1]
         nodes = counted(len(self.nodes), "node")
@@ -108,18 +118,6 @@ class Superelement(Composed):
                 f"rank of M {self.rank[0]} and of K {self.rank[1]} of {size} ({free} motions without stiffness)")
 
     def body_of(self, i: int) -> str:
-        """Return the name of the body that node i is, or that holds it.
-
-        Parameters
-        ----------
-        i : int
-            Number of the node, from 0.
-
-        Returns
-        -------
-        str
-            Name of a body or ground.
-        """
         name = self.nodes[i][0]
         return dict(self.bodies).get(name, f"{self.name}.{name}")
 
@@ -130,31 +128,32 @@ def make(
 ) -> Superelement:  # fmt: skip
     """Check the values of a superelement and build it."""
     who = f"superelement '{name}'"
-    places = _nodes(who, nodes)
+    points = _nodes(who, nodes)
     for node in bodies:
-        if node not in dict(places):
-            raise check.refuse(who, "bodies", bodies, f"names of its nodes ({', '.join(dict(places))})")
+        if node not in dict(points):
+            raise check.refuse(who, "bodies", bodies, f"names of its nodes ({', '.join(dict(points))})")
     if type(grounded) is not bool:
         raise check.refuse(who, "grounded", grounded, "True or False")
     m = _matrix(who, "M", mass, None)
-    if len(m) < 6 * len(places):
-        raise ModelError(f"{who}: M has {len(m)} rows; expected 6 for each of the {len(places)} nodes, then one for "
+    if len(m) < 6 * len(points):
+        raise ModelError(f"{who}: M has {len(m)} rows; expected 6 for each of the {len(points)} nodes, then one for "
                          f"each internal coordinate.", element=who, field="M")  # fmt: skip
     k = _matrix(who, "K", stiffness, len(m))
     c = None if damping is None else _matrix(who, "C", damping, len(m))
     axes = check.orientation(orientation, who)
     expected = f"{len(m)} numbers, one for each coordinate of M"
-    bent = None if displacements is None else check.numbers(displacements, (len(m),), who, "displacements", expected)
-    rigid = rigid_motions(np.array(_without_forces(places, axes, bent)), np.array(axes), len(m))
+    if displacements is not None:
+        displacements = check.numbers(displacements, (len(m),), who, "displacements", expected)
+    rigid = rigid_motions(np.array(_without_forces(points, axes, displacements)), np.array(axes), len(m))
     if not grounded:
         _check_rigid(who, k, rigid)
-    root = None if grounded else _root(list(dict(places)), bodies)
+    root = None if grounded else _root(list(dict(points)), bodies)
     relative = np.setdiff1d(np.arange(len(m)), [] if root is None else np.arange(6 * root, 6 * root + 6))
-    loose = c is not None and not (grounded or _strained(c, rigid).max() > RIGID)
+    c_is_relative = c is not None and not (grounded or _rigid_body_forces(c, rigid).max() > RIGID)
     rows_m, rows_k = factor(who, "M", m), factor(who, "K", k[np.ix_(relative, relative)])
-    rows_c = None if c is None else factor(who, "C", c[np.ix_(relative, relative)] if loose else c)
-    return Superelement(name, _entries(m), _entries(k), places, None if c is None else _entries(c),
-                        tuple(bodies.items()), axes, grounded, bent, (rows_m, rows_k, rows_c),
+    rows_c = None if c is None else factor(who, "C", c[np.ix_(relative, relative)] if c_is_relative else c)
+    return Superelement(name, _entries(m), _entries(k), points, None if c is None else _entries(c),
+                        tuple(bodies.items()), axes, grounded, displacements, (rows_m, rows_k, rows_c),
                         (len(rows_m[0]), len(rows_k[0])))  # fmt: skip
 
 
@@ -177,7 +176,7 @@ def _entries(matrix: Array) -> Matrix:
 
 
 def factor(who: str, field: str, matrix: Array) -> tuple[Array, Array]:
-    """Return values (r,) and rows (r, n) with matrix = rows^T diag(values) rows, zero ones left out.
+    """Return positive values (r,) and rows (r, n) with matrix = rows^T diag(values) rows.
 
     Raises
     ------
@@ -193,22 +192,19 @@ def factor(who: str, field: str, matrix: Array) -> tuple[Array, Array]:
             f"largest {float(values.max()):.3g} (on a unit diagonal). Check order and sign of its entries.",
             element=who, field=field,
         )  # fmt: skip
-    keep = values > 0.0
-    return values[keep], rows[keep]
+    positive = values > 0.0
+    return values[positive], rows[positive]
 
 
 def rigid_motions(points: Array, axes: Array, size: int) -> Array:
-    """Return the motions (size, 6) of nodes that move as one rigid body about the first, in their own axes."""
+    """Return the rigid-body motions (size, 6) of nodes about the first of them, in the given axes."""
     result = np.zeros((size, 6))
-    local = (points - points[0]) @ axes
-    for i, (x, y, z) in enumerate(local):
-        result[6 * i : 6 * i + 6] = np.eye(6)
-        result[6 * i : 6 * i + 3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+    result[: 6 * len(points)] = rigid_transport((points - points[0]) @ axes).reshape(-1, 6)
     return result
 
 
-def _strained(matrix: Array, rigid: Array) -> Array:
-    """Return the largest force of each rigid-body motion over the terms that it is the sum of."""
+def _rigid_body_forces(matrix: Array, rigid: Array) -> Array:
+    """Largest force of each rigid-body motion, relative to the terms of which it is the sum."""
     scale = np.sqrt(np.abs(matrix.diagonal()))
     scale[scale == 0.0] = 1.0
     size = np.abs(matrix) @ np.abs(rigid)
@@ -218,13 +214,13 @@ def _strained(matrix: Array, rigid: Array) -> Array:
 
 
 def _check_rigid(who: str, stiffness: Array, rigid: Array) -> None:
-    left = _strained(stiffness, rigid)
-    worst = int(left.argmax())
-    if left[worst] > RIGID:
+    forces = _rigid_body_forces(stiffness, rigid)
+    worst = int(forces.argmax())
+    if forces[worst] > RIGID:
         raise ModelError(
             f"{who}: K resists a motion of all nodes as one rigid body along '{check.DIRECTIONS[worst]}' (forces are "
-            f"{left[worst]:.2g} of the terms they sum up). Check the nodes' positions, order and axes "
-            f"(x y z rx ry rz each); if the model stands on the ground within, say grounded=True.",
+            f"{forces[worst]:.2g} of the sum of their terms). Check the nodes' positions, order and axes "
+            f"(x y z rx ry rz each); if the model itself is fixed to the ground, give grounded=True.",
             element=who, field="K",
         )  # fmt: skip
 
@@ -248,9 +244,9 @@ def _matrix(who: str, field: str, value: Any, size: int | None) -> Array:
         raise ModelError(f"{who}: {field} has entries that are not finite.", element=who, field=field)
     scale = np.sqrt(np.abs(matrix.diagonal()))
     scale[scale == 0.0] = np.abs(matrix).max(initial=0.0) ** 0.5 or 1.0
-    off = np.triu(np.abs(matrix - matrix.T) / scale[:, None] / scale)
-    if float(off.max()) > SYMMETRIC:
-        i, j = np.unravel_index(int(off.argmax()), off.shape)
+    asymmetry = np.triu(np.abs(matrix - matrix.T) / scale[:, None] / scale)
+    if float(asymmetry.max()) > SYMMETRIC:
+        i, j = np.unravel_index(int(asymmetry.argmax()), asymmetry.shape)
         raise ModelError(f"{who}: {field} is not symmetric: entries [{i}, {j}] = {matrix[i, j]:.6g} and [{j}, {i}] = "
                          f"{matrix[j, i]:.6g}.", element=who, field=field)  # fmt: skip
     return np.asarray(0.5 * (matrix + matrix.T))

@@ -1,7 +1,8 @@
-"""Superelements as plain parts: nodes are bodies that hang freely on the first, internal coordinates ride on bodies of
-their own, three on each; mass, stiffness and damping are rows on all of them.
+"""Expansion of superelements to bodies, free joints and shared rows.
 
-Stiffness sees displacements relative to the first node only, so that rigid-body motions are exactly free.
+Nodes are bodies with free joints to the first node. Each group of three internal coordinates is the displacement of a
+body. Mass, stiffness and damping are rows that all of them share. The rows of stiffness have displacements relative to
+one node, so that rigid-body motions are exactly free.
 """
 
 from __future__ import annotations
@@ -14,10 +15,10 @@ import numpy as np
 from mbsvib.common.arguments import UNIT6
 from mbsvib.elements import joint as _joint
 from mbsvib.elements.body import Body
-from mbsvib.elements.elastic_part import ElasticPart, on_carriers, stiffness_rows, turning_rows
+from mbsvib.elements.elastic_part import ElasticPart, on_carriers, root_rotation_rows, stiffness_rows
 from mbsvib.elements.joint import Joint
 from mbsvib.elements.load import NONE, Load
-from mbsvib.elements.shared_rows import Node, Piece, PlainParts
+from mbsvib.elements.shared_rows import ExpandedPart, Node, SharedRows
 from mbsvib.elements.superelement import RIGID, rigid_motions
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import axial, skew
@@ -30,21 +31,21 @@ if TYPE_CHECKING:
 _NO_INERTIA = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def plain(part: Superelement, *_: Any) -> PlainParts:
+def expand(part: Superelement, *_: Any) -> ExpandedPart:
     """Return nodes, joints and shared rows of a superelement."""
-    return PlainParts({body.name: body for body in node_bodies(part)}, dict(links(part)), mass=tuple(masses(part)),
+    return ExpandedPart({body.name: body for body in node_bodies(part)}, dict(links(part)), mass=tuple(masses(part)),
                       elastic=tuple(elastic(part)))  # fmt: skip
 
 
 def node_bodies(part: Superelement) -> list[Body]:
-    """Return bodies without mass of their own: the nodes that no body holds, and those that carry coordinates."""
+    """Return the massless bodies of the nodes that no body holds, and those of internal coordinates."""
     origin = part.nodes[0][1]
-    own = [Body(name, 0.0, _NO_INERTIA, point) for name, point in part.node_names.items()]
-    return own + [Body(name, 0.0, _NO_INERTIA, origin) for name in part.carriers]
+    nodes = [Body(name, 0.0, _NO_INERTIA, point) for name, point in part.node_names.items()]
+    return nodes + [Body(name, 0.0, _NO_INERTIA, origin) for name in part.carriers]
 
 
 def links(part: Superelement) -> list[tuple[str, Joint]]:
-    """Return the free joints between the first node and the others, and those whose freedoms are the coordinates."""
+    """Return the free joints from the first node to the others, and the joints of internal coordinates, by name."""
     result = []
     for i, (name, point) in enumerate(part.nodes[1:], 1):
         key = f"{part.name}.{name}"
@@ -65,31 +66,32 @@ def links(part: Superelement) -> list[tuple[str, Joint]]:
     return result
 
 
-def masses(part: Superelement) -> list[Piece]:
+def masses(part: Superelement) -> list[SharedRows]:
     """Return the rows W of M = W^T W."""
     values, rows = part.factors[0]
-    nodes = Layout.of(part, None)
-    return [Piece(part.name, nodes.seen(part), nodes.rows(rows * np.sqrt(values)[:, None]))]
+    layout = Layout.of(part, None)
+    return [SharedRows(part.name, layout.row_nodes(part), layout.rows(rows * np.sqrt(values)[:, None]))]
 
 
-def elastic(part: Superelement) -> list[Piece]:
-    """Return the rows of K, and those of C where there is one."""
+def elastic(part: Superelement) -> list[SharedRows]:
+    """Return the rows of K and, if there is a C, those of C."""
     result = []
     _, (k, _), damping = part.factors
     if len(k):
         result.append(stiffness_rows(elastic_part(part)))
     if damping is not None and len(damping[0]):
         c, rows = damping
-        nodes = Layout.of(part, None if rows.shape[1] == len(part.M) else part.root)
-        result.append(Piece(part.name, nodes.seen(part), nodes.rows(rows), damping=c))
+        layout = Layout.of(part, None if rows.shape[1] == len(part.M) else part.root_node)
+        result.append(SharedRows(part.name, layout.row_nodes(part), layout.rows(rows), damping=c))
     return result
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Coordinates of a superelement, all or without those of the node ``root`` against which they are measured.
+    """Coordinates of a superelement: all, or relative to the node ``root`` and without its coordinates.
 
-    ``nodes`` are numbers of nodes, ``coordinates`` numbers of coordinates; ``internal`` of them come last.
+    ``nodes`` are numbers of nodes, ``coordinates`` are numbers of coordinates, of which the last ``internal`` are
+    those.
     """
 
     nodes: tuple[int, ...]
@@ -100,7 +102,7 @@ class Layout:
 
     @classmethod
     def of(cls, part: Superelement, root: int | None) -> Layout:
-        """Return the coordinates of a superelement but for those of one node."""
+        """Return the layout relative to a node, None: of all coordinates."""
         count = len(part.nodes)
         nodes = tuple([i for i in range(count) if i != root])
         interface = [6 * i + j for i in nodes for j in range(6)]
@@ -108,17 +110,18 @@ class Layout:
         return cls(nodes, coordinates, part.internal, np.array(part.orientation), root)
 
     def world(self, rows: Array) -> Array:
-        """Return rows (..., n) on coordinates in the axes of the part as rows on the same in world axes."""
+        """Return rows (..., n) on coordinates in the axes of the part as rows on coordinates in world axes."""
         end = 6 * len(self.nodes)
-        turned = (rows[..., :end].reshape(-1, 3) @ self.axes.T).reshape(*rows.shape[:-1], end)
-        return np.concatenate((turned, rows[..., end:]), axis=-1)
+        in_world = (rows[..., :end].reshape(-1, 3) @ self.axes.T).reshape(*rows.shape[:-1], end)
+        return np.concatenate((in_world, rows[..., end:]), axis=-1)
 
-    def seen(self, part: Superelement) -> tuple[Node, ...]:
-        """Return the nodes, and the bodies that carry internal coordinates."""
-        against = "ground" if self.root is None else part.body_of(self.root)
+    def row_nodes(self, part: Superelement) -> tuple[Node, ...]:
+        """Return the nodes of rows, and the bodies of internal coordinates."""
+        relative_to = "ground" if self.root is None else part.body_of(self.root)
         origin = part.nodes[0][1]
-        return (*[Node(part.body_of(i), part.nodes[i][1], against=against) for i in self.nodes],
-                *[Node(name, origin, rides=False) for name in part.carriers])  # fmt: skip
+        bodies = part.node_bodies
+        return (*[Node(*bodies[i], relative_to=relative_to) for i in self.nodes],
+                *[Node(name, origin, moves_with_ground=False) for name in part.carriers])  # fmt: skip
 
     def rows(self, rows: Array) -> Array:
         """Return rows on coordinates as rows on six displacements in world axes of each node and carrier."""
@@ -126,7 +129,7 @@ class Layout:
 
 
 def elastic_part(part: Superelement, gravity: Vector | None = None) -> ElasticPart:
-    """Return a superelement as what is linear in the frame of the body that carries it.
+    """Return a superelement as a linear elastic part in the frame of its root.
 
     Parameters
     ----------
@@ -143,24 +146,23 @@ def elastic_part(part: Superelement, gravity: Vector | None = None) -> ElasticPa
     Raises
     ------
     ModelError
-        If gravity acts and the matrices do not tell how.
+        If gravity acts and the mass matrix does not determine the weight.
     """
-    layout = Layout.of(part, part.root)
+    layout = Layout.of(part, part.root_node)
     values, rows = part.factors[1]
-    six = layout.seen(part)
-    root, point = ("ground", part.nodes[0][1]) if part.root is None else (part.body_of(part.root),
-                                                                       part.nodes[part.root][1])  # fmt: skip
+    nodes = layout.row_nodes(part)[: len(layout.nodes)]
+    point = part.points[part.root_node or 0]
     state = np.zeros(len(part.M)) if part.displacements is None else np.array(part.displacements)
     result = ElasticPart(
-        part.name, root, tuple([f"{part.name}.{part.nodes[i][0]}" for i in layout.nodes]),
-        tuple([(node.body, node.point) for node in six[: len(layout.nodes)]]), part.carriers, part.nodes[0][1],
+        part.name, part.root, tuple([f"{part.name}.{part.nodes[i][0]}" for i in layout.nodes]),
+        tuple([(node.body, node.point) for node in nodes]), part.carriers, part.nodes[0][1],
         layout.world(rows), values, layout.world(state[layout.coordinates]),
     )  # fmt: skip
-    return result if gravity is None or not any(gravity) else _weighed(part, result, layout, point, gravity)
+    return result if gravity is None or not any(gravity) else _with_weight(part, result, layout, point, gravity)
 
 
 def weight_rows(part: Superelement) -> Array:
-    """Return the first moments L of the weight g . L d, on the displacements d that the rows of K see.
+    """Return the first moments L of the potential -g . L d of weight, on the displacements d of the rows of K.
 
     Parameters
     ----------
@@ -170,48 +172,51 @@ def weight_rows(part: Superelement) -> Array:
     Returns
     -------
     array, shape (3, 6 nodes)
-        The mass that moves along world axes per displacement of each node but the one that carries the part, and of
-        each body of internal coordinates [kg, kg m].
+        The mass that moves along world axes per displacement of each node except the root, and of each body of internal
+        coordinates [kg, kg m].
     """
-    layout = Layout.of(part, part.root)
+    layout = Layout.of(part, part.root_node)
     translations = rigid_motions(np.array(part.points_without_forces), layout.axes, len(part.M))[:, :3]
     moments = translations.T @ np.array(part.M)
     return layout.rows(layout.axes @ moments[:, layout.coordinates])
 
 
-def _weighed(part: Superelement, elastic: ElasticPart, layout: Layout, point: Vector, gravity: Vector) -> ElasticPart:
-    """The same under gravity g, V = -g . (m p + A (s0 + G x)) with the frame A at p, first moments s0 and G = R^T M.
+def _with_weight(
+    part: Superelement, elastic: ElasticPart, layout: Layout, point: Vector, gravity: Vector
+) -> ElasticPart:
+    """The elastic part under gravity g with the potential V = -g . (m p + A (s0 + G x)).
 
-    R are the nodes' translations, which move the whole model; x are its coordinates in its frame.
+    A are the axes and p the point of its frame, x its coordinates, s0 the first moments of mass without displacements
+    and G = R^T M, where R are translations of the entire model.
     """
-    mass, points = np.array(part.M), np.array(part.points_without_forces)
-    translations = rigid_motions(points, layout.axes, len(mass))
+    mass_matrix, points = np.array(part.M), np.array(part.points_without_forces)
+    translations = rigid_motions(points, layout.axes, len(mass_matrix))
     if part.grounded:
         raise ModelError(
-            f"superelement '{part.name}': its mass does not tell how gravity acts on a model that is held by the "
-            f"ground within (grounded=True); leave gravity out, or give the model with its feet as nodes on the "
-            f"ground.", element=part.name, field="grounded",
+            f"superelement '{part.name}': its mass matrix does not determine how gravity acts on a model that itself "
+            f"is fixed to the ground (grounded=True); leave gravity out, or give the model with nodes on the ground.",
+            element=part.name, field="grounded",
         )  # fmt: skip
-    moments = translations[:, :3].T @ mass
+    moments = translations[:, :3].T @ mass_matrix
     total, first = moments @ translations[:, :3], moments @ translations[:, 3:]
-    weight = float(total.trace()) / 3.0
+    mass = float(total.trace()) / 3.0
     size = np.abs(first).max(initial=0.0)
-    if np.abs(total - weight * np.eye(3)).max() > RIGID * abs(weight) or np.abs(first + first.T).max() > RIGID * size:
+    if np.abs(total - mass * np.eye(3)).max() > RIGID * abs(mass) or np.abs(first + first.T).max() > RIGID * size:
         raise ModelError(
             f"superelement '{part.name}': its mass for translations along its axes is {total.diagonal().tolist()} kg, "
-            f"so M does not tell how gravity acts; expected the same along all three and none across. Reduce the "
+            f"so M does not determine how gravity acts; expected the same along all three and none across. Reduce the "
             f"model with nodes that move it as a rigid body, or leave gravity out.", element=part.name, field="M",
         )  # fmt: skip
-    g, along = np.array(gravity), layout.axes @ moments[:, layout.coordinates]
-    # first moment about the node that carries the part: u = theta x r, so that M_tr = -[s]x
-    arm = layout.axes @ axial(-first) - weight * (np.array(point) - points[0])
-    moved = np.zeros(len(part.M)) if part.displacements is None else np.array(part.displacements)
-    arm += along @ moved[layout.coordinates]
+    g, world_moments = np.array(gravity), layout.axes @ moments[:, layout.coordinates]
+    # first moment of mass about the root: u = theta x r, so that M_tr = -[s]x
+    first_moment = layout.axes @ axial(-first) - mass * (np.array(point) - points[0])
+    displacements = np.zeros(len(part.M)) if part.displacements is None else np.array(part.displacements)
+    first_moment += world_moments @ displacements[layout.coordinates]
     force = layout.world(moments[:, layout.coordinates].T @ layout.axes.T @ g)
     if elastic.root == "ground":
         return replace(elastic, force=force)
-    centre = np.array(point) + arm / weight if weight else np.array(point)
-    load = Load(f"{part.name}.weight", elastic.root, tuple((weight * g).tolist()), NONE, tuple(centre.tolist()))
-    across = skew(g) @ layout.world(along)
-    return replace(elastic, force=force, loads=(load,) if weight else (),
-                   extra=turning_rows(elastic, point, across))  # fmt: skip
+    centre = np.array(point) + first_moment / mass if mass else np.array(point)
+    load = Load(f"{part.name}.weight", elastic.root, tuple((mass * g).tolist()), NONE, tuple(centre.tolist()))
+    coupling = skew(g) @ layout.world(world_moments)
+    return replace(elastic, force=force, loads=(load,) if mass else (),
+                   weight_stiffness=root_rotation_rows(elastic, point, coupling))  # fmt: skip

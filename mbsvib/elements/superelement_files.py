@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
@@ -23,8 +23,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reduced:
-    """Matrices ``M``, ``C`` (or None) and ``K`` (n, n) as ``add_superelement`` takes them; ``labels`` (n,) tell grid
-    point and component (1 to 6, 0 for an internal coordinate) of each row where the file knows them.
+    """Matrices ``M``, ``C`` (or None) and ``K`` (n, n) for ``add_superelement``.
+
+    ``labels`` (n,) are grid point and component (1 to 6, 0 for an internal coordinate) of each row, if the file has
+    them.
     """
 
     M: Array
@@ -50,14 +52,14 @@ class Reduced:
         ModelError
             If a grid point has not all six components.
         """
-        place = {label: i for i, label in enumerate(self.labels)}
+        row_of = {label: i for i, label in enumerate(self.labels)}
         first = []
         for grid in grids:
             for component in range(1, 7):
-                if (grid, component) not in place:
+                if (grid, component) not in row_of:
                     raise ModelError(f"grid point {grid} has no component {component} in the reduced matrices; an "
                                      f"interface node needs all six.", element=str(grid))  # fmt: skip
-                first.append(place[grid, component])
+                first.append(row_of[grid, component])
         order = first + [i for i in range(len(self.labels)) if i not in set(first)]
         at = np.ix_(order, order)
         return Reduced(self.M[at], None if self.C is None else self.C[at], self.K[at],
@@ -86,14 +88,14 @@ def read_mat(path: str | PathLike[str], M: str = "M", K: str = "K", C: str | Non
     ModelError
         If the file cannot be read or has no such matrix.
     """
-    wanted = [name for name in (M, K, C) if name is not None]
+    names = [name for name in (M, K, C) if name is not None]
     raw = content_of(path, _error(path), "a MATLAB file")
     try:
-        content = _level_4(raw) if 0 in raw[:4] else read_mat_file(raw, wanted)
+        content = _level_4(raw) if 0 in raw[:4] else read_mat_file(raw, names)
     except ContentError as error:
         raise ModelError(f"{path}: cannot be read as a MATLAB file: {error}. Save it with version -v7.",
                          element=str(path)) from error  # fmt: skip
-    return _picked(path, content, M, K, C)
+    return _reduced(path, content, M, K, C)
 
 
 def _level_4(raw: bytes) -> dict[str, Any]:
@@ -135,14 +137,14 @@ def read_op4(path: str | PathLike[str], M: str = "MAA", K: str = "KAA", C: str |
     ModelError
         If the file cannot be read, or has no such matrix.
     """
-    wanted = [name for name in (M, K, C) if name is not None]
+    names = [name for name in (M, K, C) if name is not None]
     raw = content_of(path, _error(path), "an OP4 file")
     try:
-        content = read_op4_file(raw, wanted)
+        content = read_op4_file(raw, names)
     except ContentError as error:
         raise ModelError(f"{path}: cannot be read as an OP4 file: {error}. Write it again.",
                          element=str(path)) from error  # fmt: skip
-    return _picked(path, content, M, K, C)
+    return _reduced(path, content, M, K, C)
 
 
 def read_punch(
@@ -162,8 +164,8 @@ def read_punch(
     Returns
     -------
     Reduced
-        The matrices with labels: grid points in ascending order, then scalar points, which have no component; those of
-        SPOINT cards are there even where all their entries are zero.
+        The matrices with labels: grid points in ascending order, then scalar points, which have no component. Scalar
+        points of SPOINT cards are included even if all their entries are zero.
 
     Raises
     ------
@@ -175,11 +177,11 @@ def read_punch(
         cards = read_dmig_cards(raw)
     except ContentError as error:
         raise ModelError(f"{path}, {error}", element=str(path)) from error
-    picked = _picked(path, cards.matrices, M, K, C)
-    return Reduced(picked.M, picked.C, picked.K, cards.labels)
+    return replace(_reduced(path, cards.matrices, M, K, C), labels=cards.labels)
 
 
-def _picked(path: Any, content: Mapping[str, Any], M: str, K: str, C: str | None) -> Reduced:
+def _reduced(path: Any, content: Mapping[str, Any], M: str, K: str, C: str | None) -> Reduced:
+    """Checked matrices from the content of a file."""
     matrices = []
     for name in (M, K) if C is None else (M, K, C):
         if name not in content:

@@ -1,12 +1,14 @@
-"""Torsion springs: a spring-damper about one axis, which the first body carries.
+"""Torsion springs: a spring-damper about one axis, which is fixed in the first body.
 
-tau = preload - k phi - c phi', the moment on the second body about the axis e. phi is the twist of the second body
-against the first since the pose as described: its rotation is a swing about an axis across e after a turn by phi about
-e. Equations about that pose see a bushing with stiffness about e only, whose moment turns with the first body.
+tau = preload - k phi - c phi' is the moment on the second body about the axis e. phi is the twist of the second body
+relative to the first since the reference pose: the relative rotation is the product of a rotation about an axis normal
+to e (swing) and a rotation by phi about e (twist). In equations about the reference pose the spring is a bushing with
+stiffness about e only, whose moment rotates with the first body.
 
 With the quaternion (w, x, y, z) of the relative rotation, z along e, phi = 2 atan2(z, w). After another small rotation
 rho, phi changes by g . rho - 1/2 (g . rho) (h . rho), g = (w y + z x, z y - w x, w^2 + z^2) / (w^2 + z^2) and
-h = (z y - w x, -w y - z x, 0) / (w^2 + z^2): where the bodies are turned across the axis, a bushing is made of that.
+h = (z y - w x, -w y - z x, 0) / (w^2 + z^2). In a pose with swing the spring is replaced by a bushing with these
+derivatives.
 
 Source: Dobrowolski (2015), Swing-twist decomposition in Clifford algebra, arXiv:1506.05481.
 """
@@ -15,7 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import atan2, degrees, hypot, sqrt
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,26 +26,26 @@ from mbsvib.common.arguments import Vector
 from mbsvib.elements import bushing
 from mbsvib.elements.connection import Connection, check_ends
 from mbsvib.elements.part import ParameterField, Part
-from mbsvib.elements.shared_rows import PlainParts
+from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import quaternion
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from mbsvib.elements.placement import Placement
+    from mbsvib.elements.pose import Pose
 
-# A swing of the bodies across the axis below this half sine is rounding.
+# Sine of half the swing angle below which the swing is a rounding error.
 SWING = 1e-12
-# Squared cosine of half a swing of 3 rad, up to which torsion springs are followed.
-FARTHEST = 5e-3
+# Squared cosine of half the largest swing angle, 3 rad.
+LARGEST_SWING = 5e-3
 
 
 @dataclass(frozen=True, slots=True)
 class TorsionSpring(Connection):
     """``stiffness`` [N m/rad] and ``damping`` [N m s/rad] about ``axis`` (unit vector, world axes).
 
-    ``preload`` [N m] is the moment about the axis on the second body in the given pose.
+    ``preload`` [N m] is the moment about the axis on the second body in the reference pose.
     """
 
     axis: Vector
@@ -57,41 +59,40 @@ class TorsionSpring(Connection):
         if self.preload is not None:
             yield ParameterField("preload", self.preload, "N m")
 
-    def with_values(self, values: Mapping[str, Any]) -> Self:
-        return make(**self.arguments() | dict(values))  # type: ignore[return-value]
+    def with_values(self, values: Mapping[str, Any]) -> TorsionSpring:
+        return make(**self._arguments_with(values))
 
     @property
     def loaded(self) -> bool:
-        """Whether it carries a force in the pose as described."""
+        """Whether it has a moment in the reference pose."""
         return bool(self.preload)
 
-    def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
-        if pose.stays(self.first) and pose.stays(self.second):
+    def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
+        if pose.is_unmoved(self.first) and pose.is_unmoved(self.second):
             return self
-        words = self.words() | {"axis": pose.direction(self.first, self.axis)}
+        kwargs = self.constructor_kwargs() | {"axis": pose.rotated_vector(self.first, self.axis)}
         if relaxed:
-            return words
+            return kwargs
         axes = check.frame_along(self.axis)
-        w, (x, y, z) = quaternion(pose.turned(self.first, axes).T @ pose.turned(self.second, axes))
+        w, (x, y, z) = quaternion(pose.rotated(self.first, axes).T @ pose.rotated(self.second, axes))
         square, angle = w * w + z * z, 2.0 * atan2(z, w)
-        if square < FARTHEST or abs(angle) > bushing.FARTHEST:
+        if square < LARGEST_SWING or abs(angle) > bushing.LARGEST_ANGLE:
             who = f"torsion spring '{self.name}'"
             raise ModelError(f"{who}: its bodies are turned by {degrees(abs(angle)):.0f} degrees about its axis and by "
-                             f"{degrees(2.0 * atan2(hypot(x, y), sqrt(square))):.0f} across it, where its angle is no "
-                             f"longer known. Describe the model in a pose nearer by.",
+                             f"{degrees(2.0 * atan2(hypot(x, y), sqrt(square))):.0f} across it, where its angle is not "
+                             f"unique. Describe the model in a nearer pose.",
                              element=who, field="stiffness")  # fmt: skip
         moment = (self.preload or 0.0) - self.stiffness * angle
         if hypot(x, y) <= SWING:
-            return words | ({"preload": moment} if moment or self.preload is not None else {})
-        slope = np.array((w * y + z * x, z * y - w * x, square)) / square
-        bend = np.array((z * y - w * x, -w * y - z * x, 0.0)) / square
-        curve = -0.5 * (np.outer(slope, bend) + np.outer(bend, slope))
-        about = np.zeros((3, 6, 6))
-        about[0, 3:, 3:] = self.stiffness * np.outer(slope, slope) - moment * curve
-        about[1, 3:, 3:] = self.damping * np.outer(slope, slope)
-        about[2, 0, 3:] = moment * slope
-        return bushing.make(self.name, self.first, self.second, (0.0, 0.0, 0.0), about[0], about[1],
-                            pose.axes(self.first, axes), about[2, 0])  # fmt: skip
+            return kwargs | ({"preload": moment} if moment or self.preload is not None else {})
+        g = np.array((w * y + z * x, z * y - w * x, square)) / square
+        h = np.array((z * y - w * x, -w * y - z * x, 0.0)) / square
+        second_derivative = -0.5 * (np.outer(g, h) + np.outer(h, g))
+        stiffness, damping = np.zeros((2, 6, 6))
+        stiffness[3:, 3:] = self.stiffness * np.outer(g, g) - moment * second_derivative
+        damping[3:, 3:] = self.damping * np.outer(g, g)
+        return bushing.make(self.name, self.first, self.second, (0.0, 0.0, 0.0), stiffness, damping,
+                            pose.rotated_axes(self.first, axes), (0.0, 0.0, 0.0, *(moment * g)))  # fmt: skip
 
 
 def make(
@@ -110,9 +111,10 @@ def make(
     return TorsionSpring(name, first, second, check.axis(axis, who, "axis"), k, c, preload)
 
 
-def plain(part: TorsionSpring, *_: Any) -> PlainParts:
-    """Return the bushing of the same name about the axis; where it acts does not matter, as it takes no force."""
-    about = [(0.0,) * 5 + (value,) for value in (part.stiffness, part.damping, part.preload or 0.0)]
-    return PlainParts(springs={part.name: bushing.make(
-        part.name, part.first, part.second, (0.0, 0.0, 0.0), about[0], about[1], check.frame_along(part.axis),
-        about[2] if part.preload is not None else None)})  # fmt: skip
+def expand(part: TorsionSpring, *_: Any) -> ExpandedPart:
+    """Return the bushing of the same name about the axis; it has no force, so that its point does not matter."""
+    values = part.stiffness, part.damping, part.preload or 0.0
+    stiffness, damping, preload = [(0.0,) * 5 + (value,) for value in values]
+    return ExpandedPart(springs={part.name: bushing.make(
+        part.name, part.first, part.second, (0.0, 0.0, 0.0), stiffness, damping, check.frame_along(part.axis),
+        preload if part.preload is not None else None)})  # fmt: skip

@@ -1,7 +1,7 @@
-"""Assembly: from a mechanism in numbers to the factors of its matrices, and to equations with names.
+"""Assembly: from a mechanism to the factors of its matrices, and to equations with names.
 
 M = W^T W with one row of W per translation and rotation of a body, K = D^T diag(k) D and C = D^T diag(c) D with one row
-of D per elastic direction: everything comes from the geometry by the path rule, and products are formed last.
+of D per elastic direction. All rows follow from the geometry by the path rule, and products are formed last.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 
 E = TypeVar("E", bound=Equations)
 
-# So few bodies and joints have fewer coordinates than sparse equations are taken for.
+# Mechanisms with up to this number of bodies and joints have dense equations by default.
 FEW = 100
 
 
 def is_small(model: Mechanism) -> bool:
-    """Return whether a mechanism is so small that its equations are dense unless sparse ones are asked for."""
+    """Return whether a mechanism is so small that its equations are dense by default."""
     return not model.composed and len(model.bodies) + len(model.joints) <= FEW
 
 
@@ -49,42 +49,42 @@ def linearized(
     model : Mechanism
         The mechanism.
     independent : sequence of str, optional
-        Joint coordinates (``"hip1.rx"``) that are to be among the minimal ones.
+        Joint coordinates (``"hip1.rx"``) that must be among the minimal ones.
     cut : sequence of str, optional
         Joints at which loops are to be cut; default: chosen by the smallest cumulative degree of freedom.
     form : type
         The class of the equations.
     origin : Mechanism, optional
-        The mechanism as the user gave it, where ``model`` is what it has been expanded to.
+        The user's mechanism, if ``model`` is its expansion.
 
     Returns
     -------
     Equations
-        Matrices, names and the way back to the bodies.
+        Matrices, names and motion of the bodies.
 
     Source: Jiang, Chen & Luo (2011), sections 2 and 3.
     """
     keep_freed_memory(len(model.joints))
-    plain = expanded(model)
-    return assembled(plain, scene(with_maxwell_nodes(plain), cut), independent, copy(origin or model), form=form)
+    model, origin = expanded(model), copy(origin or model)
+    return assembled(model, scene(with_maxwell_nodes(model), cut), independent, origin, form=form)
 
 
 def assembled(
     model: Mechanism, scene: Scene, independent: Sequence[str] | None = None, origin: Mechanism | None = None,
     checked: bool = True, form: type[E] = Equations,  # type: ignore[assignment]
 ) -> E:
-    """Return the minimal linear equations of motion of a mechanism in numbers.
+    """Return the minimal linear equations of motion of a mechanism from its arrays.
 
     Parameters
     ----------
     model : Mechanism
         The mechanism, for the names of its inputs and outputs.
     scene : Scene
-        The same in numbers.
+        Its arrays.
     independent : sequence of str, optional
-        Joint coordinates that are to be among the minimal ones.
+        Joint coordinates that must be among the minimal ones.
     origin : Mechanism, optional
-        The model as the user gave it, which stays as it is.
+        The user's mechanism, which must not change later.
     checked : bool
         Whether a pose that is not in balance is refused.
     form : type
@@ -93,7 +93,7 @@ def assembled(
     Returns
     -------
     Equations
-        Matrices, names and the way back to the bodies.
+        Matrices, names and motion of the bodies.
     """
     draft = first_draft(model, scene, independent, checked)
     planar = check_mobility(scene.topology, scene.coordinates, scene.cuts, draft.reduction, scene.position)
@@ -102,7 +102,7 @@ def assembled(
     turns = scene.coordinates.turns
     return form(
         name=model.name, coordinates=draft.names,
-        coordinate_units=tuple(["rad" if turns[k] else "m" for k in draft.kept]),
+        coordinate_units=tuple(["rad" if turns[k] else "m" for k in draft.minimal]),
         inputs=tuple(model.inputs), input_units=scene.port.input_units, outputs=tuple(model.outputs),
         output_units=scene.port.output_units, bodies=scene.topology.bodies, **draft.terms.named(),
         provenance=Provenance(
@@ -147,6 +147,6 @@ def _masses(draft: Draft) -> Draft:
     return separated(draft)
 
 
-# What parts add beyond the rows of bodies and connections, in this order; a step without parts returns its draft, and
-# does not load its module.
+# Contributions of other parts than bodies and connections, in this order; a step without such parts returns its draft,
+# and does not load its module.
 STEPS: tuple[Callable[[Draft], Draft], ...] = (_loads, _joint_forces, _spin, _masses)

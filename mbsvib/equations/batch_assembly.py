@@ -66,7 +66,7 @@ def linearize_batch(
     Returns
     -------
     BatchEquations
-        All variants, in the minimal coordinates of the pose as given.
+        All variants, in the minimal coordinates of the nominal pose.
 
     Raises
     ------
@@ -77,10 +77,11 @@ def linearize_batch(
     """
     keep_freed_memory(MANY)
     variants = checked(model.parameters, values)
-    plain = expanded(model)
-    scene = scene_of(with_maxwell_nodes(plain), cut)
-    nominal = single.assembled(plain, scene, independent, None if plain is model else copy(model), form=form)
-    if plain is not model or _adds_by_variant(model, scene, nominal) or _varies_otherwise(scene, variants):
+    expanded_model = expanded(model)
+    is_expanded = expanded_model is not model
+    scene = scene_of(with_maxwell_nodes(expanded_model), cut)
+    nominal = single.assembled(expanded_model, scene, independent, copy(model) if is_expanded else None, form=form)
+    if is_expanded or _adds_by_variant(model, scene, nominal) or _varies_otherwise(scene, variants):
         return one_by_one(model, nominal, variants, cut, batch)
     pivots = loop_pivots(scene, nominal.provenance.reduction)
     size = _chunk_size(scene, variants)
@@ -165,5 +166,5 @@ def _check_masses(mass: Array, names: tuple[str, ...], first: int) -> None:
             check_mass(mass[i], names)
         except ModelError as error:
             raise ModelError(f"variant {first + i}: {error} All variants of a batch have the same motions without "
-                             f"mass, and the model as given has none.", element=error.element) from error  # fmt: skip
+                             f"mass, and the nominal model has none.", element=error.element) from error  # fmt: skip
 

@@ -29,10 +29,10 @@ class BatchEquations(Matrices):
 
     Arrays are those of ``Equations`` with an axis of variants in front: ``M``, ``C``, ``K`` (n, m, m), ``B`` (n, m,
     inputs), ``Cq``, ``Cv``, ``Ca`` (n, outputs, m), ``D`` (n, outputs, inputs). They are read-only, and views of a
-    single matrix where nothing varies. ``batch[i]`` are those of variant i, ``nominal`` those of the model as given;
-    ``values`` holds what varies, and ``closure`` (n, joint coordinates, m) is B'' where the geometry of loops does;
-    ``provenances`` is what each variant came from where they were linearized one by one. ``gyroscopic`` and
-    ``circulatory`` (n, m, m) and ``null_inertia`` (n, m, massless) are None where no variant has them.
+    single matrix if they are constant. ``batch[i]`` are the equations of variant i, ``nominal`` those of the model.
+    ``values`` are the values that vary. ``closure`` (n, joint coordinates, m) is B'' if the geometry of loops varies,
+    ``provenances`` are those of variants that were linearized one by one. ``gyroscopic`` and ``circulatory`` (n, m, m)
+    and ``null_inertia`` (n, m, massless) are None if no variant has them.
     """
 
     kind: ClassVar[str] = "batch"
@@ -68,7 +68,7 @@ class BatchEquations(Matrices):
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Names of the minimal coordinates, those of the pose as given."""
+        """Names of the minimal coordinates, which are those of the nominal pose."""
         return self.nominal.coordinates
 
     @property
@@ -167,7 +167,7 @@ class BatchEquations(Matrices):
         return replace(self, values=self.values.slice(start, stop), closure=closure, provenances=provenances, **arrays)
 
     def _provenance(self, k: int) -> Provenance:
-        """That of the pose as given, on which the choice of coordinates rests, with the variant's own numbers."""
+        """Provenance of a variant: that of the nominal pose with the variant's parts and loops."""
         if self.provenances is not None:
             return self.provenances[k]
         nominal, values = self.nominal.provenance, self.values

@@ -258,7 +258,7 @@ def _single_decision(
         except ModelError as error:  # the nominal coordinates depend on each other
             raise SingularPoseError(
                 f"variant {first + i}: the loops closed by {', '.join(cuts.joints)} tie the coordinates "
-                f"{', '.join(names)} of the pose as given to each other. {HELP}"
+                f"{', '.join(names)} of the nominal pose to each other. {HELP}"
             ) from error
         except SingularPoseError as error:
             raise SingularPoseError(f"variant {first + i}: {error}") from error
@@ -283,5 +283,5 @@ def check_freedom(freedom: int, expected: int) -> None:
     """
     if freedom != expected:
         raise SingularPoseError(
-            f"its loops leave {counted(freedom, 'degree')} of freedom, those of the pose as given {expected}. {HELP}"
+            f"its loops leave {counted(freedom, 'degree')} of freedom, those of the nominal pose {expected}. {HELP}"
         )

@@ -51,12 +51,12 @@ def one_by_one(
     Returns
     -------
     BatchEquations
-        All variants, in the minimal coordinates of the pose as given.
+        All variants, in the minimal coordinates of the nominal pose.
 
     Raises
     ------
     ModelError
-        If other motions than in the model as given move no mass, or a variant is refused by itself, by its index.
+        If a variant has other massless motions than the nominal model, or is invalid by itself, by its index.
     SingularPoseError
         If a variant has another number of degrees of freedom, by its index.
     """
@@ -109,20 +109,20 @@ def _in_coordinates(variant: Mechanism, nominal: Equations, cut: Sequence[str] |
         if error.field != "independent":
             raise
         _check_massless(linearized(variant, None, cut), nominal)  # more motions without mass, fewer coordinates
-        raise SingularPoseError(f"its loops tie the coordinates {', '.join(nominal.coordinates)} of the pose as given "
+        raise SingularPoseError(f"its loops tie the coordinates {', '.join(nominal.coordinates)} of the nominal pose "
                                 f"to each other. {HELP}") from error  # fmt: skip
     return result
 
 
 def _check_massless(system: Equations, nominal: Equations) -> None:
-    """Refuse a variant in which other motions move no mass than in the model as given, by name."""
+    """Refuse a variant that has other massless motions than the nominal model, by name."""
     in_variant, in_nominal = _without_mass(system), _without_mass(nominal)
     if sorted(in_variant.values()) == sorted(in_nominal.values()):
         return  # a motion of several coordinates without mass may be named by any of them
     name = next(name for name in (*in_variant, *in_nominal) if in_variant.get(name) != in_nominal.get(name))
     moves = "moves mass"
     raise ModelError(
-        f"coordinate '{name}' {in_variant.get(name, moves)}, in the model as given it {in_nominal.get(name, moves)}. "
+        f"coordinate '{name}' {in_variant.get(name, moves)}, in the nominal model it {in_nominal.get(name, moves)}. "
         f"All variants of a batch have the same motions without mass; linearize this one by itself "
         f"(model.with_values).",
         element=name, field="values",

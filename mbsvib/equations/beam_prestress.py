@@ -21,8 +21,8 @@ import numpy as np
 from mbsvib.elements import Bushing
 from mbsvib.elements import beam_element as element
 from mbsvib.elements import load as _load
-from mbsvib.elements.beam_expansion import elastic_part, middle, turned
-from mbsvib.elements.shared_rows import Node, Piece
+from mbsvib.elements.beam_expansion import elastic_part, middle, rotated
+from mbsvib.elements.shared_rows import Node, SharedRows
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.linalg.rank import STRAINED, ZERO_PRESTRESS
 
@@ -63,8 +63,8 @@ def _weight(beam: Beam, gravity: Vector) -> list[Load]:
     for i, length in enumerate(beam.lengths()):
         mass[i : i + 2] += 0.5 * line * length
     return [
-        _load.make(f"{beam.name}.weight{i}", beam.node(i), [m * g for g in gravity], _load.NONE, point, False)
-        for i, (m, point) in enumerate(zip(mass.tolist(), beam.points, strict=True)) if beam.node(i) != "ground"
+        _load.make(f"{beam.name}.weight{i}", beam.body_of(i), [m * g for g in gravity], _load.NONE, point, False)
+        for i, (m, point) in enumerate(zip(mass.tolist(), beam.points, strict=True)) if beam.body_of(i) != "ground"
     ]  # fmt: skip
 
 
@@ -78,7 +78,7 @@ def element_forces(
     Parameters
     ----------
     model : Mechanism
-        The mechanism in plain parts, with the weights of beams and superelements but no other forces in them.
+        The expanded mechanism, with the weights of beams and superelements but no other forces in them.
     beams : sequence of Beam
         Its beams.
     reduced : sequence of ElasticPart
@@ -113,8 +113,8 @@ def element_forces(
     if elastic is not None:
         shared_rows = elastic.composite.of(joint_rows[len(joint_rows) - len(elastic.composite.rows.first) :])
         for part in reduced:
-            own = np.array([owner == part.owner for owner in elastic.owner]) & (elastic.stiffness != 0.0)
-            parts.append((shared_rows[own], elastic.stiffness[own], part.row_forces))
+            of_part = np.array([owner == part.owner for owner in elastic.owner]) & (elastic.stiffness != 0.0)
+            parts.append((shared_rows[of_part], elastic.stiffness[of_part], part.row_forces))
     rows = np.concatenate([reduction.apply_exactly(part) for part, _, _ in parts])
     open_rows, stiffness, forces = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     residual = np.zeros(rows.shape[1])
@@ -194,7 +194,7 @@ def least_energy_forces(rows: Array, open_rows: Array, root: Array, needed: Arra
     return result
 
 
-def bent_lines(beam: Beam, elements: dict[str, Bushing]) -> list[Piece]:
+def bent_lines(beam: Beam, elements: dict[str, Bushing]) -> list[SharedRows]:
     """Return the geometric stiffness of the bent lines of a beam's elements, in addition to that of rigid halves.
 
     Parameters
@@ -223,8 +223,8 @@ def bent_lines(beam: Beam, elements: dict[str, Bushing]) -> list[Piece]:
                 row[across], row[about] = d, sign * r
                 rows.append(row)
                 values.append(tension * value)
-        node = Node(beam.node(i + 1), middle(beam, i), against=beam.node(i))
-        result.append(Piece(beam.name, (node,), turned(np.array(rows), axes), stiffness=np.array(values)))
+        node = Node(beam.body_of(i + 1), middle(beam, i), relative_to=beam.body_of(i))
+        result.append(SharedRows(beam.name, (node,), rotated(np.array(rows), axes), stiffness=np.array(values)))
     return result
 
 

@@ -32,7 +32,7 @@ E = TypeVar("E", bound=Equations)
 
 
 def selected_ports(
-    names: tuple[str, ...], selection: str | Sequence[str] | None, what: str, name: str, others: tuple[str, ...] = ()
+    names: tuple[str, ...], selection: str | Sequence[str] | None, kind: str, name: str, others: tuple[str, ...] = ()
 ) -> list[int]:
     """Return the numbers of the selected ports, in the system's order.
 
@@ -42,7 +42,7 @@ def selected_ports(
         Names of all ports.
     selection : str or sequence of str, optional
         Selected names; default: all.
-    what : str
+    kind : str
         "inputs" or "outputs".
     name : str
         The system's name, for messages.
@@ -59,10 +59,10 @@ def selected_ports(
     ResponseError
         If a name is unknown, or there is none.
     """
-    numbers = selected(selection, names, what[:-1], name, others)
+    numbers = selected(selection, names, kind[:-1], name, others)
     if not numbers:
-        raise ResponseError(f"reachable: no {what} are asked for, which leaves nothing of '{name}'; expected one or "
-                            f"more of {', '.join(names) or 'its ' + what + ', yet it has none'}.")  # fmt: skip
+        raise ResponseError(f"reachable: no {kind} are asked for, which leaves nothing of '{name}'; expected one or "
+                            f"more of {', '.join(names) or 'its ' + kind + ', yet it has none'}.")  # fmt: skip
     return sorted(numbers)
 
 
@@ -126,7 +126,7 @@ def _names(system: Equations, mask: Mask) -> tuple[str, ...]:
 def _part(system: E, remaining: Index, removed: Removed) -> E:
     square = np.ix_(remaining, remaining)
     rows = system.elastic_rows[:, remaining]
-    acts = np.asarray(rows.any(axis=1))
+    nonzero = np.asarray(rows.any(axis=1))
     null = system.null_inertia
     if null is not None:
         null = null[remaining]
@@ -142,9 +142,9 @@ def _part(system: E, remaining: Index, removed: Removed) -> E:
         coordinate_units=tuple(system.coordinate_units[k] for k in remaining),
         M=system.M[square], C=system.C[square], K=system.K[square], B=system.B[remaining],
         Cq=system.Cq[:, remaining], Cv=system.Cv[:, remaining], Ca=system.Ca[:, remaining],
-        inertia_factor=system.inertia_factor[:, remaining], elastic_rows=rows[acts],
-        row_stiffness=system.row_stiffness[acts], row_damping=system.row_damping[acts],
-        row_owner=system.row_owner[acts],
+        inertia_factor=system.inertia_factor[:, remaining], elastic_rows=rows[nonzero],
+        row_stiffness=system.row_stiffness[nonzero], row_damping=system.row_damping[nonzero],
+        row_owner=system.row_owner[nonzero],
         body_motion=np.ascontiguousarray(system.body_motion[:, :, remaining]),
         gyroscopic=_block(system.gyroscopic, square), circulatory=_block(system.circulatory, square),
         massless=0 if null is None else null.shape[1], null_inertia=null,

@@ -1,4 +1,4 @@
-"""Drafts: a mechanism in numbers, with its equations of motion as far as they are assembled."""
+"""Drafts: the arrays of a mechanism, with its equations of motion as far as they are assembled."""
 
 from __future__ import annotations
 
@@ -26,11 +26,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Draft:
-    """Equations of motion on the way: each step of the assembly returns a draft with what its parts add.
+    """Incomplete equations of motion: each step of the assembly returns a draft with the contribution of its parts.
 
-    ``model`` in plain parts is ``scene`` in numbers; ``relative`` are its relative displacements, ``phi`` those that
-    loops hold at zero, ``reduction`` leads to minimal coordinates with the numbers ``kept`` among joint coordinates.
-    ``pins`` are coordinates that the user wants to keep. A pose out of balance is refused if ``checked``.
+    ``scene`` has the arrays of the expanded ``model``. ``relative`` are its relative displacements, ``phi`` the rows of
+    loop constraints, ``reduction`` the minimal coordinates. ``minimal`` are the numbers of these among the joint
+    coordinates, ``independent`` names that the user requires among them. If ``checked``, a pose that is not in balance
+    is refused.
     """
 
     model: Mechanism
@@ -38,9 +39,9 @@ class Draft:
     relative: Triplets
     phi: Array
     reduction: Reduction
-    kept: tuple[int, ...]
+    minimal: tuple[int, ...]
     terms: Terms
-    pins: tuple[str, ...] = ()
+    independent: tuple[str, ...] = ()
     checked: bool = True
     statics: Statics | None = None
     undetermined: tuple[Undetermined, ...] = ()
@@ -50,22 +51,22 @@ class Draft:
     def names(self) -> tuple[str, ...]:
         """Names of the minimal coordinates."""
         names = self.scene.coordinates.names
-        return tuple([names[k] for k in self.kept])
+        return tuple([names[k] for k in self.minimal])
 
 
 def first_draft(
     model: Mechanism, scene: Scene, independent: Sequence[str] | None = None, checked: bool = True
 ) -> Draft:
-    """Return the equations of motion of bodies, joints, connections and ports, without what depends on other parts.
+    """Return the equations of motion of bodies, joints, connections and ports, without those of other parts.
 
     Parameters
     ----------
     model : Mechanism
-        The mechanism in plain parts.
+        The expanded mechanism.
     scene : Scene
-        The same in numbers.
+        Its arrays.
     independent : sequence of str, optional
-        Joint coordinates that are to be among the minimal ones.
+        Joint coordinates that must be among the minimal ones.
     checked : bool
         Whether later steps refuse a pose that is not in balance.
 

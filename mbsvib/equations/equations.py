@@ -108,12 +108,12 @@ class Provenance:
     closed_loop: bool = False
     from_matrices: bool = False
 
-    def check_mechanism(self, name: str, what: str) -> None:
+    def check_mechanism(self, name: str, request: str) -> None:
         """Refuse a request that needs a mechanism.
 
         Parameters
         ----------
-        name, what : str
+        name, request : str
             Name of the system, and of the request.
 
         Raises
@@ -122,15 +122,15 @@ class Provenance:
             If the system was made of matrices.
         """
         if self.from_matrices:
-            raise ModelError(f"{what}: '{name}' was made of matrices and has no bodies, joints and elements; this "
+            raise ModelError(f"{request}: '{name}' was made of matrices and has no bodies, joints and elements; this "
                              f"needs a mechanism: build a Model and linearize it.")  # fmt: skip
 
-    def check_parameters(self, name: str, what: str) -> None:
+    def check_parameters(self, name: str, request: str) -> None:
         """Refuse a request that needs a mechanism without controllers.
 
         Parameters
         ----------
-        name, what : str
+        name, request : str
             Name of the system, and of the request.
 
         Raises
@@ -138,10 +138,10 @@ class Provenance:
         ModelError
             If the system was made of matrices, or a controller acts on the mechanism.
         """
-        self.check_mechanism(name, what)
+        self.check_mechanism(name, request)
         if self.closed_loop:
-            raise ModelError(f"{what}: a controller acts on '{name}', and derivatives with closed loops are not "
-                             f"available. Ask the system with open loops, loop.open_loop.")  # fmt: skip
+            raise ModelError(f"{request}: a controller acts on '{name}', and derivatives with closed loops are not "
+                             f"available. Use the system with open loops, loop.open_loop.")  # fmt: skip
 
 
 @dataclass(frozen=True, repr=False, eq=False, kw_only=True)

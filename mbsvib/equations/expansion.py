@@ -1,4 +1,4 @@
-"""Expansion: mechanisms whose beams, superelements and others are bodies, joints, springs, outputs and shared rows."""
+"""Expansion: bodies, joints, springs, outputs and shared rows replace beams, superelements and others."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.families import FAMILIES
-from mbsvib.elements.shared_rows import Piece, Pieces
+from mbsvib.elements.shared_rows import Expansion, SharedRows
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements.elastic_part import ElasticPart
 
-EXPANSIONS = {family.part: family.plain for family in FAMILIES if family.plain is not None}
+EXPANSIONS = {family.part: family.expand for family in FAMILIES if family.expand is not None}
 _EXPANDED = ("bodies", "joints", "springs", "outputs")
 M = TypeVar("M", bound=Mechanism)
 
 
 def expanded(model: M) -> M:
-    """Return a mechanism in plain parts: parts with an expansion in the table of families are replaced by it.
+    """Return a mechanism in which bodies, joints, springs and outputs replace all parts with an expansion.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def expanded(model: M) -> M:
     Returns
     -------
     Mechanism
-        The same mechanism, with rows that more than two bodies share in ``pieces``; itself if all parts are plain.
+        The expanded mechanism, with shared rows in ``expansion``; the same mechanism if no part has an expansion.
 
     Raises
     ------
@@ -49,55 +49,55 @@ def expanded(model: M) -> M:
 
     groups: Any = {key: dict(getattr(model, key)) for key in _EXPANDED}
     owners = tuple([part for part in parts if model.outputs.get(part.name) is not part])
-    mass: list[Piece] = []
-    elastic: list[Piece] = []
+    mass: list[SharedRows] = []
+    elastic: list[SharedRows] = []
     names = {part.name for part in owners}
     # superelements first, then beams: the order of coordinates does not depend on the order of calls
     for part in sorted(parts, key=lambda part: isinstance(part, Beam)):
-        plain = EXPANSIONS[type(part)](part, model.composed)
+        replacement = EXPANSIONS[type(part)](part, model.composed)
         for key, group in groups.items():
-            group.update(getattr(plain, key))
-            names.update(getattr(plain, key) if key != "outputs" else ())
-        mass += plain.mass
-        elastic += plain.elastic
+            group.update(getattr(replacement, key))
+            names.update(getattr(replacement, key) if key != "outputs" else ())
+        mass += replacement.mass
+        elastic += replacement.elastic
     nodes = frozenset(groups["bodies"]) - frozenset(model.bodies)
-    pieces = Pieces(tuple(mass), tuple(elastic), nodes, owners, frozenset(names),
-                    tuple([part.name for part in model.declared_parts]))  # fmt: skip
-    result = model.with_parts(**groups, composed={}, pieces=pieces)
+    expansion = Expansion(tuple(mass), tuple(elastic), nodes, owners, frozenset(names),
+                          tuple([part.name for part in model.declared_parts]))  # fmt: skip
+    result = model.with_parts(**groups, composed={}, expansion=expansion)
     displaced = any(beam.displacements is not None for beam in model.beams.values()) or any(
         part.displacements is not None for part in model.superelements.values())  # fmt: skip
     return _prestressed(result, model) if displaced or (model.composed and is_loaded(result)) else result
 
 
-def _prestressed(plain: M, model: M) -> M:
-    """Return the plain mechanism with the forces in beams and superelements in the loaded pose."""
-    from mbsvib.elements.elastic_part import rotation_rows
+def _prestressed(result: M, model: M) -> M:
+    """The expanded mechanism with the forces in beams and superelements in the loaded pose."""
+    from mbsvib.elements.elastic_part import second_order_rotation_rows
     from mbsvib.elements.superelement_expansion import elastic_part
     from mbsvib.equations.beam_prestress import beam_weights, bent_lines, element_forces
 
     beams = tuple(model.beams.values())
     reduced = tuple([elastic_part(part, model.gravity) for part in model.superelements.values()])
-    weights = beam_weights(beams, plain.gravity) | {load.name: load for part in reduced for load in part.loads}
-    plain = plain.with_parts(loads=dict(plain.loads) | weights)
-    unloaded = _with_node_wrenches(plain, [(part, np.zeros(len(part.values))) for part in reduced])
+    weights = beam_weights(beams, result.gravity) | {load.name: load for part in reduced for load in part.loads}
+    result = result.with_parts(loads=dict(result.loads) | weights)
+    unloaded = _with_node_wrenches(result, [(part, np.zeros(len(part.values))) for part in reduced])
     loaded_elements, forces = element_forces(unloaded, beams, reduced)
-    assert plain.pieces is not None
-    stiffness = [piece for beam in beams for piece in bent_lines(beam, loaded_elements)]
+    assert result.expansion is not None
+    stiffness = [rows for beam in beams for rows in bent_lines(beam, loaded_elements)]
     for part, rows in zip(reduced, forces, strict=True):
-        stiffness += [*part.extra, *rotation_rows(part, part.forces(rows))]
-    pieces = replace(plain.pieces, elastic=(*plain.pieces.elastic, *stiffness))
-    plain = _with_node_wrenches(plain, list(zip(reduced, forces, strict=True)))
-    return plain.with_parts(springs=dict(plain.springs) | loaded_elements, pieces=pieces)
+        stiffness += [*part.weight_stiffness, *second_order_rotation_rows(part, part.forces(rows))]
+    expansion = replace(result.expansion, elastic=(*result.expansion.elastic, *stiffness))
+    result = _with_node_wrenches(result, list(zip(reduced, forces, strict=True)))
+    return result.with_parts(springs=dict(result.springs) | loaded_elements, expansion=expansion)
 
 
-def _with_node_wrenches(plain: M, parts: Sequence[tuple[ElasticPart, Array]]) -> M:
-    """Return a mechanism with the wrenches of superelements on their nodes, by the forces in their rows."""
+def _with_node_wrenches(model: M, parts: Sequence[tuple[ElasticPart, Array]]) -> M:
+    """The mechanism with the wrenches of superelements on their nodes, by the forces in their rows."""
     from mbsvib.elements.elastic_part import wrenches
 
-    springs: dict[str, Any] = dict(plain.springs)
-    loads: dict[str, Any] = dict(plain.loads)
+    springs: dict[str, Any] = dict(model.springs)
+    loads: dict[str, Any] = dict(model.loads)
     for part, rows in parts:
         bushings, node_loads = wrenches(part, rows)
         springs |= {spring.name: spring for spring in bushings}
         loads |= {load.name: load for load in node_loads}
-    return plain.with_parts(loads=loads, springs=springs)
+    return model.with_parts(loads=loads, springs=springs)

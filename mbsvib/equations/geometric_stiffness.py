@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.elements.contribution import Contribution, Weights, turns
+from mbsvib.elements.contribution import Contribution, Weights, rotation_rows
 from mbsvib.elements.rows import Rows
 from mbsvib.linalg.rank import ZERO_FORM
 from mbsvib.linalg.rotations import skew
@@ -166,9 +166,9 @@ def geometric_terms(
     bodies, first_end = np.unique(ends[order], return_index=True)
     squares, on_bodies = 6 * len(bodies), np.flatnonzero(second_order.carrier < ground)
     swinging, lines = np.flatnonzero(second_order.line_carrier < ground), len(second_order.line_owner)
-    rotation_rows = turns(bodies.repeat(6), np.tile(SUMS.T, len(bodies)), ground)
-    moment_rows = turns(second_order.carrier[on_bodies], np.zeros((3, len(on_bodies))), ground)
-    swing_rows = turns(second_order.line_carrier[swinging], second_order.swing[:, swinging], ground)
+    sum_rows = rotation_rows(bodies.repeat(6), np.tile(SUMS.T, len(bodies)), ground)
+    moment_rows = rotation_rows(second_order.carrier[on_bodies], np.zeros((3, len(on_bodies))), ground)
+    swing_rows = rotation_rows(second_order.line_carrier[swinging], second_order.swing[:, swinging], ground)
     # rows: rotations of bodies, second-order displacements, rows across lines (to which swings add), moments
     first_across = squares + displacements
     start = first_across + lines
@@ -176,7 +176,7 @@ def geometric_terms(
     successive = second_order.successive
     halved = second_order.twist[:, on_bodies].reshape(2, 3, -1) * _FACTORS
     return GeometricTerms(
-        second_order, Rows.join([rotation_rows, second_order.rows, moment_rows, swing_rows]),
+        second_order, Rows.join([sum_rows, second_order.rows, moment_rows, swing_rows]),
         np.concatenate((np.arange(start + len(on_bodies)), first_across + swinging)),
         np.concatenate((number, squares + on_bodies, squares + successive[1], across)),
         np.concatenate((number, start + np.arange(len(on_bodies)), squares + successive[2], across)),

@@ -42,6 +42,12 @@ class SpatialInertia:
         return result.reshape(*variants, 6 * motion.shape[-3], motion.shape[-1])
 
 
+def inertia_tensor(body: Body) -> Array:
+    """Return the inertia tensor (3, 3) of a body about its centre of mass, world axes."""
+    axes = np.array(body.orientation)
+    return np.asarray(axes @ np.array(body.inertia)[_TENSOR].reshape(3, 3) @ axes.T)
+
+
 def spatial_inertia(bodies: Sequence[Body]) -> SpatialInertia:
     """Return the square roots of the bodies' inertia in world axes.
 

@@ -1,12 +1,12 @@
-"""Forces in joints, and all forces on a body or on the ground, as outputs: y = Cq q + Cv q' + Ca q'' + D u.
+"""Forces in joints, and sums of all forces on a body or on the ground, as outputs: y = Cq q + Cv q' + Ca q'' + D u.
 
-What a motion adds to the wrenches of springs, loads, inputs and inertia goes through the operator of the reactions. In
-a loaded scene the forces of the pose count as well: those of joints and bushings turn with their first body, those of
-lines with the line, and the arms of all of them change with the pose. Outputs are components in the joint's axes, as
-its first body (a rod: the rod) carries them: a load that stays fixed in the world is seen to turn.
+The map of reactions gives the wrenches in joints that balance the changes of spring forces, inputs and inertia forces
+on the bodies. In a loaded pose the forces of this pose change as well: those of joints and bushings rotate with their
+first body, those of lines with the line, and all lever arms change. Outputs are components in the joint's axes, which
+rotate with its first body (the z axis of a rod with the rod): relative to them a force fixed in the world rotates.
 
-What redundant constraints leave open is of least norm in every pose, w . D^2 S = 0. As the pose changes, so do the
-states S of self-stress and the length in D: S . D^2 dw = -w . (D^2 dS + d(D^2) S).
+Forces that redundant constraints do not determine have least norm in every pose, w . D^2 S = 0. With the pose the
+states S of self-stress and the length in D change: S . D^2 dw = -w . (D^2 dS + d(D^2) S).
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.equations.base_motion import ground_motion
 from mbsvib.equations.force_paths import force_paths
+from mbsvib.equations.inertia import inertia_tensor
 from mbsvib.equations.reactions import reactions
 from mbsvib.equations.shared_forces import shared_wrenches
 from mbsvib.equations.wrench_pairs import WrenchPairs, wrenches_on_bodies
@@ -39,19 +41,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class _Motion:
-    """Motions of the bodies and the ground, (3, bodies + 1, m): ``shift`` of the centres of mass, ``turn``."""
+    """Motions (3, bodies + 1, m) of the bodies and the ground: of their centres at ``position``, and ``rotation``."""
 
-    shift: Array
-    turn: Array
+    translation: Array
+    rotation: Array
     position: Array
 
     def at(self, body: Any, arm: Array) -> Array:
         """The displacement (3, n, m) of points of bodies at arms (3, n) from their centres of mass."""
-        return self.shift[:, body] + crossed_product(self.turn[:, body], arm[..., None])
+        return self.translation[:, body] + crossed_product(self.rotation[:, body], arm[..., None])
 
 
 def with_joint_forces(draft: Draft) -> Draft:
-    """Return equations of motion with the rows of outputs that are forces in joints, or all forces on a body.
+    """Return equations of motion with the rows of outputs that are forces in joints or sums of forces on a body.
 
     Parameters
     ----------
@@ -61,87 +63,85 @@ def with_joint_forces(draft: Draft) -> Draft:
     Returns
     -------
     Draft
-        The equations with them, and which of these outputs redundant constraints leave ``undetermined``.
+        The equations with these rows; ``undetermined`` lists those of these outputs that redundant constraints do not
+        determine.
     """
     model, scene, relative, reduction = draft.model, draft.scene, draft.relative, draft.reduction
     terms, statics = draft.terms, draft.statics
     position = np.concatenate((scene.position, np.zeros((1, 3)))).T
-    ways = force_paths(scene.topology, position)
-    to_joints = reactions(ways, scene.coordinates, scene.cuts, reduction, draft.phi)
-    still = np.concatenate((terms.body_motion, np.zeros((1, *terms.body_motion.shape[1:]))))
-    motion = _Motion(still[:, :3].transpose(1, 0, 2), still[:, 3:].transpose(1, 0, 2), position)
-    elastic, damping, inerters = _of_springs(scene, relative, reduction, position)
-    inertia = -_inertia(scene.bodies, still)
-    sources = _of_inputs(scene, position)
-    base = np.zeros_like(sources)
+    paths = force_paths(scene.topology, position)
+    to_joints = reactions(paths, scene.coordinates, scene.cuts, reduction, draft.phi)
+    body_motion = np.concatenate((terms.body_motion, np.zeros((1, *terms.body_motion.shape[1:]))))
+    motion = _Motion(body_motion[:, :3].transpose(1, 0, 2), body_motion[:, 3:].transpose(1, 0, 2), position)
+    elastic, damping, inerters = _spring_wrenches(scene, relative, reduction, position)
+    inertia = -_inertia(scene.bodies, body_motion)
+    inputs = _input_wrenches(scene, position)
+    base = np.zeros_like(inputs)
     for column, source in scene.port.base_motions:
-        linear, angular = np.array(source.wrench[:3]), np.array(source.wrench[3:])
-        carried = np.zeros((len(still), 6, 1))
-        carried[:, :3, 0] = np.cross(angular, position.T - source.position) + linear
-        carried[:, 3:, 0] = angular
-        base[:, :, column] = -_inertia(scene.bodies, carried)[:, :, 0]
+        acceleration = ground_motion(source.wrench, source.position, position.T)
+        base[:, :, column] = -_inertia(scene.bodies, acceleration[..., None])[:, :, 0]
     if scene.shared is not None:
         more = shared_wrenches(scene, relative, reduction, position)
         elastic, damping, inertia, base = (a + b for a, b in zip((elastic, damping, inertia, base), more, strict=True))
-    change = _Change(statics, motion, ways) if statics is not None else None
+    change = _PoseForceChange(statics, motion, paths) if statics is not None else None
     if change is not None:
         elastic = elastic + change.on_bodies
     gyroscopic = np.zeros_like(inertia)
     if model.rotors:
-        elastic = elastic + _of_rotating_dampers(model, scene, reduction, position)
-        gyroscopic = _of_rotors(model, scene, still)
-    parts = {"Cq": elastic, "Cv": damping + gyroscopic, "Ca": inertia + inerters, "D": sources + base}
+        elastic = elastic + _rotating_damper_wrenches(model, scene, reduction, position)
+        gyroscopic = _rotor_wrenches(model, scene, body_motion)
+    on_bodies = {"Cq": elastic, "Cv": damping + gyroscopic, "Ca": inertia + inerters, "D": inputs + base}
     if any(kind == "joint" for _, kind, _, _ in scene.port.wrench_outputs):
-        carried_by = {key: to_joints(part) for key, part in parts.items()}
+        in_joints = {key: to_joints(wrenches) for key, wrenches in on_bodies.items()}
         if statics is not None and change is not None:
-            carried_by["Cq"] = _in_every_pose(carried_by["Cq"] + change.moments, to_joints, statics, change)
-    asked, rows = {}, {key: getattr(terms, key).copy() for key in parts}
-    for row, kind, place, wrench in scene.port.wrench_outputs:
+            in_joints["Cq"] = _of_least_norm(in_joints["Cq"] + change.in_joints, to_joints, statics, change)
+    outputs, rows = {}, {key: getattr(terms, key).copy() for key in on_bodies}
+    for row, kind, number, wrench in scene.port.wrench_outputs:
         if kind == "joint":
-            axes = np.array(scene.topology.joints[place].axes)
-            pull = -np.concatenate((axes @ wrench[:3], axes @ wrench[3:]))
-            asked[list(model.outputs)[row]] = (place, pull)
-            for key, part in carried_by.items():
-                rows[key][row] = pull @ part[:, place]
+            axes = np.array(scene.topology.joints[number].axes)
+            direction = -np.concatenate((axes @ wrench[:3], axes @ wrench[3:]))
+            outputs[list(model.outputs)[row]] = (number, direction)
+            for key, wrenches in in_joints.items():
+                rows[key][row] = direction @ wrenches[:, number]
         else:
-            _sum(rows, row, place, wrench, {"Cv": gyroscopic, "Ca": inertia, "D": base}, position, change)
+            _set_sum(rows, row, number, wrench, {"Cv": gyroscopic, "Ca": inertia, "D": base}, position, change)
     names = [joint.name for joint in scene.topology.joints]
-    undetermined = tuple([stress.undetermined(names, asked) for stress in to_joints.stress])
+    undetermined = tuple([stress.undetermined(names, outputs) for stress in to_joints.stress])
     return replace(draft, terms=replace(terms, **rows), undetermined=undetermined)
 
 
-def _in_every_pose(changed: Array, to_joints: Reactions, statics: Statics, change: _Change) -> Array:
-    """Changes of the wrenches in joints (6, joints, m) by which these stay those of least norm as the pose changes."""
+def _of_least_norm(changes: Array, to_joints: Reactions, statics: Statics, pose_change: _PoseForceChange) -> Array:
+    """Changes (6, joints, m) after which the wrenches in joints have least norm in the changed pose too."""
     for stress in to_joints.stress:
-        at, weight = stress.joints, stress.weight[..., None]
-        rest, longer = statics.joints[:, at, None], change.of_moments(stress)
-        missing = np.empty((stress.states.shape[2], changed.shape[2]))
+        joints, weight = stress.joints, stress.weight[..., None]
+        wrenches, weight_change = statics.joints[:, joints, None], pose_change.of_moment_weight(stress)
+        work = np.empty((stress.states.shape[2], changes.shape[2]))
         for k, state in enumerate(stress.states.transpose(2, 0, 1)):
-            follows = change.of(at, state)
-            turned = (to_joints(follows.on_bodies) + follows.moments)[:, at]
-            work = np.sum(rest[3:, :, 0] * state[3:])
-            missing[k] = (weight * rest * turned).sum(axis=(0, 1)) + work * longer
-        changed = stress.minimum_norm(changed, missing)
-    return changed
+            of_state = pose_change.of_state(joints, state)
+            state_change = (to_joints(of_state.on_bodies) + of_state.in_joints)[:, joints]
+            moment_work = np.sum(wrenches[3:, :, 0] * state[3:])
+            work[k] = (weight * wrenches * state_change).sum(axis=(0, 1)) + moment_work * weight_change
+        changes = stress.minimum_norm(changes, work)
+    return changes
 
 
-def _sum(
+def _set_sum(
     rows: Mapping[str, Array], row: int, body: int, wrench: Array, momentum: Mapping[str, Array], position: Array,
-    change: _Change | None,
+    change: _PoseForceChange | None,
 ) -> None:  # fmt: skip
-    """All forces on a body are its change of momentum; what the ground lacks of that, the bodies have."""
+    """Set a row of the sum of all forces on a body: its rate of change of momentum, or minus that of all others."""
     rows["Cq"][row] = 0.0
-    for key, part in momentum.items():
-        if body < part.shape[1] - 1:
-            rows[key][row] = -wrench @ part[:, body]
+    for key, wrenches in momentum.items():
+        if body < wrenches.shape[1] - 1:
+            rows[key][row] = -wrench @ wrenches[:, body]
         else:
-            rows[key][row] = wrench @ _about_origin(part, position)
+            rows[key][row] = wrench @ _about_origin(wrenches, position)
     if change is not None and body == position.shape[1] - 1:
         rows["Cq"][row] = wrench @ change.of_loads
 
 
-def _of_rotors(model: Mechanism, scene: Scene, motion: Array) -> Array:
-    """What turning the axes of rotors does to the bodies that carry them, (6, bodies + 1, m) per unit of q'."""
+def _rotor_wrenches(model: Mechanism, scene: Scene, motion: Array) -> Array:
+    """Gyroscopic wrenches of rotors on their bodies, (6, bodies + 1, m) per unit of q'."""
     from mbsvib.equations.spin_terms import momenta
 
     result = np.zeros((6, len(motion), motion.shape[2]))
@@ -150,8 +150,8 @@ def _of_rotors(model: Mechanism, scene: Scene, motion: Array) -> Array:
     return result
 
 
-def _of_rotating_dampers(model: Mechanism, scene: Scene, reduction: Reduction, position: Array) -> Array:
-    """What dampers that turn along with spinning bodies do to these on that account, per unit of q."""
+def _rotating_damper_wrenches(model: Mechanism, scene: Scene, reduction: Reduction, position: Array) -> Array:
+    """Circulatory wrenches of rotating dampers on their bodies, (6, bodies + 1, m) per unit of q."""
     from mbsvib.equations.spin_terms import rotating_dampers
 
     result = np.zeros((6, position.shape[1], len(reduction.independent)))
@@ -164,10 +164,10 @@ def _of_rotating_dampers(model: Mechanism, scene: Scene, reduction: Reduction, p
     return result
 
 
-def _about_origin(part: Array, position: Array) -> Array:
+def _about_origin(wrenches: Array, position: Array) -> Array:
     """The sum of wrenches (6, bodies + 1, n) on all bodies and the ground, moments about the origin."""
-    moment = part[3:] + crossed_product(position[..., None], part[:3])
-    result: Array = np.concatenate((part[:3], moment)).sum(axis=1)
+    moment = wrenches[3:] + crossed_product(position[..., None], wrenches[:3])
+    result: Array = np.concatenate((wrenches[:3], moment)).sum(axis=1)
     return result
 
 
@@ -175,107 +175,97 @@ def _inertia(bodies: tuple[Body, ...], motion: Array) -> Array:
     """Mass times acceleration, (6, bodies + 1, n), of motions (bodies + 1, 6, n)."""
     result = np.zeros((6, *motion[:, 0].shape))
     for k, body in enumerate(bodies):
-        xx, yy, zz, xy, xz, yz = body.inertia
-        axes = np.array(body.orientation)
-        tensor = axes @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ axes.T
         result[:3, k] = body.mass * motion[k, :3]
-        result[3:, k] = tensor @ motion[k, 3:]
+        result[3:, k] = inertia_tensor(body) @ motion[k, 3:]
     return result
 
 
-def _of_springs(
+def _spring_wrenches(
     scene: Scene, relative: Triplets, reduction: Reduction, position: Array
 ) -> tuple[Array, Array, Array]:  # fmt: skip
-    """What stiffness, damping and inertance do to the bodies, (6, bodies + 1, m) per unit of q, of q' and of q''."""
+    """Wrenches of stiffness, damping and inertance on the bodies, (6, bodies + 1, m) per unit of q, q' and q''."""
     springs, locked = scene.springs, scene.locked
     rows = springs.rows
-    felt = reduction.apply(relative.dense(locked, locked + len(springs.owner)))
-    each = WrenchPairs(rows.first, rows.second, rows.point, rows.point, rows.force, rows.moment)
-    to_bodies = wrenches_on_bodies(each, position)
-    result = np.zeros((3, 6, position.shape[1], felt.shape[1]))
+    displacements = reduction.apply(relative.dense(locked, locked + len(springs.owner)))
+    unit_pairs = WrenchPairs(rows.first, rows.second, rows.point, rows.point, rows.force, rows.moment)
+    on_bodies = wrenches_on_bodies(unit_pairs, position)
+    result = np.zeros((3, 6, position.shape[1], displacements.shape[1]))
     for order, value in springs.weights:
-        result[order] = to_bodies @ (-value[:, None] * felt)
+        result[order] = on_bodies @ (-value[:, None] * displacements)
     return result[0], result[1], result[2]
 
 
-def _of_inputs(scene: Scene, position: Array) -> Array:
-    """What the inputs do to the bodies, (6, bodies + 1, inputs)."""
-    port, count = scene.port, len(scene.port.force_inputs)
-    rows = port.rows
-    point, force, moment = (array[:, :count] for array in (rows.point, rows.force, rows.moment))
-    each = WrenchPairs(rows.first[:count], rows.second[:count], point, point, force, moment)
+def _input_wrenches(scene: Scene, position: Array) -> Array:
+    """Wrenches of unit inputs on the bodies, (6, bodies + 1, inputs)."""
+    port, rows = scene.port, scene.port.rows.take(slice(len(scene.port.force_inputs)))
+    unit_pairs = WrenchPairs(rows.first, rows.second, rows.point, rows.point, rows.force, rows.moment)
     result = np.zeros((6, position.shape[1], len(port.input_units)))
-    result[:, :, port.force_inputs] = wrenches_on_bodies(each, position)
+    result[:, :, port.force_inputs] = wrenches_on_bodies(unit_pairs, position)
     return result
 
 
-class _Change:
-    """What a motion changes in the forces of the pose: ``on_bodies`` (6, bodies + 1, m) as they turn and as their arms
-    change, ``moments`` (6, joints, m) of joints against what their axes carry along, ``of_loads`` (6, m) the sum of
-    gravity and loads, moments about the origin.
+class _PoseForceChange:
+    """Changes of the forces of the pose by a motion, because they rotate and because their lever arms change.
+
+    ``on_bodies`` (6, bodies + 1, m) are those on bodies, ``in_joints`` (6, joints, m) those of moments in joints
+    relative to the joint's axes, ``of_loads`` (6, m) those of the sum of gravity and loads, moments about the origin.
     """
 
-    def __init__(self, statics: Statics, motion: _Motion, ways: ForcePaths) -> None:
-        self._given = statics, motion, ways
+    def __init__(self, statics: Statics, motion: _Motion, paths: ForcePaths) -> None:
+        self._statics, self._motion, self._paths = statics, motion, paths
         pairs, applied = statics.pairs, statics.applied
-        a, b = pairs.arms(motion.position)
-        turned_a, turned_b = motion.turn[:, pairs.first], motion.turn[:, pairs.second]
+        count, loads = len(applied.names), applied.loads
+        arm_a, arm_b = (arm[..., None] for arm in pairs.arms(motion.position))
+        rotation_a, rotation_b = motion.rotation[:, pairs.first], motion.rotation[:, pairs.second]
         f, t = pairs.force[..., None], pairs.torque[..., None]
-        gap = motion.at(pairs.second, b) - motion.at(pairs.first, a)
-        turn = turned_b - turned_a
-        force, twisted = crossed_product(turned_a, f), 0.5 * crossed_product(turn, t)
-        self._two(twisted, statics, motion)
-        torque = crossed_product(turned_a, t) + twisted
+        end = motion.at(pairs.second, arm_b[..., 0])
+        gap = end - motion.at(pairs.first, arm_a[..., 0])
+        force, twist = crossed_product(rotation_a, f), 0.5 * crossed_product(rotation_b - rotation_a, t)
+        self._add_successive(twist)
+        torque = crossed_product(rotation_a, t) + twist
+        # tensions of lines keep their size and rotate with the line
         lines = statics.second_order.line_owner[::2]
-        along, length = statics.second_order.line[:, ::2, None], statics.second_order.length[::2, None]
-        across = gap[:, lines] - along * (along * gap[:, lines]).sum(axis=0)
-        force[:, lines] = across * (f[:, lines] * along).sum(axis=0) / length
+        line, length = statics.second_order.line[:, ::2, None], statics.second_order.length[::2, None]
+        across = gap[:, lines] - line * (line * gap[:, lines]).sum(axis=0)
+        force[:, lines] = across * (f[:, lines] * line).sum(axis=0) / length
         torque[:, lines] = 0.0
-        follows = np.zeros(len(pairs.first), dtype=bool)
-        follows[: applied.loads] = applied.follower
-        loads = np.arange(applied.loads)
-        force[:, loads] = np.where(follows[loads, None], crossed_product(turned_b, f)[:, loads], 0.0)
-        torque[:, loads] = np.where(follows[loads, None], crossed_product(turned_b, t)[:, loads], 0.0)
-        arms = a[..., None], b[..., None]
-        shifted = crossed_product(turned_a, arms[0])
+        follower = applied.follower[:, None]
+        for change, vector in ((force, f), (torque, t)):
+            change[:, :loads] = np.where(follower, crossed_product(rotation_b[:, :loads], vector[:, :loads]), 0.0)
+        # the first body's arm ends at the point that moves with the second body, except for lines and some joints
         gap[:, lines] = 0.0
-        gap[:, len(applied.names) :][:, ways.carrier == ways.first] = 0.0
-        shifted += gap  # the joint's point, mostly on the second body, against the first
-        on_second = torque + crossed_product(crossed_product(turned_b, arms[1]), f) + crossed_product(arms[1], force)
-        on_first = torque + crossed_product(shifted, f) + crossed_product(arms[0], force)
+        gap[:, count:][:, paths.carrier == paths.first] = 0.0
+        arm_change_a, arm_change_b = crossed_product(rotation_a, arm_a) + gap, crossed_product(rotation_b, arm_b)
+        on_second = torque + crossed_product(arm_change_b, f) + crossed_product(arm_b, force)
+        on_first = torque + crossed_product(arm_change_a, f) + crossed_product(arm_a, force)
         first, second = pairs.incidence(motion.position.shape[1] - 1)
         self.on_bodies = second.T @ np.concatenate((force, on_second)) - first.T @ np.concatenate((force, on_first))
-        count = len(applied.names)
-        self.moments = np.concatenate((np.zeros_like(twisted[:, count:]), twisted[:, count:]))
-        self.moments[:, lines[lines >= count] - count] = 0.0
-        moved = motion.at(pairs.second, b)
-        points = pairs.end[..., None]
-        moment = torque + crossed_product(moved, f) + crossed_product(points, force)
-        self.of_loads = np.concatenate((force[:, loads].sum(axis=1), moment[:, loads].sum(axis=1)))
-        self.of_loads[3:] += crossed_product(motion.shift, applied.weight[..., None]).sum(axis=1)
+        self.in_joints = np.concatenate((np.zeros_like(twist[:, count:]), twist[:, count:]))
+        self.in_joints[:, lines[lines >= count] - count] = 0.0
+        moment = torque + crossed_product(end, f) + crossed_product(pairs.end[..., None], force)
+        self.of_loads = np.concatenate((force[:, :loads].sum(axis=1), moment[:, :loads].sum(axis=1)))
+        self.of_loads[3:] += crossed_product(motion.translation, applied.weight[..., None]).sum(axis=1)
 
-    def of(self, joints: Index, state: Array) -> _Change:
-        """Return the same for a state of self-stress (6, j) in some joints alone."""
-        statics, motion, ways = self._given
-        count = len(statics.applied.names)
+    def of_state(self, joints: Index, state: Array) -> _PoseForceChange:
+        """Return the changes of a state of self-stress (6, j) in some joints, without all other forces."""
+        statics, count = self._statics, len(self._statics.applied.names)
         force, torque = np.zeros((2, *statics.pairs.force.shape))
         force[:, count + joints], torque[:, count + joints] = state[:3], state[3:]
-        return _Change(replace(statics, pairs=replace(statics.pairs, force=force, torque=torque)), motion, ways)
+        only_state = replace(statics, pairs=replace(statics.pairs, force=force, torque=torque))
+        return _PoseForceChange(only_state, self._motion, self._paths)
 
-    def of_moments(self, stress: SelfStress) -> Array:
-        """Return how the weight 1 / L^2 of moments changes, (m,)."""
-        _, motion, ways = self._given
-        body, point = ways.carrier[stress.joints], ways.point[:, stress.joints]
-        moved = motion.at(body, point - motion.position[:, body])
-        apart = point - point.mean(axis=1, keepdims=True)
-        return np.asarray(-2.0 / (len(body) * stress.length**4) * np.einsum("cj,cjm->m", apart, moved))
+    def of_moment_weight(self, stress: SelfStress) -> Array:
+        """Return the change (m,) of the weight 1 / L^2 of moments."""
+        body, point = self._paths.carrier[stress.joints], self._paths.point[:, stress.joints]
+        displacement = self._motion.at(body, point - self._motion.position[:, body])
+        from_centre = point - point.mean(axis=1, keepdims=True)
+        return np.asarray(-2.0 / (len(body) * stress.length**4) * np.einsum("cj,cjm->m", from_centre, displacement))
 
-    @staticmethod
-    def _two(twisted: Array, statics: Statics, motion: _Motion) -> None:
-        """Joints with two successive rotations: the moment that holds the angle between them turns with both."""
-        felt, pairs = statics.second_order, statics.pairs
-        for who, first, second in felt.successive.T.tolist():
-            turn = motion.turn[:, pairs.second[who]] - motion.turn[:, pairs.first[who]]
-            one, other = felt.rows.moment[:, first], felt.rows.moment[:, second]
-            half = 0.5 * float(pairs.torque[:, who] @ felt.cross[:, felt.successive[0].tolist().index(who)])
-            twisted[:, who] -= half * (np.outer(one, other @ turn) + np.outer(other, one @ turn))
+    def _add_successive(self, twist: Array) -> None:
+        """Joints with two successive rotations: the moment on the angle between both axes rotates with both."""
+        rows, pairs, rotation = self._statics.second_order, self._statics.pairs, self._motion.rotation
+        for pair, first, second, cross in zip(*rows.successive.tolist(), rows.cross.T, strict=True):
+            relative = rotation[:, pairs.second[pair]] - rotation[:, pairs.first[pair]]
+            e, e2 = rows.rows.moment[:, first], rows.rows.moment[:, second]
+            half = 0.5 * float(pairs.torque[:, pair] @ cross)
+            twist[:, pair] -= half * (np.outer(e, e2 @ relative) + np.outer(e2, e @ relative))

@@ -20,58 +20,58 @@ if TYPE_CHECKING:
 
 
 def matrices(
-    scene: Scene, relative: Triplets, reduction: Reduction, acting: NDArray[np.bool_] | None = None
+    scene: Scene, relative: Triplets, reduction: Reduction, used: NDArray[np.bool_] | None = None
 ) -> Terms:
     """Return the matrices of a mechanism and their factors.
 
     Parameters
     ----------
     scene : Scene
-        The mechanism in numbers.
+        The arrays of the mechanism.
     relative : Triplets
         Its relative displacements.
     reduction : Reduction
         Its minimal coordinates.
-    acting : array, shape (elastic rows,), optional
-        Elastic rows that are to be kept, less those that loops hold still; default: all, whether they move or not.
+    used : array, shape (elastic rows,), optional
+        Mask of elastic rows; those that are zero by loops are left out too. Default: all rows, also zero ones.
 
     Returns
     -------
     Terms
         M, C, K, B, Cq, Cv, Ca, D, the factors of M, K and C, and the motion of the bodies.
     """
-    springs, locked, felt = scene.springs, scene.locked, len(scene.springs.owner)
+    springs, locked, count = scene.springs, scene.locked, len(scene.springs.owner)
     motion = reduction.apply_to_bodies(body_motion(scene.coordinates, scene.position))
     factor = scene.inertia.factor(motion)
-    # elastic rows, those of ports and, where more than two bodies share mass or springs, the base rows of these
-    end = felt + len(scene.port.rows.first) if scene.shared is None else relative.shape[0] - locked
-    keep = None
-    if acting is not None:
-        keep, felt = np.empty(end, dtype=bool), int(np.count_nonzero(acting))
-        keep[: len(acting)], keep[len(acting) :] = acting, True
-    every = reduction.apply_exactly(relative.dense(locked, locked + end, keep), felt)
-    ports_end = felt + len(scene.port.rows.first)
-    elastic, seen = every[..., :felt, :], every[..., felt:ports_end, :]
-    if acting is not None:
-        kept = acting.nonzero()[0]
+    # elastic rows, those of ports, and base rows of shared mass and stiffness
+    end = count + len(scene.port.rows.first) if scene.shared is None else relative.shape[0] - locked
+    mask = None
+    if used is not None:
+        mask, count = np.empty(end, dtype=bool), int(np.count_nonzero(used))
+        mask[: len(used)], mask[len(used) :] = used, True
+    all_rows = reduction.apply_exactly(relative.dense(locked, locked + end, mask), count)
+    ports_end = count + len(scene.port.rows.first)
+    elastic, port_rows = all_rows[..., :count, :], all_rows[..., count:ports_end, :]
+    if used is not None:
+        which = used.nonzero()[0]
         if reduction.matrix is not None:
-            moves = np.asarray(elastic.any(axis=1)).nonzero()[0]
-            kept, elastic = kept.take(moves), elastic.take(moves, axis=0)
-        springs = springs.only(kept)
+            nonzero = np.asarray(elastic.any(axis=1)).nonzero()[0]
+            which, elastic = which.take(nonzero), elastic.take(nonzero, axis=0)
+        springs = springs.take(which)
     rows, k, c, owner = elastic, springs.stiffness, springs.damping, springs.owner
     if springs.inertance is not None:
         others = (springs.inertance == 0.0).nonzero()[0]
         rows, k, c, owner = rows[others], k[others], c[others], owner[others]
     if scene.shared is not None:
-        base = every[..., ports_end:, :]
+        base = all_rows[..., ports_end:, :]
         factor = scene.shared.inertia_rows(factor, base)
         rows, k, c, owner = scene.shared.elastic_rows(base, rows, k, c, owner)
-    seen_by_ports: Any = port_matrices(scene.port, seen, springs, elastic, scene.inertia, factor, scene.position,
-                                       scene.shared)  # fmt: skip
-    if springs.inertance is not None:  # no moving ground carries these rows along
+    of_ports: Any = port_matrices(scene.port, port_rows, springs, elastic, scene.inertia, factor, scene.position,
+                                  scene.shared)  # fmt: skip
+    if springs.inertance is not None:  # these rows are zero in a motion with the ground
         inertial = springs.inertance.nonzero()[0]
         factor = np.concatenate((factor, np.sqrt(springs.inertance[inertial])[:, None] * elastic[inertial]))
     return Terms(
-        gram_matrix(factor), weighted_gram(rows, c), weighted_gram(rows, k), **seen_by_ports,
+        gram_matrix(factor), weighted_gram(rows, c), weighted_gram(rows, k), **of_ports,
         inertia_factor=factor, elastic_rows=rows, row_stiffness=k, row_damping=c, row_owner=owner, body_motion=motion,
     )  # fmt: skip

@@ -16,7 +16,7 @@ M = TypeVar("M", bound=Mechanism)
 
 
 def with_maxwell_nodes(model: M) -> M:
-    """Return a mechanism with the nodes of its Maxwell elements among its bodies, and what they slide on as joints.
+    """Return a mechanism with the nodes of its Maxwell elements as bodies, and the joints in which they slide.
 
     Parameters
     ----------
@@ -29,11 +29,11 @@ def with_maxwell_nodes(model: M) -> M:
         The same mechanism if it has no Maxwell element.
     """
     springs: Iterable[Part] = model.springs.values()
-    relaxing = [part for part in springs if isinstance(part, Maxwell)]
-    if not relaxing:
+    elements = [part for part in springs if isinstance(part, Maxwell)]
+    if not elements:
         return model
-    from mbsvib.elements.maxwell_rows import node_body, slide
+    from mbsvib.elements.maxwell_rows import node_body, node_joint
 
-    bodies: dict[str, Any] = dict(model.bodies) | {part.node: node_body(part) for part in relaxing}
-    joints: dict[str, Any] = dict(model.joints) | {part.name: slide(part) for part in relaxing}
+    bodies: dict[str, Any] = dict(model.bodies) | {part.node: node_body(part) for part in elements}
+    joints: dict[str, Any] = dict(model.joints) | {part.name: node_joint(part) for part in elements}
     return model.with_parts(bodies=bodies, joints=joints)

@@ -1,12 +1,12 @@
 """Reactions: from wrenches on the bodies to the wrench in every joint.
 
-A joint of the tree transmits all forces on the bodies behind it, those of the cut joints, which close the loops,
-included. With Phi the locked rows of the cut joints and B' the motion of the bodies, both per joint coordinate,
+A joint of the tree transmits the sum of all forces on the bodies behind it, including forces of cut joints. With Phi
+the locked rows of the cut joints and B' the motion of the bodies, both per joint coordinate,
 
     Phi^T lambda = -B'^T W
 
-in the dependent coordinates. Where constraints are redundant lambda is not unique; of all wrenches in joints that
-balance the bodies those of least norm are taken (``self_stress``). The second-order terms are the same for all.
+in the dependent coordinates. With redundant constraints lambda is not unique; the wrenches of least norm that balance
+the bodies are taken (``self_stress``). The second-order terms do not depend on this choice.
 
 Source: Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems (1989), section 6.6.
 """

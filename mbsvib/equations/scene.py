@@ -90,7 +90,7 @@ def scene(model: Mechanism, cut: Sequence[str] | None = None) -> Scene:
     Parameters
     ----------
     model : Mechanism
-        The mechanism in plain parts.
+        The expanded mechanism.
     cut : sequence of str, optional
         Joints at which loops are to be cut.
 
@@ -113,7 +113,8 @@ def scene(model: Mechanism, cut: Sequence[str] | None = None) -> Scene:
     return Scene(
         topology, tuple(bodies), elements, table([body.position for body in bodies], 3), coordinates, cuts,
         connection_rows(elements, number), ports(model, bodies, number),
-        spatial_inertia(bodies), None if model.pieces is None else shared_rows(model.pieces, number, len(elements)),
+        spatial_inertia(bodies),
+        None if model.expansion is None else shared_rows(model.expansion, number, len(elements)),
         model.derived(_loading) if is_loaded(model) else None, couplers,
     )  # fmt: skip
 

@@ -1,14 +1,14 @@
 """Self-stress: wrenches in joints that are in equilibrium without loads, and the wrenches of least norm.
 
-Where constraints are redundant the model does not determine the wrenches w in its joints: with S the states of
-self-stress, w + S z balances the bodies as w does. The solution with the least sum over joints is taken, of
+With redundant constraints the model does not determine the wrenches w in its joints: with S the states of self-stress,
+w + S z balances the bodies as w does. The solution with the least sum over joints is taken, of
 
     |force|^2 + |moment / L|^2:    w - S (S^T D^2 S)^-1 S^T D^2 w,    D = diag(1, 1 / L),
 
 moments about the joint's own point. L is the root mean square distance of these points from their mean, over all joints
-of loops that have joints or couplers in common. All joints of loops that can transmit a force count, cut or not, so
-that the result is the same in all frames and for any choice of tree, order and coordinates. Elastic joints with the
-same stiffness k along and k L^2 about all their locked directions have these forces.
+of loops that have joints or couplers in common. All joints of loops that can transmit a force are included, cut or not,
+so that the result does not depend on the frame, the tree, the order and the coordinates. Joints with the stiffness k
+along and k L^2 about all their locked directions would have these forces.
 
 Source: Pellegrino & Calladine, Int. J. Solids Struct. 22 (1986) 409, for states of self-stress.
 """
@@ -23,6 +23,7 @@ import numpy as np
 
 from mbsvib.errors import UndeterminedForceWarning
 from mbsvib.kinematics.characteristic_length import length_of
+from mbsvib.linalg.groups import connected_parts
 from mbsvib.linalg.rank import DETERMINED, STRESS_IN_COUPLERS, ZERO_FORM
 
 if TYPE_CHECKING:
@@ -140,15 +141,15 @@ def warn(model: str, undetermined: Sequence[Undetermined]) -> None:
 
             warnings.warn(
                 f"model '{model}' does not determine the outputs {listed(forces.outputs)}: constraints of the joints "
-                f"{listed(forces.joints)} are redundant. Of all forces that hold the bodies those of least norm are "
-                f"given, as explain() says. To have others, make one of these joints flexible (a bushing in its place) "
-                f"or let it free directions that the others lock.",
+                f"{listed(forces.joints)} are redundant. Of all forces in equilibrium those of least norm are "
+                f"returned, see explain(). To obtain others, replace one of these joints by a bushing, or by a joint "
+                f"that frees directions that the others lock.",
                 UndeterminedForceWarning, stacklevel=4,
             )  # fmt: skip
 
 
 def self_stress(joints: Index, length: float, wrenches: Array) -> SelfStress | None:
-    """Return orthonormal states of self-stress out of any that span them.
+    """Return orthonormal states of self-stress with the span of given ones.
 
     Parameters
     ----------
@@ -195,19 +196,20 @@ def of_loops(
     Returns
     -------
     list of SelfStress
-        Empty where no constraint is redundant.
+        Empty if no constraint is redundant.
     """
     if cuts is None or not any(group.surplus for group in reduction.groups):
         return []
     wrenches = multiplier_wrenches.reshape(6, -1, multiplier_wrenches.shape[1])
-    in_loop, transmits = _through(paths, cuts, wrenches)
+    in_loop, transmits = _joints_of_loops(paths, cuts, wrenches)
     dependent = np.ones(phi.shape[1], dtype=bool)
     dependent[reduction.independent] = False
     result = []
-    for rows, joints in loop_groups(in_loop):
-        rows, joints = rows[rows < len(phi)], joints[transmits[joints]]
-        if not len(rows):
-            continue
+    loop, joint = np.nonzero(in_loop)
+    loop_part, joint_part = connected_parts(loop, joint, (len(in_loop), in_loop.shape[1]))
+    for part in np.unique(loop_part[: len(phi)]):
+        rows = np.flatnonzero(loop_part[: len(phi)] == part)
+        joints = np.flatnonzero((joint_part == part) & transmits)
         columns = np.flatnonzero(phi[rows].any(axis=0) & dependent)
         ends = (paths.first[joints], paths.second[joints])
         length = length_of(paths.point[:, joints].T, *(paths.position[:, bodies].T for bodies in ends))
@@ -220,7 +222,7 @@ def of_loops(
     return result
 
 
-def _through(paths: ForcePaths, cuts: Cuts, wrenches: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _joints_of_loops(paths: ForcePaths, cuts: Cuts, wrenches: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return a mask (rows, joints) of the joints in each loop, loops of cut joints without locked directions last, and
     a mask of the joints that can transmit a force: those with locked directions, or that a coupler measures.
     """
@@ -238,17 +240,3 @@ def _through(paths: ForcePaths, cuts: Cuts, wrenches: Array) -> tuple[NDArray[np
     in_unlocked = paths.path_sign[paths.first[unlocked]] != paths.path_sign[paths.second[unlocked]]
     in_unlocked[np.arange(len(unlocked)), unlocked] = True
     return np.concatenate((in_loop, in_unlocked)), transmits
-
-
-def loop_groups(in_loop: NDArray[np.bool_]) -> list[tuple[Index, Index]]:
-    """Return rows and joints of loops that have joints in common, for a mask (rows, joints) of the joints in each loop.
-    """
-    from scipy.sparse import csr_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    count = len(in_loop)
-    row, joint = np.nonzero(in_loop)
-    graph = csr_matrix((np.ones(len(row), dtype=bool), (row, count + joint)), shape=(sum(in_loop.shape),) * 2)
-    label = connected_components(graph, directed=False)[1]
-    return [(np.flatnonzero(label[:count] == k), np.flatnonzero(label[count:] == k))
-            for k in np.unique(label[:count]).tolist()]  # fmt: skip

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def shared_wrenches(
     scene: Scene, relative: Triplets, reduction: Reduction, position: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Return the wrenches on bodies of rows that more than two bodies share, per unit of q, q', q'' and inputs.
+    """Return the wrenches of shared rows on bodies, per unit of q, q', q'' and inputs.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def shared_wrenches(
     Returns
     -------
     tuple of four arrays, shape (6, bodies + 1, m) and (6, bodies + 1, inputs)
-        Those of stiffness, damping, inertia and base motion, zero where nothing is shared.
+        Wrenches of stiffness, damping, inertia and base motion, zero without shared rows.
     """
     bodies, m = position.shape[1], len(reduction.independent)
     elastic, damping, inertia = (np.zeros((6, bodies, m)) for _ in range(3))
@@ -51,7 +51,7 @@ def shared_wrenches(
         inertia -= _of_masses(shared.mass, shared.mass.of(base_rows[:count]), position)
         for column, source in scene.port.base_motions:
             wrench = np.array(source.wrench)
-            ground_motion = shared.mass.carried(wrench[:3], wrench[3:], np.array(source.position))
+            ground_motion = shared.mass.of_ground_motion(wrench[:3], wrench[3:], np.array(source.position))
             base[:, :, column] -= _of_masses(shared.mass, ground_motion, position)[:, :, 0]
     if shared.elastic is not None:
         rows = shared.elastic.composite.of(base_rows[count:])
@@ -64,17 +64,15 @@ def _on_bodies(composite: Composite, forces: Array, position: Array) -> Array:
     """Wrenches (6, bodies + 1, n) of forces (rows, n) along composite rows; none on internal coordinates."""
     rows = composite.rows
     pairs = WrenchPairs(rows.first, rows.second, rows.point, rows.point, rows.force, rows.moment)
-    along_rows = composite.back(forces) * composite.rides[:, None]
+    along_rows = composite.back(forces) * composite.moves_with_ground[:, None]
     return np.asarray(np.einsum("cbr,rn->cbn", wrenches_on_bodies(pairs, position), along_rows))
 
 
 def _of_masses(composite: Composite, forces: Array, position: Array) -> Array:
-    """Wrenches (6, bodies + 1, n) of forces (rows, n) along rows of masses, whose displacements are against inertial
-    space; those on the ground are at its nodes.
-    """
+    """Wrenches (6, bodies + 1, n) of forces (rows, n) along mass rows; those on the ground are at its nodes."""
     result, rows = _on_bodies(composite, forces, position), composite.rows
     on_ground = rows.second == position.shape[1] - 1
     point, force, moment = (array[:, on_ground] for array in (rows.point, rows.force, rows.moment))
     wrench = np.concatenate((force, moment + np.cross(point, force, axis=0)))
-    result[:, -1] = wrench @ (composite.back(forces) * composite.rides[:, None])[on_ground]
+    result[:, -1] = wrench @ (composite.back(forces) * composite.moves_with_ground[:, None])[on_ground]
     return result

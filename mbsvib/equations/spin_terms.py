@@ -1,8 +1,8 @@
-"""What spin adds to the equations: -[h]x in C for each body's rotation, and in K what dampers do that turn along.
+"""Spin: gyroscopic terms -[h]x in C for rotations of bodies, and circulatory terms in K of rotating dampers.
 
 The torque of a body with the angular momentum h is d/dt (I theta' + h + theta x h) = I theta'' - [h]x theta'. A damper
-between two bodies that spin together at W sees the rate of their relative displacement d in axes that turn with them,
-d' - W x d, and so adds -C_d [W]x to K: rotating, or internal, damping.
+between two bodies that spin together at W acts on the rate of their relative displacement d in axes that rotate with
+them, d' - W x d, and so adds -C_d [W]x to K: rotating, or internal, damping.
 
 Source: Genta, Dynamics of Rotating Systems (2005), for gyroscopic matrices and rotating damping.
 """
@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.elements import BaseMotion, Bushing
-from mbsvib.elements.contribution import Contribution, Weights, turns
+from mbsvib.elements.contribution import Contribution, Weights, rotation_rows
 from mbsvib.elements.rows import Rows
+from mbsvib.equations.inertia import inertia_tensor
 from mbsvib.equations.statement import antisymmetric, minimal_rows
-from mbsvib.equations.steady_spin import check_steady, own_spin, tensor, together, world
+from mbsvib.equations.steady_spin import check_steady, in_world_axes, spin_together, spin_velocities
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.linalg.rotations import skew
@@ -38,14 +39,14 @@ if TYPE_CHECKING:
 def spin_contribution(
     model: Mechanism, bodies: Sequence[Body], elements: Sequence[Bushing | Spring]
 ) -> Contribution:
-    """Return what rotors add to C, and dampers that turn along with them to K.
+    """Return the contribution of rotors to C and of rotating dampers to K.
 
     Parameters
     ----------
     model : Mechanism
         The mechanism.
     bodies, elements : sequence
-        Its bodies and its spring-dampers, as they are numbered.
+        Its bodies and its spring-dampers, in the order of their numbers.
 
     Returns
     -------
@@ -55,13 +56,13 @@ def spin_contribution(
     Raises
     ------
     ModelError
-        If a spin is not steady, or a body is not symmetric about the axis on which it spins.
+        If a spin is not steady, or a body is not symmetric about its spin axis.
     """
     check_steady(model, bodies, elements)
-    _check_surroundings(model)
+    _check_base_motion(model)
     ground = len(bodies)
     return Contribution.join([
-        *(Contribution.of(turns(np.full(3, i), np.eye(3), ground), gyroscopic=_antisymmetric(skew(momentum)))
+        *(Contribution.of(rotation_rows(np.full(3, i), np.eye(3), ground), gyroscopic=_antisymmetric(skew(momentum)))
           for i, momentum in momenta(model, bodies)),
         *(Contribution.of(damper.rows, circulatory=_antisymmetric(damper.matrix))
           for damper in rotating_dampers(model, bodies, elements)),
@@ -69,7 +70,7 @@ def spin_contribution(
 
 
 def _antisymmetric(matrix: Array) -> Weights:
-    """Weights of minus the antisymmetric part of a form R^T A R, whose symmetric part is zero."""
+    """Weights of minus the antisymmetric part of a form R^T A R."""
     first, second = np.triu_indices(len(matrix), 1)
     value = 0.5 * (matrix[second, first] - matrix[first, second])
     used = np.flatnonzero(value)
@@ -77,7 +78,7 @@ def _antisymmetric(matrix: Array) -> Weights:
 
 
 def with_spin(draft: Draft) -> Draft:
-    """Return equations of motion with what rotors add.
+    """Return equations of motion with the terms of rotors.
 
     Parameters
     ----------
@@ -87,12 +88,12 @@ def with_spin(draft: Draft) -> Draft:
     Returns
     -------
     Draft
-        The same with ``gyroscopic`` and ``circulatory`` terms, where they are not zero, as part of C and K.
+        The equations with ``gyroscopic`` and ``circulatory`` terms, None if zero, as part of C and K.
 
     Raises
     ------
     ModelError
-        If a spin is not steady, or a body is not symmetric about the axis on which it spins.
+        If a spin is not steady, or a body is not symmetric about its spin axis.
     """
     model, scene, reduction, terms = draft.model, draft.scene, draft.reduction, draft.terms
     part = spin_contribution(model, scene.bodies, scene.elements)
@@ -104,9 +105,9 @@ def with_spin(draft: Draft) -> Draft:
 
 @dataclass(frozen=True, slots=True)
 class RotatingDamper:
-    """A bushing between bodies ``first`` and ``second`` (numbers) that spin together: six ``rows``, its relative
-    displacement at its ``point``, and the ``matrix`` C_d [W]x (6, 6) that makes it a wrench on the second body, world
-    axes.
+    """A bushing at ``point`` between bodies with the numbers ``first`` and ``second`` that spin together.
+
+    ``matrix`` C_d [W]x (6, 6), world axes, times its relative displacement is the wrench on the second body.
     """
 
     name: str
@@ -136,17 +137,17 @@ def momenta(model: Mechanism, bodies: Sequence[Body]) -> list[tuple[int, Array]]
     model : Mechanism
         The mechanism.
     bodies : sequence of Body
-        Its bodies, as they are numbered.
+        Its bodies, in the order of their numbers.
 
     Returns
     -------
     list of (int, array)
-        One for each rotor.
+        One entry for each rotor.
     """
     number, result = {body.name: i for i, body in enumerate(bodies)}, []
     for rotor in model.rotors.values():
         i, axis = number[rotor.body], np.array(rotor.axis)
-        moment = float(axis @ tensor(bodies[i]) @ axis) if rotor.inertia is None else rotor.inertia
+        moment = float(axis @ inertia_tensor(bodies[i]) @ axis) if rotor.inertia is None else rotor.inertia
         result.append((i, moment * rotor.speed * axis))
     return result
 
@@ -154,34 +155,34 @@ def momenta(model: Mechanism, bodies: Sequence[Body]) -> list[tuple[int, Array]]
 def rotating_dampers(
     model: Mechanism, bodies: Sequence[Body], elements: Sequence[Bushing | Spring]
 ) -> list[RotatingDamper]:
-    """Return the bushings that turn along with spinning bodies, and what their dampers do on that account.
+    """Return the bushings between bodies that spin together.
 
     Parameters
     ----------
     model : Mechanism
         The mechanism.
     bodies, elements : sequence
-        Its bodies and its spring-dampers, as they are numbered.
+        Its bodies and its spring-dampers, in the order of their numbers.
 
     Returns
     -------
     list of RotatingDamper
-        One for each bushing with damping.
+        One for each such bushing with damping.
     """
-    number, spins, result = {body.name: i for i, body in enumerate(bodies)}, own_spin(model), []
+    number, spins, result = {body.name: i for i, body in enumerate(bodies)}, spin_velocities(model), []
     for spring in elements:
-        if isinstance(spring, Bushing) and together(model, spins, spring.first, spring.second):
-            damping = world(spring, spring.damping)
+        if isinstance(spring, Bushing) and spin_together(model, spins, spring.first, spring.second):
+            damping = in_world_axes(spring, spring.damping)
             if not damping.any():
                 continue
-            turning = np.kron(np.eye(2), skew(spins[spring.first]))
+            spin = np.kron(np.eye(2), skew(spins[spring.first]))
             ends = number[spring.first], number[spring.second]
-            result.append(RotatingDamper(spring.name, *ends, np.array(spring.position), damping @ turning))
+            result.append(RotatingDamper(spring.name, *ends, np.array(spring.position), damping @ spin))
     return result
 
 
 def _with_forces(model: Mechanism, scene: Scene, reduction: Reduction, outputs: Array) -> Array:
-    """Cq with what rotating dampers do on that account in the outputs that are forces in them."""
+    """Cq with the circulatory forces of rotating dampers in outputs that are forces in these."""
     result = outputs.copy() if scene.port.force_outputs else outputs
     for damper in rotating_dampers(model, scene.bodies, scene.elements) if scene.port.force_outputs else ():
         for row, owner, wrench in scene.port.force_outputs:
@@ -193,8 +194,8 @@ def _with_forces(model: Mechanism, scene: Scene, reduction: Reduction, outputs: 
     return result
 
 
-def _check_surroundings(model: Mechanism) -> None:
-    """Refuse what would act on spinning bodies in ways that are not computed."""
+def _check_base_motion(model: Mechanism) -> None:
+    """Refuse rotation of the ground, whose gyroscopic effect on rotors is not computed."""
     rotor = next(iter(model.rotors))
     for name, part in model.inputs.items():
         if isinstance(part, BaseMotion) and any(part.wrench[3:]):

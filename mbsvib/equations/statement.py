@@ -1,7 +1,7 @@
-"""The sum of all contributions over minimal coordinates: rows, signed squares and antisymmetric matrices.
+"""Contributions in minimal coordinates: rows, signed squares and antisymmetric matrices.
 
-A product p q is 1/4 (s p + q/s)^2 - 1/4 (s p - q/s)^2, with s such that both parts have one size: so a symmetric form
-stays a sum of weighted squares, of which no digit is lost in modes.
+A product p q is 1/4 (s p + q/s)^2 - 1/4 (s p - q/s)^2, with s such that s p and q/s have the same size. So a symmetric
+form remains a sum of weighted squares, from which modes are computed without loss of digits.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class JointRows:
-    """What the tree says of rows: those ``alone`` are rotations of bodies, the ``others`` stand in ``between`` (k, n),
-    in joint coordinates.
+    """Numbers of rows that are ``rotations`` of bodies, and of ``others``, which are ``matrix`` (k, n) in joint
+    coordinates.
     """
 
-    alone: Index
+    rotations: Index
     others: Index
-    between: Array
+    matrix: Array
 
 
 def joint_rows(rows: Rows, coordinates: Twists) -> JointRows:
-    """Return relative displacements in joint coordinates, but for rotations of bodies.
+    """Return relative displacements in joint coordinates, except for rotations of bodies.
 
     Parameters
     ----------
@@ -47,45 +47,47 @@ def joint_rows(rows: Rows, coordinates: Twists) -> JointRows:
     Returns
     -------
     JointRows
-        Which rows are rotations, and the others.
+        Rotations, and the matrix of the other rows.
     """
-    turns = (rows.first == len(coordinates.path) - 1) & ~rows.force.any(axis=0)
-    others = (~turns).nonzero()[0]
-    return JointRows(turns.nonzero()[0], others, relative_motion(coordinates, rows.take(others)).dense(0, len(others)))
+    rotations = (rows.first == len(coordinates.path) - 1) & ~rows.force.any(axis=0)
+    others = (~rotations).nonzero()[0]
+    matrix = relative_motion(coordinates, rows.take(others)).dense(0, len(others))
+    return JointRows(rotations.nonzero()[0], others, matrix)
 
 
 def minimal_rows(
-    part: Contribution, coordinates: Twists, reduction: Reduction, motion: Array, known: JointRows | None = None
-) -> Array:
+    contribution: Contribution, coordinates: Twists, reduction: Reduction, motion: Array,
+    in_joint_coordinates: JointRows | None = None,
+) -> Array:  # fmt: skip
     """Return the rows of a contribution in minimal coordinates.
 
     Parameters
     ----------
-    part : Contribution
+    contribution : Contribution
         Relative displacements.
     coordinates : Twists
         The joint coordinates of the tree.
     reduction : Reduction
-        The minimal ones.
+        The minimal coordinates.
     motion : array, shape (bodies, 6, m)
-        Motion of the bodies in minimal coordinates, of which their rotations are parts.
-    known : JointRows, optional
-        ``joint_rows(part.rows, coordinates)``, where it is known already.
+        Motion of the bodies in minimal coordinates, which contains their rotations.
+    in_joint_coordinates : JointRows, optional
+        ``joint_rows(contribution.rows, coordinates)``, if available.
 
     Returns
     -------
     array, shape (count, m)
-        Rows, with exact zeros where loops hold them still.
+        Rows, with exact zeros for displacements that loops do not allow.
     """
-    rows, known = part.rows, known or joint_rows(part.rows, coordinates)
+    rows, known = contribution.rows, in_joint_coordinates or joint_rows(contribution.rows, coordinates)
     base = np.empty((len(rows.first), motion.shape[2]))
-    rotations = motion.take(rows.second.take(known.alone), axis=0)[:, 3:]
-    base[known.alone] = (rows.moment.take(known.alone, axis=1).T[:, None] @ rotations)[:, 0]
-    base[known.others] = reduction.apply_exactly(known.between)
-    if part.count == len(base):
+    rotations = motion.take(rows.second.take(known.rotations), axis=0)[:, 3:]
+    base[known.rotations] = (rows.moment.take(known.rotations, axis=1).T[:, None] @ rotations)[:, 0]
+    base[known.others] = reduction.apply_exactly(known.matrix)
+    if contribution.count == len(base):
         return base
-    result = np.zeros((part.count, base.shape[1]))
-    np.add.at(result, part.row, base)
+    result = np.zeros((contribution.count, base.shape[1]))
+    np.add.at(result, contribution.row, base)
     return result
 
 
@@ -102,25 +104,26 @@ def signed_squares(weights: Weights, rows: Array) -> tuple[Array, Array, Index]:
     Returns
     -------
     squares : array, shape (n, m)
-        Rows of which the form is the sum of weighted squares.
+        Rows; the form is the sum of their weighted squares.
     value, owner : array, shape (n,)
-        Signed weights, and whose they are.
+        Signed weights, and numbers of their owners.
     """
-    same = weights.first == weights.second
-    pairs, own = (~same).nonzero()[0], same.nonzero()[0]
+    is_square = weights.first == weights.second
+    products, squares = (~is_square).nonzero()[0], is_square.nonzero()[0]
     first, second, value = weights.first, weights.second, weights.value
-    other = value.take(pairs)[:, None] * rows.take(second.take(pairs), axis=0)
-    squares, half = products(rows.take(first.take(pairs), axis=0), other)
-    return (np.concatenate((rows.take(first.take(own), axis=0), squares)), np.concatenate((value.take(own), half)),
-            weights.owner.take(np.concatenate((own, pairs, pairs))))  # fmt: skip
+    factor = value.take(products)[:, None] * rows.take(second.take(products), axis=0)
+    product_rows, product_value = squares_of_products(rows.take(first.take(products), axis=0), factor)
+    return (np.concatenate((rows.take(first.take(squares), axis=0), product_rows)),
+            np.concatenate((value.take(squares), product_value)),
+            weights.owner.take(np.concatenate((squares, products, products))))  # fmt: skip
 
 
-def products(one: Array, other: Array) -> tuple[Array, Array]:
-    """Return rows and signed weights whose energy is the sum of the products of two stacks of rows.
+def squares_of_products(first: Array, second: Array) -> tuple[Array, Array]:
+    """Return rows and signed weights of squares whose sum is the sum of products of two stacks of rows.
 
     Parameters
     ----------
-    one, other : array, shape (n, m)
+    first, second : array, shape (n, m)
         Factors of each product.
 
     Returns
@@ -130,19 +133,19 @@ def products(one: Array, other: Array) -> tuple[Array, Array]:
     value : array, shape (2 n,)
         1/2, then -1/2; 0 for a product that is zero.
     """
-    first, second = np.einsum("nm,nm->n", one, one), np.einsum("nm,nm->n", other, other)
-    none = first * second == 0.0
-    if np.count_nonzero(none):
-        first[none] = second[none] = 1.0
-    scale = np.sqrt(np.sqrt(second / first))[:, None]
-    a, b, half = scale * one, other / scale, np.where(none, 0.0, 0.5)
+    first_size, second_size = np.einsum("nm,nm->n", first, first), np.einsum("nm,nm->n", second, second)
+    zero = first_size * second_size == 0.0
+    if np.count_nonzero(zero):
+        first_size[zero] = second_size[zero] = 1.0
+    scale = np.sqrt(np.sqrt(second_size / first_size))[:, None]
+    a, b, half = scale * first, second / scale, np.where(zero, 0.0, 0.5)
     return np.concatenate((a + b, a - b)), np.concatenate((half, -half))
 
 
 def antisymmetric(weights: Weights, rows: Array) -> Array | None:
     """Return an antisymmetric form of rows as a matrix.
 
-    sum of value (d_i d_j^T - d_j d_i^T), where what is rounding of its products is zero
+    sum of value (d_i d_j^T - d_j d_i^T), with zeros for rounding errors
 
     Parameters
     ----------
@@ -154,10 +157,10 @@ def antisymmetric(weights: Weights, rows: Array) -> Array | None:
     Returns
     -------
     array, shape (m, m), or None
-        The matrix; None where it is zero.
+        The matrix; None if it is zero.
     """
-    one, other = rows[weights.first], weights.value[:, None] * rows[weights.second]
-    part, size = one.T @ other, np.abs(one).T @ np.abs(other)
+    first, second = rows[weights.first], weights.value[:, None] * rows[weights.second]
+    part, size = first.T @ second, np.abs(first).T @ np.abs(second)
     result = part - part.T
     result[np.abs(result) <= ZERO_SUM * (size + size.T)] = 0.0
     return result if result.any() else None

@@ -76,7 +76,7 @@ class Terms(Matrices):
         rows : array, shape (rows, m)
             Rows in minimal coordinates.
         stiffness, owner : array, shape (rows,)
-            Signed values, and whose they are.
+            Signed values, and numbers of their owners.
 
         Returns
         -------

@@ -1,8 +1,8 @@
-"""Motions that springs or dampers do not resist: rank decisions on relative displacements, never on products of them.
+"""Motions without stiffness or damping: rank decisions on relative displacements, never on products of them.
 
-Rows and columns are scaled by their largest entries, so that neither the size of a stiffness nor the unit of a
-coordinate decides. Where only a product is known, its entries are compared with the sums of the sizes of their terms: a
-row that is rounding of zero is not scaled up.
+Rows and columns are scaled by their largest entries, so that a decision depends neither on the size of a stiffness nor
+on the unit of a coordinate. If only a product is known, its entries are compared with the sums of the magnitudes of
+their terms, so that a row of rounding errors is not scaled up.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations
 
 
-# Rounds of scaling rows and columns by their largest terms; a third one changes nothing that counts.
+# Passes of scaling rows and columns by their largest terms; a third one has no significant effect.
 ROUNDS = 2
-# Entries below this share of their terms are no rounding of anything but zeros.
+# Entries below this fraction of their terms are zero.
 NOTHING = EPS**2
 
 
-def product(left: Array, right: Array) -> Array:
-    """Return left @ right with zeros where the terms of a sum cancel to rounding."""
+def product_with_zeros(left: Array, right: Array) -> Array:
+    """Return left @ right, with zeros for sums whose terms cancel to rounding."""
     result: Array = left @ right
     result[np.abs(result) <= ZERO_SUM * (np.abs(left) @ np.abs(right))] = 0.0
     return result
@@ -62,38 +62,38 @@ def coordinate_sizes(system: Equations) -> Array:
     return np.asarray(1.0 / np.sqrt(np.where(weight > 0.0, weight, mass.max(initial=1.0))))
 
 
-def largest(motions: Array, size: Array) -> Array:
-    """Return the largest motions (m, k) that motions (m, k) could be, were each in every coordinate what it is in one,
-    with coordinates in units of their ``size`` (m,): the rounding of motions is relative to these.
+def rounding_scale(motions: Array, size: Array) -> Array:
+    """Return reference magnitudes (m, k) for rounding errors of motions (m, k): the largest entry of each motion.
+
+    Entries are compared in units of the ``size`` (m,) of the coordinates.
     """
     return np.asarray(size[:, None] * np.abs(motions / size[:, None]).max(axis=0, initial=0.0))
 
 
-def unmoved(rows: Array, before: Array, kept: NDArray[np.intp]) -> Array:
-    """Return rows (n, k) with their entries changed by as little as makes motions of no effect on them.
+def without_free_motions(rows: Array, all_rows: Array, columns: NDArray[np.intp]) -> Array:
+    """Return rows (n, k) with the smallest changes of nonzero entries after which free motions do not change them.
 
-    The motions are those that leave the rows ``before`` (n, m) as they are, in the coordinates ``kept`` (k,). Entries
-    that are zero stay so. Units are those of the rows before: columns that are rounding would make the rounding of a
-    motion large.
+    Free motions are those that change none of the rows ``all_rows`` (n, m), restricted to the coordinates ``columns``
+    (k,). The coordinates are scaled by ``all_rows``: the scale of a column of rounding errors would amplify them.
     """
     result, pattern = rows.copy(), rows != 0.0
     if not rows.size:
         return result
-    scale, motions = _scales(np.abs(before))[1][kept], free_motions(before)[kept]
+    scale, motions = _scales(np.abs(all_rows))[1][columns], free_motions(all_rows)[columns]
     if not motions.shape[1]:
         return result
     motions = motions / scale[:, None]
     motions = motions / np.linalg.norm(motions, axis=0)
     for used in np.unique(pattern, axis=0):
-        alike = np.ix_((pattern == used).all(axis=1), used)
+        block = np.ix_((pattern == used).all(axis=1), used)
         u, values, _ = np.linalg.svd(motions[used], full_matrices=False)
         u = u[:, values > DEPENDENT_ROWS]
-        result[alike] -= ((rows[alike] * scale[used]) @ u) @ u.T / scale[used]
+        result[block] -= ((rows[block] * scale[used]) @ u) @ u.T / scale[used]
     return result
 
 
 def _scales(terms: Array) -> tuple[Array, Array]:
-    """Factors of the rows and columns that bring their largest terms to about one."""
+    """Factors of the rows and columns that scale their largest terms to about one."""
     row, column = np.ones(terms.shape[0]), np.ones(terms.shape[1])
     for _ in range(ROUNDS):
         largest = (terms * column).max(axis=1, initial=0.0)
@@ -104,19 +104,18 @@ def _scales(terms: Array) -> tuple[Array, Array]:
 
 
 def orthonormal(factor: Array, motions: Array) -> Array:
-    """Return motions (m, k) turned so that motions^T W^T W motions = 1 for a factor W; leading ones keep their span."""
+    """Return combinations of motions (m, k) that are orthonormal in the metric W^T W; leading ones keep their span."""
     if not motions.shape[1]:
         return motions
     upper = np.linalg.qr(factor @ motions, mode="r")
     return np.asarray(blas.dtrsm(1.0, upper, motions.T, trans_a=1).T)
 
 
-def completed(factor: Array, first: Array, motions: Array) -> Array:
-    """Return orthonormal motions, W^T W as the metric, with the span of ``motions``, of which ``first`` come first."""
+def completed_basis(factor: Array, first: Array, motions: Array) -> Array:
+    """Return motions, orthonormal in the metric W^T W, with the span of ``motions``, of which ``first`` come first."""
     first = orthonormal(factor, first)
-    moved = factor @ motions
-    rest = moved - (factor @ first) @ ((factor @ first).T @ moved)
-    others = pivoted_qr(rest)[1][: motions.shape[1] - first.shape[1]]
+    rows, first_rows = factor @ motions, factor @ first
+    others = pivoted_qr(rows - first_rows @ (first_rows.T @ rows))[1][: motions.shape[1] - first.shape[1]]
     return orthonormal(factor, np.concatenate((first, motions[:, others]), axis=1))
 
 
@@ -128,16 +127,16 @@ def null_pair(matrix: Array, terms: Array) -> tuple[Array, Array]:
     matrix : array, shape (m, m)
         The matrix.
     terms : array, shape (m, m)
-        Sums of the sizes of the terms that each entry is the sum of.
+        Sums of the magnitudes of the terms of each entry.
 
     Returns
     -------
     tuple of array, shape (m, m - rank)
-        Both.
+        Right and left null vectors.
     """
-    size = sizes(matrix, terms)
+    size = matrix_scales(matrix, terms)
     scaled = np.where(np.abs(matrix) > NOTHING * terms, matrix, 0.0) / size[:, None] / size
-    # rows and columns of zeros are split off: null vectors by SVD are off by eps over the smallest value that is not 0
+    # zero rows and columns are split off: null vectors of the SVD have errors of eps over the smallest nonzero value
     rows = np.asarray(scaled.any(axis=1), dtype=bool)
     columns = np.asarray(scaled.any(axis=0), dtype=bool)
     u, values, v = np.linalg.svd(scaled[np.ix_(rows, columns)])
@@ -147,7 +146,7 @@ def null_pair(matrix: Array, terms: Array) -> tuple[Array, Array]:
 
 
 def _with_unit_vectors(vectors: Array, used: NDArray[np.bool_]) -> Array:
-    """Unit vectors of the coordinates that are not used, then vectors (n, k) of the n that are, as (m, m - n + k)."""
+    """Unit vectors of unused coordinates, then vectors (n, k) of the n used ones, (m, m - n + k)."""
     result = np.zeros((len(used), int(np.count_nonzero(~used)) + vectors.shape[1]))
     rest = np.flatnonzero(~used)
     result[rest, np.arange(len(rest))] = 1.0
@@ -155,8 +154,8 @@ def _with_unit_vectors(vectors: Array, used: NDArray[np.bool_]) -> Array:
     return result
 
 
-def sizes(matrix: Array, terms: Array | float = 0.0) -> Array:
-    """Return factors that bring the rows and columns of a square matrix to unit size, but not those of rounding."""
+def matrix_scales(matrix: Array, terms: Array | float = 0.0) -> Array:
+    """Return factors that scale rows and columns of a square matrix to unit size, except those of rounding errors."""
     size = np.maximum(np.abs(matrix), LEAST_ROW * terms)
     result: Array = np.sqrt(np.maximum(size.max(axis=0, initial=0.0), size.max(axis=1, initial=0.0)))
     result[result == 0.0] = 1.0

@@ -1,8 +1,8 @@
 """Stiffness of follower loads and torques, whose work depends on the path of the motion.
 
-In coordinates (u, theta) of the exponential map a force f and a torque t about the centre of mass, that turn with the
-body, have the tangent [[0, [f]x], [0, 1/2 [t]x]]; a torque that stays fixed in the world has -1/2 [t]x. The symmetric
-part of f is a product of rows, 1/2 u . (f x theta); the antisymmetric rest is the circulatory matrix N.
+In coordinates (u, theta) of the exponential map a force f and a torque t about the centre of mass, which rotate with
+the body, have the tangent [[0, [f]x], [0, 1/2 [t]x]]; that of a torque fixed in the world is -1/2 [t]x. The symmetric
+part of f is a product of rows, 1/2 u . (f x theta); the antisymmetric part is the circulatory matrix N.
 
 Source: Ziegler, Principles of Structural Stability (1968), for circulatory forces and torques.
 """
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.elements.contribution import Contribution, Weights, shifts, turns
+from mbsvib.elements.contribution import Contribution, Weights, displacement_rows, rotation_rows
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.second_order_rows import normals
 from mbsvib.kinematics.mobility import crossed_product
@@ -64,7 +64,8 @@ def _of_load(applied: AppliedWrenches, position: Array, k: int) -> Contribution:
     half = 0.5 if follower else -0.5
     entries += [(count + i, count + j, half * sign * torque[c]) for i, j, c, sign in _PAIRS if i < j]
     bodies = np.full(count, body)
-    rows = Rows.join([shifts(bodies, along, np.repeat(center, count, axis=1), ground), turns(bodies, along, ground)])
+    rows = Rows.join([displacement_rows(bodies, along, np.repeat(center, count, axis=1), ground),
+                      rotation_rows(bodies, along, ground)])  # fmt: skip
     return Contribution.of(rows, stiffness=_weights(products, k), circulatory=_weights(entries, k))
 
 

@@ -11,11 +11,11 @@ from mbsvib.elements import beam_expansion, superelement_expansion
 from mbsvib.elements import body as _body
 from mbsvib.elements import joint as _joint
 from mbsvib.elements.beam import Beam
-from mbsvib.elements.elastic_part import rotation_rows, stiffness_rows, wrenches
-from mbsvib.elements.shared_rows import Pieces
+from mbsvib.elements.elastic_part import second_order_rotation_rows, stiffness_rows, wrenches
+from mbsvib.elements.shared_rows import Expansion
 from mbsvib.equations.beam_prestress import beam_weights
 from mbsvib.equations.expansion import expanded
-from mbsvib.equilibrium.flexible_parts import attachment_points, flexible, root_of
+from mbsvib.equilibrium.flexible_parts import attachment_points, flexible
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.rebuilding import changed
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.elastic_part import ElasticPart
-    from mbsvib.elements.shared_rows import Piece
+    from mbsvib.elements.shared_rows import SharedRows
     from mbsvib.equilibrium.report import Equilibrium
 
 M = TypeVar("M", bound=Mechanism)
@@ -62,17 +62,17 @@ def expanded_articulation(model: M) -> M:
     if not model.composed:
         return result
     springs, loads = dict(result.springs), dict(result.loads)
-    elastic: list[Piece] = []
+    elastic: list[SharedRows] = []
     parts = [*map(beam_expansion.elastic_part, model.beams.values()), *_reduced(model)]
     for part in parts:
         bushings, pulls = wrenches(part)
         springs |= {spring.name: spring for spring in bushings}
         loads |= {load.name: load for load in (*pulls, *part.loads)}
         elastic += [stiffness_rows(part)] if len(part.values) else []
-        elastic += [*rotation_rows(part, part.forces()), *part.extra]
-    pieces = Pieces((), tuple(elastic), frozenset()) if result.pieces is None else \
-        replace(result.pieces, elastic=(*result.pieces.elastic, *elastic))  # fmt: skip
-    return result.with_parts(springs=springs, loads=loads, pieces=pieces)
+        elastic += [*second_order_rotation_rows(part, part.forces()), *part.weight_stiffness]
+    expansion = Expansion((), tuple(elastic), frozenset()) if result.expansion is None else \
+        replace(result.expansion, elastic=(*result.expansion.elastic, *elastic))  # fmt: skip
+    return result.with_parts(springs=springs, loads=loads, expansion=expansion)
 
 
 def elastic_scale(model: Mechanism, names: Sequence[str], energy: Array) -> Array:
@@ -94,7 +94,7 @@ def elastic_scale(model: Mechanism, names: Sequence[str], energy: Array) -> Arra
     """
     if not model.composed:
         return np.ones(len(names))
-    owners = {name for part in model.composed.values() for name in (part.name, *part.made, *_joints(part))}
+    owners = {name for part in model.composed.values() for name in (part.name, *part.generated_names, *_joints(part))}
     elastic = np.array([name.rpartition(".")[0] in owners for name in names], dtype=bool) & (energy > 0.0)
     result = np.ones(len(names))
     if elastic.any():
@@ -131,7 +131,7 @@ def with_rigid_parts(model: M) -> M:
             bodies[node] = _body.make(node, 0.0, (0.0, 0.0, 0.0), point, None)
     for part in parts:
         points = attachment_points(part)
-        root = root_of(part)
+        root = part.root
         for k, (body, point) in enumerate(points.items()):
             if body != root:
                 name = f"{part.name} holds {k}"

@@ -87,7 +87,7 @@ def balance(at: PosedModel, independent: Sequence[str] | None = None) -> Balance
     with warnings.catch_warnings():  # an intermediate pose, not the requested one
         warnings.simplefilter("ignore", NearSingularWarning)
         draft = first_draft(model, numbers, independent, checked=False)
-    residual = balanced_forces = np.zeros(len(draft.kept))
+    residual = balanced_forces = np.zeros(len(draft.minimal))
     if numbers.loads is not None:
         from mbsvib.equations.loaded import with_loads
 

@@ -108,7 +108,7 @@ def check_couplers(model: Mechanism, there: Mechanism) -> None:
 def joint_travel(joint: Joint, direction: str, pose: Pose, at: tuple[float, float, float]) -> float:
     """Return the displacement of one coordinate of a joint [m, rad], angles within half a turn."""
     k = DIRECTIONS.index(direction)
-    first, second = pose.turned(joint.first, joint.axes), pose.turned(joint.second, joint.axes)
+    first, second = pose.rotated(joint.first, joint.axes), pose.rotated(joint.second, joint.axes)
     if k < 3:
         return float(first[:, k] @ np.subtract(pose.point(joint.second, at), pose.point(joint.first, at)))
     relative, free = first.T @ second, rotations(joint)

@@ -14,7 +14,6 @@ from mbsvib.common import arguments as check
 from mbsvib.elements.beam import Beam
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.linalg.rotations import exponential, logarithm
-from mbsvib.mechanism.mechanism import GROUND
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -44,17 +43,8 @@ def attachment_points(part: Flexible) -> dict[str, Any]:
     dict of str to tuple
         Points [m] by body.
     """
-    if isinstance(part, Beam):
-        return {part.node(i): point for i, point in enumerate(part.points)}
-    points = {part.body_of(i): point for i, (_, point) in enumerate(part.nodes)}
-    return points | ({GROUND: part.nodes[0][1]} if part.grounded else {})
-
-
-def root_of(part: Flexible) -> str:
-    """Return the body that carries a beam or superelement: ground if it is attached there, else its first body."""
-    if isinstance(part, Beam):
-        return part.root
-    return GROUND if part.root is None else part.body_of(part.root)
+    points = dict(part.node_bodies)
+    return points if part.root in points else points | {part.root: part.points[0]}
 
 
 def part_in_pose(part: Flexible, pose: Pose) -> dict[str, Any] | Part:
@@ -65,10 +55,9 @@ def part_in_pose(part: Flexible, pose: Pose) -> dict[str, Any] | Part:
     ModelError
         If one direction cannot describe the y axes of its elements in the pose.
     """
-    bodies = [part.node(i) for i in range(len(part.points))] if isinstance(part, Beam) else \
-        [part.body_of(i) for i in range(len(part.nodes))]  # fmt: skip
-    carriers = [] if isinstance(part, Beam) else [name for name in part.carriers if name in pose.number]
-    if pose.as_described or all(map(pose.stays, [root_of(part), *bodies, *carriers])):
+    bodies = [body for body, _ in part.node_bodies]
+    carriers = [name for name in part.carriers if name in pose.number]
+    if pose.as_described or all(map(pose.is_unmoved, [part.root, *bodies, *carriers])):
         return part
     return _beam(part, bodies, pose) if isinstance(part, Beam) else _superelement(part, bodies, pose)
 
@@ -80,9 +69,9 @@ def _bent(root: str, bodies: list[str], points: Array, before: Array, pose: Pose
     ``before`` (n, 6) are the displacements in the reference pose, ``points`` (n, 3) the points there.
     """
     which, frame = np.array([pose.number[body] for body in bodies]), np.full(len(bodies), pose.number[root])
-    there, turn = pose.points(which, points), pose.turn[pose.number[root]]
+    there, turn = pose.points(which, points), pose.rotations[pose.number[root]]
     change = there - pose.points(frame, points)
-    rotation = logarithm(turn.T @ pose.turn[which] @ exponential(before[:, 3:]))
+    rotation = logarithm(turn.T @ pose.rotations[which] @ exponential(before[:, 3:]))
     after = np.concatenate((before[:, :3] @ turn.T + change, rotation @ turn.T), axis=1)
     extent = float(np.abs(np.concatenate((points, there))).max())
     turned = np.abs(rotation - before[:, 3:]).max()
@@ -90,21 +79,21 @@ def _bent(root: str, bodies: list[str], points: Array, before: Array, pose: Pose
 
 
 def _beam(part: Beam, bodies: list[str], pose: Pose) -> dict[str, Any] | Part:
-    count, root = len(bodies), root_of(part)
+    count, root = len(bodies), part.root
     before = np.zeros((count, 6)) if part.displacements is None else np.array(part.displacements)
     points, after, bends = _bent(root, bodies, np.array(part.points), before, pose)
     if not bends and part.displacements is None:
         return _rigid_words(part, root, pose)
-    turn = exponential(0.5 * (after[1:, 3:] + after[:-1, 3:])) @ pose.turn[pose.number[root]]
+    turn = exponential(0.5 * (after[1:, 3:] + after[:-1, 3:])) @ pose.rotations[pose.number[root]]
     return part.through(points, np.einsum("eij,ej->ei", turn, part.without_forces().y_axes()), after)
 
 
 def _superelement(part: Superelement, bodies: list[str], pose: Pose) -> Part:
-    axes, root, count = np.array(part.orientation), root_of(part), len(bodies)
+    axes, root, count = np.array(part.orientation), part.root, len(bodies)
     before = np.zeros(len(part.M)) if part.displacements is None else np.array(part.displacements)
     world = (before[: 6 * count].reshape(-1, 3) @ axes.T).reshape(-1, 6)
     points, after, bends = _bent(root, bodies, np.array([point for _, point in part.nodes]), world, pose)
-    turned = pose.turned(root, part.orientation)
+    turned = pose.rotated(root, part.orientation)
     internal = before[6 * count :].copy()
     for i, name in enumerate(part.carriers):
         k = pose.number.get(name)
@@ -122,14 +111,14 @@ def _superelement(part: Superelement, bodies: list[str], pose: Pose) -> Part:
 
 def _rigid_words(part: Beam, root: str, pose: Pose) -> dict[str, Any]:
     """Arguments of a beam that moves as a rigid body."""
-    words = part.words()
+    words = part.constructor_kwargs()
     for key in ("start", "end"):
         if words.get(key) is not None:
             words[key] = pose.point(root, words[key])
     if words.get("nodes") is not None:
         words["nodes"] = [pose.point(root, point) for point in words["nodes"]]
     if words.get("axis") is not None:
-        words["axis"] = pose.turned(root, words["axis"])
-    sideways = part.y_axes() @ pose.turn[pose.number[root]].T
+        words["axis"] = pose.rotated(root, words["axis"])
+    sideways = part.y_axes() @ pose.rotations[pose.number[root]].T
     words["y_axis"] = sideways[0] if np.abs(part.y_axes() - part.y_axes()[0]).max() == 0.0 else sideways
     return words

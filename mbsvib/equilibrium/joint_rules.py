@@ -73,7 +73,7 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def _turned_apart(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
-    first, second = pose.turn[joints.first], pose.turn[joints.second]
+    first, second = pose.rotations[joints.first], pose.rotations[joints.second]
     return gap, logarithm(second @ first.swapaxes(-1, -2))
 
 
@@ -85,7 +85,7 @@ def _tilted(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
 def _off_thread(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
     """The tilt plus the angle of the screw about its axis, with full turns counted by its advance."""
     axis, (_, tilt) = pose.vectors(joints.first, joints.first_axis), _tilted(joints, pose, gap)
-    relative = pose.turn[joints.first].swapaxes(-1, -2) @ pose.turn[joints.second]
+    relative = pose.rotations[joints.first].swapaxes(-1, -2) @ pose.rotations[joints.second]
     along = (joints.first_axis * np.einsum("kij,kj->ki", relative, joints.first_axis)).sum(axis=-1)
     sine, cosine = 2.0 * (joints.first_axis * axial(relative)).sum(axis=-1), np.einsum("kii->k", relative) - along
     angle = np.arctan2(sine, cosine)
@@ -112,12 +112,12 @@ def _off_angle(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
 
 
 def _halfway(joints: Joints, pose: Pose) -> Array:
-    first, second = pose.turn[joints.first], pose.turn[joints.second]
+    first, second = pose.rotations[joints.first], pose.rotations[joints.second]
     return np.asarray(first @ exponential(0.5 * logarithm(first.swapaxes(-1, -2) @ second)))
 
 
 def _bent(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
-    first, second = pose.turn[joints.first], pose.turn[joints.second]
+    first, second = pose.rotations[joints.first], pose.rotations[joints.second]
     bend = logarithm(first.swapaxes(-1, -2) @ second)
     angle = np.sqrt((bend * bend).sum(axis=-1))
     return gap, np.sinc(0.5 * angle / np.pi)[:, None] * np.einsum("kij,kj->ki", _halfway(joints, pose), bend)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.elements.joint import elsewhere
+from mbsvib.elements.joint import moved_joint
 from mbsvib.errors import NoWordsError
 from mbsvib.linalg.rotations import exponential, logarithm
 
@@ -45,20 +45,20 @@ def in_pose(joint: Joint, pose: Pose) -> Joint:
     """
     if joint.kind == "distance":
         begin, end = joint.position or ORIGIN, joint.end or ORIGIN
-        return elsewhere(joint, pose.point(joint.first, begin), pose.point(joint.second, end))
+        return moved_joint(joint, pose.point(joint.first, begin), pose.point(joint.second, end))
     position = None if joint.position is None else pose.point(joint.second, joint.position)
     if joint.successive:
-        axis, axis2 = map(pose.direction, (joint.first, joint.second), two_axes(joint))
+        axis, axis2 = map(pose.rotated_vector, (joint.first, joint.second), two_axes(joint))
         if joint.kind == "universal":
-            return elsewhere(joint, position, axis=axis, axis2=axis2)
+            return moved_joint(joint, position, axis=axis, axis2=axis2)
         axes = as_matrix(_frame(joint, np.array(axis), np.array(axis2), rotations(joint), pose))
     elif joint.axis is not None and joint.kind in ALONG_AXIS:
-        return elsewhere(joint, position, axis=pose.direction(joint.first, joint.axis))
+        return moved_joint(joint, position, axis=pose.rotated_vector(joint.first, joint.axis))
     elif joint.kind != "spherical" and len(rotations(joint)) == 2:
         axes = as_matrix(halfway(joint, pose))
     else:
-        axes = pose.axes(joint.first, joint.axes)
-    return elsewhere(joint, position, axes=axes)
+        axes = pose.rotated_axes(joint.first, joint.axes)
+    return moved_joint(joint, position, axes=axes)
 
 
 def as_matrix(axes: Array) -> Matrix3:
@@ -69,7 +69,7 @@ def as_matrix(axes: Array) -> Matrix3:
 
 def halfway(joint: Joint, pose: Pose) -> Array:
     """Return the axes of a joint on the first body, turned halfway to those on the second."""
-    first, second = pose.turned(joint.first, joint.axes), pose.turned(joint.second, joint.axes)
+    first, second = pose.rotated(joint.first, joint.axes), pose.rotated(joint.second, joint.axes)
     return np.asarray(first @ exponential(0.5 * logarithm(first.T @ second)))
 
 
@@ -84,7 +84,7 @@ def _frame(joint: Joint, first_axis: Array, second_axis: Array, free: tuple[int,
     axes[:, free[1]] = np.cross(axes[:, (free[1] + 1) % 3], axes[:, (free[1] + 2) % 3])
     locked = [k for k in range(3) if DIRECTIONS[k] in dict(joint.locked)]
     if locked and len(locked) < 3:
-        before = pose.turned(joint.first, joint.axes)[:, locked]
+        before = pose.rotated(joint.first, joint.axes)[:, locked]
         if np.abs(before - axes[:, locked] @ (axes[:, locked].T @ before)).max() > SKEWED:
             who = f"joint '{joint.name}'"
             raise NoWordsError(

@@ -38,8 +38,7 @@ def warn_beyond(there: Mechanism, at: PosedModel, reduction: Reduction) -> None:
         if part.displacements is None:
             continue
         kind = type(part).__name__.lower()
-        nodes = len(part.points) if isinstance(part, Beam) else len(part.nodes)
-        six = np.array(part.displacements).reshape(-1)[: 6 * nodes].reshape(-1, 6)
+        six = np.array(part.displacements).reshape(-1)[: 6 * len(part.points)].reshape(-1, 6)
         angle = float(np.sqrt(np.square(six[:, 3:]).sum(axis=1)).max())
         if angle > TURNED:
             _warn(f"{kind} '{part.name}' bends by {angle:.2g} rad; displacements in the frame of the body that "
@@ -57,7 +56,7 @@ def _warn(message: str) -> None:
 
 def _held_apart(beam: Beam, at: PosedModel, reduction: Reduction) -> bool:
     """Whether no coordinate changes the distance between the ends of a beam."""
-    first, last = beam.node(0), beam.node(len(beam.points) - 1)
+    first, last = beam.body_of(0), beam.body_of(len(beam.points) - 1)
     if first == last:
         return True
     line = np.subtract(beam.points[-1], beam.points[0])

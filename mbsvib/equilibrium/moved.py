@@ -150,7 +150,7 @@ def _dependent(here: PosedModel, depends: NDArray[np.bool_], independent: Array)
 
 def _near(here: PosedModel, there: PosedModel) -> bool:
     """Tell whether no body moved so far in one step that loops may have jumped to another branch."""
-    turned = np.einsum("kij,kij->k", here.pose.turn, there.pose.turn)
+    turned = np.einsum("kij,kij->k", here.pose.rotations, there.pose.rotations)
     went = np.abs(there.pose.centre - here.pose.centre).max()
     return bool(turned.min() > 1.0 + 2.0 * np.cos(5.0 * LONGEST) and went < 5.0 * LONGEST * here.size)
 

@@ -58,7 +58,7 @@ def _static(part: Maxwell) -> Spring:
 
 def _part_in_pose(part: Any, pose: Pose, relaxed: bool) -> dict[str, Any] | Part:
     if isinstance(part, Joint):
-        return part if pose.stays(part.first) and pose.stays(part.second) else joints.in_pose(part, pose)
+        return part if pose.is_unmoved(part.first) and pose.is_unmoved(part.second) else joints.in_pose(part, pose)
     if isinstance(part, Composed):
         return flexible_parts.part_in_pose(part, pose)  # type: ignore[arg-type]
     result: dict[str, Any] | Part = part.in_pose(pose, relaxed)

@@ -25,23 +25,23 @@ class Pose:
     """A pose of all bodies, ground last.
 
     ``number`` of each body by name; ``origin`` (bodies + 1, 3) are the centres of mass in the reference pose,
-    ``centre`` in this pose [m], ``turn`` (bodies + 1, 3, 3) the rotations between them.
+    ``centre`` in this pose [m], ``rotations`` (bodies + 1, 3, 3) the rotations between them.
     """
 
     number: Mapping[str, int]
     origin: Array
     centre: Array
-    turn: Array
+    rotations: Array
 
     @cached_property
     def _still(self) -> tuple[bool, ...]:
-        still = (self.centre == self.origin).all(axis=1) & (self.turn == IDENTITY).all(axis=(1, 2))
+        still = (self.centre == self.origin).all(axis=1) & (self.rotations == IDENTITY).all(axis=(1, 2))
         return tuple(still.tolist())
 
     @cached_property
     def _change(self) -> tuple[Array, Array]:
         """Translations of centres (bodies + 1, 3), and rotations less the identity (bodies + 1, 3, 3)."""
-        return self.centre - self.origin, self.turn - IDENTITY
+        return self.centre - self.origin, self.rotations - IDENTITY
 
     @property
     def as_described(self) -> bool:
@@ -56,20 +56,20 @@ class Pose:
 
     def vectors(self, body: Index, what: Array) -> Array:
         """Return vectors (n, 3) that turn with bodies (n,)."""
-        return np.asarray((self.turn.take(body, axis=0) @ what[..., None])[..., 0])
+        return np.asarray((self.rotations.take(body, axis=0) @ what[..., None])[..., 0])
 
     def point(self, body: str, at: Sequence[float]) -> Vector:
         """Return the point of a body that is ``at`` [m] in the reference pose."""
         origin, centre = self._numbers[0][self.number[body]]
-        x, y, z = self.direction(body, (at[0] - origin[0], at[1] - origin[1], at[2] - origin[2]))
+        x, y, z = self.rotated_vector(body, (at[0] - origin[0], at[1] - origin[1], at[2] - origin[2]))
         return x + centre[0], y + centre[1], z + centre[2]
 
-    def direction(self, body: str, what: Sequence[float]) -> Vector:
+    def rotated_vector(self, body: str, what: Sequence[float]) -> Vector:
         """Return a vector that turns with a body."""
         (x, y, z), ((a, b, c), (d, e, f), (g, h, i)) = what, self._numbers[1][self.number[body]]
         return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
 
-    def axes(self, body: str, what: Matrix3) -> Matrix3:
+    def rotated_axes(self, body: str, what: Matrix3) -> Matrix3:
         """Return axes (columns) that turn with a body."""
         (r, s, t), ((a, b, c), (d, e, f), (g, h, i)) = what, self._numbers[1][self.number[body]]
         (x, y, z), (u, v, w), (k, m, n) = r, s, t
@@ -80,25 +80,26 @@ class Pose:
     @cached_property
     def _numbers(self) -> tuple[Any, Any]:
         """Origin and centre, and rotation of each body as lists, which is faster for single points."""
-        return np.stack((self.origin, self.centre), axis=1).tolist(), self.turn.tolist()
+        return np.stack((self.origin, self.centre), axis=1).tolist(), self.rotations.tolist()
 
-    def turned(self, body: str, what: Sequence[float] | Sequence[Sequence[float]] | Array) -> Array:
+    def rotated(self, body: str, what: Sequence[float] | Sequence[Sequence[float]] | Array) -> Array:
         """Return a vector (3,) or axes (3, 3), as an array, that turn with a body."""
-        return np.asarray(self.turn[self.number[body]] @ np.asarray(what))
+        return np.asarray(self.rotations[self.number[body]] @ np.asarray(what))
 
     def centre_of(self, body: str) -> Vector:
         """Return where the centre of mass of a body is [m]."""
         x, y, z = self.centre[self.number[body]].tolist()
         return x, y, z
 
-    def stays(self, body: str) -> bool:
+    def is_unmoved(self, body: str) -> bool:
         """Tell whether a body is exactly in its reference pose."""
         return self._still[self.number[body]]
 
     def moved_to(self, centre: Array, turn: Array) -> Pose:
         """Return the pose with new centres and further rotations."""
         same = (turn == IDENTITY).all(axis=(1, 2), keepdims=True)
-        return Pose(self.number, self.origin, centre, np.where(same, self.turn, orthonormal(turn @ self.turn)))
+        rotations = np.where(same, self.rotations, orthonormal(turn @ self.rotations))
+        return Pose(self.number, self.origin, centre, rotations)
 
 
 def start(model: Mechanism) -> Pose:

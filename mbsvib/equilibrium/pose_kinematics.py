@@ -61,7 +61,7 @@ class PoseKinematics:
         """Return the joint coordinates and the locked rows in a pose."""
         if pose.as_described:
             return self.coordinates, self.cuts
-        turn = pose.turn
+        turn = pose.rotations
         if self.own_axes:
             turn = np.concatenate((turn, *(axes(pose) @ inverse for axes, inverse in self.own_axes)))
         linear, angular = np.ascontiguousarray((turn.take(self.turner, axis=0) @ self.vectors).transpose(2, 1, 0))

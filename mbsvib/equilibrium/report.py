@@ -112,5 +112,5 @@ def displacements(pose: Pose) -> dict[str, Array]:
     result = {}
     for name, k in pose.number.items():
         if name != "ground":
-            result[name] = np.concatenate((pose.centre[k] - pose.origin[k], logarithm(pose.turn[k])))
+            result[name] = np.concatenate((pose.centre[k] - pose.origin[k], logarithm(pose.rotations[k])))
     return result

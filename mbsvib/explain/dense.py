@@ -100,7 +100,7 @@ def _topology(system: Equations) -> list[str]:
     springs = [name for name in system.provenance.springs if name not in owners]
     parts = ((topology.bodies, "body"), (topology.joints, "joint"), (springs, "spring-damper"))
     lines = ["  " + ", ".join(counted(len(group), what) for group, what in parts)]
-    lines += [f"  {part.account}" for part in composed]
+    lines += [f"  {part.summary}" for part in composed]
     for body in topology.floating:
         name = topology.bodies[body]
         why = "no joint reaches it" if name not in jointed else "no chain of joints leads from ground to it"

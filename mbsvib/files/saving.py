@@ -56,7 +56,7 @@ def described(model: Model) -> dict[str, Any]:
         for name, part in getattr(model, section).items():
             kind = ADDERS[type(part)].removeprefix("add_")
             entry_words = {} if kind == kinds[0] else {"type": kind}
-            for word, value in part.words().items():
+            for word, value in part.constructor_kwargs().items():
                 if word != "name" and value != words(kind)[word].default:
                     entry_words[word] = _spoken(word, value)
             entries[name] = entry_words

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.common.arguments import frame_along
-from mbsvib.elements.bushing import FARTHEST, Bushing
+from mbsvib.elements.bushing import LARGEST_ANGLE, Bushing
 from mbsvib.elements.inerter import Inerter
 from mbsvib.elements.maxwell import Maxwell
 from mbsvib.elements.spring import Spring
@@ -87,7 +87,7 @@ def _made(
 ) -> Connected:  # fmt: skip
     """A spring-damper of stiffness k and damping c (d, d) on the deformation x (d,)."""
     if angle is not None:  # beyond the limit the moment is no number, so that nothing goes on with it
-        defined = ca.if_else(angle < FARTHEST, 1.0, ca.SX(np.nan))
+        defined = ca.if_else(angle < LARGEST_ANGLE, 1.0, ca.SX(np.nan))
         k, c = k * defined, c * defined
     xd = motion.rate(x)
     pull = preload + k @ x + c @ xd

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.elastic_part import ElasticPart
-    from mbsvib.elements.shared_rows import Node, Piece
+    from mbsvib.elements.shared_rows import Node, SharedRows
     from mbsvib.elements.superelement import Superelement
     from mbsvib.mechanism.mechanism import Mechanism
 
@@ -165,15 +165,15 @@ def _used(model: Mechanism) -> set[str]:
 def _of_beam(beam: Beam, model: Mechanism, used: set[str]) -> ElasticBlock:
     rest, whole = beam.without_forces(), beam_expansion.elastic_part(beam)
     points = np.array(rest.points)
-    elastic = tuple([i for i in range(len(points)) if beam.node(i) != beam.root])
-    names = {beam.node(i): i for i in reversed(range(len(points)))}
+    elastic = tuple([i for i in range(len(points)) if beam.body_of(i) != beam.root])
+    names = {beam.body_of(i): i for i in reversed(range(len(points)))}
     mass = _matrix(beam_expansion.masses(rest), names, points, 0)
     damping = _matrix(beam_expansion.dampers(rest), names, points, 0)
     weight = np.zeros((len(points), 3))
     if model.gravity is not None and any(model.gravity):
         falls = {load.body: load.force for load in beam_weights([rest], model.gravity).values()}
         for i in range(len(points)):
-            weight[i] = falls.get(beam.node(i), (0.0, 0.0, 0.0))
+            weight[i] = falls.get(beam.body_of(i), (0.0, 0.0, 0.0))
     columns = [6 * i + j for i in elastic for j in range(6)]
     made = _block(whole, points, elastic, 0, mass, damping, beam.beta, weight, used)
     return replace(made, sag=sag_rows(beam)[:, columns], stretch=stretch_row(beam)[columns])
@@ -189,7 +189,7 @@ def _of_superelement(part: Superelement, model: Mechanism, used: set[str]) -> El
     whole = superelement_expansion.elastic_part(part, model.gravity)
     points = np.array(part.points_without_forces)
     count = len(points)
-    elastic = tuple([i for i in range(count) if i != part.root and part.body_of(i) != whole.root])
+    elastic = tuple([i for i in range(count) if i != part.root_node and part.body_of(i) != whole.root])
     names = {part.body_of(i): i for i in range(count)}
     names |= {name: count + i for i, name in enumerate(part.carriers)}
     mass = _matrix(superelement_expansion.masses(part), names, points, part.internal)
@@ -239,7 +239,7 @@ def _craig_bampton(mass: Array, stiffness: Array, held: list[int]) -> tuple[Arra
     return modes, static, values
 
 
-def _matrix(pieces: Sequence[Piece], names: dict[str, int], points: Array, internal: int) -> Array:
+def _matrix(pieces: Sequence[SharedRows], names: dict[str, int], points: Array, internal: int) -> Array:
     """The products of shared rows, with their coefficients, over the displacements of stations and internal ones."""
     count = len(points)
     result = np.zeros((6 * count + internal, 6 * count + internal))
@@ -248,8 +248,8 @@ def _matrix(pieces: Sequence[Piece], names: dict[str, int], points: Array, inter
         for k, node in enumerate(piece.nodes):
             own = piece.matrix[:, 6 * k : 6 * k + 6]
             _add(rows, own, node, node.body, names, points)
-            if node.against in names:
-                _add(rows, -own, node, node.against, names, points)
+            if node.relative_to in names:
+                _add(rows, -own, node, node.relative_to, names, points)
         value = np.ones(len(rows)) if piece.damping is None else piece.damping
         result += rows.T @ (value[:, None] * rows)
     return result

@@ -135,7 +135,7 @@ class Chain:
             raise ModelError(f"{who}: '{strange[0]}' belongs to a beam or superelement, which does not follow the ends "
                              f"of a leg; expected rigid bodies.", element=strange[0], field="legs")  # fmt: skip
         for part in (*model.loads.values(), *model.rotors.values()):
-            on = part.words()["body"]
+            on = part.constructor_kwargs()["body"]
             if on in self.bodies:
                 raise ModelError(f"{who}: '{part.name}' on its body '{on}' keeps its direction when the leg turns; "
                                  f"leave it out.", element=part.name, field="legs")  # fmt: skip

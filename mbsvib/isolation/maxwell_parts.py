@@ -42,7 +42,7 @@ def unfolded(model: Model) -> Model:
     result = model.with_parts(springs={name: part for name, part in springs.items() if not isinstance(part, Maxwell)})
     for part in [part for part in springs.values() if isinstance(part, Maxwell)]:
         ports = [port.name for port in (*model.inputs.values(), *model.outputs.values())
-                 if part.name in port.words().values()]  # fmt: skip
+                 if part.name in port.constructor_kwargs().values()]  # fmt: skip
         if ports:
             raise ModelError(f"unfolded: '{ports[0]}' names the Maxwell element '{part.name}', which becomes several "
                              f"parts; leave this port out.", element=ports[0])  # fmt: skip

@@ -153,7 +153,7 @@ def _with_base(model: Model, base: str, keep_ports: bool) -> Model:
         return model.with_parts() if keep_ports else model.with_parts(inputs={}, outputs={})
     result = _welded(model, base)
     for part in [*model.inputs.values(), *model.outputs.values()] if keep_ports else ():
-        words = part.words()
+        words = part.constructor_kwargs()
         for field in ("body", "relative_to", "element"):
             if words.get(field) == base:
                 words[field] = GROUND
@@ -172,7 +172,7 @@ def _welded(model: Model, base: str) -> Model:
     groups = (model.bodies, model.composed, model.joints, model.springs, model.couplers, model.rotors, model.loads)
     removed = set()
     for part in [part for group in groups for part in group.values() if part.name != base]:
-        words = part.words()
+        words = part.constructor_kwargs()
         named = {words[field] for field in REFERENCES if field in words}
         if isinstance(part, Coupling):
             references = [name for name, _ in part.terms if name.rsplit(".", 1)[0] in removed]

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.shared_rows import Node, Piece, Pieces
+    from mbsvib.elements.shared_rows import Expansion, Node, SharedRows
 
 # Six rows: the displacement of a body at a point, in world axes
 _SIX = np.eye(6)
@@ -27,12 +27,14 @@ _SIX = np.eye(6)
 
 @dataclass(frozen=True, slots=True)
 class Composite:
-    """Composite rows as arrays: base ``rows``, and ``blocks`` of pieces of equal shape, numbers of base rows (e, b)
-    and matrices (e, r, b). ``rides`` is 1 for base rows that move with the ground, else 0.
+    """Composite rows as arrays: base ``rows``, and ``blocks`` of matrices of equal shape.
+
+    A block has numbers of base rows (e, b) and matrices (e, r, b). ``moves_with_ground`` is 1 for base rows that move
+    with the ground, else 0.
     """
 
     rows: Rows
-    rides: Array
+    moves_with_ground: Array
     blocks: tuple[tuple[Index, Array], ...]
 
     @property
@@ -72,12 +74,12 @@ class Composite:
         used = flat[0] != 0.0
         return csr_matrix((flat[0][used], (flat[1][used], flat[2][used])), shape=shape) @ base
 
-    def carried(self, linear: Array, angular: Array, origin: Array) -> Array:
+    def of_ground_motion(self, linear: Array, angular: Array, origin: Array) -> Array:
         """Return the composite rows (rows, 1) of a motion of the ground, with which all bodies move rigidly."""
         point = self.rows.point
         displacement = np.cross(angular, (point.T - origin)) + linear
         base = np.einsum("in,ni->n", self.rows.force, displacement) + angular @ self.rows.moment
-        return self.of((base * self.rides)[:, None])
+        return self.of((base * self.moves_with_ground)[:, None])
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,42 +92,42 @@ class ElasticRows:
     owner: tuple[str, ...]
 
 
-def stack(pieces: Sequence[Piece], number: Mapping[str, int]) -> Composite:
-    """Return composite rows, pieces of equal shape together; ``number`` has the numbers of bodies, ground included."""
+def stack(parts: Sequence[SharedRows], number: Mapping[str, int]) -> Composite:
+    """Return composite rows, matrices of equal shape together; ``number`` has all bodies and the ground."""
     index_of: dict[Node, int] = {}
     shapes: dict[tuple[int, ...], list[tuple[list[int], Array]]] = {}
-    for piece in pieces:
-        start = [index_of.setdefault(node, len(index_of)) for node in piece.nodes]
-        shapes.setdefault(piece.matrix.shape, []).append((start, piece.matrix))
+    for rows in parts:
+        start = [index_of.setdefault(node, len(index_of)) for node in rows.nodes]
+        shapes.setdefault(rows.matrix.shape, []).append((start, rows.matrix))
     nodes = list(index_of)
     count = len(nodes)
     force, moment = np.tile(_SIX[:3], count), np.tile(_SIX[3:], count)
     second = np.repeat(np.array([number[node.body] for node in nodes], dtype=np.intp), 6)
-    first = np.repeat(np.array([number[node.against] for node in nodes], dtype=np.intp), 6)
+    first = np.repeat(np.array([number[node.relative_to] for node in nodes], dtype=np.intp), 6)
     point = np.repeat(np.array([node.point for node in nodes], dtype=float).T, 6, axis=1)
     blocks = tuple([
         ((6 * np.array([start for start, _ in group])[:, :, None] + np.arange(6)).reshape(len(group), -1),
          np.array([matrix for _, matrix in group]))
         for group in shapes.values()
     ])  # fmt: skip
-    rides = np.repeat(np.array([float(node.rides) for node in nodes]), 6)
-    return Composite(Rows(first, second, point, force, moment), rides, blocks)
+    moves_with_ground = np.repeat(np.array([float(node.moves_with_ground) for node in nodes]), 6)
+    return Composite(Rows(first, second, point, force, moment), moves_with_ground, blocks)
 
 
-def stack_elastic(pieces: Sequence[Piece], number: Mapping[str, int]) -> ElasticRows:
-    """Return composite elastic and damping rows of pieces, in the order in which ``stack`` puts them."""
-    shapes: dict[tuple[int, ...], list[Piece]] = {}
-    for piece in pieces:
-        shapes.setdefault(piece.matrix.shape, []).append(piece)
-    ordered = [piece for group in shapes.values() for piece in group]
+def stack_elastic(parts: Sequence[SharedRows], number: Mapping[str, int]) -> ElasticRows:
+    """Return composite elastic and damping rows, in the order of ``stack``."""
+    shapes: dict[tuple[int, ...], list[SharedRows]] = {}
+    for rows in parts:
+        shapes.setdefault(rows.matrix.shape, []).append(rows)
+    ordered = [rows for group in shapes.values() for rows in group]
 
     def values(key: str) -> Any:
         return np.concatenate([
-            np.zeros(len(piece.matrix)) if getattr(piece, key) is None else getattr(piece, key) for piece in ordered
+            np.zeros(len(rows.matrix)) if getattr(rows, key) is None else getattr(rows, key) for rows in ordered
         ])  # fmt: skip
 
-    owner = tuple([piece.owner for piece in ordered for _ in range(len(piece.matrix))])
-    return ElasticRows(stack(pieces, number), values("stiffness"), values("damping"), owner)
+    owner = tuple([rows.owner for rows in ordered for _ in range(len(rows.matrix))])
+    return ElasticRows(stack(parts, number), values("stiffness"), values("damping"), owner)
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,9 +151,11 @@ class Shared:
             return factor
         return np.concatenate((factor, self.mass.of(base[: len(self.mass.rows.first)])))
 
-    def carried(self, factor: Array, linear: Array, angular: Array, origin: Array) -> Array:
-        """Return W of a rigid motion of all bodies with the ground."""
-        return factor if self.mass is None else np.concatenate((factor, self.mass.carried(linear, angular, origin)))
+    def of_ground_motion(self, factor: Array, linear: Array, angular: Array, origin: Array) -> Array:
+        """Return W u of a rigid motion u with the ground: ``factor`` of the bodies, then the shared rows."""
+        if self.mass is None:
+            return factor
+        return np.concatenate((factor, self.mass.of_ground_motion(linear, angular, origin)))
 
     def elastic_rows(
         self, base: Array, above: Array, stiffness: Array, damping: Array, owner: Index
@@ -168,11 +172,11 @@ class Shared:
                 np.concatenate((damping, self.elastic.damping[acts])), np.concatenate((owner, own[acts])))  # fmt: skip
 
 
-def shared_rows(pieces: Pieces, number: Mapping[str, int], first: int) -> Shared:
+def shared_rows(expansion: Expansion, number: Mapping[str, int], first: int) -> Shared:
     """Return the rows between more than two bodies as arrays.
 
     ``first`` is the number of owners of other elastic rows.
     """
-    names = tuple(dict.fromkeys(piece.owner for piece in pieces.elastic))
-    return Shared(stack(pieces.mass, number) if pieces.mass else None,
-                  stack_elastic(pieces.elastic, number) if pieces.elastic else None, first, names)  # fmt: skip
+    names = tuple(dict.fromkeys(rows.owner for rows in expansion.elastic))
+    return Shared(stack(expansion.mass, number) if expansion.mass else None,
+                  stack_elastic(expansion.elastic, number) if expansion.elastic else None, first, names)  # fmt: skip

@@ -83,7 +83,7 @@ def singular_beam(
                            f"{-4.0 * long - w0:.6g} m")  # fmt: skip
     bent = straight.through(np.array(straight.points) + displacements[:, :3], np.tile(Y, (elements, 1)), displacements)
     model = Model(who)
-    model.add_beam(**bent.words())
+    model.add_beam(**bent.constructor_kwargs())
     theta = acos(cosine)
     base = (0.0, 0.0, -2.0 * long - apart)
     elbow = (long * sin(theta), 0.0, base[2] + long * cos(theta))

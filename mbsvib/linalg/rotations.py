@@ -28,6 +28,16 @@ def skew(w: Array) -> Array:
     return np.asarray(vectors @ _SKEW).reshape(*vectors.shape, 3)
 
 
+def rigid_transport(arm: Array) -> Array:
+    """Return matrices (..., 6, 6) that map the motion (u, theta) of a point of a rigid body to that of another point.
+
+    u + theta x arm, theta with the ``arm`` (..., 3) to the other point
+    """
+    result = np.tile(np.eye(6), (*np.shape(arm)[:-1], 1, 1))
+    result[..., :3, 3:] = skew(np.negative(arm))
+    return result
+
+
 def axial(matrix: Array) -> Array:
     """Return the vectors w (..., 3) whose [w]x is the antisymmetric part of matrices (..., 3, 3)."""
     return np.asarray(matrix.reshape(*matrix.shape[:-2], 9) @ (0.5 * _SKEW.T))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from mbsvib.elements.coupler import Coupling
     from mbsvib.elements.part import Composed, Part
     from mbsvib.elements.rotor import Rotor
-    from mbsvib.elements.shared_rows import Pieces
+    from mbsvib.elements.shared_rows import Expansion
     from mbsvib.mechanism.parameters import Parameters
 
 GROUND = "ground"
@@ -69,7 +69,7 @@ class Mechanism:
         self._made: dict[str, Part] = {}  # names that composed parts and Maxwell elements use, with these parts
         self._nodes: dict[str, Part] = {}  # those of them that are bodies
         self._elements: dict[str, Part] = {}  # and those that carry forces
-        self._pieces: Pieces | None = None
+        self._expansion: Expansion | None = None
         self._derived: dict[Callable[[Any], Any], Any] = {}
 
     @property
@@ -143,9 +143,9 @@ class Mechanism:
         return MappingProxyType(self._nodes)
 
     @property
-    def pieces(self) -> Pieces | None:
+    def expansion(self) -> Expansion | None:
         """Mass and stiffness between more than two bodies, where beams and superelements are expanded."""
-        return self._pieces
+        return self._expansion
 
     @property
     def gravity_parts(self) -> tuple[Gravity, ...]:
@@ -165,7 +165,7 @@ class Mechanism:
     def declared_parts(self) -> tuple[Part, ...]:
         """Gravity and all parts but inputs and outputs, as the user knows them, in the order of their parameters."""
         parts = (*self.gravity_parts, *[part for key in GROUPS[:-2] for part in self._group(key).values()])
-        return parts if self._pieces is None else self._pieces.declared(parts)
+        return parts if self._expansion is None else self._expansion.declared(parts)
 
     def groups(self) -> dict[str, Mapping[str, Any]]:
         """Return all parts in their groups.
@@ -178,7 +178,7 @@ class Mechanism:
         return {key: MappingProxyType(self._group(key)) for key in GROUPS}
 
     def with_parts(
-        self, *, gravity: ArrayLike | None = _SAME, pieces: Pieces | None = _SAME, **groups: Mapping[str, Any]
+        self, *, gravity: ArrayLike | None = _SAME, expansion: Expansion | None = _SAME, **groups: Mapping[str, Any]
     ) -> Self:
         """Return a mechanism in which some groups hold other parts; these are not checked again.
 
@@ -186,7 +186,7 @@ class Mechanism:
         ----------
         gravity : array-like, shape (3,), optional
             Acceleration of free fall [m/s^2]; None: no gravity. Default: unchanged.
-        pieces : Pieces, optional
+        expansion : Expansion, optional
             Mass and stiffness between more than two bodies; default: unchanged.
         **groups : mapping of str to Part
             All parts of each of these groups (``joints={...}``) by name.
@@ -200,8 +200,8 @@ class Mechanism:
         result.__setstate__({f"_{key}": dict(parts) for key, parts in groups.items()})
         if gravity is not _SAME:
             result.gravity = gravity
-        if pieces is not _SAME:
-            result.__setstate__({"_pieces": pieces})
+        if expansion is not _SAME:
+            result.__setstate__({"_expansion": expansion})
         return result
 
     def with_values(self, values: Mapping[str, float]) -> Self:
@@ -285,7 +285,7 @@ class Mechanism:
         """Register the names of the nodes and elements of a beam or superelement."""
         self._nodes |= dict.fromkeys(part.node_names, part)
         self._elements |= dict.fromkeys(part.element_names, part)
-        self._made |= dict.fromkeys(part.made, part)
+        self._made |= dict.fromkeys(part.generated_names, part)
 
     def _check_name(self, name: str, what: str) -> None:
         check_name(name, what, self._bodies, self._joints, self._springs, self._composed, self._made,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from mbsvib.elements.families import remade
+from mbsvib.elements.families import rebuild_with
 from mbsvib.elements.part import Part
 from mbsvib.mechanism.mechanism import Mechanism
 
@@ -17,7 +17,7 @@ M = TypeVar("M", bound=Mechanism)
 def rebuilt(model: M, words: Callable[[Any], Mapping[str, Any] | Part]) -> M:
     """Return a mechanism with all parts rebuilt.
 
-    ``words`` returns the arguments of a part's adder, or the part that replaces it unchecked.
+    ``constructor_kwargs`` returns the arguments of a part's adder, or the part that replaces it unchecked.
 
     Raises
     ------
@@ -27,7 +27,7 @@ def rebuilt(model: M, words: Callable[[Any], Mapping[str, Any] | Part]) -> M:
 
     def made(part: Part) -> Part:
         new = words(part)
-        return new if isinstance(new, Part) else remade(part, new)
+        return new if isinstance(new, Part) else rebuild_with(part, new)
 
     groups: Any = {
         key: {name: made(part) for name, part in group.items()} for key, group in model.groups().items() if group
@@ -43,4 +43,4 @@ def changed(model: M, changes: Mapping[str, Mapping[str, Any]]) -> M:
     ModelError
         If an argument is refused.
     """
-    return rebuilt(model, lambda part: part.words() | changes[part.name] if part.name in changes else part)
+    return rebuilt(model, lambda part: part.constructor_kwargs() | changes[part.name] if part.name in changes else part)

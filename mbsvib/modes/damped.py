@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.linalg import lapack
 
-from mbsvib.equations.unresisted_motion import completed, product
+from mbsvib.equations.unresisted_motion import completed_basis, product_with_zeros
 from mbsvib.linalg.products import weighted_gram
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.classical import (
@@ -119,12 +119,12 @@ def _split_rigid(system: Equations, basis: Undamped, gamma: Array) -> tuple[Arra
         return basis.shapes, gamma, 0
     shapes = basis.shapes.copy()
     free = unbraked(system, shapes[:, :r])
-    shapes[:, :r], count = completed(w, free, shapes[:, :r]), free.shape[1]
+    shapes[:, :r], count = completed_basis(w, free, shapes[:, :r]), free.shape[1]
     # diagonalize the damping of the others; the most strongly damped comes last
-    relative_motion = product(system.elastic_rows, shapes[:, :r])
+    relative_motion = product_with_zeros(system.elastic_rows, shapes[:, :r])
     _, turn = np.linalg.eigh(weighted_gram(relative_motion, system.row_damping)[count:, count:])
     shapes[:, count:r] = shapes[:, count:r] @ turn
-    relative_motion = product(system.elastic_rows, shapes)
+    relative_motion = product_with_zeros(system.elastic_rows, shapes)
     relative_motion[:, :count] = 0.0
     return shapes, weighted_gram(relative_motion, system.row_damping), count
 

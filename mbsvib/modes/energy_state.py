@@ -19,13 +19,13 @@ import numpy as np
 
 from mbsvib.equations.massless_null_motion import own_coordinates
 from mbsvib.equations.unresisted_motion import (
-    completed,
+    completed_basis,
     coordinate_sizes,
     free_motions,
-    largest,
     null_pair,
     orthonormal,
-    product,
+    product_with_zeros,
+    rounding_scale,
 )
 from mbsvib.linalg.products import gram_matrix, weighted_gram
 from mbsvib.linalg.qr import pivoted_qr
@@ -136,7 +136,7 @@ def _basis(system: Equations, rtol: float) -> tuple[Array, Undamped, int]:
     turn, loose, null = np.eye(system.dof), np.zeros((system.dof, 0)), None
     if system.massless:
         turn, loose, null = _separated(system)
-    rows, w = product(system.elastic_rows, turn), system.inertia_factor @ turn
+    rows, w = product_with_zeros(system.elastic_rows, turn), system.inertia_factor @ turn
     part: Any = SimpleNamespace(
         dof=turn.shape[1], row_stiffness=system.row_stiffness, elastic_rows=rows, inertia_factor=w, circulatory=None,
         M=gram_matrix(w), K=weighted_gram(rows, system.row_stiffness), provenance=system.provenance,
@@ -144,7 +144,7 @@ def _basis(system: Equations, rtol: float) -> tuple[Array, Undamped, int]:
     undamped_modes = undamped(part, rtol, null=null)
     basis = turn @ undamped_modes.shapes
     free = unbraked(system, basis[:, : undamped_modes.rigid])
-    basis[:, : undamped_modes.rigid] = completed(system.inertia_factor, free, basis[:, : undamped_modes.rigid])
+    basis[:, : undamped_modes.rigid] = completed_basis(system.inertia_factor, free, basis[:, : undamped_modes.rigid])
     return np.concatenate((basis, loose), axis=1), undamped_modes, free.shape[1]
 
 
@@ -181,16 +181,16 @@ def _back(system: Equations, basis: Array) -> Array:
 def _in_basis(system: Equations, basis: Array, undamped_modes: Undamped, free: int) -> tuple[Array, Array]:
     """Stiffness and damping in the basis, exactly 0 for motions that they do not resist."""
     p = len(undamped_modes.square)
-    rows = product(system.elastic_rows, basis)
+    rows = product_with_zeros(system.elastic_rows, basis)
     flexible_rows = rows * (np.arange(len(basis)) >= undamped_modes.rigid)
     stiffness = weighted_gram(flexible_rows, system.row_stiffness)
     stiffness[:p, :p] = np.diag(undamped_modes.square)
     if system.circulatory is not None:
-        stiffness += product(product(basis.T, system.circulatory), basis)
+        stiffness += product_with_zeros(product_with_zeros(basis.T, system.circulatory), basis)
     braked = rows * (np.arange(len(basis)) >= free)
     damping = weighted_gram(braked, system.row_damping)
     if system.gyroscopic is not None:
-        damping += product(product(basis.T, system.gyroscopic), basis)
+        damping += product_with_zeros(product_with_zeros(basis.T, system.gyroscopic), basis)
     damping[p:, :p] = 0.0  # by the choice of the basis
     if system.gyroscopic is None:
         damping[:p, p:] = 0.0
@@ -217,7 +217,7 @@ def _first_order(stiffness: Array, damping: Array, scale: Array, n1: int) -> tup
 
 def _terms(system: Equations, basis: Array, value: Array, second_part: Array | None) -> Array:
     """Sum of the magnitudes of all terms of D^T diag(value) D and of a second part, for motions of the basis."""
-    most = largest(basis, coordinate_sizes(system))
+    most = rounding_scale(basis, coordinate_sizes(system))
     result = weighted_gram(np.abs(system.elastic_rows) @ most, np.abs(value))
     return result if second_part is None else result + most.T @ np.abs(second_part) @ most
 
@@ -233,7 +233,7 @@ def _null_spaces(
     if not _resists(system):
         return null_pair(stiffness, _terms(system, basis, system.row_stiffness, system.circulatory))
     # motions that damping couples to massless ones are not among the undamped modes
-    motions = product(back, free_motions(_stiff_rows(system)))
+    motions = product_with_zeros(back, free_motions(_stiff_rows(system)))
     tied = pivoted_qr(motions[rigid:])[1][: motions.shape[1] - rigid]
     null = np.concatenate((null, np.zeros((m, len(tied)))), axis=1)
     null[rigid:, rigid:] = np.linalg.qr(motions[rigid:, tied])[0]

@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.unresisted_motion import coordinate_sizes, free_motions, largest, null_pair, product
+from mbsvib.equations.unresisted_motion import (
+    coordinate_sizes,
+    free_motions,
+    null_pair,
+    product_with_zeros,
+    rounding_scale,
+)
 from mbsvib.linalg.products import weighted_gram
 
 if TYPE_CHECKING:
@@ -22,7 +28,7 @@ def unbraked(system: Equations, rigid: Array) -> Array:
         free = free_motions(system.elastic_rows[(system.row_stiffness != 0.0) | (system.row_damping != 0.0)])
         return free if free.shape[1] <= rigid.shape[1] else rigid[:, :0]
     # stiffness of loads has both signs: only its sum determines the motions, and the same holds for dampers in them
-    relative_motion = product(system.elastic_rows, rigid)
-    most = np.abs(system.elastic_rows) @ largest(rigid, coordinate_sizes(system))
+    relative_motion = product_with_zeros(system.elastic_rows, rigid)
+    most = np.abs(system.elastic_rows) @ rounding_scale(rigid, coordinate_sizes(system))
     c = system.row_damping
     return rigid @ null_pair(weighted_gram(relative_motion, c), weighted_gram(most, c))[0]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.unresisted_motion import sizes
+from mbsvib.equations.unresisted_motion import matrix_scales
 from mbsvib.linalg.rank import DEPENDENT_ROWS
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def answer(stiffness: Array, push: Array, far: Array, near: Array) -> Array:
     m, r = near.shape
     if not push.any():
         return np.zeros_like(push)
-    size = sizes(stiffness)
+    size = matrix_scales(stiffness)
     bordered = np.zeros((m + r, m + r))
     bordered[:m, :m] = stiffness / size[:, None] / size
     bordered[:m, m:], bordered[m:, :m] = far, near.T

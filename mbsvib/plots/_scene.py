@@ -14,6 +14,7 @@ import numpy as np
 from mbsvib.elements import Body, Bushing, Input, Joint, Maxwell
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.connection import Connection
+from mbsvib.elements.part import Composed
 from mbsvib.elements.superelement import Superelement
 from mbsvib.equations.expansion import expanded
 from mbsvib.mechanism.topology import span
@@ -126,9 +127,9 @@ def _scene(name: str, parts: Sequence[Part], cut: set[str], bodies: Sequence[str
         elif isinstance(part, Connection):
             builder.bushing(part)
         elif isinstance(part, Beam):
-            builder.chain(part.name, [(part.node(i), point) for i, point in enumerate(part.points)])
+            builder.chain(part.name, part.node_bodies)
         elif isinstance(part, Superelement):
-            builder.star(part.name, [(part.body_of(i), point) for i, (_, point) in enumerate(part.nodes)])
+            builder.star(part.name, part.node_bodies)
         elif isinstance(part, Input):
             builder.arrow(part)
     for part in parts:
@@ -143,10 +144,8 @@ def _places(parts: Iterable[Part]) -> dict[str, tuple[float, ...]]:
         if isinstance(part, Body):
             places[part.name] = part.position
     for part in parts:
-        if isinstance(part, Beam | Superelement):
-            places |= part.node_names
-        if isinstance(part, Superelement):
-            places |= dict.fromkeys(part.carriers, part.nodes[0][1])
+        if isinstance(part, Composed):
+            places |= part.node_names | dict.fromkeys(part.carriers, part.points[0])
         if isinstance(part, Maxwell):
             places[part.node] = part.end
     return places

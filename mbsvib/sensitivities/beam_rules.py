@@ -54,7 +54,7 @@ def changed_beam(network: Network, beam: Beam, change: dict[str, Array]) -> tupl
     joints = {joint.name: i for i, joint in enumerate(network.joints)}
     which = np.array([springs[name] for name in beam.element_names])
     own = np.array([joints[name] for name in beam.element_names])
-    ends = [(number.get(beam.node(i), -1), np.array(point)) for i, point in enumerate(beam.points)]
+    ends = [(number.get(beam.body_of(i), -1), np.array(point)) for i, point in enumerate(beam.points)]
     present = numbers(beam)
     axes = present["axes"].swapaxes(1, 2)
     stiff, rate = change["stiffness"], change["damping"]
@@ -98,12 +98,12 @@ def changed_beam(network: Network, beam: Beam, change: dict[str, Array]) -> tupl
                     result += _along(force[None, 6 * side : 6 * side + 3], fields.body[body : body + 1, 3:],
                                      nodes[e + side : e + side + 1])  # fmt: skip
         for i, (body, _) in enumerate(ends):
-            if body in floats and beam.node(i) in beam.node_names:
+            if body in floats and beam.body_of(i) in beam.node_names:
                 k = floats[body]
                 result += _along(fields.support[k : k + 1, :3], -fields.body[body : body + 1, 3:], nodes[i : i + 1])
         return result
 
-    own_nodes = [i for i in range(len(ends)) if beam.node(i) in beam.node_names]
+    own_nodes = [i for i in range(len(ends)) if beam.body_of(i) in beam.node_names]
     return rule, (np.array([[ends[i][0] for i in own_nodes]]), nodes[None, own_nodes])
 
 

@@ -167,7 +167,7 @@ def _beam(terms: RowTerms, network: Network, forces: Forces, beam: Beam) -> None
     number = {part.name: k for k, part in enumerate((*network.joints, *network.springs))}  # springs come later
     elements = [terms.at.point_of(number[name]) for name in beam.element_names]
     weight_of = {f"{beam.name}.weight{i}": i for i in range(len(beam.points))}
-    node_of = {beam.node(i): i for i in range(len(beam.points)) if beam.node(i) in beam.node_names}
+    node_of = {beam.body_of(i): i for i in range(len(beam.points)) if beam.body_of(i) in beam.node_names}
     loads = [(load, k) for load, k in zip(network.loads, forces.loads.tolist(), strict=True)]
     weights = [(weight_of[load.name], k) for load, k in loads if load.name in weight_of]
     at_nodes = [(node_of[load.body], k) for load, k in loads if load.position is None and load.body in node_of]
@@ -276,8 +276,7 @@ def parameter_rates(network: Network, forces: Forces, changes: ForceChanges, mot
     for flexible in network.parts:
         if not isinstance(flexible, (Beam, Superelement)):
             continue
-        body, point = (flexible.node(0), flexible.points[0]) if isinstance(flexible, Beam) else (
-            flexible.body_of(0), flexible.nodes[0][1])  # fmt: skip
+        body, point = flexible.node_bodies[0]
         if body != "ground":
             arm = np.array(point) - network.position[number[body]]
             shift = moved(motion[number[body]][None], arm[None])[0]

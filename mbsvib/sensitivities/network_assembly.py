@@ -118,7 +118,7 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
         part for part in parts if isinstance(part, (Bushing, Inerter, Spring))))  # fmt: skip
     origin = model_in_pose(system)
     plain = None if origin is None else expanded(origin)
-    if (plain is not None and plain.pieces is not None) or any(isinstance(part, Maxwell) for part in parts):
+    if (plain is not None and plain.expansion is not None) or any(isinstance(part, Maxwell) for part in parts):
         nodes, lines = maxwell_parts(parts)
         known = ({} if plain is None else dict(plain.bodies)) | {body.name: body for body in (*bodies, *nodes)}
         own = {spring.name for spring in springs}

@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 from mbsvib.elements.rotor import Rotor
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.spin_terms import momenta, rotating_dampers
-from mbsvib.equations.steady_spin import own_spin
+from mbsvib.equations.steady_spin import spin_velocities
 from mbsvib.kinematics.shared_rows import shared_rows
 from mbsvib.linalg.vectors import cross, transformed, wide
 
@@ -83,9 +83,9 @@ def shared_forces(
     plain: Mechanism, bodies: Sequence[Body], number: dict[str, int], ways: Kinematics
 ) -> SharedForces | None:
     """Return what more than two bodies of a mechanism in plain parts share, None where nothing is."""
-    if plain.pieces is None:
+    if plain.expansion is None:
         return None
-    shared = shared_rows(plain.pieces, number, 0)
+    shared = shared_rows(plain.expansion, number, 0)
     if not shared.base:
         return None
     rows = Rows.join(shared.base)
@@ -138,4 +138,4 @@ def spin(plain: Mechanism, bodies: Sequence[Body], springs: Sequence[Bushing | S
     number_of, turning = {spring.name: k for k, spring in enumerate(springs)}, np.zeros((len(springs), 6, 6))
     for damper in rotating_dampers(plain, bodies, springs):
         turning[number_of[damper.name]] = 0.5 * (damper.matrix - damper.matrix.T)
-    return Spin(momentum, of, turning if turning.any() else None, frozenset(own_spin(plain)))
+    return Spin(momentum, of, turning if turning.any() else None, frozenset(spin_velocities(plain)))

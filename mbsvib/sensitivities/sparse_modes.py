@@ -91,13 +91,13 @@ class ModalCoordinates:
             shape = len(value), len(closure.names)
             more = csr_matrix((value, (np.arange(len(value)), locked + coupler)), shape=shape)
             share = vstack((share, more)).tocsr()
-        row, column, entry = closure.kept_entries(tree)
+        row, column, entry = closure.independent_entries(tree)
         forces = LoopForces(self.system, csr_matrix((entry, (row, column)), shape=(row.max(initial=-1) + 1,
                                                                                  len(tree.names))))  # fmt: skip
         return Constraints(
             wrench,
             csr_array((np.ones(len(joint)), (joint, np.arange(len(joint)))), shape=(len(topology.joints), len(joint))),
-            csr_array(share), np.arange(len(tree.names)), tree.carried, origin - tree.point.T,
+            csr_array(share), np.arange(len(tree.names)), tree.coordinate_body, origin - tree.point.T,
             np.concatenate((tree.linear, tree.angular)).T * tree.sign[:, None], forces, forces.stress,
         )  # fmt: skip
 
@@ -137,14 +137,14 @@ class LoopForces:
         solution = self._factor.solve(np.concatenate((right, np.zeros((rows, right.shape[1])))))[columns:]
         both = np.split(solution, len(parts), axis=1)
         result = np.zeros((self.shape[0], flat.shape[1]), dtype=flat.dtype)
-        result[self.system.constraints.kept] = both[0] if len(both) == 1 else both[0] + 1j * both[1]
+        result[self.system.constraints.is_independent] = both[0] if len(both) == 1 else both[0] + 1j * both[1]
         return result.reshape(self.shape[0], *forces.shape[1:])
 
     @property
     def stress(self) -> Array:
         """States of self-stress (rows, probes): forces in redundant rows, and those in the others that balance them."""
         closure, tree = self.system.constraints, self.system.structure
-        redundant = np.flatnonzero(~closure.kept)
+        redundant = np.flatnonzero(~closure.is_independent)
         if not len(redundant):
             return np.zeros((self.shape[0], 0))
         entries = closure.entries(tree)

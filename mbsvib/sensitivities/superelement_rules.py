@@ -44,7 +44,7 @@ def superelement_motion(
     forms = [(power, *_form(pieces[0], turn, part)) for power, pieces in zip(_POWERS, _pieces(part), strict=True)
              if pieces]  # fmt: skip
     part_of_root, weighed = elastic_part(part), weight_rows(part)
-    root, nodes = part_of_root.root, part_of_root.seen
+    root, nodes = part_of_root.root, part_of_root.row_nodes
     links = {joint.name: k for k, joint in enumerate(network.joints)}
     linked = [(links[f"{part.name}.{name}"], i) for i, (name, _) in enumerate(part.nodes)
               if f"{part.name}.{name}" in links]  # fmt: skip
@@ -86,7 +86,7 @@ def gravity_rule(network: Network) -> Rule:
         entries: list[Terms] = [[], [], []]
         for part, weighed in parts:
             if number[part.root] >= 0:
-                d = _displacements(network, number, fields.body, part.seen)
+                d = _displacements(network, number, fields.body, part.row_nodes)
                 theta = fields.body[number[part.root], 3:] * fields.stiff
                 for entry, unit in zip(entries, np.eye(3), strict=True):
                     entry += _products(theta, np.tensordot(skew(unit) @ weighed, d, axes=1))
@@ -128,7 +128,7 @@ def _displacements(network: Network, number: dict[str, int], body: Field, nodes:
     parts = []
     for node in nodes:
         d = np.zeros((6, *body.shape[2:]), dtype=body.dtype)
-        for name, sign in ((node.body, 1.0), (node.against, -1.0)):
+        for name, sign in ((node.body, 1.0), (node.relative_to, -1.0)):
             if (k := number[name]) >= 0:
                 d = d + sign * moved(body[k][None], (np.array(node.point) - network.position[k])[None])[0]
         parts.append(d)
@@ -139,7 +139,7 @@ def _shifted(d: Field, nodes: tuple[Node, ...], shift_of: dict[str, Array]) -> F
     """What displacements (6 n, ...) gain as the nodes are shifted: theta x dp."""
     result = np.zeros_like(d)
     for i, node in enumerate(nodes):
-        if node.rides:
+        if node.moves_with_ground:
             result[6 * i : 6 * i + 3] = np.cross(d[6 * i + 3 : 6 * i + 6], shift_of[node.body], axisa=0, axisc=0)
     return result
 

@@ -67,7 +67,7 @@ class FieldLayout:
         width: list[int] = []
         for part in parts:
             for field in part.parameter_fields():
-                if field.ends is None:
+                if field.suffixes is None:
                     fields.append((part.name, field.name, 0))
                     width.append(1)
                 elif isinstance(field.value[0], tuple):
@@ -75,7 +75,7 @@ class FieldLayout:
                     width.append(len(_COLUMN))
                 else:
                     fields.append((part.name, field.name, 1))
-                    width.append(len(field.ends))
+                    width.append(len(field.suffixes))
         return FieldLayout(fields, width, None)
 
     @property

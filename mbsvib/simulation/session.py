@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from scipy.linalg import eigh
 
-from mbsvib.elements.bushing import FARTHEST
+from mbsvib.elements.bushing import LARGEST_ANGLE
 from mbsvib.equilibrium.pose_kinematics import size_of
 from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.linalg.rank import MASSLESS
@@ -64,7 +64,7 @@ class Session:
             return None
         angles = np.asarray(self.limits(q, bases))[:, 0]
         worst = int(np.argmax(angles))
-        return self.limited[worst] if angles[worst] > NEXT_TO * FARTHEST else None
+        return self.limited[worst] if angles[worst] > NEXT_TO * LARGEST_ANGLE else None
 
 
 def session(model: Mechanism, statement: FiniteMotion, signals: Signals, tolerance: float) -> Session:

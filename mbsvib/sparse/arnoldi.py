@@ -25,8 +25,9 @@ GROWTH = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Ritz:
-    """Ritz ``values`` (m,) by descending size with relative ``residuals`` (m,), ``vectors`` (m, m) in the orthonormal
-    ``basis`` (n, m); ``exhausted`` where the basis is an invariant subspace.
+    """Ritz ``values`` (m,) by descending size with relative ``residuals`` (m,), and ``vectors`` (m, m) in a basis.
+
+    The ``basis`` (n, m) is orthonormal, and an invariant subspace if ``exhausted``.
     """
 
     values: Complex
@@ -37,8 +38,8 @@ class Ritz:
 
     def converged(self, tolerance: float) -> int:
         """Return how many of the first values have smaller residuals, conjugates together."""
-        late = np.flatnonzero(self.residuals > tolerance)
-        count = int(late[0]) if len(late) else len(self.values)
+        unconverged = np.flatnonzero(self.residuals > tolerance)
+        count = int(unconverged[0]) if len(unconverged) else len(self.values)
         pair = 0 < count < len(self.values) and not np.iscomplexobj(self.basis)
         if pair and self.values[count - 1].imag and self.values[count] == self.values[count - 1].conj():
             count -= 1
@@ -81,19 +82,19 @@ def arnoldi(
     basis = np.zeros((n, room), dtype=block.dtype, order="F")
     inner = np.zeros((room, room), dtype=block.dtype)
     basis[:, : block.shape[1]] = block
-    before, size, look = 0, block.shape[1], dimensions[0]
+    before, size, next_check = 0, block.shape[1], dimensions[0]
     while True:
         new = apply(basis[:, before:size])
         length = np.linalg.norm(new, axis=0)
         for _ in range(2):
-            share = basis[:, :size].conj().T @ new
-            new = new - basis[:, :size] @ share
-            inner[:size, before:size] += share
+            projection = basis[:, :size].conj().T @ new
+            new = new - basis[:, :size] @ projection
+            inner[:size, before:size] += projection
         block, upper = _independent(new, float(length.max(initial=0.0)))
         count = block.shape[1]
         full = size + count > limit
-        if not count or full or size >= look:
-            look = int(size * (1.0 + GROWTH)) + 1
+        if not count or full or size >= next_check:
+            next_check = int(size * (1.0 + GROWTH)) + 1
             result = _ritz(inner[:size, :size], upper, basis[:, :size])
             if not count or full or enough(result):
                 return result

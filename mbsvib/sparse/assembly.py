@@ -12,7 +12,7 @@ from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.spin_terms import spin_contribution
 from mbsvib.equations.wrenches import is_loaded
 from mbsvib.sparse.cuts import short_span
-from mbsvib.sparse.draft import begun
+from mbsvib.sparse.draft import first_draft
 from mbsvib.sparse.equations import SparseEquations
 from mbsvib.sparse.layout import kinematics
 from mbsvib.sparse.massless import separation
@@ -40,7 +40,7 @@ S = TypeVar("S", bound=SparseEquations)
 
 
 def linearized(
-    model: Mechanism, cut: Sequence[str] | None = None, gone: frozenset[str] = frozenset(),
+    model: Mechanism, cut: Sequence[str] | None = None, removed: frozenset[str] = frozenset(),
     form: type[S] = SparseEquations,  # type: ignore[assignment]
 ) -> S:  # fmt: skip
     """Return the linear equations of motion about the model's pose, as sparse matrices.
@@ -51,8 +51,8 @@ def linearized(
         The mechanism.
     cut : sequence of str, optional
         Joints at which loops are to be cut; default: chosen by the smallest cumulative degree of freedom.
-    gone : frozenset of str, optional
-        Bodies that are no longer in the model, though springs and ports still name them: they are fixed.
+    removed : frozenset of str, optional
+        Bodies that were removed from the model but are still named by springs and ports: they are fixed.
     form : type
         The class of the equations.
 
@@ -69,7 +69,7 @@ def linearized(
         If the number of degrees of freedom is not defined in this pose.
     """
     nodes = with_maxwell_nodes(model)
-    draft = begun(model, nodes, short_span(nodes, cut), gone)
+    draft = first_draft(model, nodes, short_span(nodes, cut), removed)
     for step in STEPS:
         draft = step(draft)
     port = draft.port
@@ -93,29 +93,29 @@ def _shared(draft: SparseDraft) -> SparseDraft:
     from scipy.sparse import vstack
 
     if shared.mass is not None:
-        own = shared.mass.of_sparse(relative_rows(draft.structure, draft.layout, shared.mass.rows))
-        factor = vstack((factor, own)).tocsr()
+        mass_rows = shared.mass.of_sparse(relative_rows(draft.structure, draft.layout, shared.mass.rows))
+        factor = vstack((factor, mass_rows)).tocsr()
     draft = replace(draft, body_factor=factor, factor=factor)
     if shared.elastic is None:
         return draft
-    blend = shared.elastic
-    rows = blend.composite.of_sparse(relative_rows(draft.structure, draft.layout, blend.composite.rows))
+    elastic = shared.elastic
+    rows = elastic.composite.of_sparse(relative_rows(draft.structure, draft.layout, elastic.composite.rows))
     rows.eliminate_zeros()
-    acts = np.flatnonzero(np.diff(rows.indptr))
+    used = np.flatnonzero(np.diff(rows.indptr))
     number = {name: shared.first + i for i, name in enumerate(shared.names)}
-    owner = np.array([number[name] for name in blend.owner], dtype=np.intp)
-    return draft.with_rows(rows[acts], blend.stiffness[acts], blend.damping[acts], owner[acts])
+    owner = np.array([number[name] for name in elastic.owner], dtype=np.intp)
+    return draft.with_rows(rows[used], elastic.stiffness[used], elastic.damping[used], owner[used])
 
 
 def _inerters(draft: SparseDraft) -> SparseDraft:
-    """Append the rows of inerters, times the roots of their inertance, to those of bodies."""
+    """Append the rows of inerters, times the square roots of their inertance, to those of bodies."""
     inertance = draft.springs.inertance
     if inertance is None:
         return draft
     from scipy.sparse import diags, vstack
 
-    acts = inertance.nonzero()[0]
-    rows = diags(np.sqrt(inertance[acts])) @ draft.elastic[acts]
+    used = inertance.nonzero()[0]
+    rows = diags(np.sqrt(inertance[used])) @ draft.elastic[used]
     return replace(draft, factor=vstack((draft.factor, rows)).tocsr())
 
 
@@ -132,7 +132,7 @@ def _loads(draft: SparseDraft) -> SparseDraft:
 
 
 def _spin(draft: SparseDraft) -> SparseDraft:
-    """Add what rotors and rotating dampers do."""
+    """Add gyroscopic and circulatory terms of rotors and rotating dampers."""
     spins = spin_forces(draft.model, draft.bodies, draft.structure, draft.layout)
     if spins is None:
         return draft
@@ -146,8 +146,8 @@ def _tableau(draft: SparseDraft) -> SparseDraft:
     """Put all rows into the tableau, and check that the degrees of freedom are those of neighbouring poses."""
     loop_rows = draft.closure.over_unknowns(draft.structure, draft.layout)
     tableau = build(
-        draft.structure, draft.layout, draft.moving, draft.rows, draft.k, draft.c,
-        (draft.factor.T @ draft.factor).tocsr(), loop_rows, draft.closure.slides, _ordering(draft.closure),
+        draft.structure, draft.layout, draft.kinematics, draft.rows, draft.k, draft.c,
+        (draft.factor.T @ draft.factor).tocsr(), loop_rows, draft.closure.translational, _ordering(draft.closure),
         draft.circulatory, draft.gyroscopic,
     )  # fmt: skip
     check_mobility(draft.structure, draft.closure, draft.layout, tableau)
@@ -163,30 +163,30 @@ def _joint_forces(draft: SparseDraft) -> SparseDraft:
 
     sums = ForceSums(
         draft.topology, draft.structure, draft.layout, draft.closure, draft.number, draft.springs, draft.elastic,
-        draft.inertia, draft.body_factor, port, draft.seen[: len(port.force_inputs)], draft.shared, draft.geometric,
-        draft.regions, draft.spins,
+        draft.inertia, draft.body_factor, port, draft.port_rows[: len(port.force_inputs)], draft.shared,
+        draft.geometric, draft.regions, draft.spins,
     )  # fmt: skip
-    more, straight = sums.outputs()
-    q, v, a = (one + other for one, other in zip(draft.outputs, more, strict=True))
-    return replace(draft, outputs=(q, v, a), D=draft.D + straight,
+    force_rows, feedthrough = sums.outputs()
+    q, v, a = (rows + more for rows, more in zip(draft.outputs, force_rows, strict=True))
+    return replace(draft, outputs=(q, v, a), D=draft.D + feedthrough,
                    undetermined=sums.undetermined(tuple(draft.model.outputs)))  # fmt: skip
 
 
 def _massless(draft: SparseDraft) -> SparseDraft:
-    """Tell motions without mass apart."""
-    light = massless_motions(draft.structure, draft.layout, draft.inertia, draft.shared, draft.moving,
-                             draft.factor, draft.loop_rows)  # fmt: skip
-    if light is None:
+    """Classify massless motions."""
+    motions = massless_motions(draft.structure, draft.layout, draft.inertia, draft.shared, draft.kinematics,
+                               draft.factor, draft.loop_rows)  # fmt: skip
+    if motions is None:
         return draft
     separated = separation(
-        light, draft.structure, draft.layout, draft.topology.bodies, (draft.rows, draft.k, draft.c),
+        motions, draft.structure, draft.layout, draft.topology.bodies, (draft.rows, draft.k, draft.c),
         (draft.circulatory, draft.gyroscopic), draft.inputs, draft.outputs,
         (tuple(draft.model.outputs), tuple(draft.model.inputs)),
     )  # fmt: skip
     return replace(draft, separation=separated, D=draft.D + separated.at_once)
 
 
-# What parts add beyond the rows of bodies and connections, in this order; a step without parts returns its draft.
+# Contributions of other parts than bodies and connections, in this order; a step without such parts returns its draft.
 STEPS: tuple[Callable[[SparseDraft], SparseDraft], ...] = (
     _shared, _inerters, _loads, _spin, _tableau, with_ports, _joint_forces, _massless,
 )  # fmt: skip
@@ -207,15 +207,15 @@ def with_stiffness(system: SparseEquations, stiffness: Array) -> SparseEquations
     SparseEquations
         The same unknowns and rows.
     """
-    factor, slides = system.inertia_factor, system.constraints.slides
+    factor, translational = system.inertia_factor, system.constraints.translational
     tableau = build(
         system.structure, system.layout, kinematics(system.structure, system.layout), system.elastic_rows, stiffness,
-        system.damping, (factor.T @ factor).tocsr(), system.loop_rows, slides, system.tableau.ordering,
+        system.damping, (factor.T @ factor).tocsr(), system.loop_rows, translational, system.tableau.ordering,
     )  # fmt: skip
     return replace(system, stiffness=stiffness, tableau=tableau)
 
 
 def _ordering(closure: Constraints) -> str:
-    row, body = closure.touched
+    row, body = closure.path_joints
     covered = len(np.unique(body))
     return "NATURAL" if not covered or len(row) / covered < OVERLAP else "COLAMD"

@@ -97,9 +97,9 @@ def linearized(
     ModelError
         If the method is unknown or does not support the arguments.
     """
-    plain = expanded(model)
-    if not (method is None and is_small(plain)) and wants_sparse(plain, method, independent, cut):
+    result = expanded(model)
+    if not (method is None and is_small(result)) and wants_sparse(result, method, independent, cut):
         from mbsvib.sparse.assembly import linearized as sparse_equations
 
-        return sparse_equations(plain, cut, form=sparse)
-    return dense_equations(plain, independent, cut, dense, model)
+        return sparse_equations(result, cut, form=sparse)
+    return dense_equations(result, independent, cut, dense, model)

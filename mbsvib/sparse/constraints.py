@@ -22,6 +22,7 @@ from mbsvib.elements.rows import Rows
 from mbsvib.errors import NearSingularWarning, SingularPoseError
 from mbsvib.kinematics.loop_group import LoopGroup, decided, measures
 from mbsvib.kinematics.relative_motion import arm
+from mbsvib.linalg.groups import connected_parts, items_of_groups
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import (
     CERTAIN_DISTANCE,
@@ -59,47 +60,48 @@ WHOLE = 250_000
 
 @dataclass(frozen=True, slots=True)
 class Constraints:
-    """Locked rows of the cut joints: all ``rows`` with their ``names``, the number ``loop`` of their cut joint and the
-    mask ``kept`` of the independent ones; ``groups`` of loops; ``crossing``, the locked rotations that are normal to an
-    axis of each body (row, axis in first, axis in second); ``rods`` of distance joints, cut or in the tree (row or -1,
-    coordinate or -1, first, second, start, end); and ``touched``, the row and body of every joint on the path of an
-    independent row (rows counted among these). In ``names``, ``loop``, ``kept`` and ``groups`` the couplers follow the
-    rows, one entry each.
+    """Locked ``rows`` of the cut joints with their ``names`` and the number ``loop`` of the cut joint.
+
+    ``is_independent`` is the mask of independent rows, ``groups`` are those of coupled loops. ``crossing`` are locked
+    rotations normal to an axis of each body (row, axis in first, axis in second), ``rods`` those of distance joints,
+    cut or in the tree (row or -1, coordinate or -1, first, second, start, end). ``path_joints`` are pairs of an
+    independent row, numbered among these, and the outer body of a joint on its path. In ``names``, ``loop``,
+    ``is_independent`` and ``groups`` one entry for each coupler follows those of the rows.
     """
 
     rows: Rows
     names: tuple[str, ...]
     loop: Index
-    kept: Mask
+    is_independent: Mask
     groups: tuple[LoopGroup, ...]
     crossing: tuple[tuple[int, tuple[float, ...], tuple[float, ...]], ...]
     rods: tuple[Rod, ...]
-    touched: tuple[Index, Index]
+    path_joints: tuple[Index, Index]
     couplers: Coupled | None = None
 
     @property
     def independent(self) -> Rows:
         """The rows of cut joints that the tableau contains."""
-        mask = self.kept[: len(self.rows.first)]
+        mask = self.is_independent[: len(self.rows.first)]
         return Rows(*(getattr(self.rows, key)[..., mask] for key in Rows.__slots__))
 
     @property
-    def slides(self) -> Mask:
-        """Mask of the multipliers that are forces, and not moments."""
-        own = np.asarray(self.independent.force.any(axis=0), dtype=bool)
+    def translational(self) -> Mask:
+        """Mask of the independent rows that lock translations, so that their multipliers are forces."""
+        of_rows = np.asarray(self.independent.force.any(axis=0), dtype=bool)
         if self.couplers is None:
-            return own
-        return np.concatenate((own, self.couplers.slides[self.kept[len(self.rows.first) :]]))
+            return of_rows
+        return np.concatenate((of_rows, self.couplers.translational[self.is_independent[len(self.rows.first) :]]))
 
     def entries(self, tree: Tree) -> Entries:
         """Return the entries of all rows over the joint coordinates."""
         return Entries(*locked_entries(tree, self.rows, self.couplers), self.loop, len(self.names))
 
-    def kept_entries(self, tree: Tree) -> tuple[Index, Index, Array]:
-        """Return row (counted among the kept ones), coordinate and value of every entry of the independent rows."""
+    def independent_entries(self, tree: Tree) -> tuple[Index, Index, Array]:
+        """Return row (numbered among the independent rows), coordinate and value of their entries."""
         row, column, value = locked_entries(tree, self.rows, self.couplers)
-        used = self.kept[row]
-        return (np.cumsum(self.kept) - 1)[row[used]], column[used], value[used]
+        used = self.is_independent[row]
+        return (np.cumsum(self.is_independent) - 1)[row[used]], column[used], value[used]
 
     def over_unknowns(self, tree: Tree, layout: Layout) -> csr_matrix:
         """Return the independent rows over the unknowns of the tableau."""
@@ -108,7 +110,7 @@ class Constraints:
             return rows
         from scipy.sparse import vstack
 
-        couplers = np.flatnonzero(self.kept[len(self.rows.first) :])
+        couplers = np.flatnonzero(self.is_independent[len(self.rows.first) :])
         return vstack((rows, self.couplers.rows(tree, layout)[couplers])).tocsr()
 
 
@@ -174,8 +176,9 @@ def constraints(
         independent[[row for row in group.rows.tolist() if names[row] in redundant]] = False
     number_of = np.cumsum(independent) - 1
     used = independent[entries.row]
-    return Constraints(rows, tuple(names), entries.loop, independent, tuple(groups), tuple(crossing), rods,
-                       (number_of[entries.row[used]], tree.carried[entries.column[used]]), couplers)  # fmt: skip
+    path_joints = number_of[entries.row[used]], tree.coordinate_body[entries.column[used]]
+    return Constraints(rows, tuple(names), entries.loop, independent, tuple(groups), tuple(crossing), rods, path_joints,
+                       couplers)  # fmt: skip
 
 
 def _rods(topology: Topology, number: Mapping[str, int], tree: Tree, names: list[str]) -> tuple[Rod, ...]:
@@ -197,15 +200,10 @@ class Entries:
 
     def groups(self) -> list[Index]:
         """Rows of loops that share a coordinate."""
-        from scipy.sparse import csr_matrix
-        from scipy.sparse.csgraph import connected_components
-
         if not len(self.loop):
             return []
-        loops, columns = int(self.loop.max()) + 1, int(self.column.max(initial=-1)) + 1
-        ends = (self.loop[self.row], loops + self.column)
-        graph = csr_matrix((np.ones(len(self.row), dtype=bool), ends), shape=(loops + columns, loops + columns))
-        label = connected_components(graph, directed=False)[1][self.loop]
+        shape = int(self.loop.max()) + 1, int(self.column.max(initial=-1)) + 1
+        label = connected_parts(self.loop[self.row], self.column, shape)[0][self.loop]
         order = np.argsort(label, kind="stable")
         parts = np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
         return sorted(parts, key=lambda part: int(part[0]))
@@ -213,9 +211,9 @@ class Entries:
     def of(self, rows: Index) -> tuple[Index, Index, Array]:
         """Return the entries of some rows, numbered among these."""
         counts = self.begin[rows + 1] - self.begin[rows]
-        here = np.repeat(np.arange(len(rows)), counts)
-        at = np.arange(len(here)) - np.repeat(np.cumsum(counts) - counts, counts) + np.repeat(self.begin[rows], counts)
-        return here, self.column[at], self.value[at]
+        row, nth = items_of_groups(counts)
+        entry = self.begin[rows][row] + nth
+        return row, self.column[entry], self.value[entry]
 
 
 def _decide(
@@ -228,17 +226,17 @@ def _decide(
         return _decide_dense(tree, rows, names, cut, entries, members, scales, arms)
     parts = [_decide_dense(tree, rows, names, cut, entries, members[entries.loop[members] == k], scales, arms)
              for k in loops]  # fmt: skip
-    gone = {name for part in parts for name in part.redundant}
-    left = np.array([row for row in members.tolist() if names[row] not in gone], dtype=np.intp)
+    redundant = {name for part in parts for name in part.redundant}
+    remaining = np.array([row for row in members.tolist() if names[row] not in redundant], dtype=np.intp)
     noise = max(part.noise for part in parts)
     limit = max(DEPENDENT_DISTANCE, RANK_FACTOR * noise)
-    redundant, smallest_kept, dropped = _dependent(_unit_rows(tree, entries, left, columns, scales), limit)
+    dependent, smallest_kept, dropped = _dependent(_unit_rows(tree, entries, remaining, columns, scales), limit)
     _check_gap([name for part in parts for name in part.joints], smallest_kept, dropped)
-    gone |= {names[left[k]] for k in redundant.tolist()}
+    redundant |= {names[remaining[k]] for k in dependent.tolist()}
     return LoopGroup(
-        tuple(name for part in parts for name in part.joints), members, columns, len(left) - len(redundant),
+        tuple(name for part in parts for name in part.joints), members, columns, len(remaining) - len(dependent),
         smallest_kept, max([dropped, *(part.dropped for part in parts)]), max(part.length for part in parts),
-        noise, partial(tuple, [names[row] for row in members.tolist() if names[row] in gone]),
+        noise, partial(tuple, [names[row] for row in members.tolist() if names[row] in redundant]),
     )  # fmt: skip
 
 
@@ -288,41 +286,41 @@ def _check_gap(joints: Sequence[str], smallest_kept: float, dropped: float) -> N
         )  # fmt: skip
 
 
-def _unit_rows(tree: Tree, entries: Entries, left: Index, columns: Index, scales: Scales) -> csr_matrix:
+def _unit_rows(tree: Tree, entries: Entries, rows: Index, columns: Index, scales: Scales) -> csr_matrix:
     """Some rows of Phi with lengths in links, scaled to unit length."""
     from scipy.sparse import csr_matrix
 
-    row, column, value = entries.of(left)
+    row, column, value = entries.of(rows)
     length = tree.length
     value = value * np.where(tree.turns[column], 1.0, length)
-    value *= scales(left, length)[row]
-    norm = np.sqrt(np.bincount(row, value * value, minlength=len(left)))
-    return csr_matrix((value / norm[row], (row, np.searchsorted(columns, column))), shape=(len(left), len(columns)))
+    value *= scales(rows, length)[row]
+    norm = np.sqrt(np.bincount(row, value * value, minlength=len(rows)))
+    return csr_matrix((value / norm[row], (row, np.searchsorted(columns, column))), shape=(len(rows), len(columns)))
 
 
 def _dependent(s: csr_matrix, limit: float) -> tuple[Index, float, float]:
-    """Rows no farther than ``limit`` from the span of the others; the smallest distance of a row that is kept, the
-    largest of one that is not.
+    """Rows no farther than ``limit`` from the span of the others; the smallest distance of an independent row, and the
+    largest of a dependent one.
     """
     distance, _ = _distances(s, REGULARISATION)
-    sure = distance > CERTAIN_DISTANCE
-    smallest_kept = float(np.sqrt(distance[sure].min(initial=1.0)))
-    if sure.all():
+    is_certain = distance > CERTAIN_DISTANCE
+    smallest_kept = float(np.sqrt(distance[is_certain].min(initial=1.0)))
+    if is_certain.all():
         return np.zeros(0, dtype=np.intp), smallest_kept, 0.0
     while True:
-        distance, lu = _distances(s[sure], REGULARISATION)
-        wrong = distance < 0.5 * CERTAIN_DISTANCE
-        if not wrong.any():
+        distance, lu = _distances(s[is_certain], REGULARISATION)
+        close = distance < 0.5 * CERTAIN_DISTANCE
+        if not close.any():
             break
-        sure[np.flatnonzero(sure)[wrong]] = False
-    certain, rest = s[sure], s[~sure].toarray().T
+        is_certain[np.flatnonzero(is_certain)[close]] = False
+    certain, rest = s[is_certain], s[~is_certain].toarray().T
     for _ in range(3):  # each pass reduces the errors of the previous one by rounding and the condition of S S^T
         rest = rest - certain.T @ lu.solve(certain @ rest)
     qr, order, _ = pivoted_qr(rest)
     pivots = np.abs(qr.diagonal())
     rank = int(np.count_nonzero(pivots > limit))
-    gone = np.sort(np.flatnonzero(~sure)[order[rank:]])
-    return gone, min([smallest_kept, *pivots[:rank].tolist()]), float(pivots[rank:].max(initial=0.0))
+    dependent = np.sort(np.flatnonzero(~is_certain)[order[rank:]])
+    return dependent, min([smallest_kept, *pivots[:rank].tolist()]), float(pivots[rank:].max(initial=0.0))
 
 
 def _distances(s: csr_matrix, delta: float) -> tuple[Array, Any]:

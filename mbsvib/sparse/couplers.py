@@ -35,8 +35,10 @@ Entry = tuple["Index", "Index", "Array"]
 
 @dataclass(frozen=True, slots=True)
 class Coupled:
-    """Couplers by ``names``, their ``terms`` (whose ``touched`` stays empty), the number of the cut ``joint`` that each
-    measured row belongs to, and the ``largest`` coefficient (2, couplers) of each coupler's angles and distances.
+    """Couplers by ``names`` with their ``terms``, whose ``touched`` is empty.
+
+    ``joint`` is the number of the cut joint of each measured row, ``largest`` (2, couplers) are the largest
+    coefficients of each coupler's angles and distances.
     """
 
     names: tuple[str, ...]
@@ -45,7 +47,7 @@ class Coupled:
     largest: Array
 
     @property
-    def slides(self) -> NDArray[np.bool_]:
+    def translational(self) -> NDArray[np.bool_]:
         """Mask of the couplers with a translation among their coordinates, shape (couplers,)."""
         return np.asarray(self.largest[1] > 0.0)
 
@@ -61,7 +63,7 @@ class Coupled:
         return self.terms.row[at], self.terms.value[at]
 
     def nearby(self, turn: Moving, shift: Moving) -> Coupled:
-        """Return the same in a pose nearby."""
+        """Return the couplers in a neighbouring pose."""
         return replace(self, terms=self.terms.nearby(turn, shift))
 
     def entries(self, tree: Tree) -> Entry:
@@ -84,12 +86,12 @@ class Coupled:
         shape = (len(self.names), layout.size)
         inside = np.flatnonzero(self.terms.column >= 0)
         at = (self.terms.row[inside], layout.coordinate[self.terms.column[inside]])
-        own = csr_matrix((self.terms.value[inside], at), shape=shape)
+        of_tree = csr_matrix((self.terms.value[inside], at), shape=shape)
         coupler, coefficient = self.measured
-        share = csr_matrix((coefficient, (coupler, np.arange(len(coupler)))), shape=(shape[0], len(coupler)))
-        total = own + share @ relative_rows(tree, layout, self.terms.measured)
+        coefficients = csr_matrix((coefficient, (coupler, np.arange(len(coupler)))), shape=(shape[0], len(coupler)))
+        total = of_tree + coefficients @ relative_rows(tree, layout, self.terms.measured)
         unit = 2.0 ** np.round(np.log2(self.scale(tree.length)))
-        unit[self.slides] *= tree.length  # the scale of the multiplier divides by it
+        unit[self.translational] *= tree.length  # the scale of the multiplier divides by it
         return (diags(unit) @ total).tocsr()
 
 
@@ -144,9 +146,9 @@ def locked_entries(tree: Tree, rows: Rows, couplers: Coupled | None) -> Entry:
     row, column, value, _ = path_entries(tree, rows, None)
     if couplers is None:
         return row, column, value
-    more = couplers.entries(tree)
-    return (np.concatenate((row, len(rows.first) + more[0])), np.concatenate((column, more[1])),
-            np.concatenate((value, more[2])))  # fmt: skip
+    coupler, more_columns, more_values = couplers.entries(tree)
+    return (np.concatenate((row, len(rows.first) + coupler)), np.concatenate((column, more_columns)),
+            np.concatenate((value, more_values)))  # fmt: skip
 
 
 def row_scale(rows: Rows, couplers: Coupled | None, members: Index, length: float) -> Array:
@@ -169,8 +171,8 @@ def row_scale(rows: Rows, couplers: Coupled | None, members: Index, length: floa
         1 / length for translations, 1 for rotations, 1 / the largest coefficient for couplers.
     """
     count = len(rows.first)
-    own = members[members < count]
-    scale = np.where(rows.force[:, own].any(axis=0), 1.0 / length, 1.0)
+    of_joints = members[members < count]
+    scale = np.where(rows.force[:, of_joints].any(axis=0), 1.0 / length, 1.0)
     if couplers is None:
         return scale
     result = np.empty(len(members))

@@ -45,11 +45,11 @@ def short_span(model: Mechanism, cut: Sequence[str] | None = None) -> Topology:
     topology = span(model, cut)
     if cut or len(topology.cut) <= FEW:
         return topology
-    many = _long_loops(topology)
-    if many <= FEW:
+    long_loops = _long_loops(topology)
+    if long_loops <= FEW:
         return topology
     star_tree = span(model, [topology.joints[k].name for k in _outside_stars(topology)])
-    return star_tree if _long_loops(star_tree) < many else topology
+    return star_tree if _long_loops(star_tree) < long_loops else topology
 
 
 def _long_loops(topology: Topology) -> int:
@@ -63,9 +63,9 @@ def _long_loops(topology: Topology) -> int:
     a, b = (np.array([number[getattr(joint, side)] for joint in cut]) for side in ("first", "second"))
     up, level = np.array(parent), np.array(depth)
     for _ in range(LONG):
-        apart = a != b
+        different = a != b
         deeper = level[a] > level[b]
-        a, b = np.where(apart & deeper, up[a], a), np.where(apart & ~deeper, up[b], b)
+        a, b = np.where(different & deeper, up[a], a), np.where(different & ~deeper, up[b], b)
     return int(np.count_nonzero(a != b))
 
 
@@ -76,7 +76,7 @@ def _outside_stars(topology: Topology) -> list[int]:
     # joints with few freedoms first: cutting those with many gives fewer constraints
     order = sorted(range(len(joints)), key=lambda k: len(joints[k].freedom))
     edges = [(k, number[joints[k].first], number[joints[k].second]) for k in order]
-    taken = [False] * len(joints)
+    in_tree = [False] * len(joints)
     nodes = len(number)
     while edges:
         neighbours: list[list[tuple[int, int]]] = [[] for _ in range(nodes)]
@@ -93,10 +93,10 @@ def _outside_stars(topology: Topology) -> list[int]:
                 stars += 1
                 for k, neighbour in free:
                     if star[neighbour] < 0:
-                        star[neighbour], taken[k] = star[centre], True
+                        star[neighbour], in_tree[k] = star[centre], True
             else:  # all neighbours are in stars: join that of the first neighbour
                 k, neighbour = neighbours[centre][0]
-                star[centre], taken[k] = star[neighbour], True
+                star[centre], in_tree[k] = star[neighbour], True
         edges = [(k, star[a], star[b]) for k, a, b in edges if star[a] != star[b]]
         nodes = stars
-    return [k for k, used in enumerate(taken) if not used]
+    return [k for k, used in enumerate(in_tree) if not used]

@@ -37,8 +37,8 @@ PER_EIGENVALUE, MORE, FEW, FIRST = 10, 300, 4, 20
 SAME_DISTANCE = 1e-6
 # Ritz values may still grow by as much as this share of them.
 UNSURE = 0.1
-# Eigenvalues theta below the first share of the largest are 0; below the second they are rounding.
-NOTHING, UNTOLD = 1e-13, 1e-10
+# Eigenvalues theta below the first fraction of the largest are 0; below the second they are rounding errors.
+NOTHING, ROUNDED = 1e-13, 1e-10
 # Rounds of searching for eigenvalues that were missed.
 SEARCHES = 8
 
@@ -135,7 +135,7 @@ class Disc:
         """Return the empty disc of the left eigenvectors."""
         return Disc(replace(self.shifted, transposed=True), self.values[:0], self.basis[:, :0], 0.0)
 
-    def apart(self, values: Complex) -> Array:
+    def distance(self, values: Complex) -> Array:
         """Return lower bounds of the distances of eigenvalues from those that are not in the disc."""
         return np.asarray(np.maximum(self.reach - np.abs(values - self.shifted.sigma), 0.0))
 
@@ -144,8 +144,8 @@ class Disc:
         disc = self
         if wanted > len(self.values):
             missing = wanted - len(self.values)
-            more = self._more(lambda ritz: ritz.converged(TOLERANCE) >= missing, missing + FIRST, missing)
-            disc = self._with(more, more.converged(TOLERANCE))
+            ritz = self._search(lambda ritz: ritz.converged(TOLERANCE) >= missing, missing + FIRST, missing)
+            disc = self._with(ritz, ritz.converged(TOLERANCE))
         return disc.filled(disc.reach * (1.0 - SAME_DISTANCE), disc.dimension)
 
     def filled(self, reach: float, dimension: int = 2 * FIRST) -> Disc:
@@ -161,28 +161,29 @@ class Disc:
                 size = np.abs(ritz.values) * (1.0 + np.minimum(ritz.residuals, UNSURE))
                 return int(np.count_nonzero(size * reach >= 1.0))
 
-            more = disc._more(lambda ritz: ritz.converged(TOLERANCE) >= inside(ritz), dimension, FEW)
-            count, wanted = more.converged(TOLERANCE), inside(more)
-            disc = disc._with(more, min(count, wanted))
+            ritz = disc._search(lambda ritz: ritz.converged(TOLERANCE) >= inside(ritz), dimension, FEW)
+            count, wanted = ritz.converged(TOLERANCE), inside(ritz)
+            disc = disc._with(ritz, min(count, wanted))
             if count < wanted:
-                return replace(disc, reach=min(disc.reach, 1.0 / float(np.abs(more.values[: count + 1]).max())))
+                return replace(disc, reach=min(disc.reach, 1.0 / float(np.abs(ritz.values[: count + 1]).max())))
             if not wanted:
                 break
         return replace(disc, reach=max(disc.reach, reach))
 
-    def _with(self, more: Ritz, count: int) -> Disc:
+    def _with(self, ritz: Ritz, count: int) -> Disc:
         """The disc with the first ``count`` eigenvalues of a search added."""
         sigma = self.shifted.sigma
-        largest = float(np.abs(np.append(more.values, 1.0 / (self.values - sigma))).max())
-        count = min(count, int(np.count_nonzero(np.abs(more.values) > UNTOLD * largest)))
-        values = np.concatenate((self.values, sigma + 1.0 / more.values[:count]))
-        basis = np.linalg.qr(np.concatenate((self.basis, more.subspace(count)), axis=1))[0]
-        last = float(np.abs(more.values).max(initial=0.0)) <= NOTHING * largest
-        reach = np.inf if last else float(np.abs(values - sigma).max(initial=0.0))
+        largest = float(np.abs(np.append(ritz.values, 1.0 / (self.values - sigma))).max())
+        count = min(count, int(np.count_nonzero(np.abs(ritz.values) > ROUNDED * largest)))
+        values = np.concatenate((self.values, sigma + 1.0 / ritz.values[:count]))
+        basis = np.linalg.qr(np.concatenate((self.basis, ritz.subspace(count)), axis=1))[0]
+        complete = float(np.abs(ritz.values).max(initial=0.0)) <= NOTHING * largest
+        reach = np.inf if complete else float(np.abs(values - sigma).max(initial=0.0))
         return replace(self, values=values, basis=basis, reach=max(self.reach, reach),
-                       dimension=max(self.dimension, len(more.values)))  # fmt: skip
+                       dimension=max(self.dimension, len(ritz.values)))  # fmt: skip
 
-    def _more(self, enough: Callable[[Ritz], bool], dimension: int, wanted: int) -> Ritz:
+    def _search(self, enough: Callable[[Ritz], bool], dimension: int, wanted: int) -> Ritz:
+        """Ritz values of the operator with the known eigenvectors deflated."""
         known, shifted = self.basis, self.shifted
 
         def without(state: NDArray[Any]) -> NDArray[Any]:

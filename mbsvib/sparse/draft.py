@@ -1,4 +1,4 @@
-"""Drafts: a mechanism as sparse rows over its unknowns, with its equations as far as they are assembled."""
+"""Drafts: sparse rows of a mechanism over its unknowns, with its equations as far as they are assembled."""
 
 from __future__ import annotations
 
@@ -46,13 +46,13 @@ _LATER: Any = None
 
 @dataclass(frozen=True, slots=True)
 class SparseDraft:
-    """Sparse equations on the way: each step of the assembly returns a draft with what its parts add.
+    """Incomplete sparse equations: each step of the assembly returns a draft with the contribution of its parts.
 
     ``nodes`` is the ``model`` with the nodes of its Maxwell elements. ``springs`` are the rows of connections,
-    ``elastic`` the same over the unknowns; ``rows`` with stiffness ``k``, damping ``c`` and ``owner`` are all elastic
-    rows. ``body_factor`` are the rows of bodies and of what they share, ``factor`` those of inerters as well. ``seen``
-    are the relative displacements of ``port``, ``regions`` the parts in which redundant constraints share the forces of
-    joints that outputs ask for, ``moving`` the equations of kinematics. What a later step adds is None before.
+    ``elastic`` these rows over the unknowns; ``rows`` with stiffness ``k``, damping ``c`` and ``owner`` are all elastic
+    rows. ``body_factor`` are the inertia rows of bodies and shared mass, ``factor`` includes those of inerters.
+    ``port_rows`` are the relative displacements of ``port``, ``regions`` the loops with redundant constraints that
+    contain joints of force outputs, ``kinematics`` the equations of kinematics. Fields of later steps are None.
     """
 
     model: Mechanism
@@ -74,9 +74,9 @@ class SparseDraft:
     factor: csr_matrix
     shared: Shared | None
     port: Ports
-    seen: csr_matrix
+    port_rows: csr_matrix
     regions: Mapping[int, Region]
-    moving: csr_matrix
+    kinematics: csr_matrix
     names: tuple[str, ...]
     geometric: Geometric | None = None
     spins: SpinForces | None = None
@@ -105,21 +105,21 @@ class SparseDraft:
                        circulatory=_sum(self.circulatory, circulatory))  # fmt: skip
 
 
-def _sum(one: csr_matrix | None, other: csr_matrix | None) -> csr_matrix | None:
-    return one if other is None else other if one is None else one + other
+def _sum(a: csr_matrix | None, b: csr_matrix | None) -> csr_matrix | None:
+    return a if b is None else b if a is None else a + b
 
 
-def begun(model: Mechanism, nodes: Mechanism, topology: Topology, gone: frozenset[str]) -> SparseDraft:
+def first_draft(model: Mechanism, nodes: Mechanism, topology: Topology, removed: frozenset[str]) -> SparseDraft:
     """Return the rows of bodies, joints and connections.
 
     Parameters
     ----------
     model, nodes : Mechanism
-        The mechanism in plain parts, without and with the nodes of its Maxwell elements.
+        The expanded mechanism, without and with the nodes of its Maxwell elements.
     topology : Topology
         The spanning tree of ``nodes``.
-    gone : frozenset of str
-        Bodies that are no longer in the mechanism, though springs and ports still name them: they are fixed.
+    removed : frozenset of str
+        Bodies that were removed from the mechanism but are still named by springs and ports: they are fixed.
 
     Returns
     -------
@@ -128,23 +128,23 @@ def begun(model: Mechanism, nodes: Mechanism, topology: Topology, gone: frozense
     """
     bodies = list(nodes.bodies.values())
     number = {name: i for i, name in enumerate(topology.bodies)}
-    number |= dict.fromkeys(("ground", *gone), len(bodies))
+    number |= dict.fromkeys(("ground", *removed), len(bodies))
     structure = tree(topology, bodies)
     couplers = coupled(tuple(model.couplers.values()), topology, bodies, number, structure)
     closure = constraints(topology, bodies, number, structure, couplers)
-    unknowns = layout(structure, int(closure.kept.sum()), closure.touched)
+    unknowns = layout(structure, int(closure.is_independent.sum()), closure.path_joints)
     springs = connection_rows(model.springs.values(), number)
     elastic = relative_rows(structure, unknowns, springs.rows)
-    acting = np.flatnonzero(np.diff(elastic.indptr))
-    springs, elastic = springs.only(acting), elastic[acting]
+    nonzero = np.flatnonzero(np.diff(elastic.indptr))
+    springs, elastic = springs.take(nonzero), elastic[nonzero]
     inertia, port = spatial_inertia(bodies), ports(model, bodies, number)
     factor = inertia_rows(unknowns, inertia)
-    shared = None if model.pieces is None else shared_rows(model.pieces, number, len(model.springs))
-    asked = [joint for _, kind, joint, _ in port.wrench_outputs if kind == "joint"]
+    shared = None if model.expansion is None else shared_rows(model.expansion, number, len(model.springs))
+    output_joints = [joint for _, kind, joint, _ in port.wrench_outputs if kind == "joint"]
     return SparseDraft(
         model, nodes, topology, bodies, number, structure, closure, unknowns, springs, elastic, elastic,
         springs.stiffness, springs.damping, springs.owner, inertia, factor, factor, shared, port,
-        relative_rows(structure, unknowns, port.rows), regions(topology, structure, closure, number, asked),
+        relative_rows(structure, unknowns, port.rows), regions(topology, structure, closure, number, output_joints),
         kinematics(structure, unknowns), (*model.springs, *(() if shared is None else shared.names)),
     )  # fmt: skip
 

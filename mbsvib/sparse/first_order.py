@@ -1,8 +1,7 @@
-"""Bases in which damped motions without mass are separate columns: the structure of small systems shows them.
+"""Bases in which damped massless motions are separate columns.
 
-A motion z is z_m + N a, with N the damped motions without mass and z_m a motion in which their own coordinates are 0.
-Both parts are added to the basis, so that M is regular in the first columns and exactly zero in the last ones, even if
-z moves little mass.
+A motion z is z_m + N a with the damped massless motions N, whose amplitudes are zero in z_m. Both parts are added to
+the basis, so that M is regular in the first columns and exactly zero in the last ones, even if z moves little mass.
 """
 
 from __future__ import annotations
@@ -17,14 +16,14 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.sparse.equations import SparseEquations
 
-# If less than this share of a motion remains after orthogonalization, it is left out: it has lost its digits.
+# A motion is left out if less than this fraction of it remains after orthogonalization.
 NEW = 1e-10
-# Below this share of a motion, its part with mass is rounding.
+# Smaller fractions of a motion are rounding errors.
 NOTHING = 1e-12
 
 
 def split_massless(system: SparseEquations, motions: Array) -> tuple[Array, Array]:
-    """Split motions into parts in which the own coordinates of massless motions are 0, and massless parts.
+    """Split motions into parts in which the amplitudes of damped massless motions are 0, and massless parts.
 
     Parameters
     ----------
@@ -42,39 +41,39 @@ def split_massless(system: SparseEquations, motions: Array) -> tuple[Array, Arra
     """
     if system.separation is None or not system.massless:
         return motions, np.zeros((len(motions), 0))
-    n, own = system.separation.damped, system.separation.own
-    light = n @ (motions[own] / np.asarray(n[own, np.arange(len(own))]).reshape(-1, 1))
-    left = motions - light
+    n, unknown = system.separation.damped, system.separation.amplitude_of
+    massless = n @ (motions[unknown] / np.asarray(n[unknown, np.arange(len(unknown))]).reshape(-1, 1))
+    with_mass = motions - massless
     size = np.sqrt(np.abs(system.stiffness) + np.abs(system.damping))[:, None]
-    rest, total = (np.linalg.norm(size * (system.elastic_rows @ part), axis=0)
-                   + np.linalg.norm(system.inertia_factor @ part, axis=0) for part in (left, motions))  # fmt: skip
-    return left[:, rest > NOTHING * total], independent(system, light)
+    remaining, total = (np.linalg.norm(size * (system.elastic_rows @ part), axis=0)
+                        + np.linalg.norm(system.inertia_factor @ part, axis=0) for part in (with_mass, motions))
+    return with_mass[:, remaining > NOTHING * total], independent(system, massless)
 
 
-def independent(system: SparseEquations, light: Array) -> Array:
-    """Return independent motions (size, r), of unit damping, with the span of motions (size, n) without mass."""
-    acts = np.flatnonzero(system.damping)
-    rates = np.sqrt(np.abs(system.damping[acts]))[:, None] * (system.elastic_rows[acts] @ light)
+def independent(system: SparseEquations, massless: Array) -> Array:
+    """Return independent motions (size, r), of unit damping, with the span of massless motions (size, n)."""
+    damped = np.flatnonzero(system.damping)
+    rates = np.sqrt(np.abs(system.damping[damped]))[:, None] * (system.elastic_rows[damped] @ massless)
     length = np.linalg.norm(rates, axis=0)
     used = length > NOTHING * length.max(initial=0.0)
     if not used.any():
-        return light[:, used]
+        return massless[:, used]
     _, singular, right = np.linalg.svd(rates[:, used] / length[used], full_matrices=False)
     significant = singular > NEW
-    return np.asarray((light[:, used] / length[used]) @ (right[significant].T / singular[significant]))
+    return np.asarray((massless[:, used] / length[used]) @ (right[significant].T / singular[significant]))
 
 
-def heaviest(system: SparseEquations, mass: Array) -> Array:
+def independent_with_mass(system: SparseEquations, mass: Array) -> Array:
     """Return the independent motions with mass among all motions (size, n) without massless parts."""
     rows = system.inertia_factor @ mass
     rows = rows / np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
     return np.asarray(mass[:, np.sort(pivoted_qr(rows)[1][: system.dof - system.massless])])
 
 
-def following(system: SparseEquations, basis: Array) -> Array:
-    """Return motions in which massless, undamped motions follow the others from statics.
+def with_static_motions(system: SparseEquations, basis: Array) -> Array:
+    """Return motions with the static massless motions that they cause.
 
-    z - N (N^T K N)^-1 N^T K z, and no more of them than there are degrees of freedom
+    z - N (N^T K N)^-1 N^T K z, as many as there are degrees of freedom
 
     Parameters
     ----------
@@ -94,10 +93,12 @@ def following(system: SparseEquations, basis: Array) -> Array:
 
     n, rows = system.separation.static, system.elastic_rows
     force = n.T @ (rows.T.multiply(system.stiffness))
-    own, coupling = (force @ (rows @ n)).tocsc(), force @ (rows @ basis)
-    if system.circulatory is not None:
-        own, coupling = (own + n.T @ system.circulatory @ n).tocsc(), coupling + n.T @ (system.circulatory @ basis)
-    result = basis - n @ splu(own).solve(coupling)
+    if system.circulatory is None:
+        stiffness, coupling = force @ (rows @ n), force @ (rows @ basis)
+    else:
+        forces = n.T @ system.circulatory
+        stiffness, coupling = force @ (rows @ n) + forces @ n, force @ (rows @ basis) + forces @ basis
+    result = basis - n @ splu(stiffness.tocsc()).solve(coupling)
     unit = 1.0 / np.maximum(np.abs(basis).max(axis=0), 1e-300)
     order = pivoted_qr(result[system.layout.coordinate] * unit)[1]
     return np.asarray(result[:, np.sort(order[: system.dof])])

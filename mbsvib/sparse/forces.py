@@ -1,10 +1,10 @@
-"""Forces in joints, and all forces on a body or the ground, as outputs of many bodies.
+"""Forces in joints, and sums of all forces on a body or the ground, as outputs of many bodies.
 
 A force in a joint is the virtual work of all other forces, inertia included, in a unit virtual displacement that
-releases the joint in its direction. All bodies behind the joint move as one rigid body. In loops the other coordinates
-follow so that no other constraint is violated. With redundant constraints a single joint cannot be released; then the
-other joints of the loops are released too, so that the forces are those of least norm. The sum of all forces on a body
-is its rate of change of momentum.
+releases the joint in its direction. All bodies behind the joint move as one rigid body. In loops other coordinates
+change too, so that no other constraint is violated. With redundant constraints a single joint cannot be released; then
+the other joints of the loops are released too, so that the forces have least norm. The sum of all forces on a body is
+its rate of change of momentum.
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements.rows import Rows
+from mbsvib.equations.base_motion import inertia_of_ground_motion
 from mbsvib.equations.force_paths import carrier_of, point_of
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.rotated_forces import RotatedForces
 from mbsvib.sparse.rows import relative_rows
 from mbsvib.sparse.virtual_displacements import Release
-from mbsvib.sparse.virtual_motions import Motion, Virtual, Yielding, all_turns
+from mbsvib.sparse.virtual_motions import JointRelease, Motion, RegionRelease, all_rotations
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -45,10 +46,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ForceSums:
-    """All forces on the bodies: ``springs`` with their ``elastic`` rows over the unknowns, ``inertia`` with its
-    ``factor``, ``port`` with the rows of its inputs (``pushed``), ``shared`` contributions of several bodies, the
-    ``geometric`` stiffness with the forces at the pose, those of ``spin``, if there are any, and the ``regions`` in
-    which redundant constraints share forces, by joint.
+    """All forces on the bodies, from which forces in joints and sums of forces are computed.
+
+    ``springs`` with their ``elastic`` rows over the unknowns, ``inertia`` with its ``factor``, ``port`` with the rows
+    ``input_rows`` of its inputs, mass and stiffness ``shared`` by several bodies, ``geometric`` stiffness with the
+    forces at the pose, and those of ``spin``, each None if there are none. ``regions`` are the loops with redundant
+    constraints, by joint.
     """
 
     topology: Topology
@@ -61,7 +64,7 @@ class ForceSums:
     inertia: SpatialInertia
     factor: csr_matrix
     port: Ports
-    pushed: csr_matrix
+    input_rows: csr_matrix
     shared: Shared | None
     geometric: Geometric | None
     regions: Mapping[int, Region]
@@ -86,10 +89,10 @@ class ForceSums:
         through = np.zeros((shape[0], len(self.port.input_units)))
         entries: tuple[list[Any], list[Any], list[Any]] = ([], [], [])
         for row, kind, number, wrench in self.port.wrench_outputs:
-            lines, through[row] = (self._sum if kind == "body" else self._in_joint)(number, wrench)
-            for derivative, line in lines.items():
-                at = np.flatnonzero(line)
-                entries[derivative].append((line[at], np.full(len(at), row), at))
+            rows, through[row] = (self._sum if kind == "body" else self._in_joint)(number, wrench)
+            for derivative, values in rows.items():
+                at = np.flatnonzero(values)
+                entries[derivative].append((values[at], np.full(len(at), row), at))
         matrices = []
         for parts in entries:
             value, row_of, column = (np.concatenate([part[i] for part in parts] or [()]) for i in range(3))
@@ -102,7 +105,7 @@ class ForceSums:
         for row, kind, number, wrench in self.port.wrench_outputs:
             if kind == "joint" and number in self.regions:
                 region, step = self.regions[number], self._step(number, wrench)
-                if region.is_open(step, region.split(step)[0]):
+                if not region.determines(step, region.split(step)[0]):
                     outputs[region].append(names[row])
         return tuple([region.undetermined(tuple(which)) for region, which in outputs.items() if which])
 
@@ -110,132 +113,134 @@ class ForceSums:
         """Sum of all forces on a body, its rate of change of momentum; on the ground, minus the sum of the others."""
         n = len(self.tree.parent)
         if body < n:
-            moved = np.zeros(n + 1)
-            moved[body] = -1.0
-            motion = Virtual(moved, wrench[:3], wrench[3:], self.tree.position[body])
+            sign = np.zeros(n + 1)
+            sign[body] = -1.0
+            motion = JointRelease(sign, wrench[:3], wrench[3:], self.tree.position[body])
             inertia, base = self._of_inertia(motion)
-            turns = motion.turns
+            rotations = motion.rotations
         else:
-            inertia, base = self._resisted(self._rigid_inertia(wrench, np.zeros(3)))
-            turns = np.tile(wrench[3:], (n + 1, 1))
-        lines = {2: inertia}
+            inertia, base = self._inertia_forces(self._rigid_inertia(wrench, np.zeros(3)))
+            rotations = np.tile(wrench[3:], (n + 1, 1))
+        rows = {2: inertia}
         if self.spin is not None:
-            lines[1] = self.spin.of_rotors(turns)
-        if body == n and self._turning is not None:
-            lines[0] = self._turning.on_ground(wrench)
-        return lines, base
+            rows[1] = self.spin.of_rotors(rotations)
+        if body == n and self._rotated is not None:
+            rows[0] = self._rotated.on_ground(wrench)
+        return rows, base
 
     def _in_joint(self, number: int, wrench: Array) -> tuple[dict[int, Array], Array]:
-        """Rows of the force or moment in a joint along a wrench."""
-        lines = dict(enumerate(np.zeros((3, self.layout.size))))
+        """Rows of the force or moment in a joint along a wrench, by derivative, and its feedthrough."""
+        result = dict(enumerate(np.zeros((3, self.layout.size))))
         region = self.regions.get(number)
         if region is None:
-            motion: Motion = self._giving_way(number, wrench)
+            motion: Motion = self._release(number, wrench)
         else:
             step = self._step(number, wrench)
-            held = region.split(step)[0]
-            motion = self._yielding(region, step)
-            if self._turning is not None and region.is_open(step, held):
-                lines[0] += self._in_every_pose(region, held)
+            stress = region.split(step)[0]
+            motion = self._region_release(region, step)
+            if self._rotated is not None and not region.determines(step, stress):
+                result[0] += self._least_norm_change(region, stress)
         for rows, along, weights in self._elastic(motion):
             for derivative, value in weights:
-                lines[derivative] -= rows.T @ (value * along)
-        if self._turning is not None:
-            lines[0] += self._turning.of_joints(motion)
+                result[derivative] -= rows.T @ (value * along)
+        if self._rotated is not None:
+            result[0] += self._rotated.of_joints(motion)
         if self.spin is not None:
-            lines[0] += self.spin.of_dampers(motion)
-            lines[1] += self.spin.of_rotors(all_turns(motion, self.layout))
+            result[0] += self.spin.of_dampers(motion)
+            result[1] += self.spin.of_rotors(all_rotations(motion, self.layout))
         inertia, through = self._of_inertia(motion)
-        lines[2] += inertia
-        forces = self.port.force_inputs
-        push = motion.along(self.port.rows)[: len(forces)]
-        through[forces] += push if motion.follows is None else push + self.pushed @ motion.follows
-        return lines, through
+        result[2] += inertia
+        inputs = self.port.force_inputs
+        work = motion.along(self.port.rows)[: len(inputs)]
+        through[inputs] += work if motion.tree_motion is None else work + self.input_rows @ motion.tree_motion
+        return result, through
 
     def _step(self, number: int, wrench: Array) -> Array:
-        """A unit displacement (6, j) of one joint's gap along its axes, among the joints of its region."""
+        """A unit displacement (6, j) in one joint along its axes, among the joints of its region."""
         region, axes = self.regions[number], np.array(self.topology.joints[number].axes)
         result = np.zeros((6, len(region.joints)))
         result[:, region.joints.searchsorted(number)] = *(axes @ wrench[:3]), *(axes @ wrench[3:])
         return result
 
-    def _yielding(self, region: Region, step: Array) -> Yielding:
-        """The motion that releases the joints of a region by the compatible part of a displacement of the gaps."""
-        held, motion = region.split(step)
+    def _region_release(self, region: Region, step: Array) -> RegionRelease:
+        """The motion that releases the joints of a region by the compatible part of their displacements."""
+        stress, motion = region.split(step)
         centre = np.concatenate((self.tree.position, np.zeros((1, 3))))
-        return Yielding(region.displacements(motion, centre), centre, region.joints, step - region.scale**2 * held)
+        compatible = step - region.scale**2 * stress
+        return RegionRelease(region.displacements(motion, centre), centre, region.joints, compatible)
 
-    def _in_every_pose(self, region: Region, held: Array) -> Array:
+    def _least_norm_change(self, region: Region, stress: Array) -> Array:
         """Change of the forces of least norm by the change of a state of self-stress with the pose; a row (size,)."""
         assert self.geometric is not None
-        rest = self.geometric.joints[:, region.joints]
-        motion = self._yielding(region, region.scale**2 * rest)
-        state = RotatedForces(self.tree, self.layout, self.geometric.of_joints(region.joints, held))
-        work = float((rest[3:] * held[3:]).sum())
-        return self._longer(region) * work - state.of_joints(motion)
+        wrenches = self.geometric.joints[:, region.joints]
+        motion = self._region_release(region, region.scale**2 * wrenches)
+        state = RotatedForces(self.tree, self.layout, self.geometric.of_joints(region.joints, stress))
+        work = float((wrenches[3:] * stress[3:]).sum())
+        return self._moment_weight_change(region) * work - state.of_joints(motion)
 
-    def _giving_way(self, number: int, wrench: Array) -> Virtual:
-        """The relative motion of a joint's bodies, and the motion of all others that follow."""
+    def _release(self, number: int, wrench: Array) -> JointRelease:
+        """The motion that releases a joint along its axes."""
         joint, rows = self.topology.joints[number], self.closure.rows
         centre = np.concatenate((self.tree.position, np.zeros((1, 3)))).T
         axes, point = np.array(joint.axes), np.array(point_of(joint, self.number, centre), dtype=float)
-        motion = Virtual(np.zeros(centre.shape[1]), axes @ wrench[:3], axes @ wrench[3:], point, number)
+        motion = JointRelease(np.zeros(centre.shape[1]), axes @ wrench[:3], axes @ wrench[3:], point, number)
         couplers, target = self.closure.couplers, np.zeros(len(self.closure.names))
         locked = target[: len(rows.first)]
-        if number in self._hung:
-            body, sign = self._hung[number]
+        in_tree = number in self._tree_joints
+        if in_tree:
+            body, sign = self._tree_joints[number]
             enter, leave = self._subtrees
-            motion.moved[:-1][(enter >= enter[body]) & (enter < leave[body])] = sign
+            motion.sign[:-1][(enter >= enter[body]) & (enter < leave[body])] = sign
             locked -= motion.along(rows)
         else:
-            own = np.flatnonzero(self.closure.loop[: len(locked)] == self.topology.cut.index(number))
-            locked[own] = motion.full(rows)[own]
+            rows_of_joint = np.flatnonzero(self.closure.loop[: len(locked)] == self.topology.cut.index(number))
+            locked[rows_of_joint] = motion.of_twist(rows)[rows_of_joint]
         if couplers is not None:
-            row, share = couplers.measured
-            seen = couplers.terms.measured
-            gap = -motion.along(seen) if number in self._hung else motion.full(seen) * (couplers.joint == number)
-            np.add.at(target, len(locked) + row, share * gap)
-        return replace(motion, follows=self.release.unknowns(target)) if target.any() else motion
+            row, coefficient = couplers.measured
+            measured = couplers.terms.measured
+            step = -motion.along(measured) if in_tree else motion.of_twist(measured) * (couplers.joint == number)
+            np.add.at(target, len(locked) + row, coefficient * step)
+        return replace(motion, tree_motion=self.release.unknowns(target)) if target.any() else motion
 
     def _elastic(self, motion: Motion) -> Iterator[tuple[csr_matrix, Array, tuple[tuple[int, Array], ...]]]:
         """Elastic rows, the displacements of a motion along them, and their weights by derivative."""
-        follows = motion.follows
-        along = motion.along(self.springs.rows)
-        yield (self.elastic, along if follows is None else along + self.elastic @ follows, self.springs.weights)
-        if self._blended is not None and self.shared is not None and self.shared.elastic is not None:
-            blend = self.shared.elastic
-            along = _rigidly(blend.composite, motion)
-            yield (self._blended, along if follows is None else along + self._blended @ follows,
-                   ((0, blend.stiffness), (1, blend.damping)))  # fmt: skip
+        parts = [(self.elastic, motion.along(self.springs.rows), self.springs.weights)]
+        if self._shared_rows is not None and self.shared is not None and self.shared.elastic is not None:
+            elastic = self.shared.elastic
+            parts.append((self._shared_rows, _along_composite(elastic.composite, motion),
+                          ((0, elastic.stiffness), (1, elastic.damping))))  # fmt: skip
+        for rows, along, weights in parts:
+            yield rows, along if motion.tree_motion is None else along + rows @ motion.tree_motion, weights
 
     def _of_inertia(self, motion: Motion) -> tuple[Array, Array]:
         """Work of inertia forces in a motion, per unit of the unknowns' acceleration (size,) and of the inputs."""
-        moved = self.inertia.factor(motion.of_bodies(self.tree.position)[:, :, None])[:, 0]
+        rows = self.inertia.factor(motion.of_bodies(self.tree.position)[:, :, None])[:, 0]
         if self.shared is not None and self.shared.mass is not None:
-            moved = np.concatenate((moved, _rigidly(self.shared.mass, motion)))
-        if motion.follows is not None:
-            moved = moved + self.factor @ motion.follows
-        return self._resisted(moved)
+            rows = np.concatenate((rows, _along_composite(self.shared.mass, motion)))
+        if motion.tree_motion is not None:
+            rows = rows + self.factor @ motion.tree_motion
+        return self._inertia_forces(rows)
 
-    def _resisted(self, moved: Array) -> tuple[Array, Array]:
-        """The same for square roots of inertia times a motion."""
+    def _inertia_forces(self, rows: Array) -> tuple[Array, Array]:
+        """Work of inertia forces in a motion from its inertia ``rows`` W u."""
         through = np.zeros(len(self.port.input_units))
         for column, base_motion in self._base:
-            through[column] = -(moved @ base_motion)
-        return -(self.factor.T @ moved), through
+            through[column] = -(rows @ base_motion)
+        return -(self.factor.T @ rows), through
 
-    def _longer(self, region: Region) -> Array:
+    def _moment_weight_change(self, region: Region) -> Array:
         """Derivative of the weight 1 / L^2 of moments in a region with respect to the pose, a row (size,)."""
-        point = region.point[:, region.bearing]
-        apart = point - point.mean(axis=1, keepdims=True)
+        point = region.point[:, region.force_joints]
+        from_centre = point - point.mean(axis=1, keepdims=True)
         carrier = np.array([carrier_of(self.topology.joints[k], self.number)
-                            for k in region.joints[region.bearing].tolist()])  # fmt: skip
+                            for k in region.joints[region.force_joints].tolist()])  # fmt: skip
         ground = np.full(len(carrier), len(self.tree.parent))
-        rows = relative_rows(self.tree, self.layout, Rows(ground, carrier, point, apart, np.zeros_like(apart)))
+        directions = Rows(ground, carrier, point, from_centre, np.zeros_like(from_centre))
+        rows = relative_rows(self.tree, self.layout, directions)
         return np.asarray(rows.sum(axis=0)).reshape(-1) * (-2.0 / (len(carrier) * region.length**4))
 
     @cached_property
-    def _turning(self) -> RotatedForces | None:
+    def _rotated(self) -> RotatedForces | None:
         return None if self.geometric is None else RotatedForces(self.tree, self.layout, self.geometric)
 
     @cached_property
@@ -245,13 +250,11 @@ class ForceSums:
                 for column, source in self.port.base_motions]  # fmt: skip
 
     def _rigid_inertia(self, six: Array, origin: Array) -> Array:
-        """Square roots of inertia times a rigid motion (6,) of everything, the ground included, about an origin."""
-        motion = Virtual(np.ones(len(self.tree.parent)), six[:3], six[3:], origin)
-        moved = self.inertia.factor(motion.of_bodies(self.tree.position)[:, :, None])
-        return (moved if self.shared is None else self.shared.carried(moved, six[:3], six[3:], origin))[:, 0]
+        """Square roots of inertia times a rigid motion (6,) of all bodies with the ground, about an origin."""
+        return inertia_of_ground_motion(six, origin, self.tree.position, self.inertia, self.shared)
 
     @cached_property
-    def _blended(self) -> csr_matrix | None:
+    def _shared_rows(self) -> csr_matrix | None:
         """Elastic rows that more than two bodies share."""
         if self.shared is None or self.shared.elastic is None:
             return None
@@ -259,25 +262,25 @@ class ForceSums:
         return composite.of_sparse(relative_rows(self.tree, self.layout, composite.rows))
 
     @cached_property
-    def _hung(self) -> dict[int, tuple[int, int]]:
-        """The outer body of each joint of the tree, and its sign there."""
+    def _tree_joints(self) -> dict[int, tuple[int, int]]:
+        """The outer body of each joint of the tree, and its sign in this joint."""
         return {b.joint: (b.body, b.sign) for b in self.topology.branches if b.joint != FLOATS}
 
     @cached_property
     def _subtrees(self) -> tuple[Index, Index]:
         """Numbering of bodies in which each subtree is a range: begin and end of the ranges, (bodies,)."""
-        n, held, outward = len(self.tree.parent), self.tree.parent.tolist(), self.tree.outward.tolist()
+        n, parent, outward = len(self.tree.parent), self.tree.parent.tolist(), self.tree.outward.tolist()
         size, begin, free = [1] * (n + 1), [0] * (n + 1), [0] * (n + 1)
         for body in reversed(outward):
-            size[held[body]] += size[body]
+            size[parent[body]] += size[body]
         for body in outward:
-            begin[body] = free[held[body]]
-            free[held[body]] += size[body]
+            begin[body] = free[parent[body]]
+            free[parent[body]] += size[body]
             free[body] = begin[body] + 1
         enter = np.array(begin[:n], dtype=np.intp)
         return enter, enter + np.array(size[:n], dtype=np.intp)
 
 
-def _rigidly(composite: Composite, motion: Motion) -> Array:
+def _along_composite(composite: Composite, motion: Motion) -> Array:
     """Displacements of the rigid part of a motion along composite rows."""
-    return composite.of((motion.along(composite.rows) * composite.rides)[:, None])[:, 0]
+    return composite.of((motion.along(composite.rows) * composite.moves_with_ground)[:, None])[:, 0]

@@ -2,9 +2,9 @@
 
 Each body has its displacements x (in the directions in which it can move), the forces h that its joint transmits, and
 its joint's coordinates q; multipliers of a loop follow the last body on the loop. Each equation has the index of the
-unknown that it is solved for: the joint's kinematics that of x, the balance of forces that of h, the force law of the
+unknown for which it is solved: the joint's kinematics that of x, the balance of forces that of h, the force law of the
 joint that of q. The diagonal is then 1, 1 and a stiffness, and elimination in this order is the recursion of
-articulated bodies: no zero pivots, no fill beyond the parent's block.
+articulated bodies, without zero pivots and without fill beyond the parent's block.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Layout:
         return np.where(self.displacement >= 0, self.displacement + self.behind[:, None], -1)
 
     def balance(self) -> tuple[Index, Array]:
-        """Return for every unknown the equation that contains the forces which do work on it, and their sign there.
+        """Return for every unknown the equation with the forces that do work on it, and their sign in this equation.
 
         Returns
         -------
@@ -63,7 +63,7 @@ class Layout:
         return row, sign
 
 
-def layout(tree: Tree, loops: int = 0, touched: tuple[Index, Index] | None = None) -> Layout:
+def layout(tree: Tree, loops: int = 0, path_joints: tuple[Index, Index] | None = None) -> Layout:
     """Return the layout of a tree with multipliers.
 
     Parameters
@@ -72,8 +72,8 @@ def layout(tree: Tree, loops: int = 0, touched: tuple[Index, Index] | None = Non
         The spanning tree.
     loops : int
         Number of multipliers.
-    touched : pair of arrays, optional
-        Multiplier and body of every joint on the path of a loop.
+    path_joints : pair of arrays, optional
+        Multiplier and outer body of every joint on the path of a loop.
 
     Returns
     -------
@@ -85,21 +85,22 @@ def layout(tree: Tree, loops: int = 0, touched: tuple[Index, Index] | None = Non
     rank = np.empty(n, dtype=np.intp)
     rank[inward] = np.arange(n)
     last = np.zeros(loops, dtype=np.intp)
-    if touched is not None:
-        np.maximum.at(last, touched[0], rank[touched[1]])
-    own = tree.moves.sum(axis=1)
-    block = 2 * own + tree.count
+    if path_joints is not None:
+        np.maximum.at(last, path_joints[0], rank[path_joints[1]])
+    directions = tree.moves.sum(axis=1)
+    block = 2 * directions + tree.count
     block[inward] += np.bincount(last, minlength=n)
     start = np.empty(n, dtype=np.intp)
     ends = np.cumsum(block[inward])
     start[inward] = ends - block[inward]
     displacement = np.where(tree.moves, start[:, None] + np.cumsum(tree.moves, axis=1) - 1, -1)
-    coordinate = (start + 2 * own)[tree.carried] + np.arange(len(tree.carried)) - tree.first[tree.carried]
+    body = tree.coordinate_body
+    coordinate = (start + 2 * directions)[body] + np.arange(len(body)) - tree.first[body]
     order = np.argsort(last, kind="stable")
     multiplier = np.empty(loops, dtype=np.intp)
     group, nth = items_of_groups(np.bincount(last, minlength=n))
-    multiplier[order] = (start + 2 * own + tree.count)[inward[group]] + nth
-    return Layout(displacement, coordinate, multiplier, own, int(ends[-1]))
+    multiplier[order] = (start + 2 * directions + tree.count)[inward[group]] + nth
+    return Layout(displacement, coordinate, multiplier, directions, int(ends[-1]))
 
 
 def kinematics(tree: Tree, layout: Layout) -> csr_matrix:
@@ -120,8 +121,8 @@ def kinematics(tree: Tree, layout: Layout) -> csr_matrix:
     from scipy.sparse import csr_matrix
 
     x, force = layout.displacement, layout.force
-    here = x[tree.moves]
-    parts = [(here, here, np.ones(len(here))), (force[tree.moves], force[tree.moves], np.ones(len(here)))]
+    moving, h = x[tree.moves], force[tree.moves]
+    parts = [(moving, moving, np.ones(len(moving))), (h, h, np.ones(len(h)))]
     # x - X x_parent - T q = 0,  h - sum of X^T h_child - ... = 0,  T^T h + ... = 0
     child = np.flatnonzero(tree.parent < len(tree.parent))
     parent = tree.parent[child]
@@ -135,7 +136,7 @@ def kinematics(tree: Tree, layout: Layout) -> csr_matrix:
         parts.append((x[a, i], x[b, j], -value[used]))
         parts.append((force[b, j], force[a, i], -value[used]))
     k, direction = np.nonzero(tree.motion)
-    twist, body = tree.motion[k, direction], tree.carried[k]
+    twist, body = tree.motion[k, direction], tree.coordinate_body[k]
     parts.append((x[body, direction], layout.coordinate[k], -twist))
     parts.append((layout.coordinate[k], force[body, direction], twist))
     row, column, entry = (np.concatenate([part[i] for part in parts]) for i in range(3))

@@ -47,10 +47,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Geometric:
-    """Signed ``rows`` (n, unknowns) of geometric stiffness with their values ``stiffness`` (n,); ``owner`` (n,) are
-    numbers of ``names``. ``joints`` (6, joints) are the wrenches in the joints, on their second bodies; ``pairs`` are
-    all forces, those of ``applied`` and then those in joints, ``carrier`` (pairs,) the bodies that their points move
-    with, and ``second_order`` the rows of their second-order terms.
+    """Signed ``rows`` (n, unknowns) of geometric stiffness with their values ``stiffness`` (n,), and the forces.
+
+    ``owner`` (n,) are numbers of ``names``. ``joints`` (6, joints) are the wrenches in the joints, on their second
+    bodies. ``pairs`` are all forces, those of ``applied`` and then those in joints, ``carrier`` (pairs,) the bodies
+    with which their points move, and ``second_order`` the rows of their second-order terms.
     """
 
     rows: csr_matrix
@@ -65,7 +66,7 @@ class Geometric:
     circulatory: csr_matrix | None = None
 
     def of_joints(self, joints: Index, wrench: Array) -> Geometric:
-        """Return the same with only wrenches (6, j) in some joints."""
+        """Return it with wrenches (6, j) in some joints as the only forces."""
         force, torque = np.zeros((2, *self.pairs.force.shape))
         count = len(self.applied.names)
         force[:, count + joints], torque[:, count + joints] = wrench[:3], wrench[3:]
@@ -171,8 +172,8 @@ def _sum_on_bodies(pairs: WrenchPairs, position: Array) -> tuple[Array, Array]:
     for arm, body, sign in zip(pairs.arms(position), (pairs.first, pairs.second), (-1.0, 1.0), strict=True):
         lever = crossed_product(arm, pairs.force)
         np.add.at(wrench, body, sign * np.concatenate((pairs.force, pairs.torque + lever)).T)
-        force, torque, turn = np.sqrt(np.square(np.array((pairs.force, pairs.torque, lever))).sum(axis=1))
-        np.add.at(size, body, np.stack((force, torque + turn), axis=1))
+        force, torque, moment = np.sqrt(np.square(np.array((pairs.force, pairs.torque, lever))).sum(axis=1))
+        np.add.at(size, body, np.stack((force, torque + moment), axis=1))
     return wrench.T.copy(), size.T.copy()
 
 
@@ -214,26 +215,27 @@ def _cut_joint_forces(
     tree: Tree, closure: Constraints, subtree: Array, size: Array, context: tuple[str, Topology], reach: float
 ) -> WrenchPairs | None:
     """Forces in the cut joints that balance all others, row by row; an error if there are none."""
-    motion, body = tree.motion.T, tree.carried
+    motion, body = tree.motion.T, tree.coordinate_body
     unbalanced_force = np.einsum("ck,ck->k", motion, subtree[:, body])
     lengths = np.sqrt(np.square(motion.reshape(2, 3, -1)).sum(axis=1))
     limit = np.maximum(np.einsum("ck,ck->k", lengths, size[:, body]), LEAST_LEVER * reach * lengths[1] * size[0, body])
-    count = int(closure.kept.sum())
+    count = int(closure.is_independent.sum())
     if not count:
         _check_residual(unbalanced_force, limit, tree, context)
         return None
-    row, column, entry = closure.kept_entries(tree)
-    value, rest, least = _least_squares((column, row, entry), len(unbalanced_force), count, -unbalanced_force)
+    row, column, entry = closure.independent_entries(tree)
+    value, residual, least = _least_squares((column, row, entry), len(unbalanced_force), count, -unbalanced_force)
     # forces from anywhere in a loop arrive at each of its joints, with the rounding of the largest ones
     force, moment = size.max(axis=1)
     from_multipliers = LEAST_LEVER * (lengths[0] * force + lengths[1] * (reach * force + moment))
     np.add.at(from_multipliers, column, np.abs(entry) * np.maximum(np.abs(value), LEAST_LEVER * least)[row])
-    _check_residual(-rest, limit + from_multipliers, tree, context)
+    _check_residual(-residual, limit + from_multipliers, tree, context)
     rows, multipliers = closure.rows, np.zeros(len(closure.names))
-    multipliers[closure.kept] = value
+    multipliers[closure.is_independent] = value
     if closure.couplers is not None:  # in joints of the tree they are part of the forces of these
-        coupler, share = closure.couplers.measured
-        multipliers = np.concatenate((multipliers[: len(rows.first)], share * multipliers[len(rows.first) + coupler]))
+        coupler, coefficient = closure.couplers.measured
+        of_couplers = coefficient * multipliers[len(rows.first) + coupler]
+        multipliers = np.concatenate((multipliers[: len(rows.first)], of_couplers))
         rows = Rows.join([rows, closure.couplers.terms.measured])
     force, moment = rows.force * multipliers, rows.moment * multipliers
     return WrenchPairs(rows.first, rows.second, rows.point, rows.point, force, moment)
@@ -262,8 +264,8 @@ def _check_residual(residual: Array, size: Array, tree: Tree, context: tuple[str
     off = np.flatnonzero(np.abs(residual) > BALANCE * size)
     if not len(off):
         return
-    share = np.abs(residual[off]) / np.where(size[off] > 0.0, size[off], 1.0)
-    worst = int(off[np.argmax(share)])
+    relative = np.abs(residual[off]) / np.where(size[off] > 0.0, size[off], 1.0)
+    worst = int(off[np.argmax(relative)])
     name, topology = context
     missing = -float(residual[worst])
-    raise unbalanced(name, tree.names[worst], bool(tree.turns[worst]), missing, float(share.max()), topology)
+    raise unbalanced(name, tree.names[worst], bool(tree.turns[worst]), missing, float(relative.max()), topology)

@@ -15,7 +15,7 @@ import numpy as np
 
 from mbsvib.equations.equations import Separation
 from mbsvib.equations.massless_null_motion import Scale
-from mbsvib.equations.massless_separation import resolved
+from mbsvib.equations.massless_separation import separate_massless
 from mbsvib.equations.terms import Terms
 from mbsvib.linalg.rank import DEPENDENT_ROWS, EPS
 
@@ -33,15 +33,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SparseSeparation(Separation):
-    """The motions without mass, over the unknowns: ``static`` (size, n) are those that follow from statics, ``damped``
-    (size, n) those with damping, including the static motions that follow; only one of them is nonzero at each of the
-    ``own`` (n,) unknowns. ``at_once`` (outputs, inputs) is the direct contribution of static motions to the outputs,
-    Cq N (N^T K N)^-1 N^T B.
+    """Massless motions over the unknowns: ``static`` (size, n) without and ``damped`` (size, n) with damping.
+
+    Static motions follow from statics; damped motions include the static motions that they cause. Only one damped
+    motion is nonzero at each of the unknowns ``amplitude_of`` (n,). ``at_once`` (outputs, inputs) is the feedthrough of
+    static motions, Cq N (N^T K N)^-1 N^T B.
     """
 
     static: csc_matrix
     damped: csc_matrix
-    own: Index
+    amplitude_of: Index
     at_once: Array
 
 
@@ -86,28 +87,28 @@ def separation(
     from scipy.sparse import hstack
 
     z = motions.shapes
-    acts = np.flatnonzero((elastic[1] != 0.0) | (elastic[2] != 0.0))
+    used = np.flatnonzero((elastic[1] != 0.0) | (elastic[2] != 0.0))
     parts = _Parts(
-        motions, layout, np.array([tree.names[k] for k in motions.own.tolist()], dtype=object), bodies, ports,
-        _clean(elastic[0][acts], z).tocsc(), elastic[1][acts], elastic[2][acts],
+        motions, layout, np.array([tree.names[k] for k in motions.coordinate.tolist()], dtype=object), bodies, ports,
+        _clean(elastic[0][used], z).tocsc(), elastic[1][used], elastic[2][used],
         tuple([None if matrix is None else _clean(matrix, z) for matrix in antisymmetric]),
         _clean(inputs, z).T.tocsr(), tuple([_clean(rows, z).tocsc() for rows in outputs]),
     )  # fmt: skip
-    tied, isolated = parts.tied()
-    results = [parts.single(isolated)]
-    results += [parts.resolved(part) for part in [*tied, *results[0].others[:, None]]]
+    coupled, uncoupled = parts.coupled_motions()
+    results = [parts.of_uncoupled(uncoupled)]
+    results += [parts.of_coupled(part) for part in [*coupled, *results[0].undecided[:, None]]]
     at_once = np.zeros((outputs[0].shape[0], inputs.shape[0]))
     for part in results:
         at_once[part.outputs] += part.at_once
     number = {name: i for i, name in enumerate(tree.names)}
-    gone = sorted([number[name] for part in results for name in part.condensed])
-    own = np.array([number[name] for part in results for name in part.first_order], dtype=np.intp)
-    order = np.argsort(own)
+    condensed = sorted([number[name] for part in results for name in part.condensed])
+    first_order = np.array([number[name] for part in results for name in part.first_order], dtype=np.intp)
+    order = np.argsort(first_order)
     static, damped = ((z @ hstack([getattr(part, key) for part in results])).tocsc() for key in ("static", "damped"))
     return SparseSeparation(
-        tuple([tree.names[i] for i in gone]), tuple([tree.names[i] for i in own[order].tolist()]), motions.kept_pivot,
-        motions.dropped_pivot, at_once=at_once, static=static, damped=damped[:, order],
-        own=layout.coordinate[own[order]],
+        tuple([tree.names[i] for i in condensed]), tuple([tree.names[i] for i in first_order[order].tolist()]),
+        motions.kept_pivot, motions.dropped_pivot, at_once=at_once, static=static, damped=damped[:, order],
+        amplitude_of=layout.coordinate[first_order[order]],
     )  # fmt: skip
 
 
@@ -120,10 +121,9 @@ def _clean(rows: csr_matrix, z: csc_matrix) -> csr_matrix:
 
 
 @dataclass(frozen=True, slots=True)
-class _Answer:
+class _Classification:
     """Classification of some motions: names of those ``condensed`` and of ``first_order``, numbers of ``outputs`` and
-    their direct contributions ``at_once``, amplitudes (n, k) of the ``static`` and ``damped`` ones; and ``others``,
-    which are undecided.
+    their feedthrough ``at_once``, amplitudes (n, k) of ``static`` and ``damped`` motions; and ``undecided`` ones.
     """
 
     condensed: list[str]
@@ -132,7 +132,7 @@ class _Answer:
     at_once: Array
     static: Any
     damped: Any
-    others: Index = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    undecided: Index = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +154,7 @@ class _Parts:
     b: csr_matrix
     c: tuple[csc_matrix, ...]
 
-    def tied(self) -> tuple[list[Index], Index]:
+    def coupled_motions(self) -> tuple[list[Index], Index]:
         """Motions that springs and dampers couple, part by part, and uncoupled motions."""
         from scipy.sparse import vstack
         from scipy.sparse.csgraph import connected_components
@@ -167,24 +167,26 @@ class _Parts:
         single = np.array([part[0] for part in parts if len(part) == 1], dtype=np.intp)
         return [part for part in parts if len(part) > 1], single
 
-    def single(self, isolated: Index) -> _Answer:
-        """Classification of uncoupled motions, all at once, and the numbers of undecided ones."""
+    def of_uncoupled(self, part: Index) -> _Classification:
+        """Classification of uncoupled motions, vectorized."""
         from scipy.sparse import diags
 
-        square = self.rows[:, isolated].power(2).T
-        size, sums = ((square @ kind(part) for part in (self.stiffness, self.damping)) for kind in (np.abs, np.array))
-        (k_size, c_size), (k, c) = size, sums
-        velocity, acceleration = (np.diff(matrix[:, isolated].indptr) > 0 for matrix in self.c[1:])
+        square = self.rows[:, part].power(2).T
+        k, k_size, c, c_size = (square @ values for values in (self.stiffness, np.abs(self.stiffness), self.damping,
+                                                               np.abs(self.damping)))  # fmt: skip
+        velocity, acceleration = (np.diff(matrix[:, part].indptr) > 0 for matrix in self.c[1:])
         damped = (c_size > 0.0) & (c == c_size) & ~acceleration
         static = (c_size == 0.0) & (k_size > 0.0) & (k == k_size) & ~velocity & ~acceleration
         if any(matrix is not None for matrix in self.antisymmetric):
             damped[:] = static[:] = False
-        still, slow = isolated[static], isolated[damped]
-        at_once = (self.c[0][:, still] @ diags(1.0 / k[static]) @ self.b[still]).toarray()
-        return _Answer([*self.names[still]], [*self.names[slow]], np.arange(len(at_once)), at_once, self._unit(still),
-                       self._unit(slow), isolated[~static & ~damped])  # fmt: skip
+        condensed, first_order = part[static], part[damped]
+        at_once = (self.c[0][:, condensed] @ diags(1.0 / k[static]) @ self.b[condensed]).toarray()
+        return _Classification(
+            [*self.names[condensed]], [*self.names[first_order]], np.arange(len(at_once)), at_once,
+            self._amplitudes(condensed), self._amplitudes(first_order), part[~static & ~damped],
+        )  # fmt: skip
 
-    def _unit(self, part: Index, shapes: Array | None = None) -> Any:
+    def _amplitudes(self, part: Index, shapes: Array | None = None) -> Any:
         """Amplitudes (n, k) of all motions for ``shapes`` of some of them; default: unit amplitudes."""
         from scipy.sparse import coo_matrix
 
@@ -194,40 +196,41 @@ class _Parts:
         row, column = np.nonzero(shapes)
         return coo_matrix((shapes[row, column], (part[row], column)), shape=(n, shapes.shape[1]))
 
-    def resolved(self, part: Index) -> _Answer:
+    def of_coupled(self, part: Index) -> _Classification:
         """Classification of some coupled motions."""
-        on = self.rows[:, part].tocsr()
-        row = np.flatnonzero(np.diff(on.indptr))
-        rows, k, c = on[row].toarray(), self.stiffness[row], self.damping[row]
-        seen = [matrix[:, part].tocsr() for matrix in self.c]
-        which = np.flatnonzero(sum(np.diff(matrix.indptr) for matrix in seen))
+        elastic = self.rows[:, part].tocsr()
+        row = np.flatnonzero(np.diff(elastic.indptr))
+        rows, k, c = elastic[row].toarray(), self.stiffness[row], self.damping[row]
+        outputs = [matrix[:, part].tocsr() for matrix in self.c]
+        which = np.flatnonzero(sum(np.diff(matrix.indptr) for matrix in outputs))
         m = len(part)
-        body, moved = self._moved(part)
-        cq, cv, ca = (matrix[which].toarray() for matrix in seen)
-        terms, acting = Terms(
+        body, displacements = self._body_displacements(part)
+        cq, cv, ca = (matrix[which].toarray() for matrix in outputs)
+        terms, force_rows = Terms(
             np.zeros((m, m)), rows.T @ (c[:, None] * rows), rows.T @ (k[:, None] * rows), self.b[part].toarray(),
-            cq, cv, ca, np.zeros((len(which), self.b.shape[1])), np.zeros((0, m)), rows, k, c, row, moved,
+            cq, cv, ca, np.zeros((len(which), self.b.shape[1])), np.zeros((0, m)), rows, k, c, row, displacements,
         ), {}  # fmt: skip
         for key, matrix in zip(("circulatory", "gyroscopic"), self.antisymmetric, strict=True):
             if matrix is not None:
                 forces = matrix[:, part]
                 terms = terms.with_antisymmetric(**{"circulatory": None, "gyroscopic": None} | {
                     key: (self.motions.shapes[:, part].T @ forces).toarray()})  # fmt: skip
-                acting[key] = forces[np.unique(forces.tocsc().indices)].toarray()
+                force_rows[key] = forces[np.unique(forces.tocsc().indices)].toarray()
         ports = [self.ports[0][i] for i in which.tolist()], self.ports[1]
         names = tuple(self.names[part].tolist())
-        terms, condensed, slow = resolved(
+        terms, condensation, first_order = separate_massless(
             np.eye(m), terms, np.ones(m), Scale(1.0, np.ones(m), EPS * m), names,
-            tuple([self.bodies[i] for i in body.tolist()]), ports, np.zeros(m, dtype=bool), acting,
+            tuple([self.bodies[i] for i in body.tolist()]), ports, np.zeros(m, dtype=bool), force_rows,
         )  # fmt: skip
-        follows, static, gone = np.eye(m), np.zeros((m, 0)), []
-        if condensed is not None:
-            follows, static = condensed.transform, condensed.motions
-            gone = [names[i] for i in condensed.dependent.tolist()]
-        damped = follows @ (np.zeros((follows.shape[1], 0)) if terms.null_inertia is None else terms.null_inertia)
-        return _Answer(gone, list(slow), which, terms.D, self._unit(part, static), self._unit(part, damped))
+        transform, static, condensed = np.eye(m), np.zeros((m, 0)), []
+        if condensation is not None:
+            transform, static = condensation.transform, condensation.motions
+            condensed = [names[i] for i in condensation.dependent.tolist()]
+        damped = transform @ (np.zeros((transform.shape[1], 0)) if terms.null_inertia is None else terms.null_inertia)
+        return _Classification(condensed, list(first_order), which, terms.D, self._amplitudes(part, static),
+                               self._amplitudes(part, damped))  # fmt: skip
 
-    def _moved(self, part: Index) -> tuple[Index, Array]:
+    def _body_displacements(self, part: Index) -> tuple[Index, Array]:
         """Numbers of the bodies in some motions, and their displacements (bodies, 6, n)."""
         z = self.motions.shapes[:, part].tocsr()
         used = np.zeros(self.layout.size + 1, dtype=bool)

@@ -48,8 +48,8 @@ def check_mobility(tree: Tree, closure: Constraints, layout: Layout, tableau: Ta
     if not groups or len(tree.names) <= len(layout.multiplier):
         return
     length = min(group.length for group in groups)
-    moved_tree, moved = _moved(tree, closure, _displacement(tree, layout, tableau, length))
-    entries = (closure.entries(tree), moved.entries(moved_tree))
+    moved_tree, moved_closure = _displaced(tree, closure, _displacement(tree, layout, tableau, length))
+    entries = (closure.entries(tree), moved_closure.entries(moved_tree))
     for group in groups:
         members = [group.rows]
         if len(group.rows) * len(group.columns) > WHOLE:
@@ -57,14 +57,15 @@ def check_mobility(tree: Tree, closure: Constraints, layout: Layout, tableau: Ta
         for rows in members:
             # a single loop may be nearly singular without being an error
             limits = DEPENDENT_DISTANCE, NEIGHBOUR_PIVOT
-            here, nearby = (_rank(tree, closure, part, rows, group.length, max(limit, RANK_FACTOR * group.noise))
-                            for part, limit in zip(entries, limits, strict=True))  # fmt: skip
-            here = group.rank if rows is group.rows else here
-            if nearby > here:
+            rank, neighbour = (_rank(tree, closure, part, rows, group.length, max(limit, RANK_FACTOR * group.noise))
+                               for part, limit in zip(entries, limits, strict=True))  # fmt: skip
+            rank = group.rank if rows is group.rows else rank
+            if neighbour > rank:
                 raise SingularPoseError(
-                    f"loops closed by {', '.join(group.joints[:8])}: singular pose. {here} of {len(rows)} constraint "
-                    f"rows are independent here, {nearby} in neighbouring poses, so the number of degrees of freedom "
-                    f"jumps and linear equations do not describe the motion. Move the pose off the singular one."
+                    f"loops closed by {', '.join(group.joints[:8])}: singular pose. {rank} of {len(rows)} constraint "
+                    f"rows are independent here, {neighbour} in neighbouring poses, so the number of degrees of "
+                    f"freedom jumps and linear equations do not describe the motion. Move the pose off the singular "
+                    f"one."
                 )
 
 
@@ -83,42 +84,42 @@ def _displacement(tree: Tree, layout: Layout, tableau: Tableau, length: float) -
     return result
 
 
-def _moved(tree: Tree, closure: Constraints, displacement: Array) -> tuple[Tree, Constraints]:
+def _displaced(tree: Tree, closure: Constraints, displacement: Array) -> tuple[Tree, Constraints]:
     """Joint axes and locked rows after a small motion, to first order."""
     centre = np.concatenate((tree.position, np.zeros((1, 3))))
 
-    def shift(body: Index, point: Array) -> Array:
+    def displaced(body: Index, point: Array) -> Array:
         return point + displacement[body, :3].T + np.cross(displacement[body, 3:], point.T - centre[body]).T
 
-    def turn(body: Index, vector: Array) -> Array:
+    def rotated(body: Index, vector: Array) -> Array:
         return vector + np.cross(displacement[body, 3:], vector.T).T
 
     carrier, rows = tree.carrier, closure.rows
-    linear, force = turn(carrier, tree.linear), turn(rows.first, rows.force)
+    linear, force = rotated(carrier, tree.linear), rotated(rows.first, rows.force)
     for row, column, first, second, start, end in closure.rods:
-        line = shift(np.array([second]), end[:, None])[:, 0] - shift(np.array([first]), start[:, None])[:, 0]
+        line = displaced(np.array([second]), end[:, None])[:, 0] - displaced(np.array([first]), start[:, None])[:, 0]
         line /= np.sqrt(line @ line)
         if row >= 0:
             force[:, row] = line
         else:
             linear[:, column : column + 2] -= np.outer(line, line @ linear[:, column : column + 2])
-    angular, moment = (0.5 * (turn(first_body, axes) + turn(second_body, axes)) for first_body, second_body, axes in (
-        (carrier, tree.halfway, tree.angular), (rows.first, rows.second, rows.moment)))  # fmt: skip
-    moved = replace(tree, linear=linear, angular=angular, point=shift(tree.holder, tree.point))
+    angular = 0.5 * (rotated(carrier, tree.angular) + rotated(tree.halfway, tree.angular))
+    moment = 0.5 * (rotated(rows.first, rows.moment) + rotated(rows.second, rows.moment))
+    moved_tree = replace(tree, linear=linear, angular=angular, point=displaced(tree.holder, tree.point))
     for row, first_axis, second_axis in closure.crossing:
-        a = turn(rows.first[row : row + 1], np.array([first_axis]).T)
-        b = turn(rows.second[row : row + 1], np.array([second_axis]).T)
+        a = rotated(rows.first[row : row + 1], np.array([first_axis]).T)
+        b = rotated(rows.second[row : row + 1], np.array([second_axis]).T)
         moment[:, row] = np.cross(a[:, 0], b[:, 0])
-    couplers = None if closure.couplers is None else closure.couplers.nearby(turn, shift)
-    rows = replace(rows, point=shift(rows.second, rows.point), force=force, moment=moment)
-    return moved, replace(closure, rows=rows, couplers=couplers)
+    couplers = None if closure.couplers is None else closure.couplers.nearby(rotated, displaced)
+    rows = replace(rows, point=displaced(rows.second, rows.point), force=force, moment=moment)
+    return moved_tree, replace(closure, rows=rows, couplers=couplers)
 
 
 def _rank(tree: Tree, closure: Constraints, entries: Entries, members: Index, length: float, limit: float) -> int:
     row, column, value = entries.of(members)
-    columns, at = np.unique(column, return_inverse=True)
+    columns, local_column = np.unique(column, return_inverse=True)
     a = np.zeros((len(members), len(columns)))
-    a[row, at] = value
+    a[row, local_column] = value
     a *= np.where(tree.turns[columns], 1.0, length)
     a *= row_scale(closure.rows, closure.couplers, members, length)[:, None]
     pivots = np.abs(pivoted_qr(a)[0].diagonal())

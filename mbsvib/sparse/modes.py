@@ -172,8 +172,8 @@ def _nearest(system: SparseEquations, space: Subspace, k: int) -> tuple[Array | 
         ritz = undamped(small, RTOL)
     except np.linalg.LinAlgError:
         raise ResponseError(
-            f"modes: the search for the lowest modes of '{system.name}' found motions that depend on each other, "
-            f"beside motions that hardly any stiffness holds; take linearize(method='dense')."
+            f"modes: the search for the lowest modes of '{system.name}' found linearly dependent motions, and motions "
+            f"with very small stiffness; use linearize(method='dense')."
         ) from None  # fmt: skip
     if sigma > 0.0:
         centre = space.centre
@@ -193,12 +193,12 @@ def _nearest(system: SparseEquations, space: Subspace, k: int) -> tuple[Array | 
     residual = np.sqrt(np.abs(y.T) ** 2 @ space.residual**2)
     noise = np.abs(y.T) ** 2 @ space.noise
     square = np.abs(ritz.square[selected])
-    apart = np.abs(ritz.square[selected] - sigma)
-    gap = np.maximum(space.reach - apart, 0.0)
+    from_shift = np.abs(ritz.square[selected] - sigma)
+    to_others = np.maximum(space.reach - from_shift, 0.0)
     flexible = square > 0.0
-    first = residual * apart / np.where(flexible, square, 1.0)
+    first = residual * from_shift / np.where(flexible, square, 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        second = np.where(gap > 0.0, residual**2 * apart**2 / (gap * np.where(flexible, square, 1.0)), np.inf)
+        second = np.where(to_others > 0.0, first * residual * from_shift / to_others, np.inf)
     bound = np.where(flexible, 0.5 * (np.minimum(first, second) + noise) + rounding(system), 0.0)
     return basis, bound, int(np.count_nonzero(selected < space.rigid))
 

@@ -8,14 +8,14 @@ additional spring, which a self-equilibrated load does not deform, and the modes
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.linalg.rank import SAME_ENERGY
 from mbsvib.sparse.assembly import with_stiffness
-from mbsvib.sparse.rigid import far_rows, unsprung, without_far
+from mbsvib.sparse.quadratic import Quadratic
+from mbsvib.sparse.rigid import coordinates_without_stiffness, far_rows, without_far
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,51 +24,47 @@ if TYPE_CHECKING:
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.tableau import Factor
 
-# Shifts, as shares of the highest frequency's square, at which modes are counted if the springs do not determine which
-# coordinates are free. Below the last one rounding of the stiffness dominates.
-SHARES = 10.0 ** -np.arange(2.0, 13.5, 0.5)
-# Dampers may couple all rigid-body modes, so that the slowest ones are combinations of all: up to this many are
-# computed together, even if fewer modes are wanted.
-BRAKED = 200
+# Shifts, relative to the square of the highest frequency, at which modes are counted if the springs do not determine
+# which coordinates are free. Below the last one rounding of the stiffness dominates.
+SHIFTS = 10.0 ** -np.arange(2.0, 13.5, 0.5)
+# Dampers may couple all rigid-body modes, so that the slowest ones are combinations of all. Up to this number all are
+# computed, even if fewer modes are wanted.
+COUPLED_RIGID = 200
 
 
 @dataclass(frozen=True)
 class Operator:
-    """T at ``sigma``, with ``rigid`` modes (size, r) of the equations and ``away`` (h, r), the deflated vectors.
+    """T at ``sigma``, with ``rigid`` modes (size, r) of the equations and the ``deflated`` vectors (h, r).
 
     ``total`` is the number of all rigid-body modes, None if it is not known beforehand; at a shift they are not
     deflated but computed like all others.
     """
 
-    system: SparseEquations
+    quadratic: Quadratic
     sigma: float
     factor: Factor
     rigid: Array
-    away: Array
+    deflated: Array
     total: int | None
 
-    @cached_property
-    def w(self) -> Any:
-        """The rows of W that are not empty."""
-        w = self.system.inertia_factor
-        return w[np.diff(w.indptr) > 0]
+    @property
+    def system(self) -> SparseEquations:
+        """The equations of motion."""
+        return self.quadratic.system
 
-    @cached_property
+    @property
+    def w(self) -> Any:
+        """The nonzero rows of W."""
+        return self.quadratic.w
+
+    @property
     def wt(self) -> Any:
         """W^T by rows."""
-        return self.w.T.tocsr()
-
-    @cached_property
-    def _balance(self) -> tuple[Index, Array]:
-        return self.system.layout.balance()
+        return self.quadratic.wt
 
     def right(self, force: NDArray[Any]) -> NDArray[Any]:
         """Return right sides of the tableau for generalised forces (size, n) on displacements and coordinates."""
-        row, sign = self._balance
-        used = np.flatnonzero(sign)
-        result = np.zeros_like(force)
-        result[row[used]] = force[used] * (sign[used] if force.ndim == 1 else sign[used, None])
-        return result
+        return self.quadratic.right(force)
 
     def solve(self, h: NDArray[Any], refinements: int = 0) -> NDArray[Any]:
         """Return displacements and coordinates (size, n) under the loads W^T h, h (rows, n) or (rows,)."""
@@ -81,7 +77,7 @@ class Operator:
 
     def without_rigid(self, h: NDArray[Any]) -> NDArray[Any]:
         """Return vectors (h, n) without their components along the deflated rigid-body modes."""
-        return h - self.away @ (self.away.T @ h) if self.away.shape[1] else h
+        return h - self.deflated @ (self.deflated.T @ h) if self.deflated.shape[1] else h
 
     def diverging(self) -> int:
         """Return the number of modes that diverge by negative stiffness; all modes if they cannot be counted."""
@@ -94,10 +90,9 @@ class Operator:
         count = factor.negative(self.system.layout)
         return self.system.dof if count is None else count
 
-    def deflated(self, more: Array) -> Operator:
+    def deflating(self, more: Array) -> Operator:
         """Return the operator with more vectors (h, n) deflated."""
-        vectors = np.linalg.qr(np.concatenate((self.away, more), axis=1))[0]
-        return replace(self, away=vectors)
+        return replace(self, deflated=np.linalg.qr(np.concatenate((self.deflated, more), axis=1))[0])
 
 
 def operator(system: SparseEquations, sigma: float | None, wanted: int) -> Operator:
@@ -117,14 +112,14 @@ def operator(system: SparseEquations, sigma: float | None, wanted: int) -> Opera
     Operator
         The factored operator.
     """
-    none = np.zeros((system.layout.size, 0))
-    first = Operator(system, sigma or 0.0, _factor(system, sigma or 0.0), none, np.zeros((0, 0)), None)
-    first = replace(first, away=np.zeros((first.w.shape[0], 0)))
+    quadratic = Quadratic(system)
+    first = Operator(quadratic, sigma or 0.0, _factor(system, sigma or 0.0), np.zeros((system.layout.size, 0)),
+                     np.zeros((quadratic.w.shape[0], 0)), None)  # fmt: skip
     if sigma is not None:
         return first
-    if first.factor is not None and _holds(first):
+    if first.factor is not None and _all_motions_resisted(first):
         return replace(first, total=0)
-    lock = unsprung(system)
+    lock = coordinates_without_stiffness(system)
     if len(lock):
         try:
             return _locked(first, lock, wanted)
@@ -137,15 +132,15 @@ def _locked(first: Operator, lock: Index, wanted: int) -> Operator:
     """T at zero with the free motions locked and deflated; with a shift if the locks do not cover all of them."""
     system, far, modes = first.system, far_rows(first.system), None
     if far.any():
-        near = with_stiffness(system, system.stiffness * ~far)
-        held = replace(first, factor=near.tableau.factor(lock=system.layout.coordinate[lock]))
-        lock, modes = without_far(system, lock, _locked_motions(held, lock))
-    held = replace(first, factor=system.tableau.factor(lock=system.layout.coordinate[lock]), total=len(lock))
-    if not _holds(held, lock):
+        short_only = with_stiffness(system, system.stiffness * ~far)
+        locked = replace(first, factor=short_only.tableau.factor(lock=system.layout.coordinate[lock]))
+        lock, modes = without_far(system, lock, _locked_motions(locked, lock))
+    locked = replace(first, factor=system.tableau.factor(lock=system.layout.coordinate[lock]), total=len(lock))
+    if not _all_motions_resisted(locked, lock):
         return _shifted(first)
-    if system.damping.any() and len(lock) <= BRAKED:
+    if system.damping.any() and len(lock) <= COUPLED_RIGID:
         wanted = len(lock)
-    return _free(held, _locked_motions(held, lock[:wanted]) if modes is None else modes[:, :wanted])
+    return _with_rigid_modes(locked, _locked_motions(locked, lock[:wanted]) if modes is None else modes[:, :wanted])
 
 
 def _factor(system: SparseEquations, sigma: float) -> Any:
@@ -157,38 +152,38 @@ def _factor(system: SparseEquations, sigma: float) -> Any:
         return None
 
 
-def _holds(held: Operator, lock: Index | None = None) -> bool:
-    """Tell whether springs (and locks) resist all motions: work and strain energy of a random load agree."""
-    system = held.system
-    h = np.random.default_rng(0).standard_normal(held.w.shape[0])
-    z = held.factor.solve(held.right(held.wt @ h), 0)
-    work = float(h @ (held.w @ z))
+def _all_motions_resisted(locked: Operator, lock: Index | None = None) -> bool:
+    """Whether springs (and locks) resist all motions, so that work and strain energy of a random load are equal."""
+    system = locked.system
+    h = np.random.default_rng(0).standard_normal(locked.w.shape[0])
+    z = locked.factor.solve(locked.right(locked.wt @ h), 0)
+    work = float(h @ (locked.w @ z))
     e = system.elastic_rows @ z
     strain = float(system.stiffness @ (e * e))
     if lock is not None:
         index = system.layout.coordinate[lock]
-        scale = held.factor.column_scale[index] * held.factor.row_scale[index]
+        scale = locked.factor.column_scale[index] * locked.factor.row_scale[index]
         strain += float(np.sum(z[index] ** 2 / scale))
     size = float(np.abs(system.stiffness) @ (e * e))
     return bool(np.isfinite(work)) and abs(work - strain) <= SAME_ENERGY * max(abs(work), size)
 
 
-def _locked_motions(held: Operator, lock: Index) -> Array:
-    """Free motions: the response of the locked stiffness to a unit load on each lock, which strains only the lock."""
-    index = held.system.layout.coordinate[lock]
-    right = np.zeros((held.system.layout.size, len(index)))
-    right[index, np.arange(len(index))] = 1.0 / held.factor.row_scale[index]
-    return np.asarray(held.factor.solve(right))
+def _locked_motions(locked: Operator, lock: Index) -> Array:
+    """Free motions: responses of the locked stiffness to a unit load on each lock, which deform this lock only."""
+    index = locked.system.layout.coordinate[lock]
+    right = np.zeros((locked.system.layout.size, len(index)))
+    right[index, np.arange(len(index))] = 1.0 / locked.factor.row_scale[index]
+    return np.asarray(locked.factor.solve(right))
 
 
-def _free(held: Operator, modes: Array) -> Operator:
+def _with_rigid_modes(locked: Operator, modes: Array) -> Operator:
     """The operator with deflated rigid-body modes, which are M-orthonormalized."""
-    h = held.w @ modes
+    h = locked.w @ modes
     for _ in range(2):  # the second pass removes the rounding of the first
         root = np.linalg.qr(h)[1]
         modes = np.linalg.solve(root.T, modes.T).T
-        h = held.w @ modes
-    return replace(held, rigid=modes, away=h)
+        h = locked.w @ modes
+    return replace(locked, rigid=modes, deflated=h)
 
 
 def _shifted(first: Operator) -> Operator:
@@ -197,8 +192,8 @@ def _shifted(first: Operator) -> Operator:
     highest = float(np.abs(system.stiffness) @ np.asarray(system.elastic_rows.power(2).sum(axis=1))[:, 0])
     highest /= float(system.inertia_factor.power(2).sum()) or 1.0
     highest = highest or 1.0
-    counts = [system.tableau.factor(square=share * highest, pivot=0.0).negative(system.layout) for share in SHARES]
+    counts = [system.tableau.factor(square=shift * highest, pivot=0.0).negative(system.layout) for shift in SHIFTS]
     total = counts[-1]
-    grows = [share for share, here in zip(SHARES, counts, strict=True) if here is not None and here != total]
-    sigma = -highest * float(min(grows, default=SHARES[0])) if total is not None else -1e-6 * highest
+    larger = [shift for shift, count in zip(SHIFTS, counts, strict=True) if count is not None and count != total]
+    sigma = -highest * float(min(larger, default=SHIFTS[0])) if total is not None else -1e-6 * highest
     return replace(first, sigma=sigma, factor=system.tableau.factor(square=sigma), total=total)

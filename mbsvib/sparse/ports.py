@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.elements import Bushing
+from mbsvib.equations.base_motion import ground_motion, inertia_of_ground_motion
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def with_ports(draft: SparseDraft) -> SparseDraft:
-    """Return a draft with the rows of its inputs and outputs, but for forces in joints.
+    """Return a draft with the rows of its inputs and outputs, except forces in joints.
 
     Parameters
     ----------
@@ -33,36 +34,29 @@ def with_ports(draft: SparseDraft) -> SparseDraft:
     port, springs, layout = draft.port, draft.springs, draft.layout
     forces = len(port.force_inputs)
     shape = (len(port.input_units), layout.size)
-    entries = draft.seen[:forces].tocoo()
+    entries = draft.port_rows[:forces].tocoo()
     inputs = coo_matrix((entries.data, (port.force_inputs[entries.row], entries.col)), shape=shape).tocsr()
     through = np.zeros((len(port.output_units), len(port.input_units)))
     position = draft.structure.position
-    for column, motion in port.base_motions:
-        linear, angular = np.array(motion.wrench[:3]), np.array(motion.wrench[3:])
-        base_acceleration = np.empty((len(position), 6, 1))
-        base_acceleration[:, :3, 0] = np.cross(angular, position - motion.position) + linear
-        base_acceleration[:, 3:, 0] = angular
-        moved = draft.inertia.factor(base_acceleration)
-        if draft.shared is not None:
-            moved = draft.shared.carried(moved, linear, angular, np.array(motion.position))
-        force = -(draft.body_factor.T @ moved[:, 0])
+    for column, source in port.base_motions:
+        rows = inertia_of_ground_motion(source.wrench, source.position, position, draft.inertia, draft.shared)
+        force = -(draft.body_factor.T @ rows)
         at = np.flatnonzero(force)
         inputs = inputs + csr_matrix((force[at], (np.full(len(at), column), at)), shape=shape)
         for row, output, point in port.inertial_outputs:
-            here = np.cross(angular, np.subtract(point, motion.position)) + linear
-            through[row, column] = np.dot(output.wrench, (*here, *angular))
+            through[row, column] = np.dot(output.wrench, ground_motion(source.wrench, source.position, point))
     shape = (len(port.output_units), layout.size)
     outputs = []
-    entries = draft.seen[forces:].tocoo()
+    entries = draft.port_rows[forces:].tocoo()
     for derivative in range(3):
         used = port.derivative[entries.row] == derivative
         rows = port.motion_outputs[entries.row[used]]
         outputs.append(csr_matrix((entries.data[used], (rows, entries.col[used])), shape=shape))
     for row, owner, wrench in port.force_outputs:
-        own = np.flatnonzero(springs.owner == owner)
-        share = springs.unit[own] @ wrench
+        which = np.flatnonzero(springs.owner == owner)
+        factors = springs.unit[which] @ wrench
         for derivative, value in springs.weights:
-            line = (csr_matrix(share * value[own]) @ draft.elastic[own]).tocoo()
+            line = (csr_matrix(factors * value[which]) @ draft.elastic[which]).tocoo()
             outputs[derivative] = outputs[derivative] + csr_matrix(
                 (line.data, (np.full(line.nnz, row), line.col)), shape=shape)  # fmt: skip
     return replace(draft, inputs=inputs, outputs=(_with_spin(draft, outputs[0]), outputs[1], outputs[2]), D=through)

@@ -28,7 +28,7 @@ class Quadratic:
 
     @cached_property
     def w(self) -> Any:
-        """The rows of W that are not empty."""
+        """The nonzero rows of W."""
         w = self.system.inertia_factor
         return w[np.diff(w.indptr) > 0]
 
@@ -85,14 +85,20 @@ class Quadratic:
     def _balance(self) -> tuple[Index, Array]:
         return self.system.layout.balance()
 
-    def solve(self, factor: Factor, force: NDArray[Any], transposed: bool = False) -> NDArray[Any]:
-        """Return motions (size, n) with P z = force, or P^T z = force, for the factored P."""
+    def right(self, force: NDArray[Any]) -> NDArray[Any]:
+        """Return right sides of the tableau for generalised forces (size, n) or (size,) on the unknowns."""
         row, sign = self._balance
         used = np.flatnonzero(sign)
-        if transposed:
-            result = np.zeros(force.shape, dtype=np.result_type(force, factor.matrix.dtype))
-            result[used] = factor.solve(force, transposed=True)[row[used]] * sign[used, None]
-            return result
-        right = np.zeros_like(force)
-        right[row[used]] = force[used] * sign[used, None]
-        return factor.solve(right)
+        result = np.zeros_like(force)
+        result[row[used]] = force[used] * (sign[used] if force.ndim == 1 else sign[used, None])
+        return result
+
+    def solve(self, factor: Factor, force: NDArray[Any], transposed: bool = False) -> NDArray[Any]:
+        """Return motions (size, n) with P z = force, or P^T z = force, for the factored P."""
+        if not transposed:
+            return factor.solve(self.right(force))
+        row, sign = self._balance
+        used = np.flatnonzero(sign)
+        result = np.zeros(force.shape, dtype=np.result_type(force, factor.matrix.dtype))
+        result[used] = factor.solve(force, transposed=True)[row[used]] * sign[used, None]
+        return result

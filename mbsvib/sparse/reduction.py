@@ -50,8 +50,8 @@ def reduced(
     """
     n = z.shape[1]
     elastic, _ = strains(system, z, rigid)
-    acting = elastic.any(axis=1)
-    elastic, stiffness, damping = elastic[acting], system.stiffness[acting], system.damping[acting]
+    nonzero = elastic.any(axis=1)
+    elastic, stiffness, damping = elastic[nonzero], system.stiffness[nonzero], system.damping[nonzero]
     factor = np.asarray(system.inertia_factor @ z)
     factor[:, n - massless :] = 0.0
     motion = np.zeros((len(system.bodies), 6, n))
@@ -67,7 +67,7 @@ def reduced(
         M=factor.T @ factor, C=damping_matrix if gyroscopic is None else damping_matrix + gyroscopic,
         K=stiffness_matrix if circulatory is None else stiffness_matrix + circulatory,
         B=np.asarray(system.input_rows @ z).T.copy(), Cq=cq, Cv=cv, Ca=ca, D=system.D.copy(), inertia_factor=factor,
-        elastic_rows=elastic, row_stiffness=stiffness, row_damping=damping, row_owner=system.row_owner[acting],
+        elastic_rows=elastic, row_stiffness=stiffness, row_damping=damping, row_owner=system.row_owner[nonzero],
         body_motion=motion, gyroscopic=gyroscopic, circulatory=circulatory, massless=massless,
         null_inertia=np.eye(n)[:, n - massless :] if massless else None,
         provenance=Provenance(

@@ -75,9 +75,9 @@ def frequency_response(system: SparseEquations, omega: ArrayLike) -> Complex:
         s = 1j * frequency
         answer = _answer(system, right, s, damped)
         if answer is None:
-            what = "a rigid-body mode" if frequency == 0.0 else "an undamped mode"
+            kind = "a rigid-body mode" if frequency == 0.0 else "an undamped mode"
             raise ResponseError(
-                f"frequency_response: omega[{i}] = {frequency:g} rad/s is a pole of the system ({what}), where the "
+                f"frequency_response: omega[{i}] = {frequency:g} rad/s is a pole of the system ({kind}), where the "
                 f"response is infinite; leave this frequency out, or give the mechanism damping."
             )
         result[:, :, i] = displacement @ answer + s * (velocity @ answer) + s * s * (acceleration @ answer) + through
@@ -105,8 +105,8 @@ def static_compliance(system: SparseEquations) -> Array:
     answer = _answer(system, forces(system.layout, system.input_rows), 0.0, False)
     if answer is None:
         raise ResponseError(
-            f"static_compliance: the stiffness of '{system.name}' is singular, a motion of the mechanism meets no "
-            f"spring; modes(k) shows these rigid-body modes."
+            f"static_compliance: the stiffness of '{system.name}' is singular, a motion of the mechanism has no "
+            f"stiffness; modes(k) shows these rigid-body modes."
         )
     return np.asarray(system.output_rows[0] @ answer + _through(system), dtype=float)
 

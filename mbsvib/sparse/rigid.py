@@ -1,4 +1,4 @@
-"""Coordinates without stiffness: rigid-body modes are counted by the structure of the springs, not by tolerances."""
+"""Coordinates without stiffness: the structure of the springs, and no tolerance, determines the rigid-body modes."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.groups import connected_parts
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import DEPENDENT_ROWS
 
@@ -20,16 +21,16 @@ PART = 600
 
 
 def far_rows(system: SparseEquations) -> NDArray[np.bool_]:
-    """Tell which stiff rows act on displacements, as the path between their ends is long."""
-    acts = np.zeros(system.layout.size, dtype=bool)
-    acts[system.layout.displacement[system.layout.displacement >= 0]] = True
+    """Return the mask of rows with stiffness that act on displacements, since the path between their ends is long."""
+    is_displacement = np.zeros(system.layout.size, dtype=bool)
+    is_displacement[system.layout.displacement[system.layout.displacement >= 0]] = True
     entries = system.elastic_rows.tocoo()
     result = np.zeros(entries.shape[0], dtype=bool)
-    result[entries.row[acts[entries.col]]] = True
+    result[entries.row[is_displacement[entries.col]]] = True
     return np.asarray(result & (system.stiffness != 0.0))
 
 
-def unsprung(system: SparseEquations) -> Index:
+def coordinates_without_stiffness(system: SparseEquations) -> Index:
     """Return coordinates that must be locked so that every motion deforms a spring along a short path.
 
     Springs and loops couple coordinates into parts; within each part a pivoted QR of all its rows determines the free
@@ -48,30 +49,30 @@ def unsprung(system: SparseEquations) -> Index:
     """
     m = len(system.joint_coordinates)
     row, column, value = _entries(system)
-    held = np.zeros(m, dtype=bool)
+    resisted = np.zeros(m, dtype=bool)
     while True:
         single_entry = np.bincount(row, minlength=1)[row] == 1
         if not single_entry.any():
             break
-        held[column[single_entry]] = True
-        left = ~held[column]
-        row, column, value = row[left], column[left], value[left]
-    touched = np.zeros(m, dtype=bool)
-    touched[column] = True
-    free = np.flatnonzero(~held & ~touched).tolist()
+        resisted[column[single_entry]] = True
+        others = ~resisted[column]
+        row, column, value = row[others], column[others], value[others]
+    has_entry = np.zeros(m, dtype=bool)
+    has_entry[column] = True
+    free = np.flatnonzero(~resisted & ~has_entry).tolist()
     for rows, columns, values in _parts(row, column, value):
-        names, local_column = np.unique(columns, return_inverse=True)
-        if len(names) > PART:
+        coordinates, local_column = np.unique(columns, return_inverse=True)
+        if len(coordinates) > PART:
             continue
-        here, at = np.unique(rows, return_inverse=True)
-        block = np.zeros((len(here), len(names)))
-        block[at, local_column] = values
+        part_rows, local_row = np.unique(rows, return_inverse=True)
+        block = np.zeros((len(part_rows), len(coordinates)))
+        block[local_row, local_column] = values
         # unit rows and columns: the rank depends neither on the size of a stiffness nor on the unit of a coordinate
         block /= np.linalg.norm(block, axis=1)[:, None]
         block /= np.linalg.norm(block, axis=0)
         qr, order, _ = pivoted_qr(block)
         pivots = np.abs(qr.diagonal())
-        free += names[order[int(np.count_nonzero(pivots > DEPENDENT_ROWS * pivots[0])) :]].tolist()
+        free += coordinates[order[int(np.count_nonzero(pivots > DEPENDENT_ROWS * pivots[0])) :]].tolist()
     return np.array(sorted(free), dtype=np.intp)
 
 
@@ -80,7 +81,7 @@ def _entries(system: SparseEquations) -> tuple[Index, Index, Array]:
     near = system.elastic_rows[(system.stiffness != 0.0) & ~far_rows(system)].tocoo()
     coordinate_number = np.full(system.layout.size, -1)
     coordinate_number[system.layout.coordinate] = np.arange(len(system.joint_coordinates))
-    row, column, value = system.constraints.kept_entries(system.structure)
+    row, column, value = system.constraints.independent_entries(system.structure)
     used = value != 0.0
     return (np.concatenate((near.row, near.shape[0] + row[used])),
             np.concatenate((coordinate_number[near.col], column[used])),
@@ -89,14 +90,9 @@ def _entries(system: SparseEquations) -> tuple[Index, Index, Array]:
 
 def _parts(row: Index, column: Index, value: Array) -> list[tuple[Index, Index, Array]]:
     """Entries by independent parts."""
-    from scipy.sparse import csr_matrix
-    from scipy.sparse.csgraph import connected_components
-
     if not len(row):
         return []
-    rows, columns = int(row.max()) + 1, int(column.max()) + 1
-    graph = csr_matrix((np.ones(len(row), dtype=bool), (row, rows + column)), shape=(rows + columns, rows + columns))
-    label = connected_components(graph, directed=False)[1][row]
+    label = connected_parts(row, column, (int(row.max()) + 1, int(column.max()) + 1))[0][row]
     order = np.argsort(label, kind="stable")
     cuts = np.flatnonzero(np.diff(label[order])) + 1
     return [(row[part], column[part], value[part]) for part in np.split(order, cuts)]

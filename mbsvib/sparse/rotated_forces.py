@@ -15,12 +15,12 @@ import numpy as np
 from mbsvib.elements.rows import Rows
 from mbsvib.kinematics.mobility import crossed_product as cross
 from mbsvib.sparse.rows import relative_rows
-from mbsvib.sparse.virtual_motions import all_turns
+from mbsvib.sparse.virtual_motions import all_rotations
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.loads import Geometric
     from mbsvib.sparse.tree import Tree
@@ -53,7 +53,7 @@ class RotatedForces:
 
         Parameters
         ----------
-        motion : Virtual or Yielding
+        motion : JointRelease or RegionRelease
             The motion that releases joints.
 
         Returns
@@ -64,55 +64,58 @@ class RotatedForces:
         applied, pairs, second_order = self.geometric.applied, self.geometric.pairs, self.geometric.second_order
         count, arm_a, arm_b = len(pairs.first), *self._arms
         f, t, along = pairs.force, pairs.torque, pairs.end - pairs.start
-        turn_a, turn_b, gap = self._virtual(motion, along)
+        rotation_a, rotation_b, gap = self._virtual(motion, along)
         lines = second_order.line_owner[::2]
-        solid = np.ones(count)
-        solid[: applied.loads] = solid[lines] = 0.0
-        apart = turn_b - turn_a
-        twisting = apart.copy()
-        twisting[:, len(applied.names) :] -= motion.opened(count - len(applied.names))
-        half = 0.5 * cross(t, twisting)
-        self._two(half, twisting)
-        lever = cross(f, turn_a)
-        on_gap = -solid * lever
+        rotates_with_first = np.ones(count)
+        rotates_with_first[: applied.loads] = rotates_with_first[lines] = 0.0
+        relative = rotation_b - rotation_a
+        twist = relative.copy()
+        twist[:, len(applied.names) :] -= motion.released_rotations(count - len(applied.names))
+        half = 0.5 * cross(t, twist)
+        self._add_successive(half, twist)
+        lever = cross(f, rotation_a)
+        on_gap = -rotates_with_first * lever
         direction = second_order.line[:, ::2]
-        pull = (f[:, lines] * direction).sum(axis=0) / second_order.length[::2]
-        on_gap[:, lines] += pull * (gap[:, lines] - direction * (direction * gap[:, lines]).sum(axis=0))
-        on_a = solid * (cross(f, gap) + cross(t, apart) - half) - cross(arm_a, lever)
+        tension = (f[:, lines] * direction).sum(axis=0) / second_order.length[::2]
+        on_gap[:, lines] += tension * (gap[:, lines] - direction * (direction * gap[:, lines]).sum(axis=0))
+        on_a = rotates_with_first * (cross(f, gap) + cross(t, relative) - half) - cross(arm_a, lever)
         on_a[:, lines] += cross(along[:, lines], on_gap[:, lines])
-        on_b = solid * half + cross(arm_b, cross(f, turn_b))
+        on_b = rotates_with_first * half + cross(arm_b, cross(f, rotation_b))
         follower = np.zeros(count)
         follower[: applied.loads] = applied.follower
-        on_b += follower * (cross(f, gap) + cross(t, apart))
+        on_b += follower * (cross(f, gap) + cross(t, relative))
         on_gap[:, self.geometric.carrier == pairs.first] = 0.0
         result: Array = self._gaps.T @ on_gap.T.reshape(-1)
-        turns = np.zeros((len(self.tree.parent) + 1, 3))
-        np.add.at(turns, pairs.first, on_a.T)
-        np.add.at(turns, pairs.second, on_b.T)
-        column = self.layout.displacement[:, 3:]
-        result[column[column >= 0]] += turns[:-1][column >= 0]
+        self._add_moments(result, np.concatenate((pairs.first, pairs.second)), np.concatenate((on_a.T, on_b.T)))
         return result
+
+    def _add_moments(self, row: Array, body: Index, moment: Array) -> None:
+        """Add moments (n, 3) on bodies (n,) to a row over the unknowns."""
+        moments = np.zeros((len(self.tree.parent) + 1, 3))
+        np.add.at(moments, body, moment)
+        column = self.layout.displacement[:, 3:]
+        row[column[column >= 0]] += moments[:-1][column >= 0]
 
     def _virtual(self, motion: Motion, along: Array) -> tuple[Array, Array, Array]:
         """Rotations of first and second and the gap between start and end of each force in a motion, (3, pairs)."""
         pairs = self.geometric.pairs
-        turns = all_turns(motion, self.layout)
+        rotations = all_rotations(motion, self.layout)
         gap: Array = motion.at(pairs.second, pairs.end) - motion.at(pairs.first, pairs.start)
-        if motion.follows is not None:
-            swing = (turns - motion.turns)[pairs.first].T
-            gap = gap + (self._gaps @ motion.follows).reshape(-1, 3).T + cross(swing, along)
-        return turns[pairs.first].T, turns[pairs.second].T, gap
+        if motion.tree_motion is not None:
+            added = (rotations - motion.rotations)[pairs.first].T
+            gap = gap + (self._gaps @ motion.tree_motion).reshape(-1, 3).T + cross(added, along)
+        return rotations[pairs.first].T, rotations[pairs.second].T, gap
 
-    def _two(self, half: Array, twisting: Array) -> None:
-        """Joints with two successive rotations: the moment that holds the angle between them turns with both."""
+    def _add_successive(self, half: Array, twist: Array) -> None:
+        """Joints with two successive rotations: the moment on the angle between both axes rotates with both."""
         second_order, torque = self.geometric.second_order, self.geometric.pairs.torque
         if not second_order.successive.size:
             return
-        who, first, second = second_order.successive
+        pair, first, second = second_order.successive
         first_axis, second_axis = second_order.rows.moment[:, first], second_order.rows.moment[:, second]
-        size, turn = 0.5 * (torque[:, who] * second_order.cross).sum(axis=0), twisting[:, who]
-        half[:, who] -= size * ((first_axis * turn).sum(axis=0) * second_axis
-                                + (second_axis * turn).sum(axis=0) * first_axis)  # fmt: skip
+        size, relative = 0.5 * (torque[:, pair] * second_order.cross).sum(axis=0), twist[:, pair]
+        half[:, pair] -= size * ((first_axis * relative).sum(axis=0) * second_axis
+                                 + (second_axis * relative).sum(axis=0) * first_axis)  # fmt: skip
 
     def on_ground(self, wrench: Array) -> Array:
         """Return the change of the sum of gravity and loads by a motion, moments about the origin, as a row (size,).
@@ -134,10 +137,7 @@ class RotatedForces:
         force = cross(np.concatenate((pairs.force[:, loads], applied.weight[:, :-1]), axis=1), wrench[3:, None])
         rows = Rows(np.full(len(second), n), second, point, force, np.zeros_like(force))
         result = np.asarray(relative_rows(self.tree, self.layout, rows).sum(axis=0)).reshape(-1)
-        at = wrench[:3, None] + cross(wrench[3:, None], pairs.end[:, loads])
-        rotated = cross(pairs.force[:, loads], at) + cross(pairs.torque[:, loads], wrench[3:, None])
-        turns = np.zeros((n + 1, 3))
-        np.add.at(turns, pairs.second[loads], (applied.follower * rotated).T)
-        column = self.layout.displacement[:, 3:]
-        result[column[column >= 0]] += turns[:-1][column >= 0]
+        at_end = wrench[:3, None] + cross(wrench[3:, None], pairs.end[:, loads])
+        moment = cross(pairs.force[:, loads], at_end) + cross(pairs.torque[:, loads], wrench[3:, None])
+        self._add_moments(result, pairs.second[loads], (applied.follower * moment).T)
         return result

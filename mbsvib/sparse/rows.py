@@ -49,25 +49,24 @@ def paths(tree: Tree, first: Index, second: Index, longest: int | None = SHORT) 
     path_parts: list[tuple[Index, Index, Array]] = []
     steps = 0
     while len(active) and (longest is None or steps <= longest):
-        here, there = a[active], b[active]
-        behind = tree.depth[here] > tree.depth[there]
-        body = np.where(behind, here, there)
-        path_parts.append((active, body, np.where(behind, -1.0, 1.0)))
-        a[active] = np.where(behind, parent[here], here)
-        b[active] = np.where(behind, there, parent[there])
+        body_a, body_b = a[active], b[active]
+        is_deeper = tree.depth[body_a] > tree.depth[body_b]
+        path_parts.append((active, np.where(is_deeper, body_a, body_b), np.where(is_deeper, -1.0, 1.0)))
+        a[active] = np.where(is_deeper, parent[body_a], body_a)
+        b[active] = np.where(is_deeper, body_b, parent[body_b])
         active = active[a[active] != b[active]]
         steps += 1
         if longest is None and steps > SHORT:
             path_parts += _climbed(tree, active, a, b)
             break
-    late = np.zeros(len(first), dtype=bool)
-    late[active] = longest is not None
+    skipped = np.zeros(len(first), dtype=bool)
+    skipped[active] = longest is not None
     if not path_parts:
-        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0), late
+        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0), skipped
     pair, body, sign = (np.concatenate([step[i] for step in path_parts]) for i in range(3))
     order = np.argsort(pair, kind="stable")
-    order = order[~late[pair[order]]]
-    return pair[order], body[order], sign[order], late
+    order = order[~skipped[pair[order]]]
+    return pair[order], body[order], sign[order], skipped
 
 
 def _climbed(tree: Tree, active: Index, a: Index, b: Index) -> list[tuple[Index, Index, Array]]:
@@ -110,7 +109,7 @@ def path_entries(tree: Tree, rows: Rows, longest: int | None = SHORT) -> tuple[I
     """
     ends, of_row = np.unique(np.stack((rows.first, rows.second)), axis=1, return_inverse=True)
     of_row = of_row.reshape(-1)
-    pair, body, sign, late = paths(tree, ends[0], ends[1], longest)
+    pair, body, sign, skipped = paths(tree, ends[0], ends[1], longest)
     # expand the joints of each path to coordinates, and each row to the coordinates of its pair
     joint, nth = items_of_groups(tree.count[body])
     coordinate, pair, sign = tree.first[body[joint]] + nth, pair[joint], sign[joint]
@@ -119,7 +118,7 @@ def path_entries(tree: Tree, rows: Rows, longest: int | None = SHORT) -> tuple[I
     row, nth = items_of_groups(begin[of_row + 1] - begin[of_row])
     entry = begin[of_row[row]] + nth
     column = coordinate[entry]
-    return row, column, sign[entry] * row_values(tree, rows, row, column), late[of_row]
+    return row, column, sign[entry] * row_values(tree, rows, row, column), skipped[of_row]
 
 
 def row_values(tree: Tree, rows: Rows, row: Index, column: Index) -> Array:
@@ -171,18 +170,18 @@ def relative_rows(tree: Tree, layout: Layout, rows: Rows) -> csr_matrix:
     """
     from scipy.sparse import csr_matrix
 
-    row, coordinate, value, late = path_entries(tree, rows)
+    row, coordinate, value, skipped = path_entries(tree, rows)
     parts = [(row, layout.coordinate[coordinate], value)]
-    far = np.flatnonzero(late)
+    far = np.flatnonzero(skipped)
     for bodies, sign in ((rows.second, 1.0), (rows.first, -1.0)):
-        mine = far[bodies[far] < len(tree.parent)]
-        force = rows.force[:, mine]
-        arm = rows.point[:, mine] - tree.position[bodies[mine]].T
-        moment = rows.moment[:, mine] + np.cross(arm, force, axis=0)
+        moving = far[bodies[far] < len(tree.parent)]
+        force = rows.force[:, moving]
+        arm = rows.point[:, moving] - tree.position[bodies[moving]].T
+        moment = rows.moment[:, moving] + np.cross(arm, force, axis=0)
         wrench = sign * np.concatenate((force, moment)).T
-        column = layout.displacement[bodies[mine]]
+        column = layout.displacement[bodies[moving]]
         which, direction = np.nonzero((column >= 0) & (wrench != 0.0))
-        parts.append((mine[which], column[which, direction], wrench[which, direction]))
+        parts.append((moving[which], column[which, direction], wrench[which, direction]))
     entries = [np.concatenate([part[i] for part in parts]) for i in range(3)]
     nonzero = entries[2] != 0.0
     row, column, value = (part[nonzero] for part in entries)

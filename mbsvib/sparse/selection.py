@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def with_ports(system: S, outputs: Any = None, inputs: Any = None) -> S:
-    """Return a system with some of its outputs and inputs; the unknowns stay.
+    """Return a system with some of its outputs and inputs, and the same unknowns.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def with_ports(system: S, outputs: Any = None, inputs: Any = None) -> S:
         If a name is unknown.
     """
     o, i = port_numbers(outputs, inputs, (system.outputs, system.inputs), system.name)
-    kept = {system.outputs[k] for k in o}
+    selected = {system.outputs[k] for k in o}
     separation: SparseSeparation | None = system.separation
     if separation is not None:
         separation = replace(separation, at_once=separation.at_once[np.ix_(o, i)])
@@ -46,6 +46,6 @@ def with_ports(system: S, outputs: Any = None, inputs: Any = None) -> S:
         system, outputs=tuple([system.outputs[k] for k in o]), inputs=tuple([system.inputs[k] for k in i]),
         output_units=tuple([system.output_units[k] for k in o]), input_units=tuple([system.input_units[k] for k in i]),
         input_rows=system.input_rows[i], output_rows=(displacement, velocity, acceleration), D=system.D[np.ix_(o, i)],
-        undetermined=tuple([replace(forces, outputs=tuple([name for name in forces.outputs if name in kept]))
+        undetermined=tuple([replace(forces, outputs=tuple([name for name in forces.outputs if name in selected]))
                             for forces in system.undetermined]), separation=separation,
     )  # fmt: skip

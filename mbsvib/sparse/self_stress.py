@@ -23,9 +23,10 @@ from mbsvib.equations.self_stress import Undetermined, self_stress
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.characteristic_length import length_of
 from mbsvib.kinematics.couplers import measure
+from mbsvib.linalg.groups import connected_parts
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import COLUMN_REGULARISATION, DETERMINED
-from mbsvib.linalg.rotations import skew
+from mbsvib.linalg.rotations import rigid_transport
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.constraints import WHOLE
 from mbsvib.sparse.rows import paths
@@ -46,20 +47,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Loops with redundant constraints that have joints or couplers in common: their ``joints`` (j,) with ``point``
-    (3, j), the numbers ``bearing`` of joints that can transmit a force, their length L [m], and the outer ``bodies``
-    (b,) of the joints of the tree among them.
+    """Loops with redundant constraints that have joints or couplers in common.
 
-    ``gap`` (6 j, 6 b) are the relative displacements in the joints per displacement of these bodies, ``rows`` (6 j, n)
-    the wrenches of locked directions and couplers, of which ``rank`` are independent; in both, lengths are in units of
-    L, and ``rows`` have unit length. All other bodies are at rest or move with a body of the region: ``owner``
-    (bodies + 1,) is its number among ``bodies``, -1 for none.
+    ``joints`` (j,) with ``point`` (3, j), of which ``force_joints`` can transmit a force; their ``length`` L [m], and
+    the outer ``bodies`` (b,) of those in the tree. ``gap`` (6 j, 6 b) are the relative displacements in the joints per
+    displacement of these bodies, ``rows`` (6 j, n) the wrenches of locked directions and couplers, of which ``rank``
+    are independent; in both, lengths are in units of L, and ``rows`` have unit length. All other bodies are at rest or
+    move with a body of the region: ``owner`` (bodies + 1,) is its number among ``bodies``, or -1.
     """
 
     names: tuple[str, ...]
     joints: Index
     point: Array
-    bearing: Index
+    force_joints: Index
     length: float
     bodies: Index
     gap: csr_matrix
@@ -73,7 +73,7 @@ class Region:
         return np.repeat((1.0, 1.0 / self.length), 3)[:, None]
 
     def split(self, step: Array) -> tuple[Array, Array]:
-        """Split a displacement of the gaps into parts of self-stress and of motion.
+        """Split displacements in the joints into parts of self-stress and of motion.
 
         Parameters
         ----------
@@ -83,9 +83,9 @@ class Region:
         Returns
         -------
         wrench : array, shape (6, j)
-            The self-equilibrated wrenches w; D^2 w is the part of the step on which they do work.
+            The self-equilibrated wrenches w; they do work on the part D^2 w of the step only.
         motion : array, shape (b, 6)
-            Displacements of the bodies that give the rest of the step in the locked directions.
+            Displacements of the bodies, equal to the other part of the step in the locked directions.
         """
         wrench, motion = self._solve((step / self.scale).T.reshape(-1))
         return wrench.reshape(-1, 6).T / self.scale, motion.reshape(-1, 6) * self.scale[:, 0]
@@ -100,19 +100,19 @@ class Region:
         """
         result = np.zeros((len(self.owner), 6))
         moves = np.flatnonzero(self.owner >= 0)
-        own = self.owner[moves]
-        result[moves] = motion[own]
-        result[moves, :3] += np.cross(motion[own, 3:], position[moves] - position[self.bodies[own]])
+        body = self.owner[moves]
+        result[moves] = motion[body]
+        result[moves, :3] += np.cross(motion[body, 3:], position[moves] - position[self.bodies[body]])
         return result
 
-    def is_open(self, step: Array, wrench: Array) -> bool:
-        """Tell whether redundant constraints leave the force along a step open; ``wrench`` is from ``split``."""
-        return bool(np.linalg.norm(wrench * self.scale) > DETERMINED * np.linalg.norm(step / self.scale))
+    def determines(self, step: Array, wrench: Array) -> bool:
+        """Return whether the constraints determine the force along a step, with its self-stress from ``split``."""
+        return bool(np.linalg.norm(wrench * self.scale) <= DETERMINED * np.linalg.norm(step / self.scale))
 
     def undetermined(self, outputs: tuple[str, ...]) -> Undetermined:
         """Return the joints with self-stress, and the outputs that depend on it."""
-        some = np.cos(np.arange(6.0 * len(self.joints))).reshape(-1, 6).T  # no structure of a mechanism
-        size = np.linalg.norm(self.split(some * self.scale)[0] * self.scale, axis=0)
+        step = np.cos(np.arange(6.0 * len(self.joints))).reshape(-1, 6).T  # an arbitrary direction
+        size = np.linalg.norm(self.split(step * self.scale)[0] * self.scale, axis=0)
         names = tuple(self.names[k] for k in self.joints[size > DETERMINED * size.max(initial=0.0)].tolist())
         return Undetermined(names, self.length, outputs)
 
@@ -124,7 +124,7 @@ class Region:
 
 
 def _of_small(region: Region, matrix: Array) -> Split:
-    """By a pivoted QR of known rank; its last columns are the combinations of rows without resultant on any body."""
+    """By a pivoted QR of known rank, whose last columns are the combinations of rows without resultant on any body."""
     qr, order, tau = pivoted_qr(matrix)
     count, rank = len(matrix), region.rank
     basis = np.zeros((count, count))
@@ -136,12 +136,12 @@ def _of_small(region: Region, matrix: Array) -> Split:
         states = (stress.states * region.scale[..., None]).transpose(1, 0, 2).reshape(len(states), -1)
 
     def solve(step: Array) -> tuple[Array, Array]:
-        held = states @ (states.T @ step)
+        stress = states @ (states.T @ step)
         motion = np.zeros(matrix.shape[1])
-        along = basis[:, :rank].T @ (region.rows.T @ (step - held))
+        along = basis[:, :rank].T @ (region.rows.T @ (step - stress))
         if rank:
             motion[order[:rank]] = blas.dtrsm(1.0, qr[:rank, :rank], along[:, None])[:, 0]
-        return held, motion
+        return stress, motion
 
     return solve
 
@@ -166,9 +166,9 @@ def _of_large(region: Region, matrix: csr_matrix) -> Split:
         solution = np.zeros(n + m)
         size = CONVERGED * float(np.abs(right).max(initial=0.0))
         for _ in range(STEPS):
-            more = lu.solve(right - equations @ solution)
-            solution += more
-            if max(np.abs(region.rows @ more[:n]).max(), np.abs(matrix @ more[n:]).max()) <= size:
+            change = lu.solve(right - equations @ solution)
+            solution += change
+            if max(np.abs(region.rows @ change[:n]).max(), np.abs(matrix @ change[n:]).max()) <= size:
                 return region.rows @ solution[:n], solution[n:]
         names = listed([region.names[k] for k in region.joints.tolist()])
         raise ModelError(
@@ -203,38 +203,32 @@ def regions(
     dict of int to Region
         By joint; no entry for joints without redundant constraints.
     """
-    from scipy.sparse import csr_matrix
-    from scipy.sparse.csgraph import connected_components
-
     if not any(group.surplus for group in closure.groups):
         return {}
-    loop, joint = _through(topology, tree, closure, number)
-    loops = int(loop.max()) + 1
-    shape = (loops + len(topology.joints),) * 2
-    graph = csr_matrix((np.ones(len(loop), dtype=bool), (loop, loops + joint)), shape=shape)
-    label = connected_components(graph, directed=False)[1]
-    surplus = np.zeros(len(label), dtype=np.intp)
+    loop, joint = _joints_of_loops(topology, tree, closure, number)
+    loop_part, joint_part = connected_parts(loop, joint, (int(loop.max()) + 1, len(topology.joints)))
+    surplus = np.zeros(len(loop_part) + len(joint_part), dtype=np.intp)
     for group in closure.groups:
-        surplus[label[closure.loop[group.rows[0]]]] += group.surplus
+        surplus[loop_part[closure.loop[group.rows[0]]]] += group.surplus
     of_part: dict[int, Region] = {}
     result = {}
     for k in joints:
-        part = int(label[loops + k])
+        part = int(joint_part[k])
         if surplus[part] and part not in of_part:
-            within = np.flatnonzero(label[:loops] == part), np.flatnonzero(label[loops:] == part)
+            within = np.flatnonzero(loop_part == part), np.flatnonzero(joint_part == part)
             of_part[part] = _region(topology, tree, closure, number, within, int(surplus[part]))
         if surplus[part]:
             result[k] = of_part[part]
     return result
 
 
-def _through(
+def _joints_of_loops(
     topology: Topology, tree: Tree, closure: Constraints, number: Mapping[str, int]
 ) -> tuple[Index, Index]:
     """Pairs of a loop (first those of cut joints, then those of couplers) and a joint in it."""
-    on = np.full(len(tree.parent) + 1, FLOATS)
+    joint_to_parent = np.full(len(tree.parent) + 1, FLOATS)
     for branch in topology.branches:
-        on[branch.body] = branch.joint
+        joint_to_parent[branch.body] = branch.joint
     cut, loop = [topology.joints[k] for k in topology.cut], np.arange(len(topology.cut))
     first = np.array([number[joint.first] for joint in cut], dtype=np.intp)
     second = np.array([number[joint.second] for joint in cut], dtype=np.intp)
@@ -243,40 +237,42 @@ def _through(
         terms = closure.couplers.terms
         inside, coupler = terms.column >= 0, len(topology.cut) + terms.row
         loops += [coupler[inside], coupler[~inside]]
-        joints += [on[tree.carried[terms.column[inside]]], closure.couplers.joint]
+        joints += [joint_to_parent[tree.coordinate_body[terms.column[inside]]], closure.couplers.joint]
         first, second = (np.concatenate((ends, more)) for ends, more in (
             (first, terms.measured.first), (second, terms.measured.second)))  # fmt: skip
         loop = np.concatenate((loop, coupler[~inside]))
     pair, body, _, _ = paths(tree, first, second, None)
-    both = np.concatenate((*loops, loop[pair])), np.concatenate((*joints, on[body]))
-    hung = both[1] != FLOATS
-    return both[0][hung], both[1][hung]
+    all_loops, all_joints = np.concatenate((*loops, loop[pair])), np.concatenate((*joints, joint_to_parent[body]))
+    is_joint = all_joints != FLOATS
+    return all_loops[is_joint], all_joints[is_joint]
 
 
 def _region(
     topology: Topology, tree: Tree, closure: Constraints, number: Mapping[str, int], within: tuple[Index, Index],
     surplus: int,
 ) -> Region:  # fmt: skip
+    """The region of some loops and joints, ``within``."""
     loops, joints = within
     parts = [topology.joints[k] for k in joints.tolist()]
     position = np.concatenate((tree.position, np.zeros((1, 3))))
     point = np.array([point_of(part, dict(number), position.T) for part in parts])
     index_of = {k: i for i, k in enumerate(joints.tolist())}
     bodies = np.array([branch.body for branch in topology.branches if branch.joint in index_of], dtype=np.intp)
-    own = {body: i for i, body in enumerate(bodies.tolist())}
-    owner = [-1] * len(position)
+    number_in_region = {body: i for i, body in enumerate(bodies.tolist())}
+    owners = [-1] * len(position)
     for body in tree.outward.tolist():
-        owner[body] = own.get(body, owner[tree.parent[body]])
+        owners[body] = number_in_region.get(body, owners[tree.parent[body]])
     locked = [(i, six) for i, part in enumerate(parts) for _, six in part.locked]
     entries = [(i, row, six) for row, (i, six) in enumerate(locked)]
     entries += _of_couplers(topology, tree, closure, index_of, loops[loops >= len(topology.cut)], len(locked))
     ends = np.array([(number[part.first], number[part.second]) for part in parts]).T
     # joints without locked directions or couplers transmit no force
-    bearing, of = np.unique([i for i, _, _ in entries]), np.array(owner)
-    length = length_of(point[bearing], *position[ends[:, bearing]])
+    force_joints, owner = np.unique([i for i, _, _ in entries]), np.array(owners)
+    length = length_of(point[force_joints], *position[ends[:, force_joints]])
     rows = _rows(entries, len(parts), length)
-    return Region(tuple([joint.name for joint in topology.joints]), joints, point.T, bearing, length, bodies,
-                  _gaps(point, of[ends], position[bodies], length), rows, rows.shape[1] - surplus, of)  # fmt: skip
+    return Region(tuple([joint.name for joint in topology.joints]), joints, point.T, force_joints, length, bodies,
+                  _gaps(point, owner[ends], position[bodies], length), rows, rows.shape[1] - surplus,
+                  owner)  # fmt: skip
 
 
 def _of_couplers(
@@ -296,8 +292,8 @@ def _of_couplers(
             k, joint = known[name]
             six = np.concatenate(measure(joint, direction)[:2])
         else:
-            k, *rest = next(cut)
-            six = np.array(rest)
+            k, *components = next(cut)
+            six = np.array(components)
         if coupler in row:
             result.append((index_of[k], row[coupler], value * six))
     return result
@@ -309,8 +305,8 @@ def _rows(entries: list[tuple[int, int, Any]], joints: int, length: float) -> cs
 
     joint, row = np.array([entry[:2] for entry in entries], dtype=np.intp).T
     six = np.array([entry[2] for entry in entries]) * np.repeat((1.0, 1.0 / length), 3)
-    where, direction = np.nonzero(six)
-    wrenches = csr_matrix((six[where, direction], (6 * joint[where] + direction, row[where])),
+    entry, direction = np.nonzero(six)
+    wrenches = csr_matrix((six[entry, direction], (6 * joint[entry] + direction, row[entry])),
                           shape=(6 * joints, int(row.max()) + 1))  # fmt: skip
     return (wrenches @ diags(1.0 / np.sqrt(np.asarray(wrenches.power(2).sum(axis=0))[0]))).tocsr()
 
@@ -324,9 +320,7 @@ def _gaps(point: Array, ends: Index, position: Array, length: float) -> csr_matr
     row, column, value = [], [], []
     for end, sign in zip(ends, (-1.0, 1.0), strict=True):
         moves = np.flatnonzero(end >= 0)
-        arm = (point[moves] - position[end[moves]]) / length
-        block = np.tile(np.eye(6), (len(moves), 1, 1))
-        block[:, :3, 3:] = -skew(arm)
+        block = rigid_transport((point[moves] - position[end[moves]]) / length)
         which, i, j = np.nonzero(block)
         row.append(6 * moves[which] + i)
         column.append(6 * end[moves[which]] + j)

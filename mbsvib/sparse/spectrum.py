@@ -15,11 +15,11 @@ import numpy as np
 from mbsvib.equations.unresisted_motion import free_motions
 from mbsvib.errors import ResponseError
 from mbsvib.modes import modes as dense_modes
-from mbsvib.sparse.converged import Galerkin, eigenvectors, error_bound, joined, parts
 from mbsvib.sparse.disc import disc
-from mbsvib.sparse.first_order import following, heaviest, independent, split_massless
+from mbsvib.sparse.first_order import independent, independent_with_mass, split_massless, with_static_motions
+from mbsvib.sparse.galerkin import Galerkin, eigenvectors, error_bound, extended, parts
 from mbsvib.sparse.layout import kinematics
-from mbsvib.sparse.operator import BRAKED, operator
+from mbsvib.sparse.operator import COUPLED_RIGID, operator
 from mbsvib.sparse.quadratic import Quadratic
 from mbsvib.sparse.reduction import RTOL, reduced
 
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.equations.equations import Equations
     from mbsvib.modes import Modes
-    from mbsvib.sparse.converged import Solution
     from mbsvib.sparse.disc import Disc
     from mbsvib.sparse.equations import SparseEquations
+    from mbsvib.sparse.galerkin import Solution
 
 # Number of additional modes.
 GUARDS = 2
@@ -105,16 +105,17 @@ def general_modes(
             return result.small, result.modes, result.bound, result.selected
         if system.dof > LARGEST:
             raise ResponseError(
-                f"modes: {k} modes of '{system.name}' near {near:g} Hz are not told apart from others nearby; ask for "
-                f"fewer, or near another frequency, or linearize(method='dense')."
+                f"modes: {k} modes of '{system.name}' near {near:g} Hz cannot be separated from others nearby; ask for "
+                f"fewer, or near another frequency, or use linearize(method='dense')."
             )
-    mass, light = split_massless(system, following(system, coordinates(system)))
-    if light.shape[1]:
-        mass = heaviest(system, mass)
-    small = reduced(system, np.concatenate((mass, light), axis=1), 0, form, light.shape[1])
-    every: Modes = dense_modes(small, RTOL)
-    vectors = eigenvectors(every, np.arange(len(every)))
-    return small, every, error_bound(system, small, every, vectors, np.zeros(len(vectors.values))), choose(every)
+    mass, massless = split_massless(system, with_static_motions(system, coordinates(system)))
+    if massless.shape[1]:
+        mass = independent_with_mass(system, mass)
+    small = reduced(system, np.concatenate((mass, massless), axis=1), 0, form, massless.shape[1])
+    all_modes: Modes = dense_modes(small, RTOL)
+    vectors = eigenvectors(all_modes, np.arange(len(all_modes)))
+    bound = error_bound(system, small, all_modes, vectors, np.zeros(len(vectors.values)))
+    return small, all_modes, bound, choose(all_modes)
 
 
 @dataclass(frozen=True)
@@ -139,13 +140,13 @@ class Search:
             first = first.grown(wanted)
             if len(first.values) < self.count:
                 return None
-            slow = bool(self.quadratic.system.massless)
-            if first.reach >= (1.0 + TIES) * (self.centre + self._nearest(first, rigid.shape[1], slow) + sigma):
-                answer = self._solved(rigid, [first, *self._left(first, wanted)])
-                if answer is None:
+            first_order = bool(self.quadratic.system.massless)
+            if first.reach >= (1.0 + TIES) * (self.centre + self._nearest(first, rigid.shape[1], first_order) + sigma):
+                solution = self._solved(rigid, [first, *self._left(first, wanted)])
+                if solution is None:
                     return None
-                if first.reach >= (1.0 + TIES) * (self.centre + self._distance(answer) + sigma):
-                    return answer
+                if first.reach >= (1.0 + TIES) * (self.centre + self._distance(solution) + sigma):
+                    return solution
             wanted += max(4, wanted // 3)
         return None
 
@@ -196,48 +197,49 @@ class Search:
 
     def _solved(self, rigid: Array, discs: list[Disc]) -> Solution | None:
         """Modes from the subspace of some discs; None if eigenvalues of the first disc are missing."""
-        system, basis, light = self.quadratic.system, rigid, rigid[:, :0]
+        system, mass, massless = self.quadratic.system, rigid, rigid[:, :0]
         for member in discs:
-            mass, massless = split_massless(system, parts(member.motions()))
-            basis = joined(self.quadratic, basis, mass, abs(member.shifted.sigma))
-            light = independent(system, np.concatenate((light, massless), axis=1))
+            more_mass, more_massless = split_massless(system, parts(member.motions()))
+            mass = extended(self.quadratic, mass, more_mass, abs(member.shifted.sigma))
+            massless = independent(system, np.concatenate((massless, more_massless), axis=1))
 
-        def apart(values: Complex) -> Array:
-            return np.asarray(np.max([member.apart(values) for member in discs], axis=0))
+        def distance(values: Complex) -> Array:
+            return np.asarray(np.max([member.distance(values) for member in discs], axis=0))
 
-        galerkin = Galerkin(self.quadratic, self.choose, apart, self.form)
-        result = galerkin.converged(basis, light, rigid.shape[1])
+        galerkin = Galerkin(self.quadratic, self.choose, distance, self.form)
+        result = galerkin.converged(mass, massless, rigid.shape[1])
         known = discs[0].values[np.abs(discs[0].values) > SAME * discs[0].reach]
-        off = np.abs(known[:, None] - result.modes.eigenvalues).min(axis=1, initial=np.inf)
-        if (off > SAME * np.abs(known - discs[0].shifted.sigma)).any():
+        difference = np.abs(known[:, None] - result.modes.eigenvalues).min(axis=1, initial=np.inf)
+        if (difference > SAME * np.abs(known - discs[0].shifted.sigma)).any():
             return None
         return galerkin.narrowed(result)
 
-    def _nearest(self, first: Disc, rigid: int, slow: bool = False) -> float:
-        """Upper bound of the distance of the last wanted mode: every conjugate pair and every rigid motion counts as a
-        mode; with ``slow`` every real eigenvalue too, although some may form pairs.
+    def _nearest(self, first: Disc, rigid: int, first_order: bool = False) -> float:
+        """Upper bound of the distance of the last wanted mode: every conjugate pair and every rigid motion is a mode.
+
+        With ``first_order`` states every real eigenvalue is a mode too, although some may form pairs.
         """
-        values = first.values[first.values.imag > (-REAL if slow else REAL) * np.abs(first.values)]
-        turns = np.abs(values[np.abs(values) > ZERO * first.reach])
-        distance = np.sort(np.abs(np.append(turns, np.zeros(rigid)) - self.centre))
+        values = first.values[first.values.imag > (-REAL if first_order else REAL) * np.abs(first.values)]
+        speeds = np.abs(values[np.abs(values) > ZERO * first.reach])
+        distance = np.sort(np.abs(np.append(speeds, np.zeros(rigid)) - self.centre))
         return float(distance[self.count - 1]) if len(distance) >= self.count else np.inf
 
-    def _distance(self, answer: Solution) -> float:
+    def _distance(self, solution: Solution) -> float:
         """Distance of the last selected mode."""
-        return float(np.abs(answer.modes.natural[answer.selected] - self.centre).max())
+        return float(np.abs(solution.modes.natural[solution.selected] - self.centre).max())
 
 
 def _covered(centre: float, width: float, reach: float) -> float:
     """Half the angle of a ring that a disc covers: |w e^(i a) - w0|^2 = (w - w0)^2 + 4 w w0 sin^2 (a / 2)."""
-    share = max(0.0, reach**2 - width**2) / (4.0 * centre * (centre + width))
-    return 2.0 * float(np.arcsin(np.sqrt(min(share, 1.0))))
+    square = max(0.0, reach**2 - width**2) / (4.0 * centre * (centre + width))
+    return 2.0 * float(np.arcsin(np.sqrt(min(square, 1.0))))
 
 
 def rigid_motions(quadratic: Quadratic, count: int) -> Array:
     """Return the motions that deform no spring (size, r), if only springs determine them."""
     if (quadratic.system.stiffness < 0.0).any():
         return np.zeros((quadratic.system.layout.size, 0))
-    return operator(quadratic.system, None, max(count, BRAKED)).rigid
+    return operator(quadratic.system, None, max(count, COUPLED_RIGID)).rigid
 
 
 def lowest_speed(quadratic: Quadratic) -> float:
@@ -292,13 +294,13 @@ def coordinates(system: SparseEquations) -> Array:
     layout, tree, m = system.layout, system.structure, len(system.joint_coordinates)
     free = np.eye(m)
     if len(layout.multiplier):
-        row, column, value = system.constraints.kept_entries(tree)
+        row, column, value = system.constraints.independent_entries(tree)
         loops = np.zeros((len(layout.multiplier), m))
         np.add.at(loops, (row, column), value)
         free = free_motions(loops)
     result = np.zeros((layout.size, free.shape[1]))
     result[layout.coordinate] = free
-    at = layout.displacement[tree.moves]
-    demands = kinematics(tree, layout)[at].tocsc()
-    result[at] = splu(demands[:, at], permc_spec="NATURAL").solve(-(demands[:, layout.coordinate] @ free))
+    x = layout.displacement[tree.moves]
+    equations = kinematics(tree, layout)[x].tocsc()
+    result[x] = splu(equations[:, x], permc_spec="NATURAL").solve(-(equations[:, layout.coordinate] @ free))
     return result

@@ -1,7 +1,7 @@
 """Virtual work of rotors and rotating dampers in a motion that releases a joint.
 
-A rotor with the angular momentum h acts on its body with h x theta', and a rotating damper with C_d [W]x d on its
-second body, against its first; their work in a motion is a row over the rates of the unknowns, and over the unknowns.
+The moment of a rotor with the angular momentum h on its body is h x theta', the wrench of a rotating damper on its
+second body is C_d [W]x d. Their work in a motion is a row over the rates of the unknowns, and over the unknowns.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ class SpinForces:
     momenta: list[tuple[int, Array]]
     dampers: list[tuple[RotatingDamper, csr_matrix]]
 
-    def of_rotors(self, turns: Array) -> Array:
+    def of_rotors(self, rotations: Array) -> Array:
         """Return the work of rotors in rotations (bodies + 1, 3), as a row over the rates of the unknowns (size,)."""
         result = np.zeros(self.layout.size)
         for body, momentum in self.momenta:
             column = self.layout.displacement[body, 3:]
             used = column >= 0
-            result[column[used]] += np.cross(turns[body], momentum)[used]
+            result[column[used]] += np.cross(rotations[body], momentum)[used]
         return result
 
     def of_dampers(self, motion: Motion) -> Array:
@@ -50,8 +50,8 @@ class SpinForces:
         result = np.zeros(self.layout.size)
         for damper, rows in self.dampers:
             along = motion.along(damper.rows)
-            if motion.follows is not None:
-                along = along + rows @ motion.follows
+            if motion.tree_motion is not None:
+                along = along + rows @ motion.tree_motion
             result += rows.T @ (damper.matrix.T @ along)
         return result
 

@@ -77,21 +77,21 @@ def signed_squares(weights: Weights, rows: csr_matrix) -> tuple[csr_matrix, Arra
     """
     from scipy.sparse import diags, vstack
 
-    own = np.flatnonzero(weights.first == weights.second)
-    pairs = np.flatnonzero(weights.first != weights.second)
-    first = rows[weights.first[pairs]]
-    second = (diags(weights.value[pairs]) @ rows[weights.second[pairs]]).tocsr()
+    squares = np.flatnonzero(weights.first == weights.second)
+    products = np.flatnonzero(weights.first != weights.second)
+    first = rows[weights.first[products]]
+    second = (diags(weights.value[products]) @ rows[weights.second[products]]).tocsr()
     sizes = [np.asarray(part.power(2).sum(axis=1))[:, 0] for part in (first, second)]
     used = np.flatnonzero(sizes[0] * sizes[1])
     scale = np.sqrt(np.sqrt(sizes[1][used] / sizes[0][used]))
     a, b = diags(scale) @ first[used], diags(1.0 / scale) @ second[used]
-    squares = vstack((rows[weights.first[own]], a + b, a - b)).tocsr()
-    squares.eliminate_zeros()
-    half, owner = np.full(len(used), 0.5), weights.owner[pairs[used]]
-    value = np.concatenate((weights.value[own], half, -half))
-    owner = np.concatenate((weights.owner[own], owner, owner))
-    acts = np.flatnonzero((np.diff(squares.indptr) > 0) & (value != 0.0))
-    return squares[acts], value[acts], owner[acts]
+    result = vstack((rows[weights.first[squares]], a + b, a - b)).tocsr()
+    result.eliminate_zeros()
+    half, owner = np.full(len(used), 0.5), weights.owner[products[used]]
+    value = np.concatenate((weights.value[squares], half, -half))
+    owner = np.concatenate((weights.owner[squares], owner, owner))
+    nonzero = np.flatnonzero((np.diff(result.indptr) > 0) & (value != 0.0))
+    return result[nonzero], value[nonzero], owner[nonzero]
 
 
 def antisymmetric(weights: Weights, rows: csr_matrix) -> csr_matrix | None:

@@ -25,22 +25,22 @@ DENSE_DOF = 24
 SEARCHES = 6
 # Below this share of the shift, the square of a frequency may be that of a rigid-body mode.
 RIGID = 1e-8
-# A shift within this share of the square of a frequency is too close, and is moved by one of the shares that follow.
-ON = 1e-6
-ASIDE = (0.0, 1e-5, -2e-5, 5e-5, -1e-4, 2e-4)
-# Displacements below this share of the largest are rounding, and their strains are set to 0.
-LOST = float(np.finfo(float).eps) ** 2
+# A shift within this fraction of the square of a frequency is too close, and is moved by one of the offsets.
+TOO_CLOSE = 1e-6
+OFFSETS = (0.0, 1e-5, -2e-5, 5e-5, -1e-4, 2e-4)
+# Displacements below this fraction of the largest are rounding, and their strains are set to 0.
+ROUNDED = float(np.finfo(float).eps) ** 2
 # The count is taken this much (relative to the distance from the shift) before the last mode.
 BEFORE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Subspace:
-    """Vectors ``z`` (size, n) that span the modes, of which the first ``rigid`` deform no spring.
+    """Vectors ``z`` (size, n) that span the modes nearest to ``centre`` [rad/s].
 
-    ``residual`` (n,) is that of T h = theta h relative to theta h, ``noise`` (n,) the share of the energy that is
-    rounding of the solve, ``reach`` the distance |omega^2 - sigma| up to which all modes are in it. ``missed`` is the
-    number of missed modes. Modes nearest to ``centre`` [rad/s] are wanted.
+    The first ``rigid`` of them deform no spring. ``residual`` (n,) is that of T h = theta h relative to theta h,
+    ``noise`` (n,) the relative rounding error of the energy, ``reach`` the distance |omega^2 - sigma| up to which all
+    modes are in the subspace, ``missed`` the number of missed modes.
     """
 
     operator: Operator
@@ -70,7 +70,7 @@ def subspace(system: SparseEquations, k: int, near: float) -> Subspace:
     Subspace
         The vectors and estimates of their accuracy.
     """
-    t, centre = _placed(system, near, k)
+    t, centre = _operator_near(system, near, k)
     rigid = t.rigid.shape[1]
     flexible = system.dof - ((t.total or 0) if t.sigma == 0.0 else 0)
     wanted = min(k - rigid + GUARDS, flexible)
@@ -85,7 +85,7 @@ def subspace(system: SparseEquations, k: int, near: float) -> Subspace:
         missed = _missed(t, theta, k - rigid)
         if missed == 0:
             break
-        more, vectors = _lanczos(t.deflated(h), min(missed or GUARDS, flexible - len(theta) - 1))
+        more, vectors = _lanczos(t.deflating(h), min(missed or GUARDS, flexible - len(theta) - 1))
         last = np.sort(np.abs(theta))[-min(k - rigid, len(theta))]
         if missed is None and not (np.abs(more) > last * (1.0 + BEFORE)).any():
             break  # modes cannot be counted, but another search finds no more
@@ -95,7 +95,7 @@ def subspace(system: SparseEquations, k: int, near: float) -> Subspace:
     return _solved(t, h, 1.0 / float(np.abs(theta).min()), missed, centre)
 
 
-def _placed(system: SparseEquations, near: float, k: int) -> tuple[Operator, float]:
+def _operator_near(system: SparseEquations, near: float, k: int) -> tuple[Operator, float]:
     """The operator around a frequency, and the angular frequency to which modes are nearest.
 
     A frequency far above all modes is reduced to the highest ones, so that they can be separated; the nearest modes
@@ -109,8 +109,8 @@ def _placed(system: SparseEquations, near: float, k: int) -> tuple[Operator, flo
             centre *= 0.5
     except np.linalg.LinAlgError:
         pass
-    for share in ASIDE:
-        sigma = (1.0 + share) * centre**2
+    for offset in OFFSETS:
+        sigma = (1.0 + offset) * centre**2
         try:
             t = operator(system, sigma, k)
         except np.linalg.LinAlgError:
@@ -118,7 +118,7 @@ def _placed(system: SparseEquations, near: float, k: int) -> tuple[Operator, flo
         h = np.random.default_rng(1).standard_normal(t.w.shape[0])
         for _ in range(2):
             h = t.apply(h / np.linalg.norm(h))
-        if float(np.linalg.norm(h)) * sigma * ON < 1.0:
+        if float(np.linalg.norm(h)) * sigma * TOO_CLOSE < 1.0:
             break
     return t, centre
 
@@ -165,71 +165,70 @@ def _solved(t: Operator, h: Array, reach: float, missed: int | None, centre: flo
     rough = t.solve(h)
     right = t.right(t.wt @ t.without_rigid(h))
     scale = t.factor.row_scale[:, None], t.factor.column_scale[:, None]
-    rest = right * scale[0] - t.factor.matrix @ (rough / scale[1])
-    correction = t.factor.lu.solve(rest) * scale[1]
+    correction = t.factor.lu.solve(right * scale[0] - t.factor.matrix @ (rough / scale[1])) * scale[1]
     z = rough + correction
     hz = t.w @ z
-    if t.away.shape[1] and t.rigid.shape[1]:
-        share = t.away[:, : t.rigid.shape[1]].T @ hz
-        z -= t.rigid @ share
+    if t.deflated.shape[1] and t.rigid.shape[1]:
+        z -= t.rigid @ (t.deflated[:, : t.rigid.shape[1]].T @ hz)
         hz = t.w @ z
     length = np.sqrt(np.einsum("ij,ij->j", hz, hz))
     theta = np.einsum("ij,ij->j", h, hz)
     residual = np.linalg.norm(hz / theta - h, axis=0)
     rows, k = t.system.elastic_rows, np.abs(t.system.stiffness)
-    energy, lost = (np.einsum("ij,i,ij->j", e, k, e) for e in (rows @ z, rows @ correction))
-    moved = np.einsum("ij,ij->j", *([t.w @ correction] * 2)) / length**2
-    noise = np.divide(lost, energy, out=np.zeros_like(lost), where=energy > 0.0) + moved
+    energy, error = (np.einsum("ij,i,ij->j", e, k, e) for e in (rows @ z, rows @ correction))
+    kinetic_error = np.einsum("ij,ij->j", *([t.w @ correction] * 2)) / length**2
+    noise = np.divide(error, energy, out=np.zeros_like(error), where=energy > 0.0) + kinetic_error
     z /= length
     space = Subspace(t, z, 0, residual, noise, reach, missed, centre)
     if t.sigma < 0.0 and t.total:
-        return _sorted(space, t.total)
-    return _named(space) if t.sigma > 0.0 else _led(space, t.rigid)
+        return _rigid_by_strain(space, t.total)
+    return _rigid_separated(space) if t.sigma > 0.0 else _with_rigid_first(space, t.rigid)
 
 
-def _led(space: Subspace, rigid: Array) -> Subspace:
-    """The subspace with the rigid-body modes in front of the others."""
+def _with_rigid_first(space: Subspace, rigid: Array) -> Subspace:
+    """The subspace with rigid-body modes before the others."""
     zero = np.zeros(rigid.shape[1])
     residual, noise = (np.concatenate((zero, errors)) for errors in (space.residual, space.noise))
     return replace(space, z=np.concatenate((rigid, space.z), axis=1), rigid=len(zero), residual=residual, noise=noise)
 
 
-def _named(space: Subspace) -> Subspace:
-    """Move rigid-body modes that were computed around a frequency to the front; the springs determine them."""
+def _rigid_separated(space: Subspace) -> Subspace:
+    """The subspace around a frequency with rigid-body modes, as the springs determine them, before the others."""
     t = space.operator
     if not np.isfinite(space.reach):
-        space = _sorted(space, 0)  # the vectors of all modes are no modes yet
+        space = _rigid_by_strain(space, 0)  # vectors that span all modes become modes
     rows = t.system.elastic_rows @ space.z
     strain = np.abs(t.system.stiffness) @ rows**2
     near_zero = int(np.count_nonzero(strain < RIGID * t.sigma))
     if not near_zero:
         return space
-    still = operator(t.system, None, near_zero)
-    if not still.total:
+    at_zero = operator(t.system, None, near_zero)
+    if not at_zero.total:
         return space
-    if still.sigma < 0.0:
-        return _sorted(space, min(still.total, near_zero))
-    others = np.sort(np.argsort(strain, kind="stable")[still.rigid.shape[1] :])
+    if at_zero.sigma < 0.0:
+        return _rigid_by_strain(space, min(at_zero.total, near_zero))
+    others = np.sort(np.argsort(strain, kind="stable")[at_zero.rigid.shape[1] :])
     z = space.z[:, others]
-    z = z - still.rigid @ (still.away.T @ (t.w @ z))
-    return _led(replace(space, z=z, residual=space.residual[others], noise=space.noise[others]), still.rigid)
+    z = z - at_zero.rigid @ (at_zero.deflated.T @ (t.w @ z))
+    flexible = replace(space, z=z, residual=space.residual[others], noise=space.noise[others])
+    return _with_rigid_first(flexible, at_zero.rigid)
 
 
-def _sorted(space: Subspace, total: int) -> Subspace:
-    """Put the rigid-body modes, whose number is known, first: those with the smallest strain energy."""
+def _rigid_by_strain(space: Subspace, total: int) -> Subspace:
+    """The subspace with a known number of rigid-body modes first: those with the smallest strain energy."""
     from scipy.linalg import eigh
 
     t, z = space.operator, space.z
     rows, h = t.system.elastic_rows @ z, t.w @ z
     square, shapes = eigh(rows.T @ (t.system.stiffness[:, None] * rows), h.T @ h)
     shapes = shapes[:, np.argsort(np.abs(square), kind="stable")]
-    share = np.abs(shapes.T) ** 2
-    return replace(space, z=z @ shapes, rigid=min(total, z.shape[1]), residual=np.sqrt(share @ space.residual**2),
-                   noise=share @ space.noise)  # fmt: skip
+    squares = np.abs(shapes.T) ** 2
+    return replace(space, z=z @ shapes, rigid=min(total, z.shape[1]), residual=np.sqrt(squares @ space.residual**2),
+                   noise=squares @ space.noise)  # fmt: skip
 
 
 def strains(system: SparseEquations, z: Array, rigid: int) -> tuple[Array, Array]:
-    """Return the elastic displacements D z with exact zeros for mere rounding, and their terms.
+    """Return the elastic displacements D z, with exact zeros for rounding errors, and the sizes of their terms.
 
     Parameters
     ----------
@@ -247,7 +246,7 @@ def strains(system: SparseEquations, z: Array, rigid: int) -> tuple[Array, Array
     """
     e = np.asarray(system.elastic_rows @ z)
     terms = np.asarray(abs(system.elastic_rows) @ np.abs(z))
-    most = np.outer(abs(system.elastic_rows).sum(axis=1), np.abs(z).max(axis=0, initial=0.0))
-    e[np.abs(e) <= np.maximum(ZERO_SUM * terms, LOST * most)] = 0.0
+    largest = np.outer(abs(system.elastic_rows).sum(axis=1), np.abs(z).max(axis=0, initial=0.0))
+    e[np.abs(e) <= np.maximum(ZERO_SUM * terms, ROUNDED * largest)] = 0.0
     e[np.flatnonzero(system.stiffness)[:, None], np.arange(rigid)] = 0.0
     return e, terms

@@ -141,10 +141,10 @@ class Factor:
         return x * columns[scale]
 
     def _solve(self, b: NDArray[Any], refinements: int, transposed: bool) -> NDArray[Any]:
-        matrix, way = (self.matrix.T, "T") if transposed else (self.matrix, "N")
-        x: NDArray[Any] = self.lu.solve(np.ascontiguousarray(b) if b.ndim == 1 else np.asfortranarray(b), way)
+        matrix, mode = (self.matrix.T, "T") if transposed else (self.matrix, "N")
+        x: NDArray[Any] = self.lu.solve(np.ascontiguousarray(b) if b.ndim == 1 else np.asfortranarray(b), mode)
         for _ in range(refinements):
-            x = x + self.lu.solve(b - matrix @ x, way)
+            x = x + self.lu.solve(b - matrix @ x, mode)
         return x
 
     def solve_closely(self, right: Array, fine: float) -> tuple[NDArray[Any], float]:
@@ -204,7 +204,7 @@ class Factor:
 
 def build(
     tree: Tree, layout: Layout, fixed: csr_matrix, rows: csr_matrix, stiffness: Array, damping: Array,
-    inertia: csr_matrix, loops: csr_matrix, slides: NDArray[np.bool_], ordering: str = "NATURAL",
+    inertia: csr_matrix, loops: csr_matrix, translational: NDArray[np.bool_], ordering: str = "NATURAL",
     circulatory: csr_matrix | None = None, gyroscopic: csr_matrix | None = None,
 ) -> Tableau:  # fmt: skip
     """Return the tableau.
@@ -225,7 +225,7 @@ def build(
         Mass matrix of the bodies over the displacements.
     loops : csr_matrix, shape (multipliers, size)
         Independent locked rows.
-    slides : array, shape (multipliers,)
+    translational : array, shape (multipliers,)
         Which of them lock a translation.
     ordering : str
         SuperLU's column ordering.
@@ -252,22 +252,23 @@ def build(
     forces = balanced(coo_matrix((closure.data, (closure.col, outer)), shape=(size, size)))
     q = layout.coordinate
     # explicit zeros on the diagonal, for springs that lock coordinates and for pivots of multipliers
-    held = np.concatenate((q, layout.multiplier))
-    pieces = [(a.row, a.col, a.data), (outer, closure.col, closure.data), forces, (held, held, np.zeros(len(held)))]
-    row, column, value = (np.concatenate([piece[i] for piece in pieces]) for i in range(3))
+    diagonal_of = np.concatenate((q, layout.multiplier))
+    entries = [(a.row, a.col, a.data), (outer, closure.col, closure.data), forces,
+               (diagonal_of, diagonal_of, np.zeros(len(diagonal_of)))]  # fmt: skip
+    row, column, value = (np.concatenate([part[i] for part in entries]) for i in range(3))
     elastic, viscous = (rows.T @ diags(values) @ rows for values in (stiffness, damping))
     elastic = elastic if circulatory is None else elastic + circulatory
     viscous = viscous if gyroscopic is None else viscous + gyroscopic
     parts = [(row, column, value), balanced(elastic), balanced(viscous), balanced(inertia)]
     indices, indptr, data = _common_pattern(parts, size)
-    row_scale, column_scale = _scales(tree, layout, slides, data[1], indices, indptr)
+    row_scale, column_scale = _scales(tree, layout, translational, data[1], indices, indptr)
     owner = np.repeat(np.arange(size), np.diff(indptr))
     scale = row_scale[indices] * column_scale[owner]
     diagonal = np.zeros(size, dtype=np.intp)
     entry = np.flatnonzero(owner == indices)
     diagonal[owner[entry]] = entry
-    always, k, c, m = (part * scale for part in data)
-    return Tableau(indices, indptr, always, k, c, m, row_scale, column_scale, diagonal, ordering)
+    constant, k, c, m = (part * scale for part in data)
+    return Tableau(indices, indptr, constant, k, c, m, row_scale, column_scale, diagonal, ordering)
 
 
 def _common_pattern(
@@ -287,7 +288,7 @@ def _common_pattern(
 
 
 def _scales(
-    tree: Tree, layout: Layout, slides: NDArray[np.bool_], stiffness: Array, indices: NDArray[np.int32],
+    tree: Tree, layout: Layout, translational: NDArray[np.bool_], stiffness: Array, indices: NDArray[np.int32],
     indptr: NDArray[np.int32],
 ) -> tuple[Array, Array]:
     """Powers of two that scale lengths by the typical link and forces by the typical stiffness of a joint."""
@@ -298,12 +299,12 @@ def _scales(
     translates = used & (np.arange(6) < 3)
     unit[x[translates]] = length
     unit[layout.coordinate[~tree.turns]] = length
-    unit[layout.multiplier[slides]] = length
+    unit[layout.multiplier[translational]] = length
     column = np.repeat(np.arange(layout.size), np.diff(indptr))
     diagonal = (column == indices) & (stiffness != 0.0)
-    own = np.abs(stiffness[diagonal]) * unit[column[diagonal]] ** 2
-    own = own[own > ROUNDED * own.max(initial=0.0)]
-    moment = float(2.0 ** np.round(np.mean(np.log2(own)))) if len(own) else 1.0
+    moments = np.abs(stiffness[diagonal]) * unit[column[diagonal]] ** 2
+    moments = moments[moments > ROUNDED * moments.max(initial=0.0)]
+    moment = float(2.0 ** np.round(np.mean(np.log2(moments)))) if len(moments) else 1.0
     force = np.ones(layout.size)
     force[h[translates]] = length
     col = unit.copy()

@@ -32,12 +32,14 @@ class Tree:
     """Bodies and joint coordinates of a spanning tree.
 
     Over bodies: ``position`` (n, 3) [m], ``parent`` (n,) (ground is n), ``depth`` (n + 1,), ``first`` and ``count``
-    (n,) of the coordinates of the joint it hangs on, ``moves`` (n, 6) the world directions in which it can move.
-    ``outward`` (n,) lists bodies, parents before children. Over coordinates: ``names``, ``carried`` (m,) the body whose
-    joint it is, ``linear``, ``angular`` and ``point`` (3, m) its twist in the joint, ``sign`` (m,) that of the body
-    against its parent, ``motion`` (m, 6) the body's displacement per unit, ``turns`` (m,) rotations,
-    ``carrier`` and ``halfway`` (m,) the two bodies with whose mean its axis turns, ``holder`` (m,) the one that carries
-    its point; translations are fixed in ``carrier``. ``pitch`` [m] is the largest one of the screws, cut ones included.
+    (n,) of the coordinates of the joint to the parent, ``moves`` (n, 6) the world directions in which it can move.
+    ``outward`` (n,) lists bodies, parents before children.
+
+    Over coordinates: ``names``, ``coordinate_body`` (m,) the outer body of the joint, ``linear``, ``angular`` and
+    ``point`` (3, m) the twist in the joint, ``sign`` (m,) -1 if the outer body is the joint's first, ``motion`` (m, 6)
+    the outer body's displacement per unit, ``turns`` (m,) whether it is a rotation. Its axis rotates with the mean of
+    the bodies ``carrier`` and ``halfway`` (m,), its point moves with ``holder`` (m,); translations are fixed in
+    ``carrier``. ``pitch`` [m] is the largest of all screws, cut ones included.
     """
 
     position: Array
@@ -48,7 +50,7 @@ class Tree:
     moves: Mask
     outward: Index
     names: tuple[str, ...]
-    carried: Index
+    coordinate_body: Index
     linear: Array
     angular: Array
     point: Array
@@ -63,8 +65,8 @@ class Tree:
     @property
     def length(self) -> float:
         """Typical length of the links [m], a power of two."""
-        held = self.parent < len(self.parent)
-        arm = np.abs(self.position[held] - self.position[self.parent[held]]).max(axis=1, initial=0.0)
+        has_parent = self.parent < len(self.parent)
+        arm = np.abs(self.position[has_parent] - self.position[self.parent[has_parent]]).max(axis=1, initial=0.0)
         arm = arm[arm > 0.0]
         return float(2.0 ** np.round(np.log2(np.median(arm)))) if len(arm) else 1.0
 
@@ -98,8 +100,8 @@ def tree(topology: Topology, bodies: list[Body]) -> Tree:
     parent, first, count = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp)
     joints = topology.joints
     branches = topology.branches
-    hung = sorted((b for b in branches if b.joint != FLOATS), key=lambda b: b.joint)
-    for branch in [*hung, *(b for b in branches if b.joint == FLOATS)]:
+    by_joint = sorted((b for b in branches if b.joint != FLOATS), key=lambda b: b.joint)
+    for branch in [*by_joint, *(b for b in branches if b.joint == FLOATS)]:
         body = bodies[branch.body]
         if branch.joint == FLOATS:
             name, freedom, point = body.name, _FREE, body.position
@@ -110,11 +112,11 @@ def tree(topology: Topology, bodies: list[Body]) -> Tree:
             joint = joints[branch.joint]
             name, freedom, point = joint.name, joint.freedom, joint.point or body.position
             # a joint's twists are fixed in its first body, but the second of two successive rotations in its second
-            own = [number[joint.first]] * len(freedom)
+            carriers = [number[joint.first]] * len(freedom)
             if joint.successive:
-                own[-1] = number[joint.second]
-            carrier += own
-            halfway += own if joint.successive else [number[joint.second]] * len(freedom)
+                carriers[-1] = number[joint.second]
+            carrier += carriers
+            halfway += carriers if joint.successive else [number[joint.second]] * len(freedom)
             holder += [number[joint.second]] * len(freedom)
         parent[branch.body], first[branch.body], count[branch.body] = branch.parent, len(names), len(freedom)
         for direction, twist in freedom:
@@ -142,11 +144,11 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def _directions(outward: Index, parent: Index, position: Array, body_of: Index, motion: Array) -> tuple[Index, Mask]:
-    """Depth of the bodies, and the world directions in which joints let them move: exact zeros of B' and no others."""
+    """Depth of the bodies, and the world directions in which joints let them move, with the exact zeros of B'."""
     n = len(parent)
-    own = np.zeros((n, 6), dtype=bool)
-    np.logical_or.at(own, body_of, (motion != 0.0).T)
-    bits = (own @ (1 << np.arange(6))).tolist()
+    in_joint = np.zeros((n, 6), dtype=bool)
+    np.logical_or.at(in_joint, body_of, (motion != 0.0).T)
+    bits = (in_joint @ (1 << np.arange(6))).tolist()
     ground = parent == n
     arm = position - np.concatenate((position, np.zeros((1, 3))))[parent]
     arms = np.where(ground, 0, (arm != 0.0) @ (1 << np.arange(3))).tolist()

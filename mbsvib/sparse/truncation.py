@@ -68,16 +68,16 @@ def corrected(system: SparseEquations, small: E, count: int) -> E:
         free = f"at least {rigid}" if rigid else "others"
         raise ResponseError(
             f"reduced: static correction of '{system.name}' with {count} modes; free motions have no static part, so "
-            f"all of them must be among the modes kept and be told from slow ones: ask for more modes ({free}), or for "
-            f"no correction."
+            f"all of them must be among the modes, and differ from slow ones: ask for more modes ({free}), or for no "
+            f"correction."
         )
     force = np.asarray(system.input_rows.toarray().T)
     if rigid:
-        momentum = t.wt @ t.away[:, :rigid]
+        momentum = t.wt @ t.deflated[:, :rigid]
         force = force - momentum @ (t.rigid.T @ force)
     motion = t.factor.solve(t.right(force))
     if rigid:
-        motion = motion - t.rigid @ (t.away[:, :rigid].T @ (t.w @ motion))
+        motion = motion - t.rigid @ (t.deflated[:, :rigid].T @ (t.w @ motion))
     full = np.asarray(system.output_rows[0] @ motion)
     phi = basis.shapes[:, basis.rigid :]
     modal = (small.Cq @ phi / basis.square[basis.rigid :]) @ (phi.T @ small.B)

@@ -125,7 +125,7 @@ def _of_large(entries: Any, shape: tuple[int, int], group: LoopGroup) -> Callabl
 
     rows, columns = shape
     a = csc_matrix(entries, shape=shape)
-    # loops are short compared with their group: columns are scaled by their lengths, except for mere rounding
+    # loops are short compared with their group: columns are scaled by their lengths, except for rounding errors
     size = np.sqrt(np.asarray(a.power(2).sum(axis=0))[0])
     unit = np.divide(1.0, size, out=np.zeros(columns), where=size > RANK_FACTOR * group.noise)
     a = (a @ diags(unit)).tocsc()
@@ -133,13 +133,12 @@ def _of_large(entries: Any, shape: tuple[int, int], group: LoopGroup) -> Callabl
 
     def solve(right: Array) -> Array:
         result: Array = np.zeros(columns)
-        left, least = right, EPS * float(np.abs(right).max())
+        residual, rounding = right, EPS * float(np.abs(right).max())
         for _ in range(STEPS):
-            step: Array = lu.solve(np.concatenate((left, np.zeros(columns))))[rows:]
+            step: Array = lu.solve(np.concatenate((residual, np.zeros(columns))))[rows:]
             result = result + step
-            moved = a @ step
-            left = right - a @ result
-            if np.abs(moved).max() <= max(least, CONVERGED * np.abs(a @ result).max()):
+            residual = right - a @ result
+            if np.abs(a @ step).max() <= max(rounding, CONVERGED * np.abs(a @ result).max()):
                 result *= unit
                 return result
         raise ModelError(

@@ -127,7 +127,7 @@ def test_an_input_and_an_output_of_one_name_are_both_reached_or_told_apart():
 def test_parts_can_be_copied_and_sent_elsewhere(copied):
     for part in parts(arm()):
         assert copied(part) == part
-        assert copied(part).words() == part.words()
+        assert copied(part).constructor_kwargs() == part.constructor_kwargs()
 
 
 def test_parts_are_equal_by_what_was_said():

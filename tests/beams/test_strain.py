@@ -64,7 +64,7 @@ def test_a_distance_in_place_of_the_surface():
     assert_allclose(strain(model), [[1 / (E * 1e-3), 0.0, -0.01 * LENGTH / (E * 2e-7)], [1 / (E * 1e-3), 0.0, 0.0]],
                     rtol=1e-12, atol=1e-20)  # fmt: skip
     model.add_strain_output("surface", "bar.e1")
-    with pytest.raises(mv.ModelError, match="do not tell where its surface is"):
+    with pytest.raises(mv.ModelError, match="do not contain its surface"):
         model.linearize()
 
 

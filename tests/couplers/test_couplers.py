@@ -292,7 +292,7 @@ CALLS = [
     (("coupler", "c", {}), r"expected a coefficient for each of two or more"),
     (("coupler", "c", [1.0, 2.0]), r"coefficients = \[1.0, 2.0\]; expected a coefficient for each"),
     (("coupler", "c", {"s0.j": 1.0, "s1.j": 0.0}), r"coefficients = 0.0; expected a finite number for 's1.j.rz', not"),
-    (("coupler", "c", {"s0.j": 1.0, "s0.j.rz": 2.0}), r"'s0.j.rz' is there twice"),
+    (("coupler", "c", {"s0.j": 1.0, "s0.j.rz": 2.0}), r"'s0.j.rz' is given twice"),
     (("coupler", "c", {"s0.j": 1.0, "knee.rz": 2.0}), r"coefficients = 'knee.rz'; expected a coordinate of a joint"),
 ]  # fmt: skip
 
@@ -312,7 +312,7 @@ def test_joints_by_object_and_names_in_use():
     model = shafts(2)
     joints = list(model.joints.values())
     part = model.add_gear("mesh", joints[0], joints[1], 2)
-    assert part.words() == {"name": "mesh", "first": "s0.j.rz", "second": "s1.j.rz", "ratio": 2.0}
+    assert part.constructor_kwargs() == {"name": "mesh", "first": "s0.j.rz", "second": "s1.j.rz", "ratio": 2.0}
     with pytest.raises(mv.ModelError, match="the name is taken by a gear"):
         model.add_body("mesh", 1.0, (1, 1, 1))
 

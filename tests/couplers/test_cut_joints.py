@@ -79,7 +79,7 @@ def test_a_coupler_of_two_equal_joints_is_redundant_in_all_poses(kind):
     """Two joints at one place between the same bodies do the same: of these couplers all but one say nothing new."""
     model = loop(kind, False, coupled=False)
     cut = model.joints["cut"]
-    model.add_joint(**cut.words() | {"name": "twin"})
+    model.add_joint(**cut.constructor_kwargs() | {"name": "twin"})
     for i, (name, _) in enumerate(cut.freedom):
         model.add_coupler(f"same{i}", {f"cut.{name}": 1.0, f"twin.{name}": -1.0, "base.x": FACTORS[i]})
     system, reference = model.linearize(cut=["cut"]), Exact(model)

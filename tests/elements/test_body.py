@@ -60,12 +60,12 @@ def test_words_give_the_call_back():
     words = {"name": "b", "mass": 2.0, "inertia": SIX, "position": (1.0, 2.0, 3.0),
              "orientation": ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))}  # fmt: skip
     body = mv.Model().add_body(**words)
-    assert body.words() == words
-    assert mv.Model().add_body(**body.words()) == body
+    assert body.constructor_kwargs() == words
+    assert mv.Model().add_body(**body.constructor_kwargs()) == body
 
 
 def test_words_leave_defaults_out():
-    assert set(make().words()) == {"name", "mass", "inertia"}
+    assert set(make().constructor_kwargs()) == {"name", "mass", "inertia"}
 
 
 def test_a_rotation_vector_is_a_matrix():

@@ -47,11 +47,11 @@ def test_words_give_the_call_back():
     words = {"name": "k", "first": "ground", "second": "a", "position": (1.0, 2.0, 3.0), "stiffness": SIX,
              "damping": tuple(map(tuple, np.diag(SIX).tolist())),
              "orientation": ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))}  # fmt: skip
-    assert make(**words).words() == words
+    assert make(**words).constructor_kwargs() == words
 
 
 def test_words_leave_defaults_out():
-    assert set(make().words()) == {"name", "first", "second", "position", "stiffness"}
+    assert set(make().constructor_kwargs()) == {"name", "first", "second", "position", "stiffness"}
 
 
 def test_bushings_are_immutable():

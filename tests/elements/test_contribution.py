@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from mbsvib.elements.contribution import NONE, Contribution, Weights, shifts, turns
+from mbsvib.elements.contribution import NONE, Contribution, Weights, displacement_rows, rotation_rows
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.scene import scene
-from mbsvib.equations.statement import antisymmetric, minimal_rows, products, signed_squares
+from mbsvib.equations.statement import antisymmetric, minimal_rows, signed_squares, squares_of_products
 from tests.support.random_models import spatial
 
 RNG = np.random.default_rng(3)
@@ -35,13 +35,13 @@ def test_signed_squares_are_the_symmetric_form():
 
 def test_products_of_sizes_far_apart_keep_their_digits():
     first, second = RNG.normal(size=(3, 4)), 1e12 * RNG.normal(size=(3, 4))
-    rows, value = products(first, second)
+    rows, value = squares_of_products(first, second)
     expected = first.T @ second + second.T @ first
     np.testing.assert_allclose(rows.T @ (value[:, None] * rows), expected, atol=1e-15 * np.abs(expected).max() * 8)
 
 
 def test_a_product_with_nothing_is_nothing():
-    rows, value = products(np.zeros((1, 3)), np.ones((1, 3)))
+    rows, value = squares_of_products(np.zeros((1, 3)), np.ones((1, 3)))
     assert not value.any()
     assert np.isfinite(rows).all()
 
@@ -70,7 +70,7 @@ def test_rows_in_minimal_coordinates(loops):
     system, view = model.linearize(), scene(model)
     ground, bodies = len(view.bodies), np.array([0, 2, 3])
     along, point = RNG.normal(size=(3, 3)), RNG.normal(size=(3, 3))
-    rows = Rows.join([turns(bodies, along, ground), shifts(bodies, along, point, ground)])
+    rows = Rows.join([rotation_rows(bodies, along, ground), displacement_rows(bodies, along, point, ground)])
     part = Contribution.of(rows, row=np.array([0, 1, 2, 3, 4, 0]))
     motion = system.body_motion
     result = minimal_rows(part, view.coordinates, system.provenance.reduction, motion)
@@ -83,8 +83,9 @@ def test_rows_in_minimal_coordinates(loops):
 
 
 def test_joined_contributions_number_their_rows_one_after_the_other():
-    one = Contribution.of(turns(np.array([0, 1]), np.eye(3)[:, :2], 2), stiffness=weights([0, 1], [0, 1]))
-    second = Contribution.of(turns(np.array([1]), np.eye(3)[:, :1], 2), stiffness=weights([0], [0]), gyroscopic=NONE)
+    one = Contribution.of(rotation_rows(np.array([0, 1]), np.eye(3)[:, :2], 2), stiffness=weights([0, 1], [0, 1]))
+    rows = rotation_rows(np.array([1]), np.eye(3)[:, :1], 2)
+    second = Contribution.of(rows, stiffness=weights([0], [0]), gyroscopic=NONE)
     both = Contribution.join([one, second, one])
     assert both.count == 5
     assert both.stiffness.first.tolist() == [0, 1, 2, 3, 4]

@@ -182,7 +182,7 @@ def test_words_give_the_call_back(words):
     model.add_body("a", 1.0, (1, 1, 1))
     model.add_body("b", 1.0, (1, 1, 1))
     joint = model.add_joint(**words)
-    assert joint.words() == words
+    assert joint.constructor_kwargs() == words
 
 
 @pytest.mark.parametrize("form", [tuple, list, np.array])

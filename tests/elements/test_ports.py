@@ -68,7 +68,7 @@ def test_words_give_the_call_back():
         "add_force_output": {"name": "q", "element": "mount", "direction": "rz"},
     }  # fmt: skip
     for adder, words in calls.items():
-        assert getattr(model, adder)(**words).words() == words
+        assert getattr(model, adder)(**words).constructor_kwargs() == words
 
 
 def test_ports_are_immutable():

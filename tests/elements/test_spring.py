@@ -40,7 +40,7 @@ def test_a_damper_alone_and_a_negative_stiffness_are_legal():
 def test_words_give_the_call_back():
     words = {"name": "k", "first": "ground", "second": "a", "start": (1.0, 0.0, 0.0), "end": (1.0, 3.0, 4.0),
              "stiffness": 2.0, "damping": 0.5}  # fmt: skip
-    assert make(damping=0.5).words() == words
+    assert make(damping=0.5).constructor_kwargs() == words
 
 
 def test_springs_are_immutable():

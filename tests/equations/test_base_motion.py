@@ -87,7 +87,7 @@ def shaken(model, centre):
     result.add_body("shaker", 50.0, (7.0, 8.0, 9.0), centre)
     for group in (model.bodies, model.joints, model.springs):
         for part in group.values():
-            words = part.words()
+            words = part.constructor_kwargs()
             for side in ("first", "second"):
                 if words.get(side) == "ground":
                     words[side] = "shaker"

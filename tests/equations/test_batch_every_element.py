@@ -162,14 +162,14 @@ def test_speeds_of_a_gyroscope_in_closed_form():
 def test_other_motions_without_mass_are_refused_by_index_and_name():
     model = nodes()
     with pytest.raises(mv.ModelError, match=r"variant 1: coordinate 'm\.rail\.z' moves no mass and follows from "
-                                            r"statics, in the model as given it moves no mass but d"):  # fmt: skip
+                                            r"statics, in the nominal model it moves no mass but d"):  # fmt: skip
         model.linearize(values={"c.damping": [2.0, 0.0]})
-    with pytest.raises(mv.ModelError, match=r"variant 2: coordinate 'n\.rail\.z' moves mass, in the model as given it "
+    with pytest.raises(mv.ModelError, match=r"variant 2: coordinate 'n\.rail\.z' moves mass, in the nominal model it "
                                             r"moves no mass and follows"):  # fmt: skip
         model.linearize(values={"n.mass": [0.0, 0.0, 1.0]})
     model = along_z({"n": 0.0, "b": 1.0}, {"k1": ("ground", "n", 1, 0), "k2": ("n", "b", 2, 0)})
     with pytest.raises(mv.ModelError, match=r"variant 1: coordinate 'b\.rail\.z' moves no mass and follows from "
-                                            r"statics, in the model as given it moves mass"):  # fmt: skip
+                                            r"statics, in the nominal model it moves mass"):  # fmt: skip
         model.linearize(values={"b.mass": [2.0, 0.0]})
     solid = along_z({"b": 1.0, "c": 1.0}, {"k1": ("ground", "b", 1, 0), "k2": ("b", "c", 1, 0)})
     with pytest.raises(mv.ModelError, match=r"variant 1: coordinate 'b\.rail\.z'.*the same motions without mass"):

@@ -194,7 +194,7 @@ def together(first, second):
     for tag, source in (("a.", first), ("b.", second)):
         for part in (*source.bodies.values(), *source.joints.values(), *source.springs.values(),
                      *source.inputs.values(), *source.outputs.values()):  # fmt: skip
-            words = part.words()
+            words = part.constructor_kwargs()
             for key in ("name", "first", "second", "body", "relative_to", "element"):
                 if key in words and words[key] != "ground":
                     words[key] = tag + words[key]

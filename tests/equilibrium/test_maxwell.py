@@ -14,9 +14,9 @@ def held(together, static=(900.0, 400.0)):
     model = mv.Model("held", gravity=G)
     source, _ = four_bar()
     for body in source.bodies.values():
-        model.add_body(**body.words())
+        model.add_body(**body.constructor_kwargs())
     for joint in source.joints.values():
-        model.add_joint(**joint.words())
+        model.add_joint(**joint.constructor_kwargs())
     bodies = list(source.bodies.values())
     for i, k0 in enumerate(static):
         end = np.array(bodies[i].position)

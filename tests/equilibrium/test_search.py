@@ -20,7 +20,7 @@ def reloaded(model, gravity=G):
     result = mv.Model(model.name, gravity)
     for group in (model.bodies, model.joints, model.springs, model.inputs, model.outputs):
         for part in group.values():
-            getattr(result, mv.api.model.ADDERS[type(part)])(**part.words())
+            getattr(result, mv.api.model.ADDERS[type(part)])(**part.constructor_kwargs())
     return result
 
 

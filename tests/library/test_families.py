@@ -165,11 +165,11 @@ def test_ladder_joints_in_any_order(letter):
     model = ladder(4, letter)
     other = mv.Model("shuffled")
     for body in reversed(model.bodies.values()):
-        other.add_body(**body.words())
+        other.add_body(**body.constructor_kwargs())
     for name in np.random.default_rng(4).permutation(list(model.joints)):
-        other.add_joint(**model.joints[str(name)].words())
+        other.add_joint(**model.joints[str(name)].constructor_kwargs())
     for spring in model.springs.values():
-        other.add_bushing(**spring.words())
+        other.add_bushing(**spring.constructor_kwargs())
     system, usual = other.linearize(), model.linearize()
     assert len(system.redundant) == len(usual.redundant)
     assert_allclose(system.modes().frequencies, usual.modes().frequencies, rtol=1e-12)

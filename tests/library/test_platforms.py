@@ -68,11 +68,11 @@ def test_stewart_joints_in_any_order():
     model = stewart(ports="none")
     other = mv.Model("shuffled")
     for body in model.bodies.values():
-        other.add_body(**body.words())
+        other.add_body(**body.constructor_kwargs())
     for name in np.random.default_rng(1).permutation(list(model.joints)):
-        other.add_joint(**model.joints[str(name)].words())
+        other.add_joint(**model.joints[str(name)].constructor_kwargs())
     for spring in reversed(model.springs.values()):
-        other.add_spring(**spring.words())
+        other.add_spring(**spring.constructor_kwargs())
     assert_allclose(other.linearize().modes().frequencies, model.linearize().modes().frequencies, rtol=1e-13)
 
 

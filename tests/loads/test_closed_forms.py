@@ -165,7 +165,7 @@ def balanced(model, name):
     free = mv.Model(model.name)
     for group in model.groups().values():
         for part in group.values():
-            getattr(free, ADDERS[type(part)])(**part.words())
+            getattr(free, ADDERS[type(part)])(**part.constructor_kwargs())
     motion = free.linearize().body_motion
     weight = sum(b.mass * np.array(model.gravity) @ motion[i, :3] for i, b in enumerate(model.bodies.values()))
     system = free.linearize()

@@ -73,7 +73,7 @@ def test_without_loads_no_statics_are_done(monkeypatch):
     weightless = mv.Model(model.name, gravity=(0, 0, 0))
     for group in model.groups().values():
         for part in group.values():
-            getattr(weightless, mv.api.model.ADDERS[type(part)])(**part.words())
+            getattr(weightless, mv.api.model.ADDERS[type(part)])(**part.constructor_kwargs())
     system, other = model.linearize(), weightless.linearize()
     assert system.provenance.statics is None
     assert all((getattr(system, key) == getattr(other, key)).all() for key in ("M", "C", "K", "B"))

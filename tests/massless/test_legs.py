@@ -13,12 +13,13 @@ def light_stewart(split=None):
     given = library.stewart()
     model = mv.Model("light")
     for body in given.bodies.values():
-        model.add_body(**(body.words() | ({} if body.name == "platform" else {"mass": 0.0, "inertia": (0, 0, 0)})))
+        massless = {} if body.name == "platform" else {"mass": 0.0, "inertia": (0, 0, 0)}
+        model.add_body(**body.constructor_kwargs() | massless)
     springs = {frozenset((spring.first, spring.second)): spring for spring in given.springs.values()}
     for joint in given.joints.values():
         spring = springs.get(frozenset((joint.first, joint.second)))
         if spring is None or split is None:
-            model.add_joint(**joint.words())
+            model.add_joint(**joint.constructor_kwargs())
             continue
         link = f"{spring.name}.link"
         middle = np.add(spring.start, spring.end) / 2
@@ -30,7 +31,7 @@ def light_stewart(split=None):
             model.add_spring(f"{spring.name}.k{i}", first, second, start, end, stiffness=split[i])
     if split is None:
         for spring in given.springs.values():
-            model.add_spring(**(spring.words() | {"damping": 0.0}))
+            model.add_spring(**(spring.constructor_kwargs() | {"damping": 0.0}))
     return model
 
 

@@ -120,9 +120,9 @@ def test_between_bodies_along_any_line():
     result = model.linearize().frequency_response(OMEGA)[:, 0]
     plain = mv.Model()
     for part in ("a", "b"):
-        plain.add_body(**model.bodies[part].words())
+        plain.add_body(**model.bodies[part].constructor_kwargs())
     for part in ("mount", "hold"):
-        plain.add_bushing(**model.springs[part].words())
+        plain.add_bushing(**model.springs[part].constructor_kwargs())
     bare = plain.linearize()
     e = (end - start) / np.linalg.norm(end - start)
     row = np.concatenate((-e, -np.cross(start, e), e, np.cross(end - model.bodies["b"].position, e)))

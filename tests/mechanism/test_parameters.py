@@ -112,7 +112,7 @@ def test_values_as_they_are_change_nothing(model):
     assert again.inputs == model.inputs
     assert again.outputs == model.outputs
     for name, part in model.springs.items():
-        assert again.springs[name].words().keys() == part.words().keys()
+        assert again.springs[name].constructor_kwargs().keys() == part.constructor_kwargs().keys()
     for name, joint in model.joints.items():
         assert_allclose(np.array(again.joints[name].axes), joint.axes, rtol=0, atol=1e-15)
         assert [d for d, _ in again.joints[name].freedom] == [d for d, _ in joint.freedom]

@@ -37,7 +37,7 @@ def test_the_start_is_the_pose_under_the_load():
     assert np.abs(theta_of(run) - THETA0).max() < 1e-12
     assert run.energy.total[0] == pytest.approx(E0, rel=1e-12)
     straight = mv.Model("straight")
-    straight.add_beam(**model.beams["beam"].without_forces().words())
+    straight.add_beam(**model.beams["beam"].without_forces().constructor_kwargs())
     frequencies = straight.linearize().modes().frequencies
     for hertz in (21.33625854, 58.84641055, 115.56285039):
         assert np.abs(frequencies - hertz).min() < 1e-7

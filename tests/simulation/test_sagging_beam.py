@@ -25,7 +25,7 @@ def of_small_motion(model):
 def without_stretch(model, share):
     """The same model whose beam has a share of its cross section, with the same bending and mass per length."""
     beam = model.composed["beam"]
-    words = dict(beam.words())
+    words = dict(beam.constructor_kwargs())
     own = beam.properties
     words["section"] = {"A": share * own.A, "Iy": own.Iy, "Iz": own.Iz, "J": own.J}
     words["material"] = {"E": beam.material.E, "G": beam.material.E / 2.6, "rho": beam.material.rho / share}

@@ -125,6 +125,7 @@ def test_coupled_damping_against_transfer_matrices(case):
     n, near = case
     modes = scenes.dashed(n).linearize(method="sparse").modes(6, near=near)
     assert not modes.classical
+    assert np.array_equal(modes.errors[0::2], modes.errors[1::2])  # conjugate eigenvalues have the same error
     damping = [0.0 if i % 7 else 30.0 for i in range(n)]
     for value, error in zip(modes.eigenvalues[0::2], modes.errors[0::2], strict=True):
         exact = root(n, damping, 1e4, _about_joint(), value)

@@ -145,7 +145,7 @@ def test_dampers_of_motions_that_are_free_but_for_underflow():
 def test_motions_that_hardly_anything_holds_are_refused_by_name():
     """Four rigid-body modes of the dense equations are held by rounding of preloads in the sparse ones."""
     model = mv.load(Path(__file__).with_name("hardly_held.yaml"))
-    with pytest.raises(mv.ResponseError, match=r"'hardly_held' found motions that depend.*method='dense'"):
+    with pytest.raises(mv.ResponseError, match=r"'hardly_held' found linearly dependent motions.*method='dense'"):
         model.linearize(method="sparse").modes(2)
 
 

@@ -20,8 +20,9 @@ def spatial_twin(model):
     twin = type(model)(model.name)
     for key, group in model.groups().items():
         for part in group.values() if key != "loads" else ():
-            words = {word: value for word, value in part.words().items() if word not in ("preload", "free_length")}
-            getattr(twin, ADDERS[type(part)])(**words)
+            kwargs = part.constructor_kwargs()
+            kept = kwargs.keys() - {"preload", "free_length"}
+            getattr(twin, ADDERS[type(part)])(**{key: kwargs[key] for key in kept})
     return twin
 
 

@@ -201,7 +201,7 @@ def planar_loops(**words):
 
 
 def rebuilt(model, change=lambda part, words: words, order=None):
-    """The same model through its words, each changed by ``change(part, words)``.
+    """The same model through its words, each changed by ``change(part, constructor_kwargs)``.
 
     ``order`` seeds a permutation of the bodies, joints and springs.
     """
@@ -212,7 +212,7 @@ def rebuilt(model, change=lambda part, words: words, order=None):
         values = list(group.values())
         parts += values if rng is None else [values[i] for i in rng.permutation(len(values))]
     for part in (*parts, *model.inputs.values(), *model.outputs.values()):
-        getattr(result, ADDERS[type(part)])(**change(part, part.words()))
+        getattr(result, ADDERS[type(part)])(**change(part, part.constructor_kwargs()))
     return result
 
 

@@ -35,7 +35,7 @@ def restated(model, by=AS_IS, shift=(0.0, 0.0, 0.0), order=None, rename=str):
 
 
 def _turned(adder, part, by, shift):
-    words = dict(part.words())
+    words = dict(part.constructor_kwargs())
     if adder == "add_body":
         words.setdefault("position", (0.0, 0.0, 0.0))
     for key in POINTS:

@@ -32,10 +32,11 @@ if TYPE_CHECKING:
     from mbsvib.sparse.quadratic import Quadratic
 
 # Largest relative residual of right vectors, and largest relative error of eigenvalues, which is bounded by the product
-# of the residuals from both sides.
+# of the residuals of both vectors.
 CONVERGED, ACCURATE = 1e-9, 1e-13
+# Rounds in which the subspace grows.
 ROUNDS = 12
-# If less than this share of a direction remains after orthogonalization, it is left out: it has lost its digits.
+# A direction is left out if less than this fraction remains after orthogonalization, and in the second pass.
 NEW, STILL_NEW = 1e-10, 0.1
 # Residuals are measured with P(s) at a real s, this factor above |lambda|: it is no eigenvalue of a stable system.
 ABOVE = 1.3
@@ -43,8 +44,10 @@ ABOVE = 1.3
 
 @dataclass(frozen=True, slots=True)
 class Eigenvectors:
-    """Eigenvalues ``values`` (h,) that are not 0, those of conjugate pairs with positive imaginary part, with ``right``
-    and ``left`` vectors in the small system (n, h), and their ``number`` (h,) among the eigenvalues of its modes.
+    """Nonzero eigenvalues ``values`` (h,), of conjugate pairs those with positive imaginary part.
+
+    ``right`` and ``left`` (n, h) are the vectors in the small system, ``number`` (h,) the numbers among the eigenvalues
+    of its modes.
     """
 
     values: Complex
@@ -66,15 +69,15 @@ def eigenvectors(result: Modes, numbers: Index) -> Eigenvectors:
     Returns
     -------
     Eigenvectors
-        Without eigenvalues 0.
+        Nonzero eigenvalues and vectors.
     """
     modal, starts = result.damped, result.starts
     if isinstance(modal, General):
         spectrum = modal.spectrum
         used = np.flatnonzero(np.isin(modal.mode, numbers))
-        at = starts[modal.mode[used]]
-        second = result.eigenvalues[at] != spectrum.values[used]
-        number = at + (second & (starts[modal.mode[used] + 1] - at > 1))
+        first = starts[modal.mode[used]]
+        is_second = result.eigenvalues[first] != spectrum.values[used]
+        number = first + (is_second & (starts[modal.mode[used] + 1] - first > 1))
         return Eigenvectors(spectrum.values[used], spectrum.right[:, used], spectrum.left[:, used], number)
     number = np.stack((2 * numbers, 2 * numbers + 1), axis=1).reshape(-1)
     values = result.eigenvalues[number]
@@ -89,7 +92,7 @@ def parts(z: NDArray[np.inexact]) -> Array:
     return np.concatenate((z.real, z.imag), axis=1) if np.iscomplexobj(z) else np.asarray(z, dtype=float)
 
 
-def joined(quadratic: Quadratic, basis: Array, more: Array, speed: float) -> Array:
+def extended(quadratic: Quadratic, basis: Array, more: Array, speed: float) -> Array:
     """Return a basis extended by some motions, orthonormal in kinetic energy, basis^T M basis = 1.
 
     Parameters
@@ -99,10 +102,10 @@ def joined(quadratic: Quadratic, basis: Array, more: Array, speed: float) -> Arr
     basis : array, shape (size, n)
         Orthonormal motions.
     more : array, shape (size, k)
-        More of them.
+        Further motions.
     speed : float
-        A frequency [rad/s] at which new directions are projected on motions that the joints allow. Small remainders
-        violate the constraints by rounding.
+        A frequency [rad/s] at which new directions are projected on motions that the joints allow: small remainders
+        after the orthogonalization violate the constraints by rounding.
 
     Returns
     -------
@@ -112,123 +115,135 @@ def joined(quadratic: Quadratic, basis: Array, more: Array, speed: float) -> Arr
     if not more.shape[1]:
         return basis
     w = quadratic.w
-    old = w @ basis
+    basis_rows = w @ basis
     length = np.linalg.norm(w @ more, axis=0)
     more = more[:, length > 0.0] / length[length > 0.0]
     factor = quadratic.system.tableau.factor(s=ABOVE * speed)
-    for new in (NEW, STILL_NEW):
+    for limit in (NEW, STILL_NEW):
         for _ in range(2):
             rows = w @ more
-            share = old.T @ rows
-            more, rows = more - basis @ share, rows - old @ share
+            amplitudes = basis_rows.T @ rows
+            more, rows = more - basis @ amplitudes, rows - basis_rows @ amplitudes
         _, singular, right = np.linalg.svd(rows, full_matrices=False)
-        significant = singular > new
+        significant = singular > limit
         more = more @ (right[significant].T / singular[significant])
-        if new == NEW:
+        if limit == NEW:
             more = quadratic.solve(factor, quadratic.force(ABOVE * speed, more))
     return np.concatenate((basis, more), axis=1)
 
 
+def truncation(right: Array, left: Array, distance: Array) -> Array:
+    """Return bounds (h,) of the errors of eigenvalues by residuals (h,) of both vectors, to first and second order.
+
+    ``distance`` (h,) is the relative distance to the eigenvalues that are not in the subspace.
+    """
+    return np.asarray(np.minimum(np.maximum(right, left), right * left / np.maximum(distance, CONVERGED)))
+
+
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """The ``small`` system of motions with ``mass`` (size, n), of which the first ``rigid`` deform no spring, and
-    ``light`` ones without mass; its ``modes``, the numbers ``selected`` of the wanted ones, and a ``bound`` of the
-    relative error of each eigenvalue by the truncation of the basis.
+    """Modes in a subspace: the ``small`` system, its ``modes`` and the numbers ``selected`` of the wanted modes.
+
+    The subspace has motions with ``mass`` (size, n), of which the first ``rigid`` deform no spring, and ``massless``
+    ones. ``bound`` is that of the relative error of each eigenvalue by truncation, ``residuals`` (2, h) are those of
+    the right and left ``vectors`` of the selected modes.
     """
 
     mass: Array
-    light: Array
+    massless: Array
     rigid: int
     small: Equations
     modes: Modes
     selected: Index
     bound: Array
     vectors: Eigenvectors
-    left_over: Array
+    residuals: Array
 
     @property
     def basis(self) -> Array:
-        """All motions, those without mass last."""
-        return np.concatenate((self.mass, self.light), axis=1)
+        """All motions, massless ones last."""
+        return np.concatenate((self.mass, self.massless), axis=1)
 
 
 @dataclass(frozen=True)
 class Galerkin:
-    """Modes of a large system from a subspace: ``choose`` returns the numbers of the wanted modes among all modes of
-    the small system, of the class ``form``, and ``apart`` is the distance of eigenvalues from those not in the
-    subspace.
+    """Modes of a large system from a subspace, with a small system of the class ``form``.
+
+    ``choose`` returns the numbers of the wanted modes among all modes of the small system, ``distance`` those of
+    eigenvalues from the eigenvalues that are not in the subspace.
     """
 
     quadratic: Quadratic
     choose: Callable[[Modes], Index]
-    apart: Callable[[Complex], Array]
+    distance: Callable[[Complex], Array]
     form: type[Equations]
 
-    def solution(self, mass: Array, light: Array, rigid: int) -> Solution:
-        """Return the modes of a given subspace."""
-        basis = np.concatenate((mass, light), axis=1)
-        small = reduced(self.quadratic.system, basis, rigid, self.form, light.shape[1])
+    def solution(self, mass: Array, massless: Array, rigid: int) -> Solution:
+        """Return the modes in a subspace."""
+        basis = np.concatenate((mass, massless), axis=1)
+        small = reduced(self.quadratic.system, basis, rigid, self.form, massless.shape[1])
         result: Modes = dense_modes(small, RTOL)
         selected = self.choose(result)
         vectors = eigenvectors(result, selected)
-        sizes = left_over(self.quadratic, basis, vectors)
-        apart = np.maximum(self.apart(vectors.values) / np.abs(vectors.values), CONVERGED)
-        lacks = np.minimum(sizes.max(axis=0), sizes[0] * sizes[1] / apart)
-        bound = error_bound(self.quadratic.system, small, result, vectors, lacks)
-        return Solution(mass, light, rigid, small, result, selected, bound, vectors, sizes)
+        sizes = residuals(self.quadratic, basis, vectors)
+        errors = truncation(sizes[0], sizes[1], self.distance(vectors.values) / np.abs(vectors.values))
+        bound = error_bound(self.quadratic.system, small, result, vectors, errors)
+        return Solution(mass, massless, rigid, small, result, selected, bound, vectors, sizes)
 
-    def converged(self, mass: Array, light: Array, rigid: int) -> Solution:
-        """Return the modes of a subspace that grows until the selected ones satisfy the full system's equations."""
+    def converged(self, mass: Array, massless: Array, rigid: int) -> Solution:
+        """Return the modes in a subspace that grows until the selected ones satisfy the full system's equations."""
         for _ in range(ROUNDS):
-            result = self.solution(mass, light, rigid)
-            more = self._steps(result)
-            if not more:
+            result = self.solution(mass, massless, rigid)
+            corrections = self._corrections(result)
+            if not corrections:
                 break
-            mass, light = self.joined(mass, light, np.concatenate(more, axis=1), result.vectors)
-            if mass.shape[1] + light.shape[1] == len(result.small.M):
+            mass, massless = self.extended(mass, massless, np.concatenate(corrections, axis=1), result.vectors)
+            if mass.shape[1] + massless.shape[1] == len(result.small.M):
                 break
         return result
 
-    def joined(
-        self, mass: Array, light: Array, more: NDArray[Any], vectors: Eigenvectors
+    def extended(
+        self, mass: Array, massless: Array, more: NDArray[Any], vectors: Eigenvectors
     ) -> tuple[Array, Array]:
-        """Return motions with mass, and those without mass, extended by more of them."""
-        new, massless = split_massless(self.quadratic.system, parts(more))
+        """Return motions with mass and massless motions, both extended by parts of further motions."""
+        more_mass, more_massless = split_massless(self.quadratic.system, parts(more))
         speed = float(np.abs(vectors.values).max(initial=1.0))
-        return (joined(self.quadratic, mass, new, speed),
-                independent(self.quadratic.system, np.concatenate((light, massless), axis=1)))  # fmt: skip
+        return (extended(self.quadratic, mass, more_mass, speed),
+                independent(self.quadratic.system, np.concatenate((massless, more_massless), axis=1)))  # fmt: skip
 
-    def _steps(self, solution: Solution) -> list[NDArray[Any]]:
+    def _corrections(self, solution: Solution) -> list[NDArray[Any]]:
         """Steps of inverse iteration for the vectors that do not satisfy the full system's equations."""
         vectors, inaccurate = solution.vectors, solution.bound[solution.vectors.number] > ACCURATE
-        late = (inaccurate | (solution.left_over[0] > CONVERGED), inaccurate)
-        return [_step(self.quadratic, s, z, transposed)
-                for transposed, side in ((False, vectors.right), (True, vectors.left))[: 2 - self.quadratic.symmetric]
-                for s, z, wanted in zip(vectors.values, (solution.basis @ side).T, late[int(transposed)], strict=True)
-                if wanted]  # fmt: skip
+        unconverged = (inaccurate | (solution.residuals[0] > CONVERGED), inaccurate)
+        sides = ((False, vectors.right), (True, vectors.left))[: 2 - self.quadratic.symmetric]
+        return [_inverse_iteration(self.quadratic, s, z, transposed) for transposed, side in sides
+                for s, z, used in zip(vectors.values, (solution.basis @ side).T, unconverged[transposed], strict=True)
+                if used]  # fmt: skip
 
     def narrowed(self, solution: Solution) -> Solution:
-        """Return the selected modes in the subspace of their right and left vectors and of free motions. The larger
-        subspace is returned if other modes of the smaller one would be as near, or unstable.
+        """Return the selected modes in the subspace of their right and left vectors and of free motions.
+
+        The larger subspace is returned if other modes of the smaller one are unstable, or it is not converged.
         """
         vectors, modal, rigid = solution.vectors, solution.modes.damped, solution.rigid
         sides: list[NDArray[Any]] = [vectors.right, vectors.left][: 2 - self.quadratic.symmetric]
         if isinstance(modal, General) and (solution.modes.eigenvalues == 0.0).any():
             sides += [modal.state.show @ modal.state.right, modal.state.force.T @ modal.state.left]
-        own = solution.basis @ parts(np.concatenate(sides, axis=1))
-        result = self.solution(*self.joined(solution.mass[:, :rigid], solution.light[:, :0], own, vectors), rigid)
+        motions = solution.basis @ parts(np.concatenate(sides, axis=1))
+        mass, massless = self.extended(solution.mass[:, :rigid], solution.massless[:, :0], motions, vectors)
+        result = self.solution(mass, massless, rigid)
         others = np.setdiff1d(np.arange(len(result.modes)), result.selected)
-        if len(self._steps(result)) or result.modes.growing[others].any():
+        if len(self._corrections(result)) or result.modes.growing[others].any():
             return solution
         return result
 
 
-def _step(quadratic: Quadratic, s: complex, z: Complex, transposed: bool) -> NDArray[Any]:
-    """P(s)^-1 P'(s) z, or the same of the transposed: one step of inverse iteration at an eigenvalue's estimate."""
+def _inverse_iteration(quadratic: Quadratic, s: complex, z: Complex, transposed: bool) -> NDArray[Any]:
+    """One step of inverse iteration at an approximate eigenvalue, P(s)^-1 P'(s) z, or with the transposed P."""
     shift: Any = s if s.imag else s.real
-    for aside in (0.0, 1e-9, 1e-7):
+    for offset in (0.0, 1e-9, 1e-7):
         try:
-            factor = quadratic.system.tableau.factor(s=shift * (1.0 + aside))
+            factor = quadratic.system.tableau.factor(s=shift * (1.0 + offset))
         except np.linalg.LinAlgError:
             continue
         motion = quadratic.solve(factor, quadratic.slope(s, z[:, None], transposed), transposed)
@@ -237,10 +252,10 @@ def _step(quadratic: Quadratic, s: complex, z: Complex, transposed: bool) -> NDA
     return motion
 
 
-def left_over(quadratic: Quadratic, basis: Array, vectors: Eigenvectors) -> Array:
-    """Return the residual of the full system's equations as a motion, relative to the vectors, in energy.
+def residuals(quadratic: Quadratic, basis: Array, vectors: Eigenvectors) -> Array:
+    """Return the residuals of the full system's equations as motions, relative to the vectors, in energy.
 
-    |P(s)^-1 P(lambda) x| / |x| with s = |lambda| to a power of two, and the same from the left
+    |P(s)^-1 P(lambda) x| / |x| with s = |lambda| to a power of two, and for left vectors with the transposed P
 
     Parameters
     ----------
@@ -249,7 +264,7 @@ def left_over(quadratic: Quadratic, basis: Array, vectors: Eigenvectors) -> Arra
     basis : array, shape (size, n)
         The subspace.
     vectors : Eigenvectors
-        Eigenvalues with both vectors in it.
+        Eigenvalues with right and left vectors in it.
 
     Returns
     -------
@@ -272,29 +287,29 @@ def left_over(quadratic: Quadratic, basis: Array, vectors: Eigenvectors) -> Arra
 
 
 def error_bound(
-    system: SparseEquations, small: Equations, result: Modes, vectors: Eigenvectors, lacks: Array
+    system: SparseEquations, small: Equations, result: Modes, vectors: Eigenvectors, errors: Array
 ) -> Array:
     """Return bounds of the relative errors of eigenvalues: truncation of the subspace and rounding of displacements.
 
-    |x| |y| / |lambda y^T P'(lambda) x| times both, in energy at the speed |lambda|
+    |x| |y| / |lambda y^T P'(lambda) x| times the sum of both, in energy at the speed |lambda|
 
     Parameters
     ----------
     system : SparseEquations
         The full system.
     small : Equations
-        That of the subspace.
+        The system in the subspace.
     result : Modes
         Its modes.
     vectors : Eigenvectors
-        Those that are bounded.
-    lacks : array, shape (h,)
-        Products of their residuals from both sides.
+        Eigenvalues and vectors of the modes.
+    errors : array, shape (h,)
+        Their truncation errors.
 
     Returns
     -------
     array
-        One for each eigenvalue of the modes, 0 for others.
+        Bounds for all eigenvalues of the modes, 0 for those without a vector.
     """
     values, x, y = vectors.values, vectors.right, vectors.left
     speed = np.abs(values)
@@ -304,9 +319,14 @@ def error_bound(
                       + (weights * np.abs(small.elastic_rows @ v) ** 2).sum(axis=0)) for v in (x, y)]  # fmt: skip
     with np.errstate(divide="ignore", invalid="ignore"):
         condition = np.nan_to_num(energy[0] * energy[1] / (slope * speed), nan=np.inf)
+    return of_all_eigenvalues(result, vectors, condition * (errors + rounding(system)))
+
+
+def of_all_eigenvalues(result: Modes, vectors: Eigenvectors, errors: Array) -> Array:
+    """Return errors (h,) of some eigenvalues as those of all eigenvalues, with conjugates, 0 for the others."""
     bound = np.zeros(len(result.eigenvalues))
-    bound[vectors.number] = condition * (lacks + rounding(system))
-    twin = vectors.number[vectors.number + 1 < len(bound)]
-    twin = twin[result.eigenvalues[twin + 1] == result.eigenvalues[twin].conj()]
-    bound[twin + 1] = bound[twin]
+    bound[vectors.number] = errors
+    first = vectors.number[vectors.number + 1 < len(bound)]
+    first = first[result.eigenvalues[first + 1] == result.eigenvalues[first].conj()]
+    bound[first + 1] = bound[first]
     return bound
