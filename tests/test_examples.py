@@ -9,7 +9,7 @@ import pytest
 
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
 SLOW = {"active_damping_by_units", "drop_test", "hoeken_balancing", "scraper_cycle", "validity_of_a_linear_model",
-        "hexapod_isolation", "linkage_under_gravity",
+        "hexapod_isolation", "linkage_under_gravity", "snap_through",
         "stewart_active_isolation", "stewart_geometry", "stewart_passive_design"}  # fmt: skip
 # packages that "all" does not have; CI runs these in an environment of their own
 NEEDS = {"hexapod_by_hinf": "ctrlsys"}

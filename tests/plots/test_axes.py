@@ -124,6 +124,7 @@ def test_more_panels_than_a_figure_holds_are_asked_for(draw):
         draw(system())
 
 
+@pytest.mark.slow
 def test_what_is_left_out_is_said():
     many = plots.energy(library.chain(70).linearize())
     assert many.get_suptitle() == "60 of 70 modes"
