@@ -215,7 +215,7 @@ def test_front_of_isolation_against_compliance_in_closed_form():
     stiff = goal.front({"mount.stiffness": (1e3, 1e6)}, goal.index([f]), goal.sag(load=1.0), bounds[:1],
                        goal.index([f]) >= 1e-6)  # fmt: skip
     assert stiff.objective == pytest.approx(front.objective[:1], rel=1e-6)
-    assert goal.index([f]).label == "index at 100 Hz"
+    assert goal.index([f]).label == "index at 100 Hz [1]"
     with pytest.raises(mv.ModelError, match="finite numbers"):
         goal.front({"mount.stiffness": (1e3, 1e6)}, goal.index([f]), goal.sag(), [])
 
