@@ -139,5 +139,6 @@ def a_path(value: Any, caller: str, error: Callable[[str], MbsvibError]) -> Path
     """Return ``value`` as a path; a number is refused, as ``open`` would take it for a file descriptor."""
     if isinstance(value, (str, os.PathLike)):
         return Path(value)
-    hint = " It comes after the model or system." if hasattr(value, "linearize") or hasattr(value, "modes") else ""
+    swapped = hasattr(value, "linearize") or hasattr(value, "modes")
+    hint = f" Are its arguments in another order? help({caller}) tells it." if swapped else ""
     raise error(f"{caller}: path = {shown(value)}; expected the path of a file.{hint}")

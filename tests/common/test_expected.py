@@ -193,5 +193,5 @@ def test_paths_are_paths(call, path):
 
 
 def test_a_path_before_the_model_is_told_the_order():
-    with pytest.raises(mv.ModelError, match="It comes after the model or system"):
+    with pytest.raises(mv.ModelError, match="Are its arguments in another order"):
         mv.save("car.yaml", MODEL)
