@@ -10,7 +10,7 @@ import numpy as np
 from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
 from mbsvib.equations.terms import MATRICES
-from mbsvib.errors import ExportError
+from mbsvib.errors import ExportError, counted
 from mbsvib_export.affine import affine
 from mbsvib_export.casadi_exponential import exponential_step
 from mbsvib_export.neutral import refuse_many, state_space_of
@@ -56,8 +56,8 @@ class CasadiModel(Displayed):
     values: Array
 
     def __repr__(self) -> str:
-        return (f"CasadiModel({self.name!r}: {len(self.states)} states, {len(self.inputs)} inputs, "
-                f"{len(self.outputs)} outputs, {len(self.parameters)} parameters)")  # fmt: skip
+        parts = {"state": self.states, "input": self.inputs, "output": self.outputs, "parameter": self.parameters}
+        return f"CasadiModel({self.name!r}: {', '.join(counted(len(part), name) for name, part in parts.items())})"
 
 
 def to_casadi(

@@ -10,7 +10,7 @@ import numpy as np
 from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
-from mbsvib.errors import ExportError
+from mbsvib.errors import ExportError, counted
 from mbsvib.responses.from_control import is_control
 from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.arrays_and_names import check_arrays, check_names
@@ -146,8 +146,8 @@ class SystemData(Displayed):
         ]  # fmt: skip
 
     def __repr__(self) -> str:
-        return (f"SystemData({self.name!r}: {len(self.coordinates)} DOF, {len(self.inputs)} inputs, "
-                f"{len(self.outputs)} outputs)")  # fmt: skip
+        return (f"SystemData({self.name!r}: {len(self.coordinates)} DOF, {counted(len(self.inputs), 'input')}, "
+                f"{counted(len(self.outputs), 'output')})")  # fmt: skip
 
 
 def state_space_of(source: object, realization: str, caller: str) -> StateSpace:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.display import Displayed
-from mbsvib.errors import ResponseError, nearest
+from mbsvib.errors import ResponseError, counted, nearest
 
 if TYPE_CHECKING:
     import os
@@ -136,8 +136,8 @@ class Run(Displayed):
     def __repr__(self) -> str:
         stop = "" if self.complete else ", interrupted"
         stop += "" if self.ended_by is None else f", ended by '{self.ended_by}'"
-        return (f"Run({self.name!r}: {len(self.time)} times to {self.time[-1]:g} s, {len(self.coordinates)} "
-                f"coordinates, {len(self.outputs)} outputs{stop})")  # fmt: skip
+        held = f"{counted(len(self.coordinates), 'coordinate')}, {counted(len(self.outputs), 'output')}"
+        return f"Run({self.name!r}: {len(self.time)} times to {self.time[-1]:g} s, {held}{stop})"
 
     @property
     def model(self) -> Mechanism:
@@ -344,4 +344,4 @@ def units(trace: Trace) -> dict[str, str]:
     from mbsvib.equations.ports import output_unit
 
     outputs = trace.session.model.outputs
-    return {name: output_unit(outputs[name]) for name in trace.measured.names}
+    return {name: output_unit(outputs[name]) for name in trace.measured.all_names}

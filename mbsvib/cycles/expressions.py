@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.errors import ModelError
+from mbsvib.finite_motion.momentum import angular_momentum
 from mbsvib.finite_motion.rotations import Expression
 from mbsvib.finite_motion.statement import finite_motion
 
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements import Body
     from mbsvib.finite_motion.statement import FiniteMotion
     from mbsvib.mechanism.mechanism import Mechanism
 
@@ -117,92 +116,9 @@ def statement(
         r = kinematics.point(body.name, numbers.vector(body, "position"))
         v = numbers.scalar(body, "mass") * ca.jtimes(r, q, qd)
         momentum += v
-        angular += ca.cross(r - about, v) + kinematics.frames[body.name].vector(_spin(body, motion))
-    for rotor in model.rotors.values():
-        h = numbers.scalar(rotor, "inertia") * numbers.scalar(rotor, "speed") * ca.SX(np.array(rotor.axis))
-        angular += kinematics.frames[rotor.body].vector(h)
+        angular += ca.cross(r - about, v) + angular_momentum(body, model.rotors, kinematics)
     phi = kinematics.closures
     phi_rate = ca.jtimes(phi, q, qd)
     required = ca.jtimes(motion.momenta, qd, qdd) - motion.forces
     return Statement(model, numbers.names, motion, q, qd, qdd, numbers.symbols, about, (phi, phi_rate, rate(phi_rate)),
                      required, -rate(momentum), -rate(angular))  # fmt: skip
-
-
-def _spin(body: Body, motion: FiniteMotion) -> Expression:
-    """Angular momentum (3,) of a body about its centre of mass, in axes that turn with it."""
-    axes, entries = ca.SX(np.array(body.orientation)), motion.motion.numbers.vector(body, "inertia")
-    xx, yy, zz, xy, xz, yz = (entries[i] for i in range(6))
-    tensor = ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
-    return axes @ (tensor @ (axes.T @ motion.motion.angular_velocity(body.name)))
-
-
-class Called:
-    """A function of its first argument alone, evaluated in place: calls take microseconds where it is short.
-
-    Parameters
-    ----------
-    function : casadi.Function
-        Any function whose outputs are dense.
-    *arguments : array, shape (k,)
-        All its arguments; values of the first do not count.
-    """
-
-    def __init__(self, function: ca.Function, *arguments: Array) -> None:
-        # the buffer must live as long as what evaluates it, and arrays as long as the buffer
-        buffer: Any
-        buffer, self._evaluate = function.buffer()
-        self._arguments = [np.array(array, dtype=float) for array in arguments]
-        self._outputs = [np.zeros(function.size_out(i), order="F") for i in range(function.n_out())]
-        for i, array in enumerate(self._arguments):
-            buffer.set_arg(i, array.data)
-        for i, array in enumerate(self._outputs):
-            buffer.set_res(i, array.reshape(-1, order="F").data)
-        self._buffer = buffer
-
-    def __call__(self, first: Array) -> list[Array]:
-        """Return the outputs (rows, columns)."""
-        self._arguments[0][:] = first
-        self._evaluate()
-        return [array.copy() for array in self._outputs]
-
-
-def evaluated(function: ca.Function, *arguments: Array) -> list[Array]:
-    """Return the outputs of a function at every sample, columns without their second axis.
-
-    Parameters
-    ----------
-    function : casadi.Function
-        Any function.
-    *arguments : array, shape (samples, k) or (k,)
-        Its arguments; those of one axis are the same at every sample.
-
-    Returns
-    -------
-    list of array, shape (samples, rows, columns) or (samples, rows)
-        Its outputs.
-    """
-    return [array[:, :, 0] if array.shape[2] == 1 else array for array in matrices(function, *arguments)]
-
-
-def matrices(function: ca.Function, *arguments: Array) -> list[Array]:
-    """Return the outputs of a function at every sample, all as matrices.
-
-    Parameters
-    ----------
-    function : casadi.Function
-        Any function.
-    *arguments : array, shape (samples, k) or (k,)
-        Its arguments; those of one axis are the same at every sample.
-
-    Returns
-    -------
-    list of array, shape (samples, rows, columns)
-        Its outputs.
-    """
-    samples = max(len(array) for array in arguments if array.ndim == 2)
-    columns: list[Any] = [array.T if array.ndim == 2 else np.repeat(array[:, None], samples, axis=1)
-                          for array in arguments]  # fmt: skip
-    outputs = function.map(samples).call([ca.DM(column) for column in columns])
-    shapes = [function.size_out(i) for i in range(len(outputs))]
-    return [np.array(output).reshape(rows, samples, width).transpose(1, 0, 2)
-            for output, (rows, width) in zip(outputs, shapes, strict=True)]  # fmt: skip

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, TypeVar
 import casadi as ca
 import numpy as np
 
-from mbsvib.cycles.expressions import evaluated
 from mbsvib.cycles.result import CycleData
+from mbsvib.finite_motion.evaluation import evaluated
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -10,10 +10,11 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.common import arguments as check
-from mbsvib.cycles.expressions import Called, Statement, evaluated, matrices, statement
+from mbsvib.cycles.expressions import Statement, statement
 from mbsvib.cycles.following import Loops, followed
 from mbsvib.cycles.prescribed import Prescribed, prescribed
 from mbsvib.errors import ModelError
+from mbsvib.finite_motion.evaluation import Called, evaluated, matrices
 from mbsvib.kinematics.characteristic_length import length_of
 from mbsvib.linalg.rank import EPS, RANK_FACTOR
 from mbsvib.mechanism.topology import cut_elsewhere

@@ -18,10 +18,10 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.cycles.expressions import matrices
 from mbsvib.cycles.free_bodies import free_bodies
 from mbsvib.cycles.reactions import reactions
 from mbsvib.cycles.total_derivatives import dependent_derivatives, total_derivatives
+from mbsvib.finite_motion.evaluation import matrices
 from mbsvib.linalg.rank import REDUNDANT_LOOPS
 from mbsvib.mechanism.mechanism import GROUND
 

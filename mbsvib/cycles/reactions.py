@@ -13,9 +13,9 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.cycles.expressions import matrices
 from mbsvib.cycles.free_bodies import FreeBodies, free_bodies
 from mbsvib.errors import MbsvibError
+from mbsvib.finite_motion.evaluation import matrices
 from mbsvib.linalg.rank import DETERMINED, REDUNDANT_LOOPS
 from mbsvib.mechanism.mechanism import GROUND
 

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from mbsvib.cycles.expressions import matrices
 from mbsvib.errors import ModelError
+from mbsvib.finite_motion.evaluation import matrices
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -43,6 +43,11 @@ class StrainOutput(Part):
     side: str = "z"
     distance: float | None = None
 
+    @property
+    def unit(self) -> str:
+        """Its unit."""
+        return UNIT
+
 
 def make(name: str, element: str, at: Any = "start", side: Any = "z", distance: Any = None) -> StrainOutput:
     """Check the values of a strain output and build it."""

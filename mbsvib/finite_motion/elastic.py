@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
+from mbsvib.finite_motion.frames import REST
 from mbsvib.finite_motion.rotations import Expression
-from mbsvib.mechanism.mechanism import GROUND
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -72,7 +72,7 @@ def elastic_energies(block: ElasticBlock, b: Expression, z: Expression, motion: 
     potential = 0.5 * _form(stiffness, both) + ca.dot(ca.SX(_clean(pull)), both) + offset
     relative = 0.5 * _form(span.T @ block.relative_damping @ span, rates)
     columns = [6 * i + j for i in block.elastic for j in range(6)] + list(range(6 * len(block.points), len(block.mass)))
-    if block.root == GROUND:
+    if motion.frames[block.root] is REST:
         forms = [0.5 * _form(span.T @ matrix[np.ix_(columns, columns)] @ span, rates)
                  for matrix in (block.mass, block.damping)]  # fmt: skip
         potential -= sum((ca.dot(ca.SX(_clean(force)), both) for force in [_weight(block) @ span]), ca.SX(0.0))

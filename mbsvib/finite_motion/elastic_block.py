@@ -248,7 +248,7 @@ def _matrix(pieces: Sequence[SharedRows], names: dict[str, int], points: Array, 
         for k, node in enumerate(piece.nodes):
             own = piece.matrix[:, 6 * k : 6 * k + 6]
             _add(rows, own, node, node.body, names, points)
-            if node.relative_to in names:
+            if node.relative_to in names and piece.damping is not None:  # the mass rows are those of a ground at rest
                 _add(rows, -own, node, node.relative_to, names, points)
         value = np.ones(len(rows)) if piece.damping is None else piece.damping
         result += rows.T @ (value[:, None] * rows)

@@ -12,6 +12,8 @@ from mbsvib.finite_motion.rotations import Expression, exponential, logarithm
 from mbsvib.linalg.rotations import exponential as rotation_matrix
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from mbsvib.common.arrays import Array
     from mbsvib.finite_motion.elastic_block import ElasticBlock
 
@@ -53,6 +55,34 @@ def coordinates_of(block: ElasticBlock, station: int, relative: Frame) -> Expres
 def point_as_described(block: ElasticBlock, station: int) -> Array:
     """Return where a node is in the pose as described [m]."""
     return np.asarray(block.points[block.elastic[station]] + block.state[6 * station : 6 * station + 3])
+
+
+def node_row(block: ElasticBlock, body: str, point: Sequence[float], wrench: Sequence[float]) -> Array:
+    """Return the row (6 e + internal,) that makes of x the small displacement of a point along a direction.
+
+    Parameters
+    ----------
+    block : ElasticBlock
+        The block.
+    body : str
+        Name of one of its nodes, which carries the point, or of its root.
+    point : sequence of float, shape (3,)
+        The point as described [m].
+    wrench : sequence of float, shape (6,)
+        The direction, translation and rotation, in the axes of the root as described.
+
+    Returns
+    -------
+    array, shape (6 e + internal,)
+        The row; 0 for the root.
+    """
+    row = np.zeros(len(block.state))
+    if body in block.nodes:
+        k = block.nodes.index(body)
+        force = np.array(wrench[:3])
+        row[6 * k : 6 * k + 3] = force
+        row[6 * k + 3 : 6 * k + 6] = wrench[3:] + np.cross(np.array(point) - point_as_described(block, k), force)
+    return row
 
 
 def _inverse(rho: Array) -> Array:

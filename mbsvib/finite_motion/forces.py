@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.finite_motion.frames import REST
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -23,9 +23,9 @@ def velocity(motion: Kinematics, body: str, point: Expression) -> tuple[Expressi
     """Return the velocity (3,) of the point of a body that was at ``point`` as described, and its angular velocity,
     both in world axes [m/s, rad/s].
     """
-    if body == GROUND:
-        return ca.SX.zeros(3), ca.SX.zeros(3)
     frame = motion.frames[body]
+    if frame is REST:
+        return ca.SX.zeros(3), ca.SX.zeros(3)
     return motion.rate(frame.point(point)), frame.rotation @ motion.angular_velocity(body)
 
 

@@ -16,7 +16,9 @@ from mbsvib.finite_motion.frames import Frame
 from mbsvib.finite_motion.rotations import Expression, about, axial, exponential, sinc
 
 if TYPE_CHECKING:
-    from mbsvib.elements import Joint
+    from collections.abc import Mapping
+
+    from mbsvib.elements import Body, Joint
     from mbsvib.finite_motion.numbers import Numbers
 
 
@@ -61,6 +63,47 @@ def displacement(joint: Joint, numbers: Numbers, q: Expression, base: Expression
         shift = _swing(joint, shift)
     point = point_of(joint, numbers)
     return Frame(rotation, point + shift - rotation @ point)
+
+
+def release(joint: Joint, numbers: Numbers, bodies: Mapping[str, Body], relative: Frame, q: Expression) -> Frame:
+    """Return a further displacement of the second body of a joint, of the directions in which its forces are told.
+
+    Parameters
+    ----------
+    joint : Joint
+        The joint.
+    numbers : Numbers
+        The numbers of the mechanism.
+    bodies : mapping of str to Body
+        Its bodies.
+    relative : Frame
+        Displacement of the second body against the first.
+    q : expression, shape (6,)
+        Displacement along the axes of the joint, which turn with the first body, and rotation about them at its point
+        on the second body [m, rad]; a joint without a point has it at the centre of mass of this body, or of the first
+        where the second is the ground. A rod has its z axis along itself, and no others.
+
+    Returns
+    -------
+    Frame
+        The displacement that comes after the relative one.
+    """
+    if joint.kind == "distance":
+        rod = relative.point(point_of(joint, numbers)) - ca.SX(np.array(joint.position))
+        return Frame(ca.SX.eye(3), q[2] * rod / ca.norm_2(rod))
+    if joint.position is not None:
+        point = relative.point(point_of(joint, numbers))
+    elif joint.second in bodies:
+        point = relative.point(numbers.vector(bodies[joint.second], "position"))
+    else:
+        point = numbers.vector(bodies[joint.first], "position")
+    return small_displacement(ca.SX(np.array(joint.axes)), point, q)
+
+
+def small_displacement(axes: Expression, point: Expression, q: Expression) -> Frame:
+    """Return a displacement along axes (columns) and a rotation about them at a point, q (6,) [m, rad]."""
+    rotation = exponential(axes @ q[3:])
+    return Frame(rotation, point + axes @ q[:3] - rotation @ point)
 
 
 def openings(joint: Joint, numbers: Numbers, relative: Frame) -> list[tuple[str, Expression]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import casadi as ca
-import numpy as np
 
 from mbsvib.elements.ports import BaseMotion, Input
 from mbsvib.errors import ModelError
@@ -16,6 +15,7 @@ from mbsvib.finite_motion.excited import at_rest, touched, with_interfaces
 from mbsvib.finite_motion.forces import base_power, input_power, load_power
 from mbsvib.finite_motion.kinematics import kinematics
 from mbsvib.finite_motion.lagrange import FiniteMotion
+from mbsvib.finite_motion.momentum import of_body, of_rotor
 from mbsvib.finite_motion.numbers import Numbers
 
 if TYPE_CHECKING:
@@ -69,13 +69,42 @@ def finite_motion(
     return _stated(model, (), (), parameters, cut, bases, without)
 
 
+def released(model: Mechanism, whole: FiniteMotion, joints: Sequence[str], without: Sequence[str] = ()) -> FiniteMotion:
+    """Return the finite motion of a mechanism with more coordinates, along which joints would carry nothing.
+
+    With these at rest at 0 it is that of the mechanism: along them, what mass @ q'' - f - J^T lambda lacks is what the
+    joints carry.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The mechanism.
+    whole : FiniteMotion
+        Its finite motion.
+    joints : sequence of str
+        The joints, and ``"ground"`` for what holds the ground.
+    without : sequence of str
+        Names of loads to leave out.
+
+    Returns
+    -------
+    FiniteMotion
+        With six coordinates for each joint after those of the mechanism.
+    """
+    topology, own = whole.motion.topology, set(whole.motion.names)
+    cut = [topology.joints[k].name for k in topology.cut]
+    still = [name for block in whole.blocks for name in block.mode_names if name not in own]
+    plain = with_interfaces(model, whole.blocks) if whole.blocks else model
+    return _stated(plain, whole.blocks, still, (), cut, bool(whole.motion.based), without, joints)
+
+
 def _stated(
     model: Mechanism, blocks: Sequence[ElasticBlock], still: Collection[str], parameters: Sequence[str],
-    cut: Sequence[str] | None, bases: bool, without: Sequence[str],
+    cut: Sequence[str] | None, bases: bool, without: Sequence[str], joints: Sequence[str] = (),
 ) -> FiniteMotion:  # fmt: skip
     """The statement of a mechanism whose beams and superelements are blocks."""
     numbers = Numbers(model, parameters)
-    motion = kinematics(model, numbers, cut, bases, blocks, still)
+    motion = kinematics(model, numbers, cut, bases, blocks, still, joints)
     parts = {name: connected(part, motion) for name, part in model.springs.items()}
     fall = numbers.gravity(model)
     asked = tuple(parameters)
@@ -131,12 +160,8 @@ def body_energy(body: Body, motion: Kinematics) -> Expression:
     """
     numbers = motion.numbers
     v = motion.rate(motion.point(body.name, numbers.vector(body, "position")))
-    w = motion.angular_velocity(body.name)
-    own = ca.SX(np.array(body.orientation)).T @ w
-    entries = numbers.vector(body, "inertia")
-    xx, yy, zz, xy, xz, yz = (entries[i] for i in range(6))
-    tensor = ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
-    return 0.5 * numbers.scalar(body, "mass") * ca.dot(v, v) + 0.5 * ca.dot(own, tensor @ own)
+    spin = ca.dot(motion.angular_velocity(body.name), of_body(body, motion))
+    return 0.5 * numbers.scalar(body, "mass") * ca.dot(v, v) + 0.5 * spin
 
 
 def rotor_term(rotor: Rotor, motion: Kinematics) -> Expression:
@@ -153,9 +178,7 @@ def rotor_term(rotor: Rotor, motion: Kinematics) -> Expression:
             f"give the inertia of what spins on the body, or start with a rate of its joint.",
             element=rotor.name, field="inertia",
         )  # fmt: skip
-    numbers = motion.numbers
-    momentum = numbers.scalar(rotor, "inertia") * numbers.scalar(rotor, "speed")
-    return momentum * ca.dot(ca.SX(np.array(rotor.axis)), motion.angular_velocity(rotor.body))
+    return ca.dot(of_rotor(rotor, motion), motion.angular_velocity(rotor.body))
 
 
 def _weight(body: Body, motion: Kinematics, fall: Expression) -> Expression:

@@ -1,8 +1,8 @@
-"""Outputs of a run: displacements, velocities, accelerations, and forces in springs, since the pose as described."""
+"""Outputs of a run: displacements, velocities, accelerations, forces and strains, since the pose as described."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -10,9 +10,13 @@ import numpy as np
 
 from mbsvib.elements.bushing import Bushing
 from mbsvib.elements.ports import BaseMotion, ForceOutput, Output
+from mbsvib.elements.strain_output import StrainOutput
 from mbsvib.elements.torsion_spring import TorsionSpring
 from mbsvib.finite_motion.forces import velocity
+from mbsvib.finite_motion.momentum import angular_momentum
 from mbsvib.finite_motion.rotations import logarithm
+from mbsvib.simulation.beam_outputs import beam_of, element_force, strain
+from mbsvib.simulation.reactions import ReactionOutputs, is_reaction, reaction_outputs
 from mbsvib.simulation.states import continued
 
 if TYPE_CHECKING:
@@ -31,15 +35,22 @@ ABOUT_Z, ALONG_Z = 5, 2
 class Measured:
     """Outputs as functions (q, q', q'', y, bases, u) -> (values, rotation vectors, angular velocities, rates).
 
-    ``weights`` (outputs, 3) are those of the rotation vectors; ``refused`` tells why outputs have no value, and
-    ``needs_accelerations`` whether q'' has an effect.
+    ``weights`` (outputs, 3) are those of the rotation vectors. ``reactions`` are the outputs that are forces in joints
+    or on the ground, and not among ``names``. ``refused`` tells why outputs have no value, and ``needs_accelerations``
+    whether q'' has an effect.
     """
 
     names: tuple[str, ...]
     weights: Array
     function: Any
+    reactions: ReactionOutputs | None
     refused: Mapping[str, str]
     needs_accelerations: bool
+
+    @property
+    def all_names(self) -> tuple[str, ...]:
+        """The names of all outputs that have values."""
+        return self.names if self.reactions is None else (*self.names, *self.reactions.names)
 
     def values(self, time: Array, arguments: tuple[Array, ...]) -> tuple[dict[str, Array], dict[str, Array]]:
         """Return all outputs and their rates by name, (samples,) each.
@@ -55,7 +66,22 @@ class Measured:
                 own = slice(3 * i, 3 * i + 3)
                 result[name] = values[i] + continued(vectors[own].T, spins[own].T, time) @ self.weights[i]
             slope[name] = rates[i]
+        if self.reactions is not None:
+            forces = self.reactions.values(arguments)
+            result |= forces
+            slope |= {name: np.full(len(time), np.nan) for name in forces}
         return result, slope
+
+
+@dataclass(frozen=True)
+class _Signal:
+    """An output: its value and rate, and where it has a rotation, the weight (3,) of its vector and its velocity."""
+
+    value: Expression
+    rate: Expression = field(default_factory=lambda: ca.SX(np.nan))
+    vector: Expression = field(default_factory=lambda: ca.SX.zeros(3))
+    spin: Expression = field(default_factory=lambda: ca.SX.zeros(3))
+    weight: Array = field(default_factory=lambda: np.zeros(3))
 
 
 def measured(model: Mechanism, statement: FiniteMotion) -> Measured:
@@ -74,72 +100,108 @@ def measured(model: Mechanism, statement: FiniteMotion) -> Measured:
         What they are in any state.
     """
     motion = statement.motion
-    qdd = ca.SX.sym("qdd", len(motion.names))
-    values: list[Expression] = []
-    vectors: list[Expression] = []
-    spins: list[Expression] = []
-    rates: list[Expression] = []
-    weights: list[Array] = []
-    names: list[str] = []
+    state = _State(model, statement, ca.SX.sym("qdd", len(motion.names)), ca.SX.sym("u", len(statement.inputs)))
+    signals: dict[str, _Signal] = {}
     refused: dict[str, str] = {}
-    u = ca.SX.sym("u", len(statement.inputs))
-    base = {name: part for name, part in model.inputs.items() if isinstance(part, BaseMotion)}
-    ground = sum((u[i] * ca.SX(np.array(base[name].wrench[:3])) for i, name in enumerate(statement.inputs) if name in
-                  base), ca.SX.zeros(3))  # fmt: skip
-
-    def onward(expression: Expression) -> Expression:
-        """The rate of an expression of q and q'."""
-        return motion.rate(expression) + ca.jtimes(expression, motion.qd, qdd)
-
+    asked: dict[str, ForceOutput] = {}
+    base = any(isinstance(part, BaseMotion) for part in model.inputs.values())
     for name, part in model.outputs.items():
-        vector, spin, weight = ca.SX.zeros(3), ca.SX.zeros(3), np.zeros(3)
-        if type(part) is Output and part.inertial and base and part.quantity != "acceleration":
+        beam = beam_of(model, part.element) if isinstance(part, StrainOutput | ForceOutput) else None
+        if isinstance(part, StrainOutput) and beam is not None:
+            value = strain(part, beam, statement)
+            signals[name] = _Signal(value, motion.rate(value))
+        elif isinstance(part, Output) and part.inertial and base and part.quantity != "acceleration":
             refused[name] = (f"output '{name}': an absolute {part.quantity} would integrate the acceleration of the "
                              f"ground; ask for absolute=False")  # fmt: skip
-            continue
-        if type(part) is Output:
-            point = ca.SX(np.array(model.bodies[part.body].position if part.position is None and part.body in
-                                   model.bodies else part.position or (0.0, 0.0, 0.0)))  # fmt: skip
-            (v, w), (v0, w0) = velocity(motion, part.body, point), velocity(motion, part.relative_to, point)
-            wrench = np.array(part.wrench)
-            speed = ca.dot(ca.SX(wrench[:3]), v - v0) + ca.dot(ca.SX(wrench[3:]), w - w0)
-            if part.quantity == "displacement":
-                apart = motion.point(part.body, point) - motion.point(part.relative_to, point)
-                value, rate = ca.dot(ca.SX(wrench[:3]), apart), speed
-                if wrench[3:].any():
-                    turn = motion.frames[part.body].rotation @ motion.frames[part.relative_to].rotation.T
-                    vector, spin, weight = logarithm(turn), w - w0, wrench[3:]
-            elif part.quantity == "velocity":
-                value, rate = speed, onward(speed)
-            else:
-                value, rate = onward(speed), ca.SX(np.nan)
-                if part.inertial:
-                    value += ca.dot(ca.SX(wrench[:3]), ground)
-        elif isinstance(part, ForceOutput) and part.element in statement.connections:
-            value = _force(model, part, statement, onward)
-            rate = ca.SX(np.nan)
+        elif isinstance(part, Output):
+            signals[name] = _motion(part, state)
+        elif is_reaction(model, part):
+            asked[name] = part
+        elif beam is not None:
+            signals[name] = _Signal(element_force(part, beam, statement))
+        elif part.element in statement.connections:
+            signals[name] = _Signal(_in_element(part, state))
+        elif part.element in model.bodies and not model.composed:
+            signals[name] = _Signal(_on_body(part, state))
         else:
-            refused[name] = f"output '{name}': a run tells no forces in joints and no strain yet"
-            continue
-        names.append(name)
-        values.append(value)
-        vectors.append(vector)
-        spins.append(spin)
-        rates.append(rate)
-        weights.append(weight)
-    arguments = [motion.q, motion.qd, qdd, statement.yields, motion.bases, u]
-    function = ca.Function("outputs", arguments, [
-        ca.vertcat(*part) for part in (values, vectors, spins, rates)])  # fmt: skip
-    return Measured(tuple(names), np.array(weights).reshape(-1, 3), function, refused,
-                    bool(ca.depends_on(ca.vertcat(*values, *rates), qdd)))  # fmt: skip
+            refused[name] = (f"output '{name}': a run tells no forces in superelements, and no sums of forces on "
+                             f"bodies of models with beams or superelements")  # fmt: skip
+    reactions = None
+    if asked:
+        dropped = [name for name in model.loads if name not in statement.loads]
+        reactions, left_open = reaction_outputs(model, statement, asked, dropped)
+        refused |= {name: f"output '{name}': redundant joints leave this force undetermined; a bushing in place of one "
+                          f"of them determines it" for name in left_open}  # fmt: skip
+    values = ca.vertcat(*(signal.value for signal in signals.values()))
+    rates = ca.vertcat(*(signal.rate for signal in signals.values()))
+    function = ca.Function("outputs", [motion.q, motion.qd, state.qdd, statement.yields, motion.bases, state.u], [
+        values, ca.vertcat(*(signal.vector for signal in signals.values())),
+        ca.vertcat(*(signal.spin for signal in signals.values())), rates])  # fmt: skip
+    return Measured(tuple(signals), np.array([signal.weight for signal in signals.values()]).reshape(-1, 3), function,
+                    reactions, refused,
+                    reactions is not None or bool(ca.depends_on(ca.vertcat(values, rates), state.qdd)))  # fmt: skip
 
 
-def _force(model: Mechanism, part: ForceOutput, statement: FiniteMotion, onward: Any) -> Expression:
+@dataclass(frozen=True)
+class _State:
+    """What outputs are functions of: the statement's symbols, q'' and u."""
+
+    model: Mechanism
+    statement: FiniteMotion
+    qdd: Expression
+    u: Expression
+
+    def onward(self, expression: Expression) -> Expression:
+        """The rate of an expression of q and q'."""
+        motion = self.statement.motion
+        return motion.rate(expression) + ca.jtimes(expression, motion.qd, self.qdd)
+
+    @property
+    def ground(self) -> Expression:
+        """The acceleration (3,) of the ground."""
+        base = {name: part for name, part in self.model.inputs.items() if isinstance(part, BaseMotion)}
+        return sum((self.u[i] * ca.SX(np.array(base[name].wrench[:3]))
+                    for i, name in enumerate(self.statement.inputs) if name in base), ca.SX.zeros(3))  # fmt: skip
+
+
+def _motion(part: Output, state: _State) -> _Signal:
+    """A displacement, velocity or acceleration of a point against another body."""
+    motion, bodies = state.statement.motion, state.model.bodies
+    point = ca.SX(np.array(bodies[part.body].position if part.position is None and part.body in bodies else
+                           part.position or (0.0, 0.0, 0.0)))  # fmt: skip
+    (v, w), (v0, w0) = velocity(motion, part.body, point), velocity(motion, part.relative_to, point)
+    wrench = np.array(part.wrench)
+    along = ca.SX(wrench[:3])
+    speed = ca.dot(along, v - v0) + ca.dot(ca.SX(wrench[3:]), w - w0)
+    if part.quantity == "velocity":
+        return _Signal(speed, state.onward(speed))
+    if part.quantity == "acceleration":
+        ground = ca.dot(along, state.ground) if part.inertial else 0.0
+        return _Signal(state.onward(speed) + ground)
+    value = ca.dot(along, motion.point(part.body, point) - motion.point(part.relative_to, point))
+    if not wrench[3:].any():
+        return _Signal(value, speed)
+    turn = motion.frames[part.body].rotation @ motion.frames[part.relative_to].rotation.T
+    return _Signal(value, speed, logarithm(turn), w - w0, wrench[3:])
+
+
+def _on_body(part: ForceOutput, state: _State) -> Expression:
+    """The sum of all forces on a body along a direction: the rate of its momentum, moments about its centre."""
+    motion, body = state.statement.motion, state.model.bodies[part.element]
+    momentum = body.mass * motion.rate(motion.point(body.name, motion.numbers.vector(body, "position")))
+    spin = angular_momentum(body, state.model.rotors, motion)
+    wrench = ca.SX(np.array(part.wrench))
+    rate = ca.vertcat(state.onward(momentum) + body.mass * state.ground, state.onward(spin))
+    return ca.dot(wrench, rate)
+
+
+def _in_element(part: ForceOutput, state: _State) -> Expression:
     """The force in an element along a direction of its axes, less that in the pose as described."""
-    element, connection = model.springs[part.element], statement.connections[part.element]
+    statement = state.statement
+    element, connection = state.model.springs[part.element], statement.connections[part.element]
     force = connection.force
     if hasattr(element, "inertance"):
-        force = element.inertance * onward(statement.motion.rate(connection.deformation))
+        force = element.inertance * state.onward(statement.motion.rate(connection.deformation))
     six = ca.SX.zeros(6)
     if isinstance(element, Bushing):
         six = force

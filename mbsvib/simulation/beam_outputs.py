@@ -1,0 +1,62 @@
+"""Strains of beams and forces in their elements, from the coordinates of linear blocks."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from mbsvib.elements.beam import Beam
+from mbsvib.elements.beam_expansion import elements
+from mbsvib.elements.strain_output import expand
+from mbsvib.finite_motion.elastic_nodes import node_row
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements.ports import ForceOutput
+    from mbsvib.elements.strain_output import StrainOutput
+    from mbsvib.finite_motion.elastic_block import ElasticBlock
+    from mbsvib.finite_motion.lagrange import FiniteMotion
+    from mbsvib.finite_motion.rotations import Expression
+    from mbsvib.mechanism.mechanism import Mechanism
+
+
+def beam_of(model: Mechanism, element: str) -> Beam | None:
+    """Return the beam that has an element of this name, if one does."""
+    return next((part for part in model.composed.values() if isinstance(part, Beam) and element in part.element_names),
+                None)  # fmt: skip
+
+
+def strain(part: StrainOutput, beam: Beam, statement: FiniteMotion) -> Expression:
+    """Return a strain of a beam, a relative displacement of two nodes in the axes of the body that carries it."""
+    measured = expand(part, {beam.name: beam}).outputs[part.name]
+    block = _block(beam, statement)
+    row = _relative(block, (measured.relative_to, measured.body), measured.position or (0.0, 0.0, 0.0), measured.wrench)
+    return _along(row[None], block, statement)
+
+
+def element_force(part: ForceOutput, beam: Beam, statement: FiniteMotion) -> Expression:
+    """Return the force in a beam element at its midpoint, along its axes; positive where it pulls its ends together."""
+    block, (_, spring) = _block(beam, statement), elements(beam)[beam.element_names.index(part.element)]
+    axes, ends = np.array(spring.orientation), (spring.first, spring.second)
+    ways = [(*axes[:, k], 0.0, 0.0, 0.0) for k in range(3)] + [(0.0, 0.0, 0.0, *axes[:, k]) for k in range(3)]
+    deformation = _along(np.array([_relative(block, ends, spring.position, way) for way in ways]), block, statement)
+    stiffness, damping = (ca.SX(np.array(part.wrench) * np.array(values)) for values in (spring.stiffness,
+                                                                                         spring.damping))  # fmt: skip
+    return ca.dot(stiffness, deformation) + ca.dot(damping, statement.motion.rate(deformation))
+
+
+def _block(beam: Beam, statement: FiniteMotion) -> ElasticBlock:
+    return next(block for block in statement.blocks if block.name == beam.name)
+
+
+def _relative(block: ElasticBlock, ends: tuple[str, str], point: tuple[float, ...], way: tuple[float, ...]) -> Array:
+    """The row on x of the displacement of the second end against the first."""
+    first, second = (node_row(block, body, point, way) for body in ends)
+    return second - first
+
+
+def _along(rows: Array, block: ElasticBlock, statement: FiniteMotion) -> Expression:
+    b, z = statement.motion.elastic[block.name]
+    return ca.sparsify(ca.SX(rows @ block.span)) @ ca.vertcat(z, b)
