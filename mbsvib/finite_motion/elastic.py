@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from mbsvib.finite_motion.frames import REST
+from mbsvib.finite_motion.frames import REST, Frame, angular_velocity
 from mbsvib.finite_motion.rotations import Expression
+from mbsvib.mechanism.mechanism import GROUND
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -28,7 +29,7 @@ ROUNDING = 1e-13
 
 @dataclass(frozen=True)
 class ElasticEnergies:
-    """What a linear block stores and dissipates [J, W].
+    """What a linear block stores and dissipates [J, W], and its ``momentum`` (3,) [N s], world axes.
 
     ``angle`` [rad] is the largest rotation at its interface; of beams, ``sag`` is the largest one between the ends over
     the thickness, and ``stretch`` [m] how much the ends move apart.
@@ -40,6 +41,7 @@ class ElasticEnergies:
     angle: Expression
     sag: Expression
     stretch: Expression
+    momentum: Expression
 
 
 def elastic_energies(block: ElasticBlock, b: Expression, z: Expression, motion: Kinematics) -> ElasticEnergies:
@@ -72,15 +74,23 @@ def elastic_energies(block: ElasticBlock, b: Expression, z: Expression, motion: 
     potential = 0.5 * _form(stiffness, both) + ca.dot(ca.SX(_clean(pull)), both) + offset
     relative = 0.5 * _form(span.T @ block.relative_damping @ span, rates)
     columns = [6 * i + j for i in block.elastic for j in range(6)] + list(range(6 * len(block.points), len(block.mass)))
+    along = np.zeros((3, len(block.mass)))  # a translation of all stations
+    along[:, : 6 * len(block.points)] = np.tile(np.eye(3, 6), len(block.points))
     if motion.frames[block.root] is REST:
         forms = [0.5 * _form(span.T @ matrix[np.ix_(columns, columns)] @ span, rates)
                  for matrix in (block.mass, block.damping)]  # fmt: skip
         potential -= sum((ca.dot(ca.SX(_clean(force)), both) for force in [_weight(block) @ span]), ca.SX(0.0))
+        momentum = ca.SX((along @ block.mass)[:, columns] @ span) @ rates
     else:
         change, speed = ca.SX(span) @ both, ca.SX(span) @ rates
-        velocities, fallen = _stations(block, change, speed, motion)
-        forms = [0.5 * _form(matrix, velocities) for matrix in (block.mass, block.damping)]
+        frame, ground = motion.frames[block.root], motion.frames[GROUND]
+        velocities, fallen = _stations(block, change, speed, frame, motion)
+        of_dampers = velocities  # which stand on the ground
+        if ground is not REST:
+            of_dampers, _ = _stations(block, change, speed, frame.seen_from(ground), motion)
+        forms = [0.5 * _form(block.mass, velocities), 0.5 * _form(block.damping, of_dampers)]
         potential -= fallen
+        momentum = frame.vector(ca.SX(along @ block.mass) @ velocities)
     turns = [ca.norm_2(ca.SX(span[6 * s + 3 : 6 * s + 6]) @ both + ca.SX(block.state[6 * s + 3 : 6 * s + 6]))
              for s in block.interface]  # fmt: skip
     largest = ca.mmax(ca.vertcat(*turns)) if turns else ca.SX(0.0)
@@ -88,14 +98,16 @@ def elastic_energies(block: ElasticBlock, b: Expression, z: Expression, motion: 
     if len(block.sag):
         sag = ca.mmax(ca.fabs(ca.SX(block.sag @ span) @ both + ca.SX(block.sag @ block.state)))
     return ElasticEnergies(forms[0], potential, relative + forms[1], largest, sag,
-                           ca.dot(ca.SX(block.stretch @ span), both))  # fmt: skip
+                           ca.dot(ca.SX(block.stretch @ span), both), momentum)  # fmt: skip
 
 
 def _stations(
-    block: ElasticBlock, change: Expression, speed: Expression, motion: Kinematics
+    block: ElasticBlock, change: Expression, speed: Expression, frame: Frame, motion: Kinematics
 ) -> tuple[Expression, Expression]:
-    """Velocities of all stations and rates of internal coordinates in the axes of the root, and the work of weights."""
-    frame, spin = motion.frames[block.root], motion.angular_velocity(block.root)
+    """Velocities of all stations and rates of internal coordinates in the axes of the root, and the work of weights,
+    with the root in this frame.
+    """
+    spin = angular_velocity(frame, motion.q, motion.qd)
     place = {station: k for k, station in enumerate(block.elastic)}
     parts, fallen = [], ca.SX(0.0)
     origin = frame.rotation.T @ motion.rate(frame.shift)

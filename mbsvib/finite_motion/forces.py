@@ -87,10 +87,10 @@ def input_power(part: Input, model: Mechanism, motion: Kinematics) -> Expression
     return ca.dot(wrench[:3], v - u) + ca.dot(wrench[3:], w - o)
 
 
-def base_power(part: BaseMotion, bodies: Iterable[Body], motion: Kinematics) -> Expression:
-    """Return the power [W] of the inertia forces on bodies whose ground accelerates by 1 m/s^2 along a direction.
+def base_power(part: BaseMotion, bodies: Iterable[Body], bent: Expression, motion: Kinematics) -> Expression:
+    """Return the power [W] of the inertia forces on parts whose ground accelerates by 1 m/s^2 along a direction.
 
-    P = -sum m d . v, with velocities v of the centres relative to the ground
+    P = -d . (sum m v + p), with velocities v of the centres relative to the ground
 
     Parameters
     ----------
@@ -98,6 +98,8 @@ def base_power(part: BaseMotion, bodies: Iterable[Body], motion: Kinematics) -> 
         The base motion, a translation.
     bodies : iterable of Body
         All bodies with mass.
+    bent : expression, shape (3,)
+        Momentum p of beams and superelements relative to the ground.
     motion : Kinematics
         The finite motion relative to the ground.
 
@@ -108,5 +110,5 @@ def base_power(part: BaseMotion, bodies: Iterable[Body], motion: Kinematics) -> 
     """
     numbers = motion.numbers
     momentum = sum((numbers.scalar(body, "mass") * velocity(motion, body.name, numbers.vector(body, "position"))[0]
-                    for body in bodies), ca.SX.zeros(3))  # fmt: skip
+                    for body in bodies), bent)  # fmt: skip
     return -ca.dot(ca.SX(np.array(part.wrench[:3])), momentum)

@@ -32,10 +32,10 @@ class FiniteMotion:
 
     ``kinetic``, ``potential`` and ``dissipation`` hold expressions by the names of parts [J, J, W]; weight is the
     potential of the body, zero as described. ``gyroscopic`` is G [J]. ``loads`` has the power [W] of each load,
-    ``inputs`` that of each input of 1 N, 1 N m or 1 m/s^2; base motions that turn the ground, or move beams and
-    superelements, are not among them. ``connections`` are springs and the like by name; their first-order states are
-    ``yields`` (k,), called ``yield_names``, with derivatives ``yield_rates`` (k,). ``bends`` are the energies of beams
-    and superelements, ``blocks`` these themselves.
+    ``inputs`` that of each input of 1 N, 1 N m or 1 m/s^2; base motions that turn the ground are not among them.
+    ``connections`` are springs and the like by name; their first-order states are ``yields`` (k,), called
+    ``yield_names``, with derivatives ``yield_rates`` (k,). ``bends`` are the energies of beams and superelements,
+    ``blocks`` these themselves.
     """
 
     motion: Kinematics

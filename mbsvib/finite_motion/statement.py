@@ -115,13 +115,14 @@ def _stated(
     potential = {name: _weight(body, motion, fall) for name, body in massive.items()}
     potential |= {name: part.potential for name, part in parts.items()}
     loads = {name: load_power(part, model, motion) for name, part in model.loads.items() if name not in without}
-    inputs = {
-        name: input_power(part, model, motion) if isinstance(part, Input) else
-        base_power(part, massive.values(), motion)
-        for name, part in model.inputs.items() if isinstance(part, Input) or (not blocks and _translates(part))
-    }  # fmt: skip
     yields = {name: part for name, part in parts.items() if part.yields.numel()}
     bends = {block.name: elastic_energies(block, *motion.elastic[block.name], motion) for block in blocks}
+    bent = sum((part.momentum for part in bends.values()), ca.SX.zeros(3))
+    inputs = {
+        name: input_power(part, model, motion) if isinstance(part, Input) else
+        base_power(part, massive.values(), bent, motion)
+        for name, part in model.inputs.items() if isinstance(part, Input) or _translates(part)
+    }  # fmt: skip
     kinetic |= {name: part.kinetic for name, part in bends.items()}
     potential |= {name: part.potential for name, part in bends.items()}
     dissipation = {name: part.dissipation for name, part in (parts | bends).items()}

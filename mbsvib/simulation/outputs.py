@@ -12,9 +12,11 @@ from mbsvib.elements.bushing import Bushing
 from mbsvib.elements.ports import BaseMotion, ForceOutput, Output
 from mbsvib.elements.strain_output import StrainOutput
 from mbsvib.elements.torsion_spring import TorsionSpring
+from mbsvib.finite_motion.elastic_nodes import point_as_described
 from mbsvib.finite_motion.forces import velocity
 from mbsvib.finite_motion.momentum import angular_momentum
 from mbsvib.finite_motion.rotations import logarithm
+from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.simulation.beam_outputs import beam_of, element_force, strain
 from mbsvib.simulation.reactions import ReactionOutputs, is_reaction, reaction_outputs
 from mbsvib.simulation.states import continued
@@ -166,9 +168,8 @@ class _State:
 
 def _motion(part: Output, state: _State) -> _Signal:
     """A displacement, velocity or acceleration of a point against another body."""
-    motion, bodies = state.statement.motion, state.model.bodies
-    point = ca.SX(np.array(bodies[part.body].position if part.position is None and part.body in bodies else
-                           part.position or (0.0, 0.0, 0.0)))  # fmt: skip
+    motion = state.statement.motion
+    point = ca.SX(_centre(part.body, state) if part.position is None else np.array(part.position))
     (v, w), (v0, w0) = velocity(motion, part.body, point), velocity(motion, part.relative_to, point)
     wrench = np.array(part.wrench)
     along = ca.SX(wrench[:3])
@@ -183,6 +184,18 @@ def _motion(part: Output, state: _State) -> _Signal:
         return _Signal(value, speed)
     turn = motion.frames[part.body].rotation @ motion.frames[part.relative_to].rotation.T
     return _Signal(value, speed, logarithm(turn), w - w0, wrench[3:])
+
+
+def _centre(body: str, state: _State) -> Array:
+    """The centre of mass of a body, or the point of a node of a beam or superelement, as described; 0 of the ground."""
+    if body in state.model.bodies:
+        return np.array(state.model.bodies[body].position)
+    for block in state.statement.blocks:
+        if body in block.nodes:
+            return point_as_described(block, block.nodes.index(body))
+        if body == block.root and body != GROUND:
+            return np.asarray(block.points[0])
+    return np.zeros(3)
 
 
 def _on_body(part: ForceOutput, state: _State) -> Expression:

@@ -71,8 +71,8 @@ def simulate(
     statement = finite_motion(model, bases=True, without=dropped)
     for name in inputs if isinstance(inputs, Mapping) else ():
         if isinstance(model.inputs.get(name), BaseMotion) and name not in statement.inputs:
-            raise ModelError(f"simulate: base motion '{name}' turns the ground, or moves beams or superelements; only "
-                             f"translations of models without them are simulated. Drive the model by forces.",
+            raise ModelError(f"simulate: base motion '{name}' turns the ground; only translations are simulated. Drive "
+                             f"the model by forces.",
                              element=name, field="inputs")  # fmt: skip
     driven = signals(inputs, tuple(statement.inputs), time)
     run = session(model, statement, driven, error)

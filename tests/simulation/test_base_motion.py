@@ -55,8 +55,56 @@ def test_absolute_motion_is_not_told():
         run["above"]
 
 
-def test_beams_are_refused_by_name():
-    model = mv.library.cantilever()
-    model.add_base_motion("shake", "z")
-    with pytest.raises(mv.ModelError, match="or moves beams"):
-        model.simulate([0.0, 1e-3], {"shake": 1.0})
+def flexible():
+    """A beam on the ground with an arm at its end, and a beam that the arm carries."""
+    model = mv.Model("flexible")
+    model.add_body("tip", 0.5, (0.01, 0.01, 0.01), (1.0, 0.0, 0.0))
+    model.add_body("arm", 1.0, (0.1, 0.2, 0.2), (1.0, 0.0, -0.3))
+    model.add_joint("pin", "revolute", "tip", "arm", (1.0, 0.0, 0.0), axis=(0, 1, 0))
+    words = {"section": {"type": "rectangle", "width": 0.02, "height": 0.01},
+             "material": {"E": 2.1e9, "nu": 0.3, "rho": 7800.0}, "elements": 2, "beta": 1e-4, "alpha": 0.5}  # fmt: skip
+    model.add_beam("base", "ground", "tip", start=(0, 0, 0), end=(1, 0, 0), **words)
+    model.add_beam("mast", "arm", None, start=(1, 0, -0.6), end=(1.3, 0, -0.8), **words)
+    model.add_base_motion("shake", (1.0, 0.3, -0.5))
+    model.add_output("tip", "tip", "z")
+    model.add_output("arm", "arm", "ry")
+    model.add_output("end", "mast.2", "x")
+    for direction in ("x", "y", "rz"):
+        model.add_force_output(f"ground {direction}", "ground", direction)
+    return model
+
+
+def with_superelements():
+    """A lump on springs to the ground, and another that an arm carries."""
+    model = mv.Model("lumps")
+    model.add_body("arm", 1.0, (0.1, 0.2, 0.2), (0.4, 0.0, 0.1))
+    model.add_joint("pin", "revolute", "ground", "arm", (0.0, 0.0, 0.0), axis=(0, 1, 0))
+    model.add_bushing("hold", "ground", "arm", (0, 0, 0), (0, 0, 0, 0, 40.0, 0))
+    to_other = np.eye(6)
+    to_other[:3, 3:] = -np.cross(np.eye(3), (0.3, 0.0, 0.1))  # of the second node by the motion of the first
+    rows = np.hstack((-to_other, np.eye(6)))
+    stiffness = rows.T @ np.diag((900.0, 700.0, 800.0, 30.0, 40.0, 50.0)) @ rows
+    mass = np.diag((0.2, 0.2, 0.2, 0.01, 0.01, 0.01, 0.5, 0.5, 0.5, 0.02, 0.03, 0.03))
+    model.add_superelement("carried", mass, None, stiffness, {"a": (0.8, 0, 0), "b": (1.1, 0, 0.1)},
+                           bodies={"a": "arm"})  # fmt: skip
+    model.add_superelement("still", mass[6:, 6:], None, stiffness[6:, 6:], {"node": (0, 1, 0)}, grounded=True)
+    model.add_base_motion("shake", (1.0, 0.3, -0.5))
+    for name, body in (("arm", "arm"), ("b", "carried.b"), ("node", "still.node")):
+        model.add_output(name, body, "z")
+    model.add_output("acceleration", "carried.b", "x", quantity="acceleration")
+    model.add_force_output("ground x", "ground", "x")
+    return model
+
+
+@pytest.mark.parametrize("make", [flexible, with_superelements])
+def test_what_bends_in_a_ground_that_accelerates(make):
+    """For small motion it answers as the linear equations do, but for what falls with the square."""
+    model, t = make(), np.linspace(0.0, 0.06, 7)
+    system, off = model.linearize(), []
+    for size in (1.0, 0.25):
+        u = size * np.linspace(0.5, 1.0, 7)
+        run, linear = model.simulate(t, {"shake": u}, tolerance=1e-10), system.time_response(t, u[None])
+        off.append(np.array([np.abs(run[name] - linear[i]).max() for i, name in enumerate(system.outputs)]))
+        largest = np.abs(linear).max(axis=1)
+    assert np.all(largest > 1e-6)
+    assert np.all(off[1] <= np.maximum(off[0] / 13.0, 1e-8 * largest))
