@@ -99,6 +99,9 @@ def session(model: Mechanism, statement: FiniteMotion, signals: Signals, toleran
     rows = np.where(motion.closure_turns, 1.0, 1.0 / size)
     bases = np.tile(np.eye(3).reshape(-1), len(motion.based))
     rank = _rank(model, statement, scale, rows, bases)
+    if rank == len(motion.names):
+        raise ModelError(f"simulate: model '{model.name}' is fully locked; it has no motion to follow.",
+                         element=model.name)  # fmt: skip
     equations = motion_equations(statement, rank, scale)
     loops = Loops(equations, scale, rows)
     mass = _checked_mass(model, loops, motion.names, bases)
@@ -151,9 +154,6 @@ def _checked_mass(
     """Motions (n, m) of the independent coordinates and their mass; refuse those without inertia by name."""
     n = loops.equations.n
     here = np.zeros(n)
-    if loops.equations.dof == 0:
-        raise ModelError(f"simulate: model '{model.name}' is fully locked; it has no motion to follow.",
-                         element=model.name)  # fmt: skip
     chart = chart_at(loops, here, bases)
     jacobian = chart.rows @ np.asarray(loops.equations.closures(here, bases)[1])
     to_all = np.linalg.solve(np.concatenate((chart.select, jacobian)), np.eye(n)[:, : loops.equations.dof])
