@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 # A linear model that is off where no coordinate has moved by this much [rad, mechanism sizes] is worth a sentence.
 SMALL = 0.01
 # Degrees of freedom up to which it is worth the time to say so without being asked; the share that is then meant.
-FEW, USUAL = 4, 0.1
+FEW, USUAL = 6, 0.1
 # Terms of third and higher order make the second-order part larger by its share times this: at most 4.4 in nonlinear
 # runs of 100 random chains.
 MARGIN = 5.0

@@ -10,6 +10,7 @@ from mbsvib.equilibrium.pose_kinematics import size_of
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.statement import finite_motion
 from mbsvib.simulation.outputs import measured
+from mbsvib.simulation.reactions import is_reaction
 from mbsvib.simulation.second_order import second_order
 
 if TYPE_CHECKING:
@@ -62,7 +63,8 @@ def linear_range(system: Equations, modes: Modes, share: float) -> tuple[Array, 
     if unknown:
         raise ModelError(f"linear_range: '{unknown[0]}' is no coordinate of finite motion; linearize with others as "
                          f"independent=[...]. It has {', '.join(names[:8])}.")  # fmt: skip
-    outputs = measured(model, statement)
+    told = {name: part for name, part in model.outputs.items() if not is_reaction(model, part)}
+    outputs = measured(model.with_parts(outputs=told), statement)
     independent = np.array([names.index(name) for name in system.coordinates], dtype=np.intp)
     parts = second_order(statement, outputs, independent, np.zeros(len(statement.inputs)))
     scale = np.where(statement.motion.turns, 1.0, size_of(model))
@@ -108,8 +110,7 @@ def _of_mode(parts: SecondOrder, shape: Array | Complex, s: complex, scale: Arra
     noise = NOT_SHOWN * np.abs(parts.outputs) @ units
     kinematic, largest = np.zeros(len(first)), np.zeros(len(first))
     reached = True
-    for rate, other in ((2.0 * s, x), (s + np.conj(s), np.conj(x))):
-        force, opening, direct = parts.along(x, other)
+    for rate, (force, opening, direct) in zip((2.0 * s, s + np.conj(s)), parts.along(x), strict=True):
         follow = parts.dependent_part(opening)
         kinematic += np.abs(direct + parts.outputs @ _motion(follow, rate))
         if s != 0.0:

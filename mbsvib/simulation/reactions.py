@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
+from mbsvib.elements.ports import ForceOutput
 from mbsvib.equilibrium.pose_kinematics import size_of
 from mbsvib.finite_motion.evaluation import matrices
 from mbsvib.finite_motion.statement import released
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.ports import ForceOutput
     from mbsvib.finite_motion.lagrange import FiniteMotion
     from mbsvib.mechanism.mechanism import Mechanism
 
@@ -134,6 +134,6 @@ def _function(model: Mechanism, statement: FiniteMotion, joints: Sequence[str], 
     return ca.Function("reactions", [q, qd, qdd, free.yields, motion.bases, u], outputs, {"cse": True})
 
 
-def is_reaction(model: Mechanism, part: ForceOutput) -> bool:
-    """Whether an output is a force in a joint, or the sum of those on the ground."""
-    return part.element in model.joints or part.element == GROUND
+def is_reaction(model: Mechanism, part: Any) -> bool:
+    """Return whether an output is a force in a joint, or the sum of those on the ground."""
+    return isinstance(part, ForceOutput) and (part.element in model.joints or part.element == GROUND)

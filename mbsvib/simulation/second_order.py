@@ -63,12 +63,11 @@ class SecondOrder:
         parts = [self.to_all.T @ (matrix * s**k @ q) for k, matrix in enumerate(self.linear)]
         return float(np.abs(sum(parts)).max() / max(max(float(np.abs(part).max()) for part in parts), 1e-300))
 
-    def along(self, u: Complex, v: Complex) -> tuple[Complex, Complex, Complex]:
-        """Return 1/4 of R''(u, v), phi''(u, v) and y''(u, v) of complex x."""
-        pairs = ((u.real, v.real), (u.real, v.imag), (u.imag, v.real), (u.imag, v.imag))
-        values = [[np.asarray(part)[:, 0] for part in self.curvature(a, b)] for a, b in pairs]
-        result = [0.25 * (rr - ii + 1j * (ri + ir)) for rr, ri, ir, ii in zip(*values, strict=True)]
-        return result[0], result[1], result[2]
+    def along(self, x: Complex) -> tuple[list[Complex], list[Complex]]:
+        """Return 1/4 of R''(u, v), phi''(u, v) and y''(u, v) for u = v = x, and for u = x, v = conj(x)."""
+        parts = self.curvature(np.column_stack((x.real, x.real, x.imag)), np.column_stack((x.real, x.imag, x.imag)))
+        values = [0.25 * np.asarray(part).T for part in parts]
+        return [rr - ii + 2j * ri for rr, ri, ii in values], [rr + ii + 0j for rr, _, ii in values]
 
     def dependent_part(self, opening: Complex) -> Complex:
         """Return motions (n,) of the dependent coordinates alone that close loops open by ``opening`` (rows,)."""
@@ -115,20 +114,21 @@ def second_order(statement: FiniteMotion, measured: Measured, independent: Index
     mu = ca.SX.sym("mu", motion.closures.shape[0])
     x = ca.vertcat(q, qd, qdd, mu)
     closures = ca.densify(motion.closures)
-    balance = statement.mass @ qdd - statement.forces - statement.jacobian.T @ mu
+    balance = ca.jtimes(statement.momenta, motion.qd, qdd) - statement.forces - ca.gradient(ca.dot(closures, mu), q)
     values, vectors, _, _ = measured.function(q, qd, qdd, statement.yields, motion.bases, ca.SX(u))
     weights = ca.DM(measured.weights)
     turned = [ca.dot(weights[i, :].T, vectors[3 * i : 3 * i + 3]) for i in range(len(measured.names))]
     outputs = values + ca.vertcat(*turned) if turned else ca.SX(0, 1)
     every = [ca.densify(balance), closures, ca.densify(outputs)]
     zero = np.zeros(x.shape[0])
-    J = np.asarray(ca.Function("J", [x], [ca.densify(statement.jacobian)])(zero)).reshape(-1, n)
-    unbalanced = np.asarray(ca.Function("f", [x], [every[0]])(zero))[:, 0]
-    zero[3 * n :] = minimum_norm_solution(J.T, unbalanced)
-    slopes = ca.Function("slopes", [x], [ca.densify(ca.jacobian(every[0], x)), ca.densify(ca.jacobian(every[2], x))])
-    own, seen = map(np.asarray, slopes(zero))
-    a, b = ca.SX.sym("a", x.shape[0]), ca.SX.sym("b", x.shape[0])
-    twice = [ca.densify(ca.jtimes(ca.jtimes(part, x, a), x, b)) for part in every]
+    a, b, ways = ca.SX.sym("a", x.shape[0]), ca.SX.sym("b", x.shape[0]), np.eye(x.shape[0])
+    once = [ca.densify(ca.jtimes(part, x, a)) for part in every]
+    slopes = ca.Function("slopes", [x, a], [every[0], *once])
+    unbalanced, _, opening, _ = map(np.asarray, slopes(zero, ways[:, :n]))
+    J = opening.reshape(-1, n)
+    zero[3 * n :] = minimum_norm_solution(J.T, unbalanced[:, 0])
+    _, own, _, seen = map(np.asarray, slopes(zero, ways))
+    twice = [ca.densify(ca.jtimes(part, x, b)) for part in once]
     full = ca.Function("curvature", [x, a, b], twice)
     dependent = np.setdiff1d(np.arange(n), independent)
     to_all = np.eye(n)[:, independent]

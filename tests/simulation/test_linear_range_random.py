@@ -47,10 +47,9 @@ def shares(model, conservative=False):
         if not np.isfinite(a[j]):
             continue
         size = float(a[j])
-        force, opening, _ = parts.along(x, x)
+        (force, opening, _), (steady, steady_opening, _) = parts.along(x)
         double, _ = parts.forced(force, opening, 2.0 * s)
-        force, opening, _ = parts.along(x, x.conj())
-        mean, _ = parts.forced(force, opening, 0.0)
+        mean, _ = parts.forced(steady, steady_opening, 0.0)
         q = (size * x[:n] + size**2 * (double + mean)).real
         rate = (size * s * x[:n] + size**2 * 2.0 * s * double).real
         t = np.linspace(0.0, 2.0 * np.pi / w, 65)
