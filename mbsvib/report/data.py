@@ -16,6 +16,7 @@ from mbsvib.plots._curves import NEGLIGIBLE, curves
 from mbsvib.plots.energy import largest, shares
 from mbsvib.report.comparison import compared_modes, has_geometry
 from mbsvib.report.form import COMPARED, form_of
+from mbsvib.report.order import inputs_in_order, outputs_in_order
 from mbsvib.responses.frequency_grid import placed, span
 from mbsvib.version import __version__
 
@@ -176,8 +177,8 @@ def responses(system: Any, outputs: Names, inputs: Names) -> dict[str, Any] | No
     poles = system.poles()
     if not (system.inputs and system.outputs and len(poles)):
         return None
-    sources = sorted(pick(system, "input", inputs), key=lambda name: _rank(system, name, of_input=True))
-    results = sorted(pick(system, "output", outputs), key=lambda name: _rank(system, name, of_input=False))
+    sources = inputs_in_order(system, pick(system, "input", inputs))
+    results = outputs_in_order(system, pick(system, "output", outputs))
     low, high = span(poles, None, None)
     grid = _some(placed(poles, poles, low, high))
     pairs = [(result, source) for source in sources for result in results]
@@ -208,14 +209,6 @@ def _vanishing(height: NDArray[np.float64]) -> NDArray[np.bool_]:
 def _some(grid: NDArray[np.float64]) -> NDArray[np.float64]:
     """Evenly chosen frequencies of a grid: they judge which responses are zero, and the form."""
     return grid[np.unique(np.linspace(0, len(grid) - 1, min(len(grid), COMPARED)).astype(int))] if len(grid) else grid
-
-
-def _rank(system: Any, name: str, of_input: bool) -> int:
-    """Order of ports: motions of the ground first among the inputs, and outputs of the same unit as one of these."""
-    unit = _unit(system.inputs, system.input_units, name) if of_input else _unit(
-        system.outputs, system.output_units, name)  # fmt: skip
-    moving = {known for known in system.input_units if known.startswith(("m", "rad"))}
-    return 0 if unit in moving else 1
 
 
 def _unit(names: Sequence[str], known: Sequence[str], name: str) -> str:

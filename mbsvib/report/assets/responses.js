@@ -158,7 +158,7 @@ if (other) {
     });
     if (shape && values[8] !== null && values[8] < 0.5) line.className = "unlike";
   }
-  by("comparison-remark").textContent = shape ? "Modes are paired by their shapes (MAC). Pairs in grey are hardly alike (MAC below 0.5)."
+  by("comparison-remark").textContent = shape ? "Modes are paired by their shapes (MAC; where frequencies are within 0.1 %, by the plane of the shapes). Pairs in grey are hardly alike (MAC below 0.5)."
     : "Modes are paired by their natural frequencies: there are no shapes of common bodies.";
   by("csv-comparison").onclick = () => csv(`${fileName(data.name)}-comparison.csv`, [head.map(([word, unit]) => `${word} ${unit}`.trim()), ...table]);
 }
