@@ -21,7 +21,7 @@ from mbsvib.errors import (
 from mbsvib.version import __version__
 
 if TYPE_CHECKING:
-    from mbsvib import isolation, library, plots, studies
+    from mbsvib import isolation, library, plots, report, studies
     from mbsvib.api.linearize import linearize
     from mbsvib.api.model import Model
     from mbsvib.api.modes import Modes
@@ -66,6 +66,7 @@ __all__ = [
     "modal_disparity",
     "optimize",
     "plots",
+    "report",
     "save",
     "studies",
     "sweep",
@@ -90,6 +91,7 @@ _HOMES = {
     "load_urdf": "mbsvib.urdf",
     "modal_disparity": "mbsvib.modes.disparity",
     "optimize": "mbsvib.studies",
+    "report": "mbsvib.report",
     "save": "mbsvib.files",
     "studies": "mbsvib.studies",
     "sweep": "mbsvib.studies",

@@ -87,14 +87,19 @@ const VIEWS = {"3-D": {eye: {x: 1.12, y: -1.29, z: 0.72}, up: {x: 0, y: 0, z: 1}
                z: {eye: {x: 0, y: 0, z: 1.9}, up: {x: 0, y: 1, z: 0}}};
 
 const view = by("view");
-const FILLS = 1.22;  // of the mechanism's diagonal in the view
+const FILLS = 0.94;  // of the view, along its narrower side
+const MOVING = 0.5;  // of the most that any mode takes a point along each axis: none goes as far along all axes
+const TURNED = 1.3;  // times the scale at which it fits all views: a turn by hand may take it out of the view by as much
+let preset = VIEWS["3-D"];
+const HALF_ANGLE = Math.tan(Math.PI / 8);  // of the perspective, from the middle to the upper edge
 
-// How far any mode goes along each axis, as a share of the amplitude.
-const farthest = [0, 0, 0];
+// How far any mode takes each point along each axis, as a share of the amplitude, and the most along each axis.
+const goes = new Float64Array(scene.points.length), farthest = [0, 0, 0];
 for (let mode = 0; mode < modesOf.shown; mode++) {
   const [re, im] = shapeOf(mode);
-  for (let i = 0; i < re.length; i++) farthest[i % 3] = Math.max(farthest[i % 3], Math.hypot(re[i], im[i]));
+  for (let i = 0; i < re.length; i++) goes[i] = Math.max(goes[i], Math.hypot(re[i], im[i]));
 }
+goes.forEach((share, i) => { farthest[i % 3] = Math.max(farthest[i % 3], share); });
 
 // Ranges that no motion leaves, as lines end there, and proportions that fit the view, be the mechanism flat, long or tall.
 function room() {
@@ -106,10 +111,30 @@ function room() {
     const half = Math.max(0.5 * (high - low) + more, 0.12 * scene.size);
     return [middle - half, middle + half];
   });
-  const [x, y, z] = ranges.map(([low, high]) => high - low);
-  const width = Math.min(1, view.clientWidth / Math.max(1, view.clientHeight) / 1.2);  // a narrow view is filled by its width
-  const scale = FILLS * width * Math.min(2 / Math.hypot(x, y, z), 1.25 / z);
+  const [x, y, z] = ranges.map(([low, high]) => high - low), middle = ranges.map(([low, high]) => 0.5 * (low + high));
+  const fits = (camera) => fitting(camera, middle, MOVING * amplitude * scene.size);
+  const scale = Math.min(fits(preset), TURNED * Math.min(...Object.values(VIEWS).map(fits)));
   return {ranges, ratio: {x: scale * x, y: scale * y, z: scale * z}};
+}
+
+// The scale at which all points, moved by so much of the shapes, are within the view of a camera.
+function fitting(camera, middle, amplitude) {
+  const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2], vector = ({x, y, z}) => [x, y, z];
+  const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+  const unit = (a) => a.map((value) => value / Math.hypot(...a));
+  const distance = Math.hypot(...vector(camera.eye)), ahead = unit(vector(camera.eye));
+  const right = unit(cross(vector(camera.up), ahead)), up = cross(ahead, right);
+  const wide = view.clientWidth / Math.max(1, view.clientHeight);
+  let scale = Infinity;
+  for (let i = 0; i < scene.points.length; i += 3) {
+    const at = [0, 1, 2].map((axis) => scene.points[i + axis] - middle[axis]);
+    const reach = (way) => amplitude * dot(way.map(Math.abs), goes.subarray(i, i + 3)), depth = dot(at, ahead) + reach(ahead);
+    for (const [way, angle] of [[right, FILLS * HALF_ANGLE * wide], [up, FILLS * HALF_ANGLE]]) {
+      const needed = (Math.abs(dot(at, way)) + reach(way)) / angle + depth;
+      if (needed > 0) scale = Math.min(scale, distance / needed);
+    }
+  }
+  return Number.isFinite(scale) ? Math.min(scale, 2.5 / scene.size) : 1 / scene.size;
 }
 
 const {ranges, ratio} = room();
@@ -284,7 +309,10 @@ by("amplitude").onchange = () => {
   Plotly.relayout(view, {"scene.xaxis.range": ranges[0], "scene.yaxis.range": ranges[1], "scene.zaxis.range": ranges[2], "scene.aspectratio": ratio});
 };
 for (const [name, camera] of Object.entries(VIEWS)) {
-  make("button", name, by("views")).onclick = () => Plotly.relayout(view, {"scene.camera": {...camera, center: {x: 0, y: 0, z: 0}, projection: {type: "perspective"}}});
+  make("button", name, by("views")).onclick = () => {
+    preset = camera;
+    Plotly.relayout(view, {"scene.aspectratio": room().ratio, "scene.camera": {...camera, center: {x: 0, y: 0, z: 0}, projection: {type: "perspective"}}});
+  };
 }
 const used = new Set([...drawnLines.map((line) => LINES[line[0]][0]), ...drawnMarks.map((mark) => MARKS[mark[0]][0])]);
 for (const [name, colour] of Object.entries(SWATCH)) {
