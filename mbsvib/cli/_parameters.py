@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import JSON, MODEL, Command, file_argument, flag, option, positional, whole_number
 from mbsvib.cli._lookup import model_of
+from mbsvib.cli._ranges import range_of
 from mbsvib.errors import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
-    import numpy as np
-    from numpy.typing import NDArray
 
 
 def params(model: str, pattern: str = "*", as_json: bool = False) -> None:
@@ -41,7 +40,7 @@ def sweep(
     if file is not None and file.suffix.lower() not in (*FORMATS, ".csv"):
         raise shell.UsageProblem(f"'{file}': sweeps end in {', '.join(FORMATS)} or .csv.")
     source = model_of(model)
-    values = dict(_range(text, log) for text in ranges)
+    values = dict(range_of(text, "PARAMETER", "mount.stiffness.z=1e4:1e6:50", log) for text in ranges)
     for name in values:
         _fitting(name, source.parameters, model)
     count = min(modes, source.linearize().dof)
@@ -68,24 +67,6 @@ def _fitting(pattern: str, known: Iterable[str], model: str) -> list[str]:
         raise shell.UsageProblem(f"no parameter of the model fits '{pattern}'.{nearest(pattern, known)} "
                                  f"See: mbsvib params {model}.")  # fmt: skip
     return names
-
-
-def _range(text: str, log: bool) -> tuple[str, NDArray[np.float64]]:
-    """The name and the values of PARAMETER=FROM:TO[:COUNT]."""
-    import numpy as np
-
-    expected = f"'{text}': expected PARAMETER=FROM:TO or PARAMETER=FROM:TO:COUNT, such as mount.stiffness.z=1e4:1e6:50."
-    name, _, words = text.partition("=")
-    try:
-        first, last, *more = [float(word) for word in words.split(":")]
-        count = int(more[0]) if more else 11
-    except ValueError:
-        raise shell.UsageProblem(expected) from None
-    if len(more) > 1 or count < 2 or not name:
-        raise shell.UsageProblem(expected)
-    if log and not (first > 0.0 and last > 0.0):
-        raise shell.UsageProblem(f"'{text}': --log needs positive ends; leave --log out, or give others.")
-    return name, np.geomspace(first, last, count) if log else np.linspace(first, last, count)
 
 
 COMMANDS = {

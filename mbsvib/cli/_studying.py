@@ -8,6 +8,7 @@ from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import JSON, MODEL, Command, file_argument, number, option, positional
 from mbsvib.cli._figures import check_format, write_figure
 from mbsvib.cli._lookup import model_of
+from mbsvib.cli._ranges import range_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -36,6 +37,32 @@ def equilibrium(
         shell.say(str(result))
     if file is not None and not as_json:
         shell.say(f"Written: {shell.shown(file)}")
+
+
+def path(
+    model: str, values: str, switch: int = 0, file: Path | None = None, as_json: bool = False
+) -> None:
+    """Follow the equilibria while a joint coordinate is led along values, with their stability."""
+    check_format(file)
+    coordinate, wanted = range_of(values, "COORDINATE", "elbow.rz=0:1.2:25")
+    result = model_of(model).path(coordinate, wanted, switch)
+    if as_json:
+        shell.say_json({
+            "coordinate": coordinate, "unit": result.unit, "values": result.values.tolist(),
+            "forces": result.forces.tolist(), "stable": result.stable.tolist(),
+            "stable_held": result.stable_held.tolist(),
+            "natural_hz": [[value for value in row if value == value] for row in result.frequencies.tolist()],
+            "points": [{"kind": point.kind, "value": point.value, "force": point.force, "before": point.before}
+                       for point in result.points],
+        })  # fmt: skip
+    else:
+        shell.say(str(result))
+    if file is not None:
+        from mbsvib import plots
+
+        write_figure(plots.path(result), file)
+        if not as_json:
+            shell.say(f"Written: {shell.shown(file)}")
 
 
 def isolation(
@@ -98,6 +125,15 @@ COMMANDS = {
         option("--preload", to="preload", metavar="NAME", action="append",
                words="Springs or patterns whose preloads hold the pose as described."),
         file_argument("Model file (.yaml, .json) of the mechanism there."),
+        JSON,
+    )),
+    "path": Command(path, (
+        MODEL,
+        positional("values", "COORDINATE=FROM:TO[:COUNT]",
+                   "A joint coordinate, such as elbow.rz, and its displacements [m, rad]."),
+        option("--switch", to="switch", metavar="WAY", type=int, choices=(-1, 0, 1), default=0,
+               words="1 or -1: go on along the path that crosses at the first branch point. Default: 0."),
+        file_argument("Force and frequencies over the coordinate, as .png, .pdf or .svg."),
         JSON,
     )),
     "isolation": Command(isolation, (

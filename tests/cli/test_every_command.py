@@ -15,7 +15,8 @@ LINES = {
     "bode": "bode slider.yaml", "nyquist": "nyquist slider.yaml", "sigma": "sigma slider.yaml",
     "step": "step slider.yaml --duration 1", "draw": "draw slider.yaml", "animate": "animate slider.yaml",
     "params": "params slider.yaml", "sweep": "sweep slider.yaml k.stiffness=1e3:1e4:3",
-    "equilibrium": "equilibrium slider.yaml", "isolation": "isolation quarter_car body",
+    "equilibrium": "equilibrium slider.yaml", "path": "path slider.yaml rail.z=0:0.1:3",
+    "isolation": "isolation quarter_car body",
     "loop": "loop slider.yaml law.json", "export": "export slider.yaml -o slider.npz",
     "check-export": "check-export slider.npz slider.yaml", "report": "report slider.yaml",
     "cosim": None,  # tests/cli/test_cosim.py

@@ -68,6 +68,30 @@ def test_equilibrium(run, tmp_path):
     assert_allclose(found["displacements"]["bob"][:3], (-0.5, 0.0, -0.5), atol=1e-9)
 
 
+TOGGLE = """
+name: toggle
+bodies:
+  arm: {mass: 1.0, inertia: [0.1, 0.1, 0.1], position: [0.5, 0, 0.1]}
+joints:
+  hinge: {kind: revolute, first: ground, second: arm, position: [0, 0, 0], axis: [0, 1, 0]}
+springs:
+  k: {first: ground, second: arm, start: [2, 0, 0], end: [1, 0, 0.2], stiffness: 100.0}
+"""
+
+
+def test_path(run, tmp_path):
+    Path("toggle.yaml").write_text(TOGGLE)
+    over = mv.load("toggle.yaml").path("hinge.rz", np.linspace(0.0, 0.5, 6))
+    found = json.loads(run("path toggle.yaml hinge.rz=0:0.5:6 --json -o path.png").stdout)
+    assert_allclose(found["forces"], over.forces, rtol=1e-12)
+    assert (found["coordinate"], found["unit"]) == ("hinge.rz", "rad")
+    assert [point["kind"] for point in found["points"]] == [point.kind for point in over.points] != []
+    assert (tmp_path / "path.png").stat().st_size > 5000
+    assert "limit" in run("path toggle.yaml hinge.rz=0:0.5:6").stdout
+    assert "expected COORDINATE=FROM:TO" in run("path toggle.yaml hinge.rz").stderr
+    assert "Did you mean 'hinge.rz'" in run("path toggle.yaml hing.rz=0:1").stderr
+
+
 def test_isolation(run, tmp_path):
     study = isolation.study(mv.library.stewart_isolator(), "platform")
     found = json.loads(run("isolation stewart_isolator platform --json -o t.svg").stdout)

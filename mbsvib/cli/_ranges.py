@@ -1,0 +1,53 @@
+"""Ranges of values on the command line."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mbsvib.cli._shell import UsageProblem
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+def range_of(text: str, what: str, example: str, log: bool = False) -> tuple[str, NDArray[np.float64]]:
+    """Return the name and the values of NAME=FROM:TO[:COUNT].
+
+    Parameters
+    ----------
+    text : str
+        What was given.
+    what : str
+        What the name is that of, in capitals.
+    example : str
+        An example.
+    log : bool
+        Values in equal ratios.
+
+    Returns
+    -------
+    str
+        The name.
+    array, shape (COUNT,)
+        The values; 11 of them by default.
+
+    Raises
+    ------
+    UsageProblem
+        If it is of another form.
+    """
+    import numpy as np
+
+    expected = f"'{text}': expected {what}=FROM:TO or {what}=FROM:TO:COUNT, such as {example}."
+    name, _, words = text.partition("=")
+    try:
+        first, last, *more = [float(word) for word in words.split(":")]
+        count = int(more[0]) if more else 11
+    except ValueError:
+        raise UsageProblem(expected) from None
+    if len(more) > 1 or count < 2 or not name:
+        raise UsageProblem(expected)
+    if log and not (first > 0.0 and last > 0.0):
+        raise UsageProblem(f"'{text}': --log needs positive ends; leave --log out, or give others.")
+    return name, np.geomspace(first, last, count) if log else np.linspace(first, last, count)
