@@ -65,8 +65,10 @@ def displacement(joint: Joint, numbers: Numbers, q: Expression, base: Expression
     return Frame(rotation, point + shift - rotation @ point)
 
 
-def release(joint: Joint, numbers: Numbers, bodies: Mapping[str, Body], relative: Frame, q: Expression) -> Frame:
-    """Return a further displacement of the second body of a joint, of the directions in which its forces are told.
+def virtual_displacement(
+    joint: Joint, numbers: Numbers, bodies: Mapping[str, Body], relative: Frame, q: Expression
+) -> Frame:
+    """Return a virtual displacement of the second body of a joint, in the directions in which its forces are defined.
 
     Parameters
     ----------

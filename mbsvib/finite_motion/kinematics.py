@@ -13,7 +13,7 @@ from mbsvib.elements.joint import make as make_joint
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.elastic_nodes import coordinates_of, node_displacement
 from mbsvib.finite_motion.frames import REST, Frame, angular_velocity, rate
-from mbsvib.finite_motion.joints import displacement, openings, release, small_displacement
+from mbsvib.finite_motion.joints import displacement, openings, small_displacement, virtual_displacement
 from mbsvib.finite_motion.rotations import Expression
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.mechanism.topology import FLOATS, span
@@ -78,7 +78,7 @@ class Kinematics:
 
 def kinematics(
     model: Mechanism, numbers: Numbers, cut: Sequence[str] | None = None, bases: bool = False,
-    blocks: Sequence[ElasticBlock] = (), still: Collection[str] = (), released: Sequence[str] = (),
+    blocks: Sequence[ElasticBlock] = (), still: Collection[str] = (), virtual: Sequence[str] = (),
 ) -> Kinematics:  # fmt: skip
     """Return the finite motion of a mechanism along its spanning tree.
 
@@ -98,9 +98,9 @@ def kinematics(
         Its beams and superelements.
     still : collection of str
         Coordinates of these that stay 0 and are left out.
-    released : sequence of str
-        Joints, and the ground, that get six more coordinates each, ``"JOINT.released.x"`` to ``rz``, the last ones of
-        all: displacements against the first body that come before those of the joint, and of the ground itself.
+    virtual : sequence of str
+        Joints, and the ground, that get six virtual displacements each, ``"JOINT.virtual.x"`` to ``rz``, the last
+        coordinates of all: of the second body against the first, and of the ground itself.
 
     Returns
     -------
@@ -121,7 +121,7 @@ def kinematics(
     own = {joint.name: _directions(joint, links) for joint, _ in order}
     names = [f"{joint}.{d}" for joint, directions in own.items() for d in directions if f"{joint}.{d}" not in still]
     names += [name for block in blocks for name in block.mode_names if name not in still]
-    names += [f"{joint}.released.{d}" for joint in released for d in DIRECTIONS]
+    names += [f"{joint}.virtual.{d}" for joint in virtual for d in DIRECTIONS]
     turns = [name.rpartition(".")[2][0] == "r" for name in names]
     q, qd = ca.SX.sym("q", len(names)), ca.SX.sym("qd", len(names))
     symbol = {name: q[i] for i, name in enumerate(names)}
@@ -132,10 +132,10 @@ def kinematics(
     turning = [joint.name for joint, _ in order if sum(d[0] == "r" for d, _ in joint.freedom) == 3]
     based = tuple(turning) if bases else ()
     symbols = ca.SX.sym("base", 9 * len(based))
-    free = {name: values(f"{name}.released.{d}" for d in DIRECTIONS) for name in released}
+    extra = {name: values(f"{name}.virtual.{d}" for d in DIRECTIONS) for name in virtual}
     frames: dict[str, Frame] = {GROUND: REST}
-    if GROUND in free:
-        frames[GROUND] = small_displacement(ca.SX.eye(3), ca.SX.zeros(3), free[GROUND])
+    if GROUND in extra:
+        frames[GROUND] = small_displacement(ca.SX.eye(3), ca.SX.zeros(3), extra[GROUND])
     for branch in topology.branches:
         joint = floating[branch.body] if branch.joint == FLOATS else topology.joints[branch.joint]
         own_q = values(f"{joint.name}.{d}" for d in own[joint.name])
@@ -149,8 +149,8 @@ def kinematics(
             motion = node_displacement(block, block.interface[k], both)
         else:
             motion = displacement(joint, numbers, own_q, base)
-        if joint.name in free:
-            motion = release(joint, numbers, model.bodies, motion, free[joint.name]).then(motion)
+        if joint.name in extra:
+            motion = virtual_displacement(joint, numbers, model.bodies, motion, extra[joint.name]).then(motion)
         parent = GROUND if branch.parent == len(topology.bodies) else topology.bodies[branch.parent]
         frames[topology.bodies[branch.body]] = frames[parent].then(motion if branch.sign > 0 else motion.inverse())
     rows: list[tuple[str, Expression, bool]] = []
@@ -159,8 +159,9 @@ def kinematics(
         if joint.name in links:  # its coordinates follow
             continue
         relative = frames[joint.second].seen_from(frames[joint.first])
-        if joint.name in free:
-            relative = release(joint, numbers, model.bodies, relative, free[joint.name]).inverse().then(relative)
+        if joint.name in extra:
+            moved = virtual_displacement(joint, numbers, model.bodies, relative, extra[joint.name])
+            relative = moved.inverse().then(relative)
         rows += [(f"{joint.name}.{name}", value, name[0] == "r") for name, value in openings(joint, numbers, relative)]
     for part in model.couplers.values():
         gone = next((name for name, _ in part.terms if name not in symbol and name not in still), None)

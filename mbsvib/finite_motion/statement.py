@@ -69,11 +69,12 @@ def finite_motion(
     return _stated(model, (), (), parameters, cut, bases, without)
 
 
-def released(model: Mechanism, whole: FiniteMotion, joints: Sequence[str], without: Sequence[str] = ()) -> FiniteMotion:
-    """Return the finite motion of a mechanism with more coordinates, along which joints would carry nothing.
+def with_virtual_displacements(
+    model: Mechanism, whole: FiniteMotion, joints: Sequence[str], without: Sequence[str] = ()
+) -> FiniteMotion:
+    """Return the finite motion of a mechanism with virtual displacements that its joints do not allow.
 
-    With these at rest at 0 it is that of the mechanism: along them, what mass @ q'' - f - J^T lambda lacks is what the
-    joints carry.
+    Where these are 0 it is that of the mechanism; along them, mass @ q'' - f - J^T lambda is what the joints carry.
 
     Parameters
     ----------

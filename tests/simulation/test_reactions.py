@@ -132,6 +132,25 @@ def test_forces_of_large_motion_balance():
     np.testing.assert_allclose([run[f"ground:{d}"] for d in "xyz"], total, atol=1e-7)
 
 
+def test_hinges_in_line():
+    """Two hinges of a door share the wrenches that each could carry alone: only their sum is determined."""
+    model = mv.Model("door", gravity=(0, 3.0, -9.81))
+    model.add_body("door", 20.0, (1.0, 1.5, 0.6), (0.4, 0.0, 1.0))
+    model.add_joint("low", "revolute", "ground", "door", (0, 0, 0.3), axis=(0, 0, 1))
+    model.add_joint("high", "revolute", "ground", "door", (0, 0, 1.7), axis=(0, 0, 1))
+    with_forces(model, "low", "high", "ground", "door")
+    run = model.simulate(np.linspace(0.0, 0.8, 9), tolerance=1e-10)
+    assert run.coordinates["low.rz"][-1] > 0.5
+    for joint in ("low", "high"):
+        assert f"{joint}:rz" in run.outputs
+        for direction in SIX[:5]:
+            with pytest.raises(mv.ResponseError, match="undetermined; a bushing in place of one of them"):
+                run[f"{joint}:{direction}"]
+    for direction in "xyz":
+        np.testing.assert_allclose(run[f"ground:{direction}"], -run[f"door:{direction}"], atol=1e-8)
+    assert np.abs(run["ground:x"]).max() > 5.0
+
+
 def test_a_force_ends_a_run():
     model, t = with_forces(pendulum(), "pivot"), np.linspace(0.0, 2.0, 41)
     free = model.simulate(t, initial={"pivot.rz": 1.0})
