@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
@@ -16,12 +17,13 @@ from mbsvib.responses.basis import Basis
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Equations
+    from mbsvib.equations.equations import Equations, Provenance
 
 # A linear model that is off where no coordinate has moved by this much [rad, mechanism sizes] is worth a sentence.
 SMALL = 0.01
-# Degrees of freedom up to which it is worth the time to say so without being asked; the share that is then meant.
-FEW, USUAL = 6, 0.1
+# Degrees of freedom up to which it is worth the time to say so in explanations, and with each table of modes (some 50
+# ms); the share that is then meant.
+FEW, FEW_IN_TABLES, USUAL = 6, 3, 0.1
 # Terms of third and higher order make the second-order part larger by its share times this: at most 4.4 in nonlinear
 # runs of 100 random chains.
 MARGIN = 5.0
@@ -128,6 +130,38 @@ def linear_range(system: Equations, modes: Modes, share: float, conservative: bo
         array.setflags(write=False)
     return LinearRange(system.name, number, system.outputs, tuple(system.output_units), modes.frequencies, values,
                        travel)  # fmt: skip
+
+
+def with_modes(modes: Modes, provenance: Provenance | None) -> tuple[str, ...]:
+    """Return sentences on outputs whose range is small, for the table of the modes of a small mechanism.
+
+    Parameters
+    ----------
+    modes : Modes
+        All modes of a system.
+    provenance : Provenance, optional
+        Where its equations come from.
+
+    Returns
+    -------
+    tuple of str
+        A sentence for each output, or nothing.
+    """
+    from mbsvib.equations.assembly import linearized
+
+    count = len(modes.coordinates)
+    if provenance is None or provenance.origin is None or provenance.closed_loop or find_spec("casadi") is None or not (
+            0 < count <= FEW_IN_TABLES and len(modes) == count):  # fmt: skip
+        return ()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # these were given when the system was made
+            system: Equations = linearized(provenance.origin)
+        if system.coordinates != modes.coordinates or not system.outputs:
+            return ()
+        return tuple([text[0].upper() + text[1:] for text in linear_range(system, modes, USUAL).sentences()])
+    except MbsvibError:
+        return ()
 
 
 def explained(system: Equations) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from mbsvib.modes import result
@@ -23,6 +24,23 @@ class Modes(result.Modes):
     (n,) marks massless motions that dampers hold, which have one eigenvalue in place of two, and is None where there is
     none. ``rung`` names the solver of undamped modes that was accurate enough.
     """
+
+    @cached_property
+    def _range_notes(self) -> tuple[str, ...]:
+        from mbsvib.api.linear_range import with_modes
+
+        return with_modes(self, self._provenance)
+
+    def remarks(self) -> tuple[str, ...]:
+        """Return notes on the table: rigid-body, overdamped and diverging modes, accuracy, and of small mechanisms
+        outputs whose ``linear_range`` is small.
+
+        Returns
+        -------
+        tuple of str
+            One sentence each.
+        """
+        return (*super().remarks(), *self._range_notes)
 
     def animate(
         self, mode: int, path: str | os.PathLike[str] | None = None, *, amplitude: float = 0.1,

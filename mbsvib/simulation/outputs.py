@@ -39,20 +39,16 @@ class Measured:
 
     ``weights`` (outputs, 3) are those of the rotation vectors. ``reactions`` are the outputs that are forces in joints
     or on the ground, and not among ``names``. ``refused`` tells why outputs have no value, and ``needs_accelerations``
-    whether q'' has an effect.
+    whether q'' has an effect. ``all_names`` are all outputs that have values, in the order of the model.
     """
 
+    all_names: tuple[str, ...]
     names: tuple[str, ...]
     weights: Array
     function: Any
     reactions: ReactionOutputs | None
     refused: Mapping[str, str]
     needs_accelerations: bool
-
-    @property
-    def all_names(self) -> tuple[str, ...]:
-        """The names of all outputs that have values."""
-        return self.names if self.reactions is None else (*self.names, *self.reactions.names)
 
     def values(self, time: Array, arguments: tuple[Array, ...]) -> tuple[dict[str, Array], dict[str, Array]]:
         """Return all outputs and their rates by name, (samples,) each.
@@ -72,7 +68,7 @@ class Measured:
             forces = self.reactions.values(arguments)
             result |= forces
             slope |= {name: np.full(len(time), np.nan) for name in forces}
-        return result, slope
+        return {name: result[name] for name in self.all_names}, slope
 
 
 @dataclass(frozen=True)
@@ -105,7 +101,7 @@ def measured(model: Mechanism, statement: FiniteMotion) -> Measured:
     state = _State(model, statement, ca.SX.sym("qdd", len(motion.names)), ca.SX.sym("u", len(statement.inputs)))
     signals: dict[str, _Signal] = {}
     refused: dict[str, str] = {}
-    asked: dict[str, ForceOutput] = {}
+    reaction_forces: dict[str, ForceOutput] = {}
     base = any(isinstance(part, BaseMotion) for part in model.inputs.values())
     for name, part in model.outputs.items():
         beam = beam_of(model, part.element) if isinstance(part, StrainOutput | ForceOutput) else None
@@ -118,7 +114,7 @@ def measured(model: Mechanism, statement: FiniteMotion) -> Measured:
         elif isinstance(part, Output):
             signals[name] = _motion(part, state)
         elif is_reaction(model, part):
-            asked[name] = part
+            reaction_forces[name] = part
         elif beam is not None:
             signals[name] = _Signal(element_force(part, beam, statement))
         elif part.element in statement.connections:
@@ -129,19 +125,20 @@ def measured(model: Mechanism, statement: FiniteMotion) -> Measured:
             refused[name] = (f"output '{name}': a run tells no forces in superelements, and no sums of forces on "
                              f"bodies of models with beams or superelements")  # fmt: skip
     reactions = None
-    if asked:
+    if reaction_forces:
         dropped = [name for name in model.loads if name not in statement.loads]
-        reactions, left_open = reaction_outputs(model, statement, asked, dropped)
+        reactions, undetermined = reaction_outputs(model, statement, reaction_forces, dropped)
         refused |= {name: f"output '{name}': redundant joints leave this force undetermined; a bushing in place of one "
-                          f"of them determines it" for name in left_open}  # fmt: skip
+                          f"of them determines it" for name in undetermined}  # fmt: skip
     values = ca.vertcat(*(signal.value for signal in signals.values()))
     rates = ca.vertcat(*(signal.rate for signal in signals.values()))
     function = ca.Function("outputs", [motion.q, motion.qd, state.qdd, statement.yields, motion.bases, state.u], [
         values, ca.vertcat(*(signal.vector for signal in signals.values())),
         ca.vertcat(*(signal.spin for signal in signals.values())), rates])  # fmt: skip
-    return Measured(tuple(signals), np.array([signal.weight for signal in signals.values()]).reshape(-1, 3), function,
-                    reactions, refused,
-                    reactions is not None or bool(ca.depends_on(ca.vertcat(values, rates), state.qdd)))  # fmt: skip
+    accelerated = reactions is not None or bool(ca.depends_on(ca.vertcat(values, rates), state.qdd))
+    weights = np.array([signal.weight for signal in signals.values()]).reshape(-1, 3)
+    return Measured(tuple([name for name in model.outputs if name not in refused]), tuple(signals), weights, function,
+                    reactions, refused, accelerated)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,7 @@ def test_the_pivot_of_a_pendulum():
     at_rest = np.array([0.0, 0.0, m * g])
     expected = np.array(model.joints["pivot"].axes).T @ (np.array([across, 0 * across, along]) - at_rest[:, None])
     assert np.ptp(along) > 5 * m * g
+    assert list(run.outputs) == list(model.outputs)
     np.testing.assert_allclose([run[f"pivot:{d}"] for d in "xyz"], expected, atol=1e-7)
     np.testing.assert_allclose([run[f"pivot:{d}"] for d in ("rx", "ry", "rz")], 0.0, atol=1e-9)
     np.testing.assert_allclose(run["bob:ry"], inertia * bend, atol=1e-8)
