@@ -13,6 +13,7 @@ from mbsvib.plots import _style as style
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
 
     from mbsvib.common.arrays import Array
@@ -21,11 +22,11 @@ if TYPE_CHECKING:
 
 
 LEAST_SHARE = 0.005  # of an element in any mode, else it counts among the others
-MOST_ELEMENTS = 24
+MOST_ELEMENTS = 40
 MOST_MODES = 60
 OTHERS = "all others"
 TITLES = {"strain": "Strain energy", "kinetic": "Kinetic energy"}
-HATCHES = ("", "//", "..", "xx")
+MOST_NUMBERED = 20  # modes whose shares are written as numbers
 
 
 def energy(system: System, kind: str = "strain") -> Figure:
@@ -41,7 +42,8 @@ def energy(system: System, kind: str = "strain") -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        One stacked bar [%] for each of the first 60 modes; what softens goes below zero.
+        A map of elements over the first 60 modes: shares [%] as colours, and as numbers up to 20 modes. What softens is
+        below zero.
 
     Raises
     ------
@@ -56,32 +58,45 @@ def energy(system: System, kind: str = "strain") -> Figure:
 
     rows = largest(*shares(system, system.modes(), kind))
     count = min(len(system.modes()), MOST_MODES)
-    number = np.arange(1.0, count + 1.0)
-    up, down = np.zeros(count), np.zeros(count)
+    percent = 100.0 * np.nan_to_num(np.array([values[:count] for _, values in rows]).reshape(len(rows), count))
     with style.context():
-        figure = style.new_figure(7.2, 3.8)
+        figure = style.new_figure(float(np.clip(2.2 + 0.42 * count, 5.0, 9.0)), 1.3 + 0.22 * max(len(rows), 4))
         axes = figure.subplots()
-        for i, (name, values) in enumerate(rows):
-            height = 100.0 * np.nan_to_num(values[:count])
-            bottom = np.where(height < 0.0, down, up)
-            colour = style.FAINT if name == OTHERS else style.COLOURS[i % len(style.COLOURS)]
-            axes.bar(number, height, 0.72, bottom, color=colour, label=name, edgecolor="white", linewidth=0.4,
-                     hatch=HATCHES[i // len(style.COLOURS) % len(HATCHES)])  # fmt: skip
-            up += np.maximum(height, 0.0)
-            down += np.minimum(height, 0.0)
-        axes.grid(False, axis="x")
-        axes.set_xlim(0.4, count + 0.6)
+        lowest, highest = percent.min(initial=0.0), percent.max(initial=1.0)
+        image = axes.imshow(percent, cmap=_colours(lowest, highest), vmin=lowest, vmax=highest, aspect="auto",
+                            extent=(0.5, count + 0.5, len(rows) - 0.5, -0.5))  # fmt: skip
+        if count <= MOST_NUMBERED:
+            for (row, mode), share in np.ndenumerate(percent):
+                if abs(share) >= 0.5:
+                    axes.text(mode + 1, row, f"{share:.0f}", ha="center", va="center", fontsize=7.5,
+                              color="white" if abs(share) > 0.55 * max(highest, -lowest) else style.INK)  # fmt: skip
+        axes.grid(False)
+        axes.tick_params(length=0)
+        axes.set_yticks(range(len(rows)), [name for name, _ in rows])
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        if count <= 20:
-            axes.set_xticks(number)
+        if count <= MOST_NUMBERED:
+            axes.set_xticks(range(1, count + 1))
         axes.set_xlabel("mode")
-        axes.set_ylabel(f"share of {TITLES[kind].lower()} [%]")
+        figure.colorbar(image, ax=axes, shrink=0.9, aspect=30, label=f"share of {TITLES[kind].lower()} [%]")
         axes.set_title(f"{TITLES[kind]} of modes")
         axes.set_title(system.name, loc="right", color=style.MARK, fontsize=8.5)
         style.tell_left_out(figure, count, len(system.modes()), "modes")
-        if rows:
-            figure.legend(loc="outside right upper", ncols=1 if len(rows) <= 16 else 2)
     return figure
+
+
+def _colours(lowest: float, highest: float) -> Colormap:
+    """White at zero, blue above and red below it, as strong for shares of the same size."""
+    from matplotlib.colors import LinearSegmentedColormap, to_rgb
+
+    size = max(highest, -lowest)
+
+    def colour(share: float, full: str) -> tuple[float, float, float]:
+        red, green, blue = (1.0 + (part - 1.0) * abs(share) / size for part in to_rgb(full))
+        return red, green, blue
+
+    ends = colour(lowest, style.COLOURS[1]), colour(highest, style.COLOURS[0])
+    zero = -lowest / (highest - lowest)
+    return LinearSegmentedColormap.from_list("shares", [(0.0, ends[0]), (zero, (1.0, 1.0, 1.0)), (1.0, ends[1])])
 
 
 def shares(system: System, modes: Modes, kind: str) -> tuple[list[str], Array]:

@@ -8,20 +8,41 @@ from mbsvib.plots import energy
 from mbsvib.plots.energy import largest
 
 
-def heights(figure):
-    """{name: heights of its bars}"""
-    return {item.get_label(): [bar.get_height() for bar in item] for item in figure.axes[0].containers}
+def drawn(figure):
+    """{element: shares of the modes, in percent}"""
+    axes = figure.axes[0]
+    names = [label.get_text() for label in axes.get_yticklabels()]
+    return dict(zip(names, np.asarray(axes.images[0].get_array()), strict=True))
 
 
-def test_bars_are_the_shares():
+def test_colours_are_the_shares():
     system = mv.library.build("stewart").linearize()
     shares = system.stiffness_shares(system.modes())
-    drawn = heights(energy(system))
-    assert list(drawn) == list(shares.elements)
-    np.testing.assert_allclose([*drawn.values()], 100.0 * shares.shares)
-    kinetic = heights(energy(system, "kinetic"))
+    strain = drawn(energy(system))
+    assert list(strain) == list(shares.elements)
+    np.testing.assert_allclose([*strain.values()], 100.0 * shares.shares)
+    kinetic = drawn(energy(system, "kinetic"))
     np.testing.assert_allclose(kinetic["platform"], 100.0 * system.modes().kinetic_energy["platform"])
     np.testing.assert_allclose(np.sum([*kinetic.values()], axis=0), 100.0)
+
+
+def test_numbers_are_beside_their_mode_and_element():
+    system = mv.library.build("stewart").linearize()
+    shares, figure = system.stiffness_shares(system.modes()), energy(system)
+    places = {text.get_position(): text.get_text() for text in figure.axes[0].texts}
+    numbers = {(row, mode - 1): text for (mode, row), text in places.items()}
+    expected = {(i, k): f"{100.0 * share:.0f}" for (i, k), share in np.ndenumerate(shares.shares) if share >= 0.005}
+    assert numbers == expected
+
+
+def test_what_softens_is_red_and_zero_is_white():
+    system = mv.library.build("four_bar").linearize()
+    shares, image = system.stiffness_shares(system.modes()).shares, energy(system).axes[0].images[0]
+    assert shares.min() < 0.0
+    red, _, blue, _ = image.cmap(image.norm(100.0 * shares.min()))
+    assert red > blue
+    np.testing.assert_allclose(image.cmap(image.norm(0.0)), 1.0, atol=0.01)
+    assert image.cmap(image.norm(100.0 * shares.max()))[2] > 0.6
 
 
 def test_small_shares_are_summed():

@@ -305,12 +305,75 @@ def test_a_click_on_a_resonance_shows_its_mode(page):
     assert page.evaluate("state.mode") == 5
 
 
-def test_energy_of_springs_or_of_bodies(page):
+def test_energy_of_springs_or_of_bodies(page, stewart):
+    system = stewart[1]
+    modes = system.modes()
+    drawn = "({names: by('shares').layout.yaxis.ticktext, z: by('shares').data[0].z})"
     page.click("#kinetic")
-    names = page.evaluate("by('shares').data.map((trace) => trace.name)")
-    assert "platform" in names
+    kinetic = page.evaluate(drawn)
+    share = kinetic["z"][kinetic["names"].index("platform")]
+    np.testing.assert_allclose(share, 100.0 * modes.kinetic_energy["platform"], rtol=1e-3)
     page.click("#strain")
-    assert page.evaluate("by('shares').data.length") == 6
+    strain = page.evaluate(drawn)
+    shares = system.stiffness_shares(modes)
+    assert strain["names"] == list(shares.elements)
+    np.testing.assert_allclose(strain["z"], 100.0 * shares.shares, atol=0.01)
+
+
+def test_the_keyboard_does_what_the_mouse_does(page):
+    """Rows of the table take Enter and the space bar, without a scroll of the page; Tab reaches all controls."""
+    page.evaluate("play(false); choose(0)")
+    row = page.locator("#modes tbody tr:nth-child(4)")
+    row.focus()
+    page.keyboard.press("Enter")
+    assert page.evaluate("[state.mode, state.playing]") == [3, True]
+    page.locator("#play").focus()
+    page.keyboard.press("Space")
+    assert page.evaluate("state.playing") is False
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.id") == "next"
+    page.keyboard.press("Enter")
+    assert page.evaluate("state.mode") == 4
+    top = page.evaluate("window.scrollY")
+    page.locator("#modes tbody tr:nth-child(2)").focus()
+    page.keyboard.press("Space")
+    assert page.evaluate("state.mode") == 1
+    page.evaluate("play(false)")
+    assert abs(page.evaluate("window.scrollY") - top) < 400
+    page.locator("#amplitude").focus()
+    before = float(page.evaluate("by('amplitude').value"))
+    page.keyboard.press("ArrowRight")
+    assert float(page.evaluate("by('amplitude').value")) > before
+    page.keyboard.press("ArrowLeft")
+    page.locator("#output").focus()
+    first = page.evaluate("chosen[0].output")
+    page.keyboard.press("ArrowDown")
+    assert page.evaluate("chosen[0].output") != first
+
+
+def test_the_first_response_is_not_zero_by_symmetry(look):
+    """The stage's payload does not move sideways in pitch: floor.x to metrology.az is rounding."""
+    page = look(mv.library.wafer_stage())
+    first = page.evaluate("[chosen[0].input, chosen[0].output, chosen[0].negligible]")
+    assert first == ["floor.z", "metrology.az", False]
+    end = page.evaluate("times[1]")
+    assert 1.0 < end < 10.0  # the stage above it goes on for a minute, which this output does not see
+    assert page.trouble == []
+
+
+def test_names_in_the_topology_do_not_overlap_on_a_phone(look):
+    page = look(mv.library.stewart_isolator())
+    page.set_viewport_size({"width": 390, "height": 800})
+    page.reload()
+    page.wait_for_function("document.body.dataset.ready === 'yes'")
+    boxes = page.evaluate("""[...document.querySelectorAll('#graph .annotation-text-g')].map((e) => {
+        const {left, right, top, bottom} = e.getBoundingClientRect(); return [left, right, top, bottom]; })""")
+    assert len(boxes) == 14
+    for i, (left, right, top, bottom) in enumerate(boxes):
+        for other_left, other_right, other_top, other_bottom in boxes[:i]:
+            assert right <= other_left or other_right <= left or bottom <= other_top or other_bottom <= top
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    assert page.trouble == []
 
 
 def test_topology_tells_what_was_cut(page, stewart):

@@ -3,8 +3,6 @@
 const data = JSON.parse(document.getElementById("data").textContent);
 const by = (id) => document.getElementById(id);
 const INK = "#1d2733", SOFT = "#5b6876", GRID = "#e6eaee", BLUE = "#2b5c9e", ORANGE = "#dd7a1f", RED = "#c4321f";
-const PALETTE = ["#2b5c9e", "#dd7a1f", "#3a9a6e", "#b8548f", "#e0b02c", "#58a6d6", "#8a6fb8", "#9b6b43", "#6f7f8f",
-                 "#c4321f", "#7fb347", "#3f8f99"];
 const FONT = {family: 'system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif', size: 13, color: INK};
 const CONFIG = {displaylogo: false, plotGlPixelRatio: Math.min(2, window.devicePixelRatio || 1), responsive: true,
                 modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d", "resetCameraLastSave3d", "tableRotation"]};

@@ -1,16 +1,23 @@
 // Energy, topology and accuracy.
 // Energy
 const withShares = Math.min(60, modesOf.rows.length);
+const modeAxis = (id, count) => axis("mode", {range: [0.5, count + 0.5], showgrid: false, dtick: Math.ceil(count / Math.max(1, Math.min(20, by(id).clientWidth / 45)))});
+
+// A map of elements over modes: white at zero, blue above and red below it, with numbers where cells have room.
 function drawShares(which) {
   for (const id of ["strain", "kinetic"]) by(id).setAttribute("aria-selected", String(id === which));
-  const rowsOf = data.shares[which], numbers = modesOf.rows.slice(0, withShares).map((_, i) => i + 1);
-  const words = which === "strain" ? "strain energy" : "kinetic energy";
-  Plotly.react("shares", rowsOf.map(([name, values], i) => ({type: "bar", name: plain(name), x: numbers, y: values,
-    marker: {color: name === "all others" ? "#d5dbe1" : PALETTE[i % PALETTE.length], pattern: {shape: i >= PALETTE.length ? "/" : "", solidity: 0.25}},
-    hovertemplate: `<b>${plain(name)}</b><br>mode %{x}: %{y:.2f} %<extra></extra>`})),
-  layout({barmode: "relative", bargap: 0.28, showlegend: true, legend: {traceorder: "normal", font: {size: 12}},
-    xaxis: axis("mode [–]", {dtick: Math.ceil(numbers.length / 20), range: [0.4, numbers.length + 0.6], showgrid: false}),
-    yaxis: axis(`share of ${words} [%]`)}), CONFIG);
+  const rowsOf = data.shares[which], count = withShares, z = rowsOf.map(([, values]) => values.slice(0, count));
+  const low = Math.min(0, ...z.flat()), high = Math.max(1, ...z.flat()), size = Math.max(high, -low);
+  const colour = (share, rgb) => `rgb(${rgb.map((value) => Math.round(255 + (value - 255) * Math.abs(share) / size)).join()})`;
+  const zero = -low / (high - low), scale = [[0, colour(low, [196, 50, 31])], [zero, "#fff"], [1, colour(high, [43, 92, 158])]];
+  by("shares").style.height = `${110 + 22 * Math.max(rowsOf.length, 4)}px`;
+  Plotly.react("shares", [{type: "heatmap", z, x: z.length ? z[0].map((_, i) => i + 1) : [], y: rowsOf.map((_, i) => i), xgap: 1, ygap: 1,
+    zmin: low, zmax: high, colorscale: scale.slice(zero ? 0 : 1), colorbar: {title: {text: "share [%]", side: "right"}, thickness: 12},
+    text: z.map((values) => values.map((value) => (Math.abs(value) >= 0.5 ? value.toFixed(0) : ""))), customdata: rowsOf.map(([name]) => Array(count).fill(plain(name))),
+    texttemplate: count <= 20 && by("shares").clientWidth > 34 * count + 220 ? "%{text}" : "",
+    hovertemplate: "<b>%{customdata}</b><br>mode %{x}: %{z:.2f} %<extra></extra>"}],
+  layout({xaxis: modeAxis("shares", count), yaxis: {tickvals: rowsOf.map((_, i) => i), ticktext: rowsOf.map(([name]) => plain(name)), ticks: "outside", tickcolor: "#fff", ticklen: 4,
+    autorange: "reversed", showgrid: false, zeroline: false, automargin: true}, margin: {l: 20, r: 10, t: 14, b: 50}}), CONFIG);
 }
 if (!data.topology) {
   for (const id of ["energy", "structure"]) { by(id).remove(); document.querySelector(`nav a[href="#${id}"]`).remove(); }
@@ -37,6 +44,7 @@ function bent(from, to, bend) {
   return [xs, ys];
 }
 
+const span = (nodes) => Math.max(...nodes.map((node) => node[1])) - Math.min(...nodes.map((node) => node[1]));
 function drawGraph() {
   const {nodes, edges} = data.topology, ground = nodes.length - 1, seen = {}, at = (i) => [nodes[i][1], nodes[i][2]];
   const kinds = {tree: {name: "joint of the tree", color: INK, width: 2.2}, floating: {name: "no joint: floats", color: "#9aa5b1", width: 1.5, dash: "dot"},
@@ -61,9 +69,13 @@ function drawGraph() {
     hoverinfo: "text", text: nodes.map((node) => plain(node[0])), marker: {size: nodes.map((_, i) => (i === ground ? 17 : 13)),
     symbol: nodes.map((_, i) => (i === ground ? "square" : "circle")), color: nodes.map((_, i) => (i === ground ? "#6b7682" : BLUE)), line: {color: "#fff", width: 2}}});
   // on paper, so that no line runs through a name
-  const annotations = nodes.length > 80 ? [] : nodes.map((node, i) => ({x: node[1], y: node[2], text: plain(node[0]), showarrow: false,
+  const annotations = !labels ? [] : nodes.map((node, i) => ({x: node[1], y: node[2], text: plain(node[0]), showarrow: false,
     yshift: i === ground ? -21 : 18, bgcolor: "rgba(255,255,255,0.85)", borderpad: 1, font: {size: nodes.length > 30 ? 10 : 12, color: INK}}));
-  const bare = {visible: false};
+  const bare = {visible: false}, letter = nodes.length > 30 ? 6 : 7;
+  // wide enough for the names of neighbours in a row, within a card that scrolls
+  const wide = labels ? nodes.flatMap(([name, x, y]) => nodes.filter(([, other, row]) => row === y && other > x)
+    .map(([next, other]) => (0.5 * letter * (name.length + next.length) + 12) * 1.2 * span(nodes) / (other - x))) : [];
+  by("graph").style.minWidth = `${Math.min(2400, Math.max(0, ...wide))}px`;
   Plotly.newPlot("graph", traces, layout({margin: {l: 12, r: 12, t: 8, b: 8}, xaxis: {...bare}, hovermode: "closest", annotations,
     yaxis: {...bare, range: [-0.6, Math.max(...nodes.map((node) => node[2])) + 0.6]}, legend: {orientation: "h", x: 0, y: 0, yanchor: "top"}}), CONFIG);
 }
@@ -86,9 +98,7 @@ if (data.topology) structure();
 if (modesOf.rows.length) {
   const errors = modesOf.rows.map((mode) => Math.max(mode.error || 0, 1e-17));
   Plotly.newPlot("errors", [{type: "scatter", mode: "markers", x: errors.map((_, i) => i + 1), y: errors, marker: {color: BLUE, size: errors.length > 80 ? 4 : 7},
-    hovertemplate: "mode %{x}: %{y:.1e}<extra></extra>"}], layout({margin: {l: 80, r: 18, t: 34, b: 50},
-    title: {text: "Estimated relative error of the eigenvalues", x: 0, xref: "paper", font: {size: 14, color: INK}},
-    xaxis: axis("mode [–]", {range: [0.4, errors.length + 0.6], dtick: Math.ceil(errors.length / 20), showgrid: false}),
+    hovertemplate: "mode %{x}: %{y:.1e}<extra></extra>"}], layout({margin: {l: 80, r: 18, t: 14, b: 50}, xaxis: modeAxis("errors", errors.length),
     yaxis: axis("relative error [–]", {type: "log", exponentformat: "power", dtick: 2,
       range: [-17.2, Math.max(-9.5, Math.ceil(Math.log10(Math.max(...errors))) + 0.5)]})}), CONFIG);
 } else {

@@ -25,14 +25,22 @@ function choosePair() {
   drawStep();
 }
 
-// Time until the slowest motion that decays has settled, at most 60 periods of the fastest one that a figure can show.
+// Time until the step responses have settled, at most 60 periods of the fastest motion that a figure can show.
 function longest() {
   let end = 0;
-  for (const {source} of chosen) {
+  for (const {source, pair} of chosen) {
     const slow = source.poles.filter(([re, im]) => re < 0 || im > 0).map(([re, im]) => Math.min(re < 0 ? 4 / -re : Infinity, 60 * Math.PI / Math.hypot(re, im)));
-    if (slow.length) end = Math.max(end, ...slow);
+    if (slow.length) end = Math.max(end, settling(pair, Math.max(...slow)));
   }
   return end || 1;
+}
+
+// The end of what leaves 1 % of the largest deviation from the last value, and a quarter more.
+function settling(pair, end) {
+  const points = steps(pair, 0, end).filter((p) => Number.isFinite(p.y)), last = (points[points.length - 1] || {}).y;
+  const away = points.map((p) => Math.abs(p.y - last)), most = Math.max(...away);
+  const at = away.findLastIndex((value) => value > 0.01 * most);
+  return Math.min(end, at < 0 ? end : 1.25 * points[Math.min(at + 1, points.length - 1)].t);
 }
 
 function nearest(curve, f) {
@@ -107,6 +115,10 @@ if (responses) {
     for (const [name, unit] of ports) make("option", unit ? `${name} [${unit}]` : name, by(id));
     by(id).onchange = choosePair;
   }
+  // the first transmissibility, else the first response, that is not zero by symmetry
+  const zero = responses.negligible, counts = responses.outputs.length, first = zero.findIndex((none, k) => !none && responses.units[k] === "1");
+  const at = Math.max(0, first >= 0 ? first : zero.indexOf(false));
+  [by("input").selectedIndex, by("output").selectedIndex] = [Math.floor(at / counts), at % counts];
   by("marks").onchange = by("decibel").onchange = drawBode;
   by("reset").onclick = () => { frequencies = whole; times = [0, longest()]; drawBode(); drawStep(); };
   choosePair();
