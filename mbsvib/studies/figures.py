@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
 
 MOST_LINES = 12
+MOST_DOTS = 60  # points of a sweep that are marked one by one on its lines
 BINS = 60
 
 
@@ -113,14 +114,16 @@ def root_locus(
     Returns
     -------
     matplotlib.figure.Figure
-        The upper half of the complex plane, a line for each mode.
+        The upper half of the complex plane, a line for each mode with dots at the points, the first 12 modes.
     """
     with style.context():
         figure = style.new_figure(6.4, 4.2)
         axes = figure.subplots()
         for i, (mode, track) in enumerate(zip(modes, eigenvalues.T[:MOST_LINES], strict=False)):
             line = style.line(i)
-            dots: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 3.0} if samples else {}
+            dots: dict[str, Any] = {"marker": ".", "markersize": 3.0} if samples or len(track) <= MOST_DOTS else {}
+            if samples:
+                dots["linestyle"] = "none"
             axes.plot(track.real, track.imag, label=mode, **(line | dots))
             if not samples:
                 good = np.flatnonzero(np.isfinite(track))
@@ -132,6 +135,7 @@ def root_locus(
         axes.set_ylabel("imaginary part [rad/s]")
         axes.legend(title="mode")
         title(axes, f"Eigenvalues over {', '.join(variables)}", name)
+        style.tell_left_out(figure, min(len(modes), MOST_LINES), len(modes), "modes", "choose by modes=")
     return figure
 
 

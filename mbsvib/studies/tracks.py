@@ -19,7 +19,7 @@ from mbsvib.studies.results import Sweep
 from mbsvib.studies.sweeps import sweep
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
     from os import PathLike
 
     from matplotlib.figure import Figure
@@ -84,15 +84,27 @@ class Tracks(Sweep, Displayed):
                     result[f"{label}[{name}]"] = column
         return result
 
-    def root_locus(self) -> Figure:
+    def root_locus(self, modes: Sequence[str] | None = None) -> Figure:
         """Draw the eigenvalues in the complex plane.
+
+        Parameters
+        ----------
+        modes : sequence of str, optional
+            Names of modes; default: the first 12.
 
         Returns
         -------
         matplotlib.figure.Figure
-            A line for each mode, from a circle at the first point to a square at the last.
+            A line for each mode through the points of the sweep, from a circle at the first to a square at the last.
+
+        Raises
+        ------
+        ModelError
+            If there is no such mode.
         """
-        return root_locus(self["eigenvalues"], self.modes, self.parameters, self.name, samples=len(self.shape) > 1)
+        names = self.modes if modes is None else [modes] if isinstance(modes, str) else list(modes)
+        values = np.stack([self.mode(name, "eigenvalues") for name in names], axis=1)
+        return root_locus(values, names, self.parameters, self.name, samples=len(self.shape) > 1)
 
 
 def track(

@@ -69,6 +69,21 @@ def test_tracks_are_sweeps(tmp_path):
         assert figure.axes[0].get_xlabel().endswith("]")
 
 
+def test_a_root_locus_tells_which_modes_it_leaves_out():
+    result = mv.track(mv.library.chain(14), {"spring1.stiffness.z": np.linspace(1e5, 3e5, 3)})
+    figure = result.root_locus()
+    assert figure.get_suptitle() == "12 of 14 modes; choose by modes="
+    drawn = [line for line in figure.axes[0].lines if len(line.get_xdata()) == 3]
+    assert len(drawn) == 12
+    assert all(line.get_marker() == "." for line in drawn)  # the points of the sweep: lines between them are chords
+    last = result.root_locus([result.modes[-1]])
+    assert last.get_suptitle() == ""
+    line = last.axes[0].lines[0]
+    assert (np.asarray(line.get_xdata()) + 1j * np.asarray(line.get_ydata()) == result["eigenvalues"][:, -1]).all()
+    with pytest.raises(mv.ModelError, match="no mode 'nobody'"):
+        result.root_locus("nobody")
+
+
 BAD = [
     ({"slow.spring.stifness": [1.0]}, {}, "Did you mean 'slow.spring.stiffness'"),
     ({"leg*.k.stiffness": [1.0]}, {}, "no parameter 'leg"),
