@@ -110,6 +110,11 @@ class Beam(Composed):
         return {body: point for i, (body, point) in enumerate(self.node_bodies) if body == f"{self.name}.{i}"}
 
     @property
+    def outlines(self) -> tuple[tuple[int, ...], ...]:
+        """One line through all nodes."""
+        return (tuple(range(len(self.points))),)
+
+    @property
     def element_names(self) -> tuple[str, ...]:
         """Names of the elements from the start: ``"tube.e1"``, ``"tube.e2"``, ..."""
         return tuple([f"{self.name}.e{i}" for i in range(1, len(self.points))])

@@ -231,6 +231,11 @@ class Composed(Part):
 
     @property
     @abstractmethod
+    def outlines(self) -> tuple[tuple[int, ...], ...]:
+        """Numbers of the nodes along the lines that represent it in pictures."""
+
+    @property
+    @abstractmethod
     def element_names(self) -> tuple[str, ...]:
         """Names of its elements that carry forces."""
 

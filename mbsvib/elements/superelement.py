@@ -98,6 +98,11 @@ class Superelement(Composed):
         return {f"{self.name}.{name}": point for name, point in self.nodes if name not in on_bodies}
 
     @property
+    def outlines(self) -> tuple[tuple[int, ...], ...]:
+        """Lines from the first node to all others."""
+        return tuple([(0, i) for i in range(1, len(self.nodes))])
+
+    @property
     def element_names(self) -> tuple[str, ...]:
         """No elements: forces within a superelement are not available."""
         return ()

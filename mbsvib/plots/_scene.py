@@ -12,10 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements import Body, Bushing, Input, Joint, Maxwell
-from mbsvib.elements.beam import Beam
 from mbsvib.elements.connection import Connection
 from mbsvib.elements.part import Composed
-from mbsvib.elements.superelement import Superelement
 from mbsvib.equations.expansion import expanded
 from mbsvib.mechanism.topology import span
 from mbsvib.plots import _outline as outline
@@ -126,10 +124,8 @@ def _scene(name: str, parts: Sequence[Part], cut: set[str], bodies: Sequence[str
                                      for element in parts) <= FEW_SPRINGS)  # fmt: skip
         elif isinstance(part, Connection):
             builder.bushing(part)
-        elif isinstance(part, Beam):
-            builder.chain(part.name, part.node_bodies)
-        elif isinstance(part, Superelement):
-            builder.star(part.name, part.node_bodies)
+        elif isinstance(part, Composed):
+            builder.composed(part)
         elif isinstance(part, Input):
             builder.arrow(part)
     for part in parts:
@@ -238,18 +234,13 @@ class _Builder:
         what = "bushing" if isinstance(part, Bushing) else "torsion spring"
         self.mark("bushing", part.name, part.second, at, f"{what} between {part.first} and {part.second}")
 
-    def chain(self, name: str, nodes: Sequence[tuple[str, Any]]) -> None:
-        for body, at in (nodes[0], nodes[-1]):
-            self.hold(body, at)
-        self.line("beam", name, nodes)
-        self.mark("node", name, *nodes[len(nodes) // 2], f"beam of {len(nodes) - 1} elements")
-
-    def star(self, name: str, nodes: Sequence[tuple[str, Any]]) -> None:
-        for i, (body, at) in enumerate(nodes):
-            self.hold(body, at)
-            if i:
-                self.line("beam", name, [nodes[0], (body, at)])
-        self.mark("node", name, *nodes[0], f"superelement with {len(nodes)} nodes")
+    def composed(self, part: Composed) -> None:
+        nodes, ways = part.node_bodies, part.outlines or ((0,),)
+        for i in sorted({end for way in ways for end in (way[0], way[-1])}):
+            self.hold(*nodes[i])
+        for way in part.outlines:
+            self.line("beam", part.name, [nodes[i] for i in way])
+        self.mark("node", part.name, *nodes[ways[0][(len(ways[0]) - 1) // 2]], part.summary)
 
     def arrow(self, part: Input) -> None:
         at = np.array(self.places[part.body] if part.position is None else part.position)
