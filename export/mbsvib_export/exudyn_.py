@@ -260,8 +260,8 @@ def _check(model: Model, plain: Any, signals: Mapping[str, Signal]) -> None:
         if name not in plain.inputs:
             raise ExportError(f"to_exudyn: inputs: '{name}' is no input of '{model.name}'; it has "
                               f"{', '.join(plain.inputs) or 'none'}.")  # fmt: skip
-    gone = [name for name, port in plain.inputs.items() if not isinstance(port, Input)]
-    gone += [name for name, port in plain.outputs.items() if not isinstance(port, Output)]
-    if gone:
+    left_out = [name for name, port in plain.inputs.items() if not isinstance(port, Input)]
+    left_out += [name for name, port in plain.outputs.items() if not isinstance(port, Output)]
+    if left_out:
         warnings.warn(f"to_exudyn: left out, as exudyn has no base motion and its sensors of forces differ: "
-                      f"{', '.join(gone)}.", LeftOutWarning, stacklevel=3)  # fmt: skip
+                      f"{', '.join(left_out)}.", LeftOutWarning, stacklevel=3)  # fmt: skip

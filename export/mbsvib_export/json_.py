@@ -91,7 +91,7 @@ def from_json(source: str | os.PathLike[str] | Mapping[str, Any]) -> SystemData 
     where = "from_json" if is_text else os.fspath(source)
     try:
         text = source if is_text else content_of(source, ExportError, "a file of to_json").decode("utf-8-sig")
-        return data_in(json.loads(str(text), parse_constant=_refuse_constant, object_pairs_hook=_each_once))
+        return data_in(json.loads(str(text), parse_constant=_refuse_constant, object_pairs_hook=_without_duplicates))
     except json.JSONDecodeError as error:
         raise ExportError(f"{where}: line {error.lineno}, column {error.colno}: {error.msg}; expected JSON as to_json "
                           f"writes it. The file is damaged or of another kind: write it again.") from error  # fmt: skip
@@ -164,7 +164,7 @@ def _refuse_constant(word: str) -> NoReturn:
     raise ExportError(f"{word} is not a number; expected finite numbers only.")
 
 
-def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     result = dict(pairs)
     if len(result) < len(pairs):
         keys = [key for key, _ in pairs]

@@ -125,17 +125,17 @@ def _binary(data: DataSet, double: bool, count: int, columns: int) -> Array:
 
 def _names(data: DataSet, points: tuple[Point, Point], types: list[int]) -> tuple[list[str], list[str]]:
     """Names and units of output and input; files of mbsvib have them whole in their first lines."""
-    whole = [data.line(k).strip().split(" / ") for k in (0, 1)]
-    if data.line(2).strip() == MARK and len(whole[0]) == 2:
+    names_and_units = [data.line(k).strip().split(" / ") for k in (0, 1)]
+    if data.line(2).strip() == MARK and len(names_and_units[0]) == 2:
         first, _, second = data.line(1)[:80].rstrip().partition(" / ")
-        return [word.strip() for word in whole[0]], [first.strip(), second.strip()]
+        return [word.strip() for word in names_and_units[0]], [first.strip(), second.strip()]
     names: list[str] = []
     units: list[str] = []
     for k, (start, point, kind) in enumerate(zip((31, 56), points, types, strict=True)):
         entity = data.line(5)[start : start + 10].strip()
         sign = "-" if point.direction < 0 else "+"
-        place = f"{point.node}{sign if point.direction else ''}{_AXES[abs(point.direction)]}"
-        names.append(place if entity in ("", "NONE") else f"{entity}:{place}")
+        node_name = f"{point.node}{sign if point.direction else ''}{_AXES[abs(point.direction)]}"
+        names.append(node_name if entity in ("", "NONE") else f"{entity}:{node_name}")
         unit = data.line(8 + k)[47:67].strip()
         units.append(_SI.get(kind, ("", ""))[abs(point.direction) > 3] if unit in ("", "NONE") else unit)
     return names, units

@@ -128,7 +128,7 @@ def _function(data: DataSet, content: _Content) -> None:
         content.functions.append(result)
 
 
-def _place(content: _Content, number: int, system: int, position: list[float]) -> None:
+def _add_coordinate_system(content: _Content, number: int, system: int, position: list[float]) -> None:
     if number < 1 or number in content.positions:
         raise ContentError(f"the node {number} is there twice, or no number of a node")
     x, y, z = (value / content.length for value in position)
@@ -138,13 +138,13 @@ def _place(content: _Content, number: int, system: int, position: list[float]) -
 def _nodes_15(data: DataSet, content: _Content) -> None:
     for k in range(len(data.lines)):
         number, _, system, _ = data.integers(k, 10, 10, 10, 10)
-        _place(content, number, system, data.reals(k, -40, 13, 13, 13))
+        _add_coordinate_system(content, number, system, data.reals(k, -40, 13, 13, 13))
 
 
 def _nodes_2411(data: DataSet, content: _Content) -> None:
     for k in range(0, len(data.lines), 2):
         number, _, system, _ = data.integers(k, 10, 10, 10, 10)
-        _place(content, number, system, data.reals(k + 1, 25, 25, 25))
+        _add_coordinate_system(content, number, system, data.reals(k + 1, 25, 25, 25))
 
 
 def _systems(data: DataSet, content: _Content) -> None:

@@ -70,11 +70,11 @@ class Batch(BatchEquations, Displayed):
         if rtol is None:
             return self.basis.modes
         result = self.basis.modes_within(rtol)
-        late = np.flatnonzero(result.errors.max(axis=1, initial=0.0) > rtol)
-        if len(late):
+        inaccurate = np.flatnonzero(result.errors.max(axis=1, initial=0.0) > rtol)
+        if len(inaccurate):
             warnings.warn(
                 f"modes of '{self.name}': estimated relative error up to {result.errors.max():.1e} exceeds "
-                f"rtol = {rtol:g} in {counted(len(late), 'variant')}, the first of which is {late[0]}.",
+                f"rtol = {rtol:g} in {counted(len(inaccurate), 'variant')}, the first of which is {inaccurate[0]}.",
                 AccuracyWarning, stacklevel=2,
             )  # fmt: skip
         return result

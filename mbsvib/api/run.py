@@ -178,17 +178,17 @@ class Run(Displayed):
             values, rates = self.coordinates[name], self.rates[name]
         else:
             values = self[name]
-            rates = self.trace.told().output_rates[name]
+            rates = self.trace.values().output_rates[name]
         index = list(self.coordinates).index(name) if name in self.coordinates else -1
 
         def at(k: int, time: float) -> tuple[float, float]:
-            told = self.trace.told([self.trace.samples[k], self.trace.at(k, time)])
+            ends = self.trace.values([self.trace.samples[k], self.trace.at(k, time)])
             if index >= 0:
                 # whole turns are counted from the sample before
-                turns = values[k] - told.coordinates[index, 0]
-                return float(told.coordinates[index, 1] + turns), float(told.rates[index, 1])
-            turns = values[k] - told.outputs[name][0]
-            return float(told.outputs[name][1] + turns), float(told.output_rates[name][1])
+                turns = values[k] - ends.coordinates[index, 0]
+                return float(ends.coordinates[index, 1] + turns), float(ends.rates[index, 1])
+            turns = values[k] - ends.outputs[name][0]
+            return float(ends.outputs[name][1] + turns), float(ends.output_rates[name][1])
 
         return crossings(self.time, values, rates, float(value), at)
 
@@ -326,16 +326,16 @@ def run_of(name: str, trace: Trace, complete: bool) -> Run:
     Run
         What can be asked of it.
     """
-    told = trace.told()
-    arrays = [trace.time, told.coordinates, told.rates, told.kinetic, told.potential, told.work, *told.outputs.values()]
+    at = trace.values()
+    arrays = [trace.time, at.coordinates, at.rates, at.kinetic, at.potential, at.work, *at.outputs.values()]
     for array in arrays:
         array.setflags(write=False)
     names = trace.session.names
-    energy = Energy(trace.parts, told.kinetic, told.potential, told.work[0], told.work[1] + told.work[2])
+    energy = Energy(trace.parts, at.kinetic, at.potential, at.work[0], at.work[1] + at.work[2])
     return Run(
-        name, arrays[0], MappingProxyType(told.outputs), MappingProxyType(units(trace)),
-        MappingProxyType({name: told.coordinates[i] for i, name in enumerate(names)}),
-        MappingProxyType({name: told.rates[i] for i, name in enumerate(names)}), energy, complete, trace,
+        name, arrays[0], MappingProxyType(at.outputs), MappingProxyType(units(trace)),
+        MappingProxyType({name: at.coordinates[i] for i, name in enumerate(names)}),
+        MappingProxyType({name: at.rates[i] for i, name in enumerate(names)}), energy, complete, trace,
     )  # fmt: skip
 
 

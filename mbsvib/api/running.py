@@ -30,7 +30,7 @@ class Cycle(CycleData):
     """A running machine: its motion, drive torques, shaking force and moment, and what joints carry."""
 
     @cached_property
-    def _carried(self) -> Reactions:
+    def _reactions(self) -> Reactions:
         from mbsvib.cycles.reactions import reactions
 
         return reactions(self)
@@ -43,12 +43,12 @@ class Cycle(CycleData):
         Where redundant constraints leave forces open, the smallest ones that balance are taken; ``undetermined`` names
         them.
         """
-        return self._carried.wrenches
+        return self._reactions.wrenches
 
     @property
     def undetermined(self) -> Mapping[str, tuple[str, ...]]:
         """Directions x ... rz of reactions, by joint, that redundant constraints leave open."""
-        return self._carried.undetermined
+        return self._reactions.undetermined
 
     def columns(self) -> dict[str, Array]:
         """Return the cycle as columns by name: coordinates, torques of drives, shaking force and moment, reactions.

@@ -56,7 +56,7 @@ def show(name: str | None = None) -> None:
 def install(name: str | None = None) -> None:
     """Write the script of a shell to where it looks for it."""
     known = _shell_name(name)
-    path = _place(known)
+    path = _cache_file(known)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(SCRIPTS[known], encoding="utf-8")
     shell.say(f"Written: {path}\n{NEXT[known].format(path=path, folder=path.parent)}")
@@ -107,11 +107,11 @@ def _values(argument: Argument, before: list[str], typed: str, by_name: dict[str
         from mbsvib import library
 
         return _fitting(list(library.models()), typed) + _files(typed, SUFFIXES)
-    given = _positional_words(before, by_name)
-    if not argument.completes or not given:
+    positional = _positional_words(before, by_name)
+    if not argument.completes or not positional:
         return []
     try:
-        return _fitting(_names(model_of(given[0]), argument.completes), typed)
+        return _fitting(_names(model_of(positional[0]), argument.completes), typed)
     except (MbsvibError, OSError):  # a faulty model has no names; its commands say why
         return []
 
@@ -165,7 +165,7 @@ def _shell_name(name: str | None) -> str:
     return known
 
 
-def _place(name: str) -> Path:
+def _cache_file(name: str) -> Path:
     data = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share")
     settings = Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config")
     return {"bash": data / "bash-completion" / "completions" / "mbsvib",

@@ -33,9 +33,9 @@ UNIT_LENGTH = 4.0 * 2.0**-52
 ONCE_AROUND = 2.0 * pi * (1.0 + ROTATION_TOLERANCE)
 
 
-def refuse(who: str, field: str, given: Any, expected: str, hint: str = "") -> ModelError:
+def refuse(who: str, field: str, value: Any, expected: str, hint: str = "") -> ModelError:
     """Build the error "WHO: FIELD = GIVEN; expected EXPECTED. HINT"."""
-    text = f"{who}: {field} = {shown(given)}; expected {expected}."
+    text = f"{who}: {field} = {shown(value)}; expected {expected}."
     return ModelError(f"{text} {hint}".rstrip(), element=who, field=field)
 
 

@@ -173,12 +173,12 @@ def _unknown(name: str, known: Sequence[str], what: str, owner: str, others: Seq
     return f"{what} {name!r}: system '{owner}' has no such {what}.{nearest(name, known)} It has {listed}."
 
 
-def signal_names(given: Any, count: int, label: str, owner: str) -> tuple[str, ...]:
+def signal_names(requested: Any, count: int, label: str, owner: str) -> tuple[str, ...]:
     """Return names for the rows or columns of matrices, u1, u2, ... if none are given.
 
     Parameters
     ----------
-    given : str, sequence of str or None
+    requested : str, sequence of str or None
         The names.
     count : int
         How many there must be.
@@ -197,10 +197,10 @@ def signal_names(given: Any, count: int, label: str, owner: str) -> tuple[str, .
     ResponseError
         If there are more or fewer, or two are the same.
     """
-    if given is None:
+    if requested is None:
         letter = {"inputs": "u", "outputs": "y", "states": "x", "coordinates": "q"}[label]
         return tuple([f"{letter}{i + 1}" for i in range(count)])
-    names = (given,) if isinstance(given, str) else tuple(given)
+    names = (requested,) if isinstance(requested, str) else tuple(requested)
     if len(names) != count or not all(isinstance(name, str) and name for name in names):
         raise ResponseError(f"{owner}: {label} = {shown(list(names))}; expected {counted(count, 'name')}, one for each "
                             f"row or column of the matrices.")  # fmt: skip

@@ -64,10 +64,10 @@ class Arc:
         """
         if share in (0.0, 1.0):
             return (self.start, self.along) if share == 0.0 else (self.end, self.onward)
-        found = corrected(stepped(self.start, share * self.length * self.along))
-        if found is None:
+        next_state = corrected(stepped(self.start, share * self.length * self.along))
+        if next_state is None:
             raise _stuck(self.start, self.end.value, "Newton's method does not contract there")
-        return found[0], continued(found[0], self.start, self.along)
+        return next_state[0], continued(next_state[0], self.start, self.along)
 
     def located(
         self, quantity: Callable[[State, Array], float], between: tuple[float, float] = (0.0, 1.0)
@@ -136,9 +136,9 @@ def crossing(at: State, sense: int) -> Arc:
         If Newton's method leads back to the path itself.
     """
     along = sense * at.softest
-    found = corrected(stepped(at, FIRST * along))
-    if found is not None and abs(_joints(found[0], found[0].direction) @ _joints(at, along)) > 0.5:
-        return Arc(at, along, FIRST, found[0], continued(found[0], at, along))
+    next_state = corrected(stepped(at, FIRST * along))
+    if next_state is not None and abs(_joints(next_state[0], next_state[0].direction) @ _joints(at, along)) > 0.5:
+        return Arc(at, along, FIRST, next_state[0], continued(next_state[0], at, along))
     raise _stuck(at, None, "Newton's method does not find the path that crosses there")
 
 
@@ -197,10 +197,10 @@ def _exactly(near: State, value: float) -> State:
     """The state in which the coordinate has exactly a value, from one nearby."""
     step = np.zeros(len(near.forces.names))
     step[near.i] = (value - near.value) / near.forces.scale[near.i]
-    found = corrected(stepped(near, step), exact=True)
-    if found is None:
+    next_state = corrected(stepped(near, step), exact=True)
+    if next_state is None:
         raise _stuck(near, value, "Newton's method does not reach it")
-    return replace(found[0], value=value)
+    return replace(next_state[0], value=value)
 
 
 def _stuck(state: State, value: float | None, why: str) -> EquilibriumError:

@@ -144,11 +144,11 @@ def started(at: PosedModel, coordinate: str) -> State:
         If Newton's method does not find it.
     """
     state = State(at, balance(at, [coordinate]), coordinate, 0.0)
-    found = corrected(state, exact=True)
-    if found is None:
+    corrected_state = corrected(state, exact=True)
+    if corrected_state is None:
         raise EquilibriumError(
             f"path: model '{at.reference.name}' is not in balance in the given pose while '{coordinate}' is held, and "
             f"Newton's method finds no equilibrium next to it. Start from model.equilibrium(), or from a pose nearer "
             f"to one.", coordinate=coordinate,
         )  # fmt: skip
-    return found[0]
+    return corrected_state[0]

@@ -40,7 +40,7 @@ def explain(system: Equations, basis: Basis | None = None) -> str:
     if system.provenance.truncation is not None:
         return _reduced(system, system.provenance.truncation)
     if system.provenance.from_matrices:
-        return _given(system, basis)
+        return _of_matrices(system, basis)
     lines = [f"{system.name}: {system.dof} DOF"]
     if system.provenance.closed_loop:
         lines.append("  a controller acts on it: C and K contain its gains; the rest is said of the open loop")
@@ -77,7 +77,7 @@ def _reduced(system: Equations, made: Truncation) -> str:
     ])  # fmt: skip
 
 
-def _given(system: Equations, basis: Basis | None) -> str:
+def _of_matrices(system: Equations, basis: Basis | None) -> str:
     """Description of a system that was made of matrices."""
     lines = [f"{system.name}: {system.dof} DOF, made of matrices; there is no mechanism to be explained",
              f"  coordinates: {listed(system.coordinates) or 'none'}"]  # fmt: skip

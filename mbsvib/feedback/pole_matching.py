@@ -83,12 +83,12 @@ def _apart(residual: Array, turn: Array, closest: Array, crossing: Array) -> NDA
     """
     own_residual, exchanged_residual = _swaps(residual)
     own_turn, exchanged_turn = _swaps(turn)
-    by_place = (own_residual < SHORT * np.minimum(exchanged_residual, closest)) & (exchanged_turn >= SHORT * own_turn)
+    nearer = (own_residual < SHORT * np.minimum(exchanged_residual, closest)) & (exchanged_turn >= SHORT * own_turn)
     # poles that pass each other at the distance e move along a hyperbola, which leaves its asymptotes by e^2 / turn
     passing = np.sqrt(own_residual * exchanged_turn)
     by_slope = (own_turn < SHORT * exchanged_turn) & (passing < crossing)
     by_slope &= np.isfinite(crossing) | (own_residual < SHORT * exchanged_residual)
-    return np.asarray(by_place | by_slope)
+    return np.asarray(nearer | by_slope)
 
 
 def _closest(start: Complex, end: Complex, bend: Complex) -> Array:

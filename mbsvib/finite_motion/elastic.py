@@ -108,14 +108,14 @@ def _stations(
     with the root in this frame.
     """
     spin = angular_velocity(frame, motion.q, motion.qd)
-    place = {station: k for k, station in enumerate(block.elastic)}
+    number_of = {station: k for k, station in enumerate(block.elastic)}
     parts, fallen = [], ca.SX(0.0)
     origin = frame.rotation.T @ motion.rate(frame.shift)
     for i, point in enumerate(block.points):
         at, v, w = ca.SX(point), ca.SX.zeros(3), ca.SX.zeros(3)
         start = at
-        if i in place:
-            k = 6 * place[i]
+        if i in number_of:
+            k = 6 * number_of[i]
             start = at + ca.SX(block.state[k : k + 3])
             at, v, w = start + change[k : k + 3], speed[k : k + 3], speed[k + 3 : k + 6]
         parts.append(ca.vertcat(origin + ca.cross(spin, at) + v, spin + w))

@@ -163,7 +163,7 @@ def _used(model: Mechanism) -> set[str]:
 
 
 def _of_beam(beam: Beam, model: Mechanism, used: set[str]) -> ElasticBlock:
-    rest, whole = beam.without_forces(), beam_expansion.elastic_part(beam)
+    rest, flexible = beam.without_forces(), beam_expansion.elastic_part(beam)
     points = np.array(rest.points)
     elastic = tuple([i for i in range(len(points)) if beam.body_of(i) != beam.root])
     names = {beam.body_of(i): i for i in reversed(range(len(points)))}
@@ -175,7 +175,7 @@ def _of_beam(beam: Beam, model: Mechanism, used: set[str]) -> ElasticBlock:
         for i in range(len(points)):
             weight[i] = falls.get(beam.body_of(i), (0.0, 0.0, 0.0))
     columns = [6 * i + j for i in elastic for j in range(6)]
-    made = _block(whole, points, elastic, 0, mass, damping, beam.beta, weight, used)
+    made = _block(flexible, points, elastic, 0, mass, damping, beam.beta, weight, used)
     return replace(made, sag=sag_rows(beam)[:, columns], stretch=stretch_row(beam)[columns])
 
 
@@ -186,36 +186,36 @@ def _of_superelement(part: Superelement, model: Mechanism, used: set[str]) -> El
             f"superelement '{part.name}': gravity on a superelement that a moving body carries has no statement in "
             f"finite motion yet; leave gravity out, or give its weight as loads on its nodes.", element=part.name,
         )  # fmt: skip
-    whole = superelement_expansion.elastic_part(part, model.gravity)
+    flexible = superelement_expansion.elastic_part(part, model.gravity)
     points = np.array(part.points_without_forces)
     count = len(points)
-    elastic = tuple([i for i in range(count) if i != part.root_node and part.body_of(i) != whole.root])
+    elastic = tuple([i for i in range(count) if i != part.root_node and part.body_of(i) != flexible.root])
     names = {part.body_of(i): i for i in range(count)}
     names |= {name: count + i for i, name in enumerate(part.carriers)}
     mass = _matrix(superelement_expansion.masses(part), names, points, part.internal)
     damped = [piece for piece in superelement_expansion.elastic(part) if piece.damping is not None]
     damping = _matrix(damped, names, points, part.internal)
-    return _block(whole, points, elastic, part.internal, mass, damping, 0.0, np.zeros((count, 3)), used)
+    return _block(flexible, points, elastic, part.internal, mass, damping, 0.0, np.zeros((count, 3)), used)
 
 
 def _block(
-    whole: ElasticPart, points: Array, elastic: tuple[int, ...], internal: int, mass: Array, damping: Array,
+    part: ElasticPart, points: Array, elastic: tuple[int, ...], internal: int, mass: Array, damping: Array,
     beta: float, weight: Array, used: set[str],
 ) -> ElasticBlock:  # fmt: skip
     # nodes that the root holds as well do not move against it
-    moving = [k for k, (body, _) in enumerate(whole.nodes) if body != whole.root]
-    inner_ones = range(6 * len(whole.nodes), whole.rows.shape[1])
+    moving = [k for k, (body, _) in enumerate(part.nodes) if body != part.root]
+    inner_ones = range(6 * len(part.nodes), part.rows.shape[1])
     own_columns = [6 * k + j for k in moving for j in range(6)] + list(inner_ones)
-    rows, state = whole.rows[:, own_columns], whole.state[own_columns]
-    force = np.zeros(len(state)) if whole.force is None else whole.force[own_columns]
-    nodes = [(whole.names[k], whole.nodes[k][0]) for k in moving]
-    stiffness = rows.T @ (whole.values[:, None] * rows)
+    rows, state = part.rows[:, own_columns], part.state[own_columns]
+    force = np.zeros(len(state)) if part.force is None else part.force[own_columns]
+    nodes = [(part.names[k], part.nodes[k][0]) for k in moving]
+    stiffness = rows.T @ (part.values[:, None] * rows)
     interface = tuple([k for k, (_, body) in enumerate(nodes) if body in used])
     columns = [6 * i + j for i in elastic for j in range(6)] + list(range(6 * len(points), len(mass)))
     own = mass[np.ix_(columns, columns)]
     modes, static, values = _craig_bampton(own, stiffness, [6 * k + j for k in interface for j in range(6)])
     return ElasticBlock(
-        whole.owner, whole.root, points, elastic, internal, state, mass, damping, beta * stiffness, stiffness, weight,
+        part.owner, part.root, points, elastic, internal, state, mass, damping, beta * stiffness, stiffness, weight,
         force, interface, tuple([nodes[k][0] for k in interface]), tuple([nodes[k][1] for k in interface]),
         (ALL_SIX,) * len(interface), modes, static, values, tuple([body for _, body in nodes]),
         np.zeros((0, len(state))), np.zeros(len(state)),

@@ -58,12 +58,12 @@ def with_interfaces(model: Mechanism, blocks: Sequence[ElasticBlock]) -> Mechani
     return model.with_parts(bodies=bodies, joints=joints, composed={})
 
 
-def touched(whole: FiniteMotion, blocks: Sequence[ElasticBlock]) -> dict[str, tuple[int, ...]]:
+def touched(statement: FiniteMotion, blocks: Sequence[ElasticBlock]) -> dict[str, tuple[int, ...]]:
     """Return the directions of interface nodes that the rest of the mechanism acts on, by the names of their links.
 
     Parameters
     ----------
-    whole : FiniteMotion
+    statement : FiniteMotion
         The statement with all directions of all interface nodes as coordinates.
     blocks : sequence of ElasticBlock
         The beams and superelements.
@@ -73,34 +73,34 @@ def touched(whole: FiniteMotion, blocks: Sequence[ElasticBlock]) -> dict[str, tu
     dict of str to tuple of int
         Directions; links that are no coordinates of the tree are not among them.
     """
-    motion = whole.motion
+    motion = statement.motion
     q, qd, names = motion.q, motion.qd, motion.names
     bending = {block.name for block in blocks}
-    energies = [value for group in (whole.kinetic, whole.potential, whole.dissipation) for name, value in group.items()
-                if name not in bending] + [whole.gyroscopic]  # fmt: skip
-    slopes = [ca.gradient(value, way) for value in energies for way in (q, qd)]
-    powers = [ca.gradient(value, qd) for value in (*whole.loads.values(), *whole.inputs.values())]
+    groups = statement.kinetic, statement.potential, statement.dissipation
+    energies = [value for group in groups for name, value in group.items() if name not in bending]
+    slopes = [ca.gradient(value, way) for value in (*energies, statement.gyroscopic) for way in (q, qd)]
+    powers = [ca.gradient(value, qd) for value in (*statement.loads.values(), *statement.inputs.values())]
     frames = [ca.jacobian(motion.closures, q).T, *slopes, *powers]
     links = [joint for block in blocks for joint in block.joints if f"{joint}.x" in names]
-    place = {joint: names.index(f"{joint}.x") for joint in links}
-    function = ca.Function("touch", [q, qd, whole.yields, motion.bases], [ca.horzcat(*map(ca.densify, frames))])
+    number_of = {joint: names.index(f"{joint}.x") for joint in links}
+    function = ca.Function("touch", [q, qd, statement.yields, motion.bases], [ca.horzcat(*map(ca.densify, frames))])
     generator = np.random.default_rng(0)
     size = np.zeros(len(names))
     for _ in range(STATES):
         where, rates = (SIZE * generator.standard_normal(len(names)) for _ in range(2))
-        values = np.abs(np.asarray(function(where, rates, 0.1 * np.ones(whole.yields.shape),
+        values = np.abs(np.asarray(function(where, rates, 0.1 * np.ones(statement.yields.shape),
                                             np.tile(np.eye(3).reshape(-1), len(motion.based)))))  # fmt: skip
         values /= np.maximum(values.max(axis=0), 1e-300)
         size = np.maximum(size, values.max(axis=1, initial=0.0))
-    return {joint: tuple([d for d in range(6) if size[k + d] > ROUNDING]) for joint, k in place.items()}
+    return {joint: tuple([d for d in range(6) if size[k + d] > ROUNDING]) for joint, k in number_of.items()}
 
 
-def at_rest(whole: FiniteMotion, blocks: Sequence[ElasticBlock]) -> frozenset[str]:
+def at_rest(statement: FiniteMotion, blocks: Sequence[ElasticBlock]) -> frozenset[str]:
     """Return modes of blocks on the ground that nothing moves, neither forces nor other coordinates.
 
     Parameters
     ----------
-    whole : FiniteMotion
+    statement : FiniteMotion
         The statement with all coordinates.
     blocks : sequence of ElasticBlock
         The beams and superelements.
@@ -110,34 +110,35 @@ def at_rest(whole: FiniteMotion, blocks: Sequence[ElasticBlock]) -> frozenset[st
     frozenset of str
         Names of modes that stay 0.
     """
-    motion = whole.motion
+    motion = statement.motion
     names = motion.names
     modes = {name for block in blocks if block.root == GROUND for name in block.mode_names}
     movable = [i for i, name in enumerate(names) if name in modes]
     if not movable:
         return frozenset()
     bending = {name for block in blocks for name in (*block.interface_names, *block.mode_names)}
-    links, excited = _coupling(whole, movable, [i for i, name in enumerate(names) if name in bending])
+    links, excited = _coupling(statement, movable, [i for i, name in enumerate(names) if name in bending])
     _, label = connected_components(csr_matrix(links), directed=False)
     alive = set(label[excited].tolist())
     return frozenset(names[i] for i in movable if label[i] not in alive)
 
 
-def _coupling(whole: FiniteMotion, movable: list[int], bending: list[int]) -> tuple[Array, Index]:
+def _coupling(statement: FiniteMotion, movable: list[int], bending: list[int]) -> tuple[Array, Index]:
     """Which coordinates (n, n) act on one another, and which (k,) are moved from outside of the movable ones.
 
     Forces on the movable ones are rounding beside the largest on all that are ``bending``.
     """
-    motion = whole.motion
+    motion = statement.motion
     q, qd, n = motion.q, motion.qd, len(motion.names)
-    pull = ca.densify(whole.forces)
-    inputs = ca.densify(ca.sum2(ca.fabs(whole.input_forces))) if whole.inputs else ca.DM.zeros(n)
-    wanted = [whole.mass, ca.jacobian(whole.forces, q), ca.jacobian(whole.forces, qd), whole.jacobian, pull, inputs]
-    function = ca.Function("coupling", [q, qd, whole.yields, motion.bases], wanted)
+    pull = ca.densify(statement.forces)
+    inputs = ca.densify(ca.sum2(ca.fabs(statement.input_forces))) if statement.inputs else ca.DM.zeros(n)
+    wanted = [statement.mass, ca.jacobian(statement.forces, q), ca.jacobian(statement.forces, qd), statement.jacobian,
+              pull, inputs]  # fmt: skip
+    function = ca.Function("coupling", [q, qd, statement.yields, motion.bases], wanted)
     generator = np.random.default_rng(0)
-    yields, bases = np.zeros(whole.yields.shape), np.tile(np.eye(3).reshape(-1), len(motion.based))
+    yields, bases = np.zeros(statement.yields.shape), np.tile(np.eye(3).reshape(-1), len(motion.based))
     links, force = np.zeros((n, n)), np.zeros(n)
-    rows = np.zeros((whole.jacobian.shape[0], n))
+    rows = np.zeros((statement.jacobian.shape[0], n))
     inside = np.zeros(n, dtype=bool)
     inside[movable] = True
     for k in range(STATES):

@@ -164,12 +164,12 @@ def kinematics(
             relative = moved.inverse().then(relative)
         rows += [(f"{joint.name}.{name}", value, name[0] == "r") for name, value in openings(joint, numbers, relative)]
     for part in model.couplers.values():
-        gone = next((name for name, _ in part.terms if name not in symbol and name not in still), None)
-        if gone is not None:
-            joint_name = gone.rpartition(".")[0]
-            raise ModelError(f"coupler '{part.name}': joint '{joint_name}' of its coordinate '{gone}' is cut, so that "
-                             f"the tree has no such coordinate; cut another joint of that loop: linearize(cut=[...]).",
-                             element=part.name)  # fmt: skip
+        absent = next((name for name, _ in part.terms if name not in symbol and name not in still), None)
+        if absent is not None:
+            joint_name = absent.rpartition(".")[0]
+            raise ModelError(f"coupler '{part.name}': joint '{joint_name}' of its coordinate '{absent}' is cut, so "
+                             f"that the tree has no such coordinate; cut another joint of that loop: "
+                             f"linearize(cut=[...]).", element=part.name)  # fmt: skip
         rows.append((part.name, sum((value * symbol[name] for name, value in part.terms), ca.SX(0.0)),
                      all(name.rpartition(".")[2][0] == "r" for name, _ in part.terms)))  # fmt: skip
     return Kinematics(

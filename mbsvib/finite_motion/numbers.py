@@ -66,9 +66,9 @@ class Numbers:
 
     def gravity(self, model: Mechanism) -> Any:
         """Return the acceleration of free fall (3,) [m/s^2]."""
-        given = model.gravity or (0.0, 0.0, 0.0)
+        gravity = model.gravity or (0.0, 0.0, 0.0)
         return ca.vertcat(*(self._number(f"gravity.{end}", value)
-                            for end, value in zip(DIRECTIONS[:3], given, strict=True)))  # fmt: skip
+                            for end, value in zip(DIRECTIONS[:3], gravity, strict=True)))  # fmt: skip
 
     def check_taken(self) -> None:
         """Refuse parameters that entered no expression as symbols."""

@@ -70,7 +70,7 @@ def finite_motion(
 
 
 def with_virtual_displacements(
-    model: Mechanism, whole: FiniteMotion, joints: Sequence[str], without: Sequence[str] = ()
+    model: Mechanism, statement: FiniteMotion, joints: Sequence[str], without: Sequence[str] = ()
 ) -> FiniteMotion:
     """Return the finite motion of a mechanism with virtual displacements that its joints do not allow.
 
@@ -80,7 +80,7 @@ def with_virtual_displacements(
     ----------
     model : Mechanism
         The mechanism.
-    whole : FiniteMotion
+    statement : FiniteMotion
         Its finite motion.
     joints : sequence of str
         The joints, and ``"ground"`` for what holds the ground.
@@ -92,11 +92,11 @@ def with_virtual_displacements(
     FiniteMotion
         With six coordinates for each joint after those of the mechanism.
     """
-    topology, own = whole.motion.topology, set(whole.motion.names)
+    topology, own = statement.motion.topology, set(statement.motion.names)
     cut = [topology.joints[k].name for k in topology.cut]
-    still = [name for block in whole.blocks for name in block.mode_names if name not in own]
-    plain = with_interfaces(model, whole.blocks) if whole.blocks else model
-    return _stated(plain, whole.blocks, still, (), cut, bool(whole.motion.based), without, joints)
+    still = [name for block in statement.blocks for name in block.mode_names if name not in own]
+    plain = with_interfaces(model, statement.blocks) if statement.blocks else model
+    return _stated(plain, statement.blocks, still, (), cut, bool(statement.motion.based), without, joints)
 
 
 def _stated(
@@ -142,13 +142,13 @@ def _flexible(
     """The statement of a mechanism with beams and superelements, without what of these stays at rest."""
     blocks = elastic_blocks(model)
     plain = with_interfaces(model, blocks)
-    whole = _stated(plain, blocks, (), parameters, cut, bases, without)
-    directions = touched(whole, blocks)
+    statement = _stated(plain, blocks, (), parameters, cut, bases, without)
+    directions = touched(statement, blocks)
     if any(len(held) < len(ALL_SIX) for held in directions.values()):
         blocks = tuple([with_interface(block, directions) for block in blocks])
-        whole = _stated(plain, blocks, (), parameters, cut, bases, without)
-    still = at_rest(whole, blocks)
-    return _stated(plain, blocks, still, parameters, cut, bases, without) if still else whole
+        statement = _stated(plain, blocks, (), parameters, cut, bases, without)
+    still = at_rest(statement, blocks)
+    return _stated(plain, blocks, still, parameters, cut, bases, without) if still else statement
 
 
 def _translates(part: BaseMotion) -> bool:

@@ -191,9 +191,9 @@ def _with_tensions(system: System, legs: Sequence[ActiveLeg]) -> System:
         outputs.append(f"{leg.name}.tension")
         units.append("N")
     cq, cv, ca, d = (np.array(rows[key]).reshape(len(outputs), -1) for key in ("Cq", "Cv", "Ca", "D"))
-    whole = replace(system, outputs=tuple(outputs), output_units=tuple(units), Cq=cq, Cv=cv, Ca=ca, D=d)
+    with_forces = replace(system, outputs=tuple(outputs), output_units=tuple(units), Cq=cq, Cv=cv, Ca=ca, D=d)
     inner = {_part(leg, name) for leg in legs if len(leg.forces) > 1 for name, _, _ in leg.forces}
-    return whole.with_ports([name for name in outputs if name not in inner]) if inner else whole
+    return with_forces.with_ports([name for name in outputs if name not in inner]) if inner else with_forces
 
 
 def _attached_bodies(model: Model, body: str, legs: set[str]) -> set[str]:

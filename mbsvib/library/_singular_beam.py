@@ -72,10 +72,11 @@ def singular_beam(
                               STEEL, (-0.5 * LENGTH, 0.0, 0.0), (0.5 * LENGTH, 0.0, 0.0), elements=elements, y_axis=Y,
                               beta=damping)  # fmt: skip
     displacements = np.zeros((elements + 1, 6))
-    whole = elastic_part(straight)
-    force = np.zeros(whole.rows.shape[1])
+    elastic = elastic_part(straight)
+    force = np.zeros(elastic.rows.shape[1])
     force[6 * (elements // 2 - 1) + 2] = -LOAD
-    displacements[1:-1] = np.linalg.solve(whole.rows.T @ (whole.values[:, None] * whole.rows), force).reshape(-1, 6)
+    stiffness = elastic.rows.T @ (elastic.values[:, None] * elastic.rows)
+    displacements[1:-1] = np.linalg.solve(stiffness, force).reshape(-1, 6)
     w0 = float(displacements[elements // 2, 2])
     cosine = 1.0 + (w0 + apart) / (2.0 * long)
     if not -1.0 < cosine < 1.0:

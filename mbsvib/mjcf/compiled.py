@@ -120,7 +120,7 @@ def compiled(
         raise ModelError('load_mjcf needs MuJoCo; install it with:  pip install "mbsvib[mjcf]"',
                          element=str(path)) from error  # fmt: skip
     check_kind(path)
-    with _heard(api, path):
+    with _warnings_passed_on(api, path):
         try:
             m = api.MjModel.from_xml_path(str(path))
         except (ValueError, api.FatalError, api.UnexpectedError, MemoryError) as error:
@@ -141,16 +141,16 @@ def compiled(
 
 
 @contextmanager
-def _heard(api: Any, path: str | PathLike[str]) -> Iterator[None]:
+def _warnings_passed_on(api: Any, path: str | PathLike[str]) -> Iterator[None]:
     """Convert warnings of MuJoCo, which it would otherwise write to a file in the current folder."""
-    told: list[str] = []
+    messages: list[str] = []
     before = api.get_mju_user_warning()
-    api.set_mju_user_warning(told.append)
+    api.set_mju_user_warning(messages.append)
     try:
         yield
     finally:
         api.set_mju_user_warning(before)
-    for words in dict.fromkeys(told):
+    for words in dict.fromkeys(messages):
         warnings.warn(f"{path}: MuJoCo warns: {' '.join(words.split())}", UserWarning, stacklevel=5)
 
 

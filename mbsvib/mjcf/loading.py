@@ -94,8 +94,8 @@ def load_mjcf(
     checking.compare(scene)
     checking.look_for_left(scene)
     if scene.remarks:
-        told = "; ".join(f"{what} {_listed(names)}" for what, names in scene.remarks.items())
-        warnings.warn(f"{path}: left out: {told}.", LeftOutWarning, stacklevel=2)
+        remarks_text = "; ".join(f"{what} {_listed(names)}" for what, names in scene.remarks.items())
+        warnings.warn(f"{path}: left out: {remarks_text}.", LeftOutWarning, stacklevel=2)
     return model
 
 

@@ -33,9 +33,9 @@ def classical_damping(system: Equations, basis: Undamped) -> tuple[str, Array]:
     if proportional(system):
         return "damping proportional to stiffness", float(np.add.reduce(c / k) / len(c)) * basis.square
     half = system.elastic_rows.dot(basis.shapes) * np.sqrt(np.abs(c))[:, None]
-    pushes = np.count_nonzero(c < 0.0)
-    gamma = half.T.dot(half * np.sign(c)[:, None] if pushes else half)
-    size = np.einsum("ij,ij->j", half, half) if pushes else gamma.diagonal()
+    negative = np.count_nonzero(c < 0.0)
+    gamma = half.T.dot(half * np.sign(c)[:, None] if negative else half)
+    size = np.einsum("ij,ij->j", half, half) if negative else gamma.diagonal()
     limit = np.sqrt(size[:, None] * size)
     limit.reshape(-1)[:: len(limit) + 1] = np.inf
     amount = np.abs(gamma)

@@ -122,11 +122,11 @@ def undamped(
         none = (result.errors >= NONE) | (np.arange(m) < result.rigid)  # stiffness of loads cancels in these modes
         scene.null = result.shapes[:, none]
         result = refined(scene, result.shapes, "products", rtol)
-    rungs: tuple[tuple[str, Callable[..., Array]], ...] = (("factors", by_factors), ("jacobi", by_jacobi))
-    for method, rung in rungs if scene.sign is None else ():
+    solvers: tuple[tuple[str, Callable[..., Array]], ...] = (("factors", by_factors), ("jacobi", by_jacobi))
+    for method, solve in solvers if scene.sign is None else ():
         if result.doubt <= rtol:
             break
-        better = refined(scene, rung(scene, result.shapes), method, rtol)
+        better = refined(scene, solve(scene, result.shapes), method, rtol)
         if better.doubt < result.doubt:
             result = better
     return _with_loops(result, system)

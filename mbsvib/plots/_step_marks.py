@@ -117,10 +117,10 @@ def mark(axes: Axes, info: StepInfo, pair: tuple[str, str], response: Response) 
         words.append(f"overshoot {over:.3g} %" if over > NO_OVERSHOOT else "no overshoot")
         if over > NO_OVERSHOOT:
             at, peak = int(np.argmax(towards)), float(info.peak[i, j])
-            place = t[at], y[at]
+            peak_point = t[at], y[at]
             if abs(towards[at] - peak) < SAMPLED * peak:  # the other extremum may be the larger one
-                place = info.peak_time[i, j] * response.time_factor, np.sign(final) * peak * response.factor
-            axes.plot(*place, "o", color=colour, markersize=4.5, zorder=2.5)
+                peak_point = info.peak_time[i, j] * response.time_factor, np.sign(final) * peak * response.factor
+            axes.plot(*peak_point, "o", color=colour, markersize=4.5, zorder=2.5)
         low, high = (response.factor * final * (1.0 + side * info.band) for side in (-1.0, 1.0))
         axes.axhspan(low, high, color=colour, alpha=0.15, linewidth=0.0)
     seen = settling <= response.t[-1]

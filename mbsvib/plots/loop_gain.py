@@ -65,14 +65,14 @@ def loop_gain(
             below = figure.add_subplot(places[2 * row + 1, column], sharex=top)
             _magnitude(top, grid, values[number], margins, i, decibels)
             _phase(below, grid, values[number], margins, i)
-            top.set_title(f"{loop.actuators[i]}: {told(margins, i)}", fontsize=9.0)
+            top.set_title(f"{loop.actuators[i]}: {margin_text(margins, i)}", fontsize=9.0)
             if number + columns >= len(which):
                 below.set_xlabel("frequency [Hz]")
         figure.suptitle(f"Loop gain of {loop.name}", x=0.02, ha="left", fontsize=10.5)
     return figure
 
 
-def told(margins: Margins, i: int) -> str:
+def margin_text(margins: Margins, i: int) -> str:
     """Return the margins of one actuator in a few words."""
     if not margins.stable:
         return "unstable"

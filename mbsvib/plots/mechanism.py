@@ -68,8 +68,8 @@ def mechanism(source: Mechanism | System, view: View = "3-D", names: bool = True
             flat = picture.flat(scene.points)[:, :2]
             ways = [flat[line.first : line.last] for line in scene.lines if line.kind != "axis"]
             figure.draw_without_rendering()
-            whole, inner = axes.get_position(original=True), axes.get_position()
-            corners = figure.transFigure.transform(((whole.x0, whole.y0), (whole.x1, inner.y1)))
+            outer, inner = axes.get_position(original=True), axes.get_position()
+            corners = figure.transFigure.transform(((outer.x0, outer.y0), (outer.x1, inner.y1)))
             corner = figure.transFigure.transform((inner.x0, inner.y0))
             blocked = np.concatenate((corner, corner + CORNER * figure.dpi / 72.0))[None]
             anchors, marks = (flat[[mark.point for mark in group]] for group in (bodies, scene.marks))

@@ -71,11 +71,11 @@ def mode_comparison(reference: ModeSet, other: ModeSet, labels: Sequence[str] | 
         if len(names) != 2:
             raise ResponseError(f"plots.mode_comparison: {len(names)} labels; expected two, one for each set of modes.")
     sets = [_values(reference, "reference"), _values(other, "other")]
-    columns = [("natural frequency [Hz]", [each.frequencies for each in sets])]
-    ratios = [100.0 * each.ratios for each in sets if each.ratios is not None]
+    columns = [("natural frequency [Hz]", [modes.frequencies for modes in sets])]
+    ratios = [100.0 * modes.ratios for modes in sets if modes.ratios is not None]
     if len(ratios) == 2:
         columns.append(("damping ratio [%]", [np.where(np.isfinite(values), values, np.nan) for values in ratios]))
-    most = max(len(each.frequencies) for each in sets)
+    most = max(len(modes.frequencies) for modes in sets)
     with style.context():
         figure = style.new_figure(6.4 if len(columns) == 1 else style.WIDEST, 4.6)
         panels = figure.subplots(2, len(columns), sharex=True, squeeze=False, height_ratios=[1.6, 1.0])

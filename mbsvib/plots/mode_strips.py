@@ -173,31 +173,32 @@ def _strip(axes: Axes, shapes: Shapes, k: int) -> None:
     from matplotlib.collections import PolyCollection
 
     values = shapes.values[:, :, k]
-    place, count = np.arange(len(shapes.places)), len(shapes.directions)
+    position, count = np.arange(len(shapes.places)), len(shapes.directions)
     complex_shape = bool(np.abs(values.imag).max(initial=0.0) > QUADRATURE)
     axes.axhline(0.0, color=style.MARK, linewidth=0.7)
     dashes = []
     for j, name in enumerate(shapes.directions):
         colour = _colour(name)
-        if len(place) > MOST_BARS:
-            axes.plot(place, values[:, j].real, color=colour, linewidth=1.1)
+        if len(position) > MOST_BARS:
+            axes.plot(position, values[:, j].real, color=colour, linewidth=1.1)
             if complex_shape:
-                axes.plot(place, values[:, j].imag, color=colour, linewidth=0.8, linestyle=(0, (2, 2)))
+                axes.plot(position, values[:, j].imag, color=colour, linewidth=0.8, linestyle=(0, (2, 2)))
             continue
         width = 0.84 / count
-        at = place + (j - 0.5 * (count - 1)) * width
+        at = position + (j - 0.5 * (count - 1)) * width
         sides = at[:, None] + 0.45 * width * np.array([-1.0, -1.0, 1.0, 1.0])
         heights = values[:, j].real[:, None] * np.array([0.0, 1.0, 1.0, 0.0])
         axes.add_collection(PolyCollection(list(np.stack((sides, heights), axis=2)), facecolors=colour))
         if complex_shape:
             dashes.append((at, values[:, j].imag, 0.5 * width))
     if dashes:
-        at, heights, half = (np.concatenate([np.broadcast_to(row[i], len(place)) for row in dashes]) for i in range(3))
+        at, heights, half = (np.concatenate([np.broadcast_to(row[i], len(position)) for row in dashes])
+                             for i in range(3))  # fmt: skip
         some = np.abs(heights) > QUADRATURE
         axes.hlines(heights[some], (at - half)[some], (at + half)[some], color=style.INK, linewidth=1.0)
-    if len(place) <= MOST_BARS:
-        axes.vlines(place[:-1] + 0.5, -2.0, 2.0, color=style.FAINT, linewidth=0.8, zorder=0)
-    axes.set_xlim(-0.55, len(place) - 0.45)
+    if len(position) <= MOST_BARS:
+        axes.vlines(position[:-1] + 0.5, -2.0, 2.0, color=style.FAINT, linewidth=0.8, zorder=0)
+    axes.set_xlim(-0.55, len(position) - 0.45)
     axes.set_ylim(-1.12, 1.12)
     axes.set_yticks([-1.0, 0.0, 1.0])
     axes.grid(False, axis="x")

@@ -74,16 +74,16 @@ def pole_zero_map(
                     shown.append(upper)
         poles = np.concatenate(shown)
         sizes = np.abs(poles[np.abs(poles) > AT_REST * np.abs(poles).max(initial=0.0)])
-        given = across is not None or upward is not None
+        limited = across is not None or upward is not None
         wide = bool(sizes.size) and float(sizes.max()) > WIDE * float(sizes.min())
-        same = not (given or wide) if equal is None else equal
+        same = not (limited or wide) if equal is None else equal
         size = 1.15 * float(sizes.max(initial=0.0)) or 1.0
-        edge = -0.5 * float(sizes.min()) if wide and not same and not given else -0.25 * size
+        edge = -0.5 * float(sizes.min()) if wide and not same and not limited else -0.25 * size
         left = min(edge, 1.1 * float(poles.real.min(initial=0.0)))
         right = max(-0.3 * edge, 1.1 * float(poles.real.max(initial=0.0)))
         left, right = across or (left, right)
         bottom, top = upward or (0.0, max(1.15 * float(poles.imag.max(initial=0.0)), 0.25 * size))
-        if wide and not same and not given:
+        if wide and not same and not limited:
             width = float(sizes.min())
             decades = 10.0 ** np.arange(np.ceil(np.log10(width / 3.0)), np.floor(np.log10(size)) + 1.0)
             ticks = [*(-decades[::-1]).tolist(), 0.0, *decades.tolist()]

@@ -55,17 +55,17 @@ def sensitivity(
         If one is no closed loop, or there are not as many labels as loops.
     """
     several = list(loop) if isinstance(loop, Sequence) else [loop]
-    group = [loops.closed(each, "plots.sensitivity") for each in several]
-    names = [each.law.name for each in group] if labels is None else list(labels)
+    group = [loops.closed(loop, "plots.sensitivity") for loop in several]
+    names = [loop.law.name for loop in group] if labels is None else list(labels)
     if len(names) != len(group) or not group:
         raise ResponseError(f"plots.sensitivity: {len(names)} labels for {len(group)} loops; give one for each.")
     with style.context():
         figure = style.new_figure(style.WIDEST * 0.85, 4.2)
         panels = figure.subplots(1, 2, sharey=True)
-        for number, (name, each) in enumerate(zip(names, group, strict=True)):
-            f = loops.grid(each, frequencies, span, "plots.sensitivity")
-            s = each.sensitivity(2.0 * np.pi * f).transpose(2, 0, 1)
-            for axes, matrices in zip(panels, (s, np.eye(len(each.actuators)) - s), strict=True):
+        for number, (name, loop) in enumerate(zip(names, group, strict=True)):
+            f = loops.grid(loop, frequencies, span, "plots.sensitivity")
+            s = loop.sensitivity(2.0 * np.pi * f).transpose(2, 0, 1)
+            for axes, matrices in zip(panels, (s, np.eye(len(loop.actuators)) - s), strict=True):
                 largest = np.asarray(np.linalg.svd(matrices, compute_uv=False)[:, 0], dtype=float)
                 axes.plot(f, 20.0 * np.log10(largest) if decibels else largest, **style.line(number),
                           label=f"{name}: {_highest(f, largest, decibels)}")  # fmt: skip

@@ -107,8 +107,8 @@ def _responses(system: Linear, t: Array, sources: set[str]) -> dict[str, Array]:
 
 def _panel(axes: Axes, t: Array, drawn: list[Drawn], source: str, output: str) -> float | None:
     """Draw one pair; return the factor of its values, or None where they are rounding."""
-    negligible = all(each.zero for each in drawn)
-    largest = max(float(np.abs(each.y).max()) for each in drawn)
+    negligible = all(curve.zero for curve in drawn)
+    largest = max(float(np.abs(curve.y).max()) for curve in drawn)
     system = drawn[0].system
     output_unit = system.output_units[system.outputs.index(output)]
     input_unit = system.input_units[system.inputs.index(source)]
@@ -127,7 +127,7 @@ def _panel(axes: Axes, t: Array, drawn: list[Drawn], source: str, output: str) -
     short = f"[{units.pretty(unit) or 1}]" + (f" for 1 {units.pretty(input_unit)}" if input_unit else "")
     axes.set_ylabel(f"{output} {short}" if len(output) + len(short) < LONGEST_LABEL else short)
     if negligible:
-        style.remark(axes, style.zero(each.y for each in drawn))
+        style.remark(axes, style.zero(curve.y for curve in drawn))
     elif drawn[0].system.modes().rigid:
         style.remark(axes, "rigid-body motion: need not settle", top=bool(drawn[0].y[-1] > 0.0))
     return None if negligible else factor

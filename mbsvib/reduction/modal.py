@@ -54,10 +54,10 @@ class ModalTruncation:
         small = projected(self.system, self.modes.shapes[:, kept], names, ["modal"] * order)
         return replace(small, D=small.D + self.static(np.sort(self.ranked[order:]))) if self.corrected else small
 
-    def static(self, gone: Array) -> Array:
+    def static(self, truncated: Array) -> Array:
         """Return the static response of some modes, (outputs, inputs)."""
-        shapes = self.modes.shapes[:, gone]
-        return np.asarray((self.system.Cq @ shapes / self.modes.square[gone]) @ (shapes.T @ self.system.B))
+        shapes = self.modes.shapes[:, truncated]
+        return np.asarray((self.system.Cq @ shapes / self.modes.square[truncated]) @ (shapes.T @ self.system.B))
 
 
 def peaks(system: Equations, modes: Undamped, corrected: bool) -> Array:

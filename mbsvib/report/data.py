@@ -58,9 +58,9 @@ def collect(
     """
     modes = system.modes()
     curves_of_pairs = responses(system, outputs, inputs)  # before `skipped`, which describes their computation
-    whole = has_geometry(system)
+    has_scene = has_geometry(system)
     structure: dict[str, Any] = {"topology": None, **{name: [] for name in _LISTS}}
-    if whole:
+    if has_scene:
         topology = system.provenance.topology
         structure = {
             "topology": layout.graph(topology, system.provenance.parts),
@@ -73,13 +73,13 @@ def collect(
     return {
         "name": system.name,
         "version": __version__,
-        "facts": _facts(system, whole),
-        "scene": _picture(system) if whole else None,
-        "modes": _modes(system, modes, whole),
+        "facts": _facts(system, has_scene),
+        "scene": _picture(system) if has_scene else None,
+        "modes": _modes(system, modes, has_scene),
         "responses": curves_of_pairs,
-        "shares": _shares(system, modes) if whole else {"strain": [], "kinetic": []},
+        "shares": _shares(system, modes) if has_scene else {"strain": [], "kinetic": []},
         **structure,
-        "explained": system.explain() if whole else None,
+        "explained": system.explain() if has_scene else None,
         "compared": None if other is None else _compared(system, other, labels, (outputs, inputs)),
     }
 
@@ -111,9 +111,9 @@ def packed(values: NDArray[Any]) -> str:
     return b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")
 
 
-def _facts(system: Any, whole: bool) -> list[list[Any]]:
+def _facts(system: Any, has_scene: bool) -> list[list[Any]]:
     ports: list[list[Any]] = [["inputs", len(system.inputs)], ["outputs", len(system.outputs)]]
-    if not whole:
+    if not has_scene:
         size = ["degrees of freedom", system.dof] if hasattr(system, "dof") else ["states", len(system.state_space().A)]
         return [size, *ports]
     topology = system.provenance.topology
@@ -138,11 +138,11 @@ def _picture(system: System) -> dict[str, Any]:
     }
 
 
-def _modes(system: Any, modes: Any, whole: bool) -> dict[str, Any]:
-    bodies = len(system.bodies) if whole else 0
-    shown = min(len(modes), max(MOST_MODES, MOST_MOTIONS // max(1, 12 * bodies))) if whole else 0
+def _modes(system: Any, modes: Any, has_scene: bool) -> dict[str, Any]:
+    bodies = len(system.bodies) if has_scene else 0
+    shown = min(len(modes), max(MOST_MODES, MOST_MOTIONS // max(1, 12 * bodies))) if has_scene else 0
     result = {"rows": _rows(modes), "shown": shown, "bodies": bodies, "remarks": list(modes.remarks()), "motion": ""}
-    if whole:
+    if has_scene:
         motion = system.body_motion @ modes.shapes[:, :shown]
         both = np.stack((motion.real, np.imag(motion)), axis=-1)  # bodies, 6, modes, 2
         result["motion"] = packed(np.moveaxis(both, 2, 0))

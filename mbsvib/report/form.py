@@ -171,8 +171,8 @@ def _blocks(system: Any, space: StateSpace, o: Sequence[int], i: Sequence[int]) 
     motion = np.array(rates)[order, output]
     rows, rate = motion @ space.transform[: system.dof], space.transform[system.dof :]
     b, d = space.B[:, i], space.D[np.ix_(o, i)]
-    given = np.asarray(system.D)[np.ix_(o, i)]
-    direct = np.where((order == 2)[:, None], given[output], 0.0)
+    feedthrough = np.asarray(system.D)[np.ix_(o, i)]
+    direct = np.where((order == 2)[:, None], feedthrough[output], 0.0)
     accelerates = np.zeros(len(o), dtype=bool)
     accelerates[output[order == 2]] = True
     return Form(tuple(sizes.tolist()), space.A, b, rows, order, output, direct, cleaned(motion, rate, b, direct),

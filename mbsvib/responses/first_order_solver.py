@@ -154,14 +154,14 @@ def time_response(
     """
     a, b, c, d = space
     t, u, hold, initial = record
-    time, given = checked_record(inputs, t, u, hold)
+    time, samples = checked_record(inputs, t, u, hold)
     start = np.zeros(len(a)) if initial is None else _start(initial, len(a))
     if not len(a):
-        return np.asarray(d @ given)
+        return np.asarray(d @ samples)
     power = exponents(a, b, c)
     scaled, into = np.ldexp(a, power[None, :] - power[:, None]), np.ldexp(b, -power[:, None])
-    x = stepped(scaled, into, np.ldexp(start, -power), (time, given, hold == "first"))
-    return np.asarray(np.ldexp(c, power) @ x + d @ given)
+    x = stepped(scaled, into, np.ldexp(start, -power), (time, samples, hold == "first"))
+    return np.asarray(np.ldexp(c, power) @ x + d @ samples)
 
 
 def _start(initial: Any, n: int) -> Array:

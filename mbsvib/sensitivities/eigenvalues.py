@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 # A form in a rigid-body motion below this share of the largest in any motion is zero but for rounding.
 ZERO_FORM = 1e-12
 # The same where derivatives are differences of whole matrices, or go through the equilibrium: more may cancel there.
-ZERO_WHOLE = 1e-8
+ZERO_BY_MATRICES = 1e-8
 # Rows beyond the last parameter, so that the last part of a group has as many behind it as the others.
 PADDING = 64
 
@@ -71,7 +71,7 @@ def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Asked = None) 
     y = x if spectrum.left is None else motions(groups.network, spectrum.left[:, None])
     gram = _gram(x, y, 2.0 * widened.lead)
     if groups.network.partial:
-        gram = _whole_gram(system, widened, widened.right, spectrum.left)
+        gram = _normalization(system, widened, widened.right, spectrum.left)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = -1.0 / gram
     resting = np.flatnonzero(spectrum.lead == 0.0)
@@ -87,7 +87,7 @@ def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Asked = None) 
         size = (lead / np.abs(scale[: len(spectrum.lead)])).max(axis=1, keepdims=True)
         zero = ZERO_FORM
         if groups.matrix_group is not None or groups.loaded is not None:
-            zero = ZERO_WHOLE
+            zero = ZERO_BY_MATRICES
             work = basis.variants.sizes(groups.variables.as_directions()) * float(np.abs(spectrum.right).max()) ** 2
             size = np.maximum(size, work[:, None])
         _set(result, spectrum, resting, np.where(lead[:, resting] <= zero * size, 0.0, np.inf))
@@ -101,7 +101,7 @@ def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Asked = None) 
             cross = _gram(x.take(second), y.take(first), spectrum.lead[first] + spectrum.lead[second])
             if groups.network.partial:
                 twice = replace(spectrum, lead=0.5 * (spectrum.lead[first] + spectrum.lead[second]))
-                cross = _whole_gram(system, twice, spectrum.right[:, second], np.asarray(spectrum.left)[:, first])
+                cross = _normalization(system, twice, spectrum.right[:, second], np.asarray(spectrum.left)[:, first])
             form = _joined(groups.chain(groups.forms(left.take(first), right.take(second)))).T
         for which, values in branches(pairs, own, form, (gram, cross)):
             _set(result, spectrum, which, values.T)
@@ -116,7 +116,7 @@ def _gram(x: Motions, y: Motions, twice: Complex) -> Complex:
     return result
 
 
-def _whole_gram(system: Equations, spectrum: Spectrum, right: Field, left: Field | None) -> Complex:
+def _normalization(system: Equations, spectrum: Spectrum, right: Field, left: Field | None) -> Complex:
     """Return y^T (2 lambda M + C) x with all that there is in M and C."""
     y = right if left is None else left
     return np.asarray((y * (2.0 * spectrum.lead * (system.M @ right) + system.C @ right)).sum(axis=0), dtype=complex)

@@ -106,7 +106,7 @@ class LoadedNetwork:
         if self.network.reactions is not None:
             self._add_tensions(gap, x[1], y[1])
         second = self._released(gap)
-        row = self._given(second, gap)
+        row = self._work_of_applied_forces(second, gap)
         point, start = point_slopes(self.forces, x, None if right is None else y)
         turn, twist = turn_slopes(self.forces, x, y), self._stiffened(left, right)
         for key, part in (("point", point), ("start", start[self.forces.lines]), ("turn", turn), ("twist", twist)):
@@ -158,7 +158,8 @@ class LoadedNetwork:
         m = self.dof
         relative = -self.forces.seen(self.motions[:, :, :m])[1]
         result = np.zeros((self.size, m))
-        self._fold(result, self._given(relative, np.zeros_like(relative)), relative[: self.forces.counts[0]])
+        work = self._work_of_applied_forces(relative, np.zeros_like(relative))
+        self._fold(result, work, relative[: self.forces.counts[0]])
         return result
 
     def with_gaps(self, gaps: Array, forces: csr_array) -> LoadedNetwork:
@@ -189,7 +190,7 @@ class LoadedNetwork:
         if self._through:
             result += form_table(self._through, self.size, *self._resting(moves))
 
-    def _given(self, moves: Field, gap: Field) -> Field:
+    def _work_of_applied_forces(self, moves: Field, gap: Field) -> Field:
         """What is no parameter, as far as applied forces do work on the motion of second order, (extras, ...)."""
         left, at = moves.copy(), self.changes.at
         left[: self.forces.counts[0]] = 0.0

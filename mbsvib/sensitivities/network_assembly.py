@@ -133,7 +133,7 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
                       ]).reshape(-1, 3)  # fmt: skip
     first, second = (np.array([number[getattr(part, end)] for part in (*joints, *springs)], dtype=np.intp)
                      for end in ("first", "second"))  # fmt: skip
-    behind, sign = _carried(system)
+    behind, sign = _outer_bodies(system)
     axes = np.array([body.orientation for body in bodies])
     tensors = np.array([body.inertia for body in bodies])[:, _TENSOR].reshape(-1, 3, 3)
     position = np.array([body.position for body in bodies])
@@ -184,7 +184,7 @@ def _point(joint: Joint, bodies: Sequence[Body], number: dict[str, int]) -> tupl
     return joint.point or bodies[min(number[joint.first], number[joint.second])].position
 
 
-def _carried(system: Equations) -> tuple[Index, Array]:
+def _outer_bodies(system: Equations) -> tuple[Index, Array]:
     """Body behind each joint of the tree and the joint's sign, 0 for joints that are cut."""
     topology = system.provenance.topology
     behind, sign = np.zeros(len(topology.joints), dtype=np.intp), np.zeros(len(topology.joints))

@@ -227,11 +227,11 @@ def _lasting(basis: Basis) -> int | None:
 def _apart(system: Equations, inputs: list[int], outputs: list[int]) -> SensitivityBasis | None:
     """The part that the ports have to do with, if all its modes decay; None if it is all, or they reach or see more."""
     part = reachable(system, [system.outputs[k] for k in outputs], [system.inputs[k] for k in inputs])
-    gone = ~np.isin(system.coordinates, part.coordinates)
+    removed = ~np.isin(system.coordinates, part.coordinates)
     rows = np.concatenate([c[outputs] for c in (system.Cq, system.Cv, system.Ca)])
-    more = system.B[gone][:, inputs].any() or rows[:, gone].any()
+    more = system.B[removed][:, inputs].any() or rows[:, removed].any()
     own = SensitivityBasis.of(part)
-    return None if more or not gone.any() or _lasting(own.responses) is not None else own
+    return None if more or not removed.any() or _lasting(own.responses) is not None else own
 
 
 def _silent(basis: Basis, inputs: list[int], outputs: list[int]) -> bool:

@@ -122,7 +122,7 @@ def port_forms(
     (parameters, outputs, inputs, n): derivatives to all parameters of the groups.
     """
     network, (acting, seeing) = groups.network, ports
-    x, y = motions(network, vectors[0]), _with_given(network, motions(network, vectors[1]), seeing)
+    x, y = motions(network, vectors[0]), _with_released_motions(network, motions(network, vectors[1]), seeing)
     momenta = momentum(network, acting.base_motion)
     on_right = (momenta - acting.on_bodies)[:, :, None, :, None]
     by_order = np.array([powers[k] for k in seeing.order]).reshape(-1, 1, len(powers[0]))
@@ -141,7 +141,7 @@ def port_forms(
     return result
 
 
-def _with_given(network: Network, motion: Motions, seeing: Loads) -> Motions:
+def _with_released_motions(network: Network, motion: Motions, seeing: Loads) -> Motions:
     """L with the motions on which forces in joints and sums of forces do work."""
     if not seeing.release.any():
         return motion

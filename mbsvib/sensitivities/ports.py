@@ -103,7 +103,7 @@ def loads(system: Equations, network: Network, which: list[int], kind: str, excl
             else:
                 others.append(i)
         elif isinstance(part, BaseMotion):
-            base_motion[:, :, i] = _carried(network, part)
+            base_motion[:, :, i] = _rigid_motion(network, part)
         else:
             first[i], second[i] = number[part.relative_to], number[part.body]
             owner = int(second[i] if second[i] < bodies else first[i])
@@ -181,7 +181,7 @@ def _spring(network: Network, part: ForceOutput) -> tuple[list[int], Array] | No
     return numbers, np.concatenate((np.array(spring.orientation) @ six[:3], np.array(spring.orientation) @ six[3:]))
 
 
-def _carried(network: Network, part: BaseMotion) -> Array:
+def _rigid_motion(network: Network, part: BaseMotion) -> Array:
     """Motion (b, 6) of the bodies with a base that moves by one unit."""
     linear, angular = np.array(part.wrench[:3]), np.array(part.wrench[3:])
     result = np.empty((len(network.bodies), 6))

@@ -56,16 +56,16 @@ def crossings(
             inside = [a / (a - b)]
         for s in inside:
             if abs(a) <= ON_IT * size and s < 1e-6:
-                found = float(time[k])
+                crossing = float(time[k])
             elif not np.isfinite([c, end]).all():
-                found = float(brentq(lambda t, k=k: at(k, t)[0] - level, time[k], time[k + 1], xtol=REACHED * step))
+                crossing = float(brentq(lambda t, k=k: at(k, t)[0] - level, time[k], time[k + 1], xtol=REACHED * step))
             else:
                 refined = _refined(float(time[k]), float(step), s, k, level, at)
                 if refined is None:
                     continue
-                found = refined
-            if not result or found - result[-1] > 1e-9 * step:
-                result.append(found)
+                crossing = refined
+            if not result or crossing - result[-1] > 1e-9 * step:
+                result.append(crossing)
     return np.array(result)
 
 

@@ -89,8 +89,8 @@ def motion_equations(statement: FiniteMotion, rank: int, scale: Array) -> Motion
     dof = n - rank
     x = [ca.MX.sym("q", n), ca.MX.sym("v", dof), ca.MX.sym("y", y.shape[0])]
     Y, W = ca.MX.sym("Y", dof, n), ca.MX.sym("W", rank, rows)
-    given = [ca.MX.sym("bases", bases.shape[0]), ca.MX.sym("u", len(inputs))]
-    jacobian = closures(x[0], given[0])[1]
+    prescribed = [ca.MX.sym("bases", bases.shape[0]), ca.MX.sym("u", len(inputs))]
+    jacobian = closures(x[0], prescribed[0])[1]
     limit = ca.MX.sym("limit")
     if rank:
         S = ca.vertcat(Y, W @ jacobian)
@@ -98,7 +98,7 @@ def motion_equations(statement: FiniteMotion, rank: int, scale: Array) -> Motion
         T, rates = both[:, :dof], both[:, dof]
     else:
         T, rates = Y.T, Y.T @ x[1]
-    M, f, _, bias, yd, power = terms(x[0], rates, x[2], *given)
+    M, f, _, bias, yd, power = terms(x[0], rates, x[2], *prescribed)
     left = -ca.solve(S, ca.vertcat(ca.MX.zeros(dof), W @ bias), GENERAL) if rank else ca.MX.zeros(n)
     reduced = T.T @ M @ T
     vd = ca.solve(reduced, T.T @ (f - M @ left), SYMMETRIC)
@@ -107,7 +107,7 @@ def motion_equations(statement: FiniteMotion, rank: int, scale: Array) -> Motion
         vd_in = vd * ca.if_else(ca.mmax(ca.fabs(scaled)) < limit, 1.0, ca.MX(float("nan")))
     else:
         vd_in = vd
-    arguments = [*x, Y, W, *given]
+    arguments = [*x, Y, W, *prescribed]
     return MotionEquations(
         n, rank, y.shape[0], inputs, closures,
         ca.Function("flow", [*arguments, limit], [rates, vd_in, yd, power], {"cse": True} | UNDIFFERENTIATED),

@@ -15,7 +15,7 @@ from mbsvib.simulation.stepping import Sample, reached
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-    from mbsvib.simulation.trace import Told, Trace
+    from mbsvib.simulation.trace import Trace, TraceValues
 
 # Events this near to the start of a run, as a share of an interval, are where it starts.
 SAME = 1e-9
@@ -42,18 +42,18 @@ class Events:
 
     def __init__(self, start: Trace, levels: Mapping[str, float]) -> None:
         self._trace, self._levels = start, levels
-        told = start.told()
-        self._values = {name: float(self._quantity(told, name)[0][0]) for name in levels}
+        states = start.values()
+        self._values = {name: float(self._quantity(states, name)[0][0]) for name in levels}
         self._first = start.samples[0].state.time
 
     def after(self, here: Sample, there: Sample, interval: int) -> Event | None:
         """Return the first event in an interval of the inputs, between its first and its last sample."""
         if not self._levels:
             return None
-        told = self._trace.told([here, there])
-        found: list[tuple[float, str]] = []
+        states = self._trace.values([here, there])
+        passed: list[tuple[float, str]] = []
         for name, level in self._levels.items():
-            values, rates = self._quantity(told, name)
+            values, rates = self._quantity(states, name)
             # a rotation vector counts whole turns from the first of these samples
             turns = self._values[name] - values[0]
             self._values[name] = float(values[1] + turns)
@@ -63,26 +63,26 @@ class Events:
                 return self._at(here, interval, time, name, turns)
 
             times = crossings(ends, values + turns, rates, level, at)
-            found += [(time, name) for time in times.tolist() if time - self._first > SAME * (ends[1] - ends[0])]
-        if not found:
+            passed += [(time, name) for time in times.tolist() if time - self._first > SAME * (ends[1] - ends[0])]
+        if not passed:
             return None
-        time, name = min(found)
+        time, name = min(passed)
         return Event(name, there if time >= there.state.time else self._sample(here, interval, time))
 
     def _sample(self, here: Sample, interval: int, time: float) -> Sample:
         return Sample(reached(self._trace.session, here, interval, time), here.chart)
 
     def _at(self, here: Sample, interval: int, time: float, name: str, turns: float) -> tuple[float, float]:
-        values, rates = self._quantity(self._trace.told([here, self._sample(here, interval, time)]), name)
+        values, rates = self._quantity(self._trace.values([here, self._sample(here, interval, time)]), name)
         return float(values[1] + turns), float(rates[1])
 
-    def _quantity(self, told: Told, name: str) -> tuple[Array, Array]:
+    def _quantity(self, states: TraceValues, name: str) -> tuple[Array, Array]:
         """Values and rates of a coordinate or output."""
         names = self._trace.session.names
         if name in names:
             i = names.index(name)
-            return told.coordinates[i], told.rates[i]
-        return told.outputs[name], told.output_rates[name]
+            return states.coordinates[i], states.rates[i]
+        return states.outputs[name], states.output_rates[name]
 
 
 def events(start: Trace, until: Any) -> Events:

@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 LONGEST, OPEN = 0.05, 1e-11
 
 
-def initial_state(run: Session, given: Any, time: float) -> State:
+def initial_state(run: Session, displaced: Any, time: float) -> State:
     """Return the state in which a run starts.
 
     Parameters
     ----------
     run : Session
         What to integrate.
-    given : mapping of str to number or (number, number), or None
+    displaced : mapping of str to number or (number, number), or None
         Displacement [m, rad] of coordinates from the pose as described, or displacement and rate. Coordinates that are
         not named are 0, or as near to it as loops allow.
     time : float
@@ -44,12 +44,12 @@ def initial_state(run: Session, given: Any, time: float) -> State:
         If a name is unknown or the loops cannot be closed with these values.
     """
     q, qd = np.zeros(len(run.names)), np.zeros(len(run.names))
-    given = {} if given is None else given
-    if not isinstance(given, Mapping):
-        raise check.refuse("simulate", "initial", given, "a mapping of joint coordinates to a displacement, or to "
+    displaced = {} if displaced is None else displaced
+    if not isinstance(displaced, Mapping):
+        raise check.refuse("simulate", "initial", displaced, "a mapping of joint coordinates to a displacement, or to "
                            "(displacement, rate): {'hinge.rz': (0.1, 2.0)}")  # fmt: skip
     fixed = []
-    for name, value in given.items():
+    for name, value in displaced.items():
         if name not in run.names:
             raise ModelError(f"simulate: '{name}' is no coordinate of the spanning tree of model '{run.model.name}'."
                              f"{nearest(str(name), run.names)} It has {', '.join(run.names[:12])}.",

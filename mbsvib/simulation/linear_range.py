@@ -63,8 +63,8 @@ def linear_range(system: Equations, modes: Modes, share: float) -> tuple[Array, 
     if unknown:
         raise ModelError(f"linear_range: '{unknown[0]}' is no coordinate of finite motion; linearize with others as "
                          f"independent=[...]. It has {', '.join(names[:8])}.")  # fmt: skip
-    told = {name: part for name, part in model.outputs.items() if not is_reaction(model, part)}
-    outputs = measured(model.with_parts(outputs=told), statement)
+    motions = {name: part for name, part in model.outputs.items() if not is_reaction(model, part)}
+    outputs = measured(model.with_parts(outputs=motions), statement)
     independent = np.array([names.index(name) for name in system.coordinates], dtype=np.intp)
     parts = second_order(statement, outputs, independent, np.zeros(len(statement.inputs)))
     scale = np.where(statement.motion.turns, 1.0, size_of(model))

@@ -54,10 +54,10 @@ class ReactionOutputs:
     def values(self, arguments: Sequence[Array]) -> dict[str, Array]:
         """Return the outputs by name, (samples,) each; the arguments (k, samples) are those of the function."""
         lacking, jacobian = matrices(self.function, *[np.atleast_2d(array).T for array in arguments])
-        values = self._carried(lacking[:, :, 0], jacobian) @ self.directions.T - self.at_rest
+        values = self._wrenches(lacking[:, :, 0], jacobian) @ self.directions.T - self.at_rest
         return dict(zip(self.names, values.T, strict=True))
 
-    def _carried(self, lacking: Array, jacobian: Array) -> Array:
+    def _wrenches(self, lacking: Array, jacobian: Array) -> Array:
         """R (samples, 6 joints)."""
         n = len(self.scale)
         along, virtual = self._scaled(jacobian)

@@ -43,12 +43,12 @@ class Signals:
         return np.asarray(np.einsum("kip,kp->ik", self.coefficients[k], powers))
 
 
-def signals(given: Any, names: tuple[str, ...], t: Array) -> Signals:
+def signals(inputs: Any, names: tuple[str, ...], t: Array) -> Signals:
     """Return inputs over time as polynomials.
 
     Parameters
     ----------
-    given : mapping of str to array, number or function of t, or None
+    inputs : mapping of str to array, number or function of t, or None
         Inputs by name; samples (len(t),) are joined by straight lines, what is not named is 0.
     names : tuple of str
         Names of all inputs.
@@ -65,23 +65,23 @@ def signals(given: Any, names: tuple[str, ...], t: Array) -> Signals:
     ModelError
         If a name is unknown or a value is no signal.
     """
-    if given is None:
-        given = {}
-    if not isinstance(given, Mapping):
-        raise check.refuse("simulate", "inputs", given, "a mapping of inputs to samples or functions, {'F': f}")
-    for name in given:
+    if inputs is None:
+        inputs = {}
+    if not isinstance(inputs, Mapping):
+        raise check.refuse("simulate", "inputs", inputs, "a mapping of inputs to samples or functions, {'F': f}")
+    for name in inputs:
         if name not in names:
             raise ModelError(f"simulate: '{name}' is no input of the model.{nearest(str(name), names)} It has "
                              f"{', '.join(names) or 'none'}.", element=str(name), field="inputs")  # fmt: skip
-    functions = {name: value for name, value in given.items() if callable(value)}
+    functions = {name: value for name, value in inputs.items() if callable(value)}
     breaks = _breaks(functions, t)
     start, length = breaks[:-1], np.diff(breaks)
     result = np.zeros((len(start), len(names), DEGREE + 1 if functions else 2))
     for i, name in enumerate(names):
         if name in functions:
             result[:, i] = _powers(functions[name], name, start, length)[0]
-        elif name in given:
-            samples = _samples(given[name], name, t)
+        elif name in inputs:
+            samples = _samples(inputs[name], name, t)
             at = np.interp(breaks, t, samples)
             result[:, i, 0], result[:, i, 1] = at[:-1], np.diff(at)
     return Signals(breaks, result)

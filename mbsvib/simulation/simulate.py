@@ -20,7 +20,7 @@ from mbsvib.simulation.events import events
 from mbsvib.simulation.initial import initial_state
 from mbsvib.simulation.session import session
 from mbsvib.simulation.signals import signals
-from mbsvib.simulation.stepping import march, settled
+from mbsvib.simulation.stepping import march, restarted_sample
 from mbsvib.simulation.trace import Trace, trace
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def simulate(
     driven = signals(inputs, tuple(statement.inputs), time)
     run = session(model, statement, driven, error)
     bases = np.tile(np.eye(3).reshape(-1), len(run.turning))
-    here = settled(run, initial_state(run, initial, float(time[0])), bases)
+    here = restarted_sample(run, initial_state(run, initial, float(time[0])), bases)
     samples, intervals, wanted = [here], [0], set(np.searchsorted(driven.breaks, time).tolist())
     start = trace(run, samples, intervals)
     ends, complete, event = events(start, until), True, None

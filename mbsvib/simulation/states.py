@@ -33,19 +33,19 @@ class State:
 class Turning:
     """A joint with three free rotations, the components of one rotation vector on top of a base.
 
-    ``place`` (3,) are the numbers of its rotations among the coordinates, ``base`` the number of the first entry of its
-    base, ``axes`` (3, 3) its axes (columns).
+    ``rotations`` (3,) are the numbers of its rotations among the coordinates, ``base`` the number of the first entry of
+    its base, ``axes`` (3, 3) its axes (columns).
     """
 
     name: str
-    place: Index
+    rotations: Index
     base: int
     axes: Array
 
     def total(self, q: Array, bases: Array) -> Array:
         """Return the rotation matrix (3, 3) since the pose as described."""
         base = bases[self.base : self.base + 9].reshape(3, 3, order="F")
-        return np.asarray(exponential(self.axes @ q[self.place]) @ base)
+        return np.asarray(exponential(self.axes @ q[self.rotations]) @ base)
 
 
 def turnings(motion: Kinematics) -> tuple[Turning, ...]:
@@ -53,9 +53,9 @@ def turnings(motion: Kinematics) -> tuple[Turning, ...]:
     result = []
     joints = {joint.name: joint for joint in motion.topology.joints}
     for i, name in enumerate(motion.based):
-        place = np.array([motion.names.index(f"{name}.{d}") for d in ("rx", "ry", "rz")])
+        rotations = np.array([motion.names.index(f"{name}.{d}") for d in ("rx", "ry", "rz")])
         axes = np.array(joints[name].axes) if name in joints else np.eye(3)
-        result.append(Turning(name, place, 9 * i, axes))
+        result.append(Turning(name, rotations, 9 * i, axes))
     return tuple(result)
 
 
@@ -66,12 +66,12 @@ def restarted(state: State, bases: Array, turning: Sequence[Turning], beyond: fl
     """
     q, qd, new = state.q, state.qd, bases
     for joint in turning:
-        w = joint.axes @ q[joint.place]
+        w = joint.axes @ q[joint.rotations]
         if np.linalg.norm(w) > beyond:
             total = joint.total(q, new)
-            spin = np.linalg.solve(inverse_jacobian(w), joint.axes @ qd[joint.place])
+            spin = np.linalg.solve(inverse_jacobian(w), joint.axes @ qd[joint.rotations])
             q, qd, new = q.copy(), qd.copy(), new.copy()
-            q[joint.place], qd[joint.place] = 0.0, joint.axes.T @ spin
+            q[joint.rotations], qd[joint.rotations] = 0.0, joint.axes.T @ spin
             new[joint.base : joint.base + 9] = total.reshape(-1, order="F")
     return replace(state, q=q, qd=qd), new
 
@@ -120,12 +120,12 @@ def as_described(
     result, rates = np.array(q), np.array(qd)
     for joint in turning:
         spins = np.array([
-            np.linalg.solve(inverse_jacobian(joint.axes @ own[joint.place]), joint.axes @ speed[joint.place])
+            np.linalg.solve(inverse_jacobian(joint.axes @ own[joint.rotations]), joint.axes @ speed[joint.rotations])
             for own, speed in zip(q, qd, strict=True)
         ])  # fmt: skip
         totals = [logarithm(joint.total(own, base)) for own, base in zip(q, bases, strict=True)]
         vectors = continued(np.array(totals), spins, time)
-        result[:, joint.place] = vectors @ joint.axes
+        result[:, joint.rotations] = vectors @ joint.axes
         for k, vector in enumerate(vectors):
-            rates[k, joint.place] = joint.axes.T @ inverse_jacobian(vector) @ spins[k]
+            rates[k, joint.rotations] = joint.axes.T @ inverse_jacobian(vector) @ spins[k]
     return result, rates

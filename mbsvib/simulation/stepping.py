@@ -35,7 +35,7 @@ class Sample:
     chart: Chart
 
 
-def settled(run: Session, state: State, bases: Array) -> Sample:
+def restarted_sample(run: Session, state: State, bases: Array) -> Sample:
     """Return a state with its loops closed, rotation vectors started anew and coordinates chosen."""
     state, bases = restarted(state, bases, run.turning, LONG_TURN)
     q, left = run.loops.projected(state.q, bases)
@@ -118,7 +118,7 @@ def _taken(run: Session, here: Sample, grid: Array, coefficients: Array) -> list
 
 
 def _angles(run: Session, q: Array) -> float:
-    return max((float(np.linalg.norm(q[joint.place])) for joint in run.turning), default=0.0)
+    return max((float(np.linalg.norm(q[joint.rotations])) for joint in run.turning), default=0.0)
 
 
 def _halved(
@@ -155,7 +155,7 @@ def _next(run: Session, state: State, chart: Chart) -> Sample:
         raise _stopped(run, state, "the loops come to a singular pose, from which they could go on in several ways")
     best = chart_at(run.loops, state.q, chart.bases)
     if _angles(run, state.q) > LONG_TURN or own < TIRED * wear(run.loops, best, state.q)[0]:
-        return settled(run, state, chart.bases)
+        return restarted_sample(run, state, chart.bases)
     return Sample(_closed(run, state, chart), chart)
 
 

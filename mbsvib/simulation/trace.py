@@ -1,4 +1,4 @@
-"""The trace of a run: states at the times asked for, and all that is told of them."""
+"""The trace of a run: states at the times asked for, and the values there."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Told:
-    """What is told of states side by side: tree ``coordinates`` and ``rates`` (n, samples), ``outputs`` and
+class TraceValues:
+    """Values at states side by side: tree ``coordinates`` and ``rates`` (n, samples), ``outputs`` and
     ``output_rates`` by name (samples,), ``kinetic`` and ``potential`` energies (parts, samples) [J], and ``work`` (3,
     samples) [J].
     """
@@ -62,8 +62,8 @@ class Trace:
         """Return the trace of other samples of the same run."""
         return replace(self, samples=tuple(samples), intervals=tuple(intervals), ended_by=ended_by)
 
-    def told(self, samples: Sequence[Sample] | None = None) -> Told:
-        """Return what is told of the samples of the run, or of others."""
+    def values(self, samples: Sequence[Sample] | None = None) -> TraceValues:
+        """Return the values at the samples of the run, or at others."""
         samples = self.samples if samples is None else samples
         states, bases = [sample.state for sample in samples], [sample.chart.bases for sample in samples]
         run = self.session
@@ -74,7 +74,8 @@ class Trace:
         time = np.array([state.time for state in states])
         outputs, slopes = self.measured.values(time, (q, qd, qdd, y, base, run.signals.at(time)))
         where, rates = (array.T for array in as_described(q.T, qd.T, time, bases, run.turning))
-        return Told(where, rates, outputs, slopes, kinetic, potential, np.array([state.work for state in states]).T)
+        work = np.array([state.work for state in states]).T
+        return TraceValues(where, rates, outputs, slopes, kinetic, potential, work)
 
     def _accelerations(self, samples: Sequence[Sample]) -> Array:
         """Second derivatives (n, samples) of the tree coordinates."""
@@ -113,7 +114,7 @@ def trace(session: Session, samples: Sequence[Sample], intervals: Sequence[int])
     Returns
     -------
     Trace
-        What can be told of them.
+        Their trace.
     """
     statement = session.statement
     parts = tuple(dict.fromkeys((*statement.kinetic, *statement.potential)))

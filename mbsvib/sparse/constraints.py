@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     Rod = tuple[int, int, int, int, Array, Array]
 
 # Groups up to this many entries (rows times coordinates) are decided by one dense QR: 0.1 s.
-WHOLE = 250_000
+MOST_DENSE_ENTRIES = 250_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,7 +222,7 @@ def _decide(
 ) -> LoopGroup:  # fmt: skip
     columns = np.unique(entries.of(members)[1])
     loops = np.unique(entries.loop[members])
-    if len(loops) == 1 or len(members) * len(columns) <= WHOLE:
+    if len(loops) == 1 or len(members) * len(columns) <= MOST_DENSE_ENTRIES:
         return _decide_dense(tree, rows, names, cut, entries, members, scales, arms)
     parts = [_decide_dense(tree, rows, names, cut, entries, members[entries.loop[members] == k], scales, arms)
              for k in loops]  # fmt: skip

@@ -14,7 +14,7 @@ import numpy as np
 from mbsvib.errors import SingularPoseError
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import DEPENDENT_DISTANCE, NEIGHBOUR_PIVOT, NEIGHBOUR_STEP, RANK_FACTOR
-from mbsvib.sparse.constraints import WHOLE
+from mbsvib.sparse.constraints import MOST_DENSE_ENTRIES
 from mbsvib.sparse.couplers import row_scale
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def check_mobility(tree: Tree, closure: Constraints, layout: Layout, tableau: Ta
     entries = (closure.entries(tree), moved_closure.entries(moved_tree))
     for group in groups:
         members = [group.rows]
-        if len(group.rows) * len(group.columns) > WHOLE:
+        if len(group.rows) * len(group.columns) > MOST_DENSE_ENTRIES:
             members = [group.rows[closure.loop[group.rows] == k] for k in np.unique(closure.loop[group.rows])]
         for rows in members:
             # a single loop may be nearly singular without being an error

@@ -28,7 +28,7 @@ from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import COLUMN_REGULARISATION, DETERMINED
 from mbsvib.linalg.rotations import rigid_transport
 from mbsvib.mechanism.topology import FLOATS
-from mbsvib.sparse.constraints import WHOLE
+from mbsvib.sparse.constraints import MOST_DENSE_ENTRIES
 from mbsvib.sparse.rows import paths
 from mbsvib.sparse.virtual_displacements import CONVERGED, STEPS
 
@@ -119,7 +119,7 @@ class Region:
     @cached_property
     def _solve(self) -> Split:
         matrix = self.rows.T @ self.gap
-        small = matrix.shape[0] * matrix.shape[1] <= WHOLE
+        small = matrix.shape[0] * matrix.shape[1] <= MOST_DENSE_ENTRIES
         return _of_small(self, matrix.toarray()) if small else _of_large(self, matrix)
 
 

@@ -15,7 +15,7 @@ from mbsvib.common.tables import listed
 from mbsvib.errors import ModelError
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import COLUMN_REGULARISATION, EPS, RANK_FACTOR
-from mbsvib.sparse.constraints import WHOLE
+from mbsvib.sparse.constraints import MOST_DENSE_ENTRIES
 from mbsvib.sparse.couplers import row_scale
 from mbsvib.sparse.layout import kinematics
 
@@ -90,7 +90,7 @@ class Release:
         if k not in self._solvers:
             closure, tree = self._closure, self._tree
             shape = (len(group.rows), len(group.columns))
-            small, length = shape[0] * shape[1] <= WHOLE, group.length
+            small, length = shape[0] * shape[1] <= MOST_DENSE_ENTRIES, group.length
             rows = row_scale(closure.rows, closure.couplers, group.rows, length)
             column_scale = np.where(tree.turns[group.columns], 1.0, length)
             row, column, value = self._entries.of(group.rows)

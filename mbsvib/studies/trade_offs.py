@@ -188,12 +188,12 @@ def trade_off(
                         starts=starts, seed=seed, observed=quantities)  # fmt: skip
 
     with counting(progress, len(names) + len(grid), "trade-off") as tell:
-        alone = []
+        single = []
         for name in names:
-            alone.append(best(quantities[name], None))
+            single.append(best(quantities[name], None))
             tell(1)
-        ideal, span = _range(list(map(_numbers, alone)))
-        ends: list[tuple[Array, Optimum]] = list(zip(np.eye(len(names)), alone, strict=True))
+        ideal, span = _range(list(map(_numbers, single)))
+        ends: list[tuple[Array, Optimum]] = list(zip(np.eye(len(names)), single, strict=True))
         failed = 0
         for i, weights in enumerate(grid):
             if i == len(names):  # the first have one weight alone
@@ -281,8 +281,8 @@ def _grid(count: int, divisions: int) -> Array:
     bars = combinations(range(divisions + count - 1), count - 1)
     edges = np.array([(-1, *bar, divisions + count - 1) for bar in bars])
     weights = (np.diff(edges, axis=1) - 1) / divisions
-    alone = weights.max(axis=1) == 1.0
-    return np.concatenate((np.eye(count), weights[~alone]))
+    single = weights.max(axis=1) == 1.0
+    return np.concatenate((np.eye(count), weights[~single]))
 
 
 def _numbers(optimum: Optimum) -> Array:

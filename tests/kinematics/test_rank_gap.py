@@ -59,7 +59,7 @@ def test_a_rank_beyond_doubt(way, tilt, beside, dof):
 
 def test_a_rank_that_is_in_doubt_in_a_large_group(monkeypatch):
     """Three rods that are all but parallel."""
-    monkeypatch.setattr("mbsvib.sparse.constraints.WHOLE", 0)
+    monkeypatch.setattr("mbsvib.sparse.constraints.MOST_DENSE_ENTRIES", 0)
     model = mv.Model("rods")
     model.add_body("ball", 1.0, (0.1, 0.1, 0.1))
     model.add_joint("air", "free", "ground", "ball", (0, 0, 0))
@@ -89,7 +89,7 @@ def test_masses_that_may_be_rounding(tilts, message):
 @pytest.mark.parametrize("load", [None, (1.0, 2.0, 3.0)])
 def test_forces_in_guides_that_nearly_depend_on_each_other(load, monkeypatch):
     """In a large group of loops; the dense path tells them."""
-    monkeypatch.setattr("mbsvib.sparse.self_stress.WHOLE", 0)
+    monkeypatch.setattr("mbsvib.sparse.self_stress.MOST_DENSE_ENTRIES", 0)
     model = guides(1e-9, 0.5)
     model.add_input("F", "slide", "x")
     model.add_force_output("low.x", "low", "x")

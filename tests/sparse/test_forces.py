@@ -82,7 +82,7 @@ def test_redundant_constraints_share_forces_as_on_the_dense_path(name, monkeypat
         model.add_input("push", list(model.bodies)[-1], (1.0, 2.0, 3.0, 0.3, 0.2, 0.1))
         expected = model.linearize(method="dense").frequency_response(OMEGA)
         for most in (250_000, 0):
-            monkeypatch.setattr("mbsvib.sparse.self_stress.WHOLE", most)
+            monkeypatch.setattr("mbsvib.sparse.self_stress.MOST_DENSE_ENTRIES", most)
             assert differ(model.linearize(method="sparse").frequency_response(OMEGA), expected) < 1e-9
 
 
@@ -103,7 +103,7 @@ def test_large_groups_of_loops_are_solved_sparse(monkeypatch):
     model = with_forces(mv.library.ladder(12), joints=list(mv.library.ladder(12).joints)[::7], bodies=())
     small = model.linearize(method="sparse").frequency_response(OMEGA)
     for module in ("virtual_displacements", "self_stress"):
-        monkeypatch.setattr(f"mbsvib.sparse.{module}.WHOLE", 0)
+        monkeypatch.setattr(f"mbsvib.sparse.{module}.MOST_DENSE_ENTRIES", 0)
     assert differ(model.linearize(method="sparse").frequency_response(OMEGA), small) < 1e-9
 
 
@@ -263,7 +263,7 @@ def test_loaded_machines(make):
 def test_large_loaded_groups_of_loops_are_solved_sparse(monkeypatch):
     """Forces of the pose of least norm, with redundant constraints, as the dense factors find them."""
     for module in ("virtual_displacements", "self_stress"):
-        monkeypatch.setattr(f"mbsvib.sparse.{module}.WHOLE", 0)
+        monkeypatch.setattr(f"mbsvib.sparse.{module}.MOST_DENSE_ENTRIES", 0)
     for make in (mv.library.four_bar, mv.library.trifilar_pendulum):
         test_loaded_machines(make)
 
@@ -274,7 +274,7 @@ def test_forces_in_coaxial_shafts(kinds, monkeypatch):
 
     Their centres of mass are far off, so that turning the shafts rounds their points.
     """
-    monkeypatch.setattr("mbsvib.sparse.virtual_displacements.WHOLE", 0)
+    monkeypatch.setattr("mbsvib.sparse.virtual_displacements.MOST_DENSE_ENTRIES", 0)
     rng = np.random.default_rng(5)
     turn, origin, model = rotation(rng), rng.uniform(-3, 3, size=3), mv.Model("shafts")
     along = lambda z: origin + z * turn[:, 2]  # noqa: E731

@@ -190,11 +190,11 @@ def _matrices(
     integers = blocks + 1 + p + 1 + k
     if min(blocks, entries) < 0 or len(body) % 8 or integers > len(body) // 8:
         raise ContentError(f"sizes in {_NUMBERS} do not fit its bytes")
-    whole = np.frombuffer(body[: 8 * integers], "<i8")
+    integer_table = np.frombuffer(body[: 8 * integers], "<i8")
     real = np.frombuffer(body[8 * integers :], "<f8")
     if not np.isfinite(real).all():
         raise ContentError(f"{_NUMBERS} holds NaN or infinity")
-    edges, first, places = np.split(whole, [blocks + 1, blocks + p + 2])
+    edges, first, places = np.split(integer_table, [blocks + 1, blocks + p + 2])
     if edges[0] != 0 or edges[-1] != n or (np.diff(edges) < 1).any():
         raise ContentError(f"the blocks of {_NUMBERS} do not fit {n} states")
     squares = (np.diff(edges) ** 2).tolist()
