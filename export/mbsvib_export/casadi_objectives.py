@@ -169,10 +169,10 @@ def _callback(name: str, system: System, names: tuple[str, ...], value: Ask, der
             result = np.full(shape, complex(np.nan, np.nan))
         return [np.ascontiguousarray(result.real), np.ascontiguousarray(result.imag)]
 
-    made = _kinds()[0](name, rows, len(names), lambda p: ask(value, p, (rows,)),
+    callback = _kinds()[0](name, rows, len(names), lambda p: ask(value, p, (rows,)),
                        lambda p: ask(derivatives, p, (rows, len(names))))  # fmt: skip
-    made.parameters, made.values = names, np.array([origin.parameters[key] for key in names])
-    return made
+    callback.parameters, callback.values = names, np.array([origin.parameters[key] for key in names])
+    return callback
 
 
 @cache

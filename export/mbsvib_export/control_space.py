@@ -55,27 +55,27 @@ class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-contr
         return self.of(super().__getitem__(key), states=self.state_labels)
 
     def __neg__(self) -> Any:
-        return self._made(super().__neg__(), [self], self, self)
+        return self._named(super().__neg__(), [self], self, self)
 
     def __add__(self, other: Any) -> Any:
-        return self._made(super().__add__(other), [self, other], self, self)
+        return self._named(super().__add__(other), [self, other], self, self)
 
     def __radd__(self, other: Any) -> Any:
         # python asks a subclass first: the order of the states is that of the sum
         if isinstance(other, control.StateSpace):
             return self.of(other) + self
-        return self._made(super().__radd__(other), [self, other], self, self)
+        return self._named(super().__radd__(other), [self, other], self, self)
 
     def __sub__(self, other: Any) -> Any:
         return self + (-self.of(other)) if isinstance(other, control.StateSpace) else super().__sub__(other)
 
     def __mul__(self, other: Any) -> Any:
-        return self._made(super().__mul__(other), [other, self], self if _is_number(other) else other, self)
+        return self._named(super().__mul__(other), [other, self], self if _is_number(other) else other, self)
 
     def __rmul__(self, other: Any) -> Any:
         if isinstance(other, control.StateSpace):
             return self.of(other) * self
-        return self._made(super().__rmul__(other), [self, other], self, self if _is_number(other) else other)
+        return self._named(super().__rmul__(other), [self, other], self, self if _is_number(other) else other)
 
     def append(self, other: Any) -> Any:
         """Return both systems beside each other, as ``control.append`` does.
@@ -90,11 +90,11 @@ class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-contr
         NamedStateSpace
             With the inputs and outputs of both.
         """
-        made = super().append(other)
+        appended = super().append(other)
         if not isinstance(other, (control.StateSpace, control.TransferFunction)):
-            return made
-        return self.of(made, unique_names([self, other], "input"), unique_names([self, other], "output"),
-                       _names_of_states([self, other], made.nstates), _joined([self, other]))  # fmt: skip
+            return appended
+        return self.of(appended, unique_names([self, other], "input"), unique_names([self, other], "output"),
+                       _names_of_states([self, other], appended.nstates), _joined([self, other]))  # fmt: skip
 
     def feedback(self, other: Any = 1, sign: float = -1) -> Any:
         """Return the closed loop with ``other`` in the way back, as ``control.feedback`` does.
@@ -111,7 +111,7 @@ class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-contr
         NamedStateSpace
             With the inputs and outputs of this system.
         """
-        return self._made(super().feedback(other, sign), [self, other], self, self)
+        return self._named(super().feedback(other, sign), [self, other], self, self)
 
     def lft(self, other: Any, nu: int = -1, ny: int = -1) -> Any:
         """Return the lower linear fractional transformation, the loop around the last outputs and inputs.
@@ -128,12 +128,12 @@ class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-contr
         NamedStateSpace
             With the inputs and outputs that are left, and those that are left of ``other``.
         """
-        made = super().lft(other, nu, ny)
+        appended = super().lft(other, nu, ny)
         nu = min(other.noutputs, self.ninputs) if nu < 0 else nu
         ny = min(other.ninputs, self.noutputs) if ny < 0 else ny
         inputs = [*self.input_labels[: self.ninputs - nu], *other.input_labels[ny:]]
         outputs = [*self.output_labels[: self.noutputs - ny], *other.output_labels[nu:]]
-        return self.of(made, inputs, outputs, unique_names([self, other], "state"), _joined([self, other]))
+        return self.of(appended, inputs, outputs, unique_names([self, other], "state"), _joined([self, other]))
 
     def sample(self, *arguments: Any, **options: Any) -> Self:
         """Return the discrete-time system, as ``control.sample_system`` does.
@@ -152,7 +152,7 @@ class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-contr
         """
         return self.of(super().sample(*arguments, **options))
 
-    def _made(self, space: Any, parts: list[Any], entered: Any, left: Any) -> Any:
+    def _named(self, space: Any, parts: list[Any], entered: Any, left: Any) -> Any:
         """The result of python-control with the names of its parts, as far as their numbers fit."""
         if not isinstance(space, control.StateSpace):  # NotImplemented, or a system that is not linear
             return space
@@ -197,14 +197,14 @@ def unique_names(systems: Sequence[Any], kind: str) -> list[str]:
         return names
     if len({system.name for system in systems}) > 1:
         names = [f"{system.name}_{label}" for system in systems for label in getattr(system, f"{kind}_labels")]
-    made: dict[str, None] = {}
+    appended: dict[str, None] = {}
     for name in names:
         other, count = name, 1
-        while other in made:
+        while other in appended:
             count += 1
             other = f"{name}_{count}"
-        made[other] = None
-    return list(made)
+        appended[other] = None
+    return list(appended)
 
 
 def _joined(systems: Sequence[Any]) -> str:

@@ -213,10 +213,10 @@ def _component(parts: list[tuple[Array, Array | None]]) -> Callable[..., list[fl
     def value(mbs: Any, t: float, sensors: Any, factors: Any, configuration: Any) -> list[float]:
         total = 0.0
         for sensor, (along, axes) in zip(sensors, parts, strict=True):
-            seen = np.array(mbs.GetSensorValues(sensor, configuration))
+            measured = np.array(mbs.GetSensorValues(sensor, configuration))
             if axes is not None:
-                seen = logarithm(seen.reshape(1, 3, 3) @ axes.T)[0]
-            total += float(along @ seen)
+                measured = logarithm(measured.reshape(1, 3, 3) @ axes.T)[0]
+            total += float(along @ measured)
         return [total]
 
     return value

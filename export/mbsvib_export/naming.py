@@ -55,27 +55,27 @@ def named(
             raise ExportError(f"named: {type(system).__name__} is not a system of python-control; expected a "
                               f"StateSpace, TransferFunction or FrequencyResponseData (of h2syn and hinfsyn: the first "
                               f"thing they return).")  # fmt: skip
-    made: Any = deepcopy(result)
+    renamed: Any = deepcopy(result)
     if controller:
-        inputs = _last(plants[-1].output_labels, made.ninputs, "inputs", "outputs")
-        outputs = _last(plants[0].input_labels, made.noutputs, "outputs", "inputs")
+        inputs = _last(plants[-1].output_labels, renamed.ninputs, "inputs", "outputs")
+        outputs = _last(plants[0].input_labels, renamed.noutputs, "outputs", "inputs")
     else:
         # series(one, two): the signal enters one and leaves two
-        inputs = _all(plants[0].input_labels, made.ninputs, "inputs")
-        outputs = _all(plants[-1].output_labels, made.noutputs, "outputs")
-    made.set_inputs(inputs)
-    made.set_outputs(outputs)
+        inputs = _all(plants[0].input_labels, renamed.ninputs, "inputs")
+        outputs = _all(plants[-1].output_labels, renamed.noutputs, "outputs")
+    renamed.set_inputs(inputs)
+    renamed.set_outputs(outputs)
     if states:
         from mbsvib_export.control_space import unique_names
 
-        made.set_states(_all(unique_names(plants, "state"), made.nstates, "states"))
+        renamed.set_states(_all(unique_names(plants, "state"), renamed.nstates, "states"))
     joined = "_".join(dict.fromkeys(system.name for system in plants))
-    made.name = name if name is not None else joined + ("_controller" if controller else "")
-    if is_control(made):  # what is made of it keeps names too
+    renamed.name = name if name is not None else joined + ("_controller" if controller else "")
+    if is_control(renamed):  # what is made of it keeps names too
         from mbsvib_export.control_space import NamedStateSpace
 
-        return NamedStateSpace.of(made)
-    return made  # type: ignore[no-any-return]
+        return NamedStateSpace.of(renamed)
+    return renamed  # type: ignore[no-any-return]
 
 
 def _all(labels: Sequence[str], count: int, what: str) -> list[str]:
@@ -144,8 +144,8 @@ def with_names(function: Callable[..., Any], *arguments: Any, **options: Any) ->
         return [named(item, plant) for item in result] if many else named(result, plant)
     controller, *other_results = result if isinstance(result, tuple) else (result,)
     loops = (_loop(item, plant, controller) if hasattr(item, "input_labels") else item for item in other_results)
-    made = [named(controller, plant, controller=True), *loops]
-    return tuple(made) if isinstance(result, tuple) else made[0]
+    renamed = [named(controller, plant, controller=True), *loops]
+    return tuple(renamed) if isinstance(result, tuple) else renamed[0]
 
 
 _OF_FIRST = ("balred", "modred", "minreal", "parallel", "feedback", "negate")
@@ -155,8 +155,8 @@ _SYNTHESES = ("h2syn", "hinfsyn")
 
 def _loop(loop: Any, plant: Any, controller: Any) -> Any:
     """The plant with the controller's loop closed: it keeps its first inputs and outputs."""
-    made = deepcopy(loop)
-    made.set_inputs(list(plant.input_labels)[: plant.ninputs - controller.noutputs])
-    made.set_outputs(list(plant.output_labels)[: plant.noutputs - controller.ninputs])
-    made.name = f"{plant.name}_closed"
-    return made
+    renamed = deepcopy(loop)
+    renamed.set_inputs(list(plant.input_labels)[: plant.ninputs - controller.noutputs])
+    renamed.set_outputs(list(plant.output_labels)[: plant.noutputs - controller.ninputs])
+    renamed.name = f"{plant.name}_closed"
+    return renamed

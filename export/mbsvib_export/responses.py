@@ -36,8 +36,8 @@ def check_points(eigenvalues: Complex) -> Array:
     size = np.unique(np.abs(eigenvalues[np.abs(eigenvalues) > 1e-9 * np.abs(eigenvalues).max(initial=0.0)]))
     if not len(size):
         return np.array([1.0, 10.0])
-    apart = size[np.concatenate(([True], np.diff(size) > 1e-3 * size[1:]))]
-    selected = apart[np.unique(np.linspace(0, len(apart) - 1, MOST_POINTS - 2).round().astype(int))]
+    distinct = size[np.concatenate(([True], np.diff(size) > 1e-3 * size[1:]))]
+    selected = distinct[np.unique(np.linspace(0, len(distinct) - 1, MOST_POINTS - 2).round().astype(int))]
     return np.unique(np.concatenate(([0.1 * size[0]], 1.002 * selected, [3.0 * size[-1]])))
 
 

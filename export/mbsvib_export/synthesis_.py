@@ -50,9 +50,9 @@ def hinfsyn(
     Source: as ``mbsvib.isolation.hinf``.
     """
     matrices = _checked(plant, nmeas, ncon, "hinfsyn")
-    made = hinf_synthesis(matrices, nmeas, ncon, "hinfsyn")
-    controller = _controller(made, plant.output_labels[-nmeas:], plant.input_labels[-ncon:], plant)
-    return controller, _loop(plant, controller), float(made.norm or 0.0), made.reciprocal_conditions
+    synthesis = hinf_synthesis(matrices, nmeas, ncon, "hinfsyn")
+    controller = _controller(synthesis, plant.output_labels[-nmeas:], plant.input_labels[-ncon:], plant)
+    return controller, _loop(plant, controller), float(synthesis.norm or 0.0), synthesis.reciprocal_conditions
 
 
 def h2syn(plant: control.StateSpace, nmeas: int, ncon: int) -> NamedStateSpace:
@@ -80,8 +80,8 @@ def h2syn(plant: control.StateSpace, nmeas: int, ncon: int) -> NamedStateSpace:
     Source: Zhou, Doyle & Glover, Robust and Optimal Control (1996), section 14.5; SLICOT's SB10HD.
     """
     matrices = _checked(plant, nmeas, ncon, "h2syn")
-    made = h2_synthesis(matrices, nmeas, ncon, "h2syn")
-    return _controller(made, plant.output_labels[-nmeas:], plant.input_labels[-ncon:], plant)
+    synthesis = h2_synthesis(matrices, nmeas, ncon, "h2syn")
+    return _controller(synthesis, plant.output_labels[-nmeas:], plant.input_labels[-ncon:], plant)
 
 
 def mixsyn(
@@ -114,9 +114,9 @@ def mixsyn(
         If no controller is found.
     """
     plant = augw(g, w1, w2, w3)
-    made = hinf_synthesis(_checked(plant, g.noutputs, g.ninputs, "mixsyn"), g.noutputs, g.ninputs, "mixsyn")
-    controller = _controller(made, g.output_labels, g.input_labels, g)
-    return controller, _loop(plant, controller), (float(made.norm or 0.0), made.reciprocal_conditions)
+    synthesis = hinf_synthesis(_checked(plant, g.noutputs, g.ninputs, "mixsyn"), g.noutputs, g.ninputs, "mixsyn")
+    controller = _controller(synthesis, g.output_labels, g.input_labels, g)
+    return controller, _loop(plant, controller), (float(synthesis.norm or 0.0), synthesis.reciprocal_conditions)
 
 
 def augw(g: control.StateSpace, w1: Any = None, w2: Any = None, w3: Any = None) -> NamedStateSpace:
@@ -154,8 +154,8 @@ def augw(g: control.StateSpace, w1: Any = None, w2: Any = None, w3: Any = None) 
     if not weights:
         raise ExportError("augw: there is no weight; give one of w1, w2 and w3.")
     total = n + sum(weight.nstates for weight in weights.values())
-    # (e, u, y) = seen x + direct (r, u), with the plant's states first
-    seen = {"w1": -g.C, "w2": np.zeros((nu, n)), "w3": g.C}
+    # (e, u, y) = observed x + direct (r, u), with the plant's states first
+    observed = {"w1": -g.C, "w2": np.zeros((nu, n)), "w3": g.C}
     direct = {"w1": np.hstack((np.eye(ny), -g.D)), "w2": np.hstack((np.zeros((nu, ny)), np.eye(nu))),
               "w3": np.hstack((np.zeros((ny, ny)), g.D))}  # fmt: skip
     a, b = np.zeros((total, total)), np.zeros((total, ny + nu))
@@ -163,9 +163,9 @@ def augw(g: control.StateSpace, w1: Any = None, w2: Any = None, w3: Any = None) 
     rows, through, states, outputs, start = [], [], list(g.state_labels), [], n
     for name, weight in weights.items():
         part = slice(start, start + weight.nstates)
-        a[part, :n], a[part, part], b[part] = weight.B @ seen[name], weight.A, weight.B @ direct[name]
+        a[part, :n], a[part, part], b[part] = weight.B @ observed[name], weight.A, weight.B @ direct[name]
         row = np.zeros((weight.noutputs, total))
-        row[:, :n], row[:, part] = weight.D @ seen[name], weight.C
+        row[:, :n], row[:, part] = weight.D @ observed[name], weight.C
         rows.append(row)
         through.append(weight.D @ direct[name])
         labels = g.input_labels if name == "w2" else g.output_labels
@@ -173,7 +173,7 @@ def augw(g: control.StateSpace, w1: Any = None, w2: Any = None, w3: Any = None) 
         outputs += [f"{name}:{labels[k] if same else k + 1}" for k in range(weight.noutputs)]
         states += [f"{name}:{k + 1}" for k in range(weight.nstates)]
         start = part.stop
-    rows.append(np.hstack((seen["w1"], np.zeros((ny, total - n)))))
+    rows.append(np.hstack((observed["w1"], np.zeros((ny, total - n)))))
     through.append(direct["w1"])
     return NamedStateSpace(
         a, b, np.vstack(rows), np.vstack(through), 0, name=f"{g.name}_weighted", states=states,
@@ -208,12 +208,13 @@ def _checked(plant: Any, nmeas: int, ncon: int, caller: str) -> tuple[Array, Arr
     return plant.A, plant.B, plant.C, plant.D
 
 
-def _controller(made: Synthesis, inputs: list[str], outputs: list[str], plant: Any) -> NamedStateSpace:
+def _controller(synthesis: Synthesis, inputs: list[str], outputs: list[str], plant: Any) -> NamedStateSpace:
     from mbsvib_export.control_space import NamedStateSpace
 
     return NamedStateSpace(
-        made.A, made.B, made.C, made.D, 0, name=f"{plant.name}_controller", inputs=list(inputs), outputs=list(outputs),
-        states=[f"controller{k + 1}" for k in range(len(made.A))], remove_useless_states=False,
+        synthesis.A, synthesis.B, synthesis.C, synthesis.D, 0, name=f"{plant.name}_controller", inputs=list(inputs),
+        outputs=list(outputs),
+        states=[f"controller{k + 1}" for k in range(len(synthesis.A))], remove_useless_states=False,
     )  # fmt: skip
 
 

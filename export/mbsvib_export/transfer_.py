@@ -106,14 +106,14 @@ def _grid(system: Any, source: str, target: str) -> Array:
 
 
 def _without_common(poles: Complex, zeros: Complex) -> tuple[Complex, Complex]:
-    remaining, kept_zeros = list(poles), []
+    remaining, remaining_zeros = list(poles), []
     for zero in zeros:
         nearest_pole = int(np.argmin(np.abs(np.array(remaining) - zero))) if remaining else -1
         if nearest_pole >= 0 and abs(remaining[nearest_pole] - zero) <= SAME * abs(zero):
             remaining.pop(nearest_pole)
         else:
-            kept_zeros.append(zero)
-    return np.array(remaining, dtype=complex), np.array(kept_zeros, dtype=complex)
+            remaining_zeros.append(zero)
+    return np.array(remaining, dtype=complex), np.array(remaining_zeros, dtype=complex)
 
 
 def _polynomials(poles: Complex, zeros: Complex, omega: Array, exact: Complex) -> tuple[Array, Array]:

@@ -58,9 +58,9 @@ def geometry_sets(geometry: Geometry) -> Iterator[str]:
     yield _set(2467, lines)
     for k, (body, nodes) in enumerate(groups.items(), 1):
         centre, *others = nodes
-        apart = [node for node in others if node.position != centre.position]
-        if apart:
-            trace = [number for node in apart for number in (centre.number, node.number, 0)]
+        distant = [node for node in others if node.position != centre.position]
+        if distant:
+            trace = [number for node in distant for number in (centre.number, node.number, 0)]
             yield _set(82, [f"{k:10}{len(trace):10}{0:10}", _plain(body), *_integers(trace)])
 
 

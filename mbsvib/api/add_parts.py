@@ -223,7 +223,7 @@ class RigidMechanism(Mechanism):
         a, b = self._between("maxwell", name, first, second)
         part = _maxwell.make(name, a, b, start, end, stiffness, damping, static_stiffness, preload)
         self._check_name(part.node, f"maxwell '{name}': node")
-        self._made[part.node] = part
+        self._generated[part.node] = part
         return self._keep(self._springs, part)
 
     def add_inerter(

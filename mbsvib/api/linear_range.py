@@ -124,8 +124,8 @@ def linear_range(system: Equations, modes: Modes, share: float, conservative: bo
     from mbsvib.simulation.linear_range import linear_range as computed
 
     none = np.zeros((0, len(system.outputs)))
-    asked = number / (1.0 + MARGIN * number) if conservative else number
-    values, travel = computed(system, modes, asked) if system.dof else (none, none.copy())
+    requested = number / (1.0 + MARGIN * number) if conservative else number
+    values, travel = computed(system, modes, requested) if system.dof else (none, none.copy())
     for array in (values, travel):
         array.setflags(write=False)
     return LinearRange(system.name, number, system.outputs, tuple(system.output_units), modes.frequencies, values,

@@ -57,8 +57,8 @@ class Energy:
     @property
     def balance(self) -> Array:
         """Energy that has come from nowhere (n,) [J]: the error of the integration, as the energy shows it."""
-        kept = self.total + self.dissipated - self.supplied
-        return np.asarray(kept - kept[0])
+        balance = self.total + self.dissipated - self.supplied
+        return np.asarray(balance - balance[0])
 
     def of(self, part: str) -> Array:
         """Return the kinetic and potential energy of one part.

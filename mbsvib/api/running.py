@@ -263,8 +263,8 @@ def compiled_for(model: Mechanism, words: Mapping[str, Any], parameters: tuple[s
     _check_casadi()
     from mbsvib.cycles.machine import machine
 
-    made = machine(model, **words)
-    return replace(made, compiled=made.with_symbols(parameters))
+    running_machine = machine(model, **words)
+    return replace(running_machine, compiled=running_machine.with_symbols(parameters))
 
 
 def _check_casadi() -> None:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.shapes import ModeSensitivities
 
     Ports = str | Sequence[str] | None
-    Asked = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
+    Requested = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
 
 
 class Sensitive(Equations):
@@ -93,7 +93,7 @@ class Sensitive(Equations):
         selection.__dict__["basis"] = self.basis.with_equations(selection)
         return selection
 
-    def eigenvalue_sensitivities(self, parameters: Asked = None) -> Complex:
+    def eigenvalue_sensitivities(self, parameters: Requested = None) -> Complex:
         """Return the derivatives of all eigenvalues to parameters.
 
         d lambda / dp = -y^T (lambda^2 dM/dp + lambda dC/dp + dK/dp) x / y^T (2 lambda M + C) x
@@ -122,7 +122,7 @@ class Sensitive(Equations):
         return eigenvalue_sensitivities(self.sensitivity_basis, parameters)
 
     def frequency_response_sensitivities(
-        self, omega: ArrayLike, parameters: Asked = None, outputs: str | Sequence[str] | None = None,
+        self, omega: ArrayLike, parameters: Requested = None, outputs: str | Sequence[str] | None = None,
         inputs: str | Sequence[str] | None = None,
     ) -> Complex:  # fmt: skip
         """Return the derivatives of the frequency response to parameters, for about one more solution a frequency.
@@ -157,7 +157,7 @@ class Sensitive(Equations):
 
         return frequency_response_sensitivities(self.sensitivity_basis, omega, parameters, outputs, inputs)
 
-    def matrix_derivatives(self, parameters: Asked = None) -> MatrixDerivatives:
+    def matrix_derivatives(self, parameters: Requested = None) -> MatrixDerivatives:
         """Return the derivatives of M, C, K, B, Cq, Cv, Ca and D to parameters.
 
         Parameters
@@ -177,7 +177,7 @@ class Sensitive(Equations):
         """
         return self.sensitivity_basis.matrix_derivatives(parameters)
 
-    def mode_sensitivities(self, parameters: Asked = None) -> ModeSensitivities:
+    def mode_sensitivities(self, parameters: Requested = None) -> ModeSensitivities:
         """Return the derivatives of natural frequencies, damping ratios and mode shapes to parameters.
 
         Parameters
@@ -201,7 +201,7 @@ class Sensitive(Equations):
         return mode_sensitivities(self.sensitivity_basis, parameters)
 
     def compliance_sensitivities(
-        self, parameters: Asked = None, outputs: Ports = None, inputs: Ports = None
+        self, parameters: Requested = None, outputs: Ports = None, inputs: Ports = None
     ) -> Array:  # fmt: skip
         """Return the derivatives of the static compliance, G(0) = Cq K^-1 B + D, to parameters.
 
@@ -230,7 +230,7 @@ class Sensitive(Equations):
         return derivatives[..., 0].real
 
     def time_response_sensitivities(
-        self, t: ArrayLike, u: ArrayLike, parameters: Asked = None, hold: str = "first",
+        self, t: ArrayLike, u: ArrayLike, parameters: Requested = None, hold: str = "first",
         initial: tuple[ArrayLike, ArrayLike] | None = None,
     ) -> Array:  # fmt: skip
         """Return the derivatives of the time response to parameters; exact for inputs that are held or linear.
@@ -264,7 +264,7 @@ class Sensitive(Equations):
 
         return time_response_sensitivities(self.sensitivity_basis, t, u, parameters, hold, initial)
 
-    def h2_norm(self, outputs: Ports = None, inputs: Ports = None, parameters: Asked = None) -> Norm:
+    def h2_norm(self, outputs: Ports = None, inputs: Ports = None, parameters: Requested = None) -> Norm:
         """Return the H2 norm of the frequency response, the rms under white noise, with its derivatives.
 
         ||G||^2 = 1 / 2 pi integral of tr(G(i w)^H G(i w)) dw over all frequencies
@@ -293,7 +293,7 @@ class Sensitive(Equations):
 
         return h2_norm(self.sensitivity_basis, outputs, inputs, parameters)
 
-    def hinf_norm(self, outputs: Ports = None, inputs: Ports = None, parameters: Asked = None) -> Norm:
+    def hinf_norm(self, outputs: Ports = None, inputs: Ports = None, parameters: Requested = None) -> Norm:
         """Return the highest peak of the frequency response (its largest singular value), with its derivatives.
 
         ||G|| = max over w of sigma(G(i w))

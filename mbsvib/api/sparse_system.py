@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from mbsvib.responses.state_space import StateSpace
     from mbsvib.sensitivities.shapes import ModeSensitivities
 
-    Asked = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
+    Requested = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
 
 
 _MATRICES = frozenset({"M", "C", "K", "B", "Cq", "Cv", "Ca"})
@@ -113,7 +113,7 @@ class SparseSystem(SparseEquations, Displayed):
         return result
 
     def mode_sensitivities(
-        self, parameters: Asked = None, modes: int | None = None, *, near: float = 0.0
+        self, parameters: Requested = None, modes: int | None = None, *, near: float = 0.0
     ) -> ModeSensitivities:  # fmt: skip
         """Return the derivatives of natural frequencies and damping ratios of some modes to parameters.
 

@@ -112,9 +112,9 @@ def machine(
     points = [body.position for body in model.bodies.values()]
     points += [joint.position for joint in model.joints.values() if joint.position is not None]
     array = np.array(points)
-    made = Machine(model, prescription, np.array(at), cut, length_of(array), float(np.abs(array).max()),
+    result = Machine(model, prescription, np.array(at), cut, length_of(array), float(np.abs(array).max()),
                    None if like is None else like.statement)  # fmt: skip
-    return replace(made, known=like.solved) if like is not None and made.moves_alike(like) else made
+    return replace(result, known=like.solved) if like is not None and result.moves_alike(like) else result
 
 
 def solved(plant: Machine, expressions: Statement) -> Solved:

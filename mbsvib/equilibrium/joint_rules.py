@@ -72,7 +72,7 @@ def _cross(a: Array, b: Array) -> Array:
     return np.asarray((skew(a) @ b[..., None])[..., 0])
 
 
-def _turned_apart(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
+def _relative_rotation(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
     first, second = pose.rotations[joints.first], pose.rotations[joints.second]
     return gap, logarithm(second @ first.swapaxes(-1, -2))
 
@@ -141,7 +141,7 @@ BY_KIND = {
     "homokinetic": Rule(_halfway, _bent),
     "distance": Rule(_along_rod, _stretched),
 }
-BY_ROTATIONS = {0: Rule(opening=_turned_apart), 1: Rule(opening=_tilted), 3: Rule()}
+BY_ROTATIONS = {0: Rule(opening=_relative_rotation), 1: Rule(opening=_tilted), 3: Rule()}
 
 
 def rule_of(joint: Joint) -> Rule:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 # square.
 TURNED = 0.15
 # Smaller relative motion of the ends along the line between them is rounding.
-APART = 1e-9
+MOVES = 1e-9
 
 
 def warn_beyond(there: Mechanism, at: PosedModel, reduction: Reduction) -> None:
@@ -63,4 +63,4 @@ def _held_apart(beam: Beam, at: PosedModel, reduction: Reduction) -> bool:
     line /= np.linalg.norm(line)
     rows = Rows.stack([(at.pose.number[first], at.pose.number[last], *beam.points[-1], *line.tolist(), 0.0, 0.0, 0.0)])
     motion = reduction.apply(relative_motion(at.coordinates, rows).dense(0, 1))
-    return not bool((np.abs(motion) > APART).any())
+    return not bool((np.abs(motion) > MOVES).any())

@@ -67,12 +67,12 @@ def explain(system: Equations, basis: Basis | None = None) -> str:
     return "\n".join(lines)
 
 
-def _reduced(system: Equations, made: Truncation) -> str:
+def _reduced(system: Equations, truncation: Truncation) -> str:
     """Description of a reduced model."""
     return "\n".join([
-        f"{system.name}: {system.dof} DOF, a reduced model of {made.before} DOF (method '{made.method}')",
-        f"  the frequency response differs by {upper(made.error_bound)} at most, as its largest singular value, output "
-        f"by input in SI units",
+        f"{system.name}: {system.dof} DOF, a reduced model of {truncation.before} DOF (method '{truncation.method}')",
+        f"  the frequency response differs by {upper(truncation.error_bound)} at most, as its largest singular value, "
+        f"output by input in SI units",
         f"  coordinates: {listed(system.coordinates) or 'none'}",
     ])  # fmt: skip
 
@@ -131,7 +131,7 @@ def _loops(system: Equations) -> list[str]:
     if idle:
         lines.append(f"  without constraint: {listed(idle)}")
     for group in groups:
-        pivots = f"smallest pivot kept {group.kept:.1e}, largest" if group.rank else "largest pivot"
+        pivots = f"smallest pivot kept {group.retained:.1e}, largest" if group.rank else "largest pivot"
         lines.append(f"  {listed(group.joints)}: {group.rank} of {len(group.rows)} constraint rows independent; "
                      f"{pivots} dropped {group.dropped:.1e} (loop size {group.length:.3g} m)")  # fmt: skip
         if group.redundant:

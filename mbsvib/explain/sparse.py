@@ -63,7 +63,7 @@ def _loops(system: SparseEquations) -> list[str]:
         return ["  none"]
     lines = [f"  cut at {listed(system.cut_joints)}"] if system.cut_joints else ["  none but those of couplers"]
     for group in system.constraints.groups[:SHOWN]:
-        pivots = f"smallest pivot kept {group.kept:.1e}, largest" if group.rank else "largest pivot"
+        pivots = f"smallest pivot kept {group.retained:.1e}, largest" if group.rank else "largest pivot"
         lines.append(f"  {listed(group.joints)}: {group.rank} of {len(group.rows)} constraint rows independent; "
                      f"{pivots} dropped {group.dropped:.1e} (loop size {group.length:.3g} m)")  # fmt: skip
         if group.redundant:

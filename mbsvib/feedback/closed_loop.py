@@ -59,12 +59,12 @@ class ClosedLoop(FeedbackLoop):
         if not regular(product):
             raise ResponseError(f"closed loop: {law.name} makes an algebraic loop: its feedthrough times that of the "
                                 f"sensors is 1. Change the gain.")  # fmt: skip
-        # y = seen (x, z) + direct w
-        seen = np.linalg.solve(loop, np.concatenate((space.C[y], space.D[np.ix_(y, u)] @ law.C), axis=1))
+        # y = observed (x, z) + direct w
+        observed = np.linalg.solve(loop, np.concatenate((space.C[y], space.D[np.ix_(y, u)] @ law.C), axis=1))
         direct = np.linalg.solve(loop, space.D[y])
-        push, push_w = law.D @ seen, law.D @ direct
+        push, push_w = law.D @ observed, law.D @ direct
         push[:, n:] += law.C
-        a = np.concatenate((space.B[:, u] @ push, law.B @ seen))
+        a = np.concatenate((space.B[:, u] @ push, law.B @ observed))
         a[:n, :n] += space.A
         a[n:, n:] += law.A
         b = np.concatenate((space.B + space.B[:, u] @ push_w, law.B @ direct))

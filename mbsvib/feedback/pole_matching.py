@@ -60,9 +60,9 @@ def matched(first: Spectrum, second: Spectrum, modes: NDArray[np.bool_]) -> tupl
     closest = _closest(first.values, second.values[order], after[order] - before)
     equal = _equal(first, np.arange(len(order))) | _equal(second, order)
     crossing = np.where(equal, np.inf, CROSSING * (size[:, None] + size))
-    apart = _apart(residual[:, order], turn[:, order], closest, crossing)
+    separated = _separated(residual[:, order], turn[:, order], closest, crossing)
     certain = True
-    for columns in linked_items(~apart):
+    for columns in linked_items(~separated):
         # in an ambiguous set the order of real plus imaginary part stays: right ones are those with positive parts
         ours = columns[_ascending(first.values[columns])]
         theirs = np.sort(order[columns])
@@ -76,7 +76,7 @@ def matched(first: Spectrum, second: Spectrum, modes: NDArray[np.bool_]) -> tupl
     return order, certain
 
 
-def _apart(residual: Array, turn: Array, closest: Array, crossing: Array) -> NDArray[np.bool_]:
+def _separated(residual: Array, turn: Array, closest: Array, crossing: Array) -> NDArray[np.bool_]:
     """Return which poles cannot be exchanged, (n, n); chosen differences are on the diagonals.
 
     Poles closer than ``crossing`` cross; it is infinite for those that are equal at one of the gains.

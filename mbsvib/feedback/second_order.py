@@ -65,11 +65,11 @@ def closed_system(system: E, gain: Array, sensors: list[int], actuators: list[in
     )  # fmt: skip
 
 
-def _change(push: Array, back: Array, seen: Array) -> tuple[Array, Array, Array, Array | None]:
+def _change(push: Array, back: Array, observed: Array) -> tuple[Array, Array, Array, Array | None]:
     """-B_u G' C_y, the rows and weights of its symmetric part, and its antisymmetric part, None where that is rounding.
     """
-    change = -push @ (back @ seen)
-    terms = np.abs(push) @ (np.abs(back) @ np.abs(seen))
+    change = -push @ (back @ observed)
+    terms = np.abs(push) @ (np.abs(back) @ np.abs(observed))
     noise = len(push) * EPS * np.maximum(terms, terms.T)
     skew = 0.5 * (change - change.T)
     skew[np.abs(skew) <= noise] = 0.0

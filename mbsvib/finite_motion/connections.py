@@ -77,11 +77,11 @@ def connected(part: Any, motion: Kinematics) -> Connected:
 def _line(part: Any, motion: Kinematics) -> tuple[Expression, Expression]:
     """Length of a line element, and that in the pose as described [m]."""
     start, end = motion.numbers.vector(part, "start"), motion.numbers.vector(part, "end")
-    apart = motion.point(part.second, end) - motion.point(part.first, start)
-    return ca.norm_2(apart), ca.norm_2(end - start)
+    between = motion.point(part.second, end) - motion.point(part.first, start)
+    return ca.norm_2(between), ca.norm_2(end - start)
 
 
-def _made(
+def _spring_damper(
     motion: Kinematics, x: Expression, k: Expression, c: Expression, preload: Expression,
     angle: Expression | None = None,
 ) -> Connected:  # fmt: skip
@@ -100,7 +100,7 @@ def _spring(part: Spring, motion: Kinematics) -> Connected:
     k = motion.numbers.scalar(part, "stiffness")
     tension = k * (described - motion.numbers.scalar(part, "free_length")) if part.free_length is not None else \
         motion.numbers.scalar(part, "preload")  # fmt: skip
-    return _made(motion, length - described, k, motion.numbers.scalar(part, "damping"), tension)
+    return _spring_damper(motion, length - described, k, motion.numbers.scalar(part, "damping"), tension)
 
 
 def _bushing(part: Bushing, motion: Kinematics) -> Connected:
@@ -112,7 +112,8 @@ def _bushing(part: Bushing, motion: Kinematics) -> Connected:
     # the wrench on the second body is its preload less stiffness times deformation
     preload = ca.SX.zeros(6) if part.preload is None else -motion.numbers.vector(part, "preload")
     moments = k[3:, :].nnz() or c[3:, :].nnz() or any((part.preload or (0.0,) * 6)[3:])
-    return _made(motion, ca.vertcat(turn.T @ gap, rotation), k, c, preload, ca.norm_2(rotation) if moments else None)
+    angle = ca.norm_2(rotation) if moments else None
+    return _spring_damper(motion, ca.vertcat(turn.T @ gap, rotation), k, c, preload, angle)
 
 
 def _coefficients(part: Bushing, field: str, motion: Kinematics) -> Expression:
@@ -128,7 +129,7 @@ def _torsion_spring(part: TorsionSpring, motion: Kinematics) -> Connected:
     angle = twist_angle(relative, ca.SX(axes[:, 2]), ca.SX(axes[:, 0]), ca.SX(axes[:, 1]))
     k, c = (motion.numbers.scalar(part, field) for field in ("stiffness", "damping"))
     preload = ca.SX(0.0) if part.preload is None else -motion.numbers.scalar(part, "preload")
-    return _made(motion, angle, k, c, preload, ca.fabs(angle))
+    return _spring_damper(motion, angle, k, c, preload, ca.fabs(angle))
 
 
 def _inerter(part: Inerter, motion: Kinematics) -> Connected:
@@ -146,7 +147,7 @@ def _maxwell(part: Maxwell, motion: Kinematics) -> Connected:
     x = length - described
     static = tension + k0 * x
     if not part.damping:
-        return _made(motion, x, k0, ca.SX(0.0), tension)
+        return _spring_damper(motion, x, k0, ca.SX(0.0), tension)
     y = ca.SX.sym(part.name)
     series = k1 * (x - y)
     return Connected(x, static + series, 0.5 * k1 * (x - y) ** 2 + 0.5 * k0 * x**2 + tension * x,

@@ -135,8 +135,8 @@ def _weight(block: ElasticBlock) -> Array:
 def _form(matrix: Array, vector: Expression) -> Expression:
     """v^T A v of a symmetric matrix, without what is rounding of zeros."""
     scale = np.sqrt(np.abs(matrix.diagonal()))
-    kept = np.where(np.abs(matrix) > ROUNDING * np.outer(scale, scale), matrix, 0.0)
-    return ca.dot(vector, ca.sparsify(ca.DM(0.5 * (kept + kept.T))) @ vector)
+    retained = np.where(np.abs(matrix) > ROUNDING * np.outer(scale, scale), matrix, 0.0)
+    return ca.dot(vector, ca.sparsify(ca.DM(0.5 * (retained + retained.T))) @ vector)
 
 
 def _clean(vector: Array) -> Array:

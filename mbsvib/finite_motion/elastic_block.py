@@ -143,8 +143,8 @@ def with_interface(block: ElasticBlock, touched: Mapping[str, tuple[int, ...]]) 
     """
     held = tuple([touched.get(joint, ALL_SIX) for joint in block.joints])
     columns = [6 * i + j for i in block.elastic for j in range(6)] + list(range(6 * len(block.points), len(block.mass)))
-    kept = [6 * k + d for k, directions in zip(block.interface, held, strict=True) for d in directions]
-    modes, static, values = _craig_bampton(block.mass[np.ix_(columns, columns)], block.stiffness, kept)
+    retained = [6 * k + d for k, directions in zip(block.interface, held, strict=True) for d in directions]
+    modes, static, values = _craig_bampton(block.mass[np.ix_(columns, columns)], block.stiffness, retained)
     return replace(block, held=held, modes=modes, static=static, eigenvalues=values)
 
 
@@ -175,8 +175,8 @@ def _of_beam(beam: Beam, model: Mechanism, used: set[str]) -> ElasticBlock:
         for i in range(len(points)):
             weight[i] = falls.get(beam.body_of(i), (0.0, 0.0, 0.0))
     columns = [6 * i + j for i in elastic for j in range(6)]
-    made = _block(flexible, points, elastic, 0, mass, damping, beam.beta, weight, used)
-    return replace(made, sag=sag_rows(beam)[:, columns], stretch=stretch_row(beam)[columns])
+    block = _block(flexible, points, elastic, 0, mass, damping, beam.beta, weight, used)
+    return replace(block, sag=sag_rows(beam)[:, columns], stretch=stretch_row(beam)[columns])
 
 
 def _of_superelement(part: Superelement, model: Mechanism, used: set[str]) -> ElasticBlock:
@@ -232,10 +232,10 @@ def _craig_bampton(mass: Array, stiffness: Array, held: list[int]) -> tuple[Arra
         static[inner] = -cho_solve(cho_factor(own), stiffness[np.ix_(inner, held)])
         # M phi = mu K phi: what has no mass has mu = 0
         mu, vectors = eigh(mass[np.ix_(inner, inner)], own)
-        kept = np.flatnonzero(mu > MASSLESS * mu[-1])[::-1]
-        values = 1.0 / mu[kept]
-        modes = np.zeros((len(mass), len(kept)))
-        modes[inner] = vectors[:, kept] / np.sqrt(mu[kept])
+        retained = np.flatnonzero(mu > MASSLESS * mu[-1])[::-1]
+        values = 1.0 / mu[retained]
+        modes = np.zeros((len(mass), len(retained)))
+        modes[inner] = vectors[:, retained] / np.sqrt(mu[retained])
     return modes, static, values
 
 

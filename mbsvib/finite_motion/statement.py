@@ -108,9 +108,9 @@ def _stated(
     motion = kinematics(model, numbers, cut, bases, blocks, still, joints)
     parts = {name: connected(part, motion) for name, part in model.springs.items()}
     fall = numbers.gravity(model)
-    asked = tuple(parameters)
+    requested = tuple(parameters)
     massive = {name: body for name, body in model.bodies.items()
-               if body.mass or any(body.inertia) or any(word.startswith(f"{name}.") for word in asked)}  # fmt: skip
+               if body.mass or any(body.inertia) or any(word.startswith(f"{name}.") for word in requested)}  # fmt: skip
     kinetic = {name: body_energy(body, motion) for name, body in massive.items()}
     kinetic |= {name: part.kinetic for name, part in parts.items() if not part.kinetic.is_zero()}
     potential = {name: _weight(body, motion, fall) for name, body in massive.items()}

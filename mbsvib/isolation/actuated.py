@@ -138,8 +138,8 @@ def actuated(
     """
     a_model(model, "actuated")
     selected = active_legs(model, legs)
-    made = scene(model, body, base, point, length, directions, keep_ports=True)
-    changed = made.model
+    study_scene = scene(model, body, base, point, length, directions, keep_ports=True)
+    changed = study_scene.model
     for leg in selected:
         if leg.elements[0] not in changed.springs and leg.elements[0] not in changed.joints:
             raise ModelError(f"active: leg '{leg.name}' is below the base '{base}'; choose legs above it.",
@@ -149,7 +149,7 @@ def actuated(
     for leg in taken:
         _add_ports(changed, body, leg, attached)
     system = changed.linearize(method="dense")
-    return Active(replace(made, system=_with_tensions(system, taken)), tuple([leg.name for leg in taken]))
+    return Active(replace(study_scene, system=_with_tensions(system, taken)), tuple([leg.name for leg in taken]))
 
 
 def _add_ports(model: Model, body: str, leg: ActiveLeg, attached: set[str]) -> None:

@@ -132,11 +132,11 @@ def study(
     ResponseError
         If frequencies do not ascend, or one is that of an undamped mode.
     """
-    made = scene(model, body, base, point, length, directions)
-    return figures(made, made.system, frequencies)
+    study_scene = scene(model, body, base, point, length, directions)
+    return figures(study_scene, study_scene.system, frequencies)
 
 
-def figures(made: Scene, linear: Linear, frequencies: ArrayLike | None = None) -> Isolation:
+def figures(study_scene: Scene, linear: Linear, frequencies: ArrayLike | None = None) -> Isolation:
     """Return the figures of a scene, with its loops open or closed.
 
     Parameters
@@ -161,8 +161,8 @@ def figures(made: Scene, linear: Linear, frequencies: ArrayLike | None = None) -
     f = default(linear) if frequencies is None else checked(frequencies)
     response = linear.frequency_response(2.0 * np.pi * f)
     into, out = linear.inputs.index, linear.outputs.index
-    shaken = response[np.ix_([out(name) for name in ACCELERATIONS], [into(name) for name in made.inputs])]
+    shaken = response[np.ix_([out(name) for name in ACCELERATIONS], [into(name) for name in study_scene.inputs])]
     loaded = response[np.ix_([out(name) for name in DISPLACEMENTS], [into(name) for name in LOADS])]
     for array in (f, shaken, loaded):
         array.setflags(write=False)
-    return Isolation(made, linear, f, shaken, loaded)
+    return Isolation(study_scene, linear, f, shaken, loaded)

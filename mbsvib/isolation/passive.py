@@ -247,8 +247,8 @@ class Passive(Displayed):
         changed = {name: value for name, value in optimum.parameters.items() if name in self.model.parameters}
         model = in_equilibrium(self.model.with_values(changed))[0]
         old = self.scene
-        made = scene(model, old.body, old.base, old.point, old.length, old.base_directions)
-        return Design(model, optimum, self.before, figures(made, made.system, self.before.frequencies))
+        studied = scene(model, old.body, old.base, old.point, old.length, old.base_directions)
+        return Design(model, optimum, self.before, figures(studied, studied.system, self.before.frequencies))
 
     def front(
         self, variables: Bounds, objective: Quantity, against: Quantity, bounds: Sequence[float],
@@ -360,15 +360,15 @@ def passive(
     ModelError
         If a name is unknown.
     """
-    made = scene(model, body, base, point, length, directions)
-    watched = _joints(made.model, joints)
+    studied = scene(model, body, base, point, length, directions)
+    watched = _joints(studied.model, joints)
     if watched:
         for name in watched:
-            joint = made.model.joints[name]
+            joint = studied.model.joints[name]
             for axis in "xyz":
-                made.model.add_output(f"{name}.angle.{axis}", joint.second, f"r{axis}", joint.position, joint.first)
-        made = replace(made, system=made.model.linearize(method="dense"))
-    return Passive(model, made, watched)
+                studied.model.add_output(f"{name}.angle.{axis}", joint.second, f"r{axis}", joint.position, joint.first)
+        studied = replace(studied, system=studied.model.linearize(method="dense"))
+    return Passive(model, studied, watched)
 
 
 def _joints(model: Model, patterns: Sequence[str]) -> tuple[str, ...]:

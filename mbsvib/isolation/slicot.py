@@ -105,10 +105,10 @@ def hinf_synthesis(
     """
     ctrlsys = need_ctrlsys(caller)
     a, b, c, d, rate = _normalized(plant)
-    kept = len(c) - measurements
-    size = _size(a, b[:, : b.shape[1] - controls], c[:kept], d[:kept, : b.shape[1] - controls])
-    c[:kept] /= size
-    d[:kept] /= size
+    performance = len(c) - measurements
+    size = _size(a, b[:, : b.shape[1] - controls], c[:performance], d[:performance, : b.shape[1] - controls])
+    c[:performance] /= size
+    d[:performance] /= size
     plant = a, b, c, d
     best, low = None, LEAST
     for norm in BEGIN:
@@ -238,8 +238,8 @@ def h2_synthesis(plant: tuple[Array, Array, Array, Array], measurements: int, co
     """
     ctrlsys = need_ctrlsys(caller)
     a, b, c, d, rate = _normalized(plant)
-    kept = c.shape[0] - measurements
-    if d[:kept, : b.shape[1] - controls].any():
+    performance = c.shape[0] - measurements
+    if d[:performance, : b.shape[1] - controls].any():
         raise ResponseError(f"{caller}: the plant has feedthrough from w to z, and its H2 norm is infinite; filter w "
                             f"or z, or take hinfsyn.")  # fmt: skip
     copies = [np.asfortranarray(matrix.copy()) for matrix in (a, b, c, d)]

@@ -119,9 +119,10 @@ def hinf(
         np.block([[zw, np.zeros((len(z), n)), zd], [np.zeros((m, k + n)), effort * np.eye(m)],
                   [dw, noise * np.eye(n), d]]),
     )  # fmt: skip
-    made = hinf_synthesis(generalized_plant, n, m, "hinf", relaxation)
-    law = Controller("Hinf", made.A * scale, made.B * scale, made.C, made.D, tuple(sensors), plant.names("actuator"))
-    return law, float(made.norm or 0.0)
+    synthesis = hinf_synthesis(generalized_plant, n, m, "hinf", relaxation)
+    law = Controller("Hinf", synthesis.A * scale, synthesis.B * scale, synthesis.C, synthesis.D, tuple(sensors),
+                     plant.names("actuator"))  # fmt: skip
+    return law, float(synthesis.norm or 0.0)
 
 
 def _feedback(a: Array, b: Array, state: Array, effort: Array, both: Array) -> Array:

@@ -34,7 +34,7 @@ def length_of(points: Array, *centres: Array) -> float:
     """
     if not len(points):
         return 1.0
-    apart = points - points.mean(axis=0)
-    length = float(np.sqrt((apart * apart).sum() / len(points)))
+    offsets = points - points.mean(axis=0)
+    length = float(np.sqrt((offsets * offsets).sum() / len(points)))
     far = max([float(np.abs(points - centre).max()) for centre in (np.zeros(3), *centres)])
     return length if length > SAME_POINT * far else 1.0

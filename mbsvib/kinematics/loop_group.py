@@ -25,16 +25,16 @@ class LoopGroup:
     """The rank decision of one independent group of loops.
 
     ``joints`` are the cut joints, ``rows`` and ``columns`` the numbers of their locked rows and of the coordinates
-    involved. ``kept`` is the smallest pivot kept, 1 where there is none, and ``dropped`` the largest one dropped; both
-    are those of the matrix that ``length`` [m] scales to entries of about one, over its largest pivot if that exceeds
-    one. ``noise`` is the rounding of its entries.
+    involved. ``retained`` is the smallest pivot kept, 1 where there is none, and ``dropped`` the largest one dropped;
+    both are those of the matrix that ``length`` [m] scales to entries of about one, over its largest pivot if that
+    exceeds one. ``noise`` is the rounding of its entries.
     """
 
     joints: tuple[str, ...]
     rows: Index
     columns: Index
     rank: int
-    kept: float
+    retained: float
     dropped: float
     length: float
     noise: float
@@ -87,15 +87,15 @@ def decided(pivots: list[float], noise: float) -> tuple[int, float, float, float
     """Return the rank, the smallest pivot kept, the largest one dropped, and the limit up to which they are dropped.
 
     Pivots are those of a matrix with entries of about one, in descending order of size; ``noise`` is the rounding of an
-    entry. ``kept`` and ``dropped`` are as in ``LoopGroup``, the limit is for pivots that are not divided.
+    entry. ``retained`` and ``dropped`` are as in ``LoopGroup``, the limit is for pivots that are not divided.
     """
     sizes = list(map(abs, pivots))
     # rounding is relative to entries of about one, as the largest pivot may itself be rounding
     unit = max(1.0, sizes[0]) if sizes else 1.0
     limit = RANK_FACTOR * noise * unit
     rank = sum([size > limit for size in sizes])
-    kept, dropped = sizes[rank - 1] if rank else unit, sizes[rank] if rank < len(sizes) else 0.0
-    return rank, kept / unit, dropped / unit, limit
+    retained, dropped = sizes[rank - 1] if rank else unit, sizes[rank] if rank < len(sizes) else 0.0
+    return rank, retained / unit, dropped / unit, limit
 
 
 @lru_cache
@@ -114,17 +114,17 @@ def redundant_rows(a: Array, rank: int, rows: Index, names: tuple[str, ...]) -> 
 
 def check_gap(group: LoopGroup) -> None:
     """Refuse a rank decision without a gap between pivots, and warn of nearly singular poses."""
-    if group.dropped * RANK_GAP <= group.kept and group.kept >= NEAR_SINGULAR:
+    if group.dropped * RANK_GAP <= group.retained and group.retained >= NEAR_SINGULAR:
         return
     names = ", ".join(group.joints)
-    if group.dropped * RANK_GAP > group.kept:
+    if group.dropped * RANK_GAP > group.retained:
         raise SingularPoseError(
-            f"loops closed by {names}: constraint pivots {group.kept:.1e} (kept) and {group.dropped:.1e} (dropped) are "
-            f"too close to tell how many constraints are independent. Move the pose away from the singular one, or "
+            f"loops closed by {names}: constraint pivots {group.retained:.1e} (kept) and {group.dropped:.1e} (dropped) "
+            f"are too close to tell how many constraints are independent. Move the pose away from the singular one, or "
             f"give the geometry with all its digits."
         )
     warnings.warn(
-        f"loops closed by {names}: nearly singular pose (smallest pivot {group.kept:.1e}); the minimal coordinates "
+        f"loops closed by {names}: nearly singular pose (smallest pivot {group.retained:.1e}); the minimal coordinates "
         f"lose as many digits. Pin other coordinates with independent=, move the pose, or give joints that are meant "
         f"to be in line all their digits.", NearSingularWarning, stacklevel=6,
     )  # fmt: skip

@@ -173,14 +173,14 @@ def _groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
     groups: list[tuple[int, list[int]]] = []
     for loop, bits in enumerate(np.packbits(touched, axis=1)):
         # the coordinates that a loop touches as bits of one integer: an intersection is a single operation
-        mask, loops, apart = int.from_bytes(bits.tobytes(), "big"), [loop], []
+        mask, loops, separate = int.from_bytes(bits.tobytes(), "big"), [loop], []
         for known_mask, members in groups:
             if mask & known_mask:
                 mask |= known_mask
                 loops = members + loops
             else:
-                apart.append((known_mask, members))
-        groups = [*apart, (mask, loops)]
+                separate.append((known_mask, members))
+        groups = [*separate, (mask, loops)]
     row = np.arange(len(cuts.names))
     if len(groups) == 1:
         return [(row, touched.any(axis=0).nonzero()[0])]
@@ -207,7 +207,7 @@ def _solve(
     if pinned is not None and pinned[columns].any():
         pinned_columns, candidate = np.nonzero(pinned[columns])[0], np.nonzero(~pinned[columns])[0]
     qr, order, tau = pivoted_qr(a if candidate is None else a[:, candidate])
-    rank, kept, dropped, limit = decided(qr.diagonal().tolist(), noise)
+    rank, retained, dropped, limit = decided(qr.diagonal().tolist(), noise)
     right, tied = qr[:rank, rank:], False
     if pinned_columns is not None:
         product = a[:, pinned_columns]
@@ -216,14 +216,14 @@ def _solve(
         tied = bool(np.abs(product[rank:]).max(initial=0.0) > limit)
         right = np.concatenate((right, product[:rank]), axis=1)
     joints = tuple([cuts.joints[k] for k in dict.fromkeys(cuts.joint.take(rows).tolist())])
-    doubtful = tied or kept < NEAR_SINGULAR or limit > NEAR_SINGULAR
+    doubtful = tied or retained < NEAR_SINGULAR or limit > NEAR_SINGULAR
     if doubtful and arms is not None and not arm:
         arm = arms([*joints, *(coordinates.names[k].rpartition(".")[0] for k in columns.tolist())])
         if arm:
             return _solve(coordinates, cuts, phi, rows, columns, pinned, arms, arm)
     if tied and pinned_columns is not None:
         raise _tied(coordinates, columns[pinned_columns])
-    group = LoopGroup(joints, rows, columns, rank, kept, dropped, length, noise,
+    group = LoopGroup(joints, rows, columns, rank, retained, dropped, length, noise,
                       partial(redundant_rows, a, rank, rows, cuts.names))  # fmt: skip
     check_gap(group)
     dependent, others = order[:rank], order[rank:]
@@ -231,7 +231,7 @@ def _solve(
         dependent, others = candidate[dependent], np.concatenate((candidate[others], pinned_columns))
     # dtrtrs starts a second thread even for small matrices
     block = blas.dtrsm(-1.0, qr[:rank, :rank], right) if rank and len(others) else np.zeros((rank, len(others)))
-    block[np.abs(block) <= noise / kept] = 0.0  # rounding here would resist free motions
+    block[np.abs(block) <= noise / retained] = 0.0  # rounding here would resist free motions
     block *= np.divide.outer(scale.take(dependent), scale.take(others))
     return group, columns.take(dependent), columns.take(others), block
 

@@ -63,7 +63,7 @@ def singular_beam(
     """
     who = "singular_beam"
     mass, long = positive(arm_mass, who, "arm_mass", "kg"), positive(arm, who, "arm", "m")
-    apart = check.number(gap, who, "gap", "a distance [m]")
+    distance = check.number(gap, who, "gap", "a distance [m]")
     if count(elements, who, "elements", 2) % 2:
         raise check.refuse(who, "elements", elements, "an even number, as the arms hang from the middle")
     middle = f"beam.{elements // 2}"
@@ -78,7 +78,7 @@ def singular_beam(
     stiffness = elastic.rows.T @ (elastic.values[:, None] * elastic.rows)
     displacements[1:-1] = np.linalg.solve(stiffness, force).reshape(-1, 6)
     w0 = float(displacements[elements // 2, 2])
-    cosine = 1.0 + (w0 + apart) / (2.0 * long)
+    cosine = 1.0 + (w0 + distance) / (2.0 * long)
     if not -1.0 < cosine < 1.0:
         raise check.refuse(who, "gap", gap, f"less than the sag of the beam, {-w0:.6g} m, and more than "
                            f"{-4.0 * long - w0:.6g} m")  # fmt: skip
@@ -86,7 +86,7 @@ def singular_beam(
     model = Model(who)
     model.add_beam(**bent.constructor_kwargs())
     theta = acos(cosine)
-    base = (0.0, 0.0, -2.0 * long - apart)
+    base = (0.0, 0.0, -2.0 * long - distance)
     elbow = (long * sin(theta), 0.0, base[2] + long * cos(theta))
     top = (0.0, 0.0, w0)
     moment = mass * long**2 / 12.0

@@ -66,7 +66,7 @@ class Mechanism:
         self._loads: dict[str, Load] = {}
         self._inputs: dict[str, Input | BaseMotion] = {}
         self._outputs: dict[str, Any] = {}
-        self._made: dict[str, Part] = {}  # names that composed parts and Maxwell elements use, with these parts
+        self._generated: dict[str, Part] = {}  # names that composed parts and Maxwell elements use, with these parts
         self._nodes: dict[str, Part] = {}  # those of them that are bodies
         self._elements: dict[str, Part] = {}  # and those that carry forces
         self._expansion: Expansion | None = None
@@ -262,13 +262,13 @@ class Mechanism:
         before = dict(self.__dict__.get("_composed", {}))
         self.__dict__.update(state)
         self._derived = {}
-        if "_composed" in state and "_made" not in state:
+        if "_composed" in state and "_generated" not in state:
             self._nodes, self._elements = {}, {}
-            self._made = {name: part for name, part in self._made.items() if part.name not in before}
+            self._generated = {name: part for name, part in self._generated.items() if part.name not in before}
             for part in self._composed.values():
-                self._name_made(part)
-        if "_springs" in state and "_made" not in state:
-            self._made = {name: part for name, part in self._made.items()
+                self._reserve_names(part)
+        if "_springs" in state and "_generated" not in state:
+            self._generated = {name: part for name, part in self._generated.items()
                           if part.name in self._composed or part.name in self._springs}  # fmt: skip
 
     def _group(self, key: str) -> dict[str, Any]:
@@ -281,14 +281,14 @@ class Mechanism:
         self._derived = {}
         return part
 
-    def _name_made(self, part: Composed) -> None:
+    def _reserve_names(self, part: Composed) -> None:
         """Register the names of the nodes and elements of a beam or superelement."""
         self._nodes |= dict.fromkeys(part.node_names, part)
         self._elements |= dict.fromkeys(part.element_names, part)
-        self._made |= dict.fromkeys(part.generated_names, part)
+        self._generated |= dict.fromkeys(part.generated_names, part)
 
     def _check_name(self, name: str, what: str) -> None:
-        check_name(name, what, self._bodies, self._joints, self._springs, self._composed, self._made,
+        check_name(name, what, self._bodies, self._joints, self._springs, self._composed, self._generated,
                    self._couplers, self._rotors, self._loads)  # fmt: skip
         if name == GROUND:
             raise ModelError("'ground' is there from the start and cannot be added.", element=GROUND, field="name")

@@ -25,12 +25,13 @@ def rebuilt(model: M, words: Callable[[Any], Mapping[str, Any] | Part]) -> M:
         If an argument is refused.
     """
 
-    def made(part: Part) -> Part:
+    def rebuilt_part(part: Part) -> Part:
         new = words(part)
         return new if isinstance(new, Part) else rebuild_with(part, new)
 
     groups: Any = {
-        key: {name: made(part) for name, part in group.items()} for key, group in model.groups().items() if group
+        key: {name: rebuilt_part(part) for name, part in group.items()}
+        for key, group in model.groups().items() if group
     }
     return model.with_parts(**groups)
 

@@ -200,13 +200,13 @@ def _shortest_paths(
 
 
 def _excluded(cut: str | Sequence[str], model: Mechanism) -> tuple[str, ...]:
-    asked = names(cut, "linearize", "cut", ModelError)
-    for name in asked:
+    requested = names(cut, "linearize", "cut", ModelError)
+    for name in requested:
         if name not in model.joints:
             hint = nearest(str(name), model.joints)
             raise ModelError(f"cut = {name!r} is not a joint of model '{model.name}'.{hint}",
                              element=str(name), field="cut")  # fmt: skip
-    return tuple(asked)
+    return tuple(requested)
 
 
 def _check_nothing_hangs(

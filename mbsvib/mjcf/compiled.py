@@ -125,19 +125,19 @@ def compiled(
             m = api.MjModel.from_xml_path(str(path))
         except (ValueError, api.FatalError, api.UnexpectedError, MemoryError) as error:
             raise ModelError(f"{path}: MuJoCo refuses it: {shortened(error)}", element=str(path)) from error
-        made = Compiled(str(path), api, m, None)
-        _leave(made, leave)
-        made = Compiled(str(path), api, m, api.MjData(m))
-        key = _keyframe(made, keyframe)
+        compiled_model = Compiled(str(path), api, m, None)
+        _leave(compiled_model, leave)
+        compiled_model = Compiled(str(path), api, m, api.MjData(m))
+        key = _keyframe(compiled_model, keyframe)
         if key is None:
-            api.mj_resetData(m, made.d)
+            api.mj_resetData(m, compiled_model.d)
         else:
-            api.mj_resetDataKeyframe(m, made.d, key)
-        made.d.qvel[:] = 0.0
-        _set_pose(made, pose)
-        _command(made, control)
-        api.mj_forward(m, made.d)
-    return made
+            api.mj_resetDataKeyframe(m, compiled_model.d, key)
+        compiled_model.d.qvel[:] = 0.0
+        _set_pose(compiled_model, pose)
+        _command(compiled_model, control)
+        api.mj_forward(m, compiled_model.d)
+    return compiled_model
 
 
 @contextmanager

@@ -202,14 +202,14 @@ def refined(
     at = np.arange(y.shape[2])
     doubt = 4.0 * EPS * speed * np.einsum("vij,vij->vj", size, forms.magnitude @ size)
     for share, distance in zip(shares, away, strict=True):
-        projection, apart = np.abs(share), np.abs(distance)
+        projection, separation = np.abs(share), np.abs(distance)
         if share is shares[0]:
-            apart[:, at, at] = np.inf
+            separation[:, at, at] = np.inf
         else:  # real ones are their own conjugates
             projection[:, complex_count:] = 0.0
-        ratio = np.divide(projection, apart, out=np.ones_like(projection), where=apart > projection)
+        ratio = np.divide(projection, separation, out=np.ones_like(projection), where=separation > projection)
         doubt += np.einsum("vij,vij->vj", projection, ratio)
-        near = (CORRECTION * apart <= projection) | (distance == 0.0)
+        near = (CORRECTION * separation <= projection) | (distance == 0.0)
         if share is not shares[0]:
             near[:, complex_count:] = True
         share[near] = 0.0

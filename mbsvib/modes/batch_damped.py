@@ -121,9 +121,9 @@ def _classical(batch: BatchEquations, basis: UndampedBatch) -> tuple[tuple[str, 
     size = np.einsum("vij,vij->vj", half, half)
     damping_product = half.swapaxes(1, 2) @ (half * np.sign(c[rest])[:, :, None])
     gamma[rest] = 0.5 * (damping_product + damping_product.swapaxes(1, 2))
-    apart = np.abs(gamma[rest]) <= CLASSICAL * np.sqrt(size[:, :, None] * size[:, None])
-    apart[:, at, at] = True
-    commutes = dict(zip(rest.tolist(), apart.all(axis=(1, 2)).tolist(), strict=True))
+    uncoupled = np.abs(gamma[rest]) <= CLASSICAL * np.sqrt(size[:, :, None] * size[:, None])
+    uncoupled[:, at, at] = True
+    commutes = dict(zip(rest.tolist(), uncoupled.all(axis=(1, 2)).tolist(), strict=True))
     return tuple(
         NO_DAMPER if not damped[i] else "damping proportional to stiffness" if proportional[i] else
         COMMUTES if commutes[i] else "" for i in range(n)

@@ -91,10 +91,10 @@ def _refined(batch: BatchEquations, which: Index, shapes: Array) -> tuple[Array,
     residual = elastic - inertia * square[:, None]
     residual[:, at, at] = 0.0
     shared, gap = np.abs(residual), square[:, None] - square[:, :, None]
-    apart = (shared < SEPARATE * np.abs(gap)) & (gap != 0.0)
-    mixing = np.divide(residual, gap, out=np.zeros_like(gap), where=apart)
+    separated = (shared < SEPARATE * np.abs(gap)) & (gap != 0.0)
+    mixing = np.divide(residual, gap, out=np.zeros_like(gap), where=separated)
     value = square + (mixing * gap * mixing).sum(axis=1)
-    unresolved = np.where(apart, 0.0, np.minimum(shared, np.abs(gap)))
+    unresolved = np.where(separated, 0.0, np.minimum(shared, np.abs(gap)))
     cancel = np.abs(rows) @ np.abs(phi)
     noise = EPS * np.einsum("vij,vij->vj", np.abs(e), cancel) + EPS**2 * np.einsum("vij,vij->vj", cancel, cancel)
     doubt = np.abs(mixing * shared).sum(axis=1) + unresolved.max(axis=1, initial=0.0) + noise

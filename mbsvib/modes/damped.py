@@ -256,8 +256,8 @@ def _rayleigh(
     share = every.T.dot(residual)
     distance = _both(exact_slope, complex_count)[:, None] * (improved - _both(improved, complex_count)[:, None])
     distance.reshape(-1)[: distance.shape[1] ** 2 : distance.shape[1] + 1] = np.inf
-    projection, apart, size, speed = np.abs(share), np.abs(distance), np.abs(y), np.abs(improved)
-    doubt = np.add.reduce(projection * (projection / np.maximum(np.maximum(apart, projection), TINY)))
+    projection, separation, size, speed = np.abs(share), np.abs(distance), np.abs(y), np.abs(improved)
+    doubt = np.add.reduce(projection * (projection / np.maximum(np.maximum(separation, projection), TINY)))
     # rounding of the three quadratic forms; errors of the frequencies measure those of the factors
     doubt += 4.0 * EPS * speed * np.einsum("ij,ij->j", size, forms.magnitude.dot(size))
     weight = np.maximum(np.abs(exact_slope) * speed, TINY)
@@ -265,7 +265,8 @@ def _rayleigh(
     if np.count_nonzero(small) < len(small):
         reducible[~small] = 1.0
         bound[~small] = np.maximum(bound, np.minimum(amount / speed, 1.0))[~small]
-    mixing = np.divide(share, distance, out=np.zeros(share.shape, dtype=complex), where=projection < CORRECTION * apart)
+    none = np.zeros(share.shape, dtype=complex)
+    mixing = np.divide(share, distance, out=none, where=projection < CORRECTION * separation)
     y = y - every.dot(mixing)
     if basis.rigid:
         brakes, r = forms.matrices[1].diagonal()[: basis.rigid, None], slice(basis.rigid)

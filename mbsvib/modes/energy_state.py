@@ -111,7 +111,7 @@ def energy_state(system: Equations, rtol: float) -> EnergyState:
     right, left, nilpotent, count = zeros
     no_damping = not system.row_damping.any() and system.circulatory is None
     conservative = bool(no_damping and not n1 and (square >= 0.0).all())
-    reduction = min((group.kept for group in system.provenance.reduction.groups), default=1.0)
+    reduction = min((group.retained for group in system.provenance.reduction.groups), default=1.0)
     doubt = 0.0 if reduction >= WELL_CLOSED else EPS / reduction
     return EnergyState(a, basis @ show, force @ basis.T, position, rate, scale, conservative, right, left, nilpotent,
                        null[0].shape[1], count, doubt, basis, square, damping, coupling)  # fmt: skip

@@ -83,7 +83,7 @@ def _in_modes(system: Equations, state: EnergyState, eigen: Spectrum) -> General
     rest, drift = (shapes.astype(complex) for shapes in rigid_shapes(state))
     momentum, resting = system.inertia_factor @ eigen.right, system.inertia_factor @ rest
     size = np.abs(eigen.values)
-    apart = np.abs(eigen.values[:, None] - eigen.values) / np.maximum(size[:, None], size)
+    separation = np.abs(eigen.values[:, None] - eigen.values) / np.maximum(size[:, None], size)
     zeros, reals = list(range(rest.shape[1])), np.nonzero(~eigen.turns)[0].tolist()
     pairs = max(0, (len(reals) + len(zeros) - system.massless) // 2)
     numbers: list[tuple[int, int]] = [(STILL, STILL)] * drift.shape[1]  # numbers of eigenvalues
@@ -99,7 +99,7 @@ def _in_modes(system: Equations, state: EnergyState, eigen: Spectrum) -> General
         zeros.pop(0)
         pairs -= 1
     while len(reals) > 1 and pairs:
-        i, j = _most_alike(momentum[:, reals], momentum[:, reals], apart[np.ix_(reals, reals)])
+        i, j = _most_alike(momentum[:, reals], momentum[:, reals], separation[np.ix_(reals, reals)])
         first, second = sorted((reals[i], reals[j]), key=lambda k: abs(eigen.values[k]))
         reals = [k for k in reals if k not in (first, second)]
         numbers.append((first, second))
@@ -157,14 +157,14 @@ def rigid_shapes(state: EnergyState) -> tuple[Array, Array]:
     return null @ turn[:, free:], null @ state.nilpotent[: state.still, state.still :]
 
 
-def _most_alike(first: Complex, second: Complex, apart: Array) -> tuple[int, int]:
-    """Numbers of the two most nearly parallel columns; among parallel ones those with the smallest ``apart``. If both
-    matrices are the same, the columns are different.
+def _most_alike(first: Complex, second: Complex, separation: Array) -> tuple[int, int]:
+    """Numbers of the two most nearly parallel columns; among parallel ones those with the smallest ``separation``. If
+    both matrices are the same, the columns are different.
     """
     first, second = (a / np.maximum(np.linalg.norm(a, axis=0), np.finfo(float).tiny) for a in (first, second))
     share = np.abs(first.T @ second)
     if share.shape[0] == share.shape[1] and first.shape == second.shape and np.array_equal(first, second):
         np.fill_diagonal(share, -1.0)
     alike = share >= share.max() - ALIKE
-    i, j = np.unravel_index(int(np.where(alike, apart, np.inf).argmin()), share.shape)
+    i, j = np.unravel_index(int(np.where(alike, separation, np.inf).argmin()), share.shape)
     return int(i), int(j)

@@ -232,9 +232,9 @@ def _bounds(f: _Factors, state: EnergyState, eigen: Spectrum) -> Array:
     gap = np.abs(eigen.values - values[:, None])
     both[h, h] = 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
-        apart = both / (weight * gap)
+        separated = both / (weight * gap)
         met = np.sqrt(both / weight)
-        move = np.where(both > 0.0, np.fmin(apart, met), 0.0)
+        move = np.where(both > 0.0, np.fmin(separated, met), 0.0)
     rounding = _rounding(f, eigen, state.doubt)
     own = np.abs(left_form[h, h])
     slope = np.abs(eigen.slopes)

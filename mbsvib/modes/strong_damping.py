@@ -134,7 +134,7 @@ def improved(equations: Forces, values: Complex, doubt: Array, rtol: float) -> t
     result = values.copy()
     y, slopes, errors = np.zeros((n, len(values)), dtype=complex), np.zeros_like(values), np.full(len(values), np.inf)
     try:
-        result = _apart(equations, values, inaccurate, doubt)
+        result = _separated_values(equations, values, inaccurate, doubt)
         real = result[inaccurate].imag == 0.0
         for group, part in ((inaccurate[real], result.real), (inaccurate[~real], result)):
             for batch in equations.batches(len(group)):
@@ -145,7 +145,7 @@ def improved(equations: Forces, values: Complex, doubt: Array, rtol: float) -> t
     return result, y, slopes, errors
 
 
-def _apart(equations: Forces, values: Complex, inaccurate: NDArray[np.intp], doubt: Array) -> Complex:
+def _separated_values(equations: Forces, values: Complex, inaccurate: NDArray[np.intp], doubt: Array) -> Complex:
     """Newton's steps on det Q for some of the eigenvalues, with the other eigenvalues divided out."""
     z = values.copy()
     unsure = inaccurate[doubt[inaccurate] >= UNSURE]

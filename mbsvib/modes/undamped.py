@@ -134,7 +134,7 @@ def undamped(
 
 def _with_loops(result: Undamped, system: Equations) -> Undamped:
     """Add the errors of the coordinates of nearly singular loops, which the factors do not show."""
-    smallest_pivot = min((group.kept for group in system.provenance.reduction.groups), default=1.0)
+    smallest_pivot = min((group.retained for group in system.provenance.reduction.groups), default=1.0)
     if smallest_pivot >= WELL_CLOSED:
         return result
     flexible = np.arange(len(result.square)) >= result.rigid

@@ -49,9 +49,9 @@ class Curve:
         phase = np.where(behind, -np.pi, np.angle(values))
         phase[values == 0.0] = np.nan
         if not wrap:
-            seen = np.isfinite(phase)
-            phase[seen] = np.unwrap(phase[seen])
-            lead = bool(seen.any()) and phase[seen][0] > MOST_LEAD
+            finite = np.isfinite(phase)
+            phase[finite] = np.unwrap(phase[finite])
+            lead = bool(finite.any()) and phase[finite][0] > MOST_LEAD
             return np.degrees(phase - 2.0 * np.pi if lead else phase)
         result: Array = np.degrees(phase)
         result[:-1][np.abs(np.diff(result)) > 270.0] = np.nan

@@ -127,8 +127,8 @@ class Picture:
 def _heads(tails: Array, tips: Array, length: float) -> Array:
     """Return the heads of arrows from tails to tips (n, 2) as polylines (n, 3, 2); shorter for arrows seen end-on."""
     along = tips - tails
-    seen = np.linalg.norm(along, axis=1, keepdims=True)
-    back = -np.divide(along, seen, out=np.zeros_like(along), where=seen > 0.0) * np.minimum(length, 0.5 * seen)
+    reach = np.linalg.norm(along, axis=1, keepdims=True)
+    back = -np.divide(along, reach, out=np.zeros_like(along), where=reach > 0.0) * np.minimum(length, 0.5 * reach)
     c, s = np.cos(HALF_ANGLE), np.sin(HALF_ANGLE)
     sides = [tips + back @ np.array([[c, sign * s], [-sign * s, c]]) for sign in (-1.0, 1.0)]
     return np.stack((sides[0], tips, sides[1]), axis=1)

@@ -123,10 +123,10 @@ def mark(axes: Axes, info: StepInfo, pair: tuple[str, str], response: Response) 
             axes.plot(*peak_point, "o", color=colour, markersize=4.5, zorder=2.5)
         low, high = (response.factor * final * (1.0 + side * info.band) for side in (-1.0, 1.0))
         axes.axhspan(low, high, color=colour, alpha=0.15, linewidth=0.0)
-    seen = settling <= response.t[-1]
-    if seen:
+    within = settling <= response.t[-1]
+    if within:
         axes.axvline(settling * response.time_factor, color=colour, linewidth=0.9, linestyle=(0, (1.5, 1.5)))
-    words.append(f"settling time {_time(settling)}" + ("" if seen else " (not shown)"))
+    words.append(f"settling time {_time(settling)}" + ("" if within else " (not shown)"))
     height, side = (0.95, "top") if final < 0.0 else (0.05, "bottom")
     axes.text(0.985, height, "\n".join(words), transform=axes.transAxes, ha="right", va=side, fontsize=8.0, zorder=3.0,
               bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5})  # fmt: skip

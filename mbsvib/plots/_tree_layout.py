@@ -77,9 +77,9 @@ def graph(topology: Topology, parts: Iterable[Part]) -> dict[str, Any]:
     edges += [["floating", names[branch.body], "free: no joint holds it", branch.parent, branch.body]
               for branch in topology.branches if branch.joint == FLOATS]  # fmt: skip
     elements = list(parts)
-    made = {name for part in elements if isinstance(part, Composed) for name in part.generated_names}
+    generated = {name for part in elements if isinstance(part, Composed) for name in part.generated_names}
     for part in elements:
-        if isinstance(part, Connection) and part.name not in made:
+        if isinstance(part, Connection) and part.name not in generated:
             what = type(part).__name__.lower()
             edges.append(["spring", part.name, what, number[part.first], number[part.second]])
         elif isinstance(part, Coupling):

@@ -169,13 +169,13 @@ class Animation(Displayed):
 
         figure, picture = self._canvas()
         FigureCanvasAgg(figure)
-        made = writers[writer](**options)
+        movie_writer = writers[writer](**options)
         with TemporaryDirectory() as folder:
             target = Path(folder) / name
-            with made.saving(figure, str(target), DPI):
+            with movie_writer.saving(figure, str(target), DPI):
                 for phase in self._phases():
                     picture.set_points(self.points(phase))
-                    made.grab_frame()
+                    movie_writer.grab_frame()
             return target.read_bytes()
 
     def _repr_html_(self) -> str:

@@ -194,9 +194,9 @@ def _phase_axis(axes: Axes, phases: list[Array]) -> None:
 
 def _mark(top: Axes, below: Axes, natural: Array) -> None:
     low, high = below.get_xlim()
-    seen = np.unique(np.round(natural[(natural > low) & (natural < high)], 9))
-    if len(seen) > MOST_MARKS:
+    marked = np.unique(np.round(natural[(natural > low) & (natural < high)], 9))
+    if len(marked) > MOST_MARKS:
         return
     for axes in (top, below):
-        for frequency in seen:
+        for frequency in marked:
             axes.axvline(frequency, color=style.MARK, linewidth=0.6, linestyle=(0, (1, 2)), zorder=0.9)

@@ -47,7 +47,7 @@ def topology(system: System) -> Figure:
     nodes, edges = graph["nodes"], graph["edges"]
     at = np.array([node[1:3] for node in nodes], dtype=float)
     width, height = np.ptp(at, axis=0)
-    seen: Counter[tuple[int, int]] = Counter()
+    edges_between: Counter[tuple[int, int]] = Counter()
     with style.context():
         figure = style.new_figure(float(np.clip(1.1 * width + 2.0, 4.5, 12.0)), float(np.clip(height + 1.6, 3.0, 9.0)))
         axes = figure.subplots()
@@ -55,7 +55,7 @@ def topology(system: System) -> Figure:
         texts, ways = [], []
         for kind, name, _, first, second in edges:
             pair = min(first, second), max(first, second)
-            nth, seen[pair] = seen[pair], seen[pair] + 1
+            nth, edges_between[pair] = edges_between[pair], edges_between[pair] + 1
             side = (1 if nth % 2 else -1) * ((nth + 1) // 2) * 0.2
             points = _bent(at[pair[0]], at[pair[1]], side)
             label, colour, thick, dash = KINDS[kind]

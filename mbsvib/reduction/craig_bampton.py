@@ -77,10 +77,10 @@ def _interface(system: Equations) -> tuple[Array, list[str], list[str]]:
     units = [*[system.output_units[k] for k in outputs],
              *["rad" if unit.startswith("N m") else "m" for unit in system.input_units]]  # fmt: skip
     size = np.linalg.norm(rows, axis=1)
-    kept: list[int] = []
+    retained: list[int] = []
     for k in np.flatnonzero(size).tolist():  # in their order, so that outputs come before inputs at the same points
-        trial = rows[[*kept, k]] / size[[*kept, k], None]
+        trial = rows[[*retained, k]] / size[[*retained, k], None]
         diagonal = np.abs(pivoted_qr(trial.T)[0].diagonal())
-        if len(kept) < system.dof and diagonal.min() > SAME_ROW:
-            kept.append(k)
-    return rows[kept], [names[k] for k in kept], [units[k] for k in kept]
+        if len(retained) < system.dof and diagonal.min() > SAME_ROW:
+            retained.append(k)
+    return rows[retained], [names[k] for k in retained], [units[k] for k in retained]

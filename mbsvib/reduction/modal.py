@@ -49,9 +49,9 @@ class ModalTruncation:
 
     def model(self, order: int) -> Equations:
         """Return the reduced model of some number of modes."""
-        kept = np.sort(self.ranked[:order])
-        names = [f"mode{k + 1}" for k in kept.tolist()]
-        small = projected(self.system, self.modes.shapes[:, kept], names, ["modal"] * order)
+        retained = np.sort(self.ranked[:order])
+        names = [f"mode{k + 1}" for k in retained.tolist()]
+        small = projected(self.system, self.modes.shapes[:, retained], names, ["modal"] * order)
         return replace(small, D=small.D + self.static(np.sort(self.ranked[order:]))) if self.corrected else small
 
     def static(self, truncated: Array) -> Array:
@@ -82,12 +82,12 @@ def peaks(system: Equations, modes: Undamped, corrected: bool) -> Array:
     """
     omega, shapes = modes.omega, modes.shapes
     damping = np.einsum("ik,ij,jk->k", shapes, system.C, shapes)
-    seen = np.linalg.norm(
+    observed = np.linalg.norm(
         system.Cq @ shapes + 1j * omega * (system.Cv @ shapes) - omega**2 * (system.Ca @ shapes), axis=0)  # fmt: skip
     static = np.linalg.norm(system.Cq @ shapes, axis=0)
     free = np.arange(len(omega)) < modes.rigid
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # a mode without damping has no bound
-        height = np.where(seen > 0.0, seen / (damping * omega), 0.0)
+        height = np.where(observed > 0.0, observed / (damping * omega), 0.0)
         height = height if corrected else np.maximum(height, static / omega**2)
     reached = np.linalg.norm(shapes.T @ system.B, axis=1)
     result = np.zeros(len(omega))

@@ -45,7 +45,7 @@ def projected(system: E, shapes: Array, names: Sequence[str], units: Sequence[st
     gyroscopic, circulatory = (None if matrix is None else _antisymmetric(shapes.T @ matrix @ shapes)
                                for matrix in (system.gyroscopic, system.circulatory))  # fmt: skip
     damping, stiffness = weighted_gram(rows, system.row_damping), weighted_gram(rows, system.row_stiffness)
-    came = system.provenance
+    provenance = system.provenance
     return replace(
         system, coordinates=tuple(names), coordinate_units=tuple(units), M=factor.T @ factor,
         C=damping if gyroscopic is None else damping + gyroscopic,
@@ -55,8 +55,8 @@ def projected(system: E, shapes: Array, names: Sequence[str], units: Sequence[st
         row_damping=system.row_damping.copy(),
         row_owner=system.row_owner.copy(), body_motion=system.body_motion @ shapes, gyroscopic=gyroscopic,
         circulatory=circulatory,
-        provenance=replace(came, reduction=Reduction(np.arange(shapes.shape[1]), shapes, ()), parts=(), origin=None,
-                           joint_coordinates=tuple(names), statics=None),
+        provenance=replace(provenance, reduction=Reduction(np.arange(shapes.shape[1]), shapes, ()), parts=(),
+                           origin=None, joint_coordinates=tuple(names), statics=None),
     )  # fmt: skip
 
 

@@ -45,17 +45,18 @@ def reduced_space(space: StateSpace, order: int | None = None, error: float | No
         If neither or both are given, or no smaller model is possible.
     """
     _check(space.name, order, error, len(space.states), "states")
-    made = balanced(space.A, space.B, space.C)
-    count = made.lasting + len(made.hankel)
-    n = made.order(float(error)) if error is not None else min(int(order or 0), count)
-    if n < made.lasting:
-        raise ResponseError(f"reduced: order = {order}; {made.lasting} of the {len(space.states)} states of "
+    realization = balanced(space.A, space.B, space.C)
+    count = realization.lasting + len(realization.hankel)
+    n = realization.order(float(error)) if error is not None else min(int(order or 0), count)
+    if n < realization.lasting:
+        raise ResponseError(f"reduced: order = {order}; {realization.lasting} of the {len(space.states)} states of "
                             f"'{space.name}' do not decay and are kept. Ask for at least as many, or give the "
                             f"mechanism damping.")  # fmt: skip
-    left, right = made.left[:n], made.right[:, :n]
+    left, right = realization.left[:n], realization.right[:, :n]
     a, b, c = left @ space.A @ right, left @ space.B, space.C @ right
-    bound = max(made.bound(n), rounding_error(space, (a, b, c)))
-    names = tuple([f"lasting{k + 1}" if k < made.lasting else f"hankel{k - made.lasting + 1}" for k in range(n)])
+    bound = max(realization.bound(n), rounding_error(space, (a, b, c)))
+    lasting = realization.lasting
+    names = tuple([f"lasting{k + 1}" if k < lasting else f"hankel{k - lasting + 1}" for k in range(n)])
     return replace(
         space, realization="reduced", A=a, B=b, C=c, D=space.D.copy(),
         transform=space.transform @ right, states=names, state_units=("",) * n,
@@ -135,8 +136,8 @@ def reduced_equations(
     else:
         small, bound = _smallest(system, family, float(error or 0.0))
     before = system.provenance.truncation
-    made = Truncation(method, system.dof, bound + (0.0 if before is None else before.error_bound))
-    return replace(small, provenance=replace(small.provenance, truncation=made))
+    truncation = Truncation(method, system.dof, bound + (0.0 if before is None else before.error_bound))
+    return replace(small, provenance=replace(small.provenance, truncation=truncation))
 
 
 def _smallest(system: Equations, family: CraigBampton | ModalTruncation, error: float) -> tuple[Equations, float]:

@@ -227,7 +227,7 @@ def _percent(values: NDArray[np.float64]) -> list[float | None]:
 
 def _loops(system: System) -> list[dict[str, Any]]:
     return [
-        {"joints": list(group.joints), "rank": int(group.rank), "rows": len(group.rows), "kept": finite(group.kept),
+        {"joints": list(group.joints), "rank": int(group.rank), "rows": len(group.rows), "kept": finite(group.retained),
          "dropped": finite(group.dropped), "length": finite(group.length), "redundant": list(group.redundant)}
         for group in system.provenance.reduction.groups
     ]  # fmt: skip

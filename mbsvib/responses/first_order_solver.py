@@ -64,7 +64,7 @@ class FirstOrderSolver:
             If a frequency is not finite or is a pole.
         """
         w = angular(omega)
-        right, seen = np.ldexp(b, -self.power[:, None]), np.ldexp(c, self.power)
+        right, observed = np.ldexp(b, -self.power[:, None]), np.ldexp(c, self.power)
         result: Complex = np.empty((len(c), b.shape[1], len(w)), dtype=complex)
         batch = max(1, BATCH_BYTES // (64 * max(1, right.size)))
         for start in range(0, len(w), batch):
@@ -76,7 +76,7 @@ class FirstOrderSolver:
                 at = start + int(pole[0])
                 raise ResponseError(f"frequency_response: omega[{at}] = {w[at]:g} rad/s is a pole of '{self.name}', "
                                     f"where the response is infinite; leave this frequency out.")  # fmt: skip
-            result[:, :, start : start + batch] = np.tensordot(seen, x, axes=1) + d[:, :, None]
+            result[:, :, start : start + batch] = np.tensordot(observed, x, axes=1) + d[:, :, None]
         return result
 
     def _solved(self, s: Complex, right: Array) -> Complex:

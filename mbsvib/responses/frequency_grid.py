@@ -33,7 +33,7 @@ SAME = 1e-13
 # Double precision cannot resolve the peak or dip of a root of less damping: points keep a distance from it.
 UNDAMPED = 1e-12
 CLOSEST = 1e-6  # share of its frequency at which they stop
-APART = 1e-9  # share of the frequency of an undamped pole in which no point lies
+EXCLUDED = 1e-9  # share of the frequency of an undamped pole in which no point lies
 
 
 def frequency_grid(
@@ -134,7 +134,7 @@ def placed(roots: Complex, poles: Complex, low: float, high: float, n: int | Non
     grid = np.concatenate([even, fine if len(fine) > count else even[:0], *(a / (2.0 * np.pi) for a in around)])
     grid = np.unique(grid[(grid >= low) & (grid <= high)])
     for pole in np.unique(np.abs(poles[np.abs(poles.real) <= UNDAMPED * np.abs(poles)])) / (2.0 * np.pi):
-        grid = grid[np.abs(grid - pole) > APART * pole]
+        grid = grid[np.abs(grid - pole) > EXCLUDED * pole]
     return grid[np.concatenate(([True], np.diff(grid) > SAME * grid[1:]))] if len(grid) else grid
 
 
@@ -155,7 +155,7 @@ def _around(half_width: float, center: float, spacing: float) -> Array:
     return np.concatenate((center - away, center + away, own))
 
 
-_ASKED = "frequency_grid", "f_min or f_max", "0 < first < last, both finite [Hz]"
+_LIMITS = "frequency_grid", "f_min or f_max", "0 < first < last, both finite [Hz]"
 
 
 def span(poles: Complex, f_min: float | None, f_max: float | None) -> tuple[float, float]:
@@ -180,8 +180,8 @@ def span(poles: Complex, f_min: float | None, f_max: float | None) -> tuple[floa
     """
     natural = np.abs(poles[poles != 0.0]) / (2.0 * np.pi)
     lowest, highest = (natural.min(), natural.max()) if natural.size else (1.0, 1.0)
-    low = _rounded(0.1 * lowest, down=True) if f_min is None else real(f_min, *_ASKED)
-    high = _rounded(3.0 * highest, down=False) if f_max is None else real(f_max, *_ASKED)
+    low = _rounded(0.1 * lowest, down=True) if f_min is None else real(f_min, *_LIMITS)
+    high = _rounded(3.0 * highest, down=False) if f_max is None else real(f_max, *_LIMITS)
     if f_min is None and low >= high:
         low = 0.01 * high
     if f_max is None and high <= low:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 SERIES_RADIUS = 1.0
 TERMS = 21
 # Real roots are well separated if their difference times the step exceeds this: quotients lose one digit at most.
-APART = 0.5
+SEPARATE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,9 +82,9 @@ def _answers(p: Array, tau: Array, h: Array) -> tuple[Array, Array, Array, Array
     root = np.sqrt(np.abs(inside))
     reach = np.where(inside > 0.0, np.abs(half) + root, omega) * h
     series = reach < SERIES_RADIUS
-    apart = ~series & (inside > 0.0) & (2.0 * root * h > APART)
+    separate = ~series & (inside > 0.0) & (2.0 * root * h > SEPARATE)
     result = np.empty((5, len(p)))
-    for mask, road in ((series, _by_series), (apart, _by_quotients), (~series & ~apart, _by_cosines)):
+    for mask, road in ((series, _by_series), (separate, _by_quotients), (~series & ~separate, _by_cosines)):
         if mask.any():
             result[:, mask] = road(p[mask], tau[mask], h[mask])
     return tuple(result)  # type: ignore[return-value]

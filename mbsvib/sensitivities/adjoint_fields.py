@@ -151,8 +151,8 @@ def fields(
         carrying = motion.body if inertia_only is None else motion.body - inertia_only
         on_bodies = on_bodies + geometric_wrenches(network.forces, carrying, side, turned) * stiff
     wrench[:joints], support, tied = transmitted(network, on_bodies, spring_wrench)
-    seen = motion.relative[joints:] if strain is None else strain
-    return Fields(motion.vectors, motion.body, body_wrench, motion.relative, seen, wrench, support, tied,
+    spring_strain = motion.relative[joints:] if strain is None else strain
+    return Fields(motion.vectors, motion.body, body_wrench, motion.relative, spring_strain, wrench, support, tied,
                   stiff, rate, square, turned, inertia_only, side)  # fmt: skip
 
 

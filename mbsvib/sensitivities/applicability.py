@@ -41,18 +41,19 @@ def limits(system: Equations) -> tuple[Limit, ...]:
 
     They are kinds of parts with their fields; only what is in all of these sets has a rule.
     """
-    came = system.provenance
-    parts, result = came.parts, []
+    provenance = system.provenance
+    parts, result = provenance.parts, []
     if is_loaded(system):
         falls = any(isinstance(part, Gravity) for part in parts)
-        if came.moved_to_equilibrium:
+        if provenance.moved_to_equilibrium:
             result.append(_INERTIA if _turned(system) else _DAMPING | _INERTIA)
         else:
             result.append(_STIFFNESS | _DAMPING | _INERTIA | (set() if falls else _MASS))
-    if any(isinstance(part, Rotor) for part in parts) and (is_loaded(system) or came.origin is None):
+    if any(isinstance(part, Rotor) for part in parts) and (is_loaded(system) or provenance.origin is None):
         # dampers that turn with a rotor are stiffness, too
         result.append(_STIFFNESS | _DAMPING if system.circulatory is None else _STIFFNESS)
-    if came.separation is not None and came.separation.transform is not None and system.circulatory is not None:
+    separation = provenance.separation
+    if separation is not None and separation.transform is not None and system.circulatory is not None:
         # motions without mass follow others by K, from the left in other ways than from the right
         result.append(_DAMPING | _INERTIA | _MASS)
     return tuple(map(frozenset, result))
@@ -60,16 +61,16 @@ def limits(system: Equations) -> tuple[Limit, ...]:
 
 def is_loaded(system: Equations) -> bool:
     """Tell whether loads act at the pose of a system; of one in some modes, its model says so."""
-    came = system.provenance
-    return came.statics is not None or (came.origin is not None and carries_loads(came.origin))
+    provenance = system.provenance
+    return provenance.statics is not None or (provenance.origin is not None and carries_loads(provenance.origin))
 
 
 def may_move(system: Equations) -> bool:
     """Tell whether parameters may move the pose: forces act on it, or are zero and may be changed."""
-    came = system.provenance
-    return came.statics is not None or any(
+    provenance = system.provenance
+    return provenance.statics is not None or any(
         isinstance(part, Gravity) or getattr(part, "preload", None) is not None
-        or getattr(part, "free_length", None) is not None for part in came.parts)  # fmt: skip
+        or getattr(part, "free_length", None) is not None for part in provenance.parts)  # fmt: skip
 
 
 def follows(system: Equations) -> bool:
@@ -77,17 +78,17 @@ def follows(system: Equations) -> bool:
 
     True where all motions without mass have dampers, and each part has rules for what forces at the pose do.
     """
-    came = system.provenance
+    provenance = system.provenance
     turned_bushings = _turned(system)
     return (
-        may_move(system) and came.removed is None
-        and (came.statics is not None or not (is_loaded(system) or _has(came.parts, Composed)))
-        and (came.separation is None or came.separation.transform is None)
-        and not any(group.surplus for group in came.reduction.groups if _has(came.parts, Coupling))
-        and not (_has(came.parts, Superelement) and any(
-            isinstance(part, Gravity) and not any(part.acceleration) for part in came.parts))
-        and all(isinstance(part, _KNOWN) and not _is_exception(part, came.moved_to_equilibrium, turned_bushings)
-                for part in came.parts)
+        may_move(system) and provenance.removed is None
+        and (provenance.statics is not None or not (is_loaded(system) or _has(provenance.parts, Composed)))
+        and (provenance.separation is None or provenance.separation.transform is None)
+        and not any(group.surplus for group in provenance.reduction.groups if _has(provenance.parts, Coupling))
+        and not (_has(provenance.parts, Superelement) and any(
+            isinstance(part, Gravity) and not any(part.acceleration) for part in provenance.parts))
+        and all(isinstance(part, _KNOWN) and not _is_exception(part, provenance.moved_to_equilibrium, turned_bushings)
+                for part in provenance.parts)
     )  # fmt: skip
 
 
@@ -124,5 +125,7 @@ def _skews(joint: Joint) -> bool:
 
 def _turned(system: Equations) -> frozenset[str]:
     """Bushings that turned on the way to an equilibrium that was found elsewhere."""
-    came = system.provenance
-    return turned(came.origin, came.parts) if came.moved_to_equilibrium and came.origin is not None else frozenset()
+    provenance = system.provenance
+    if not provenance.moved_to_equilibrium or provenance.origin is None:
+        return frozenset()
+    return turned(provenance.origin, provenance.parts)

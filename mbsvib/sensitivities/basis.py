@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.ports import Loads
     from mbsvib.sensitivities.reference_pose import ReferencePose
     from mbsvib.sensitivities.spectrum import Pairs, Spectrum
-    from mbsvib.sensitivities.variables import Asked, Direction, Variables
+    from mbsvib.sensitivities.variables import Direction, Requested, Variables
 
 
 class SensitivityBasis:
@@ -96,10 +96,10 @@ class SensitivityBasis:
     @cached_property
     def reference_pose(self) -> ReferencePose | None:
         """What parameters as described do, where the equilibrium was found in another pose."""
-        loaded, came = self.loaded, self.equations.provenance
-        if loaded is None or not came.moved_to_equilibrium or came.origin is None:
+        loaded, provenance = self.loaded, self.equations.provenance
+        if loaded is None or not provenance.moved_to_equilibrium or provenance.origin is None:
             return None
-        return reference_pose(self.network, loaded.forces, loaded.changes, came.origin)
+        return reference_pose(self.network, loaded.forces, loaded.changes, provenance.origin)
 
     @cached_property
     def variants(self) -> Variants:
@@ -125,7 +125,7 @@ class SensitivityBasis:
         network = self.bare_network
         return network, no_loads(network, len(inputs)), no_loads(network, len(outputs))
 
-    def groups(self, parameters: Asked = None, network: Network | None = None) -> ParameterGroups:
+    def groups(self, parameters: Requested = None, network: Network | None = None) -> ParameterGroups:
         """Return the groups of parameters that some variables move; those of all parameters are kept.
 
         ``parameters``: names, patterns or linear maps of parameters; None: every parameter of the system. Raises an
@@ -136,19 +136,19 @@ class SensitivityBasis:
         if parameters is not None:
             return self._grouped(network, variables(self.equations.parameters, parameters), every=False)
         if network.bare not in self._groups_of_all:
-            asked = variables(self.equations.parameters, None)
-            self._groups_of_all[network.bare] = self._grouped(network, asked, every=True)
+            requested = variables(self.equations.parameters, None)
+            self._groups_of_all[network.bare] = self._grouped(network, requested, every=True)
         return self._groups_of_all[network.bare]
 
-    def _grouped(self, network: Network, asked: Variables, *, every: bool) -> ParameterGroups:
-        ruled = have_rules(network, asked.layout)
+    def _grouped(self, network: Network, requested: Variables, *, every: bool) -> ParameterGroups:
+        ruled = have_rules(network, requested.layout)
         loaded = None if ruled.all() or network.bare else self.loaded
         reference = None if loaded is None else self.reference_pose
-        if loaded is None or not (reference is None or all(map(reference.tells, asked.parameters))):
-            return grouped_by_rule(network, asked, ruled, self.matrix_slopes, every)
-        result = grouped_through_equilibrium(loaded, reference, asked, self.matrix_slopes, every)
+        if loaded is None or not (reference is None or all(map(reference.tells, requested.parameters))):
+            return grouped_by_rule(network, requested, ruled, self.matrix_slopes, every)
+        result = grouped_through_equilibrium(loaded, reference, requested, self.matrix_slopes, every)
         if result.lost is not None and result.lost.any() and not every:
-            raise not_held(asked.names[int(np.argmax(result.lost))], self.equations.name)
+            raise not_held(requested.names[int(np.argmax(result.lost))], self.equations.name)
         return result
 
     def matrix_slopes(self, directions: Sequence[Direction], every: bool = False) -> Mapping[str, Array]:
@@ -173,7 +173,7 @@ class SensitivityBasis:
             ("Cq", "Cv", "Ca"), (o, q))  # fmt: skip
         return {key: getattr(known, key)[np.ix_(rows, *ends[key])] for key in MATRICES}
 
-    def matrix_derivatives(self, parameters: Asked = None) -> MatrixDerivatives:
+    def matrix_derivatives(self, parameters: Requested = None) -> MatrixDerivatives:
         """Return the derivatives of all matrices to parameters.
 
         ``parameters``: names, patterns or linear maps of parameters; None: every parameter of the system. Returns whole
@@ -189,15 +189,15 @@ class SensitivityBasis:
         return matrix_derivatives(system, self.groups(parameters, network), acting, seeing)
 
     def matrix_derivatives_in_parts(
-        self, parameters: Asked, count: int
+        self, parameters: Requested, count: int
     ) -> Iterator[tuple[slice, MatrixDerivatives]]:  # fmt: skip
         """Return derivatives of matrices for some variables at a time, so that they never fill the memory.
 
         ``parameters``: names, patterns or linear maps of parameters; None: every parameter of the system; ``count``:
         how many variables at a time.
         """
-        asked = self.equations.parameters if parameters is None else parameters
-        names = [asked] if isinstance(asked, str) else list(asked)
+        requested = self.equations.parameters if parameters is None else parameters
+        names = [requested] if isinstance(requested, str) else list(requested)
         if parameters is None and len(names) <= count:  # the groups of all of them are kept
             yield slice(0, len(names)), self.matrix_derivatives()
             return

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.parameter_groups import ParameterGroups
     from mbsvib.sensitivities.spectrum import Spectrum
-    from mbsvib.sensitivities.variables import Asked
+    from mbsvib.sensitivities.variables import Requested
 
 # A form in a rigid-body motion below this share of the largest in any motion is zero but for rounding.
 ZERO_FORM = 1e-12
@@ -34,7 +34,7 @@ ZERO_BY_MATRICES = 1e-8
 PADDING = 64
 
 
-def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Asked = None) -> Complex:
+def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Requested = None) -> Complex:
     """Return the derivatives of all eigenvalues.
 
     d lambda / dp = -y^T (lambda^2 dM/dp + lambda dC/dp + dK/dp) x / y^T (2 lambda M + C) x

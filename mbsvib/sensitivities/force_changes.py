@@ -239,7 +239,7 @@ def parameter_rates(network: Network, forces: Forces, changes: ForceChanges, mot
     ``motion`` (bodies, 6, c): motions at the centres of mass. Returns (parameters, c): changes of the parameters.
     """
     result = np.zeros((changes.count, motion.shape[2]))
-    first, relative = forces.seen(motion)
+    first, relative = forces.relative_motions(motion)
     second = first + relative
     start = first[:, :3] - cross(first[:, 3:], wide(forces.span, first))
     axes = first[:, 3:] + forces.turned_axes(relative)
@@ -303,7 +303,7 @@ def force_rates(network: Network, forces: Forces, changes: ForceChanges, motion:
 
     ``motion`` (bodies, 6, c): motions at the centres of mass. Returns (e, c): changes of the forces.
     """
-    relative, joints, at = forces.seen(motion)[1], forces.counts[0], changes.at
+    relative, joints, at = forces.relative_motions(motion)[1], forces.counts[0], changes.at
     result = np.zeros((at.size, motion.shape[2]))
     for k, spring in enumerate(network.springs, joints):
         own, entries = relative[k], slice(at.wrench_of(k), at.wrench_of(k) + 6)

@@ -115,7 +115,7 @@ class Forces:
 
         return acting(self.second), acting(self.first)
 
-    def seen(self, body: Field) -> tuple[Field, Field]:
+    def relative_motions(self, body: Field) -> tuple[Field, Field]:
         """Return what forces see of motions of the bodies, of their first body and the relative one (n, 6, ...).
 
         ``body`` (bodies, 6, ...): motions at the centres of mass. Returns (n, 6, ...): at the points of the forces.
@@ -222,9 +222,9 @@ def forces_at_rest(
 
 def _angles(system: Equations, bodies: Sequence[Body], joints: Sequence[Joint]) -> Array:
     """The rotation vectors (joints, 3) by which joints turned on the way to the equilibrium, world axes there."""
-    came, angle = system.provenance, np.zeros((len(joints), 3))
-    if came.moved_to_equilibrium and came.origin is not None:
-        pose = Displaced(came.origin, {body.name: body for body in bodies})
+    provenance, angle = system.provenance, np.zeros((len(joints), 3))
+    if provenance.moved_to_equilibrium and provenance.origin is not None:
+        pose = Displaced(provenance.origin, {body.name: body for body in bodies})
         for k, joint in enumerate(joints):
             angle[k] = logarithm(pose.turn(joint.second) @ pose.turn(joint.first).T)
     return angle

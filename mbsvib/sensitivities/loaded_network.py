@@ -98,8 +98,8 @@ class LoadedNetwork:
     def _add_geometric(self, result: Field, left: Fields, right: Fields | None, weight: Field) -> None:
         """What comes of the geometric stiffness."""
         at, joints = self.changes.at, self.forces.counts[0]
-        x = self.forces.seen(left.carrying)
-        y = x if right is None else self.forces.seen(right.carrying)
+        x = self.forces.relative_motions(left.carrying)
+        y = x if right is None else self.forces.relative_motions(right.carrying)
         gap = wrench_slopes(self.forces, x, None if right is None else y)
         if left.turned is not None:
             gap[:joints, 3:] += 0.5 * cross(left.turned, y[1][:joints, 3:])
@@ -119,11 +119,11 @@ class LoadedNetwork:
     def _released(self, gap: Field) -> Field:
         """Relative motions (n, 6, ...), less the gaps, in which joints and elements of beams give way by gaps."""
         joints, reactions = self.forces.counts[0], self.network.reactions
-        second = self.forces.seen(joint_release_motion(self.network, gap[:joints]))[1] - gap
+        second = self.forces.relative_motions(joint_release_motion(self.network, gap[:joints]))[1] - gap
         if reactions is None:
             return second
         motion = np.tensordot(self.network.displacements, reactions.opened(-second[joints + reactions.springs]), axes=1)
-        return second + self.forces.seen(motion.reshape(len(self.forces.centre), 6, *gap.shape[2:]))[1]
+        return second + self.forces.relative_motions(motion.reshape(len(self.forces.centre), 6, *gap.shape[2:]))[1]
 
     def _add_tensions(self, gap: Field, x: Field, y: Field) -> None:
         """Add what the tension of elements does by the bent lines of beams, in place; x, y: relative motions."""
@@ -131,7 +131,7 @@ class LoadedNetwork:
         for beam in (part for part in self.network.parts if isinstance(part, Beam)):
             which = np.array([number[name] for name in beam.element_names])
             axes = np.array([axes for _, axes in beam.frames()])
-            r, s = (_in_axes(axes, seen[which]) for seen in (x, y))
+            r, s = (_in_axes(axes, relative_motions[which]) for relative_motions in (x, y))
             works = (r * transformed(bent_forms(beam), s)).sum(axis=1, keepdims=True)
             gap[which, :3] -= wide(axes[:, :, 0], gap) * works
 
@@ -156,7 +156,7 @@ class LoadedNetwork:
         with what these do to parameters, -K for those along the coordinates.
         """
         m = self.dof
-        relative = -self.forces.seen(self.motions[:, :, :m])[1]
+        relative = -self.forces.relative_motions(self.motions[:, :, :m])[1]
         result = np.zeros((self.size, m))
         work = self._work_of_applied_forces(relative, np.zeros_like(relative))
         self._fold(result, work, relative[: self.forces.counts[0]])

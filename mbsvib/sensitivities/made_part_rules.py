@@ -70,8 +70,8 @@ def maxwell_rule(network: Network, part: Maxwell, field: str, index: tuple[int, 
 
     def coefficient(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
         own = number_of[line_name(part, field)]
-        seen = along(line, fields.strain[own : own + 1, :3])
-        return [[(0.5 * (fields.rate if field == "damping" else fields.stiff) * seen, seen)]]
+        deformation = along(line, fields.strain[own : own + 1, :3])
+        return [[(0.5 * (fields.rate if field == "damping" else fields.stiff) * deformation, deformation)]]
 
     def point(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
         own = slice(joints + static, joints + static + 1)
@@ -120,7 +120,7 @@ def torsion_rule(network: Network, part: TorsionSpring, field: str, _: tuple[int
     axis = np.array([part.axis])
 
     def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
-        seen = along(axis, fields.strain[own : own + 1, 3:])
-        return [[(0.5 * (fields.rate if field == "damping" else fields.stiff) * seen, seen)]]
+        deformation = along(axis, fields.strain[own : own + 1, 3:])
+        return [[(0.5 * (fields.rate if field == "damping" else fields.stiff) * deformation, deformation)]]
 
     return rule

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _ONE, _NONE = np.ones(1), np.zeros(1)
 _STILL = (_NONE, _NONE, _NONE)
 _POWERS = {"K": (_ONE, _NONE, _NONE), "C": (_NONE, _ONE, _NONE), "M": (_NONE, _NONE, _ONE)}
-_SEEN = {"K": "Cq", "C": "Cv", "M": "Ca"}
+_OUTPUTS = {"K": "Cq", "C": "Cv", "M": "Ca"}
 # A factor below this share of the largest of its kind is rounding.
 ACTS = 1e-15
 # Of derivatives through the equilibrium, which are sums of many terms, entries below this share are rounding.
@@ -76,10 +76,10 @@ class MatrixDerivatives(Displayed):
             If there is no such variable or matrix.
         """
         if variable not in self.variables or matrix not in _POWERS:
-            known, asked = (self.variables, variable) if matrix in _POWERS else (tuple(_POWERS), matrix)
+            known, requested = (self.variables, variable) if matrix in _POWERS else (tuple(_POWERS), matrix)
             raise ModelError(
-                f"factors('{variable}', '{matrix}'): there is no '{asked}'.{nearest(asked, known)} There is: "
-                f"{', '.join(known[:12])}{', ...' if len(known) > 12 else ''}.", element=asked,
+                f"factors('{variable}', '{matrix}'): there is no '{requested}'.{nearest(requested, known)} There is: "
+                f"{', '.join(known[:12])}{', ...' if len(known) > 12 else ''}.", element=requested,
             )  # fmt: skip
         index = self.variables.index(variable)
         # what the equilibrium does, and spin, is no symmetric product of few parts
@@ -130,14 +130,16 @@ def matrix_derivatives(
         return np.concatenate(parts, axis=1)
 
     at_rest, blind = np.zeros((m, 1, len(i), 1)), np.zeros((m, len(o), 1, 1))
-    seen = {_SEEN[key]: ports(_SEEN[key], (free, seeing), powers, (right, blind)) for key, powers in _POWERS.items()}
-    seen["D"] = ports("D", (acting, seeing), _STILL, (at_rest, blind))
+    of_outputs = {_OUTPUTS[key]: ports(_OUTPUTS[key], (free, seeing), powers, (right, blind))
+                  for key, powers in _POWERS.items()}  # fmt: skip
+    of_outputs["D"] = ports("D", (acting, seeing), _STILL, (at_rest, blind))
     if seeing.excluded:
-        for key, change in seen.items():
+        for key, change in of_outputs.items():
             change[:, seeing.excluded] = groups.variable_slopes[key][:, seeing.excluded]
     return MatrixDerivatives(
         tuple(groups.variables.names), square("M"), square("C"), square("K"),
-        ports("B", (acting, free), _STILL, (at_rest, left)), seen["Cq"], seen["Cv"], seen["Ca"], seen["D"], groups,
+        ports("B", (acting, free), _STILL, (at_rest, left)), of_outputs["Cq"], of_outputs["Cv"], of_outputs["Ca"],
+        of_outputs["D"], groups,
     )  # fmt: skip
 
 

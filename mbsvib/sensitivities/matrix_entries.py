@@ -77,8 +77,8 @@ class MatrixEntries:
     def _levers(self) -> Array:
         """How much (outputs,) of rows of K, C, M or B outputs of forces are at least, 0 for all other outputs."""
         own = self.system
-        shares = [np.abs(seen).max(axis=1, initial=0.0) / (np.abs(of).max(initial=0.0) or np.inf)
-                  for seen, of in ((own.Cq, own.K), (own.Cv, own.C), (own.Ca, own.M), (own.D, own.B))]  # fmt: skip
+        shares = [np.abs(rows).max(axis=1, initial=0.0) / (np.abs(of).max(initial=0.0) or np.inf)
+                  for rows, of in ((own.Cq, own.K), (own.Cv, own.C), (own.Ca, own.M), (own.D, own.B))]  # fmt: skip
         force = np.array([unit.startswith("N") for unit in own.output_units], dtype=bool)
         return np.where(force, np.maximum(1.0, np.max(shares, axis=0)), 0.0)
 

@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     Limit = frozenset[tuple[str, str]]  # kinds of parts with their fields
 
 # Parts that are made of bodies and connections, or act on these, with rules of their own.
-MADE = {"beam": Beam, "coupler": Coupling, "maxwell": Maxwell, "rotor": Rotor, "torsion": TorsionSpring}
-_MADE = tuple(MADE.values())
+COMPOUND = {"beam": Beam, "coupler": Coupling, "maxwell": Maxwell, "rotor": Rotor, "torsion": TorsionSpring}
+_COMPOUND = tuple(COMPOUND.values())
 
 
 @dataclass(frozen=True)
@@ -105,8 +105,8 @@ class Network:
                                      ("spring", joints, self.springs)):  # fmt: skip
             result.update({part.name: (kind, shift + i, part) for i, part in enumerate(members)})
         for i, part in enumerate(() if self.bare else self.parts):
-            if isinstance(part, _MADE):
-                result[part.name] = next(kind for kind, what in MADE.items() if isinstance(part, what)), i, part
+            if isinstance(part, _COMPOUND):
+                result[part.name] = next(kind for kind, what in COMPOUND.items() if isinstance(part, what)), i, part
         return result
 
     @cached_property

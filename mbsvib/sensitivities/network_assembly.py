@@ -55,10 +55,10 @@ def has_network(system: Equations) -> bool:
 
     Parts of mechanisms with loops or massless motions, which ``reachable`` has taken out of them, have none.
     """
-    came = system.provenance
-    if came.removed is not None and (came.separation is not None or came.topology.cut):
+    provenance = system.provenance
+    if provenance.removed is not None and (provenance.separation is not None or provenance.topology.cut):
         return False
-    return came.origin is not None or not any(isinstance(part, Composed) for part in came.parts)
+    return provenance.origin is not None or not any(isinstance(part, Composed) for part in provenance.parts)
 
 
 def is_complete(system: Equations, network: Network) -> bool:
@@ -122,9 +122,9 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
         nodes, lines = maxwell_parts(parts)
         known = ({} if plain is None else dict(plain.bodies)) | {body.name: body for body in (*bodies, *nodes)}
         own = {spring.name for spring in springs}
-        made = () if plain is None else tuple([part for part in plain.springs.values() if part.name not in own])
+        generated = () if plain is None else tuple([part for part in plain.springs.values() if part.name not in own])
         bodies, joints = tuple([known[name] for name in topology.bodies]), topology.joints
-        springs += (*[part for part in made if isinstance(part, Bushing)], *lines)
+        springs += (*[part for part in generated if isinstance(part, Bushing)], *lines)
     number = {body.name: i for i, body in enumerate(bodies)} | {"ground": len(bodies)}
     analytic = ways is None and follows(system)  # amplitudes of some modes do not tell how the pose moves
     ways = JointCoordinates.of(system, bodies) if ways is None else ways
@@ -171,13 +171,13 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
 
 def model_in_pose(system: Equations) -> Mechanism | None:
     """Return the model of a system in the pose of its equations; None where there is none."""
-    came = system.provenance
-    if came.origin is None or not came.moved_to_equilibrium:
-        return came.origin
-    there = {part.name: part for part in came.parts}
-    groups: Any = {key: {name: there[name] for name in group} for key, group in came.origin.groups().items()
+    provenance = system.provenance
+    if provenance.origin is None or not provenance.moved_to_equilibrium:
+        return provenance.origin
+    there = {part.name: part for part in provenance.parts}
+    groups: Any = {key: {name: there[name] for name in group} for key, group in provenance.origin.groups().items()
               if key not in ("inputs", "outputs")}  # fmt: skip
-    return came.origin.with_parts(**groups)
+    return provenance.origin.with_parts(**groups)
 
 
 def _point(joint: Joint, bodies: Sequence[Body], number: dict[str, int]) -> tuple[float, float, float]:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations
     from mbsvib.responses.basis import Basis
     from mbsvib.responses.state_space import StateSpace
-    from mbsvib.sensitivities.variables import Asked
+    from mbsvib.sensitivities.variables import Requested
 
     Ports = str | Sequence[str] | None
 
@@ -46,7 +46,7 @@ NOTHING = 1e-12
 
 
 def h2_norm(
-    basis: SensitivityBasis, outputs: Ports = None, inputs: Ports = None, parameters: Asked = None
+    basis: SensitivityBasis, outputs: Ports = None, inputs: Ports = None, parameters: Requested = None
 ) -> Norm:
     """Return the H2 norm and its derivatives.
 
@@ -84,7 +84,7 @@ def h2_norm(
     if lasting is not None:
         if _silent(basis.responses, *ports):
             return Norm(0.0, names, np.zeros(len(names)))
-        part = _apart(system, *ports)
+        part = _separate_part(system, *ports)
         if part is not None:
             return h2_norm(part, parameters=parameters)
         raise ResponseError(
@@ -99,10 +99,10 @@ def h2_norm(
     if not names:
         return Norm(value)
     slopes = np.zeros(len(names))
-    state, force, seen = (p @ q)[:, k:].T, (q @ base.B)[k:], base.C @ p
+    state, force, observed = (p @ q)[:, k:].T, (q @ base.B)[k:], base.C @ p
     for which, change in basis.matrix_derivatives_in_parts(parameters, _in_block(basis)):
         da, db, dc, dd = changed(base, change, *ports)
-        total = (da * state).sum(axis=(1, 2)) + (db * force).sum(axis=(1, 2)) + (dc * seen).sum(axis=(1, 2))
+        total = (da * state).sum(axis=(1, 2)) + (db * force).sum(axis=(1, 2)) + (dc * observed).sum(axis=(1, 2))
         size = np.abs(dd).max(axis=(1, 2), initial=0.0)
         slopes[which] = np.where(size > 0.0, np.inf, total / value if value else total)
     return Norm(value, names, slopes)
@@ -119,7 +119,7 @@ def _rms(basis: Basis, ports: tuple[list[int], list[int]]) -> float | None:
 
 
 def hinf_norm(
-    basis: SensitivityBasis, outputs: Ports = None, inputs: Ports = None, parameters: Asked = None
+    basis: SensitivityBasis, outputs: Ports = None, inputs: Ports = None, parameters: Requested = None
 ) -> Norm:
     """Return the highest peak of the largest singular value of the frequency response, and its derivatives.
 
@@ -154,7 +154,7 @@ def hinf_norm(
     if lasting is not None:
         if _silent(basis.responses, i, o):
             return Norm(0.0, names, np.zeros(len(names)), 0.0)
-        part = _apart(system, i, o)
+        part = _separate_part(system, i, o)
         if part is not None:
             return hinf_norm(part, parameters=parameters)
         raise ResponseError(f"Hinf norm of '{system.name}': mode {lasting} does not decay, so that its peak is "
@@ -177,7 +177,7 @@ def hinf_norm(
 
 
 def _at_infinity(
-    basis: SensitivityBasis, ports: tuple[list[int], list[int]], names: tuple[str, ...], parameters: Asked
+    basis: SensitivityBasis, ports: tuple[list[int], list[int]], names: tuple[str, ...], parameters: Requested
 ) -> Norm:
     """The largest singular value of D, which the response tends to, and its derivatives Re(u^H dD v)."""
     base = states(basis.responses, *ports)
@@ -193,7 +193,7 @@ def _in_block(basis: SensitivityBasis) -> int:
     return max(1, BLOCK // max(1, basis.equations.dof**2))
 
 
-def _names(system: Equations, parameters: Asked) -> tuple[str, ...]:
+def _names(system: Equations, parameters: Requested) -> tuple[str, ...]:
     """The variables; without a mechanism, or with a controller, there are none unless they are named."""
     if parameters is None and (system.provenance.from_matrices or system.provenance.closed_loop):
         return ()
@@ -224,7 +224,7 @@ def _lasting(basis: Basis) -> int | None:
     return int(modes[0]) + 1 if len(modes) else None
 
 
-def _apart(system: Equations, inputs: list[int], outputs: list[int]) -> SensitivityBasis | None:
+def _separate_part(system: Equations, inputs: list[int], outputs: list[int]) -> SensitivityBasis | None:
     """The part that the ports have to do with, if all its modes decay; None if it is all, or they reach or see more."""
     part = reachable(system, [system.outputs[k] for k in outputs], [system.inputs[k] for k in inputs])
     removed = ~np.isin(system.coordinates, part.coordinates)

@@ -82,8 +82,8 @@ def groups_by_rule(network: Network, layout: FieldLayout) -> list[ParameterGroup
     groups: list[ParameterGroup] = []
     members: dict[tuple[Any, ...], tuple[list[int], list[int], list[Any]]] = {}
     floating = set(network.floating.tolist())
-    for (name, field, depth), width, start, asked in zip(layout.fields, layout.width, starts, used, strict=False):
-        if not asked or name not in parts or field in FORCES:
+    for (name, field, depth), width, start, requested in zip(layout.fields, layout.width, starts, used, strict=False):
+        if not requested or name not in parts or field in FORCES:
             continue
         kind, k, part = parts[name]
         if kind in _SINGLE:
@@ -91,8 +91,8 @@ def groups_by_rule(network: Network, layout: FieldLayout) -> list[ParameterGroup
                        for i, row in enumerate(range(start, start + width) if number is None else
                                                number[start : start + width].tolist()) if row >= 0]  # fmt: skip
             continue
-        apart = part.end is not None if kind == "joint" else kind == "body" and field == "position" and k in floating
-        numbers, first, same = members.setdefault((kind, field, type(part), width, apart), ([], [], []))
+        separate = part.end is not None if kind == "joint" else kind == "body" and field == "position" and k in floating
+        numbers, first, same = members.setdefault((kind, field, type(part), width, separate), ([], [], []))
         numbers.append(k)
         first.append(start)
         same.append(part)
@@ -130,8 +130,8 @@ def _turns_along(spin: Spin, field: str, kind: str, _: int, part: Any) -> bool:
 
 def _single(network: Network, kind: str, entry: tuple[Any, str, tuple[int, ...]], row: int) -> ParameterGroup:
     """The group of one number of a part that is made of bodies and connections."""
-    made = _SINGLE[kind](network, *entry)
-    own_rule, data = made if isinstance(made, tuple) else (made, ())
+    rule_and_data = _SINGLE[kind](network, *entry)
+    own_rule, data = rule_and_data if isinstance(rule_and_data, tuple) else (rule_and_data, ())
     return ParameterGroup(kind, entry[1], np.zeros(1, dtype=np.intp), own_rule, data, np.array([[row]]), 0)
 
 
@@ -139,7 +139,7 @@ def _group(
     network: Network, key: tuple[Any, ...], members: list[tuple[int, int, Any]], number: Index | None
 ) -> ParameterGroup:  # fmt: skip
     """The group of one field of many parts, each with its number and the first entry of the field."""
-    kind, field, _, width, apart = key
+    kind, field, _, width, separate = key
     numbers, first, same = zip(*members, strict=True)
     index = np.array(numbers)
     rows, lead, follow = np.array(first)[:, None] + np.arange(width), list(first), True
@@ -147,7 +147,7 @@ def _group(
         rows = number[rows]
         lead, follow = rows[:, 0].tolist(), bool((rows == rows[:, :1] + np.arange(width)).all())
     stride = _stride(lead, width) if follow else 0
-    if kind == "body" and apart:
+    if kind == "body" and separate:
         among = (index[:, None] == network.floating).argmax(axis=1)
         return ParameterGroup(kind, field, index, moved_floating, (among,), rows, stride)
     return ParameterGroup(kind, field, index, rule(same[0], field), constants(same, field), rows, stride)

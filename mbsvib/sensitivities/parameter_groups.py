@@ -119,13 +119,13 @@ class ParameterGroups:
         moved += values[count:]
         result = product(self.motion, moved)
         result += own if self.rates is None else incidence_sum(self.rates, own)
-        asked, broken = self.variables.rates, broken[: len(self.loaded.entries)]
-        result[self.lost | (broken if asked is None else abs(asked) @ broken > 0.0)] = np.nan
+        requested, broken = self.variables.rates, broken[: len(self.loaded.entries)]
+        result[self.lost | (broken if requested is None else abs(requested) @ broken > 0.0)] = np.nan
         return result
 
 
 def grouped_by_rule(
-    network: Network, asked: Variables, ruled: NDArray[np.bool_], slopes: MatrixSlopes, every: bool = False
+    network: Network, requested: Variables, ruled: NDArray[np.bool_], slopes: MatrixSlopes, every: bool = False
 ) -> ParameterGroups:
     """Return groups of the parameters that have rules, and one of whole matrices for all others.
 
@@ -133,23 +133,24 @@ def grouped_by_rule(
     ``every``: whether all parameters are asked for, of which some may have no derivative. Raises an error if the
     equations do not change smoothly with a parameter, or it loads a motion that nothing holds.
     """
-    layout, rows, directions = asked.layout, np.flatnonzero(~ruled), asked.directions
-    if len(rows) and not asked.identity:
-        asked = asked.joined(~ruled)
-        layout, directions = asked.layout, asked.directions
-        rows = len(asked.parameters) + np.arange(len(directions))
+    layout, rows, directions = requested.layout, np.flatnonzero(~ruled), requested.directions
+    if len(rows) and not requested.identity:
+        requested = requested.joined(~ruled)
+        layout, directions = requested.layout, requested.directions
+        rows = len(requested.parameters) + np.arange(len(directions))
     elif len(rows):
         layout = layout.only(ruled)
-        names = [asked.parameters[k].name for k in rows.tolist()]
+        names = [requested.parameters[k].name for k in rows.tolist()]
         directions = tuple(Direction(name, ((name, 1.0),)) for name in names)
     groups: list[ParameterGroup | MatrixDerivativeGroup] = [*groups_by_rule(network, layout)]
     if directions:
         groups.append(MatrixDerivativeGroup(rows[:, None], slopes(directions, every)))
-    return ParameterGroups(network, asked, tuple(groups), slopes, every=every)
+    return ParameterGroups(network, requested, tuple(groups), slopes, every=every)
 
 
 def grouped_through_equilibrium(
-    loaded: LoadedNetwork, reference: ReferencePose | None, asked: Variables, slopes: MatrixSlopes, every: bool = False
+    loaded: LoadedNetwork, reference: ReferencePose | None, requested: Variables, slopes: MatrixSlopes,
+    every: bool = False,
 ) -> ParameterGroups:
     """Return the groups of all parameters of a loaded network, with the motion of its pose.
 
@@ -157,8 +158,8 @@ def grouped_through_equilibrium(
     derivatives of whole matrices along directions; ``every``: whether all parameters are asked for, of which some may
     have no derivative. Returns the groups; variables that load a motion which nothing holds are ``lost``.
     """
-    asked = asked.among(loaded.entries)
-    rates, count = asked.rates, loaded.changes.count
+    requested = requested.among(loaded.entries)
+    rates, count = requested.rates, loaded.changes.count
     if rates is not None:
         rates = csr_array((rates.data, rates.indices, rates.indptr), shape=(rates.shape[0], count))
     elif count > len(loaded.entries):
@@ -166,10 +167,10 @@ def grouped_through_equilibrium(
     if reference is not None:
         moved = (reference.rates, reference.forces, reference.gaps)
         rates, forces, gaps = moved if rates is None else tuple(rates @ matrix for matrix in moved)
-        apart = gaps.toarray().reshape(len(asked.names), len(loaded.network.joints), 6)
-        loaded = loaded.with_gaps(apart.transpose(1, 2, 0), forces)
+        openings = gaps.toarray().reshape(len(requested.names), len(loaded.network.joints), 6)
+        loaded = loaded.with_gaps(openings.transpose(1, 2, 0), forces)
     motion, lost = pose_motion(loaded, rates)
-    return ParameterGroups(loaded.network, asked, loaded.groups, slopes, loaded, rates, motion, lost, every)
+    return ParameterGroups(loaded.network, requested, loaded.groups, slopes, loaded, rates, motion, lost, every)
 
 
 # Work of a state of self-stress is rounding below this share of the largest force times the largest motion anywhere.
@@ -204,8 +205,8 @@ def lost_freedoms(network: Network, groups: Iterable[ParameterGroup], size: int)
         number, data, rows = group.part(0, len(group.number))
         work = _work(group.rule(stress, number, data))
         broken = work > WORKS * moves * (length if group.field == "orientation" else 1.0) * loads
-        asked = rows >= 0
-        result[rows[asked]] = broken[asked]
+        requested = rows >= 0
+        result[rows[requested]] = broken[requested]
     return result
 
 

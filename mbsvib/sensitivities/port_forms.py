@@ -65,8 +65,8 @@ def feedthrough(
     for i, k in enumerate(inputs[0]):
         base = known[system.inputs[k], True]
         for o, j in enumerate(outputs[0]):
-            seen = known[system.outputs[j], False]
-            if isinstance(base, BaseMotion) and isinstance(seen, Output) and seen.inertial:
+            observed = known[system.outputs[j], False]
+            if isinstance(base, BaseMotion) and isinstance(observed, Output) and observed.inertial:
                 angular = turns[o, i] = base.wrench[3:]
                 linear = base.wrench[:3] + np.cross(angular, outputs[1].point[o] - base.position)
                 d[o, i] = np.concatenate((linear, angular)) @ outputs[1].wrench[o]
@@ -91,7 +91,7 @@ def _wrong(
     acts = np.einsum("pi,pim->mp", acting.wrench, acting.motion)
     acts -= np.einsum("bim,bip->mp", system.body_motion, momenta)
     moves = np.einsum("pi,pim->pm", seeing.wrench, seeing.motion)
-    strain = seeing.strain - seeing.apart[joints:]
+    strain = seeing.strain - seeing.openings[joints:]
     forces = [np.einsum("sip,sij,sjm->pm", strain, z, strains) for z in (network.stiffness, network.damping)]
     forces.append(-np.einsum("bip,bim->pm", seeing.release, momentum(network, system.body_motion)))
     if network.forces is not None:
@@ -145,10 +145,10 @@ def _with_released_motions(network: Network, motion: Motions, seeing: Loads) -> 
     """L with the motions on which forces in joints and sums of forces do work."""
     if not seeing.release.any():
         return motion
-    body, apart = (array[:, :, :, None, None] for array in (seeing.release, seeing.apart))
-    strained = apart[len(network.joints) :]
+    body, openings = (array[:, :, :, None, None] for array in (seeing.release, seeing.openings))
+    strained = openings[len(network.joints) :]
     viscous = None if motion.viscous is None else motion.viscous + transformed(network.damping, strained)
-    return replace(motion, body=motion.body + body, relative=motion.relative + apart,
+    return replace(motion, body=motion.body + body, relative=motion.relative + openings,
                    momentum=motion.momentum + momentum(network, body),
                    elastic=motion.elastic + transformed(network.stiffness, strained), viscous=viscous)  # fmt: skip
 
@@ -162,10 +162,10 @@ def _seeing(
         turned, inertia_only = (array[:, :, :, None, None] for array in (seeing.turned, seeing.release * ~seeing.works))
     if not seeing.strain.any():
         return fields(network, motion, *powers, load=load, side=-1, turned=turned, inertia_only=inertia_only)
-    asked = seeing.strain[:, :, :, None, None]
-    strain = motion.relative[len(network.joints) :] - asked
-    viscous = None if motion.viscous is None else motion.viscous - transformed(network.damping, asked)
-    lacking = replace(motion, elastic=motion.elastic - transformed(network.stiffness, asked), viscous=viscous)
+    of_springs = seeing.strain[:, :, :, None, None]
+    strain = motion.relative[len(network.joints) :] - of_springs
+    viscous = None if motion.viscous is None else motion.viscous - transformed(network.damping, of_springs)
+    lacking = replace(motion, elastic=motion.elastic - transformed(network.stiffness, of_springs), viscous=viscous)
     return fields(network, lacking, *powers, load=load, strain=strain, side=-1, turned=turned,
                   inertia_only=inertia_only)  # fmt: skip
 
@@ -188,8 +188,8 @@ def _move_ports(
             groups.loaded.add_point_motion(own, int(port.carrier[k]), port.point[k], slope)
         for group in groups.of_bodies("position"):
             for rows in group.rows[group.number == port.centre[k]]:
-                asked = rows >= 0
-                own[rows[asked]] += slope[asked]
+                of_springs = rows >= 0
+                own[rows[of_springs]] += slope[of_springs]
         for group in groups.by_rule:
             if group.kind == "beam":  # its nodes move
                 at = group.data[0][0] == port.centre[k]

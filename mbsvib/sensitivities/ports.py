@@ -46,9 +46,9 @@ class Loads:
     forces in joints and sums of forces, which are none of that.
 
     A force in a joint is minus the work of all others on the motion ``release`` (b, 6, p) in which the joint comes
-    apart along it, ``apart`` (j + s, 6, p) in connections and ``turned`` (j, 3, p) open; the sum of forces on bodies is
-    that of their inertia as these move alone. Inputs do work on the former, which ``works`` (p,) tells; ``ends`` (p, 2)
-    are the bodies of ports.
+    apart along it, ``openings`` (j + s, 6, p) in connections and ``turned`` (j, 3, p) open; the sum of forces on bodies
+    is that of their inertia as these move alone. Inputs do work on the former, which ``works`` (p,) tells; ``ends`` (p,
+    2) are the bodies of ports.
     """
 
     wrench: Array
@@ -62,7 +62,7 @@ class Loads:
     point: Array
     ends: Index
     release: Array
-    apart: Array
+    openings: Array
     turned: Array
     works: NDArray[np.bool_]
     excluded: tuple[int, ...] = ()
@@ -78,7 +78,7 @@ def loads(system: Equations, network: Network, which: list[int], kind: str, excl
     known = {part.name: part for part in system.provenance.ports if isinstance(part, kinds)}
     parts: list[Any] = [known[getattr(system, kind)[k]] for k in which]
     origin = system.provenance.origin
-    made = set() if origin is None or kind == "inputs" else {
+    generated = set() if origin is None or kind == "inputs" else {
         name for name, part in origin.outputs.items() if type(part) in EXPANSIONS}  # fmt: skip
     bodies = len(network.bodies)
     number = {body.name: i for i, body in enumerate(network.bodies)} | {"ground": bodies}
@@ -87,11 +87,11 @@ def loads(system: Equations, network: Network, which: list[int], kind: str, excl
     first, second = np.full(count, bodies), np.full(count, bodies)
     centre, carrier = np.full(count, -1), np.full(count, -1)
     strain, base_motion = np.zeros((len(network.springs), 6, count)), np.zeros((bodies, 6, count))
-    release, apart = np.zeros((bodies, 6, count)), np.zeros((len(network.point), 6, count))
+    release, openings = np.zeros((bodies, 6, count)), np.zeros((len(network.point), 6, count))
     turned = np.zeros((len(network.joints), 3, count))
     order, works, others = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=bool), []
     for i, part in enumerate(parts):
-        if part.name in made or i in excluded:
+        if part.name in generated or i in excluded:
             others.append(i)
         elif isinstance(part, ForceOutput):
             spring_strain = _spring(network, part)
@@ -99,7 +99,7 @@ def loads(system: Equations, network: Network, which: list[int], kind: str, excl
             if spring_strain is not None:
                 strain[spring_strain[0], :, i] = spring_strain[1]
             elif worked is not None:
-                release[:, :, i], apart[:, :, i], turned[:, :, i], works[i] = worked
+                release[:, :, i], openings[:, :, i], turned[:, :, i], works[i] = worked
             else:
                 others.append(i)
         elif isinstance(part, BaseMotion):
@@ -121,7 +121,7 @@ def loads(system: Equations, network: Network, which: list[int], kind: str, excl
                 on_bodies[body, :, i] += sign * wrench[i]
                 on_bodies[body, 3:, i] += sign * np.cross(point[i] - network.position[body], wrench[i, :3])
     return Loads(wrench, _motion(network, first, second, point), on_bodies, order, strain, base_motion, centre, carrier,
-                 point, np.stack((first, second), axis=1), release, apart, turned, works, tuple(others))  # fmt: skip
+                 point, np.stack((first, second), axis=1), release, openings, turned, works, tuple(others))  # fmt: skip
 
 
 def no_loads(network: Network, count: int) -> Loads:

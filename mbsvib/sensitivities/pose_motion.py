@@ -85,7 +85,7 @@ def balancing_motion(
 def _sizes(loaded: LoadedNetwork) -> Sizes:
     """Sizes of forces and of what they see of motions along the coordinates."""
     forces = loaded.forces
-    relative = forces.seen(loaded.motions[:, :, : loaded.dof])[1]
+    relative = forces.relative_motions(loaded.motions[:, :, : loaded.dof])[1]
     v, w = np.linalg.norm(relative[:, :3], axis=1), np.linalg.norm(relative[:, 3:], axis=1)
     f, t = (np.linalg.norm(part, axis=1)[:, None] for part in (forces.wrench[:, :3], forces.wrench[:, 3:]))
     return f, t, np.abs(forces.bend)[:, None], v, w

@@ -62,8 +62,8 @@ class MatrixDerivativeGroup:
     def symmetric(self) -> bool:
         """Whether all derivatives of K are symmetric."""
         change = np.nan_to_num(self.slopes["K"])
-        apart = np.abs(change - change.swapaxes(1, 2)).max(initial=0.0)
-        return bool(apart <= ROUNDING * np.abs(change).max(initial=0.0))
+        asymmetry = np.abs(change - change.swapaxes(1, 2)).max(initial=0.0)
+        return bool(asymmetry <= ROUNDING * np.abs(change).max(initial=0.0))
 
     def with_ports(
         self, result: Field, ports: tuple[list[int], list[int]], powers: tuple[Field, Field, Field],
@@ -153,8 +153,8 @@ def form_table(
     for rows, stride, block in forms(groups, left, right):
         into = picked(result, rows, stride)
         if into is None:
-            asked = rows >= 0
-            result[rows[asked]] = block[asked]
+            requested = rows >= 0
+            result[rows[requested]] = block[requested]
         else:
             into[:] = block
     return result

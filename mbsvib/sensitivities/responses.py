@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from mbsvib.responses.basis import Basis
     from mbsvib.sensitivities.basis import SensitivityBasis
     from mbsvib.sensitivities.parameter_groups import ParameterGroups
-    from mbsvib.sensitivities.variables import Asked
+    from mbsvib.sensitivities.variables import Requested
 
     Ports = str | Sequence[str] | None
 
@@ -87,7 +87,7 @@ PAIRED = 48
 
 
 def frequency_response_sensitivities(
-    basis: SensitivityBasis, omega: ArrayLike, parameters: Asked = None, outputs: Ports = None, inputs: Ports = None
+    basis: SensitivityBasis, omega: ArrayLike, parameters: Requested = None, outputs: Ports = None, inputs: Ports = None
 ) -> Complex:
     """Return the derivatives of the frequency response.
 

@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.forces import Forces
 
 
-def motion_slopes(forces: Forces, seen: tuple[Field, Field], side: int = 0) -> tuple[Field, Field]:
+def motion_slopes(forces: Forces, relative_motions: tuple[Field, Field], side: int = 0) -> tuple[Field, Field]:
     """Return the derivatives of H(x, y) to what forces see of one motion, for what they see of the other.
 
-    ``seen`` (n, 6, ...): what they see of the other; ``side``: 1: that is y; -1: that is x; 0: both are the same
-    motion, for which nothing antisymmetric counts. Returns (n, 6, ...): derivatives to the motions of the first body
-    and to the relative ones.
+    ``relative_motions`` (n, 6, ...): what they see of the other; ``side``: 1: that is y; -1: that is x; 0: both are the
+    same motion, for which nothing antisymmetric counts. Returns (n, 6, ...): derivatives to the motions of the first
+    body and to the relative ones.
     """
-    (first, relative), like = seen, seen[0]
+    (first, relative), like = relative_motions, relative_motions[0]
     f, t = wide(forces.wrench[:, :3], like), wide(forces.wrench[:, 3:], like)
     v, w, rv, rw = first[:, :3], first[:, 3:], relative[:, :3], relative[:, 3:]
     across = rv - wide(forces.line, like) * dot(wide(forces.line, like), rv)
@@ -56,7 +56,7 @@ def geometric_wrenches(forces: Forces, body: Field, side: int, turned: Field | N
     """Return the wrenches (bodies, 6, ...) at the centres of mass by which forces answer motions, as springs do;
     ``side`` as of ``motion_slopes``, joints ``turned`` open (joints, 3, ...): t . (turned x W) / 2 more in H.
     """
-    on_first, on_both = motion_slopes(forces, forces.seen(body), side)
+    on_first, on_both = motion_slopes(forces, forces.relative_motions(body), side)
     if turned is not None:
         joints = forces.counts[0]
         on_both[:joints, 3:] += 0.5 * cross(wide(forces.wrench[:joints, 3:], turned), turned)
@@ -104,9 +104,9 @@ def point_slopes(forces: Forces, x: tuple[Field, Field], y: tuple[Field, Field] 
     return point + stretched, -stretched
 
 
-def _levers(slopes: tuple[Field, Field], seen: tuple[Field, Field]) -> Field:
+def _levers(slopes: tuple[Field, Field], relative_motions: tuple[Field, Field]) -> Field:
     """What moving the points of forces does to slopes times motions."""
-    (on_first, on_both), (first, relative) = slopes, seen
+    (on_first, on_both), (first, relative) = slopes, relative_motions
     return np.asarray(cross(on_first[:, :3], first[:, 3:]) + cross(on_both[:, :3], relative[:, 3:]))
 
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.basis import SensitivityBasis
     from mbsvib.sensitivities.parameter_groups import ParameterGroups
     from mbsvib.sensitivities.states import StateBasis
-    from mbsvib.sensitivities.variables import Asked
+    from mbsvib.sensitivities.variables import Requested
 
 
 # Numbers that the forms of some modes may hold.
@@ -110,7 +110,7 @@ class ModeSensitivities(Displayed):
         return f"ModeSensitivities({len(self.variables)} variables, {len(self.modes)} modes)"
 
 
-def mode_sensitivities(basis: SensitivityBasis, parameters: Asked = None) -> ModeSensitivities:
+def mode_sensitivities(basis: SensitivityBasis, parameters: Requested = None) -> ModeSensitivities:
     """Return the derivatives of frequencies, damping ratios and shapes to parameters.
 
     Parameters
@@ -205,10 +205,10 @@ def _bordered(states: StateBasis, value: complex, own: Any, held: Any, forms: Co
 
 def _coinciding(values: Complex) -> list[Index]:
     """Modes whose eigenvalues coincide, together; rigid-body modes are one group."""
-    groups, seen = [], np.zeros(len(values), dtype=bool)
+    groups, grouped = [], np.zeros(len(values), dtype=bool)
     for i in range(len(values)):
-        if not seen[i]:
-            group = np.flatnonzero(~seen & (np.abs(values - values[i]) <= TOGETHER * abs(values[i])))
-            seen[group] = True
+        if not grouped[i]:
+            group = np.flatnonzero(~grouped & (np.abs(values - values[i]) <= TOGETHER * abs(values[i])))
+            grouped[group] = True
             groups.append(group)
     return groups

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from mbsvib.elements.rows import Rows
     from mbsvib.equations.equations import Equations
     from mbsvib.linalg.vectors import Field
-    from mbsvib.sensitivities.variables import Asked, Direction
+    from mbsvib.sensitivities.variables import Direction, Requested
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.modes import SomeModes
 
@@ -105,32 +105,34 @@ class ModalCoordinates:
 @dataclass(frozen=True)
 class LoopForces:
     """The way from generalized forces of all joint coordinates to forces in the rows that close loops, those of
-    redundant rows 0: a matrix (rows, coordinates) that is only multiplied with. ``kept`` are the independent rows.
+    redundant rows 0: a matrix (rows, coordinates) that is only multiplied with. ``independent`` are those that are not
+    redundant.
     """
 
     system: SparseEquations
-    kept: csr_matrix
+    independent: csr_matrix
 
     @property
     def shape(self) -> tuple[int, int]:
         """Rows that close loops, and joint coordinates."""
-        return len(self.system.constraints.names), self.kept.shape[1]
+        return len(self.system.constraints.names), self.independent.shape[1]
 
     @cached_property
     def _factor(self) -> Any:
-        rows, columns = self.kept.shape
+        rows, columns = self.independent.shape
+        entries = self.independent.tocoo()
         matrix = vstack((
-            csr_matrix((np.concatenate((np.ones(columns), self.kept.data)),
-                        (np.concatenate((np.arange(columns), self.kept.tocoo().col)),
-                         np.concatenate((np.arange(columns), columns + self.kept.tocoo().row)))),
+            csr_matrix((np.concatenate((np.ones(columns), entries.data)),
+                        (np.concatenate((np.arange(columns), entries.col)),
+                         np.concatenate((np.arange(columns), columns + entries.row)))),
                        shape=(columns, columns + rows)),
-            csr_matrix((self.kept.data, (self.kept.tocoo().row, self.kept.tocoo().col)), shape=(rows, columns + rows)),
+            csr_matrix((entries.data, (entries.row, entries.col)), shape=(rows, columns + rows)),
         ))  # fmt: skip
         return splu(csc_matrix(matrix))
 
     def __matmul__(self, forces: Field) -> Field:
         """Return the forces (rows, ...) that generalized forces (coordinates, ...) ask for."""
-        rows, columns = self.kept.shape
+        rows, columns = self.independent.shape
         flat = forces.reshape(columns, prod(forces.shape[1:]))
         parts = [flat.real, flat.imag] if flat.dtype.kind == "c" else [flat]
         right = np.concatenate([np.ascontiguousarray(part) for part in parts], axis=1)
@@ -159,7 +161,8 @@ GUARDS = 2
 
 
 def sparse_mode_sensitivities(
-    system: SparseEquations, parameters: Asked, count: int, near: float, dense: type[Equations], form: type[SomeModes]
+    system: SparseEquations, parameters: Requested, count: int, near: float, dense: type[Equations],
+    form: type[SomeModes],
 ) -> ModeSensitivities:
     """Return the derivatives of some modes of a large mechanism.
 
@@ -225,9 +228,10 @@ def places(values: Complex, known: Complex) -> Index:
 
 def _basis(system: SparseEquations, small: Equations) -> SparseSensitivityBasis:
     """The basis of a small system that knows the model, with the network of all of its parts."""
-    came = replace(small.provenance, parts=system.model.declared_parts, origin=system.model, springs=system.springs)
+    parts = system.model.declared_parts
+    provenance = replace(small.provenance, parts=parts, origin=system.model, springs=system.springs)
     ways = ModalCoordinates.of(system, small)
-    small = replace(small, provenance=came)
+    small = replace(small, provenance=provenance)
     network = assembled(small, ways)
     if not is_complete(small, network):
         raise ModelError(f"mode_sensitivities: the forces of the parts of '{system.name}' are not all that its "

@@ -70,11 +70,11 @@ class Spectrum:
         """Return groups of eigenvalues that coincide, those at 0 left out."""
         distance = np.abs(self.lead[:, None] - self.lead)
         near = distance <= TOGETHER * np.abs(self.lead)
-        groups, seen = [], np.zeros(len(self.lead), dtype=bool)
+        groups, grouped = [], np.zeros(len(self.lead), dtype=bool)
         for i in np.flatnonzero((near.sum(axis=1) > 1) & (self.lead != 0.0)):
-            if not seen[i]:
-                group = np.flatnonzero(near[i] & ~seen)
-                seen[group] = True
+            if not grouped[i]:
+                group = np.flatnonzero(near[i] & ~grouped)
+                grouped[group] = True
                 if len(group) > 1:
                     groups.append(group)
         return groups

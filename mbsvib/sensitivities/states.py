@@ -82,7 +82,7 @@ def states(basis: Basis, inputs: list[int], outputs: list[int]) -> States:
     rates = tuple(slope[outputs] @ chosen.vectors for slope in (system.Cq, system.Cv, system.Ca))
     b = np.concatenate((np.zeros_like(force[:k]), force))
     moving = _moving(rates, k)
-    c = _seen(rates, scale, k) + moving @ rows
+    c = _output_rates(rates, scale, k) + moving @ rows
     return States(a, b, c, _sum(system.D[np.ix_(outputs, inputs)], k, (moving, force)), chosen, scale, rates, force)
 
 
@@ -139,7 +139,7 @@ def changed(base: States, change: MatrixDerivatives, inputs: list[int], outputs:
     rates = tuple(slope[:, outputs] @ vectors + matrix @ theta
                   for slope, matrix in zip((change.Cq, change.Cv, change.Ca), base.rates, strict=True))  # fmt: skip
     moving, moved = _moving(base.rates, k), _moving(rates, k)
-    c = _seen(rates, base.scale, k) + moved @ base.A[k:] + moving @ rows
+    c = _output_rates(rates, base.scale, k) + moved @ base.A[k:] + moving @ rows
     d = _sum(change.D[:, outputs][:, :, inputs], k, (moved, base.force), (moving, force))
     return rows, force, c, d
 
@@ -166,7 +166,7 @@ def _rows(stiffness: Array, damping: Array, scale: Array) -> Array:
     return np.concatenate((-stiffness[..., :k] / scale, among, -stiffness[..., k:]), axis=-1)
 
 
-def _seen(rates: tuple[Array, ...], scale: Array, k: int) -> Array:
+def _output_rates(rates: tuple[Array, ...], scale: Array, k: int) -> Array:
     """What outputs see of the states themselves, (..., outputs, m + k)."""
     return np.concatenate((rates[0][..., :k] / scale, rates[1][..., :k], rates[0][..., k:]), axis=-1)
 

@@ -53,10 +53,10 @@ def superelement_motion(
 
     def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
         result: Terms = []
-        for power, seen, form, change in forms:
-            d, weight = _displacements(network, number, fields.body, seen), getattr(fields, power)
+        for power, of_motion, form, change in forms:
+            d, weight = _displacements(network, number, fields.body, of_motion), getattr(fields, power)
             result += _products(d, 0.5 * np.tensordot(change, d, axes=1) * weight)
-            result += _products(_shifted(d, seen, shift_of), np.tensordot(form, d, axes=1) * weight)
+            result += _products(_shifted(d, of_motion, shift_of), np.tensordot(form, d, axes=1) * weight)
         for k, i in linked:  # joints hand on what the nodes take
             wrench, opened = fields.wrench[k], -fields.relative[k]
             result += _products(np.cross(opened[3:], shifts[i], axisa=0, axisc=0), wrench[:3])

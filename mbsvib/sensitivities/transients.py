@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.basis import SensitivityBasis
     from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
     from mbsvib.sensitivities.states import States
-    from mbsvib.sensitivities.variables import Asked
+    from mbsvib.sensitivities.variables import Requested
 
 # Taylor's series of the exponential and of its derivative are exact to rounding for matrices of this norm.
 SMALL, TERMS = 0.5, 16
@@ -33,7 +33,7 @@ BLOCK = 4_000_000
 
 
 def time_response_sensitivities(
-    basis: SensitivityBasis, t: ArrayLike, u: ArrayLike, parameters: Asked = None, hold: str = "first",
+    basis: SensitivityBasis, t: ArrayLike, u: ArrayLike, parameters: Requested = None, hold: str = "first",
     initial: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> Array:  # fmt: skip
     """Return the derivatives of the outputs at the times ``t``.
@@ -109,10 +109,10 @@ def _steps(time: Array) -> tuple[Array, Index]:
     """Different steps, and which of them each is; stamps that differ from even ones by their rounding are even."""
     step = np.diff(time)
     order = np.argsort(step, kind="stable")
-    apart = np.diff(step[order], prepend=-np.inf) > 8.0 * EPS * np.abs(time).max(initial=0.0)
+    distinct = np.diff(step[order], prepend=-np.inf) > 8.0 * EPS * np.abs(time).max(initial=0.0)
     group = np.empty(len(step), dtype=np.intp)
-    group[order] = np.cumsum(apart) - 1
-    number = int(apart.sum())
+    group[order] = np.cumsum(distinct) - 1
+    number = int(distinct.sum())
     return np.bincount(group, step, number) / np.maximum(np.bincount(group, minlength=number), 1), group
 
 

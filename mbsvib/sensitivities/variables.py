@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.parameters import Parameter, Parameters
 
     Mask = NDArray[np.bool_]
-    Asked = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
+    Requested = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
 
 
 T = TypeVar("T")
@@ -34,7 +34,7 @@ _COLUMN: dict[tuple[int, ...], int] = {(i, j): n for n, (i, j) in enumerate(comb
 
 
 class ListedLater(Sequence[T]):
-    """A ``count`` of entries, which are listed when one is asked for."""
+    """A ``count`` of entries, which are listed when one is requested."""
 
     def __init__(self, count: int, listed: Callable[[], Sequence[T]]) -> None:
         self._count, self._listed = count, listed
@@ -213,14 +213,14 @@ class Variables:
         return flat.reshape(len(self.names), *values.shape[1:])
 
 
-def variables(known: Parameters, asked: Asked) -> Variables:
-    """Return the variables that were asked for.
+def variables(known: Parameters, requested: Requested) -> Variables:
+    """Return the variables that were requested.
 
     Parameters
     ----------
     known : Parameters
         The parameters of a model or system.
-    asked : str, iterable of str, mapping or None
+    requested : str, iterable of str, mapping or None
         Names; a pattern ties all that it picks to one variable (``"leg*.k.stiffness"``); a mapping gives each variable
         its own linear map, {variable: {name or pattern: rate}}. None: every parameter.
 
@@ -234,17 +234,17 @@ def variables(known: Parameters, asked: Asked) -> Variables:
     ModelError
         If a name is unknown, a pattern picks nothing, or a rate is no number.
     """
-    if asked is None:
+    if requested is None:
         layout = FieldLayout.of(known.parts.values())
         numbers = np.arange(sum(layout.width))
         count = len(numbers)
         return Variables(ListedLater(count, lambda: tuple(known)), ListedLater(count, lambda: known.entries),
                          known.parts, numbers, numbers, np.ones(count), every=layout)  # fmt: skip
-    if not isinstance(asked, (str, Iterable)):
-        raise ModelError(f"sensitivities: parameters = {asked!r}; expected names, patterns, or a mapping of variables "
-                         f"to {{parameter: rate}}.", element="parameters")  # fmt: skip
-    names = [asked] if isinstance(asked, str) else list(asked)
-    maps = asked if isinstance(asked, Mapping) else {name: {name: 1.0} for name in names}
+    if not isinstance(requested, (str, Iterable)):
+        raise ModelError(f"sensitivities: parameters = {requested!r}; expected names, patterns, or a mapping of "
+                         f"variables to {{parameter: rate}}.", element="parameters")  # fmt: skip
+    names = [requested] if isinstance(requested, str) else list(requested)
+    maps = requested if isinstance(requested, Mapping) else {name: {name: 1.0} for name in names}
     number_of: dict[str, int] = {}
     terms: list[tuple[int, int, float]] = []
     for i, name in enumerate(names):

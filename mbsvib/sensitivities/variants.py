@@ -102,11 +102,11 @@ class Variants:
     @cached_property
     def unreduced(self) -> Equations | None:
         """The system that ``reachable`` took this one out of; None where this one is whole."""
-        own, came = self.system, self.system.provenance
-        if came.removed is None:
+        own, provenance = self.system, self.system.provenance
+        if provenance.removed is None:
             return None
-        independent = (*own.coordinates, *came.removed.names)
-        if not came.moved_to_equilibrium:
+        independent = (*own.coordinates, *provenance.removed.names)
+        if not provenance.moved_to_equilibrium:
             return linearized(self._model, independent, self._cut)
         unreduced: Equations | SparseEquations = at_equilibrium(self._model, independent, self._cut, "dense")[1]
         assert isinstance(unreduced, Equations)
@@ -149,13 +149,13 @@ class Variants:
 
     @cached_property
     def _model(self) -> Mechanism:
-        came = self.system.provenance
-        if came.origin is None:
+        provenance = self.system.provenance
+        if provenance.origin is None:
             raise ModelError(
                 f"sensitivities of '{self.system.name}': it is no system as model.linearize() returns it, so that "
                 f"nothing tells what all of its parameters do; ask that one.", element=self.system.name,
             )  # fmt: skip
-        return came.origin
+        return provenance.origin
 
     @cached_property
     def _cut(self) -> tuple[str, ...]:
@@ -166,8 +166,8 @@ class Variants:
     @cached_property
     def _poses(self) -> VariantPoses | None:
         """The poses next to that of the system; None where no parameter moves it, or each variant finds its own."""
-        came = self.system.provenance
-        if came.moved_to_equilibrium or not may_move(self.system):
+        provenance = self.system.provenance
+        if provenance.moved_to_equilibrium or not may_move(self.system):
             return None
         return VariantPoses.of(self._model, self._cut)
 
@@ -243,11 +243,11 @@ class Variants:
 
     def _matrices(self, model: Mechanism) -> Array:
         """All matrices of a variant in its own pose."""
-        own, came = self.system, self.system.provenance
+        own, provenance = self.system, self.system.provenance
         variant: Equations | SparseEquations
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            if came.moved_to_equilibrium:
+            if provenance.moved_to_equilibrium:
                 _, variant = at_equilibrium(model, independent=own.coordinates, cut=self._cut, method="dense")
             else:
                 plain = expanded(model)
@@ -260,7 +260,7 @@ class Variants:
                     raise
         assert isinstance(variant, Equations)
         if variant.coordinates != own.coordinates or not np.array_equal(
-            variant.provenance.reduction.independent, came.reduction.independent
+            variant.provenance.reduction.independent, provenance.reduction.independent
         ):
             raise _OtherMobility
         return np.concatenate([getattr(variant, key).reshape(-1) for key in MATRICES])

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.elements.beam_sag import SAG, sag_message
-from mbsvib.equilibrium.linear_range import APART, TURNED
+from mbsvib.equilibrium.linear_range import MOVES, TURNED
 from mbsvib.errors import LargeDisplacementWarning
 
 if TYPE_CHECKING:
@@ -62,4 +62,4 @@ def _held_apart(run: Trace, name: str) -> bool:
     held = np.concatenate((start.chart.select, start.chart.rows @ np.asarray(loops.equations.closures(q, bases)[1])))
     motions = np.linalg.solve(held, np.eye(len(q))[:, : len(start.chart.select)])
     change = np.asarray(slope(q, bases)) @ motions
-    return not bool((np.abs(change) > APART * loops.coordinate_scale[start.chart.independent]).any())
+    return not bool((np.abs(change) > MOVES * loops.coordinate_scale[start.chart.independent]).any())

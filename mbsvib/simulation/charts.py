@@ -140,8 +140,8 @@ def chart_at(loops: Loops, q: Array, bases: Array) -> Chart:
     independent = np.setdiff1d(np.arange(n), dependent)
     ratio = 1.0
     if rank:
-        kept = left @ jacobian
-        ratio = float(np.abs(np.linalg.solve(kept[:, dependent], kept[:, independent])).max(initial=1.0))
+        closures = left @ jacobian
+        ratio = float(np.abs(np.linalg.solve(closures[:, dependent], closures[:, independent])).max(initial=1.0))
     return Chart(independent, dependent, np.eye(n)[independent], rows, bases, ratio / WORN)
 
 
@@ -168,7 +168,7 @@ def wear(loops: Loops, chart: Chart, q: Array) -> tuple[float, float]:
     if not rank:
         return 1.0, 1.0
     jacobian = loops.scaled(q, chart.bases)[1]
-    kept = (chart.rows / loops.row_scale) @ jacobian
-    values = np.linalg.svd(kept, compute_uv=False)
-    own = np.linalg.svd(kept[:, chart.dependent], compute_uv=False)
+    closures = (chart.rows / loops.row_scale) @ jacobian
+    values = np.linalg.svd(closures, compute_uv=False)
+    own = np.linalg.svd(closures[:, chart.dependent], compute_uv=False)
     return float(own[-1] / max(values[-1], 1e-300)), float(values[-1] / values[0])

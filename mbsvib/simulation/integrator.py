@@ -106,7 +106,7 @@ class Integrator:
         x = ca.MX.sym("x", eq.n + eq.dof + eq.yields)
         rows = eq.closures.size1_out(0)
         length, own, limit = ca.MX.sym("h"), ca.MX.sym("s", eq.dof), ca.MX.sym("l")
-        select, kept = ca.MX.sym("Y", eq.dof, eq.n), ca.MX.sym("W", eq.rank, rows)
+        select, closures = ca.MX.sym("Y", eq.dof, eq.n), ca.MX.sym("W", eq.rank, rows)
         bases, t = ca.MX.sym("b", eq.closures.size1_in(1)), ca.MX.sym("t")
         held = ca.MX.sym("u", 2 + len(eq.inputs) * (self.degree + 1))
         share = (t - held[0]) / held[1]
@@ -114,9 +114,10 @@ class Integrator:
         u = ca.reshape(held[2:], self.degree + 1, len(eq.inputs)).T @ powers
         scale = ca.DM(self.scale)
         q, v, y = x[: eq.n] * scale, x[eq.n : eq.n + eq.dof] * own, x[eq.n + eq.dof :]
-        qd, vd, yd, powers_taken = (eq.smooth_flow if self.stiff else eq.flow)(q, v, y, select, kept, bases, u, limit)
+        flow = eq.smooth_flow if self.stiff else eq.flow
+        qd, vd, yd, powers_taken = flow(q, v, y, select, closures, bases, u, limit)
         ode = length * ca.vertcat(qd / scale, vd / own, yd)
-        p = ca.vertcat(length, limit, own, ca.vec(select), ca.vec(kept), bases)
+        p = ca.vertcat(length, limit, own, ca.vec(select), ca.vec(closures), bases)
         options: dict[str, Any] = STRONGLY_DAMPED if self.stiff else SMOOTH
         dae = {"x": x, "p": p, "u": held, "t": t, "ode": ode, "quad": length * powers_taken}
         return ca.integrator("run", "cvodes", dae, 0.0, shares.tolist(), {

@@ -70,10 +70,10 @@ def linear_range(system: Equations, modes: Modes, share: float) -> tuple[Array, 
     scale = np.where(statement.motion.turns, 1.0, size_of(model))
     values, travel = (np.full((len(modes), len(system.outputs)), np.nan) for _ in range(2))
     columns = [outputs.names.index(name) for name in system.outputs if name in outputs.names]
-    kept = [i for i, name in enumerate(system.outputs) if name in outputs.names]
+    selected = [i for i, name in enumerate(system.outputs) if name in outputs.names]
     for k in range(len(modes)):
         reached, moved = _of_mode(parts, modes.shapes[:, k], modes.pairs[k, 0], scale, share)
-        values[k, kept], travel[k, kept] = reached[columns], moved[columns]
+        values[k, selected], travel[k, selected] = reached[columns], moved[columns]
     return values, travel
 
 

@@ -90,7 +90,7 @@ def rounding(system: SparseEquations) -> float:
     float
         The relative error.
     """
-    smallest_pivot = min((group.kept for group in system.constraints.groups), default=1.0)
+    smallest_pivot = min((group.retained for group in system.constraints.groups), default=1.0)
     path = ACCUMULATE * float(np.sqrt(system.structure.depth.max(initial=1)))
     return EPS * (1.0 + path + (1.0 / smallest_pivot if smallest_pivot < WELL_CLOSED else 0.0))
 

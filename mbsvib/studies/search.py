@@ -62,12 +62,12 @@ class Search:
         self._point: tuple[Array, DesignPoint] | None = None
         self._value: Value | None = None
         self.observed = dict(observed or {})
-        asked = (objective, *(c.quantity for c in constraints))
-        items = [item for part in (*asked, *self.observed.values()) for item in part.inner()]
+        requested = (objective, *(c.quantity for c in constraints))
+        items = [item for part in (*requested, *self.observed.values()) for item in part.inner()]
         self._follows = any(isinstance(item, Modal) for item in items)
         self.largest = tuple(dict.fromkeys(
-            item for part in asked for item in part.inner() if isinstance(item, Largest)))  # fmt: skip
-        self.needs_equations = any(part.needs_equations for part in (*asked, *self.observed.values()))
+            item for part in requested for item in part.inner() if isinstance(item, Largest)))  # fmt: skip
+        self.needs_equations = any(part.needs_equations for part in (*requested, *self.observed.values()))
         start = self.point(np.zeros(len(scales.start)))
         if self.needs_equations:
             check_variables(start.system, start.rates)

@@ -222,23 +222,23 @@ def _front(
 ) -> TradeOff:  # fmt: skip
     """The designs that are optimal, not dominated and not the same."""
     good = np.array([optimum.success for _, optimum in ends])
-    kept: list[int] = []
+    retained: list[int] = []
     dominated = same = 0
     scaled = (rows - ideal) / span
     for i in np.flatnonzero(good):
         others = np.delete(scaled[good], np.flatnonzero(good) == i, axis=0) - scaled[i]
         if ((others <= SAME).all(axis=1) & (others < -SAME).any(axis=1)).any():
             dominated += 1
-        elif any(np.abs(scaled[i] - scaled[k]).max() <= SAME for k in kept):
+        elif any(np.abs(scaled[i] - scaled[k]).max() <= SAME for k in retained):
             same += 1
         else:
-            kept.append(int(i))
-    if not kept:
+            retained.append(int(i))
+    if not retained:
         raise ModelError(f"trade_off: no search of {len(ends) + failed} ends in an optimum, the first: "
                          f"{ends[0][1].message}; give a better start or other bounds.", field="variables")  # fmt: skip
-    kept.sort(key=lambda i: tuple(rows[i]))
-    optima = tuple(ends[i][1] for i in kept)
-    table, weights = rows[kept].T, np.array([ends[i][0] for i in kept])
+    retained.sort(key=lambda i: tuple(rows[i]))
+    optima = tuple(ends[i][1] for i in retained)
+    table, weights = rows[retained].T, np.array([ends[i][0] for i in retained])
     variables = {name: np.array([optimum.values[name] for optimum in optima]) for name in optima[0].values}
     for array in (table, weights, *variables.values()):
         array.setflags(write=False)

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import minimize_scalar
 
 import mbsvib as mv
-from mbsvib.responses.frequency_grid import APART, CLOSEST, SHARE, roots
+from mbsvib.responses.frequency_grid import CLOSEST, EXCLUDED, SHARE, roots
 from tests.modes.test_modes import oscillator
 from tests.support.sizes import few
 from tests.support.sliding_chain import sliding_chain
@@ -96,7 +96,7 @@ def test_undamped_roots_are_approached_and_not_hit():
         distance = np.abs(w / abs(root) - 1)
         assert distance.min() < 1.01 * CLOSEST
     for pole in system.poles():
-        assert np.abs(w / abs(pole) - 1).min() > APART
+        assert np.abs(w / abs(pole) - 1).min() > EXCLUDED
     within = SHARE * 1.05
     gap = np.diff(w)
     for root in roots(system.basis, None, None):

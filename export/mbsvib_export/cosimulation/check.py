@@ -230,7 +230,7 @@ def _check(
         if not worst and len(relative):
             worst = signals[int(relative.argmax())].name
         if divisor == 1 and work:
-            energy = _made(rows, forces, loop, units, work, e)
+            energy = _generated_energy(rows, forces, loop, units, work, e)
     largest = largest_stable_step(make, method, h, growth)
     return MasterCheck(method, tuple(steps), tuple(errors), worst, difference, first, stable, largest, energy)
 
@@ -267,7 +267,7 @@ def _relative(actual: Array, truth: Array, scale: Array, groups: list[str]) -> A
     return np.asarray(np.abs(actual - truth).max(axis=0) / np.where(size > 0, size, 1.0))
 
 
-def _made(
+def _generated_energy(
     rows: Array, forces: Array, loop: Loop, units: list[UnitFile], work: list[tuple[int, int]], e: Array
 ) -> float:
     """Energy error of the coupling: work of the plant's inputs minus work of the controller's outputs."""
