@@ -169,9 +169,9 @@ class _Scene:
                 if any(part):
                     name = f"{port.name}.{kind}{'' if sign > 0.0 else '.reaction'}"
                     along = sign * np.array(part)
-                    words: dict[str, Any] = {"loadVector": along * signal} if not callable(signal) else {
+                    kwargs: dict[str, Any] = {"loadVector": along * signal} if not callable(signal) else {
                         "loadVector": along, "loadVectorUserFunction": _varying(signal)}  # fmt: skip
-                    self.mbs.AddLoad(self.loads[kind](name=name, markerNumber=self.marker(body, point), **words))
+                    self.mbs.AddLoad(self.loads[kind](name=name, markerNumber=self.marker(body, point), **kwargs))
 
     def add_output(self, port: Output) -> None:
         """Add a sensor of a component of the motion of a body against another."""

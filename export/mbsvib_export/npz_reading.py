@@ -22,7 +22,7 @@ _HEADER = re.compile(rb"\{'descr': '([<>=|]?(?:[iu][1248]|f[248]|U[0-9]{1,9}))',
                      rb"'shape': \(([0-9]{0,18}(?:, ?[0-9]{1,18})*,?)\),? ?\}\s*")  # fmt: skip
 
 
-def arrays_in(content: bytes, wanted: Collection[str]) -> dict[str, Any]:
+def arrays_in(content: bytes, requested: Collection[str]) -> dict[str, Any]:
     """Return arrays of a .npz file by their names.
 
     Parameters
@@ -43,7 +43,7 @@ def arrays_in(content: bytes, wanted: Collection[str]) -> dict[str, Any]:
         If it is no archive of arrays, or a damaged one.
     """
     with archive_of(content) as archive:
-        taken = [entry for entry in archive.infolist() if entry.filename.removesuffix(_SUFFIX) in wanted]
+        taken = [entry for entry in archive.infolist() if entry.filename.removesuffix(_SUFFIX) in requested]
         packed = sum(entry.file_size for entry in taken if entry.compress_type != zipfile.ZIP_STORED)
         if packed > LARGEST_UNPACKED:
             raise ContentError(f"arrays that unpack to {packed / 1e9:.3g} GB; expected {LARGEST_UNPACKED / 1e9:g} GB "

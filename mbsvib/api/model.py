@@ -109,8 +109,8 @@ class Model(
         """
         from mbsvib.api.linearize import linearize
 
-        words: dict[str, Any] = {"independent": independent, "cut": cut, "values": values, "method": method}
-        result: System | Batch | SparseSystem = linearize(self, **words)
+        kwargs: dict[str, Any] = {"independent": independent, "cut": cut, "values": values, "method": method}
+        result: System | Batch | SparseSystem = linearize(self, **kwargs)
         return result
 
     def replace(self, element: str, /, **changes: Any) -> Self:
@@ -141,15 +141,15 @@ class Model(
         result = type(self)(self.name, self.gravity)
         for part in parts:
             add = getattr(result, ADDERS[type(part)])
-            words = part.constructor_kwargs()
+            kwargs = part.constructor_kwargs()
             if part.name == element:
                 allowed = signature(add).parameters
                 for word in changes:
                     if word not in allowed:
                         raise ModelError(f"replace: '{element}' has no '{word}'.{nearest(word, allowed)} It has "
                                          f"{', '.join(allowed)}.", element=element, field=word)  # fmt: skip
-                words |= changes
-            add(**words)
+                kwargs |= changes
+            add(**kwargs)
         return result
 
     def _repr_html_(self) -> str:

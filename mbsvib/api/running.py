@@ -205,18 +205,18 @@ class Running(Mechanism):
 
         Source: H. Chaudhary, S. K. Saha, "Dynamics and Balancing of Multibody Systems" (2009), chapters 3 to 6.
         """
-        words = {"drive": drive, "angles": angles, "speed": speed, "motion": motion, "about": about}
-        return cycle_of(self, words)
+        kwargs = {"drive": drive, "angles": angles, "speed": speed, "motion": motion, "about": about}
+        return cycle_of(self, kwargs)
 
 
-def cycle_of(model: Mechanism, words: Mapping[str, Any], like: Machine | None = None) -> Cycle:
+def cycle_of(model: Mechanism, kwargs: Mapping[str, Any], like: Machine | None = None) -> Cycle:
     """Return the cycle of a model.
 
     Parameters
     ----------
     model : Mechanism
         The machine.
-    words : mapping
+    kwargs : mapping
         The arguments of ``Model.cycle``.
     like : Machine, optional
         A machine that differs by values of symbols only: its equations are used, and its motion if it is the same.
@@ -235,17 +235,17 @@ def cycle_of(model: Mechanism, words: Mapping[str, Any], like: Machine | None = 
     from mbsvib.cycles.inverse_dynamics import inverse_dynamics
     from mbsvib.cycles.machine import machine
 
-    return inverse_dynamics(machine(model, **words, like=like), Cycle)
+    return inverse_dynamics(machine(model, **kwargs, like=like), Cycle)
 
 
-def compiled_for(model: Mechanism, words: Mapping[str, Any], parameters: tuple[str, ...]) -> Machine:
+def compiled_for(model: Mechanism, kwargs: Mapping[str, Any], parameters: tuple[str, ...]) -> Machine:
     """Return a machine in motion whose equations have some of its numbers as symbols.
 
     Parameters
     ----------
     model : Mechanism
         The machine.
-    words : mapping
+    kwargs : mapping
         The arguments of ``Model.cycle``.
     parameters : tuple of str
         Names of parameters.
@@ -263,7 +263,7 @@ def compiled_for(model: Mechanism, words: Mapping[str, Any], parameters: tuple[s
     _check_casadi()
     from mbsvib.cycles.machine import machine
 
-    running_machine = machine(model, **words)
+    running_machine = machine(model, **kwargs)
     return replace(running_machine, compiled=running_machine.with_symbols(parameters))
 
 

@@ -44,8 +44,8 @@ def path(
 ) -> None:
     """Follow the equilibria while a joint coordinate is led along values, with their stability."""
     check_format(file)
-    coordinate, wanted = range_of(values, "COORDINATE", "elbow.rz=0:1.2:25")
-    result = model_of(model).path(coordinate, wanted, switch)
+    coordinate, requested = range_of(values, "COORDINATE", "elbow.rz=0:1.2:25")
+    result = model_of(model).path(coordinate, requested, switch)
     if as_json:
         shell.say_json({
             "coordinate": coordinate, "unit": result.unit, "values": result.values.tolist(),

@@ -98,17 +98,17 @@ def read_dmig_cards(raw: bytes) -> Cards:
 def _read_line(reading: _Reading, line: str) -> None:
     if not line.strip():
         return
-    card, words = _fields(line)
+    card, fields = _fields(line)
     if card == "DMIG":
         reading.listing = False
-        _begin(reading, words)
+        _begin(reading, fields)
     elif card == "SPOINT":
         reading.name, reading.listing = "", True
-        _add_points(reading, words)
+        _add_points(reading, fields)
     elif card in ("", "+", "*") and reading.listing:
-        _add_points(reading, words)
+        _add_points(reading, fields)
     elif card in ("", "+", "*") and reading.name:
-        _add_entries(reading, words)
+        _add_entries(reading, fields)
     elif card not in ("", "+", "*"):
         reading.name, reading.listing = "", False
 
@@ -116,9 +116,9 @@ def _read_line(reading: _Reading, line: str) -> None:
 def _fields(line: str) -> tuple[str, list[str]]:
     """Name of the card without its star, and its fields; a continuation is named + or *, or not at all."""
     if "," in line:
-        words = [word.strip() for word in line.upper().split(",")]
-        card = words[0]
-        return (card[:1] if card[:1] in ("+", "*") else card.rstrip("*")), [*words[1:9], *[""] * (9 - len(words))]
+        fields = [word.strip() for word in line.upper().split(",")]
+        card = fields[0]
+        return (card[:1] if card[:1] in ("+", "*") else card.rstrip("*")), [*fields[1:9], *[""] * (9 - len(fields))]
     line = line.expandtabs(8)
     card = line[:8].strip().upper()
     width = 16 if "*" in card else 8
@@ -127,41 +127,41 @@ def _fields(line: str) -> tuple[str, list[str]]:
     return name, [text[i : i + width].strip() for i in range(0, 64, width)]
 
 
-def _begin(reading: _Reading, words: list[str]) -> None:
+def _begin(reading: _Reading, fields: list[str]) -> None:
     """A header has 0 in the place of its column; other cards begin a column."""
-    name = words[0]
-    if words[1] in ("", "0"):
+    name = fields[0]
+    if fields[1] in ("", "0"):
         reading.name = ""
-        if words[2] not in (SQUARE, SYMMETRIC):
+        if fields[2] not in (SQUARE, SYMMETRIC):
             raise ValueError("only square and symmetric matrices are read")
-        if words[3] not in _REAL_TYPES:
+        if fields[3] not in _REAL_TYPES:
             raise ValueError("only real matrices are read")
         if name in reading.matrices:
             raise ValueError(f"the matrix {name} is there twice")
-        reading.matrices[name] = _Matrix(words[2] == SYMMETRIC)
+        reading.matrices[name] = _Matrix(fields[2] == SYMMETRIC)
         return
     if name not in reading.matrices:
         raise ValueError(f"there is no header of the matrix {name} before its columns")
-    reading.name, reading.column = name, _label(words[1], words[2])
-    if len(words) > 4:
-        _add_entries(reading, words[4:])
+    reading.name, reading.column = name, _label(fields[1], fields[2])
+    if len(fields) > 4:
+        _add_entries(reading, fields[4:])
 
 
-def _add_entries(reading: _Reading, words: list[str]) -> None:
+def _add_entries(reading: _Reading, fields: list[str]) -> None:
     matrix = reading.matrices[reading.name]
-    for i in range(0, len(words) - 2, 4):
-        if not words[i]:
+    for i in range(0, len(fields) - 2, 4):
+        if not fields[i]:
             continue
-        row = _label(words[i], words[i + 1])
+        row = _label(fields[i], fields[i + 1])
         if (row, reading.column) in matrix.entries or (
             matrix.is_symmetric and (reading.column, row) in matrix.entries
         ):
             raise ValueError(f"the entry of {row} and {reading.column} is there twice")
-        matrix.entries[row, reading.column] = nastran_real(words[i + 2])
+        matrix.entries[row, reading.column] = nastran_real(fields[i + 2])
 
 
-def _add_points(reading: _Reading, words: list[str]) -> None:
-    numbers = [word for word in words if word]
+def _add_points(reading: _Reading, fields: list[str]) -> None:
+    numbers = [word for word in fields if word]
     if len(numbers) == 3 and numbers[1] == "THRU":
         first, last = nastran_integer(numbers[0]), nastran_integer(numbers[2])
         if not 0 < first <= last <= _MOST_POINTS:

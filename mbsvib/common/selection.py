@@ -18,7 +18,7 @@ PATTERN = frozenset("*?[")  # a name with one of these that is no name of a sign
 
 
 def selected(
-    wanted: Any, known: Sequence[str], what: str, owner: str, others: Sequence[str] = ()
+    requested: Any, known: Sequence[str], what: str, owner: str, others: Sequence[str] = ()
 ) -> list[int]:
     """Return the numbers of the signals that are named, each once, in the order of the names.
 
@@ -46,9 +46,9 @@ def selected(
     ResponseError
         If a name is unknown, a pattern picks nothing, or a number is given; the nearest name is suggested.
     """
-    if wanted is None or (isinstance(wanted, slice) and wanted == slice(None)):
+    if requested is None or (isinstance(requested, slice) and requested == slice(None)):
         return list(range(len(known)))
-    several = [wanted] if isinstance(wanted, str) or hasattr(wanted, "name") else wanted
+    several = [requested] if isinstance(requested, str) or hasattr(requested, "name") else requested
     result: dict[int, None] = {}
     for name in _listed(several, what, owner):
         hits = [i for i, signal in enumerate(known) if signal == name]

@@ -143,9 +143,10 @@ def equilibrium_path(model: M, coordinate: str, values: ArrayLike, switch: int =
         If a value is not reached.
     """
     coordinate = str(coordinate)
-    wanted = np.atleast_1d(reals(values, "path", "values", "values of the coordinate [m, rad]")) + 0.0  # no -0
-    if wanted.ndim != 1 or not len(wanted) or not np.isfinite(wanted).all():
-        raise ModelError(f"path: values have shape {wanted.shape}; expected one or more finite values.", field="values")
+    requested = np.atleast_1d(reals(values, "path", "values", "values of the coordinate [m, rad]")) + 0.0  # no -0
+    if requested.ndim != 1 or not len(requested) or not np.isfinite(requested).all():
+        raise ModelError(f"path: values have shape {requested.shape}; expected one or more finite values.",
+                         field="values")  # fmt: skip
     if switch not in (-1, 0, 1):
         raise ModelError(f"path: switch = {switch!r}; expected 1 or -1, or 0 to stay on the path.", field="switch")
     articulated_model = static_model(articulated(model))
@@ -153,14 +154,14 @@ def equilibrium_path(model: M, coordinate: str, values: ArrayLike, switch: int =
     _check(model, coordinate, first.coordinates.names)
     state = started(first, coordinate)
     along, states, points, curve = state.direction, [], [], [state]
-    for k, value in enumerate(wanted.tolist()):
+    for k, value in enumerate(requested.tolist()):
         state, along, way, switch = led_to(state, along, value, switch)
         states.append(state)
         points += [_point(model, k, passed) for passed in way if passed.kind]
         curve += [*(passed.state for passed in way), state]
     turns = coordinate.rpartition(".")[2].startswith("r")
     return EquilibriumPath(
-        coordinate, "rad" if turns else "m", wanted, np.array([_force(state) for state in states]),
+        coordinate, "rad" if turns else "m", requested, np.array([_force(state) for state in states]),
         tuple(_held_model(model, state) for state in states),
         np.array([bool((state.stiffness_held > 0.0).all()) for state in states]), tuple(points),
         np.array([(state.value, _force(state)) for state in curve]),

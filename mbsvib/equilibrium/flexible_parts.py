@@ -111,14 +111,14 @@ def _superelement(part: Superelement, bodies: list[str], pose: Pose) -> Part:
 
 def _rigid_words(part: Beam, root: str, pose: Pose) -> dict[str, Any]:
     """Arguments of a beam that moves as a rigid body."""
-    words = part.constructor_kwargs()
+    kwargs = part.constructor_kwargs()
     for key in ("start", "end"):
-        if words.get(key) is not None:
-            words[key] = pose.point(root, words[key])
-    if words.get("nodes") is not None:
-        words["nodes"] = [pose.point(root, point) for point in words["nodes"]]
-    if words.get("axis") is not None:
-        words["axis"] = pose.rotated(root, words["axis"])
+        if kwargs.get(key) is not None:
+            kwargs[key] = pose.point(root, kwargs[key])
+    if kwargs.get("nodes") is not None:
+        kwargs["nodes"] = [pose.point(root, point) for point in kwargs["nodes"]]
+    if kwargs.get("axis") is not None:
+        kwargs["axis"] = pose.rotated(root, kwargs["axis"])
     sideways = part.y_axes() @ pose.rotations[pose.number[root]].T
-    words["y_axis"] = sideways[0] if np.abs(part.y_axes() - part.y_axes()[0]).max() == 0.0 else sideways
-    return words
+    kwargs["y_axis"] = sideways[0] if np.abs(part.y_axes() - part.y_axes()[0]).max() == 0.0 else sideways
+    return kwargs

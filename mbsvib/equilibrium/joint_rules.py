@@ -118,9 +118,10 @@ def _halfway(joints: Joints, pose: Pose) -> Array:
 
 def _bent(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
     first, second = pose.rotations[joints.first], pose.rotations[joints.second]
-    bend = logarithm(first.swapaxes(-1, -2) @ second)
-    angle = np.sqrt((bend * bend).sum(axis=-1))
-    return gap, np.sinc(0.5 * angle / np.pi)[:, None] * np.einsum("kij,kj->ki", _halfway(joints, pose), bend)
+    relative_rotation = logarithm(first.swapaxes(-1, -2) @ second)
+    angle = np.sqrt((relative_rotation * relative_rotation).sum(axis=-1))
+    chord = np.sinc(0.5 * angle / np.pi)[:, None] * relative_rotation
+    return gap, np.einsum("kij,kj->ki", _halfway(joints, pose), chord)
 
 
 def _along_rod(joints: Joints, pose: Pose) -> Array:

@@ -57,9 +57,9 @@ def eigen(a: Array, rate: float | None = None) -> tuple[Complex, Array]:
         if todo[k]:
             same = np.flatnonzero(todo & (np.abs(values - values[k]) <= ALIKE * np.abs(values[k])))
             v, w = right[:, same], left[:, same]
-            gram = w.conj().T @ v
-            gram /= np.abs(gram).max() or 1.0  # as small as the coupling of chains; the columns are normalized below
-            projection = np.abs(np.einsum("ij,ji->i", v, np.linalg.pinv(gram) @ w.conj().T))
+            products = w.conj().T @ v
+            products /= np.abs(products).max() or 1.0  # it is as small as the coupling of chains
+            projection = np.abs(np.einsum("ij,ji->i", v, np.linalg.pinv(products) @ w.conj().T))
             share[:, same] = (projection / (projection.sum() or 1.0))[:, None]
             todo[same] = False
     return values, share

@@ -225,8 +225,8 @@ def coupled_in_tree(model: Mechanism) -> tuple[str, ...]:
     ModelError
         If all joints of a loop are coupled, or a coupled coordinate is a component of a rotation vector.
     """
-    wanted = {name.rpartition(".")[0]: part.name for part in model.couplers.values() for name, _ in part.terms}
-    for name, coupler in wanted.items():
+    requested = {name.rpartition(".")[0]: part.name for part in model.couplers.values() for name, _ in part.terms}
+    for name, coupler in requested.items():
         joint = model.joints[name]
         if sum(d[0] == "r" for d, _ in joint.freedom) == 3 or joint.kind == "homokinetic":
             raise ModelError(
@@ -235,17 +235,17 @@ def coupled_in_tree(model: Mechanism) -> tuple[str, ...]:
                 element=coupler, field="coefficients",
             )  # fmt: skip
     cut: list[str] = []
-    for _ in wanted:
+    for _ in requested:
         topology = span(model, cut)
-        missing = [topology.joints[k] for k in topology.cut if topology.joints[k].name in wanted]
+        missing = [topology.joints[k] for k in topology.cut if topology.joints[k].name in requested]
         if not missing:
             break
         name = missing[0].name
-        loop = [other for other in _loop(topology, missing[0]) if other not in wanted]
+        loop = [other for other in _loop(topology, missing[0]) if other not in requested]
         if not loop:
             raise ModelError(
-                f"coupler '{wanted[name]}': all joints of the loop that '{name}' closes are coupled; leave one out.",
-                element=wanted[name], field="coefficients",
+                f"coupler '{requested[name]}': all joints of the loop that '{name}' closes are coupled; leave one out.",
+                element=requested[name], field="coefficients",
             )  # fmt: skip
         cut.append(max(loop, key=lambda other: len(model.joints[other].freedom)))
     return tuple(cut)

@@ -70,14 +70,14 @@ def active_legs(model: Model, legs: Sequence[str] | None) -> tuple[ActiveLeg, ..
     bushings = [name for name, part in model.springs.items() if isinstance(part, Bushing)]
     known = [*lines, *slides, *(f"{name}.{axis}" for name in bushings for axis in AXES)]
     if legs is None:
-        wanted = lines or [name for name in slides if model.joints[name].kind == "prismatic"]
+        requested = lines or [name for name in slides if model.joints[name].kind == "prismatic"]
     else:
-        wanted = [hit for name in names(legs, "actuated", "legs", ModelError) for hit in _hits(model, name, known)]
-    if not wanted and not (legs is not None and model.inputs and model.outputs):
+        requested = [hit for name in names(legs, "actuated", "legs", ModelError) for hit in _hits(model, name, known)]
+    if not requested and not (legs is not None and model.inputs and model.outputs):
         raise ModelError(f"active: model '{model.name}' has no line spring beside which an actuator could act, and no "
                          f"prismatic joint; add legs by add_spring, name directions of bushings (legs=['mount.z']), or "
                          f"give the model inputs and outputs of its own and say legs=[].", field="legs")  # fmt: skip
-    return tuple([_leg(model, name) for name in dict.fromkeys(wanted)])
+    return tuple([_leg(model, name) for name in dict.fromkeys(requested)])
 
 
 def _hits(model: Model, name: str, known: list[str]) -> list[str]:

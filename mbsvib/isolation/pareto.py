@@ -50,7 +50,7 @@ class Front(Displayed):
 
 def front(
     designed: Callable[[Constraint, Mapping[str, Any]], Design], labels: tuple[str, str], against: Quantity,
-    bounds: Sequence[float], words: Mapping[str, Any],
+    bounds: Sequence[float], kwargs: Mapping[str, Any],
 ) -> Front:  # fmt: skip
     """Return the front: one search for each bound, starting at the previous result.
 
@@ -64,7 +64,7 @@ def front(
         The bounded quantity; one number.
     bounds : sequence of float
         Largest values of it.
-    words : mapping
+    kwargs : mapping
         Other arguments of ``studies.optimize``.
 
     Returns
@@ -80,7 +80,7 @@ def front(
     limits = np.asarray(bounds, dtype=float)
     if limits.ndim != 1 or not len(limits) or not np.isfinite(limits).all():
         raise check.refuse("front", "bounds", bounds, "one or more finite numbers")
-    options = dict(words)
+    options = dict(kwargs)
     designs: list[Design] = []
     price = []
     for bound in limits.tolist():

@@ -218,7 +218,7 @@ class Passive(Displayed):
         return figures(self.scene, self.scene.system)
 
     def optimize(
-        self, variables: Bounds, objective: Quantity, constraints: Constraint | Iterable[Constraint] = (), **words: Any
+        self, variables: Bounds, objective: Quantity, constraints: Constraint | Iterable[Constraint] = (), **kwargs: Any
     ) -> Design:
         """Return the mechanism at which a quantity is smallest.
 
@@ -230,7 +230,7 @@ class Passive(Displayed):
             What is to be small: ``peak``, ``rms``, ...
         constraints : Constraint or iterable of Constraint
             What has to hold: ``stroke(...) <= 1e-3``.
-        **words
+        **kwargs
             ``ties``, ``start``, ``method``, ``options``, ``starts``, ``seed`` of ``studies.optimize``.
 
         Returns
@@ -243,7 +243,7 @@ class Passive(Displayed):
         ModelError
             If a variable is unknown or its derivatives are not supported.
         """
-        optimum = optimize(self.scene.model, variables, objective, constraints, **words)
+        optimum = optimize(self.scene.model, variables, objective, constraints, **kwargs)
         changed = {name: value for name, value in optimum.parameters.items() if name in self.model.parameters}
         model = in_equilibrium(self.model.with_values(changed))[0]
         old = self.scene
@@ -252,7 +252,7 @@ class Passive(Displayed):
 
     def front(
         self, variables: Bounds, objective: Quantity, against: Quantity, bounds: Sequence[float],
-        constraints: Constraint | Iterable[Constraint] = (), **words: Any,
+        constraints: Constraint | Iterable[Constraint] = (), **kwargs: Any,
     ) -> Front:  # fmt: skip
         """Return the Pareto front of two quantities: the smallest objective for each bound of the other.
 
@@ -268,7 +268,7 @@ class Passive(Displayed):
             Largest values of it, one design each; ascending or descending, as each design starts at the one before.
         constraints : Constraint or iterable of Constraint
             What else has to hold.
-        **words
+        **kwargs
             ``ties``, ``start``, ``method``, ``options``, ``starts``, ``seed`` of ``studies.optimize``.
 
         Returns
@@ -286,7 +286,7 @@ class Passive(Displayed):
         def designed(limit: Constraint, options: Mapping[str, Any]) -> Design:
             return self.optimize(variables, objective, (*constraint_list, limit), **options)
 
-        return front(designed, (objective.label, against.label), against, bounds, words)
+        return front(designed, (objective.label, against.label), against, bounds, kwargs)
 
     @property
     def _base_weights(self) -> dict[str, float]:
@@ -308,7 +308,7 @@ class Passive(Displayed):
         noise, span = base_noise(spectra, self.scene.base_directions), band_of(band, lowest=0.0)
         if span is not None or not noise.unbounded:
             # over a band all mean squares are finite, and computed together
-            squares = self._shared.setdefault((repr(spectra), span), self._mean((), noise, span)).wanted(outputs)
+            squares = self._shared.setdefault((repr(spectra), span), self._mean((), noise, span)).requested(outputs)
         else:
             squares = self._mean(outputs, noise, span)
         return Leaf(label, lambda point: squares.at(point, outputs))

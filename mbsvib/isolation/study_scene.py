@@ -153,12 +153,12 @@ def _with_base(model: Model, base: str, keep_ports: bool) -> Model:
         return model.with_parts() if keep_ports else model.with_parts(inputs={}, outputs={})
     result = _welded(model, base)
     for part in [*model.inputs.values(), *model.outputs.values()] if keep_ports else ():
-        words = part.constructor_kwargs()
+        kwargs = part.constructor_kwargs()
         for field in ("body", "relative_to", "element"):
-            if words.get(field) == base:
-                words[field] = GROUND
+            if kwargs.get(field) == base:
+                kwargs[field] = GROUND
         try:
-            getattr(result, ADDERS[type(part)])(**words)
+            getattr(result, ADDERS[type(part)])(**kwargs)
         except ModelError as error:
             raise ModelError(f"isolation: base = '{base}' takes the place of the ground, and '{part.name}' of model "
                              f"'{model.name}' cannot be kept: {error} Leave it out of the model, or take the ground as "
@@ -172,12 +172,12 @@ def _welded(model: Model, base: str) -> Model:
     groups = (model.bodies, model.composed, model.joints, model.springs, model.couplers, model.rotors, model.loads)
     removed = set()
     for part in [part for group in groups for part in group.values() if part.name != base]:
-        words = part.constructor_kwargs()
-        named = {words[field] for field in REFERENCES if field in words}
+        kwargs = part.constructor_kwargs()
+        named = {kwargs[field] for field in REFERENCES if field in kwargs}
         if isinstance(part, Coupling):
             references = [name for name, _ in part.terms if name.rsplit(".", 1)[0] in removed]
         elif isinstance(part, Superelement):
-            references = [name for name in (base, GROUND) if name in repr(words)]
+            references = [name for name in (base, GROUND) if name in repr(kwargs)]
         elif named and named <= {base, GROUND}:
             removed.add(part.name)
             continue
@@ -187,8 +187,8 @@ def _welded(model: Model, base: str) -> Model:
             raise ModelError(f"isolation: base = '{base}' takes the place of the ground, but '{part.name}' is tied to "
                              f"'{references[0]}'; take the ground as the base, or leave '{part.name}' out.",
                              element=part.name, field="base")  # fmt: skip
-        words |= {field: GROUND for field in REFERENCES if words.get(field) == base}
-        getattr(result, ADDERS[type(part)])(**words)
+        kwargs |= {field: GROUND for field in REFERENCES if kwargs.get(field) == base}
+        getattr(result, ADDERS[type(part)])(**kwargs)
     return result
 
 

@@ -150,7 +150,7 @@ class MeanSquares:
         self._laws = laws
         self._last: tuple[System, Any, Array, Array] | None = None
 
-    def wanted(self, outputs: Sequence[str]) -> MeanSquares:
+    def requested(self, outputs: Sequence[str]) -> MeanSquares:
         """Return the same mean squares, of these outputs too."""
         self.outputs.extend(name for name in outputs if name not in self.outputs)
         self._last = None

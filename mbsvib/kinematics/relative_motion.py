@@ -147,9 +147,9 @@ def arm(topology: Topology, position: Array, names: Iterable[str]) -> float:
         The largest distance [m] along one of the world axes.
     """
     number = {name: i for i, name in enumerate(topology.bodies)}
-    joints, wanted = {joint.name: joint for joint in topology.joints}, set(names)
+    joints, requested = {joint.name: joint for joint in topology.joints}, set(names)
     arms = [np.abs(np.subtract(joint.point, position[number[body]])).max()
-            for joint in map(joints.get, wanted & set(joints)) if joint is not None and joint.point is not None
+            for joint in map(joints.get, requested & set(joints)) if joint is not None and joint.point is not None
             for body in (joint.first, joint.second) if body in number]  # fmt: skip
     return float(max(arms, default=0.0))
 

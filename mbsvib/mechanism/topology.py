@@ -93,7 +93,7 @@ def span(model: Mechanism, cut: Sequence[str] | None = None) -> Topology:
     return _spanned(model, excluded) if excluded else model.derived(_spanned)
 
 
-def cut_elsewhere(model: Mechanism, wanted: Iterable[str]) -> tuple[tuple[str, ...], str | None]:
+def cut_elsewhere(model: Mechanism, requested: Iterable[str]) -> tuple[tuple[str, ...], str | None]:
     """Return joints to cut so that some joints are part of the tree.
 
     Parameters
@@ -110,7 +110,7 @@ def cut_elsewhere(model: Mechanism, wanted: Iterable[str]) -> tuple[tuple[str, .
     str or None
         One of the wanted that closes a loop of wanted joints only, which no cut brings into the tree.
     """
-    keep = set(wanted)
+    keep = set(requested)
     cut: list[str] = []
     for _ in range(len(model.joints)):
         topology = span(model, cut)

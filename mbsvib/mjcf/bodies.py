@@ -195,8 +195,8 @@ def added(file: Compiled, target: str, i: int, what: str) -> float:
     m, total = file.m, 0.0
     if not hasattr(m, f"actuator_{what}"):
         return total
-    wanted = ("mjTRN_TENDON",) if target == "tendon" else ("mjTRN_JOINT", "mjTRN_JOINTINPARENT")
-    kinds = [int(getattr(file.api.mjtTrn, kind)) for kind in wanted]
+    requested = ("mjTRN_TENDON",) if target == "tendon" else ("mjTRN_JOINT", "mjTRN_JOINTINPARENT")
+    kinds = [int(getattr(file.api.mjtTrn, kind)) for kind in requested]
     for a in range(file.count("actuator")):
         if int(m.actuator_trntype[a]) in kinds and int(m.actuator_trnid[a][0]) == i:
             gear = float(m.actuator_gear[int(m.actuator_outadr[a])][0])

@@ -89,10 +89,10 @@ def path(data: EquilibriumPath) -> Figure:
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
         # a step between a stable and an unstable point belongs to the one that is not on the border of both
         stable = data.curve_stable[:-1] | data.curve_stable[1:]
-        for wanted, dash, label in ((True, "-", "stable"), (False, "--", "unstable")):
-            if (stable == wanted).any():
+        for requested, dash, label in ((True, "-", "stable"), (False, "--", "unstable")):
+            if (stable == requested).any():
                 ends = np.stack((data.curve[:-1], data.curve[1:], np.full_like(data.curve[1:], np.nan)), axis=1)
-                ends[stable != wanted] = np.nan
+                ends[stable != requested] = np.nan
                 above.plot(*ends.reshape(-1, 2).T, color=style.COLOURS[0], linestyle=dash, label=label)
         for kind, (marker, label) in MARKERS.items():
             at = [(point.value, point.force) for point in data.points if point.kind == kind]

@@ -97,8 +97,8 @@ def _common(names: Names, known: Sequence[str]) -> Names:
     """Of names that are given for the first system those that the second one has too; a pattern stays."""
     if names is None:
         return None
-    wanted = [names] if isinstance(names, str) else list(names)
-    return [name for name in wanted if name in known] or None
+    requested = [names] if isinstance(names, str) else list(names)
+    return [name for name in requested if name in known] or None
 
 
 def finite(value: float) -> float | None:

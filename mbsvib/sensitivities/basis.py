@@ -162,10 +162,10 @@ class SensitivityBasis:
         if self.unreduced is None:
             return self.variants.slopes(directions, every)
         own, unreduced = self.equations, self.unreduced.equations
-        wanted = {str(k): dict(direction.rates) for k, direction in enumerate(directions)}
-        known = self.unreduced.matrix_derivatives(None if every else wanted)
+        requested = {str(k): dict(direction.rates) for k, direction in enumerate(directions)}
+        known = self.unreduced.matrix_derivatives(None if every else requested)
         row = {name: k for k, name in enumerate(known.variables)}
-        rows = [row[next(iter(rates))] if every else row[k] for k, rates in wanted.items()]
+        rows = [row[next(iter(rates))] if every else row[k] for k, rates in requested.items()]
         q, i, o = ([all_names.index(name) for name in names] for names, all_names in (
             (own.coordinates, unreduced.coordinates), (own.inputs, unreduced.inputs), (own.outputs, unreduced.outputs),
         ))  # fmt: skip

@@ -30,17 +30,17 @@ _THIRD_ROOTS = np.exp(2j * np.pi / 3.0 * np.arange(3))[:, None]
 
 
 def branches(
-    pairs: Pairs, own: Complex, cross: Complex, gram: tuple[Complex, Complex]
+    pairs: Pairs, own: Complex, cross: Complex, norm: tuple[Complex, Complex]
 ) -> Iterator[tuple[Index, Complex]]:  # fmt: skip
     """Yield derivatives of eigenvalues that coincide, groups of one size together.
 
     ``own`` (eigenvalues, variables): derivatives of single eigenvalues, the forms of those that coincide; ``cross``
     (pairs, variables) or (2 pairs, variables): the forms of pairs, first with second, then second with first unless
-    these are the same; ``gram`` (eigenvalues,) and (pairs,) or (2 pairs,): y^T (2 lambda M + C) x of single eigenvalues
+    these are the same; ``norm`` (eigenvalues,) and (pairs,) or (2 pairs,): y^T (2 lambda M + C) x of single eigenvalues
     and of pairs. Returns (n,) and (n, variables): numbers of eigenvalues, and the derivatives of their branches, those
     of a group in ascending order.
     """
-    forms, grams = np.concatenate((own, cross)), np.concatenate((gram[0][: len(own)], gram[1]))
+    forms, norms = np.concatenate((own, cross)), np.concatenate((norm[0][: len(own)], norm[1]))
     single = np.ones(len(own), dtype=bool)
     single[np.concatenate(pairs.groups)] = False
     derivatives, mirrored = [own[single]], len(cross) - len(pairs.first)
@@ -50,7 +50,7 @@ def branches(
         upper, lower = np.array(list(combinations(range(k), 2))).T
         rows[:, range(k), range(k)] = groups
         rows[:, upper, lower], rows[:, lower, upper] = len(own) + numbers, len(own) + numbers + mirrored
-        pair = grams[rows]
+        pair = norms[rows]
         with np.errstate(all="ignore"):
             inverse = _inverse(pair)
             product = np.asarray(-(inverse @ forms[rows].reshape(n, k, k * count)), dtype=complex)

@@ -69,11 +69,11 @@ def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Requested = No
     widened = spectrum if spectrum.left is not None else spectrum.with_sums(pairs)
     x = motions(groups.network, widened.right[:, None])
     y = x if spectrum.left is None else motions(groups.network, spectrum.left[:, None])
-    gram = _gram(x, y, 2.0 * widened.lead)
+    norm = _modal_normalization(x, y, 2.0 * widened.lead)
     if groups.network.partial:
-        gram = _normalization(system, widened, widened.right, spectrum.left)
+        norm = _normalization(system, widened, widened.right, spectrum.left)
     with np.errstate(divide="ignore", invalid="ignore"):
-        scale = -1.0 / gram
+        scale = -1.0 / norm
     resting = np.flatnonzero(spectrum.lead == 0.0)
     scale[len(spectrum.lead) :] = 1.0
     for some in (resting, *pairs.groups):
@@ -94,21 +94,21 @@ def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Requested = No
     if len(pairs.groups):
         own = np.ascontiguousarray(result.T[spectrum.index])
         if left is None:  # between two motions: half of what both together have beyond each
-            cross = 0.5 * (gram[len(spectrum.lead) :] - gram[pairs.first] - gram[pairs.second])
+            cross = 0.5 * (norm[len(spectrum.lead) :] - norm[pairs.first] - norm[pairs.second])
             form = 0.5 * (np.ascontiguousarray(of_sums.T) - own[pairs.first] - own[pairs.second])
         else:
             first, second = np.concatenate((pairs.first, pairs.second)), np.concatenate((pairs.second, pairs.first))
-            cross = _gram(x.take(second), y.take(first), spectrum.lead[first] + spectrum.lead[second])
+            cross = _modal_normalization(x.take(second), y.take(first), spectrum.lead[first] + spectrum.lead[second])
             if groups.network.partial:
                 twice = replace(spectrum, lead=0.5 * (spectrum.lead[first] + spectrum.lead[second]))
                 cross = _normalization(system, twice, spectrum.right[:, second], np.asarray(spectrum.left)[:, first])
             form = _joined(groups.chain(groups.forms(left.take(first), right.take(second)))).T
-        for which, values in branches(pairs, own, form, (gram, cross)):
+        for which, values in branches(pairs, own, form, (norm, cross)):
             _set(result, spectrum, which, values.T)
     return result
 
 
-def _gram(x: Motions, y: Motions, twice: Complex) -> Complex:
+def _modal_normalization(x: Motions, y: Motions, twice: Complex) -> Complex:
     """Return y^T (2 lambda M + C) x."""
     result: Complex = twice * (y.body * x.momentum).sum(axis=(0, 1))[0]
     if x.viscous is not None:

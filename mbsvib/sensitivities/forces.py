@@ -66,7 +66,7 @@ class Forces:
         return self.span / self.length[:, None]
 
     @cached_property
-    def bend(self) -> Array:
+    def tension_over_length(self) -> Array:
         """T / L (n,) of rods and line springs [N/m], 0 elsewhere."""
         return np.asarray(-(self.wrench[:, :3] * self.line).sum(axis=1) / self.length)
 
@@ -166,8 +166,8 @@ class Forces:
         k, own = self.twice, relative[self.twice, 3:]
         result[k] = dot(wide(self.picks[0][k], own), own) * wide(self.axes[k, 0], own)
         own, size = relative[self.halves, 3:], np.linalg.norm(self.angle, axis=1, keepdims=True)
-        bend = self.angle * np.divide(np.tan(0.25 * size), size, out=np.zeros_like(size), where=size > 0.0)
-        result[self.halves] = 0.5 * (own - cross(wide(bend, own), own))
+        half = self.angle * np.divide(np.tan(0.25 * size), size, out=np.zeros_like(size), where=size > 0.0)
+        result[self.halves] = 0.5 * (own - cross(wide(half, own), own))
         return result
 
 

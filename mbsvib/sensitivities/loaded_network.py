@@ -162,13 +162,13 @@ class LoadedNetwork:
         self._fold(result, work, relative[: self.forces.counts[0]])
         return result
 
-    def with_gaps(self, gaps: Array, forces: csr_array) -> LoadedNetwork:
+    def with_openings(self, openings: Array, forces: csr_array) -> LoadedNetwork:
         """Return the same with further motions of the pose: those in which joints give way.
 
-        ``gaps`` (joints, 6, v): how far each joint gives way at its point, one motion after the other; ``forces`` (v,
-        e): what changes of the forces then.
+        ``openings`` (joints, 6, v): how far each joint gives way at its point, one motion after the other; ``forces``
+        (v, e): what changes of the forces then.
         """
-        motion = joint_release_motion(self.network, gaps)
+        motion = joint_release_motion(self.network, openings)
         more = tuple(of(self.network, self.forces, self.changes, motion) for of in (parameter_rates, force_rates))
         return replace(self, motions=np.concatenate((self.motions, motion), axis=2),
                        parameter_rates=np.concatenate((self.parameter_rates, more[0]), axis=1),

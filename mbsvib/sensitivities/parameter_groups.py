@@ -165,10 +165,10 @@ def grouped_through_equilibrium(
     elif count > len(loaded.entries):
         rates = csr_array(eye_array(len(loaded.entries), count))
     if reference is not None:
-        moved = (reference.rates, reference.forces, reference.gaps)
-        rates, forces, gaps = moved if rates is None else tuple(rates @ matrix for matrix in moved)
-        openings = gaps.toarray().reshape(len(requested.names), len(loaded.network.joints), 6)
-        loaded = loaded.with_gaps(openings.transpose(1, 2, 0), forces)
+        moved = (reference.rates, reference.forces, reference.openings)
+        rates, forces, joint_openings = moved if rates is None else tuple(rates @ matrix for matrix in moved)
+        openings = joint_openings.toarray().reshape(len(requested.names), len(loaded.network.joints), 6)
+        loaded = loaded.with_openings(openings.transpose(1, 2, 0), forces)
     motion, lost = pose_motion(loaded, rates)
     return ParameterGroups(loaded.network, requested, loaded.groups, slopes, loaded, rates, motion, lost, every)
 

@@ -32,8 +32,8 @@ def pose_motion(loaded: LoadedNetwork, rates: csr_array | None) -> tuple[Array, 
     count, m = loaded.changes.count, loaded.dof
     own = loaded.generalized_force_jacobian[:count]
     pushed = own if rates is None else rates @ own
-    of_gaps = np.eye(len(pushed), loaded.motions.shape[2] - m)
-    if of_gaps.size:
+    of_openings = np.eye(len(pushed), loaded.motions.shape[2] - m)
+    if of_openings.size:
         pushed = pushed + loaded.parameter_rates[:, m:].T @ own + loaded.generalized_force_jacobian[count + m :]
     # K but for couplers of several rotations of one joint, which go by small rotations in each pose anew
     stiffness = -(loaded.parameter_rates[:, :m].T @ own + loaded.generalized_force_jacobian[count : count + m]).T
@@ -45,7 +45,7 @@ def pose_motion(loaded: LoadedNetwork, rates: csr_array | None) -> tuple[Array, 
         return size if rates is None else np.asarray(abs(rates) @ size)
 
     motion, lost = balancing_motion(stiffness, unit, pushed, terms)
-    return np.concatenate((motion, of_gaps), axis=1), lost
+    return np.concatenate((motion, of_openings), axis=1), lost
 
 
 def balancing_motion(
@@ -88,7 +88,7 @@ def _sizes(loaded: LoadedNetwork) -> Sizes:
     relative = forces.relative_motions(loaded.motions[:, :, : loaded.dof])[1]
     v, w = np.linalg.norm(relative[:, :3], axis=1), np.linalg.norm(relative[:, 3:], axis=1)
     f, t = (np.linalg.norm(part, axis=1)[:, None] for part in (forces.wrench[:, :3], forces.wrench[:, 3:]))
-    return f, t, np.abs(forces.bend)[:, None], v, w
+    return f, t, np.abs(forces.tension_over_length)[:, None], v, w
 
 
 def _least(loaded: LoadedNetwork) -> Array:
@@ -102,10 +102,10 @@ def _least(loaded: LoadedNetwork) -> Array:
 def _term_sizes(loaded: LoadedNetwork, sizes: Sizes) -> Array:
     """Sizes (parameters, m) of the products whose sums are the derivatives of the forces along the coordinates."""
     forces, at = loaded.forces, loaded.changes.at
-    (f, t, bend, v, w), joints = sizes, forces.counts[0]
+    (f, t, tension_over_length, v, w), joints = sizes, forces.counts[0]
     rows = np.zeros((at.size, v.shape[1]))
-    rows[at.point] = (f * w + bend * v).repeat(3, axis=0)
-    rows[at.start] = (bend * v)[forces.lines].repeat(3, axis=0)
+    rows[at.point] = (f * w + tension_over_length * v).repeat(3, axis=0)
+    rows[at.start] = (tension_over_length * v)[forces.lines].repeat(3, axis=0)
     both = np.stack((v, w), axis=1)[joints:].repeat(3, axis=1)
     rows[at.wrench] = both.reshape(6 * len(both), v.shape[1])
     result: Array = abs(loaded.changes.matrix) @ rows

@@ -36,13 +36,13 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class ReferencePose:
     """What p parameters as described change in the pose there: parameters by ``rates`` (p, p), forces by ``forces``
-    (p, e) beside these, and joints come apart by ``gaps`` (p, 6 joints) at their points. Bushings ``turned`` are those
-    whose bodies turned against each other.
+    (p, e) beside these, and joints come apart by ``openings`` (p, 6 joints) at their points. Bushings ``turned`` are
+    those whose bodies turned against each other.
     """
 
     rates: csr_array
     forces: csr_array
-    gaps: csr_array
+    openings: csr_array
     turned: frozenset[str]
 
     def tells(self, entry: Parameter) -> bool:
@@ -53,7 +53,7 @@ class ReferencePose:
 def reference_pose(network: Network, forces: Forces, changes: ForceChanges, origin: Mechanism) -> ReferencePose:
     """Return what parameters as described do in the pose there."""
     pose = Displaced(origin, {body.name: body for body in network.bodies})
-    own, force_terms, gaps = (RowTerms(changes.row, changes.at) for _ in range(3))
+    own, force_terms, openings = (RowTerms(changes.row, changes.at) for _ in range(3))
     known = set()
 
     def follows(part: str, field: str, turn: Array) -> None:
@@ -67,7 +67,7 @@ def reference_pose(network: Network, forces: Forces, changes: ForceChanges, orig
             follows(body.name, field, pose.turn(body.name))
     for k, joint in enumerate(network.joints):
         put = _joint if joint.end is None else _rod
-        put(follows, gaps, k, origin.joints[joint.name], joint, pose)
+        put(follows, openings, k, origin.joints[joint.name], joint, pose)
     away = np.zeros((len(forces.first), 6, 3))
     for k, joint in enumerate(network.joints):
         away[k, 3:] = pose.turn(joint.second) - pose.turn(joint.first)
@@ -102,10 +102,10 @@ def reference_pose(network: Network, forces: Forces, changes: ForceChanges, orig
         if key not in known:
             own.put(key, row, (1.0,))
     return ReferencePose(own.matrix(changes.count), force_terms.matrix(changes.at.size),
-                         gaps.matrix(6 * len(network.joints)), turned(origin, network.parts))  # fmt: skip
+                         openings.matrix(6 * len(network.joints)), turned(origin, network.parts))  # fmt: skip
 
 
-def _joint(follows: Follows, gaps: RowTerms, k: int, described: Joint, joint: Joint, pose: Displaced) -> None:
+def _joint(follows: Follows, openings: RowTerms, k: int, described: Joint, joint: Joint, pose: Displaced) -> None:
     """Both bodies carry its point and axes; how far it has moved along its free directions turns with the first."""
     first, second = pose.turn(joint.first), pose.turn(joint.second)
     at = described.position or (0.0, 0.0, 0.0)  # joints without a point turn nothing: any will do
@@ -115,15 +115,15 @@ def _joint(follows: Follows, gaps: RowTerms, k: int, described: Joint, joint: Jo
         follows(joint.name, "position", second)
     for i in range(3):
         if described.position is not None:
-            gaps.put((joint.name, "position", (i,)), 6 * k, (first - second)[:, i])
-        gaps.put((joint.name, "orientation", (i,)), 6 * k, np.cross(first[:, i], gap))
-        gaps.put((joint.name, "orientation", (i,)), 6 * k + 3, (first - second)[:, i])
+            openings.put((joint.name, "position", (i,)), 6 * k, (first - second)[:, i])
+        openings.put((joint.name, "orientation", (i,)), 6 * k, np.cross(first[:, i], gap))
+        openings.put((joint.name, "orientation", (i,)), 6 * k + 3, (first - second)[:, i])
     if joint.pitch:
         axis = np.array(joint.axes)[:, 2]
-        gaps.put((joint.name, "pitch", ()), 6 * k, (axis @ gap) / joint.pitch * axis)
+        openings.put((joint.name, "pitch", ()), 6 * k, (axis @ gap) / joint.pitch * axis)
 
 
-def _rod(follows: Follows, gaps: RowTerms, k: int, described: Any, joint: Any, pose: Displaced) -> None:
+def _rod(follows: Follows, openings: RowTerms, k: int, described: Any, joint: Any, pose: Displaced) -> None:
     """It keeps its length as described."""
     before, after = (np.subtract(rod.end, rod.position) for rod in (described, joint))
     before, after = before / np.linalg.norm(before), after / np.linalg.norm(after)
@@ -131,7 +131,7 @@ def _rod(follows: Follows, gaps: RowTerms, k: int, described: Any, joint: Any, p
         turn = pose.turn(body)
         follows(joint.name, field, turn)
         for i in range(3):
-            gaps.put((joint.name, field, (i,)), 6 * k, sign * (before[i] - after @ turn[:, i]) * after)
+            openings.put((joint.name, field, (i,)), 6 * k, sign * (before[i] - after @ turn[:, i]) * after)
 
 
 def _spring(force_terms: RowTerms, spring: Spring, described: Spring, column: int, turns: tuple[Array, Array]) -> None:

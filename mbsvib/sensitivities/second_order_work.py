@@ -40,7 +40,7 @@ def motion_slopes(forces: Forces, relative_motions: tuple[Field, Field], side: i
     across = rv - wide(forces.line, like) * dot(wide(forces.line, like), rv)
     on_first = 0.5 * np.concatenate((cross(rw, f), cross(rw, t) + cross(rv, f)), axis=1)
     on_both = 0.5 * np.concatenate((cross(f, w - rw), cross(t, w) + cross(f, v + rv)), axis=1)
-    on_both[:, :3] += wide(forces.bend[:, None], like) * across
+    on_both[:, :3] += wide(forces.tension_over_length[:, None], like) * across
     if len(forces.twice):
         on_both[forces.twice, 3:] += 0.5 * wide(forces.couple, like) * _coupled(forces, rw[forces.twice])
     k = forces.follower
@@ -96,11 +96,12 @@ def point_slopes(forces: Forces, x: tuple[Field, Field], y: tuple[Field, Field] 
         point = _levers(motion_slopes(forces, x, -1), y) + _levers(motion_slopes(forces, y, 1), x)
     r, s = x[1][:, :3], y[1][:, :3]
     line = wide(forces.line, point)
-    bend, inverse = wide(forces.bend[:, None], point), wide(1.0 / forces.length[:, None], point)
+    tension_over_length = wide(forces.tension_over_length[:, None], point)
+    inverse = wide(1.0 / forces.length[:, None], point)
     along, along_other = dot(line, r), dot(line, s)
     turned = r * along_other + s * along
     turned = turned - line * dot(line, turned)
-    stretched = -bend * inverse * (turned + line * (dot(r, s) - along * along_other))
+    stretched = -tension_over_length * inverse * (turned + line * (dot(r, s) - along * along_other))
     return point + stretched, -stretched
 
 
@@ -128,7 +129,7 @@ def work_slopes(forces: Forces, left: Field, gap: Field) -> tuple[Field, Field, 
     """
     f, line = wide(forces.wrench[:, :3], left), wide(forces.line, left)
     across = left[:, :3] - line * dot(line, left[:, :3])
-    stretched = wide(forces.bend[:, None], left) * across
+    stretched = wide(forces.tension_over_length[:, None], left) * across
     return -left, stretched - cross(f, left[:, 3:] + gap[:, 3:]), -stretched
 
 

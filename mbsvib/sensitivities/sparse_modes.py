@@ -191,25 +191,25 @@ def sparse_mode_sensitivities(
     ResponseError
         If the number of modes or the frequency are not such numbers.
     """
-    wanted = modes(system, count, near, dense, form)
-    extra, known = GUARDS, wanted
+    requested = modes(system, count, near, dense, form)
+    extra, known = GUARDS, requested
     while True:
         known = modes(system, min(system.dof, count + extra), near, dense, form)
-        wanted = cast("SomeModes", known.nearest(count, near))
-        if len(known) == system.dof or not _cut(wanted, known, near):
+        requested = cast("SomeModes", known.nearest(count, near))
+        if len(known) == system.dof or not _cut(requested, known, near):
             break
         extra *= 2
     basis = _basis(system, known.reduced)
     values = eigenvalue_sensitivities(basis, parameters)
-    order = places(wanted.eigenvalues, basis.modes.eigenvalues)
+    order = places(requested.eigenvalues, basis.modes.eigenvalues)
     groups = basis.groups(parameters)
-    return ModeSensitivities(tuple(groups.variables.names), wanted, values[:, order], basis, groups)
+    return ModeSensitivities(tuple(groups.variables.names), requested, values[:, order], basis, groups)
 
 
-def _cut(wanted: SomeModes, known: SomeModes, near: float) -> bool:
+def _cut(requested: SomeModes, known: SomeModes, near: float) -> bool:
     """Whether the mode farthest from the frequency coincides with a wanted one, so that more of them may be missing."""
     last = known.pairs[np.argmax(np.abs(known.natural - 2.0 * np.pi * near))]
-    return bool((np.abs(wanted.pairs - last) <= TOGETHER * np.abs(last)).any() and np.abs(last).max() > 0.0)
+    return bool((np.abs(requested.pairs - last) <= TOGETHER * np.abs(last)).any() and np.abs(last).max() > 0.0)
 
 
 def places(values: Complex, known: Complex) -> Index:

@@ -78,7 +78,7 @@ def simulate(
     run = session(model, statement, driven, error)
     bases = np.tile(np.eye(3).reshape(-1), len(run.turning))
     here = restarted_sample(run, initial_state(run, initial, float(time[0])), bases)
-    samples, intervals, wanted = [here], [0], set(np.searchsorted(driven.breaks, time).tolist())
+    samples, intervals, requested = [here], [0], set(np.searchsorted(driven.breaks, time).tolist())
     start = trace(run, samples, intervals)
     ends, complete, event = events(start, until), True, None
     with counting(progress, len(time) - 1, "simulate") as tell, noticing_interrupts() as interrupted:
@@ -89,7 +89,7 @@ def simulate(
                     samples.append(event.sample)
                     intervals.append(k - 1)
                     break
-                if k in wanted:
+                if k in requested:
                     samples.append(sample)
                     intervals.append(k)
                     tell(1)

@@ -139,11 +139,11 @@ class Disc:
         """Return lower bounds of the distances of eigenvalues from those that are not in the disc."""
         return np.asarray(np.maximum(self.reach - np.abs(values - self.shifted.sigma), 0.0))
 
-    def grown(self, wanted: int) -> Disc:
+    def grown(self, requested: int) -> Disc:
         """Return the disc with ``wanted`` eigenvalues or a few more, or fewer if they do not converge."""
         disc = self
-        if wanted > len(self.values):
-            missing = wanted - len(self.values)
+        if requested > len(self.values):
+            missing = requested - len(self.values)
             ritz = self._search(lambda ritz: ritz.converged(TOLERANCE) >= missing, missing + FIRST, missing)
             disc = self._with(ritz, ritz.converged(TOLERANCE))
         return disc.filled(disc.reach * (1.0 - SAME_DISTANCE), disc.dimension)
@@ -162,11 +162,11 @@ class Disc:
                 return int(np.count_nonzero(size * reach >= 1.0))
 
             ritz = disc._search(lambda ritz: ritz.converged(TOLERANCE) >= inside(ritz), dimension, FEW)
-            count, wanted = ritz.converged(TOLERANCE), inside(ritz)
-            disc = disc._with(ritz, min(count, wanted))
-            if count < wanted:
+            count, requested = ritz.converged(TOLERANCE), inside(ritz)
+            disc = disc._with(ritz, min(count, requested))
+            if count < requested:
                 return replace(disc, reach=min(disc.reach, 1.0 / float(np.abs(ritz.values[: count + 1]).max())))
-            if not wanted:
+            if not requested:
                 break
         return replace(disc, reach=max(disc.reach, reach))
 
@@ -182,7 +182,7 @@ class Disc:
         return replace(self, values=values, basis=basis, reach=max(self.reach, reach),
                        dimension=max(self.dimension, len(ritz.values)))  # fmt: skip
 
-    def _search(self, enough: Callable[[Ritz], bool], dimension: int, wanted: int) -> Ritz:
+    def _search(self, enough: Callable[[Ritz], bool], dimension: int, requested: int) -> Ritz:
         """Ritz values of the operator with the known eigenvectors deflated."""
         known, shifted = self.basis, self.shifted
 
@@ -190,7 +190,7 @@ class Disc:
             return state - known @ (known.conj().T @ state) if known.shape[1] else state
 
         start = without(shifted.start(known.shape[1]))
-        dimensions = dimension, PER_EIGENVALUE * wanted + MORE
+        dimensions = dimension, PER_EIGENVALUE * requested + MORE
         return arnoldi(lambda state: without(shifted.apply(state)), start, enough, dimensions)
 
 

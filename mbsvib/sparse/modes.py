@@ -106,10 +106,10 @@ def _symmetric(
     """The small system, its modes with errors, the numbers of the wanted ones, and how many were missed."""
     space = subspace(system, k, near)
     basis, bound, rigid = _nearest(system, space, k)
-    wanted = k
+    requested = k
     while basis is None:
-        wanted += max(4, k // 2)
-        space = subspace(system, min(wanted, system.dof), near)
+        requested += max(4, k // 2)
+        space = subspace(system, min(requested, system.dof), near)
         basis, bound, rigid = _nearest(system, space, k)
     small = reduced(system, basis, rigid, dense)
     result: Modes = dense_modes(small, RTOL)

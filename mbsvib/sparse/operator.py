@@ -95,7 +95,7 @@ class Operator:
         return replace(self, deflated=np.linalg.qr(np.concatenate((self.deflated, more), axis=1))[0])
 
 
-def operator(system: SparseEquations, sigma: float | None, wanted: int) -> Operator:
+def operator(system: SparseEquations, sigma: float | None, requested: int) -> Operator:
     """Return T at a shift, or near zero for the lowest modes.
 
     Parameters
@@ -122,13 +122,13 @@ def operator(system: SparseEquations, sigma: float | None, wanted: int) -> Opera
     lock = coordinates_without_stiffness(system)
     if len(lock):
         try:
-            return _locked(first, lock, wanted)
+            return _locked(first, lock, requested)
         except np.linalg.LinAlgError:  # stiffness of loads cancels in some motion
             pass
     return _shifted(first)
 
 
-def _locked(first: Operator, lock: Index, wanted: int) -> Operator:
+def _locked(first: Operator, lock: Index, requested: int) -> Operator:
     """T at zero with the free motions locked and deflated; with a shift if the locks do not cover all of them."""
     system, far, modes = first.system, far_rows(first.system), None
     if far.any():
@@ -139,8 +139,9 @@ def _locked(first: Operator, lock: Index, wanted: int) -> Operator:
     if not _all_motions_resisted(locked, lock):
         return _shifted(first)
     if system.damping.any() and len(lock) <= COUPLED_RIGID:
-        wanted = len(lock)
-    return _with_rigid_modes(locked, _locked_motions(locked, lock[:wanted]) if modes is None else modes[:, :wanted])
+        requested = len(lock)
+    rigid = _locked_motions(locked, lock[:requested]) if modes is None else modes[:, :requested]
+    return _with_rigid_modes(locked, rigid)
 
 
 def _factor(system: SparseEquations, sigma: float) -> Any:

@@ -135,38 +135,38 @@ class Search:
         sigma = SHIFT * lowest_speed(self.quadratic)
         first = disc(self.quadratic, sigma, FAST * sigma)
         rigid = rigid_motions(self.quadratic, self.count)
-        wanted = 2 * (self.count + GUARDS)
-        while wanted < self.quadratic.system.dof:
-            first = first.grown(wanted)
+        requested = 2 * (self.count + GUARDS)
+        while requested < self.quadratic.system.dof:
+            first = first.grown(requested)
             if len(first.values) < self.count:
                 return None
             first_order = bool(self.quadratic.system.massless)
             if first.reach >= (1.0 + TIES) * (self.centre + self._nearest(first, rigid.shape[1], first_order) + sigma):
-                solution = self._solved(rigid, [first, *self._left(first, wanted)])
+                solution = self._solved(rigid, [first, *self._left(first, requested)])
                 if solution is None:
                     return None
                 if first.reach >= (1.0 + TIES) * (self.centre + self._distance(solution) + sigma):
                     return solution
-            wanted += max(4, wanted // 3)
+            requested += max(4, requested // 3)
         return None
 
     def ring(self) -> Solution | None:
         """Return modes from a ring; None if it would have to contain all of them."""
         centre = min(self.centre, highest_speed(self.quadratic, self.centre))
-        sigma, wanted = centre * (1j + ASIDE), self.count + GUARDS
+        sigma, requested = centre * (1j + ASIDE), self.count + GUARDS
         first = disc(self.quadratic, sigma)
         while True:
-            first = first.grown(wanted)
-            if wanted > self.quadratic.system.dof or len(first.values) < self.count:
+            first = first.grown(requested)
+            if requested > self.quadratic.system.dof or len(first.values) < self.count:
                 return None
             width = self._nearest(first, 0) - (self.centre - centre)
             least = width if self.quadratic.conservative else FIRST * width
             if first.reach >= (1.0 + TIES) * least + ASIDE * centre:
                 break
-            wanted += max(4, wanted // 3)
+            requested += max(4, requested // 3)
         if width > WIDE * centre:
             return self.lowest()
-        discs = [first, *self._left(first, wanted)]
+        discs = [first, *self._left(first, requested)]
         if not self.quadratic.conservative:
             for side in (1.0,) if self.quadratic.stable else (1.0, -1.0):
                 discs += self._arc(centre, width, side, first)
@@ -189,11 +189,11 @@ class Search:
             angle += covered
         return result
 
-    def _left(self, first: Disc, wanted: int) -> list[Disc]:
+    def _left(self, first: Disc, requested: int) -> list[Disc]:
         """The disc of left eigenvectors, unless these are the right ones or their conjugates."""
         if self.quadratic.symmetric or self.quadratic.conservative:
             return []
-        return [first.left().grown(wanted)]
+        return [first.left().grown(requested)]
 
     def _solved(self, rigid: Array, discs: list[Disc]) -> Solution | None:
         """Modes from the subspace of some discs; None if eigenvalues of the first disc are missing."""

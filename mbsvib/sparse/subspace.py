@@ -73,13 +73,13 @@ def subspace(system: SparseEquations, k: int, near: float) -> Subspace:
     t, centre = _operator_near(system, near, k)
     rigid = t.rigid.shape[1]
     flexible = system.dof - ((t.total or 0) if t.sigma == 0.0 else 0)
-    wanted = min(k - rigid + GUARDS, flexible)
+    requested = min(k - rigid + GUARDS, flexible)
     if rigid >= k:
         zero = np.zeros(rigid)
         return Subspace(t, t.rigid, rigid, zero, zero, 0.0, 0, centre)
-    if flexible <= max(DENSE_DOF, 3 * wanted):
+    if flexible <= max(DENSE_DOF, 3 * requested):
         return _solved(t, _all_modes(t, flexible), np.inf, 0, centre)
-    theta, h = _lanczos(t, wanted)
+    theta, h = _lanczos(t, requested)
     missed = None
     for _ in range(SEARCHES):
         missed = _missed(t, theta, k - rigid)
@@ -90,7 +90,7 @@ def subspace(system: SparseEquations, k: int, near: float) -> Subspace:
         if missed is None and not (np.abs(more) > last * (1.0 + BEFORE)).any():
             break  # modes cannot be counted, but another search finds no more
         theta, h = np.concatenate((theta, more)), np.concatenate((h, vectors), axis=1)
-    order = np.argsort(-np.abs(theta), kind="stable")[: max(wanted, k - rigid)]
+    order = np.argsort(-np.abs(theta), kind="stable")[: max(requested, k - rigid)]
     theta, h = theta[order], h[:, order]
     return _solved(t, h, 1.0 / float(np.abs(theta).min()), missed, centre)
 
@@ -123,13 +123,13 @@ def _operator_near(system: SparseEquations, near: float, k: int) -> tuple[Operat
     return t, centre
 
 
-def _lanczos(t: Operator, wanted: int) -> tuple[Array, Array]:
+def _lanczos(t: Operator, requested: int) -> tuple[Array, Array]:
     from scipy.sparse.linalg import LinearOperator, eigsh
 
     size = t.w.shape[0]
     start = t.apply(np.random.default_rng(2).standard_normal(size))
     op = LinearOperator((size, size), matvec=t.apply, dtype=float)
-    theta, h = eigsh(op, k=wanted, which="LM", tol=TOLERANCE, v0=start, ncv=min(size, max(2 * wanted + 1, 20)))
+    theta, h = eigsh(op, k=requested, which="LM", tol=TOLERANCE, v0=start, ncv=min(size, max(2 * requested + 1, 20)))
     return theta, h
 
 
@@ -141,10 +141,10 @@ def _all_modes(t: Operator, dof: int) -> Array:
     return h
 
 
-def _missed(t: Operator, theta: Array, wanted: int) -> int | None:
+def _missed(t: Operator, theta: Array, requested: int) -> int | None:
     """Number of missed modes that are nearer to the shift than the last wanted one, by counts of eigenvalues."""
     distance = np.sort(1.0 / np.abs(theta))
-    radius = float(distance[min(wanted, len(distance)) - 1]) * (1.0 - BEFORE)
+    radius = float(distance[min(requested, len(distance)) - 1]) * (1.0 - BEFORE)
     layout, tableau = t.system.layout, t.system.tableau
     try:
         above = tableau.factor(square=t.sigma + radius, pivot=0.0).negative(layout)

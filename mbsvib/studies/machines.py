@@ -32,8 +32,8 @@ class CycleMeasures(Displayed):
     ``mean_square`` and ``rms`` are quantities; ``weighted`` is their weighted sum, without unit.
     """
 
-    def __init__(self, words: Mapping[str, Any]) -> None:
-        self._words = dict(words)
+    def __init__(self, kwargs: Mapping[str, Any]) -> None:
+        self._kwargs = dict(kwargs)
         self._last: _Evaluated | None = None
 
     def cycle(self, model: Model) -> Cycle:
@@ -54,7 +54,7 @@ class CycleMeasures(Displayed):
         ModelError, SingularPoseError
             As ``Model.cycle`` does.
         """
-        return model.cycle(**self._words)
+        return model.cycle(**self._kwargs)
 
     def mean_square(self, what: str, drive: str | None = None) -> Quantity:
         """Return the mean square of a quantity, which has a derivative where it is zero, too.
@@ -143,12 +143,12 @@ class CycleMeasures(Displayed):
         return total
 
     def __repr__(self) -> str:
-        return f"CycleMeasures({', '.join(name for name, value in self._words.items() if value is not None)})"
+        return f"CycleMeasures({', '.join(name for name, value in self._kwargs.items() if value is not None)})"
 
     def _square(self, point: DesignPoint, what: str, drive: str | None) -> Dual:
         last = self._last
         if last is None or not last.belongs_to(point):
-            last = self._last = _evaluated(self._words, point, last)
+            last = self._last = _evaluated(self._kwargs, point, last)
         slope = np.zeros((1, len(point.rates)))
         if last.slopes is not None:
             by_parameter = dict(zip(last.slopes.parameters, last.slopes.square(what, drive), strict=True))
@@ -170,15 +170,15 @@ class _Evaluated:
         return self.point.rates is point.rates and self.point.values is point.values
 
 
-def _evaluated(words: Mapping[str, Any], point: DesignPoint, last: _Evaluated | None) -> _Evaluated:
+def _evaluated(kwargs: Mapping[str, Any], point: DesignPoint, last: _Evaluated | None) -> _Evaluated:
     """The cycle at a point; equations compiled at the last one serve again where only their symbols differ."""
     names = tuple(dict.fromkeys(name for rates in point.rates.values() for name in rates))
     if not names:
-        return _Evaluated(point, point.model.cycle(**words), None)
+        return _Evaluated(point, point.model.cycle(**kwargs), None)
     like = last is not None and set(names) == set(last.cycle.machine.statement.names) and _same_but(
         names, last.point.model, point.model)  # fmt: skip
-    cycle = cycle_of(point.model, words,
-                     last.cycle.machine if last is not None and like else compiled_for(point.model, words, names)
+    cycle = cycle_of(point.model, kwargs,
+                     last.cycle.machine if last is not None and like else compiled_for(point.model, kwargs, names)
                      )  # fmt: skip
     return _Evaluated(point, cycle, cycle.sensitivities(names))
 

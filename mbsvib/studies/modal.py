@@ -133,6 +133,6 @@ def parting(system: System, group: list[int], variables: Any) -> tuple[Complex, 
     x, values = modes.shapes[:, group], modes.pairs[group, 0]
     change = system.matrix_derivatives(variables)
     total, product = values[:, None] + values, values[:, None] * values
-    gram = total * (x.T @ system.M @ x) + x.T @ system.C @ x
+    norm = total * (x.T @ system.M @ x) + x.T @ system.C @ x
     form = product * (x.T @ change.M @ x) + 0.5 * total * (x.T @ change.C @ x) + x.T @ change.K @ x
-    return np.diag(values).astype(complex), np.asarray(-np.linalg.solve(gram, form), dtype=complex)
+    return np.diag(values).astype(complex), np.asarray(-np.linalg.solve(norm, form), dtype=complex)

@@ -160,8 +160,8 @@ def _ipopt(search: Search, z: Array, options: Mapping[str, Any]) -> SolverResult
              "ipopt.sb": "yes", "ipopt.tol": 1e-9, "ipopt.max_iter": 500}  # fmt: skip
     own = {name if name in ("print_time", "verbose") else f"ipopt.{name}": value for name, value in options.items()}
     problem: Any = {"x": unknowns, "f": outputs[0], "g": outputs[1:]}
-    words: Any = {**quiet, **own}
-    solve = ca.nlpsol("search", "ipopt", problem, words)
+    kwargs: Any = {**quiet, **own}
+    solve = ca.nlpsol("search", "ipopt", problem, kwargs)
     low, high = (np.clip(bound, -INFINITE, INFINITE) for bound in search.bounds())
     answer = solve(x0=z, lbx=low, ubx=high, lbg=0.0,
                    ubg=np.concatenate((np.full(sizes[1], INFINITE), np.zeros(sizes[2]))))  # fmt: skip

@@ -176,7 +176,7 @@ def test_same_matrices_as_in_fifty_digits(seed, bodies, loops, couplers):
     reference = Exact(model)
     system = linearized(model)
     assert system.dof == reference.dof
-    assume(system.dof and min((g.kept for g in system.provenance.reduction.groups), default=1.0) > 1e-3)
+    assume(system.dof and min((g.retained for g in system.provenance.reduction.groups), default=1.0) > 1e-3)
     assert_same_matrices(system, reference, 1e-10)
 
 

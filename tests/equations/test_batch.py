@@ -73,7 +73,7 @@ def one_by_one(model, values, coordinates, count):
 
 def assert_same(model, batch, i, system, rtol=1e-13):
     """Every matrix of a variant, in its norm; the norm of one that should be zero is that of what it is made of."""
-    condition = min((group.kept for group in system.provenance.reduction.groups), default=1.0)
+    condition = min((group.retained for group in system.provenance.reduction.groups), default=1.0)
     stiffness, damping = elastic_size(model)
     floor = {"K": stiffness, "C": damping, "Cq": max(1.0, stiffness), "Cv": max(1.0, damping)}
     for key in MATRICES:

@@ -104,7 +104,7 @@ class Equations:
         self.row_unit = np.where(norms > 0, 1 / np.where(norms > 0, norms, 1.0), 0.0)
         left, values, right = np.linalg.svd(kinematic * self.row_unit[:, None])
         self.rank = int(np.sum(values > RANK * values.max(initial=0.0)))
-        self.kept = float(values[self.rank - 1] / values[0]) if self.rank else 1.0
+        self.retained = float(values[self.rank - 1] / values[0]) if self.rank else 1.0
         self.dropped = float(values[self.rank] / values[0]) if self.rank < len(values) else 0.0
         self.redundant = len(self.J) - self.rank
         self.N = self.unit[self.moving][:, None] * right[self.rank :].T

@@ -58,4 +58,4 @@ def example(seed, features=None):
 def is_clear(reference):
     """Whether the rank of the constraints is beyond doubt, the scene in balance and small."""
     e = reference.equations
-    return e.kept > CLEAR and e.dropped < LEAST_NOISE and reference.balanced and e.dof <= MOST_COORDINATES
+    return e.retained > CLEAR and e.dropped < LEAST_NOISE and reference.balanced and e.dof <= MOST_COORDINATES

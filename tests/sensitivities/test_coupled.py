@@ -39,7 +39,7 @@ def test_differences_of_random_mechanisms_with_couplers(seed, under_load):
     except mv.MbsvibError:
         assume(False)
     groups = system.provenance.reduction.groups
-    assume(system.dof > 0 and not any(group.surplus for group in groups) and min(g.kept for g in groups) > 0.05)
+    assume(system.dof > 0 and not any(group.surplus for group in groups) and min(g.retained for g in groups) > 0.05)
     names = list(system.parameters)
     own = [name for name in names if "coefficient" in name]
     rng = np.random.default_rng(seed)

@@ -52,7 +52,7 @@ def test_eigenvalues_of_random_mechanisms(seed):
     except mv.MbsvibError:
         assume(False)
     assume(0 < system.dof <= 4)
-    retained = [group.kept for group in system.provenance.reduction.groups]
+    retained = [group.retained for group in system.provenance.reduction.groups]
     assume(min(retained, default=1.0) > 0.05)
     values = system.modes().eigenvalues
     apart = np.abs(values[:, None] - values)[np.triu_indices(len(values), 1)]

@@ -81,7 +81,7 @@ def test_differences_of_random_mechanisms(model, seed):
         system = model.linearize()
     except mv.MbsvibError:
         assume(False)
-    retained = [group.kept for group in system.provenance.reduction.groups]
+    retained = [group.retained for group in system.provenance.reduction.groups]
     assume(min(retained, default=1.0) > 0.05)
     result = system.matrix_derivatives()
     names = list(system.parameters)

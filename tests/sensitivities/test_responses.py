@@ -61,7 +61,7 @@ def check(model, rng, count=4):
     except mv.MbsvibError:
         assume(False)
     assume(system.dof > 0)
-    retained = [group.kept for group in system.provenance.reduction.groups]
+    retained = [group.retained for group in system.provenance.reduction.groups]
     assume(min(retained, default=1.0) > 0.05)
     values = np.abs(system.modes().eigenvalues)
     assume(values.min() > 1e-2)

@@ -93,7 +93,7 @@ def test_differences_of_random_mechanisms(seed):
     except mv.MbsvibError:
         assume(False)
     assume(system.dof > 0)
-    retained = [group.kept for group in system.provenance.reduction.groups]
+    retained = [group.retained for group in system.provenance.reduction.groups]
     assume(min(retained, default=1.0) > 0.05)
     modes = system.modes()
     values = modes.eigenvalues

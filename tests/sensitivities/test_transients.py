@@ -49,7 +49,7 @@ def test_differences_of_random_mechanisms(seed):
     except mv.MbsvibError:
         assume(False)
     assume(system.dof > 0 and len(system.inputs) > 0 and len(system.outputs) > 0)
-    retained = [group.kept for group in system.provenance.reduction.groups]
+    retained = [group.retained for group in system.provenance.reduction.groups]
     assume(min(retained, default=1.0) > 0.05)
     rng, fastest = np.random.default_rng(seed), np.abs(system.poles()).max()
     t, u = np.linspace(0, 30 / fastest, 60), rng.normal(size=(len(system.inputs), 60))

@@ -48,7 +48,7 @@ def differ(result, expected, retained=1.0):
 
 
 def smallest_pivot(system):
-    return min((group.kept for group in system.constraints.groups), default=1.0)
+    return min((group.retained for group in system.constraints.groups), default=1.0)
 
 
 @examples(10, slow=40)

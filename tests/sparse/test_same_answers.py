@@ -70,7 +70,7 @@ def test_frequency_response(model):
     assert sparse.outputs == dense.outputs
     assert (sparse.input_units, sparse.output_units) == (dense.input_units, dense.output_units)
     assume(dense.dof)
-    pivot = min((group.kept for group in sparse.constraints.groups), default=1.0)
+    pivot = min((group.retained for group in sparse.constraints.groups), default=1.0)
     expected = dense.frequency_response(OMEGA)
     found = sparse.frequency_response(OMEGA)
     size = np.abs(expected).max(axis=1, keepdims=True)

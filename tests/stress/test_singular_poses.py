@@ -31,7 +31,7 @@ def four_bar(height, other):
 
 
 def smallest_pivot(system):
-    return min(group.kept for group in system.provenance.reduction.groups)
+    return min(group.retained for group in system.provenance.reduction.groups)
 
 
 @pytest.mark.parametrize("height", [0.0, 2.0**-60, 2.0**-51, 2.0**-45])

@@ -71,7 +71,7 @@ class Exact:
             terms = [[mp.mpf(c) * v for v in rows[name]] for name, c in coupler.terms]
             locked.append([sum(entries) for entries in zip(*terms, strict=True)])
         self.jacobian = locked
-        self.basis, self.kept, self.dropped = null_space(locked, self.width)
+        self.basis, self.retained, self.dropped = null_space(locked, self.width)
         self.dof = len(self.basis[0]) if self.basis else 0
         self.redundant = len(locked) - (self.width - self.dof)
         self._project()
