@@ -64,7 +64,7 @@ def over_variables(
         elif len(varied) == 2 and grid:
             shape = [len(axis) for axis in axes_values.values()]
             _map(figure, axes, [axes_values[variable] for variable in varied], flat[:, 0].reshape(shape).squeeze(),
-                 words if flat.shape[1] == 1 else f"{f'mode {entries[0]}' if entries else 'entry 1'}: {words}")  # fmt: skip
+                 words if flat.shape[1] == 1 else f"mode {entries[0]}: {words}" if entries else f"entry 1 of {words}")
             axes.set_xlabel(_with_unit(varied[1], units))
             axes.set_ylabel(_with_unit(varied[0], units))
         else:

@@ -41,8 +41,8 @@ def test_a_torsion_spring_holds_an_arm(select):
     model = arm()
     model.add_torsion_spring("gear", "ground", "arm", axis=(0, -1, 0), stiffness=200.0, preload=7.0)
     held = model.equilibrium(preload=select)
-    assert held.springs["gear"].preload == pytest.approx(3 * 9.81 * 0.5, rel=1e-14)     # about -y it lifts the arm
-    assert held.linearize().K[0, 0] == pytest.approx(200.0, rel=1e-12)                  # weight at the height of the hinge
+    assert held.springs["gear"].preload == pytest.approx(3 * 9.81 * 0.5, rel=1e-14)  # about -y it lifts the arm
+    assert held.linearize().K[0, 0] == pytest.approx(200.0, rel=1e-12)  # weight as high as its hinge
 
 
 def test_the_static_spring_of_a_maxwell_element_holds_an_arm():
