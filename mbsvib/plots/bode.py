@@ -136,7 +136,7 @@ def _magnitude_axis(axes: Axes, curve: Curve, decibels: bool) -> None:
     unit = units.pretty(units.ratio(curve.output_unit, curve.source_unit))
     if decibels:
         level = "dB" if unit == "1" else f"dB re 1 {unit}"
-        axes.set_ylabel(f"magnitude [{level}]" if len(level) < LONGEST_LEVEL else level)
+        axes.set_ylabel(f"magnitude [{level}]" if len(level) < LONGEST_LEVEL else f"|G| [{level}]")
         return
     name = f"|{curve.output} / {curve.source}| [{unit}]"
     axes.set_ylabel(name if len(name) <= LONGEST_LABEL else f"magnitude [{unit}]")

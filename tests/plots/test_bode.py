@@ -47,7 +47,7 @@ def test_decibels_and_radians_per_second(slider):
     ratio = panels(bode(system, "a", "ax", f, decibels=True))[0][0]
     assert ratio.get_ylabel() == "magnitude [dB]"
     long = panels(bode(system, "a", "F", f, decibels=True))[0][0]
-    assert long.get_ylabel() == "dB re 1 (m/s²)/N"  # the word would reach into the panel of the phase
+    assert long.get_ylabel() == "|G| [dB re 1 (m/s²)/N]"  # the word would reach into the panel of the phase
 
 
 def test_panels_of_one_unit_share_their_limits(slider):
