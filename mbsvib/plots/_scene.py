@@ -118,6 +118,8 @@ def _scene(name: str, parts: Sequence[Part], cut: set[str], bodies: Sequence[str
     places = _places(parts)
     names = tuple(places) if bodies is None else tuple(bodies)
     builder = _Builder({body: i for i, body in enumerate((*names, GROUND))}, places, _extent(parts, places))
+    hinges = {frozenset((part.first, part.second)): part.position for part in parts
+              if type(part) is Joint and part.position is not None}  # fmt: skip
     for part in parts:
         if type(part) is Joint:
             builder.joint(part, part.name in cut)
@@ -125,7 +127,7 @@ def _scene(name: str, parts: Sequence[Part], cut: set[str], bodies: Sequence[str
             builder.spring(part, sum(isinstance(element, Connection) and len(element.points) == 2
                                      for element in parts) <= FEW_SPRINGS)  # fmt: skip
         elif isinstance(part, Connection):
-            builder.bushing(part)
+            builder.bushing(part, hinges.get(frozenset((part.first, part.second))))
         elif isinstance(part, Beam):
             builder.chain(part.name, part.node_bodies)
         elif isinstance(part, Superelement):
@@ -229,8 +231,10 @@ class _Builder:
             self.rides.append((a, b, float(s), start, end))
         self.lines.append(Line("spring", part.name, first, len(self.rest)))
 
-    def bushing(self, part: Connection) -> None:
-        at = part.points[0] if part.points else self.places[part.first if part.second == GROUND else part.second]
+    def bushing(self, part: Connection, hinge: Any) -> None:
+        """Add a ring; a torsion spring has no point of its own, and stands at the joint of its bodies if there is one."""
+        centre = self.places[part.first if part.second == GROUND else part.second]
+        at = part.points[0] if part.points else centre if hinge is None else hinge
         if part.points:
             self.hold(part.first, at)
             self.hold(part.second, at)

@@ -142,3 +142,18 @@ def test_topology_shows_gears_and_couplers():
     axes = topology(model.linearize()).axes[0]
     assert [line.get_label() for line in axes.lines].count("gear or coupler") == 3
     assert {"pair", "belt"} <= {text.get_text() for text in axes.texts}
+
+
+def test_a_torsion_spring_stands_at_the_joint_of_its_bodies():
+    from mbsvib.plots._scene import of_model, of_system
+
+    model = mv.Model("crank")
+    model.add_body("crank", 1.0, (1, 1, 1), position=(0.5, 0, 0))
+    model.add_body("wheel", 1.0, (1, 1, 1), position=(0.7, 0, 0))
+    model.add_joint("pin", "revolute", "ground", "crank", position=(0.1, 0.2, 0.3), axis=(0, 1, 0))
+    model.add_torsion_spring("motor", "ground", "crank", axis=(0, 1, 0), stiffness=5.0)
+    model.add_torsion_spring("belt", "ground", "wheel", axis=(0, 1, 0), stiffness=5.0)     # no joint between these
+    system = model.linearize()
+    for scene in (of_model(model), of_system(system.name, system.provenance)):
+        rings = {mark.name: scene.points[mark.point].tolist() for mark in scene.marks if mark.kind == "bushing"}
+        assert rings == {"motor": [0.1, 0.2, 0.3], "belt": [0.7, 0.0, 0.0]}
