@@ -69,7 +69,8 @@ def test_names_overlap_nothing(make, dpi):
 
 def test_the_legend_explains_what_is_drawn():
     words = [text.get_text() for text in mechanism(mv.library.quadruped()).legends[0].get_texts()]
-    assert words == ["body, centre of mass", "joint", "axis of a joint", "bushing or torsion spring", "input", "ground"]
+    assert words == ["body, centre of mass", "joint", "axis of a joint", "bushing or torsion spring",
+                     "input (», torque)", "ground"]  # fmt: skip
     loops = [text.get_text() for text in mechanism(mv.library.stewart_isolator()).legends[0].get_texts()]
     assert {"spring", "joint at which a loop is cut"} <= set(loops)
 
@@ -157,3 +158,25 @@ def test_a_torsion_spring_stands_at_the_joint_of_its_bodies():
     for scene in (of_model(model), of_system(system.name, system.provenance)):
         rings = {mark.name: scene.points[mark.point].tolist() for mark in scene.marks if mark.kind == "bushing"}
         assert rings == {"motor": [0.1, 0.2, 0.3], "belt": [0.7, 0.0, 0.0]}
+
+
+def test_torques_have_two_heads():
+    def heads(direction, view):
+        model = mv.Model("bar")
+        model.add_body("bar", 1.0, (1, 1, 1), position=(0.5, 0, 0))
+        model.add_joint("pin", "revolute", "ground", "bar", position=(0, 0, 0), axis=(0, 1, 0))
+        model.add_input("u", "bar", direction)
+        drawn = mechanism(model, view)
+        words = {text.get_text() for text in drawn.legends[0].get_texts()}
+        polylines = [segment for item in drawn.axes[0].collections if hasattr(item, "get_segments")
+                     for segment in item.get_segments() if len(segment) == 3]  # fmt: skip
+        return polylines, words
+
+    (force,), words = heads("z", "y")
+    assert "input" in words
+    np.testing.assert_allclose(force[1], (0.5, 0.0), atol=1e-12)  # its point is where the force acts
+    (first, second), words = heads("rx", "y")
+    assert "input (», torque)" in words
+    np.testing.assert_allclose(second[1], (0.5, 0.0), atol=1e-12)
+    assert first[1][0] < second[1][0]  # along x, one behind the other
+    assert first[1][1] == pytest.approx(0.0, abs=1e-12)
