@@ -8,7 +8,7 @@ function drawShares(which) {
   Plotly.react("shares", rowsOf.map(([name, values], i) => ({type: "bar", name: plain(name), x: numbers, y: values,
     marker: {color: name === "all others" ? "#d5dbe1" : PALETTE[i % PALETTE.length], pattern: {shape: i >= PALETTE.length ? "/" : "", solidity: 0.25}},
     hovertemplate: `<b>${plain(name)}</b><br>mode %{x}: %{y:.2f} %<extra></extra>`})),
-  layout({barmode: "relative", bargap: 0.28, showlegend: true, legend: {traceorder: "normal", font: {size: 12}},
+  layout({barmode: "relative", bargap: 0.28, showlegend: true, legend: {traceorder: "normal", font: {size: 12}, y: 0.93},
     xaxis: axis("mode [–]", {dtick: Math.ceil(numbers.length / 20), range: [0.4, numbers.length + 0.6], showgrid: false}),
     yaxis: axis(`share of ${words} [%]`)}), CONFIG);
 }
