@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.isolation.figures import Figures
 
-# Accelerations below this share of the largest, rotations times the study's length, are 0 in the table: the root of what
-# rounding leaves of their squares.
+# Accelerations below this share of the largest, rotations times the study's length, are 0 in the table: the root of
+# what rounding leaves of their squares.
 ROUNDED = 1e-8
 
 
