@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.groups import part_numbers
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -75,9 +75,9 @@ def structured_singular_values(
     points = np.moveaxis(m.reshape(n, n, -1), 2, 0)
     masks = np.repeat(np.eye(len(sizes)), sizes, axis=1)
     # blocks that act on others one way make a triangular determinant, of which each part counts alone
-    parts, part = connected_components(masks @ np.any(points, axis=0) @ masks.T, connection="strong")
+    part = part_numbers(masks @ np.any(points, axis=0) @ masks.T, strong=True)
     result = np.zeros(len(points))
-    for k in range(parts):
+    for k in range(part.max(initial=-1) + 1):
         own = masks[part == k]
         at = np.flatnonzero(own.any(axis=0))
         chosen = [j for j, block in enumerate(np.flatnonzero(part == k).tolist()) if block in set(real)]
