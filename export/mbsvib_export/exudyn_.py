@@ -253,7 +253,7 @@ def _check(model: Model, plain: Any, signals: Mapping[str, Signal]) -> None:
             refuse(name, f"exudyn has no joint of the kind '{joint.kind}' that is the same in every pose.")
     for name, part in plain.springs.items():
         if not isinstance(part, (Spring, Bushing)):
-            refuse(name, f"exudyn has no {type(part).__name__}; leave it out, or simulate by model.simulate.")
+            refuse(name, f"exudyn has no {part.family}; leave it out, or simulate by model.simulate.")
         if isinstance(part, Bushing) and part.loaded:
             refuse(name, "a bushing with a preload follows another law in exudyn; give the force as a load.")
     for name in signals:

@@ -24,7 +24,7 @@ def selected(
 
     Parameters
     ----------
-    wanted : str, part, pattern, sequence of these, slice or None
+    requested : str, part, pattern, sequence of these, slice or None
         ``"tilt"``, ``"leg*.F"`` (``*`` any letters, ``?`` one letter), ``["x", "leg*.F"]``; what a pattern picks is in
         the order of the system. None and ``:`` pick all.
     known : sequence of str

@@ -35,6 +35,10 @@ class Body(Part):
     position: Vector = (0.0, 0.0, 0.0)
     orientation: Matrix3 = IDENTITY
 
+    @property
+    def body_positions(self) -> Mapping[str, Vector]:
+        return {self.name: self.position}
+
     def parameter_fields(self) -> Iterator[ParameterField]:
         yield ParameterField("mass", self.mass, "kg")
         yield ParameterField("inertia", self.inertia, "kg m^2", ("xx", "yy", "zz", "xy", "xz", "yz"))

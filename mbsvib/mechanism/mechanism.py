@@ -308,13 +308,13 @@ class Mechanism:
                          f"Add bodies before what refers to them.", element=who, field=field)  # fmt: skip
 
 
-def check_name(name: str, what: str, *groups: Mapping[str, Any]) -> None:
+def check_name(name: str, what: str, *groups: Mapping[str, Part]) -> None:
     """Refuse what cannot be a name or is already the name of a part."""
     if type(name) is not str or not name.isidentifier():
         check.name(name, what)
     for group in groups:
         if name in group:
             raise ModelError(
-                f"{what} '{name}': the name is taken by a {type(group[name]).__name__.lower()}; choose another.",
+                f"{what} '{name}': the name is taken by a {group[name].family}; choose another.",
                 element=name, field="name",
             )  # fmt: skip
