@@ -288,8 +288,8 @@ class _Texts:
 
     def signals(self, arrays: dict[str, Any]) -> dict[str, Any]:
         """Names and units of inputs, outputs and states."""
-        return {f"{what.lower()}{end}": self.all(arrays[f"{what}{kind}"])
-                for what in ("Input", "Output", "State")
+        return {f"{signal.lower()}{end}": self.all(arrays[f"{signal}{kind}"])
+                for signal in ("Input", "Output", "State")
                 for kind, end in (("Name", "s"), ("Unit", "_units"))}  # fmt: skip
 
 

@@ -79,7 +79,7 @@ def measurement_of(raw: bytes) -> Measurement:
                          "of the world"] += 1  # fmt: skip
     nodes = tuple(Node(number, content.names.get(number, ""), position)
                   for number, position in content.positions.items())  # fmt: skip
-    left = tuple(f"{count} of {what}" for what, count in content.left_out.items())
+    left = tuple(f"{count} of {kind}" for kind, count in content.left_out.items())
     return _measurement(content, nodes, left, len(raw))
 
 

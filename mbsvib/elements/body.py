@@ -37,6 +37,7 @@ class Body(Part):
 
     @property
     def body_positions(self) -> Mapping[str, Vector]:
+        """Names and positions [m] of the bodies that it adds to the mechanism."""
         return {self.name: self.position}
 
     def parameter_fields(self) -> Iterator[ParameterField]:

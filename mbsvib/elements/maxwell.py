@@ -49,6 +49,7 @@ class Maxwell(Connection):
 
     @property
     def body_positions(self) -> Mapping[str, Vector]:
+        """Names and positions [m] of the bodies that it adds to the mechanism."""
         return {self.node: self.end}
 
     @property

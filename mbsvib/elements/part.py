@@ -247,6 +247,7 @@ class Composed(Part):
 
     @property
     def body_positions(self) -> Mapping[str, Vector]:
+        """Names and positions [m] of the bodies that it adds to the mechanism."""
         return self.node_names | dict.fromkeys(self.carriers, self.points[0])
 
     @property

@@ -261,10 +261,10 @@ def close(plant: LoopPlant, *controllers: Controller, form: type[ClosedLoop] = C
         if not isinstance(law, Controller):
             raise ResponseError(f"closed loop: {type(law).__name__} is no controller; expected what force_feedback, "
                                 f"skyhook, controller, ... return.")  # fmt: skip
-        for what, names, known in (("sensor", law.inputs, system.outputs), ("actuator", law.outputs, system.inputs)):
+        for kind, names, known in (("sensor", law.inputs, system.outputs), ("actuator", law.outputs, system.inputs)):
             for name in names:
                 if name not in known:
-                    raise ResponseError(f"closed loop: {law.name} names the {what} '{name}'; the plant has none."
+                    raise ResponseError(f"closed loop: {law.name} names the {kind} '{name}'; the plant has none."
                                         f"{nearest(name, known)} It has {', '.join(known)}.")  # fmt: skip
     return form(plant, controllers, _united([c.inputs for c in controllers]),
                 _united([c.outputs for c in controllers]))  # fmt: skip

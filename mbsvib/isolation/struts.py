@@ -135,7 +135,7 @@ def ring(
     away = {name: np.array(getattr(model.springs[name], end))[:2] - middle for name in leg_names}
     if legs is None:
         leg_names.sort(key=lambda name: float(np.arctan2(*away[name][::-1])))
-    result: dict[str, dict[str, float]] = {f"{end}.{what}": {} for what in ("radius", "height", "spread")}
+    result: dict[str, dict[str, float]] = {f"{end}.{dimension}": {} for dimension in ("radius", "height", "spread")}
     for i, name in enumerate(leg_names):
         radius = float(np.linalg.norm(away[name]))
         if radius == 0.0:

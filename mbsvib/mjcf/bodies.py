@@ -81,12 +81,12 @@ def add_springs(scene: Scene, stiffness: Any, damping: Any) -> None:
     """Add joints with their springs and dampers: the file's, or those that the user gives."""
     file, m = scene.file, scene.file.m
     scalar = {file.name("joint", i): i for i in range(m.njnt) if OWN[int(m.jnt_type[i])] is not None}
-    for what, argument in (("stiffness", stiffness), ("damping", damping)):
+    for field, argument in (("stiffness", stiffness), ("damping", damping)):
         for name in argument if isinstance(argument, Mapping) else ():
             if name not in scalar and name in file.names("joint"):
-                raise ModelError(f"{what}: joint '{name}' is a ball or free joint; give hinges and slides only, and "
-                                 f"model.add_bushing() afterwards.", element=name, field=what)  # fmt: skip
-            known(name, scalar, what, "hinge or slide")
+                raise ModelError(f"{field}: joint '{name}' is a ball or free joint; give hinges and slides only, and "
+                                 f"model.add_bushing() afterwards.", element=name, field=field)  # fmt: skip
+            known(name, scalar, field, "hinge or slide")
     for i, link in scene.links.items():
         name = file.name("joint", i)
         k, force = _file_stiffness(scene, i)
@@ -182,25 +182,25 @@ def _six(values: Array, own: int) -> Array:
     return result
 
 
-def _option(value: Any, name: str, what: str) -> Any:
+def _option(value: Any, name: str, field: str) -> Any:
     if isinstance(value, Mapping):
         value = value.get(name)
     if value is None:
         return None
-    return check.numbers(np.ravel(value).tolist(), (1, 6), f"joint '{name}'", what, "one number, or six")
+    return check.numbers(np.ravel(value).tolist(), (1, 6), f"joint '{name}'", field, "one number, or six")
 
 
-def added(file: Compiled, target: str, i: int, what: str) -> float:
+def added(file: Compiled, target: str, i: int, field: str) -> float:
     """Return the damping or armature that actuators add to a joint or tendon: theirs times the square of the gear."""
     m, total = file.m, 0.0
-    if not hasattr(m, f"actuator_{what}"):
+    if not hasattr(m, f"actuator_{field}"):
         return total
     requested = ("mjTRN_TENDON",) if target == "tendon" else ("mjTRN_JOINT", "mjTRN_JOINTINPARENT")
     kinds = [int(getattr(file.api.mjtTrn, kind)) for kind in requested]
     for a in range(file.count("actuator")):
         if int(m.actuator_trntype[a]) in kinds and int(m.actuator_trnid[a][0]) == i:
             gear = float(m.actuator_gear[int(m.actuator_outadr[a])][0])
-            total += float(getattr(m, f"actuator_{what}")[a]) * gear**2
+            total += float(getattr(m, f"actuator_{field}")[a]) * gear**2
     return total
 
 

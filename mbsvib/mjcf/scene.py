@@ -66,6 +66,6 @@ class Scene:
             result = f"{result}.{more}"
         return result
 
-    def remark(self, what: str, name: str) -> None:
+    def remark(self, text: str, name: str) -> None:
         """Record that a property of an element was left out."""
-        self.remarks.setdefault(what, []).append(name)
+        self.remarks.setdefault(text, []).append(name)

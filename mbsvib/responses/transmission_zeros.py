@@ -96,14 +96,14 @@ def transmission_zeros(
     return zeros[np.lexsort((-zeros.imag, np.abs(zeros)))]
 
 
-def numbers(system: Equations, what: str, names: str | Sequence[str] | None) -> list[int]:
+def numbers(system: Equations, kind: str, names: str | Sequence[str] | None) -> list[int]:
     """Return the numbers of the named inputs or outputs; None: of all.
 
     Parameters
     ----------
     system : Equations
         The equations of motion.
-    what : str
+    kind : str
         "input" or "output".
     names : str or sequence of str, optional
         Their names.
@@ -118,8 +118,8 @@ def numbers(system: Equations, what: str, names: str | Sequence[str] | None) -> 
     ResponseError
         If a name is unknown.
     """
-    known, others = (system.inputs, system.outputs) if what == "input" else (system.outputs, system.inputs)
-    return selected(names, known, what, system.name, others)
+    known, others = (system.inputs, system.outputs) if kind == "input" else (system.outputs, system.inputs)
+    return selected(names, known, kind, system.name, others)
 
 
 def _realized(

@@ -196,7 +196,7 @@ class Variants:
             return self._size
         return max(scale, LEAST * self._entries.loads) if field in FORCES else scale
 
-    def _extrapolated(self, at: Callable[[float], Array], scale: float, what: str) -> Array:
+    def _extrapolated(self, at: Callable[[float], Array], scale: float, parameter: str) -> Array:
         """A slope, with steps made smaller until the differences agree."""
         entries = self._entries
         best, least, refusal, moves = None, np.inf, None, 0
@@ -226,13 +226,13 @@ class Variants:
             raise _OtherMobility
         if best is None or least > WORST:
             why = str(refusal) if best is None else f"differences agree to {least:.1e} only"
-            raise self._not_smooth(what, why) from refusal
+            raise self._not_smooth(parameter, why) from refusal
         return best
 
-    def _not_smooth(self, what: str, why: str) -> ModelError:
+    def _not_smooth(self, parameter: str, why: str) -> ModelError:
         return ModelError(
-            f"sensitivities: the equations of '{self.system.name}' do not change smoothly with {what} ({why}). Compare "
-            f"variants by model.with_values, or name other parameters.", element=self.system.name,
+            f"sensitivities: the equations of '{self.system.name}' do not change smoothly with {parameter} ({why}). "
+            f"Compare variants by model.with_values, or name other parameters.", element=self.system.name,
         )  # fmt: skip
 
     def _equations(self, values: Mapping[str, float]) -> Array:

@@ -101,12 +101,12 @@ def read(path: str | PathLike[str]) -> Robot:
     return Robot(top.get("name") or "robot", links, joints, _root(links, joints, path))
 
 
-def _named(top: ElementTree.Element, what: str, path: str | PathLike[str]) -> dict[str, ElementTree.Element]:
+def _named(top: ElementTree.Element, kind: str, path: str | PathLike[str]) -> dict[str, ElementTree.Element]:
     result: dict[str, ElementTree.Element] = {}
-    for element in top.findall(what):
+    for element in top.findall(kind):
         name = element.get("name")
         if not name or name in result:
-            raise ModelError(f"{path}: a {what} {'has no name' if not name else f'{name!r} is there twice'}.",
+            raise ModelError(f"{path}: a {kind} {'has no name' if not name else f'{name!r} is there twice'}.",
                              element=name, field="name")  # fmt: skip
         result[name] = element
     return result

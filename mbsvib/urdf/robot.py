@@ -193,20 +193,20 @@ def _add_tip(model: Model, tip: str, groups: dict[str, Group], places: dict[str,
         model.add_output(f"{tip}.{direction}", body, direction, places[tip][0])
 
 
-def _of(value: Any, joint: Hinge, robot: Robot, what: str, default: float) -> Any:
+def _of(value: Any, joint: Hinge, robot: Robot, field: str, default: float) -> Any:
     """One number or six for a joint."""
     if isinstance(value, Mapping):
-        _known(what, value, robot)
+        _known(field, value, robot)
         value = value.get(joint.name)
     if value is None:
         return default
-    values = check.numbers(np.ravel(value).tolist(), (1, 6), f"joint '{joint.name}'", what, "one number, or six")
+    values = check.numbers(np.ravel(value).tolist(), (1, 6), f"joint '{joint.name}'", field, "one number, or six")
     return values if len(values) == 6 else values[0]
 
 
-def _known(what: str, by_joint: Mapping[str, Any], robot: Robot) -> None:
+def _known(field: str, by_joint: Mapping[str, Any], robot: Robot) -> None:
     moving = [name for name, joint in robot.joints.items() if joint.kind != "fixed"]
     for name in by_joint:
         if name not in moving:
-            raise ModelError(f"{what}: {name!r} is no joint that moves.{nearest(str(name), moving)} There are "
-                             f"{', '.join(moving)}.", element=str(name), field=what)  # fmt: skip
+            raise ModelError(f"{field}: {name!r} is no joint that moves.{nearest(str(name), moving)} There are "
+                             f"{', '.join(moving)}.", element=str(name), field=field)  # fmt: skip
