@@ -61,9 +61,9 @@ def _line(total: int, label: str, done: int) -> Iterator[Callable[[int], None]]:
         spent = monotonic() - began
         share = count[0] / total if total else 1.0
         advanced = count[0] - done
-        left = f", {spent * (total - count[0]) / advanced:.0f} s left" if advanced > 0 and count[0] < total else ""
+        remaining = f", {spent * (total - count[0]) / advanced:.0f} s left" if advanced > 0 and count[0] < total else ""
         bar = "#" * round(BAR * share)
-        stream.write(f"\r{label} [{bar:.<{BAR}}] {count[0]}/{total}, {spent:.0f} s{left}\x1b[K")
+        stream.write(f"\r{label} [{bar:.<{BAR}}] {count[0]}/{total}, {spent:.0f} s{remaining}\x1b[K")
         stream.flush()
 
     def tell(more: int) -> None:

@@ -116,8 +116,8 @@ def _topology(system: Equations) -> list[str]:
     idle = [name for i, name in enumerate(system.provenance.springs)
             if i not in straining and name not in forces and name not in inerters]  # fmt: skip
     if idle:
-        left = "the mechanism" if system.provenance.removed is None else "what is left"
-        lines.append(f"  without effect, as no motion of {left} strains them: {listed(idle)}")
+        system_text = "the mechanism" if system.provenance.removed is None else "what is left"
+        lines.append(f"  without effect, as no motion of {system_text} strains them: {listed(idle)}")
     return lines
 
 

@@ -185,10 +185,10 @@ def platform(
     names = [leg.name for leg in leg_list]
     rings = {"base": ring_of(low, high, names, "base"), "platform": ring_of(high, low, names, "platform")}
     start = {f"{ends}.{dimension}": value for ring, ends in rings.items() for dimension, value in ends.start.items()}
-    left = _left_behind(model, leg_list)
-    if left:
-        warnings.warn(f"platform: inputs and outputs along legs stay where they are, {', '.join(left[:4])}"
-                      f"{', ...' if left[4:] else ''}; leave them out, and add them to the mechanism that is found.",
+    unmoved = _left_behind(model, leg_list)
+    if unmoved:
+        warnings.warn(f"platform: inputs and outputs along legs stay where they are, {', '.join(unmoved[:4])}"
+                      f"{', ...' if unmoved[4:] else ''}; leave them out, and add them to the mechanism that is found.",
                       stacklevel=2)  # fmt: skip
     return Platform(leg_list, rings, frame, start, {name: UNITS[name.split(".")[1]] for name in start},
                     Following.of(leg_list))  # fmt: skip

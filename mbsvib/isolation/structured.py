@@ -121,22 +121,22 @@ def _bounds(m: Complex, masks: Array, real: list[int]) -> Array:
     slopes, weight = _slopes(m, masks, real)
     x = np.tile(np.concatenate((np.full(count, 0.5), np.zeros(len(real)))), (len(m), 1))
     level, best = np.full(len(m), 2.0), np.ones(len(m))
-    left = np.arange(len(m))
+    at = np.arange(len(m))
     for _ in range(_STEPS):
-        if not len(left):
+        if not len(at):
             break
-        step, decrement = _newton(*_derivatives(x[left], level[left, None, None, None] * weight - slopes[left], count))
-        after = x[left] + step / (1.0 + decrement)[:, None]
-        bound = _level(after, slopes[left], masks)
-        inside = (bound < level[left]) & (after[:, :count] < 1.0).all(axis=1)  # always, but for rounding
+        step, decrement = _newton(*_derivatives(x[at], level[at, None, None, None] * weight - slopes[at], count))
+        after = x[at] + step / (1.0 + decrement)[:, None]
+        bound = _level(after, slopes[at], masks)
+        inside = (bound < level[at]) & (after[:, :count] < 1.0).all(axis=1)  # always, but for rounding
         inside &= (np.abs(after[:, count:]) < _LARGEST).all(axis=1)
-        x[left[inside]], bound = after[inside], np.where(inside, bound, level[left])
-        best[left] = np.minimum(best[left], bound)
+        x[at[inside]], bound = after[inside], np.where(inside, bound, level[at])
+        best[at] = np.minimum(best[at], bound)
         centred = decrement < _CENTRED
-        room = level[left] - bound
-        done = ~inside | (centred & (room <= _GAP * level[left])) | (bound < _ZERO)
-        level[left] = np.where(centred, bound + _SHARE * room, level[left])
-        left = left[~done]
+        room = level[at] - bound
+        done = ~inside | (centred & (room <= _GAP * level[at])) | (bound < _ZERO)
+        level[at] = np.where(centred, bound + _SHARE * room, level[at])
+        at = at[~done]
     return np.sqrt(np.maximum(best, 0.0))
 
 

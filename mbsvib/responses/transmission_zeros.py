@@ -250,8 +250,8 @@ def _near_rigid_poles(
         size = size + np.log(np.abs(s[:, None] - poles[poles != 0.0])).sum(axis=1)
         for share in NEAR_RIGID:
             far = z[(np.abs(z) > share * lowest) | known & (z != 0.0)]
-            left = size - np.log(np.abs(s[:, None] - far)).sum(axis=1)
-            power = (left[0] - left[1]) / np.log(CLOSER[0] / CLOSER[1])
+            logarithms = size - np.log(np.abs(s[:, None] - far)).sum(axis=1)
+            power = (logarithms[0] - logarithms[1]) / np.log(CLOSER[0] / CLOSER[1])
             count = np.round(power) + np.count_nonzero(poles == 0.0) - still
             if np.abs(power - np.round(power)) < INTEGER_POWER and count == len(z) - len(far):
                 return np.concatenate((np.zeros(int(count)), far))

@@ -192,9 +192,9 @@ class LoadedNetwork:
 
     def _work_of_applied_forces(self, moves: Field, gap: Field) -> Field:
         """What is no parameter, as far as applied forces do work on the motion of second order, (extras, ...)."""
-        left, at = moves.copy(), self.changes.at
-        left[: self.forces.counts[0]] = 0.0
-        wrench, point, start = work_slopes(self.forces, left, gap)
+        displacements, at = moves.copy(), self.changes.at
+        displacements[: self.forces.counts[0]] = 0.0
+        wrench, point, start = work_slopes(self.forces, displacements, gap)
         row = np.zeros((at.size, *moves.shape[2:]), dtype=moves.dtype)
         for key, part in (("point", point), ("start", start[self.forces.lines]),
                           ("wrench", wrench[self.forces.counts[0] :])):  # fmt: skip

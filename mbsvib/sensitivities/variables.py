@@ -181,9 +181,9 @@ class Variables:
         ``together`` (parameters,): which parameters. Returns the others, then one direction for each variable that
         moves any of these.
         """
-        left = np.flatnonzero(~together)
+        separate = np.flatnonzero(~together)
         number_of = np.full(len(together), -1)
-        number_of[left] = np.arange(len(left))
+        number_of[separate] = np.arange(len(separate))
         directions: list[Direction] = []
         own = together[self.parameter]
         terms = list(zip(self.variable[~own].tolist(), number_of[self.parameter[~own]].tolist(),
@@ -196,11 +196,11 @@ class Variables:
         for v, own_rates in rates.items():
             moved = tuple((name, rate) for name, rate in own_rates.items() if rate)
             if moved:
-                terms.append((v, len(left) + len(directions), 1.0))
+                terms.append((v, len(separate) + len(directions), 1.0))
                 directions.append(Direction(self.names[v], moved))
         table = np.array(terms, dtype=float).reshape(-1, 3)
         return Variables(
-            self.names, tuple(self.parameters[k] for k in left.tolist()), self.parts, table[:, 0].astype(np.intp),
+            self.names, tuple(self.parameters[k] for k in separate.tolist()), self.parts, table[:, 0].astype(np.intp),
             table[:, 1].astype(np.intp), table[:, 2], tuple(directions),
         )
 

@@ -85,9 +85,9 @@ class SecondOrder:
         scale = 1.0 / np.sqrt(np.maximum(np.abs(reduced).max(axis=0), 1e-300))
         scaled = reduced * np.outer(scale, scale)
         answer = np.linalg.lstsq(scaled, scale * right, rcond=REDUNDANT_LOOPS)[0]
-        left = float(np.abs(scaled @ answer - scale * right).max(initial=0.0))
+        residual = float(np.abs(scaled @ answer - scale * right).max(initial=0.0))
         size = float(np.abs(scale * (np.abs(self.to_all.T) @ np.abs(force))).max(initial=0.0))
-        return start + self.to_all @ (scale * answer), left <= BALANCED * max(size, 1e-300)
+        return start + self.to_all @ (scale * answer), residual <= BALANCED * max(size, 1e-300)
 
 
 def second_order(statement: FiniteMotion, measured: Measured, independent: Index, u: Array) -> SecondOrder:

@@ -125,8 +125,8 @@ def _rank(model: Mechanism, statement: FiniteMotion, scale: Array, rows: Array, 
     rank = loops.rank(here, bases)
     generator = np.random.default_rng(0)
     step = loops.rates(here, bases, NEIGHBOUR * generator.standard_normal(len(scale)) * scale)
-    next_to, left = loops.projected(step, bases)
-    if left > NEIGHBOUR**2 or loops.rank(next_to, bases) != rank:
+    next_to, opening = loops.projected(step, bases)
+    if opening > NEIGHBOUR**2 or loops.rank(next_to, bases) != rank:
         raise SingularPoseError(
             f"simulate: the loops of model '{model.name}' have another number of degrees of freedom in the pose as "
             f"described than next to it; start from a pose a little off, model.moved(...).simulate(...)."
