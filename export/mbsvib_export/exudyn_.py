@@ -112,10 +112,10 @@ class _Scene:
 
     def marker(self, body: str, point: Any, axes: Array | None = None) -> int:
         """A marker on a body at a point, with axes, both in the world."""
-        origin, own = self.frames[body]
+        origin, body_axes = self.frames[body]
         local = np.eye(4)
-        local[:3, :3] = own.T @ (own if axes is None else axes)
-        local[:3, 3] = own.T @ (np.array(point) - origin)
+        local[:3, :3] = body_axes.T @ (body_axes if axes is None else axes)
+        local[:3, 3] = body_axes.T @ (np.array(point) - origin)
         return int(self.mbs.AddMarker(self.items.MarkerBodyRigid(bodyNumber=self.numbers[body], localHT=local)))
 
     def add_joint(self, joint: Joint) -> None:

@@ -64,10 +64,10 @@ def step_of(space: StateSpace, dt: float, caller: str = "step_of") -> Step:
     block = part_numbers(space.A != 0.0)
     # modes one by one: a fast one must not decide how often a slow one is squared
     for number in range(block.max(initial=-1) + 1):
-        own = np.flatnonzero(block == number)
-        within = np.ix_(own, own)
-        of_block = _oscillator if _is_oscillator(space.A[within], space.B[own]) else _exponential
-        phi[within], gamma[own], slope[own] = of_block(space.A[within], space.B[own], space.C[:, own], dt)
+        states = np.flatnonzero(block == number)
+        within = np.ix_(states, states)
+        of_block = _oscillator if _is_oscillator(space.A[within], space.B[states]) else _exponential
+        phi[within], gamma[states], slope[states] = of_block(space.A[within], space.B[states], space.C[:, states], dt)
     return Step(float(dt), phi, gamma, slope)
 
 

@@ -37,14 +37,14 @@ class ClosedLoop(FeedbackLoop):
     ``second_order``, and its results come from there.
     """
 
-    def _loop(self, omega: Array, own: Complex) -> tuple[Complex, Complex, Complex]:
+    def _loop(self, omega: Array, plant_response: Complex) -> tuple[Complex, Complex, Complex]:
         s = np.asarray(1j * omega, dtype=complex)
         try:
             k = self.law.at(s)
         except np.linalg.LinAlgError as error:
             raise ResponseError("closed loop: a controller has a pole at one of the frequencies (a pure integrator at "
                                 "0 Hz?); give it a leak, or leave this frequency out.") from error  # fmt: skip
-        return k, k @ own, np.ones(len(omega), dtype=complex)
+        return k, k @ plant_response, np.ones(len(omega), dtype=complex)
 
     @cached_property
     def _space(self) -> tuple[Array, Array, Array, Array, StateSpace]:

@@ -184,7 +184,7 @@ def platform(
                  ([leg.start for leg in leg_list], [leg.end for leg in leg_list]))  # fmt: skip
     names = [leg.name for leg in leg_list]
     rings = {"base": ring_of(low, high, names, "base"), "platform": ring_of(high, low, names, "platform")}
-    start = {f"{ends}.{dimension}": value for ring, ends in rings.items() for dimension, value in ends.start.items()}
+    start = {f"{ring}.{dimension}": value for ring, ends in rings.items() for dimension, value in ends.start.items()}
     unmoved = _left_behind(model, leg_list)
     if unmoved:
         warnings.warn(f"platform: inputs and outputs along legs stay where they are, {', '.join(unmoved[:4])}"
@@ -201,8 +201,8 @@ def _left_behind(model: Model, legs: Sequence[Leg]) -> list[str]:
     result = []
     for port in (*model.inputs.values(), *model.outputs.values()):
         if isinstance(port, Port):
-            own = port.position is not None or not isinstance(port.direction, str)
+            at_point = port.position is not None or not isinstance(port.direction, str)
             off = np.inf if port.position is None else np.abs(points - port.position).max(axis=1).min()
-            if off <= ALIKE * np.ptp(points) or (own and bodies & {port.body, port.relative_to}):
+            if off <= ALIKE * np.ptp(points) or (at_point and bodies & {port.body, port.relative_to}):
                 result.append(port.name)
     return result

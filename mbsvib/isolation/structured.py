@@ -78,10 +78,10 @@ def structured_singular_values(
     part = part_numbers(masks @ np.any(points, axis=0) @ masks.T, strong=True)
     result = np.zeros(len(points))
     for k in range(part.max(initial=-1) + 1):
-        own = masks[part == k]
-        at = np.flatnonzero(own.any(axis=0))
+        part_masks = masks[part == k]
+        at = np.flatnonzero(part_masks.any(axis=0))
         chosen = [j for j, block in enumerate(np.flatnonzero(part == k).tolist()) if block in set(real)]
-        np.maximum(result, _part(points[:, at][:, :, at], own[:, at], chosen), out=result)
+        np.maximum(result, _part(points[:, at][:, :, at], part_masks[:, at], chosen), out=result)
     return result.reshape(m.shape[2:])
 
 

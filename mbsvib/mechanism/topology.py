@@ -62,8 +62,8 @@ class Topology:
         names = (*self.bodies, "ground")
         result = {"ground": 0}
         for branch in self.branches:
-            own = 6 if branch.joint == FLOATS else len(self.joints[branch.joint].freedom)
-            result[names[branch.body]] = result[names[branch.parent]] + own
+            freedom = 6 if branch.joint == FLOATS else len(self.joints[branch.joint].freedom)
+            result[names[branch.body]] = result[names[branch.parent]] + freedom
         return result
 
 

@@ -141,8 +141,8 @@ def _drive_six(scene: Scene, i: int, gear: Array) -> None:
         if body != GROUND:
             scene.model.add_input(name, body, six, np.array(d.site_xpos[target]))
         return
-    link, own = scene.links[target], int(m.jnt_bodyid[target])
-    free, axes = m.jnt_type[target] == FREE, np.array(d.xmat[own]).reshape(3, 3)
+    link, free = scene.links[target], m.jnt_type[target] == FREE
+    axes = np.array(d.xmat[int(m.jnt_bodyid[target])]).reshape(3, 3)
     if m.actuator_trntype[i] != file.api.mjtTrn.mjTRN_JOINT:  # in the axes that the body has before the joint turns it
         axes = axes @ matrix_of(file.position(target)[-4:], file).T
     force, torque = (gear[:3], gear[3:]) if free else (np.zeros(3), gear[:3])

@@ -28,7 +28,7 @@ class Link:
     second: str
     at: Array
     z: Array
-    own: int | None
+    direction: int | None
 
     @property
     def axes(self) -> Array:
@@ -38,7 +38,7 @@ class Link:
     @property
     def coordinate(self) -> str:
         """Name of its only coordinate."""
-        return f"{self.name}.{'z' if self.own == 2 else 'rz'}"
+        return f"{self.name}.{'z' if self.direction == 2 else 'rz'}"
 
 
 @dataclass(slots=True, eq=False)

@@ -134,7 +134,7 @@ def attach(scene: Scene, name: str, path: Path, gear: float, k: float, c: float,
         scene.joint_forces[int(scene.file.m.jnt_dofadr[joint])] += force * value
     link, six = scene.links[path.terms[0][0]], np.zeros(6)
     if len(path.terms) == 1:
-        first, second, six[link.own] = link.first, link.second, path.terms[0][1]
+        first, second, six[link.direction] = link.first, link.second, path.terms[0][1]
     else:
         first, (second, six[5]) = GROUND, _wheel(scene, path, 0.0)
     scene.model.add_bushing(name, first, second, link.at, k * six**2, c * six**2, link.axes,

@@ -66,8 +66,8 @@ def modal_disparity(free_system: Equations, held_system: Equations) -> Array:
                             f"system without the constraints first.")  # fmt: skip
     shapes = [_modes(free), transform @ _modes(held)]
     mass = np.asarray(free.M)
-    own = [np.einsum("ki,kl,li->i", shape, mass, shape) for shape in shapes]
-    return np.asarray((shapes[0].T @ mass @ shapes[1]) ** 2 / np.outer(*own))
+    norms = [np.einsum("ki,kl,li->i", shape, mass, shape) for shape in shapes]
+    return np.asarray((shapes[0].T @ mass @ shapes[1]) ** 2 / np.outer(*norms))
 
 
 def _motions(system: Any, bodies: list[str]) -> Array:

@@ -181,8 +181,8 @@ def cancels(system: Equations, state: EnergyState) -> bool:
     p = len(state.scale)
     if not state.massless or system.gyroscopic is not None or system.circulatory is not None:
         return False
-    own, joined = state.coupling[p:, p:], state.coupling[p:, :p]
-    taken = np.einsum("kp,kp->p", joined, np.linalg.lstsq(own, joined, rcond=None)[0])
+    block, joined = state.coupling[p:, p:], state.coupling[p:, :p]
+    taken = np.einsum("kp,kp->p", joined, np.linalg.lstsq(block, joined, rcond=None)[0])
     return bool((SERIES_STIFFNESS * np.abs(state.square - taken) < taken).any())
 
 

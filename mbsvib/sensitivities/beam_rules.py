@@ -53,7 +53,7 @@ def changed_beam(network: Network, beam: Beam, change: dict[str, Array]) -> tupl
     springs = {spring.name: i for i, spring in enumerate(network.springs)}
     joints = {joint.name: i for i, joint in enumerate(network.joints)}
     which = np.array([springs[name] for name in beam.element_names])
-    own = np.array([joints[name] for name in beam.element_names])
+    element_joints = np.array([joints[name] for name in beam.element_names])
     ends = [(number.get(beam.body_of(i), -1), np.array(point)) for i, point in enumerate(beam.points)]
     present = numbers(beam)
     axes = present["axes"].swapaxes(1, 2)
@@ -80,8 +80,8 @@ def changed_beam(network: Network, beam: Beam, change: dict[str, Array]) -> tupl
     def _moved(fields: Fields) -> Terms:
         """Nodes, midpoints and axes move."""
         result: Terms = []
-        in_joint, in_spring = fields.wrench[own], fields.wrench[first + which]
-        opened, strained = -fields.relative[own], fields.relative[first + which]
+        in_joint, in_spring = fields.wrench[element_joints], fields.wrench[first + which]
+        opened, strained = -fields.relative[element_joints], fields.relative[first + which]
         for wrench, moves in ((in_joint, opened), (in_spring, strained)):
             result += _along(wrench[:, :3], moves[:, 3:], middles)
             result += _along(wrench[:, :3], moves[:, :3], turns) + _along(wrench[:, 3:], moves[:, 3:], turns)
@@ -122,8 +122,8 @@ def _bent_lines(
     local[:, :3, :3] = local[:, 3:, 3:] = axes
     spin = np.zeros((len(axes), 6, 6))
     spin[:, :3, :3] = spin[:, 3:, 3:] = skew(turns)
-    own, changed = (local @ form @ local.swapaxes(1, 2) for form in (present["bent"], change["bent"]))
-    return tension * own, tension * (changed + spin @ own - own @ spin) + less * own
+    bent, bent_change = (local @ form @ local.swapaxes(1, 2) for form in (present["bent"], change["bent"]))
+    return tension * bent, tension * (bent_change + spin @ bent - bent @ spin) + less * bent
 
 
 def motion_slopes(beam: Beam, direction: int) -> dict[str, Array]:

@@ -170,5 +170,5 @@ def wear(loops: Loops, chart: Chart, q: Array) -> tuple[float, float]:
     jacobian = loops.scaled(q, chart.bases)[1]
     closures = (chart.rows / loops.row_scale) @ jacobian
     values = np.linalg.svd(closures, compute_uv=False)
-    own = np.linalg.svd(closures[:, chart.dependent], compute_uv=False)
-    return float(own[-1] / max(values[-1], 1e-300)), float(values[-1] / values[0])
+    dependent_values = np.linalg.svd(closures[:, chart.dependent], compute_uv=False)
+    return float(dependent_values[-1] / max(values[-1], 1e-300)), float(values[-1] / values[0])

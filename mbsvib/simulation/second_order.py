@@ -127,7 +127,7 @@ def second_order(statement: FiniteMotion, measured: Measured, independent: Index
     unbalanced, _, opening, _ = map(np.asarray, slopes(zero, ways[:, :n]))
     J = opening.reshape(-1, n)
     zero[3 * n :] = minimum_norm_solution(J.T, unbalanced[:, 0])
-    _, own, _, output_slopes = map(np.asarray, slopes(zero, ways))
+    _, loop_slopes, _, output_slopes = map(np.asarray, slopes(zero, ways))
     twice = [ca.densify(ca.jtimes(part, x, b)) for part in once]
     full = ca.Function("curvature", [x, a, b], twice)
     dependent = np.setdiff1d(np.arange(n), independent)
@@ -135,6 +135,6 @@ def second_order(statement: FiniteMotion, measured: Measured, independent: Index
     if len(dependent):
         to_all[dependent] = -minimum_norm_solution(J[:, dependent], J[:, independent])
     return SecondOrder(
-        to_all, independent, (own[:, :n], own[:, n : 2 * n], own[:, 2 * n : 3 * n]), J,
+        to_all, independent, (loop_slopes[:, :n], loop_slopes[:, n : 2 * n], loop_slopes[:, 2 * n : 3 * n]), J,
         output_slopes.reshape(-1, x.shape[0])[:, : 3 * n], zero[3 * n :], lambda left, right: full(zero, left, right),
     )  # fmt: skip

@@ -143,8 +143,8 @@ def _fastest_decay(statement: FiniteMotion, reduced: tuple[Array, Array], bases:
     yielding = ca.jacobian(statement.yield_rates, statement.yields)
     function = ca.Function("damping", [motion.q, motion.qd, statement.yields, motion.bases], [damping, yielding])
     here = np.zeros(len(motion.names))
-    own, yields = map(np.asarray, function(here, here, np.zeros(statement.yields.shape), bases))
-    rates = [*np.abs(eigh(to_all.T @ own @ to_all, mass, eigvals_only=True)), *np.abs(np.diag(yields))]
+    damping_matrix, yields = map(np.asarray, function(here, here, np.zeros(statement.yields.shape), bases))
+    rates = [*np.abs(eigh(to_all.T @ damping_matrix @ to_all, mass, eigvals_only=True)), *np.abs(np.diag(yields))]
     return float(max(rates, default=0.0))
 
 

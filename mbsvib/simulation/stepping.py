@@ -153,11 +153,11 @@ def _closed(run: Session, state: State, chart: Chart) -> State:
 
 def _next(run: Session, state: State, chart: Chart) -> Sample:
     """Where the next block starts: loops closed, and coordinates chosen anew if that pays."""
-    own, singular = wear(run.loops, chart, state.q)
+    wear_of_chart, singular = wear(run.loops, chart, state.q)
     if singular < SINGULAR:
         raise _stopped(run, state, "the loops come to a singular pose, from which they could go on in several ways")
     best = chart_at(run.loops, state.q, chart.bases)
-    if _angles(run, state.q) > LONG_TURN or own < TIRED * wear(run.loops, best, state.q)[0]:
+    if _angles(run, state.q) > LONG_TURN or wear_of_chart < TIRED * wear(run.loops, best, state.q)[0]:
         return restarted_sample(run, state, chart.bases)
     return Sample(_closed(run, state, chart), chart)
 
