@@ -111,10 +111,10 @@ class ExportError(MbsvibError):
     """A system that a target format cannot hold."""
 
 
-def counted(number: int, what: str) -> str:
+def counted(number: int, noun: str) -> str:
     """Return "1 body", "2 bodies" for a number and a noun in the singular."""
-    plural = f"{what[:-1]}ies" if what.endswith("y") else f"{what}s"
-    return f"{number} {what if number == 1 else plural}"
+    plural = f"{noun[:-1]}ies" if noun.endswith("y") else f"{noun}s"
+    return f"{number} {noun if number == 1 else plural}"
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

@@ -44,7 +44,7 @@ def write_atomic(path: str | os.PathLike[str], write: Callable[[IO[bytes]], obje
         ) from error
 
 
-def check_companion(path: Path, is_own: Callable[[Path], bool], what: str, instead: str) -> None:
+def check_companion(path: Path, is_own: Callable[[Path], bool], contents: str, instead: str) -> None:
     """Refuse to replace a further file next to the requested one, unless the same export has written it before.
 
     Parameters
@@ -53,7 +53,7 @@ def check_companion(path: Path, is_own: Callable[[Path], bool], what: str, inste
         Path of the companion.
     is_own : callable
         Tells whether the existing file comes from the same export.
-    what, instead : str
+    contents, instead : str
         Description of the companion and advice, for the message.
 
     Raises
@@ -68,5 +68,5 @@ def check_companion(path: Path, is_own: Callable[[Path], bool], what: str, inste
     except OSError:
         is_same_export = False
     if not is_same_export:
-        raise ExportError(f"{path}: this file is there already and is not {what}, so that it is not replaced. "
+        raise ExportError(f"{path}: this file is there already and is not {contents}, so that it is not replaced. "
                           f"{instead} Nothing was written.")  # fmt: skip

@@ -127,15 +127,15 @@ def _names(system: System, parameters: str | Sequence[str], caller: str) -> tupl
     return tuple(dict.fromkeys(name for pattern in patterns for name in origin.parameters.matching(pattern)))
 
 
-def _port(system: System, name: str | None, what: str) -> int:
-    known = getattr(system, f"{what}s")
+def _port(system: System, name: str | None, kind: str) -> int:
+    known = getattr(system, f"{kind}s")
     if name is None and len(known) != 1:
-        raise ExportError(f"to_casadi_response: '{system.name}' has {len(known)} {what}s; expected the name of one: "
-                          f"{what}=... of {', '.join(known) or 'none: add one to the model'}.")  # fmt: skip
+        raise ExportError(f"to_casadi_response: '{system.name}' has {len(known)} {kind}s; expected the name of one: "
+                          f"{kind}=... of {', '.join(known) or 'none: add one to the model'}.")  # fmt: skip
     if name is not None and name not in known:
         from mbsvib.errors import ResponseError, nearest
 
-        raise ResponseError(f"to_casadi_response: there is no {what} '{name}'.{nearest(str(name), known)}")
+        raise ResponseError(f"to_casadi_response: there is no {kind} '{name}'.{nearest(str(name), known)}")
     return int(known.index(name)) if name is not None else 0
 
 
@@ -159,10 +159,10 @@ def _callback(name: str, system: System, names: tuple[str, ...], value: Ask, der
             last[key] = variant
         return last[key]
 
-    def ask(what: Ask, p: Array, shape: tuple[int, ...]) -> list[Array]:
+    def ask(function: Ask, p: Array, shape: tuple[int, ...]) -> list[Array]:
         variant = at(p)
         try:
-            result = None if variant is None else what(variant)
+            result = None if variant is None else function(variant)
         except MbsvibError:
             result = None
         if result is None or result.shape != shape:

@@ -39,9 +39,11 @@ SUFFIXES = (".json", ".npz", ".mat", ".h5", ".hdf5", ".uff", ".unv", ".op4", ".p
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Comparison(Displayed):
-    """One line of a check: ``what`` was compared ``against`` what, the largest relative ``error`` and its ``limit``."""
+    """One line of a check: a ``quantity`` of the file, the reference ``against`` which it was compared, the largest
+    relative ``error`` and its ``limit``.
+    """
 
-    what: str
+    quantity: str
     against: str
     error: float
     limit: float
@@ -66,7 +68,7 @@ class ExportCheck(Displayed):
         return all(comparison.passed for comparison in self.comparisons)
 
     def __str__(self) -> str:
-        rows = [(row.what, row.against, f"{row.error:.1e}", f"{row.limit:.0e}", "yes" if row.passed else "NO")
+        rows = [(row.quantity, row.against, f"{row.error:.1e}", f"{row.limit:.0e}", "yes" if row.passed else "NO")
                 for row in self.comparisons]  # fmt: skip
         table = tables.text(
             f"Check of {self.path.name}",
@@ -254,14 +256,14 @@ def _of_unit(path: Path, model: Model, limit: float, run: bool) -> ExportCheck:
     )  # fmt: skip
 
 
-def _of_space(space: StateSpace, what: str, model: Model, limit: float) -> tuple[Comparison, ...]:
+def _of_space(space: StateSpace, source: str, model: Model, limit: float) -> tuple[Comparison, ...]:
     _same_names(space, model)
     values = _poles(model)
     omega = check_points(values)
     truth = _response(model, omega)
     error = response_error(state_space_response(space, omega), truth, model, omega)
     return (
-        Comparison(f"response of {what}", "the model", error, limit),
+        Comparison(f"response of {source}", "the model", error, limit),
         Comparison("poles", "the model", pole_error(poles(space.A), values), limit),
     )
 
@@ -278,11 +280,11 @@ def _poles(model: Model) -> Complex:
 
 
 def _same_names(data: SystemData | StateSpace | Measurement, model: Model) -> None:
-    for what in ("inputs", "outputs"):
-        exported, expected = getattr(data, what), getattr(model, what)
+    for ports in ("inputs", "outputs"):
+        exported, expected = getattr(data, ports), getattr(model, ports)
         if exported != expected:
             missing = sorted(set(expected) ^ set(exported)) or list(exported)
-            raise ExportError(f"the {what} of the file are not those of '{model.name}': {', '.join(missing[:6])}; it "
+            raise ExportError(f"the {ports} of the file are not those of '{model.name}': {', '.join(missing[:6])}; it "
                               f"is the file of another model, or the model has changed. Export it again.")  # fmt: skip
 
 

@@ -152,12 +152,12 @@ class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-contr
         """
         return self.of(super().sample(*arguments, **options))
 
-    def _named(self, space: Any, parts: list[Any], entered: Any, left: Any) -> Any:
+    def _named(self, space: Any, parts: list[Any], first: Any, last: Any) -> Any:
         """The result of python-control with the names of its parts, as far as their numbers fit."""
         if not isinstance(space, control.StateSpace):  # NotImplemented, or a system that is not linear
             return space
         systems = [part for part in parts if isinstance(part, control.StateSpace)]
-        inputs, outputs = getattr(entered, "input_labels", None), getattr(left, "output_labels", None)
+        inputs, outputs = getattr(first, "input_labels", None), getattr(last, "output_labels", None)
         return self.of(
             space, inputs if inputs and len(inputs) == space.ninputs else None,
             outputs if outputs and len(outputs) == space.noutputs else None,

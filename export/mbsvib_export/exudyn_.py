@@ -112,10 +112,10 @@ class _Scene:
 
     def marker(self, body: str, point: Any, axes: Array | None = None) -> int:
         """A marker on a body at a point, with axes, both in the world."""
-        origin, own = self.frames[body]
+        origin, body_axes = self.frames[body]
         local = np.eye(4)
-        local[:3, :3] = own.T @ (own if axes is None else axes)
-        local[:3, 3] = own.T @ (np.array(point) - origin)
+        local[:3, :3] = body_axes.T @ (body_axes if axes is None else axes)
+        local[:3, 3] = body_axes.T @ (np.array(point) - origin)
         return int(self.mbs.AddMarker(self.items.MarkerBodyRigid(bodyNumber=self.numbers[body], localHT=local)))
 
     def add_joint(self, joint: Joint) -> None:
@@ -253,7 +253,7 @@ def _check(model: Model, plain: Any, signals: Mapping[str, Signal]) -> None:
             refuse(name, f"exudyn has no joint of the kind '{joint.kind}' that is the same in every pose.")
     for name, part in plain.springs.items():
         if not isinstance(part, (Spring, Bushing)):
-            refuse(name, f"exudyn has no {type(part).__name__}; leave it out, or simulate by model.simulate.")
+            refuse(name, f"exudyn has no {part.family}; leave it out, or simulate by model.simulate.")
         if isinstance(part, Bushing) and part.loaded:
             refuse(name, "a bushing with a preload follows another law in exudyn; give the force as a load.")
     for name in signals:

@@ -80,8 +80,8 @@ def _state_space(top: Mapping[str, Any]) -> StateSpace:
     ))  # fmt: skip
 
 
-def _pair(what: str, signals: Signals) -> dict[str, Any]:
-    return {f"{what}s": signals[0], f"{what}_units": signals[1]}
+def _pair(kind: str, signals: Signals) -> dict[str, Any]:
+    return {f"{kind}s": signals[0], f"{kind}_units": signals[1]}
 
 
 def _motion(bodies: list[Mapping[str, Any]], width: int) -> Array:

@@ -152,9 +152,9 @@ def from_mat(path: str | os.PathLike[str]) -> SystemData | StateSpace:
         if raw[:TITLE] != title(raw[TITLE:]):
             raise ExportError("no .mat file as to_mat wrote it: damaged, or saved by another program; write it again.")
         arrays = read_mat_file(raw)
-        own = arrays["mbsvib"]
-        check_version(own["format"], int(own["version"].item()))
-        return _space(arrays, own) if own["format"] == SPACE_FORMAT else _data(arrays, own, arrays["mech"])
+        extra = arrays["mbsvib"]
+        check_version(extra["format"], int(extra["version"].item()))
+        return _space(arrays, extra) if extra["format"] == SPACE_FORMAT else _data(arrays, extra, arrays["mech"])
 
 
 def title(content: bytes) -> bytes:
@@ -168,11 +168,11 @@ def _content(data: SystemData, system: System | None) -> dict[str, Any]:
     response = second_order_response(data, omega) if system is None else system.frequency_response(omega)
     first, rate, through = _mechss(data)
     words = _Words()
-    own = {"format": FORMAT, "version": float(VERSION), "realization": space.realization,
+    extra = {"format": FORMAT, "version": float(VERSION), "realization": space.realization,
            "transform": space.transform, "bodies": words.cells(data.bodies), "body_motion": data.body_motion,
            **{key: getattr(data, key) for key in ("Cq", "Cv", "Ca", "D")}}  # fmt: skip
     if space.through is not None:
-        own[THROUGH] = space.through
+        extra[THROUGH] = space.through
     result = {
         **{key: getattr(space, key) for key in "ABCD"}, "E": np.zeros((0, 0)), "Ts": 0.0,
         "Name": words.plain(data.name),
@@ -183,11 +183,11 @@ def _content(data: SystemData, system: System | None) -> dict[str, Any]:
                  "CoordinateName": words.cells(data.coordinates), "CoordinateUnit": words.cells(data.coordinate_units)},
         "check": {"omega": omega[:, None], "response": response,
                   "scale": response_scale(response, data, omega)},
-        "mbsvib": own,
+        "mbsvib": extra,
     }  # fmt: skip
     if words.changed:
-        own["mapped"] = _cells(tuple(words.changed.values()))
-        own["original"] = _cells(tuple(np.frombuffer(name.encode(), dtype=np.uint8) for name in words.changed))
+        extra["mapped"] = _cells(tuple(words.changed.values()))
+        extra["original"] = _cells(tuple(np.frombuffer(name.encode(), dtype=np.uint8) for name in words.changed))
     return result
 
 
@@ -198,9 +198,9 @@ def _space_content(space: FirstOrder) -> dict[str, Any]:
     none, names = np.zeros((0, 0)), words.cells(())
     response = state_space_response(space, omega)
     size = np.abs(response).max(axis=2, initial=0.0)[:, :, None]
-    own: dict[str, Any] = {"format": SPACE_FORMAT, "version": float(VERSION), "realization": space.realization}
+    extra: dict[str, Any] = {"format": SPACE_FORMAT, "version": float(VERSION), "realization": space.realization}
     if space.error_bound is not None:
-        own[ERROR_BOUND] = space.error_bound
+        extra[ERROR_BOUND] = space.error_bound
     result = {
         **{key: getattr(space, key) for key in "ABCD"}, "E": none, "Ts": 0.0, "Name": words.plain(space.name),
         "InputName": words.cells(space.inputs), "InputUnit": words.cells(space.input_units),
@@ -210,11 +210,11 @@ def _space_content(space: FirstOrder) -> dict[str, Any]:
                  "CoordinateUnit": names},
         "check": {"omega": omega[:, None], "response": response,
                   "scale": np.broadcast_to(np.where(size > 0.0, size, 1.0), response.shape)},
-        "mbsvib": own,
+        "mbsvib": extra,
     }  # fmt: skip
     if words.changed:
-        own["mapped"] = _cells(tuple(words.changed.values()))
-        own["original"] = _cells(tuple(np.frombuffer(name.encode(), dtype=np.uint8) for name in words.changed))
+        extra["mapped"] = _cells(tuple(words.changed.values()))
+        extra["original"] = _cells(tuple(np.frombuffer(name.encode(), dtype=np.uint8) for name in words.changed))
     return result
 
 
@@ -258,25 +258,25 @@ def _cells(values: tuple[Any, ...]) -> NDArray[Any]:
     return result
 
 
-def _space(arrays: dict[str, Any], own: dict[str, Any]) -> StateSpace:
-    texts = _Texts(own)
+def _space(arrays: dict[str, Any], extra: dict[str, Any]) -> StateSpace:
+    texts = _Texts(extra)
     names = texts.signals(arrays)
     n, i, o = len(names["states"]), len(names["inputs"]), len(names["outputs"])
     shapes = {"A": (n, n), "B": (n, i), "C": (o, n), "D": (o, i)}
     matrices: dict[str, Any] = {key: _real(arrays[key], *shape) for key, shape in shapes.items()}
     return checked(StateSpace(
-        name=texts.one(arrays["Name"]), realization=texts.one(own["realization"]), transform=np.zeros((0, n)),
-        **matrices, **names, error_bound=float(own[ERROR_BOUND].item()) if ERROR_BOUND in own else None,
+        name=texts.one(arrays["Name"]), realization=texts.one(extra["realization"]), transform=np.zeros((0, n)),
+        **matrices, **names, error_bound=float(extra[ERROR_BOUND].item()) if ERROR_BOUND in extra else None,
     ))  # fmt: skip
 
 
 class _Texts:
     """Names as they were before ``_Words``."""
 
-    def __init__(self, own: dict[str, Any]) -> None:
+    def __init__(self, extra: dict[str, Any]) -> None:
         self.origin = ({word: bytes(code.ravel()).decode() for word, code in
-                        zip(own["mapped"].ravel(), own["original"].ravel(), strict=True)}
-                       if "mapped" in own else {})  # fmt: skip
+                        zip(extra["mapped"].ravel(), extra["original"].ravel(), strict=True)}
+                       if "mapped" in extra else {})  # fmt: skip
 
     def one(self, value: Any) -> str:
         if not isinstance(value, str):
@@ -288,8 +288,8 @@ class _Texts:
 
     def signals(self, arrays: dict[str, Any]) -> dict[str, Any]:
         """Names and units of inputs, outputs and states."""
-        return {f"{what.lower()}{end}": self.all(arrays[f"{what}{kind}"])
-                for what in ("Input", "Output", "State")
+        return {f"{signal.lower()}{end}": self.all(arrays[f"{signal}{kind}"])
+                for signal in ("Input", "Output", "State")
                 for kind, end in (("Name", "s"), ("Unit", "_units"))}  # fmt: skip
 
 
@@ -299,19 +299,19 @@ def _real(array: NDArray[Any], *shape: int) -> Array:
     return result.reshape(shape) if shape and not result.size else result
 
 
-def _data(arrays: dict[str, Any], own: dict[str, Any], mech: dict[str, Any]) -> SystemData:
-    texts = _Texts(own)
+def _data(arrays: dict[str, Any], extra: dict[str, Any], mech: dict[str, Any]) -> SystemData:
+    texts = _Texts(extra)
     names = texts.signals(arrays)
     ports = {key: value for key, value in names.items() if not key.startswith("state")}
-    coordinates, bodies = texts.all(mech["CoordinateName"]), texts.all(own["bodies"])
+    coordinates, bodies = texts.all(mech["CoordinateName"]), texts.all(extra["bodies"])
     m, i, o, n = len(coordinates), len(names["inputs"]), len(names["outputs"]), len(names["states"])
     shapes = {"A": (n, n), "B": (n, i), "C": (o, n), "D": (o, i), "transform": (2 * m, n), THROUGH: (2 * m, i)}
-    first: dict[str, Any] = {key: _real((arrays if key in "ABCD" else own)[key], *shapes[key])
-             for key in (*FIRST_ORDER, *([THROUGH] if THROUGH in own else []))}  # fmt: skip
+    first: dict[str, Any] = {key: _real((arrays if key in "ABCD" else extra)[key], *shapes[key])
+             for key in (*FIRST_ORDER, *([THROUGH] if THROUGH in extra else []))}  # fmt: skip
     widths = {"M": (m, m), "C": (m, m), "K": (m, m), "B": (m, i), "Cq": (o, m), "Cv": (o, m), "Ca": (o, m), "D": (o, i)}
-    second: dict[str, Any] = {key: _real((mech if key in "MCKB" else own)[key], *widths[key]) for key in SECOND_ORDER}
-    motion = own["body_motion"].reshape(len(bodies), 6, m)
+    second: dict[str, Any] = {key: _real((mech if key in "MCKB" else extra)[key], *widths[key]) for key in SECOND_ORDER}
+    motion = extra["body_motion"].reshape(len(bodies), 6, m)
     name = texts.one(arrays["Name"])
-    space = StateSpace(name=name, realization=texts.one(own["realization"]), **names, **first)
+    space = StateSpace(name=name, realization=texts.one(extra["realization"]), **names, **first)
     return SystemData(name=name, coordinates=coordinates, coordinate_units=texts.all(mech["CoordinateUnit"]),
                       bodies=bodies, body_motion=_real(motion), state_space=space, **ports, **second)  # fmt: skip

@@ -78,16 +78,17 @@ def named(
     return renamed  # type: ignore[no-any-return]
 
 
-def _all(labels: Sequence[str], count: int, what: str) -> list[str]:
+def _all(labels: Sequence[str], count: int, ports: str) -> list[str]:
     if len(labels) != count:
-        raise ExportError(f"named: the result has {count} {what}, the plant {len(labels)} ({_few(labels)}); give "
-                          f"the system whose {what} it has as like=, or controller=True for a controller.")  # fmt: skip
+        raise ExportError(f"named: the result has {count} {ports}, the plant {len(labels)} ({_few(labels)}); "
+                          f"give the system whose {ports} it has as like=, or controller=True for a "
+                          f"controller.")  # fmt: skip
     return list(labels)
 
 
-def _last(labels: Sequence[str], count: int, what: str, whose: str) -> list[str]:
+def _last(labels: Sequence[str], count: int, ports: str, whose: str) -> list[str]:
     if len(labels) < count:
-        raise ExportError(f"named: the controller has {count} {what}, the plant only {len(labels)} {whose} "
+        raise ExportError(f"named: the controller has {count} {ports}, the plant only {len(labels)} {whose} "
                           f"({_few(labels)}); give the plant that it was designed for as like=.")  # fmt: skip
     return list(labels)[len(labels) - count :]
 

@@ -320,8 +320,8 @@ def checked(space: Space) -> Space:
                               for label, shape in zip("ABCD", shapes, strict=True)])  # fmt: skip
     if space.error_bound is not None and not 0.0 <= space.error_bound < np.inf:
         raise ExportError(f"{space.name}: error_bound = {space.error_bound}; expected a finite number, or none.")
-    check_names(space.name, [(what, getattr(space, what), getattr(space, f"{what[:-1]}_units"))
-                             for what in ("inputs", "outputs", "states")])  # fmt: skip
+    check_names(space.name, [(kind, getattr(space, kind), getattr(space, f"{kind[:-1]}_units"))
+                             for kind in ("inputs", "outputs", "states")])  # fmt: skip
     return space
 
 

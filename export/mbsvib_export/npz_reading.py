@@ -52,24 +52,24 @@ def arrays_in(content: bytes, requested: Collection[str]) -> dict[str, Any]:
                 for entry in taken}  # fmt: skip
 
 
-def _array(content: bytes, what: str) -> Any:
+def _array(content: bytes, subject: str) -> Any:
     start = _START.match(content)
     if not start:
-        raise ContentError(f"{what} is no array of numpy's format 1.0 or 2.0")
+        raise ContentError(f"{subject} is no array of numpy's format 1.0 or 2.0")
     width = 2 if start[1] == b"\1" else 4
     begin = start.end() + width
     end = begin + int.from_bytes(content[start.end() : begin], "little")
     header = _HEADER.fullmatch(content[begin:end])
     if end > len(content) or not header:
-        raise ContentError(f"{what} has no header of an array of numbers or texts")
+        raise ContentError(f"{subject} has no header of an array of numbers or texts")
     dtype, is_fortran = np.dtype(header[1].decode()), header[2] == b"True"
     shape = tuple([int(number) for number in header[3].split(b",") if number.strip()])
     rest = memoryview(content)[end:]
-    if check_shape(shape, dtype.itemsize, len(rest), what) != len(rest):
-        raise ContentError(f"{what} has {len(rest)} bytes for {' x '.join(map(str, shape))} entries")
+    if check_shape(shape, dtype.itemsize, len(rest), subject) != len(rest):
+        raise ContentError(f"{subject} has {len(rest)} bytes for {' x '.join(map(str, shape))} entries")
     if dtype.kind == "U":  # numpy does not look at what is no character
         codes = np.frombuffer(rest, f"{dtype.byteorder.replace('|', '=')}u4")
         if ((codes > _LAST_CHARACTER) | ((codes >= 0xD800) & (codes < 0xE000))).any():
-            raise ContentError(f"{what} holds texts with what are no characters")
+            raise ContentError(f"{subject} holds texts with what are no characters")
     flat = np.frombuffer(rest, dtype) if len(rest) else np.zeros(shape, dtype).ravel()
     return flat.reshape(shape, order="F" if is_fortran else "C").copy()

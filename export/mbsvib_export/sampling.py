@@ -10,6 +10,7 @@ import numpy as np
 from mbsvib.errors import ExportError
 from mbsvib.linalg.balancing import exponents
 from mbsvib.linalg.discrete import tustin
+from mbsvib.linalg.groups import part_numbers
 from mbsvib.responses.modal_steps import Oscillators
 
 if TYPE_CHECKING:
@@ -57,17 +58,16 @@ def step_of(space: StateSpace, dt: float, caller: str = "step_of") -> Step:
     ExportError
         If the step is not a positive number.
     """
-    from scipy.sparse.csgraph import connected_components
-
     check_step(dt, caller)
     n, i = space.B.shape
     phi, gamma, slope = np.zeros((n, n)), np.zeros((n, i)), np.zeros((n, i))
-    count, block = connected_components(space.A != 0.0, directed=False) if n else (0, np.zeros(0, dtype=int))
-    for number in range(count):  # modes one by one: a fast one must not decide how often a slow one is squared
-        own = np.flatnonzero(block == number)
-        within = np.ix_(own, own)
-        of_block = _oscillator if _is_oscillator(space.A[within], space.B[own]) else _exponential
-        phi[within], gamma[own], slope[own] = of_block(space.A[within], space.B[own], space.C[:, own], dt)
+    block = part_numbers(space.A != 0.0)
+    # modes one by one: a fast one must not decide how often a slow one is squared
+    for number in range(block.max(initial=-1) + 1):
+        states = np.flatnonzero(block == number)
+        within = np.ix_(states, states)
+        of_block = _oscillator if _is_oscillator(space.A[within], space.B[states]) else _exponential
+        phi[within], gamma[states], slope[states] = of_block(space.A[within], space.B[states], space.C[:, states], dt)
     return Step(float(dt), phi, gamma, slope)
 
 

@@ -88,14 +88,14 @@ def to_transfer_function(
     return result, error
 
 
-def _only(name: str | None, known: tuple[str, ...], what: str, owner: str) -> str:
+def _only(name: str | None, known: tuple[str, ...], kind: str, owner: str) -> str:
     if name is None and len(known) != 1:
-        raise ExportError(f"to_transfer_function: '{owner}' has {len(known)} {what}s; expected the name of one: "
-                          f"{what}=... of {', '.join(known) or 'none: add one to the model'}.")  # fmt: skip
+        raise ExportError(f"to_transfer_function: '{owner}' has {len(known)} {kind}s; expected the name of one: "
+                          f"{kind}=... of {', '.join(known) or 'none: add one to the model'}.")  # fmt: skip
     if name is not None and name not in known:
         from mbsvib.errors import ResponseError, nearest
 
-        raise ResponseError(f"to_transfer_function: there is no {what} '{name}'.{nearest(str(name), known)}")
+        raise ResponseError(f"to_transfer_function: there is no {kind} '{name}'.{nearest(str(name), known)}")
     return known[0] if name is None else name
 
 

@@ -113,14 +113,14 @@ def _numbers(data: DataSet, double: bool, count: int, even: bool) -> tuple[Array
 
 def _binary(data: DataSet, double: bool, count: int, columns: int) -> Array:
     raw, width = data.binary or b"", 8 if double else 4
-    what = f"data set 58 at line {data.start}"
-    check_shape((count, columns), 4, len(raw), what)
+    subject = f"data set 58 at line {data.start}"
+    check_shape((count, columns), 4, len(raw), subject)
     if len(raw) == count * columns * width:
         return np.frombuffer(raw, f"{data.order}f{width}").reshape(count, columns).astype(float)
     if double and columns == 3 and len(raw) == 20 * count:  # some write the frequency in single precision
         table = np.frombuffer(raw, np.dtype([("x", f"{data.order}f4"), ("y", f"{data.order}f8", 2)]))
         return np.column_stack((table["x"].astype(float), table["y"]))
-    raise ContentError(f"{what} has {len(raw)} bytes for {count} points")
+    raise ContentError(f"{subject} has {len(raw)} bytes for {count} points")
 
 
 def _names(data: DataSet, points: tuple[Point, Point], types: list[int]) -> tuple[list[str], list[str]]:

@@ -79,11 +79,11 @@ def measurement_of(raw: bytes) -> Measurement:
                          "of the world"] += 1  # fmt: skip
     nodes = tuple(Node(number, content.names.get(number, ""), position)
                   for number, position in content.positions.items())  # fmt: skip
-    left = tuple(f"{count} of {what}" for what, count in content.left_out.items())
-    return _measurement(content, nodes, left, len(raw))
+    left_out = tuple(f"{count} of {kind}" for kind, count in content.left_out.items())
+    return _measurement(content, nodes, left_out, len(raw))
 
 
-def _measurement(content: _Content, nodes: tuple[Node, ...], left: tuple[str, ...], size: int) -> Measurement:
+def _measurement(content: _Content, nodes: tuple[Node, ...], left_out: tuple[str, ...], size: int) -> Measurement:
     functions = content.functions
     omega = 2 * pi * functions[0].frequency if functions else np.zeros(0)
     outputs: dict[str, Axis] = {}
@@ -108,7 +108,7 @@ def _measurement(content: _Content, nodes: tuple[Node, ...], left: tuple[str, ..
     return Measurement(
         omega, responses, tuple(outputs), tuple(axis.unit for axis in outputs.values()),
         tuple(axis.point for axis in outputs.values()), tuple(inputs), tuple(axis.unit for axis in inputs.values()),
-        tuple(axis.point for axis in inputs.values()), nodes, tuple(content.modes), tuple(content.lines), left,
+        tuple(axis.point for axis in inputs.values()), nodes, tuple(content.modes), tuple(content.lines), left_out,
     )  # fmt: skip
 
 

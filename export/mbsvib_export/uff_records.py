@@ -119,9 +119,9 @@ def _binary_set(source: _Source, kind: int, head: str, start: int) -> DataSet:
     if order not in _ORDERS or style != _IEEE:
         raise ContentError(f"data set {kind} at line {start} has numbers of byte order {order} and format {style}; "
                            f"expected 1 or 2, and 2 (IEEE)")  # fmt: skip
-    if not 0 <= lines <= source.left or not 0 <= size <= source.left:
+    if not 0 <= lines <= source.remaining or not 0 <= size <= source.remaining:
         raise ContentError(f"data set {kind} at line {start}: {lines} lines and {size} bytes are to follow; "
-                           f"{source.left} bytes are left")  # fmt: skip
+                           f"{source.remaining} bytes are left")  # fmt: skip
     text = tuple([source.line() for _ in range(lines)])
     content = source.take(size)
     if (line := source.next_filled()) is None or line.strip() != _END:
@@ -136,11 +136,11 @@ class _Source:
         self._raw, self._at, self.number = raw, 0, 0
 
     @property
-    def left(self) -> int:
+    def remaining(self) -> int:
         return len(self._raw) - self._at
 
     def line(self) -> str:
-        if not self.left:
+        if not self.remaining:
             raise ContentError("it ends within a data set")
         end = self._raw.find(b"\n", self._at)
         end = len(self._raw) if end < 0 else end
@@ -149,7 +149,7 @@ class _Source:
         return text
 
     def next_filled(self) -> str | None:
-        while self.left:
+        while self.remaining:
             if (text := self.line()).strip():
                 return text
         return None

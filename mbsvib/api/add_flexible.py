@@ -146,6 +146,6 @@ class FlexibleMechanism(Mechanism):
 
     def _compose(self, part: P) -> P:
         for name in part.generated_names:
-            self._check_name(name, f"{type(part).__name__.lower()} '{part.name}': part")
+            self._check_name(name, f"{part.family} '{part.name}': part")
         self._reserve_names(part)
         return self._keep(self._composed, part)

@@ -60,8 +60,8 @@ class LinearRange(Displayed):
             Title, columns and rows.
         """
         headers = [f"{name} [{unit}]" for name, unit in zip(self.outputs, self.units, strict=True)]
-        rows = [(str(k + 1), f"{frequency:.6g}", *(f"{value:.3g}" for value in own))
-                for k, (frequency, own) in enumerate(zip(self.frequencies, self.values, strict=True))]  # fmt: skip
+        rows = [(str(k + 1), f"{frequency:.6g}", *(f"{value:.3g}" for value in limits))
+                for k, (frequency, limits) in enumerate(zip(self.frequencies, self.values, strict=True))]  # fmt: skip
         return {"title": f"Linear range of {self.name}: amplitude at which the second-order part is {self.share:.3g}",
                 "columns": [(header, "right") for header in ("mode", "natural [Hz]", *headers)],
                 "rows": rows}  # fmt: skip

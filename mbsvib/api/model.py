@@ -160,7 +160,7 @@ class Model(
     def __repr__(self) -> str:
         counts = ((self._bodies, "body"), (self._joints, "joint"), (self._springs, "spring"),
                   (self._inputs, "input"), (self._outputs, "output"))  # fmt: skip
-        return f"Model({self.name!r}: {', '.join(counted(len(group), what) for group, what in counts)})"
+        return f"Model({self.name!r}: {', '.join(counted(len(group), noun) for group, noun in counts)})"
 
 
 ADDERS: dict[type, str] = {family.part: f"add_{family.word}" for family in FAMILIES}

@@ -352,9 +352,9 @@ class SparseSystem(SparseEquations, Displayed):
 
         return explain(self)
 
-    def _refuse(self, what: str, instead: str) -> NoReturn:
+    def _refuse(self, method: str, instead: str) -> NoReturn:
         raise ResponseError(
-            f"{what}: '{self.name}' has {self.dof} degrees of freedom and is held sparse; say with how many modes it "
+            f"{method}: '{self.name}' has {self.dof} degrees of freedom and is held sparse; say with how many modes it "
             f"is to be computed, {instead}, or linearize(method='dense')."
         )
 

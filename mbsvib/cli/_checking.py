@@ -17,7 +17,7 @@ def check_export(
 
     result = mx.check_export(file, None if model is None else system_of(model), limit, run=run)
     if as_json:
-        rows = [{"what": row.what, "against": row.against, "error": row.error, "limit": row.limit, "passed": row.passed}
+        rows = [{key: getattr(row, key) for key in ("quantity", "against", "error", "limit", "passed")}
                 for row in result.comparisons]  # fmt: skip
         shell.say_json({"file": str(file), "passed": result.passed, "comparisons": rows, "remarks": result.remarks})
     else:

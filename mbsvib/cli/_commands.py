@@ -48,8 +48,8 @@ def command_of(name: str) -> Command:
         If there is none of this name.
     """
     if name not in HOMES:
-        what = "option" if name.startswith("-") else "command"
-        known = [word.split()[0].rstrip(",") for word in OPTIONS] if what == "option" else list(HOMES)
-        raise UsageProblem(f"there is no {what} '{name}'.{nearest(name, known)} See: mbsvib --help.")
+        kind = "option" if name.startswith("-") else "command"
+        known = [word.split()[0].rstrip(",") for word in OPTIONS] if kind == "option" else list(HOMES)
+        raise UsageProblem(f"there is no {kind} '{name}'.{nearest(name, known)} See: mbsvib --help.")
     commands: dict[str, Command] = import_module(f"mbsvib.cli.{HOMES[name]}").COMMANDS
     return commands[name]

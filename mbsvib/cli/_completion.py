@@ -116,13 +116,13 @@ def _values(argument: Argument, before: list[str], typed: str, by_name: dict[str
         return []
 
 
-def _names(model: Model, what: Candidates) -> list[str]:
-    if what == "parameter":
+def _names(model: Model, kind: Candidates) -> list[str]:
+    if kind == "parameter":
         return list(model.parameters)
-    if what == "body":
+    if kind == "body":
         return [*model.bodies, "ground"]
     system = model.linearize()
-    return list(system.inputs if what == "input" else system.outputs)
+    return list(system.inputs if kind == "input" else system.outputs)
 
 
 def _positional_words(before: list[str], by_name: dict[str, Argument]) -> list[str]:
@@ -160,8 +160,8 @@ def _fitting(words: list[str], typed: str) -> list[str]:
 def _shell_name(name: str | None) -> str:
     known = name if name is not None else Path(os.environ.get("SHELL", "")).name
     if known not in SCRIPTS:
-        what = f"no completion for '{known}'.{nearest(known, SCRIPTS)}" if known else "which shell is not known."
-        raise shell.UsageProblem(f"{what} Give one of {', '.join(SCRIPTS)}, as in: mbsvib --install-completion bash.")
+        reason = f"no completion for '{known}'.{nearest(known, SCRIPTS)}" if known else "which shell is not known."
+        raise shell.UsageProblem(f"{reason} Give one of {', '.join(SCRIPTS)}, as in: mbsvib --install-completion bash.")
     return known
 
 

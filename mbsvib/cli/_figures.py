@@ -58,6 +58,6 @@ def check_format(path: Path | None) -> None:
         raise shell.UsageProblem(f"'{path}': figures end in {', '.join(FORMATS)}.")
 
 
-def default_path(name: str, what: str) -> Path:
+def default_path(name: str, figure: str) -> Path:
     """Return where a figure goes if no file is named."""
-    return Path(f"{name}-{what}".replace("/", "_"))
+    return Path(f"{name}-{figure}".replace("/", "_"))

@@ -49,8 +49,8 @@ class Parser(ArgumentParser):
         values, rest = self.parse_known_intermixed_args(list(words))
         if rest:
             known = [name for action in self._actions for name in action.option_strings]
-            what = "option" if rest[0].startswith("-") else "argument"
-            self.error(f"there is no {what} '{rest[0]}' here.{nearest(rest[0], known)}")
+            kind = "option" if rest[0].startswith("-") else "argument"
+            self.error(f"there is no {kind} '{rest[0]}' here.{nearest(rest[0], known)}")
         return vars(values)
 
     def error(self, message: str) -> NoReturn:

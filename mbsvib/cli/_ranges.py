@@ -11,14 +11,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-def range_of(text: str, what: str, example: str, log: bool = False) -> tuple[str, NDArray[np.float64]]:
+def range_of(text: str, option: str, example: str, log: bool = False) -> tuple[str, NDArray[np.float64]]:
     """Return the name and the values of NAME=FROM:TO[:COUNT].
 
     Parameters
     ----------
     text : str
         What was given.
-    what : str
+    option : str
         What the name is that of, in capitals.
     example : str
         An example.
@@ -39,7 +39,7 @@ def range_of(text: str, what: str, example: str, log: bool = False) -> tuple[str
     """
     import numpy as np
 
-    expected = f"'{text}': expected {what}=FROM:TO or {what}=FROM:TO:COUNT, such as {example}."
+    expected = f"'{text}': expected {option}=FROM:TO or {option}=FROM:TO:COUNT, such as {example}."
     name, _, words = text.partition("=")
     try:
         first, last, *more = [float(word) for word in words.split(":")]

@@ -184,12 +184,12 @@ def exponential(w: Vector) -> Matrix3:
     )
 
 
-def rotated(w: Any, what: Any) -> Any:
+def rotated(w: Any, value: Any) -> Any:
     """Return a vector, or axes as columns, turned by the rotation vector ``w`` [rad]."""
     turn = exponential(tuple(w))
-    if not isinstance(what[0], tuple):
-        return tuple([sum(map(mul, row, what)) for row in turn])
-    columns = list(zip(*what, strict=True))
+    if not isinstance(value[0], tuple):
+        return tuple([sum(map(mul, row, value)) for row in turn])
+    columns = list(zip(*value, strict=True))
     return tuple([tuple([sum(map(mul, row, column)) for column in columns]) for row in turn])
 
 
@@ -205,12 +205,12 @@ def frame_along(z: Vector) -> Matrix3:
             (-zx, -zy, zz))  # fmt: skip
 
 
-def name(value: Any, what: str) -> str:
+def name(value: Any, who: str) -> str:
     """Return ``value`` if it can be a name: text that is not empty and has no blank at its ends."""
     if not isinstance(value, str) or not value or value != value.strip() or not value.isprintable():
         raise ModelError(
-            f"{what}: name = {value!r}; expected a text that is not empty and has no blanks at its ends.",
-            element=what, field="name",
+            f"{who}: name = {value!r}; expected a text that is not empty and has no blanks at its ends.",
+            element=who, field="name",
         )  # fmt: skip
     return value
 

@@ -60,11 +60,11 @@ def content_of(path: str | os.PathLike[str], error: Callable[[str], MbsvibError]
     except (OSError, ValueError, MemoryError) as reason:  # ValueError: a zero byte in the path
         message = getattr(reason, "strerror", None) or str(reason) or "not enough memory"
         raise error(f"{name}: cannot be read: {message}; expected {expected}.") from reason
-    what = "a folder" if stat.S_ISDIR(mode) else "no regular file"
-    raise error(f"{name}: cannot be read: it is {what}; expected {expected}.")
+    kind = "a folder" if stat.S_ISDIR(mode) else "no regular file"
+    raise error(f"{name}: cannot be read: it is {kind}; expected {expected}.")
 
 
-def check_shape(shape: Sequence[int], itemsize: int, available: int, what: str) -> int:
+def check_shape(shape: Sequence[int], itemsize: int, available: int, subject: str) -> int:
     """Return the number of bytes of an array after comparing it with what the file holds.
 
     Parameters
@@ -75,7 +75,7 @@ def check_shape(shape: Sequence[int], itemsize: int, available: int, what: str) 
         Bytes of one entry in the file.
     available : int
         Bytes that the file has for it.
-    what : str
+    subject : str
         The array, for messages.
 
     Returns
@@ -91,15 +91,16 @@ def check_shape(shape: Sequence[int], itemsize: int, available: int, what: str) 
     size = itemsize
     for number in shape:
         if number < 0 or number > max(available, _MOST_EMPTY):
-            raise ContentError(f"{what}: the size {_product(shape)} in its header is not possible; {available} bytes "
-                               f"follow")  # fmt: skip
+            raise ContentError(f"{subject}: the size {_product(shape)} in its header is not possible; {available} "
+                               f"bytes follow")  # fmt: skip
         size *= number
     if size > available:
-        raise ContentError(f"{what}: the size {_product(shape)} in its header needs {size} bytes; {available} follow")
+        raise ContentError(f"{subject}: the size {_product(shape)} in its header needs {size} bytes; {available} "
+                           f"follow")  # fmt: skip
     return size
 
 
-def check_dense(rows: int, columns: int, available: int, what: str) -> None:
+def check_dense(rows: int, columns: int, available: int, subject: str) -> None:
     """Refuse a sparse matrix that would be too large as a dense one.
 
     Parameters
@@ -108,7 +109,7 @@ def check_dense(rows: int, columns: int, available: int, what: str) -> None:
         Its size.
     available : int
         Bytes of its file.
-    what : str
+    subject : str
         The matrix, for messages.
 
     Raises
@@ -117,7 +118,7 @@ def check_dense(rows: int, columns: int, available: int, what: str) -> None:
         If a number is negative, or the dense matrix exceeds both the file and ``LARGEST_DENSE``.
     """
     if rows < 0 or columns < 0 or 8 * rows * columns > max(LARGEST_DENSE, available):
-        raise ContentError(f"{what}: {rows} x {columns} entries; expected a reduced matrix, of at most "
+        raise ContentError(f"{subject}: {rows} x {columns} entries; expected a reduced matrix, of at most "
                            f"{max(LARGEST_DENSE, available) / 1e9:.3g} GB")  # fmt: skip
 
 

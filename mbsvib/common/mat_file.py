@@ -134,105 +134,105 @@ class _Reader:
             raise ContentError("a variable without a name")
         return bytes(third[1]).decode("latin-1")
 
-    def array(self, data: memoryview, what: str, depth: int) -> Any:
+    def array(self, data: memoryview, subject: str, depth: int) -> Any:
         """Return the array of an element of type matrix."""
         if depth > DEEPEST:
-            raise ContentError(f"{what}: cells and structs are nested more than {DEEPEST} deep")
+            raise ContentError(f"{subject}: cells and structs are nested more than {DEEPEST} deep")
         if not len(data):
             return np.zeros((0, 0))
         parts = list(self.elements(data))
         if len(parts) < 3 or len(parts[0][1]) != 8 or parts[0][0] != 6 or parts[1][0] != 5 or len(parts[1][1]) % 4:
-            raise ContentError(f"{what}: no flags or no dimensions")
+            raise ContentError(f"{subject}: no flags or no dimensions")
         flags = self.number(parts[0][1], "u4")
         shape = tuple(np.frombuffer(parts[1][1], self.order + "i4").tolist())
         if len(shape) < 2:
-            raise ContentError(f"{what}: {len(shape)} dimensions; expected two at least")
+            raise ContentError(f"{subject}: {len(shape)} dimensions; expected two at least")
         kind, is_complex, rest = flags & 0xFF, bool(flags & _COMPLEX), parts[3:]
         if kind in _NUMBERS:
-            return self.numbers(rest, shape, _NUMBERS[kind], is_complex, what)
+            return self.numbers(rest, shape, _NUMBERS[kind], is_complex, subject)
         if kind == _CHAR:
-            return self.text(rest, shape, what)
+            return self.text(rest, shape, subject)
         if kind == _CELL:
-            check_shape(shape, 8, len(data), what)
-            return _shaped(self.arrays(rest, int(np.prod(shape)), what, depth), shape)
+            check_shape(shape, 8, len(data), subject)
+            return _shaped(self.arrays(rest, int(np.prod(shape)), subject, depth), shape)
         if kind == _STRUCT:
-            return self.struct(rest, shape, what, depth)
+            return self.struct(rest, shape, subject, depth)
         if kind == _SPARSE:
-            return self.sparse(rest, shape, is_complex, what)
-        raise ContentError(f"{what}: objects of class {kind} are not read; save numbers, texts, cells or structs")
+            return self.sparse(rest, shape, is_complex, subject)
+        raise ContentError(f"{subject}: objects of class {kind} are not read; save numbers, texts, cells or structs")
 
     def numbers(
-        self, parts: list[tuple[int, memoryview]], shape: tuple[int, ...], dtype: str, is_complex: bool, what: str
+        self, parts: list[tuple[int, memoryview]], shape: tuple[int, ...], dtype: str, is_complex: bool, subject: str
     ) -> NDArray[Any]:
         expected = 2 if is_complex else 1
         if len(parts) != expected:
-            raise ContentError(f"{what}: {len(parts)} blocks of numbers; expected {expected}")
-        real = [self.vector(*part, what) for part in parts]
-        check_shape(shape, 1, max(map(len, real)), what)
+            raise ContentError(f"{subject}: {len(parts)} blocks of numbers; expected {expected}")
+        real = [self.vector(*part, subject) for part in parts]
+        check_shape(shape, 1, max(map(len, real)), subject)
         count = int(np.prod(shape))
         if any(len(part) != count for part in real):
-            raise ContentError(f"{what}: {len(real[0])} numbers for {' x '.join(map(str, shape))} entries")
+            raise ContentError(f"{subject}: {len(real[0])} numbers for {' x '.join(map(str, shape))} entries")
         values = real[0] + 1j * real[1] if is_complex else real[0].astype(dtype)
         return values.reshape(shape, order="F")
 
-    def vector(self, kind: int, data: memoryview, what: str) -> NDArray[Any]:
+    def vector(self, kind: int, data: memoryview, subject: str) -> NDArray[Any]:
         if kind not in _DTYPES or len(data) % int(_DTYPES[kind][1]):
-            raise ContentError(f"{what}: {len(data)} bytes of type {kind} are no numbers")
+            raise ContentError(f"{subject}: {len(data)} bytes of type {kind} are no numbers")
         return np.frombuffer(data, self.order + _DTYPES[kind])
 
-    def text(self, parts: list[tuple[int, memoryview]], shape: tuple[int, ...], what: str) -> str | tuple[str, ...]:
+    def text(self, parts: list[tuple[int, memoryview]], shape: tuple[int, ...], subject: str) -> str | tuple[str, ...]:
         if len(parts) != 1 or parts[0][0] not in _TEXTS or len(shape) != 2:
-            raise ContentError(f"{what}: no text that is read")
+            raise ContentError(f"{subject}: no text that is read")
         kind, data = parts[0]
         code = _TEXTS[kind] + ({"<": "-le", ">": "-be"}[self.order] if kind in (4, 17, 18) else "")
         try:
             letters = bytes(data).decode(code, "surrogatepass" if kind in (4, 17) else "strict")
         except UnicodeDecodeError as error:
-            raise ContentError(f"{what}: no text that is read ({error})") from error
-        check_shape(shape, 1, len(data), what)
+            raise ContentError(f"{subject}: no text that is read ({error})") from error
+        check_shape(shape, 1, len(data), subject)
         rows, columns = shape
         if rows <= 1 or not columns:  # dimensions count bytes or 16-bit units in some programs
             return letters
         if len(letters) != rows * columns:
-            raise ContentError(f"{what}: {len(letters)} characters for {rows} x {columns}")
+            raise ContentError(f"{subject}: {len(letters)} characters for {rows} x {columns}")
         return tuple(letters[k::rows] for k in range(rows))
 
-    def arrays(self, parts: list[tuple[int, memoryview]], count: int, what: str, depth: int) -> list[Any]:
+    def arrays(self, parts: list[tuple[int, memoryview]], count: int, subject: str, depth: int) -> list[Any]:
         if len(parts) != count or any(kind != _MATRIX for kind, _ in parts):
-            raise ContentError(f"{what}: {len(parts)} arrays in it; expected {count}")
-        return [self.array(data, what, depth + 1) for _, data in parts]
+            raise ContentError(f"{subject}: {len(parts)} arrays in it; expected {count}")
+        return [self.array(data, subject, depth + 1) for _, data in parts]
 
     def struct(
-        self, parts: list[tuple[int, memoryview]], shape: tuple[int, ...], what: str, depth: int
+        self, parts: list[tuple[int, memoryview]], shape: tuple[int, ...], subject: str, depth: int
     ) -> dict[str, Any]:
         if set(shape) != {1}:
-            raise ContentError(f"{what}: a struct of {' x '.join(map(str, shape))} elements; expected one")
+            raise ContentError(f"{subject}: a struct of {' x '.join(map(str, shape))} elements; expected one")
         if len(parts) < 2 or len(parts[0][1]) != 4:
-            raise ContentError(f"{what}: a struct without names of its fields")
+            raise ContentError(f"{subject}: a struct without names of its fields")
         width, words = self.number(parts[0][1], "i4"), bytes(parts[1][1])
         if width < 1 or len(words) % width:
-            raise ContentError(f"{what}: names of fields have {width} bytes each, of {len(words)}")
+            raise ContentError(f"{subject}: names of fields have {width} bytes each, of {len(words)}")
         names = [words[at : at + width].split(b"\0")[0].decode("latin-1") for at in range(0, len(words), width)]
         if len(set(names)) < len(names):
-            raise ContentError(f"{what}: a field is there twice")
-        return dict(zip(names, self.arrays(parts[2:], len(names), what, depth), strict=True))
+            raise ContentError(f"{subject}: a field is there twice")
+        return dict(zip(names, self.arrays(parts[2:], len(names), subject, depth), strict=True))
 
     def sparse(
-        self, parts: list[tuple[int, memoryview]], shape: tuple[int, ...], is_complex: bool, what: str
+        self, parts: list[tuple[int, memoryview]], shape: tuple[int, ...], is_complex: bool, subject: str
     ) -> NDArray[Any]:
         if len(parts) != (4 if is_complex else 3) or len(shape) != 2:
-            raise ContentError(f"{what}: no sparse matrix that is read")
-        rows, starts, *blocks = (self.vector(*part, what) for part in parts)
-        check_dense(*shape, self.size, what)
+            raise ContentError(f"{subject}: no sparse matrix that is read")
+        rows, starts, *blocks = (self.vector(*part, subject) for part in parts)
+        check_dense(*shape, self.size, subject)
         n, m = shape
         # more entries than there are may be reserved
         ends = starts.astype(np.int64)
         if len(ends) != m + 1 or ends[0] != 0 or (np.diff(ends) < 0).any() or ends[-1] > min(map(len, (rows, *blocks))):
-            raise ContentError(f"{what}: the columns of the sparse matrix do not fit its entries")
+            raise ContentError(f"{subject}: the columns of the sparse matrix do not fit its entries")
         count = int(ends[-1])
         at = rows[:count].astype(np.int64)
         if ((at < 0) | (at >= n)).any():
-            raise ContentError(f"{what}: a row of the sparse matrix is not between 1 and {n}")
+            raise ContentError(f"{subject}: a row of the sparse matrix is not between 1 and {n}")
         values = blocks[0][:count] + 1j * blocks[1][:count] if is_complex else blocks[0][:count].astype(float)
         result = np.zeros(shape, dtype=values.dtype)
         np.add.at(result, (at, np.repeat(np.arange(m), np.diff(ends))), values)

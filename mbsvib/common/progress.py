@@ -16,7 +16,7 @@ PAUSE = 0.1  # s between two states of the bar
 
 
 @contextmanager
-def counting(progress: Progress, total: int, what: str, done: int = 0) -> Iterator[Callable[[int], None]]:
+def counting(progress: Progress, total: int, label: str, done: int = 0) -> Iterator[Callable[[int], None]]:
     """Count points that are done.
 
     Parameters
@@ -26,7 +26,7 @@ def counting(progress: Progress, total: int, what: str, done: int = 0) -> Iterat
         how many there are.
     total : int
         How many there are.
-    what : str
+    label : str
         Label of the bar.
     done : int
         How many are done before.
@@ -45,14 +45,14 @@ def counting(progress: Progress, total: int, what: str, done: int = 0) -> Iterat
 
         yield tell
     elif progress or (progress is None and sys.stderr.isatty()):
-        with _line(total, what, done) as tell_line:
+        with _line(total, label, done) as tell_line:
             yield tell_line
     else:
         yield lambda more: None
 
 
 @contextmanager
-def _line(total: int, what: str, done: int) -> Iterator[Callable[[int], None]]:
+def _line(total: int, label: str, done: int) -> Iterator[Callable[[int], None]]:
     """One line on standard error that is written anew."""
     stream, began = sys.stderr, monotonic()
     count, shown = [done], [0.0]
@@ -61,9 +61,9 @@ def _line(total: int, what: str, done: int) -> Iterator[Callable[[int], None]]:
         spent = monotonic() - began
         share = count[0] / total if total else 1.0
         advanced = count[0] - done
-        left = f", {spent * (total - count[0]) / advanced:.0f} s left" if advanced > 0 and count[0] < total else ""
+        remaining = f", {spent * (total - count[0]) / advanced:.0f} s left" if advanced > 0 and count[0] < total else ""
         bar = "#" * round(BAR * share)
-        stream.write(f"\r{what} [{bar:.<{BAR}}] {count[0]}/{total}, {spent:.0f} s{left}\x1b[K")
+        stream.write(f"\r{label} [{bar:.<{BAR}}] {count[0]}/{total}, {spent:.0f} s{remaining}\x1b[K")
         stream.flush()
 
     def tell(more: int) -> None:

@@ -18,7 +18,7 @@ PATTERN = frozenset("*?[")  # a name with one of these that is no name of a sign
 
 
 def selected(
-    requested: Any, known: Sequence[str], what: str, owner: str, others: Sequence[str] = ()
+    requested: Any, known: Sequence[str], kind: str, owner: str, others: Sequence[str] = ()
 ) -> list[int]:
     """Return the numbers of the signals that are named, each once, in the order of the names.
 
@@ -29,7 +29,7 @@ def selected(
         the order of the system. None and ``:`` pick all.
     known : sequence of str
         The names that there are.
-    what : str
+    kind : str
         "output", "input" or "state".
     owner : str
         Name of the system, for messages.
@@ -50,12 +50,12 @@ def selected(
         return list(range(len(known)))
     several = [requested] if isinstance(requested, str) or hasattr(requested, "name") else requested
     result: dict[int, None] = {}
-    for name in _listed(several, what, owner):
+    for name in _listed(several, kind, owner):
         hits = [i for i, signal in enumerate(known) if signal == name]
         if not hits and PATTERN.intersection(name):
             hits = [i for i, signal in enumerate(known) if fnmatchcase(signal, name)]
         if not hits:
-            raise ResponseError(_unknown(name, known, what, owner, others))
+            raise ResponseError(_unknown(name, known, kind, owner, others))
         result |= dict.fromkeys(hits)
     return list(result)
 
@@ -113,10 +113,10 @@ def needed_ports(
         If a name is unknown, or there is no output or no input.
     """
     numbers = port_numbers(outputs, inputs, known, name)
-    for what, some, names in zip(("outputs", "inputs"), numbers, known, strict=True):
+    for kind, some, names in zip(("outputs", "inputs"), numbers, known, strict=True):
         if not some:
-            raise ResponseError(f"no {what} are asked for, which leaves nothing of '{name}'; expected one or more of "
-                                f"{', '.join(names) or 'its ' + what + ', yet it has none'}.")  # fmt: skip
+            raise ResponseError(f"no {kind} are asked for, which leaves nothing of '{name}'; expected one or more of "
+                                f"{', '.join(names) or 'its ' + kind + ', yet it has none'}.")  # fmt: skip
     return numbers
 
 
@@ -146,14 +146,14 @@ def key_ports(key: Any, name: str) -> tuple[Any, Any]:
     return key
 
 
-def _listed(several: Any, what: str, owner: str) -> list[str]:
+def _listed(several: Any, kind: str, owner: str) -> list[str]:
     try:
         names = [item if isinstance(item, str) else item.name for item in several]
     except (TypeError, AttributeError):
         names = [None]
     if not all(isinstance(name, str) for name in names):
         hint = " Numbers are refused: signals are selected by name." if _numbers(several) else ""
-        raise ResponseError(f"system '{owner}': {what}s = {shown(several)}; expected a name, a pattern such as "
+        raise ResponseError(f"system '{owner}': {kind}s = {shown(several)}; expected a name, a pattern such as "
                             f"'leg*', or a list of these; None or : for all.{hint}")  # fmt: skip
     return names
 
@@ -162,15 +162,15 @@ def _numbers(value: Any) -> bool:
     return isinstance(value, slice) or np.asarray(value).dtype.kind in "iub"
 
 
-def _unknown(name: str, known: Sequence[str], what: str, owner: str, others: Sequence[str]) -> str:
+def _unknown(name: str, known: Sequence[str], kind: str, owner: str, others: Sequence[str]) -> str:
     listed = ", ".join(known) or "none"
     if name in others:
-        other = "input" if what == "output" else "output"
-        return (f"system '{owner}': {name!r} is an {other}, and no {what}. Outputs come first, then inputs; both are "
-                f"keywords as well: outputs=..., inputs=.... The {what}s are {listed}.")  # fmt: skip
+        other = "input" if kind == "output" else "output"
+        return (f"system '{owner}': {name!r} is an {other}, and no {kind}. Outputs come first, then inputs; both are "
+                f"keywords as well: outputs=..., inputs=.... The {kind}s are {listed}.")  # fmt: skip
     if PATTERN.intersection(name):
-        return f"system '{owner}': the pattern {name!r} picks no {what}. It has {listed}."
-    return f"{what} {name!r}: system '{owner}' has no such {what}.{nearest(name, known)} It has {listed}."
+        return f"system '{owner}': the pattern {name!r} picks no {kind}. It has {listed}."
+    return f"{kind} {name!r}: system '{owner}' has no such {kind}.{nearest(name, known)} It has {listed}."
 
 
 def signal_names(requested: Any, count: int, label: str, owner: str) -> tuple[str, ...]:

@@ -95,7 +95,7 @@ def statement(
         If a part has no statement in finite motion, or a state of its own.
     """
     for part in model.composed.values():
-        raise ModelError(f"{type(part).__name__.lower()} '{part.name}': bends, which a prescribed motion does not "
+        raise ModelError(f"{part.family} '{part.name}': bends, which a prescribed motion does not "
                          f"determine; make rigid bodies and springs of it for a cycle, or simulate.",
                          element=part.name)  # fmt: skip
     motion = finite_motion(model, parameters, cut=cut, bases=bases)

@@ -61,7 +61,7 @@ def reaction_sensitivities(cycle: CycleData, names: tuple[str, ...]) -> dict[str
     loads, tau = ca.SX.sym("lambda", sum(bodies.counts)), ca.SX.sym("tau", len(cycle.drives))
     shared = ca.SX.sym("mu", acting.shape[1] - len(cycle.drives))
     unknown = ca.vertcat(loads, shared)
-    left = bodies.rows.T @ loads + acting @ ca.vertcat(tau, shared) - bodies.required
+    residual = bodies.rows.T @ loads + acting @ ca.vertcat(tau, shared) - bodies.required
     wrenches = ca.vertcat(*_wrenches(joints, bodies, loads))
     depends = [i for i in range(len(expressions.motion.motion.names)) if i not in set(motion.driven.tolist())]
     state = ca.vertcat(expressions.q[depends], expressions.qd[depends], expressions.qdd[depends])
@@ -76,10 +76,12 @@ def reaction_sensitivities(cycle: CycleData, names: tuple[str, ...]) -> dict[str
         function = ca.Function("f", [*symbols, *extra], [ca.densify(item) for item in outputs])
         return matrices(function, *at, *values)
 
-    matrix, drives, required = evaluated(ca.jacobian(left, unknown), acting[:, : len(cycle.drives)], bodies.required)
+    matrix, drives, required = evaluated(
+        ca.jacobian(residual, unknown), acting[:, : len(cycle.drives)], bodies.required
+    )
     inverse = np.linalg.pinv(matrix, rcond=REDUNDANT_LOOPS)
     multipliers = (inverse @ (required - drives @ torques[:, :, None]))[:, :, 0]
-    parts = [ca.jacobian(item, to) for item in (left, wrenches) for to in (state, expressions.p)]
+    parts = [ca.jacobian(item, to) for item in (residual, wrenches) for to in (state, expressions.p)]
     h_z, h_p, w_z, w_p, w_l = evaluated(*parts, ca.jacobian(wrenches, unknown), extra=(unknown, tau),
                                         values=(multipliers, torques))  # fmt: skip
     d_state = dependent_derivatives(cycle, expressions)[:, : state.numel()]

@@ -69,11 +69,12 @@ def reactions(cycle: CycleData) -> Reactions:
     right = lacking * units
     inverse = np.linalg.pinv(matrix, rcond=REDUNDANT_LOOPS)
     shares = (inverse @ right[:, :, None])[:, :, 0]
-    left = np.abs((matrix @ shares[:, :, None])[:, :, 0] - right).max()
+    residual = np.abs((matrix @ shares[:, :, None])[:, :, 0] - right).max()
     scale = max(float(np.abs(matrix * shares[:, None, :]).max(initial=0.0)), float(np.abs(right).max(initial=0.0)))
-    if left > BALANCED * scale:
-        raise MbsvibError(f"cycle: the reactions balance the bodies of model '{model.name}' only to {left / scale:.1e} "
-                          f"of the forces in them; the cycle is too near a singular pose.")  # fmt: skip
+    if residual > BALANCED * scale:
+        raise MbsvibError(f"cycle: the reactions balance the bodies of model '{model.name}' only to "
+                          f"{residual / scale:.1e} of the forces in them; the cycle is too near a singular "
+                          f"pose.")  # fmt: skip
     free = np.eye(matrix.shape[2]) - inverse @ matrix
     wrenches, undetermined, start = {}, {}, 0
     for joint, basis in zip(model.joints.values(), frames, strict=True):

@@ -140,8 +140,8 @@ class CycleData(Displayed):
         dict
             Title, columns, rows and notes.
         """
-        rows = [(f"shaking {what} [{unit}]", f"{self.rms(what):.7g}", f"{self.peak(what):.7g}")
-                for what, unit in (("force", "N"), ("moment", "N m"))]  # fmt: skip
+        rows = [(f"shaking {quantity} [{unit}]", f"{self.rms(quantity):.7g}", f"{self.peak(quantity):.7g}")
+                for quantity, unit in (("force", "N"), ("moment", "N m"))]  # fmt: skip
         for drive in self.drives:
             unit = "N m" if drive.rpartition(".")[2].startswith("r") else "N"
             rows.append((f"torque at {drive} [{unit}]" if unit == "N m" else f"force at {drive} [{unit}]",

@@ -111,10 +111,10 @@ def _drives(expressions: Statement, driven: tuple[int, ...]) -> Expression:
     return ca.vertcat(expressions.q[which], expressions.qd[which], expressions.qdd[which])
 
 
-def _check_assembled(before: Array, left: Array, names: Sequence[str]) -> None:
+def _check_assembled(before: Array, residuals: Array, names: Sequence[str]) -> None:
     """Refuse parameters that loops do not allow to change by themselves."""
     for k, name in enumerate(names):
-        if np.abs(left[:, :, k]).max() > ASSEMBLED * max(1.0, float(np.abs(before[:, :, k]).max())):
+        if np.abs(residuals[:, :, k]).max() > ASSEMBLED * max(1.0, float(np.abs(before[:, :, k]).max())):
             raise ModelError(f"cycle: a change of '{name}' takes the loops apart, as redundant constraints no longer "
                              f"agree; there is no derivative to it.", element=name, field="parameters")  # fmt: skip
 

@@ -35,6 +35,11 @@ class Body(Part):
     position: Vector = (0.0, 0.0, 0.0)
     orientation: Matrix3 = IDENTITY
 
+    @property
+    def body_positions(self) -> Mapping[str, Vector]:
+        """Names and positions [m] of the bodies that it adds to the mechanism."""
+        return {self.name: self.position}
+
     def parameter_fields(self) -> Iterator[ParameterField]:
         yield ParameterField("mass", self.mass, "kg")
         yield ParameterField("inertia", self.inertia, "kg m^2", ("xx", "yy", "zz", "xy", "xz", "yz"))

@@ -23,8 +23,13 @@ class Connection(Part):
 
     @property
     def points(self) -> tuple[Vector, ...]:
-        """Points at which it acts [m], world axes: one, or one on the first and one on the second body."""
-        return tuple([value for key in ("position", "start", "end") if (value := getattr(self, key, None)) is not None])
+        """Points at which it acts [m], world axes: none, one, or one on the first and one on the second body."""
+        return tuple([getattr(self, key) for key in self.point_fields])
+
+    @property
+    def acts_along_line(self) -> bool:
+        """Whether it acts along the line through two points."""
+        return len(self.point_fields) == 2
 
     @property
     def loaded(self) -> bool:

@@ -43,6 +43,16 @@ class Maxwell(Connection):
     line: Vector = derived((0.0, 0.0, 1.0))
 
     @property
+    def family(self) -> str:
+        """Name of its family in texts."""
+        return "Maxwell element"
+
+    @property
+    def body_positions(self) -> Mapping[str, Vector]:
+        """Names and positions [m] of the bodies that it adds to the mechanism."""
+        return {self.node: self.end}
+
+    @property
     def tension(self) -> float:
         """Tension in the reference pose [N]."""
         return self.preload or 0.0

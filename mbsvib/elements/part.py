@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
@@ -85,6 +86,21 @@ class Part:
     """A named, immutable part of a model."""
 
     name: str
+
+    @property
+    def family(self) -> str:
+        """Name of its family in texts, such as ``"torsion spring"``."""
+        return re.sub("(?<!^)([A-Z])", r" \1", type(self).__name__).lower()
+
+    @property
+    def point_fields(self) -> tuple[str, ...]:
+        """Names of its fields that are points [m]; of two points the first is on the first body."""
+        return tuple([key for key in ("position", "start", "end") if getattr(self, key, None) is not None])
+
+    @property
+    def body_positions(self) -> Mapping[str, Vector]:
+        """Names and positions [m] of the bodies that it adds to the mechanism."""
+        return {}
 
     def constructor_kwargs(self) -> dict[str, Any]:
         """Return the arguments of the ``add_...`` call that makes this part, except those at their default."""
@@ -228,6 +244,11 @@ class Composed(Part):
     @abstractmethod
     def node_names(self) -> dict[str, Vector]:
         """Names and points [m] of its nodes that are bodies of their own."""
+
+    @property
+    def body_positions(self) -> Mapping[str, Vector]:
+        """Names and positions [m] of the bodies that it adds to the mechanism."""
+        return self.node_names | dict.fromkeys(self.carriers, self.points[0])
 
     @property
     @abstractmethod

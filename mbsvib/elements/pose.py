@@ -34,11 +34,11 @@ class Pose(Protocol):
     def point(self, body: str, at: Sequence[float]) -> Vector:
         """Return the point of a body that is ``at`` [m] in the reference pose."""
 
-    def rotated_vector(self, body: str, what: Sequence[float]) -> Vector:
+    def rotated_vector(self, body: str, vector: Sequence[float]) -> Vector:
         """Return a vector that is fixed in a body."""
 
-    def rotated_axes(self, body: str, what: Matrix3) -> Matrix3:
+    def rotated_axes(self, body: str, axes: Matrix3) -> Matrix3:
         """Return axes (columns) that are fixed in a body."""
 
-    def rotated(self, body: str, what: Sequence[float] | Sequence[Sequence[float]] | Array) -> Array:
+    def rotated(self, body: str, vectors: Sequence[float] | Sequence[Sequence[float]] | Array) -> Array:
         """Return a vector (3,) or axes (3, 3) that are fixed in a body, as an array."""

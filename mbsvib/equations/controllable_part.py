@@ -16,6 +16,7 @@ from mbsvib.common.selection import selected
 from mbsvib.equations.equations import Equations, Removed
 from mbsvib.equations.selection import with_port_numbers
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.groups import part_numbers
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -66,26 +67,6 @@ def selected_ports(
     return sorted(numbers)
 
 
-def decoupled_parts(*matrices: Array) -> Index:
-    """Return the number of the decoupled part of every coordinate.
-
-    Parameters
-    ----------
-    *matrices : array, shape (m, m)
-        Matrices whose nonzero entries couple coordinates.
-
-    Returns
-    -------
-    array, shape (m,)
-        Numbers.
-    """
-    from scipy.sparse import csr_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    coupled = np.any([matrix != 0.0 for matrix in matrices], axis=0)
-    return np.asarray(connected_components(csr_matrix(coupled), directed=False)[1], dtype=np.intp)
-
-
 def reachable(
     system: E, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
 ) -> E:
@@ -110,7 +91,7 @@ def reachable(
     """
     i = selected_ports(system.inputs, inputs, "inputs", system.name, system.outputs)
     o = selected_ports(system.outputs, outputs, "outputs", system.name, system.inputs)
-    part = decoupled_parts(system.M, system.C, system.K) if system.dof else np.zeros(0, dtype=np.intp)
+    part = part_numbers((system.M != 0.0) | (system.C != 0.0) | (system.K != 0.0))
     actuated = np.asarray(system.B[:, i].any(axis=1))
     measured = np.asarray((system.Cq[o] != 0.0).any(axis=0) | system.Cv[o].any(axis=0) | system.Ca[o].any(axis=0))
     controllable, observable = (np.isin(part, part[mask]) for mask in (actuated, measured))

@@ -141,8 +141,9 @@ def unresisted(parts: Sequence[Array], null: Array, unit: Array) -> tuple[Array,
     return null @ inside, np.arange(rank) if not inside.shape[1] else pivoted_qr(moved)[1][:rank]
 
 
-def own_coordinates(null: Array) -> tuple[Index, Index]:
+def independent_coordinates(null: Array) -> tuple[Index, Index]:
     """Return for each massless motion a coordinate that is one in it and zero in the others, and the rest."""
     single = (np.count_nonzero(null, axis=1) == 1) & (null.max(axis=1, initial=0.0) == 1.0)
-    own = np.array([int(np.flatnonzero(single & (null[:, k] == 1.0))[0]) for k in range(null.shape[1])], dtype=np.intp)
-    return own, np.setdiff1d(np.arange(len(null)), own)
+    numbers = [int(np.flatnonzero(single & (motion == 1.0))[0]) for motion in null.T]
+    independent = np.array(numbers, dtype=np.intp)
+    return independent, np.setdiff1d(np.arange(len(null)), independent)

@@ -207,10 +207,10 @@ def _first_order(
     factor = terms.inertia_factor
     null = null_space(factor[factor.any(axis=1)], size, 0.0, rank=len(names) - count)[0]
     null = without_rounding(null, unit, RANK_FACTOR * noise)
-    own = np.sort(pivoted_qr((null / unit[:, None]).T)[1][:count])
-    null = null @ np.linalg.inv(null[own])
-    null[own] = np.eye(count)
-    null = np.where(np.abs(null) / unit[:, None] > RANK_FACTOR * noise / unit[own], null, 0.0)
+    independent = np.sort(pivoted_qr((null / unit[:, None]).T)[1][:count])
+    null = null @ np.linalg.inv(null[independent])
+    null[independent] = np.eye(count)
+    null = np.where(np.abs(null) / unit[:, None] > RANK_FACTOR * noise / unit[independent], null, 0.0)
     square = null.T @ terms.C @ null
     scale = np.sqrt(np.abs(square).sum(axis=1))
     scale[scale == 0.0] = 1.0
@@ -220,9 +220,9 @@ def _first_order(
         reason = "the dampers that act on it cancel each other" if terms.gyroscopic is None else \
             "spin alone ties it to others"  # fmt: skip
         raise massless_motion_error(worst, unit, names, reason)
-    others = np.setdiff1d(np.arange(len(names)), own)
+    others = np.setdiff1d(np.arange(len(names)), independent)
     check_mass(terms.M[np.ix_(others, others)], tuple(names[i] for i in others))
-    return replace(terms, massless=count, null_inertia=null), tuple(names[i] for i in own)
+    return replace(terms, massless=count, null_inertia=null), tuple(names[i] for i in independent)
 
 
 def _check_proper(

@@ -8,7 +8,6 @@ import numpy as np
 
 from mbsvib.elements import Body, Bushing, Spring
 from mbsvib.elements.bushing import matrix6
-from mbsvib.elements.inerter import Inerter
 from mbsvib.equations.inertia import inertia_tensor
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import exponential
@@ -185,8 +184,7 @@ def _check_spring(
     rotor, center, axis = rotor_of[spinning], np.array(bodies[spinning].position), spins[spinning]
     subject = f"rotor '{rotor}': '{spring.name}', which acts on the spinning body '{spinning}', "
     if not isinstance(spring, (Spring, Bushing)):
-        kind = "an inerter" if isinstance(spring, Inerter) else "a Maxwell element"
-        raise ModelError(f"{subject}is {kind}, which is not supported on a spinning body.",
+        raise ModelError(f"{subject}is of the kind '{spring.family}', which is not supported on a spinning body.",
                          element=rotor, field="body")  # fmt: skip
     points = {spring.first: spring.start, spring.second: spring.end} if isinstance(spring, Spring) else dict.fromkeys(
         pair, spring.position)  # fmt: skip

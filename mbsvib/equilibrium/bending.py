@@ -100,8 +100,8 @@ def _follow(here: PosedModel, forces: Balance, names: list[str], by: Array) -> t
         if np.abs(step / here.scale).max(initial=0.0) > 5.0 * LONGEST:
             return None
         try:
-            there, left = close(here.moved(step), _free(here.coordinates.names, names))
-            after = None if left > max(CLOSED, there.rounding) else balance(there, names)
+            there, gap = close(here.moved(step), _free(here.coordinates.names, names))
+            after = None if gap > max(CLOSED, there.rounding) else balance(there, names)
         except (ModelError, SingularPoseError):
             return None
         if after is None:

@@ -40,10 +40,10 @@ def check_displacements(model: Mechanism) -> None:
     at = posed_model(articulated_model, start(articulated_model))
     forces = balance(at)
     if forces.share > BALANCE:
-        what, where = unbalanced_force(at, forces)
+        text, details = unbalanced_force(at, forces)
         raise EquilibriumError(
-            f"model '{model.name}' is not in balance in the given pose: {what}, by the "
+            f"model '{model.name}' is not in balance in the given pose: {text}, by the "
             f"displacements of its beams and superelements. Find the pose with model.equilibrium(), or leave "
-            f"displacements out where the pose given is the loaded one.", **where,
+            f"displacements out where the pose given is the loaded one.", **details,
         )  # fmt: skip
     warn_beyond(model, at, forces.reduction)

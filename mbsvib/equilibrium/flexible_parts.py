@@ -98,8 +98,8 @@ def _superelement(part: Superelement, bodies: list[str], pose: Pose) -> Part:
     for i, name in enumerate(part.carriers):
         k = pose.number.get(name)
         if k is not None:  # otherwise the part moves as a rigid body
-            own = internal[3 * i : 3 * i + 3]
-            own += (pose.centre[k] - pose.origin[k])[: len(own)]
+            displacement = internal[3 * i : 3 * i + 3]
+            displacement += (pose.centre[k] - pose.origin[k])[: len(displacement)]
     state = np.concatenate(((after.reshape(-1, 3) @ turned).reshape(-1), internal))
     bends = bends or part.displacements is not None or bool((internal != before[6 * count :]).any())
     names = [name for name, _ in part.nodes]

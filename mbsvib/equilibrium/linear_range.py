@@ -37,11 +37,10 @@ def warn_beyond(there: Mechanism, at: PosedModel, reduction: Reduction) -> None:
     for part in flexible(there):
         if part.displacements is None:
             continue
-        kind = type(part).__name__.lower()
         six = np.array(part.displacements).reshape(-1)[: 6 * len(part.points)].reshape(-1, 6)
         angle = float(np.sqrt(np.square(six[:, 3:]).sum(axis=1)).max())
         if angle > TURNED:
-            _warn(f"{kind} '{part.name}' bends by {angle:.2g} rad; displacements in the frame of the body that "
+            _warn(f"{part.family} '{part.name}' bends by {angle:.2g} rad; displacements in the frame of the body that "
                   f"carries it are assumed to be small, which is accurate to about {0.5 * angle**2:.0%} there. Divide "
                   f"it into several parts with a body between them, or lower the load.")  # fmt: skip
         elif isinstance(part, Beam):

@@ -26,6 +26,6 @@ def unbalanced_force(at: PosedModel, forces: Balance) -> tuple[str, dict[str, An
     unit = "N m" if at.coordinates.turns[coordinate] else "N"
     missing = -float(forces.residual[worst])
     kind = "moment" if unit == "N m" else "force"
-    what = (f"unbalanced {kind} on body '{body}', {missing:.6g} {unit} missing along '{name}' ({share[worst]:.1e} of "
+    text = (f"unbalanced {kind} on body '{body}', {missing:.6g} {unit} missing along '{name}' ({share[worst]:.1e} of "
             f"the forces that should cancel)")  # fmt: skip
-    return what, {"body": body, "coordinate": name, "missing": missing, "unit": unit}
+    return text, {"body": body, "coordinate": name, "missing": missing, "unit": unit}

@@ -122,7 +122,7 @@ def _follow(here: PosedModel, target: Array, names: list[str]) -> PosedModel:
     depends[reduction.independent] = False
     longest = float(np.abs(target / here.scale).max(initial=0.0))
     done, step = 0.0, min(1.0, LONGEST / max(longest, LONGEST))
-    here, left = close(here, depends)
+    here, gap = close(here, depends)
     while done < 1.0:
         share = min(step, 1.0 - done)
         independent = share * target[~depends]
@@ -131,13 +131,13 @@ def _follow(here: PosedModel, target: Array, names: list[str]) -> PosedModel:
         q[depends] = _dependent(here, depends, independent)
         # dependent motions many times larger than the step indicate a jump or a dead point
         small = np.abs(q / here.scale).max(initial=0.0) <= 10.0 * LONGEST
-        there, left = close(here.moved(q), depends) if small else (here, np.inf)
-        if left <= max(TOLERANCE, there.rounding) and _near(here, there) and same_branch(here, there, depends):
+        there, gap = close(here.moved(q), depends) if small else (here, np.inf)
+        if gap <= max(TOLERANCE, there.rounding) and _near(here, there) and same_branch(here, there, depends):
             here, done, step = there, done + share, min(2.0 * step, LONGEST / max(longest, LONGEST))
             continue
         step = 0.5 * share
         if step * longest < SHORTEST:
-            raise _unreachable(here, target, names, done, left)
+            raise _unreachable(here, target, names, done, gap)
     return here
 
 
@@ -155,10 +155,10 @@ def _near(here: PosedModel, there: PosedModel) -> bool:
     return bool(turned.min() > 1.0 + 2.0 * np.cos(5.0 * LONGEST) and went < 5.0 * LONGEST * here.size)
 
 
-def _unreachable(here: PosedModel, target: Array, names: list[str], done: float, left: float) -> ModelError:
+def _unreachable(here: PosedModel, target: Array, names: list[str], done: float, gap: float) -> ModelError:
     reached = ", ".join(f"{name} = {done * target[here.coordinates.names.index(name)]:.6g}" for name in names)
     loops = ", ".join(here.cuts.joints if here.cuts else ())
-    open_by = f" beyond it they stay open by {left:.1e} of the mechanism's size" if np.isfinite(left) else \
+    open_by = f" beyond it they stay open by {gap:.1e} of the mechanism's size" if np.isfinite(gap) else \
         " there the other joints would have to jump"  # fmt: skip
     return ModelError(
         f"moved: the loops closed by {loops} can be closed up to {reached} and no further;{open_by}. Ask for a pose "

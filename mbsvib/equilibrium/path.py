@@ -177,10 +177,10 @@ def _lost_stiffness(first: PosedModel, last: Balance) -> str:
     before, _ = stiffness(balance(first.under(with_share(first.reference, 0.0))))
     values, vectors = stiffness(last)
     name = last.names[int(np.argmax(np.abs(vectors[:, 0])))]
-    left = float(values[0] / before[0])
-    if left > 0.5:
-        return f"Newton's method no longer contracts, while the stiffness along '{name}' is still {left:.0%}"
-    return f"its stiffness is down to {left:.1%}, mostly along '{name}': it would snap through to a pose elsewhere"
+    ratio = float(values[0] / before[0])
+    if ratio > 0.5:
+        return f"Newton's method no longer contracts, while the stiffness along '{name}' is still {ratio:.0%}"
+    return f"its stiffness is down to {ratio:.1%}, mostly along '{name}': it would snap through to a pose elsewhere"
 
 
 def descend(first: PosedModel) -> SearchResult:

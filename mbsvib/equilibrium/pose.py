@@ -54,9 +54,9 @@ class Pose:
         arm = at - self.origin.take(body, axis=0)
         return np.asarray(at + (shift.take(body, axis=0) + (change.take(body, axis=0) @ arm[..., None])[..., 0]))
 
-    def vectors(self, body: Index, what: Array) -> Array:
+    def vectors(self, body: Index, vectors: Array) -> Array:
         """Return vectors (n, 3) that turn with bodies (n,)."""
-        return np.asarray((self.rotations.take(body, axis=0) @ what[..., None])[..., 0])
+        return np.asarray((self.rotations.take(body, axis=0) @ vectors[..., None])[..., 0])
 
     def point(self, body: str, at: Sequence[float]) -> Vector:
         """Return the point of a body that is ``at`` [m] in the reference pose."""
@@ -64,14 +64,14 @@ class Pose:
         x, y, z = self.rotated_vector(body, (at[0] - origin[0], at[1] - origin[1], at[2] - origin[2]))
         return x + centre[0], y + centre[1], z + centre[2]
 
-    def rotated_vector(self, body: str, what: Sequence[float]) -> Vector:
+    def rotated_vector(self, body: str, vector: Sequence[float]) -> Vector:
         """Return a vector that turns with a body."""
-        (x, y, z), ((a, b, c), (d, e, f), (g, h, i)) = what, self._numbers[1][self.number[body]]
+        (x, y, z), ((a, b, c), (d, e, f), (g, h, i)) = vector, self._numbers[1][self.number[body]]
         return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
 
-    def rotated_axes(self, body: str, what: Matrix3) -> Matrix3:
+    def rotated_axes(self, body: str, axes: Matrix3) -> Matrix3:
         """Return axes (columns) that turn with a body."""
-        (r, s, t), ((a, b, c), (d, e, f), (g, h, i)) = what, self._numbers[1][self.number[body]]
+        (r, s, t), ((a, b, c), (d, e, f), (g, h, i)) = axes, self._numbers[1][self.number[body]]
         (x, y, z), (u, v, w), (k, m, n) = r, s, t
         return ((a * x + b * u + c * k, a * y + b * v + c * m, a * z + b * w + c * n),
                 (d * x + e * u + f * k, d * y + e * v + f * m, d * z + e * w + f * n),
@@ -82,9 +82,9 @@ class Pose:
         """Origin and centre, and rotation of each body as lists, which is faster for single points."""
         return np.stack((self.origin, self.centre), axis=1).tolist(), self.rotations.tolist()
 
-    def rotated(self, body: str, what: Sequence[float] | Sequence[Sequence[float]] | Array) -> Array:
+    def rotated(self, body: str, vectors: Sequence[float] | Sequence[Sequence[float]] | Array) -> Array:
         """Return a vector (3,) or axes (3, 3), as an array, that turn with a body."""
-        return np.asarray(self.rotations[self.number[body]] @ np.asarray(what))
+        return np.asarray(self.rotations[self.number[body]] @ np.asarray(vectors))
 
     def centre_of(self, body: str) -> Vector:
         """Return where the centre of mass of a body is [m]."""

@@ -61,10 +61,10 @@ def preloaded(model: M, selection: Sequence[Any] | str | bool) -> M:
     held = balance(posed_model(static_model(result), at.pose))
     if held.strict_share > BALANCE and held.share > BALANCE:  # forces that are rounding balance as well
         names = ", ".join(f"'{part.name}'" for part in springs[:6]) + (", ..." if len(springs) > 6 else "")
-        what, where = unbalanced_force(at, held)
+        text, details = unbalanced_force(at, held)
         raise EquilibriumError(
-            f"model '{model.name}': no preload of {names} holds the given pose; {what}. Choose springs that act along "
-            f"it as well, or let model.equilibrium() find another pose.", **where,
+            f"model '{model.name}': no preload of {names} holds the given pose; {text}. Choose springs that act along "
+            f"it as well, or let model.equilibrium() find another pose.", **details,
         )  # fmt: skip
     return result
 

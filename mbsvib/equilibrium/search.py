@@ -79,9 +79,9 @@ def _is_held(first: PosedModel) -> bool:
 
 def _unreachable(result: SearchResult) -> EquilibriumError:
     """The error of a search without equilibrium: its last pose and the unbalanced force there."""
-    what, where = unbalanced_force(result.at, result.balance)
+    text, details = unbalanced_force(result.at, result.balance)
     return EquilibriumError(
         f"model '{result.at.reference.name}' has no equilibrium that can be reached from the given pose: "
-        f"{result.stopped}. After {result.steps} steps {what}. Hold it with a spring or a load, lower the load, or "
-        f"start from a pose nearer to the equilibrium.", **where,
+        f"{result.stopped}. After {result.steps} steps {text}. Hold it with a spring or a load, lower the load, or "
+        f"start from a pose nearer to the equilibrium.", **details,
     )  # fmt: skip

@@ -62,9 +62,9 @@ class Tree:
         here = pose.centre
         sums = np.add.reduceat(np.concatenate((coordinates.linear, coordinates.angular)) * q, self.start, axis=1).T
         rotations, shifts = exponential(sums[:, 3:]), sums.take(self.group, axis=0)[:, :3]
-        own = rotations.take(self.group, axis=0)
+        turned = rotations.take(self.group, axis=0)
         if self.then.size:
-            own[self.then[0]] = own[self.then[0]] @ rotations[self.then[1]]
+            turned[self.then[0]] = turned[self.then[0]] @ rotations[self.then[1]]
         if len(self.rod):
             shifts[self.rod] = self._swing(pose, coordinates, shifts[self.rod])
         # the second body goes from x to p + shift + rotation (x - p), the first one the other way round
@@ -72,11 +72,11 @@ class Tree:
         if len(self.back):
             arm[self.back] -= shifts[self.back]
             shifts[self.back] *= -1.0
-            own[self.back] = own[self.back].swapaxes(-1, -2)
+            turned[self.back] = turned[self.back].swapaxes(-1, -2)
         centre, turn = here.copy(), np.empty((len(here), 3, 3))
-        centre[self.body] += shifts + ((own - IDENTITY) @ arm[..., None])[..., 0]
+        centre[self.body] += shifts + ((turned - IDENTITY) @ arm[..., None])[..., 0]
         turn[:] = IDENTITY
-        turn[self.body] = own
+        turn[self.body] = turned
         for body, parent in self.levels:
             # x moves with the parent: by its translation, and by its rotation less 1 times the arm
             rotation, before, there = turn.take(parent, axis=0), here.take(parent, axis=0), centre.take(body, axis=0)

@@ -99,7 +99,7 @@ def _topology(system: Equations) -> list[str]:
     owners = {part.name for part in composed}
     springs = [name for name in system.provenance.springs if name not in owners]
     parts = ((topology.bodies, "body"), (topology.joints, "joint"), (springs, "spring-damper"))
-    lines = ["  " + ", ".join(counted(len(group), what) for group, what in parts)]
+    lines = ["  " + ", ".join(counted(len(group), noun) for group, noun in parts)]
     lines += [f"  {part.summary}" for part in composed]
     for body in topology.floating:
         name = topology.bodies[body]
@@ -116,8 +116,8 @@ def _topology(system: Equations) -> list[str]:
     idle = [name for i, name in enumerate(system.provenance.springs)
             if i not in straining and name not in forces and name not in inerters]  # fmt: skip
     if idle:
-        left = "the mechanism" if system.provenance.removed is None else "what is left"
-        lines.append(f"  without effect, as no motion of {left} strains them: {listed(idle)}")
+        system_text = "the mechanism" if system.provenance.removed is None else "what is left"
+        lines.append(f"  without effect, as no motion of {system_text} strains them: {listed(idle)}")
     return lines
 
 
@@ -180,8 +180,8 @@ def _unsymmetric(system: Equations) -> list[str]:
     for rotor in rotors[:SHOWN]:
         axis = " ".join(f"{entry:.6g}" for entry in rotor.axis)
         moment = "" if rotor.inertia is None else f"{rotor.inertia:.6g} kg m^2 on "
-        what = f"{moment}body '{rotor.body}'{'' if moment else ' itself'}"
-        lines.append(f"  rotor '{rotor.name}': {what}, {rotor.speed:.6g} rad/s about ({axis})")
+        subject = f"{moment}body '{rotor.body}'{'' if moment else ' itself'}"
+        lines.append(f"  rotor '{rotor.name}': {subject}, {rotor.speed:.6g} rad/s about ({axis})")
     if system.gyroscopic is not None:
         lines.append("  C = dampers + gyroscopic terms: modes have right and left vectors")
     if system.circulatory is not None:

@@ -36,10 +36,10 @@ def explain_loads(system: Equations) -> list[str]:
     lines = []
     if applied.weight.any():
         lines.append("  gravity: acts at the centres of mass; its geometric stiffness is in the reactions and preloads")
-    for names, what in ((applied.names[: applied.loads], "loads"),
+    for names, kind in ((applied.names[: applied.loads], "loads"),
                         (applied.names[applied.loads :], "preloads")):  # fmt: skip
         if names:
-            lines.append(f"  {what}: {_listed(names)}")
+            lines.append(f"  {kind}: {_listed(names)}")
     lines.append(f"  balance: relative residual of the forces {statics.imbalance:.1e} (allowed {BALANCE:g})")
     lines += _stiffness(system)
     if system.circulatory is not None:

@@ -35,7 +35,7 @@ def explain(system: SparseEquations) -> str:
     parts = ((topology.bodies, "body"), (topology.joints, "joint"), (system.springs, "spring-damper"))
     lines = [
         f"{system.name}: {system.dof} DOF, sparse matrices", "topology",
-        "  " + ", ".join(counted(len(group), what) for group, what in parts),
+        "  " + ", ".join(counted(len(group), noun) for group, noun in parts),
     ]  # fmt: skip
     if topology.floating:
         lines.append(f"  floating, with free joints added: {listed([topology.bodies[i] for i in topology.floating])}")
@@ -91,9 +91,9 @@ def _forces(system: SparseEquations) -> list[str]:
               if isinstance(output, ForceOutput) and output.element not in system.model.springs]  # fmt: skip
     if not force_outputs:
         return []
-    what = counted(len(force_outputs), "output")
+    count = counted(len(force_outputs), "output")
     names = listed([output.name for output in force_outputs])
-    lines = [f"  {what} by virtual work, rows as long as what they sum: {names}"]
+    lines = [f"  {count} by virtual work, rows as long as what they sum: {names}"]
     return [*lines, *(text for forces in system.undetermined for text in forces.explained())]
 
 

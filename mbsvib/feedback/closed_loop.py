@@ -37,14 +37,14 @@ class ClosedLoop(FeedbackLoop):
     ``second_order``, and its results come from there.
     """
 
-    def _loop(self, omega: Array, own: Complex) -> tuple[Complex, Complex, Complex]:
+    def _loop(self, omega: Array, plant_response: Complex) -> tuple[Complex, Complex, Complex]:
         s = np.asarray(1j * omega, dtype=complex)
         try:
             k = self.law.at(s)
         except np.linalg.LinAlgError as error:
             raise ResponseError("closed loop: a controller has a pole at one of the frequencies (a pure integrator at "
                                 "0 Hz?); give it a leak, or leave this frequency out.") from error  # fmt: skip
-        return k, k @ own, np.ones(len(omega), dtype=complex)
+        return k, k @ plant_response, np.ones(len(omega), dtype=complex)
 
     @cached_property
     def _space(self) -> tuple[Array, Array, Array, Array, StateSpace]:
@@ -261,10 +261,10 @@ def close(plant: LoopPlant, *controllers: Controller, form: type[ClosedLoop] = C
         if not isinstance(law, Controller):
             raise ResponseError(f"closed loop: {type(law).__name__} is no controller; expected what force_feedback, "
                                 f"skyhook, controller, ... return.")  # fmt: skip
-        for what, names, known in (("sensor", law.inputs, system.outputs), ("actuator", law.outputs, system.inputs)):
+        for kind, names, known in (("sensor", law.inputs, system.outputs), ("actuator", law.outputs, system.inputs)):
             for name in names:
                 if name not in known:
-                    raise ResponseError(f"closed loop: {law.name} names the {what} '{name}'; the plant has none."
+                    raise ResponseError(f"closed loop: {law.name} names the {kind} '{name}'; the plant has none."
                                         f"{nearest(name, known)} It has {', '.join(known)}.")  # fmt: skip
     return form(plant, controllers, _united([c.inputs for c in controllers]),
                 _united([c.outputs for c in controllers]))  # fmt: skip

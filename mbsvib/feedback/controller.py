@@ -141,8 +141,8 @@ def as_controller(value: Any, plant: Any, sensors: Any = None, actuators: Any = 
     o = selected(value.inputs if sensors is None else sensors, plant.outputs, "output", plant.name, plant.inputs)
     i = selected(value.outputs if actuators is None else actuators, plant.inputs, "input", plant.name, plant.outputs)
     into, out = tuple([plant.outputs[k] for k in o]), tuple([plant.inputs[k] for k in i])
-    own = value.name if known or (is_control(value) and "[" not in value.name) else None  # not "sys[3]"
-    called = name or own or "controller"
+    source_name = value.name if known or (is_control(value) and "[" not in value.name) else None  # not "sys[3]"
+    called = name or source_name or "controller"
     if isinstance(value, Controller):
         if value.D.shape != (len(out), len(into)):
             raise ResponseError(f"feedback: {value!r}; expected {len(into)} sensors and {len(out)} actuators: "

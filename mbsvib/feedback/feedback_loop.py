@@ -167,9 +167,9 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         return [system.outputs.index(n) for n in self.outputs], [system.inputs.index(n) for n in self.inputs]
 
     @abstractmethod
-    def _loop(self, omega: Array, own: Complex) -> tuple[Complex, Complex, Complex]:
+    def _loop(self, omega: Array, plant_response: Complex) -> tuple[Complex, Complex, Complex]:
         """K (n, actuators, sensors), the loop gain K G at the actuators (n, actuators, actuators), and the response of
-        the hold (n,); ``own`` (n, sensors, actuators) is the response of the mechanism.
+        the hold (n,); ``plant_response`` (n, sensors, actuators) is the response of the mechanism.
         """
 
     @property

@@ -106,8 +106,8 @@ def _closest(start: Complex, end: Complex, bend: Complex) -> Array:
 
 def _swaps(difference: Array) -> tuple[Array, Array]:
     """Return the differences of two poles as they are, and exchanged, (n, n) each."""
-    own = np.diag(difference)
-    return own[:, None] + own, difference + difference.T
+    matched = np.diag(difference)
+    return matched[:, None] + matched, difference + difference.T
 
 
 def _ascending(values: Complex) -> Index:

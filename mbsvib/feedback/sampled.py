@@ -71,7 +71,7 @@ class SampledLoop(FeedbackLoop):
         c[:, :n], c[:, size - m :] = space.C[y], space.D[np.ix_(y, u)]
         return a, b, c
 
-    def _loop(self, omega: Array, own: Complex) -> tuple[Complex, Complex, Complex]:
+    def _loop(self, omega: Array, plant_response: Complex) -> tuple[Complex, Complex, Complex]:
         a, b, c, d = self.discrete
         z = np.exp(1j * omega / self.rate)
         k = np.broadcast_to(d, (len(z), *d.shape)).astype(complex)

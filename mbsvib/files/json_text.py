@@ -46,12 +46,12 @@ def _lines(text: str, file: str) -> dict[KeyPath, int]:
         if token == "\n":
             line += 1
         elif token == ":":
-            parent, own = stack[-1]
+            parent, line_of = stack[-1]
             key = json.loads(last)
             value = None if parent is None else (*parent, key)
-            if key in own:
-                raise repeated(file, line, value or (key,), own[key])
-            own[key] = line
+            if key in line_of:
+                raise repeated(file, line, value or (key,), line_of[key])
+            line_of[key] = line
             if value is not None:
                 lines[value] = line
         elif token in "{[":

@@ -159,9 +159,9 @@ class _Builder:
             return key
         if isinstance(key, (list, dict)):
             raise self.fault(event, key_path, "a list or mapping cannot be a key; expected a name.")
-        what = {bool: "a truth value", type(None): "empty"}.get(type(key), "a number")
+        kind = {bool: "a truth value", type(None): "empty"}.get(type(key), "a number")
         value = getattr(event, "value", "")
-        raise self.fault(event, key_path, f"the key {value} is {what} in YAML, and a name is text; "
+        raise self.fault(event, key_path, f"the key {value} is {kind} in YAML, and a name is text; "
                                           f"write it in quotes: '{value}'.")  # fmt: skip
 
     def merged(self, event: Any, key_path: KeyPath | None, depth: int) -> dict[str, Any]:

@@ -68,8 +68,7 @@ def connected(part: Any, motion: Kinematics) -> Connected:
     """
     law = LAWS.get(type(part))
     if law is None:
-        kind = type(part).__name__.lower()
-        raise ModelError(f"{kind} '{part.name}': has no law for finite motion yet; leave it out, or make it "
+        raise ModelError(f"{part.family} '{part.name}': has no law for finite motion yet; leave it out, or make it "
                          f"of springs, bushings, torsion springs and the like.", element=part.name)  # fmt: skip
     return law(part, motion)
 

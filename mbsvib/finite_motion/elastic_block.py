@@ -203,15 +203,15 @@ def _block(
     # nodes that the root holds as well do not move against it
     moving = [k for k, (body, _) in enumerate(part.nodes) if body != part.root]
     inner_ones = range(6 * len(part.nodes), part.rows.shape[1])
-    own_columns = [6 * k + j for k in moving for j in range(6)] + list(inner_ones)
-    rows, state = part.rows[:, own_columns], part.state[own_columns]
-    force = np.zeros(len(state)) if part.force is None else part.force[own_columns]
+    moving_columns = [6 * k + j for k in moving for j in range(6)] + list(inner_ones)
+    rows, state = part.rows[:, moving_columns], part.state[moving_columns]
+    force = np.zeros(len(state)) if part.force is None else part.force[moving_columns]
     nodes = [(part.names[k], part.nodes[k][0]) for k in moving]
     stiffness = rows.T @ (part.values[:, None] * rows)
     interface = tuple([k for k, (_, body) in enumerate(nodes) if body in used])
     columns = [6 * i + j for i in elastic for j in range(6)] + list(range(6 * len(points), len(mass)))
-    own = mass[np.ix_(columns, columns)]
-    modes, static, values = _craig_bampton(own, stiffness, [6 * k + j for k in interface for j in range(6)])
+    elastic_mass = mass[np.ix_(columns, columns)]
+    modes, static, values = _craig_bampton(elastic_mass, stiffness, [6 * k + j for k in interface for j in range(6)])
     return ElasticBlock(
         part.owner, part.root, points, elastic, internal, state, mass, damping, beta * stiffness, stiffness, *weights,
         force, interface, tuple([nodes[k][0] for k in interface]), tuple([nodes[k][1] for k in interface]),
@@ -226,10 +226,10 @@ def _craig_bampton(mass: Array, stiffness: Array, held: list[int]) -> tuple[Arra
     static, modes, values = np.zeros((len(mass), len(held))), np.zeros((len(mass), 0)), np.zeros(0)
     static[held, range(len(held))] = 1.0
     if inner:
-        own = stiffness[np.ix_(inner, inner)]
-        static[inner] = -cho_solve(cho_factor(own), stiffness[np.ix_(inner, held)])
+        inner_stiffness = stiffness[np.ix_(inner, inner)]
+        static[inner] = -cho_solve(cho_factor(inner_stiffness), stiffness[np.ix_(inner, held)])
         # M phi = mu K phi: what has no mass has mu = 0
-        mu, vectors = eigh(mass[np.ix_(inner, inner)], own)
+        mu, vectors = eigh(mass[np.ix_(inner, inner)], inner_stiffness)
         retained = np.flatnonzero(mu > MASSLESS * mu[-1])[::-1]
         values = 1.0 / mu[retained]
         modes = np.zeros((len(mass), len(retained)))
@@ -241,28 +241,28 @@ def _matrix(pieces: Sequence[SharedRows], names: dict[str, int], points: Array, 
     """The products of shared rows, with their coefficients, over the displacements of stations and internal ones."""
     count = len(points)
     result = np.zeros((6 * count + internal, 6 * count + internal))
-    for piece in pieces:
-        rows = np.zeros((len(piece.matrix), len(result)))
-        for k, node in enumerate(piece.nodes):
-            own = piece.matrix[:, 6 * k : 6 * k + 6]
-            _add(rows, own, node, node.body, names, points)
-            if node.relative_to in names and piece.damping is not None:  # the mass rows are those of a ground at rest
-                _add(rows, -own, node, node.relative_to, names, points)
-        value = np.ones(len(rows)) if piece.damping is None else piece.damping
+    for shared in pieces:
+        rows = np.zeros((len(shared.matrix), len(result)))
+        for k, node in enumerate(shared.nodes):
+            block = shared.matrix[:, 6 * k : 6 * k + 6]
+            _add(rows, block, node, node.body, names, points)
+            if node.relative_to in names and shared.damping is not None:  # the mass rows are those of a ground at rest
+                _add(rows, -block, node, node.relative_to, names, points)
+        value = np.ones(len(rows)) if shared.damping is None else shared.damping
         result += rows.T @ (value[:, None] * rows)
     return result
 
 
-def _add(rows: Array, own: Array, node: Node, body: str, names: dict[str, int], points: Array) -> None:
+def _add(rows: Array, block: Array, node: Node, body: str, names: dict[str, int], points: Array) -> None:
     """Add rows on the displacements of a point of a body, as rows on those of its station."""
     i, count = names[body], len(points)
     if i >= count:  # the carrier of three internal coordinates
         start = 6 * count + 3 * (i - count)
         width = min(3, rows.shape[1] - start)
-        rows[:, start : start + width] += own[:, :width]
+        rows[:, start : start + width] += block[:, :width]
         return
-    rows[:, 6 * i : 6 * i + 3] += own[:, :3]
-    rows[:, 6 * i + 3 : 6 * i + 6] += own[:, 3:] - own[:, :3] @ skew(np.array(node.point) - points[i])
+    rows[:, 6 * i : 6 * i + 3] += block[:, :3]
+    rows[:, 6 * i + 3 : 6 * i + 6] += block[:, 3:] - block[:, :3] @ skew(np.array(node.point) - points[i])
 
 
 def _check_carrier(model: Mechanism, block: ElasticBlock) -> None:

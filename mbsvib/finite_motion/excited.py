@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components
 
 from mbsvib.elements.body import Body
 from mbsvib.elements.joint import make as make_joint
 from mbsvib.finite_motion.elastic_nodes import point_as_described
+from mbsvib.linalg.groups import part_numbers
 from mbsvib.mechanism.mechanism import GROUND
 
 if TYPE_CHECKING:
@@ -118,9 +117,9 @@ def at_rest(statement: FiniteMotion, blocks: Sequence[ElasticBlock]) -> frozense
         return frozenset()
     bending = {name for block in blocks for name in (*block.interface_names, *block.mode_names)}
     links, excited = _coupling(statement, movable, [i for i, name in enumerate(names) if name in bending])
-    _, label = connected_components(csr_matrix(links), directed=False)
-    alive = set(label[excited].tolist())
-    return frozenset(names[i] for i in movable if label[i] not in alive)
+    part = part_numbers(links)
+    alive = set(part[excited].tolist())
+    return frozenset(names[i] for i in movable if part[i] not in alive)
 
 
 def _coupling(statement: FiniteMotion, movable: list[int], bending: list[int]) -> tuple[Array, Index]:

@@ -118,8 +118,8 @@ def kinematics(
     floating = {b.body: _floating(topology, model, b) for b in topology.branches if b.joint == FLOATS}
     order = [*joints.values(), *((floating[k], None) for k in topology.floating)]
     links = {name: (block, k) for block in blocks for k, name in enumerate(block.joints)}
-    own = {joint.name: _directions(joint, links) for joint, _ in order}
-    names = [f"{joint}.{d}" for joint, directions in own.items() for d in directions if f"{joint}.{d}" not in still]
+    by_joint = {joint.name: _directions(joint, links) for joint, _ in order}
+    names = [f"{joint}.{d}" for joint in by_joint for d in by_joint[joint] if f"{joint}.{d}" not in still]
     names += [name for block in blocks for name in block.mode_names if name not in still]
     names += [f"{joint}.virtual.{d}" for joint in virtual for d in DIRECTIONS]
     turns = [name.rpartition(".")[2][0] == "r" for name in names]
@@ -138,7 +138,7 @@ def kinematics(
         frames[GROUND] = small_displacement(ca.SX.eye(3), ca.SX.zeros(3), extra[GROUND])
     for branch in topology.branches:
         joint = floating[branch.body] if branch.joint == FLOATS else topology.joints[branch.joint]
-        own_q = values(f"{joint.name}.{d}" for d in own[joint.name])
+        own_q = values(f"{joint.name}.{d}" for d in by_joint[joint.name])
         base = None
         if joint.name in based:
             k = 9 * based.index(joint.name)
@@ -176,7 +176,7 @@ def kinematics(
         topology, numbers, tuple(names), np.array(turns, dtype=bool), q, qd, frames,
         ca.vertcat(*(value for _, value, _ in rows)) if rows else ca.SX.zeros(0),
         tuple([name for name, _, _ in rows]), np.array([turn for _, _, turn in rows], dtype=bool), symbols, based,
-        {block.name: (_interface(block, values, own, frames), values(block.mode_names)) for block in blocks},
+        {block.name: (_interface(block, values, by_joint, frames), values(block.mode_names)) for block in blocks},
     )  # fmt: skip
 
 
@@ -189,12 +189,12 @@ def _directions(joint: Joint, links: Mapping[str, tuple[ElasticBlock, int]]) -> 
 
 
 def _interface(
-    block: ElasticBlock, values: Callable[[Iterable[str]], Expression], own: Collection[str],
+    block: ElasticBlock, values: Callable[[Iterable[str]], Expression], by_joint: Collection[str],
     frames: Mapping[str, Frame],
 ) -> Expression:  # fmt: skip
     """Displacements b of the interface of a block: coordinates of the tree, or what follows from the frames."""
     parts = [
-        values(f"{joint}.{DIRECTIONS[d]}" for d in held) if joint in own else
+        values(f"{joint}.{DIRECTIONS[d]}" for d in held) if joint in by_joint else
         coordinates_of(block, station, frames[body].seen_from(frames[block.root]))
         for joint, body, station, held in zip(block.joints, block.bodies, block.interface, block.held, strict=True)
     ]  # fmt: skip

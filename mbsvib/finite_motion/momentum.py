@@ -31,6 +31,6 @@ def of_rotor(rotor: Rotor, motion: Kinematics) -> Expression:
 
 def angular_momentum(body: Body, rotors: Mapping[str, Rotor], motion: Kinematics) -> Expression:
     """Return the angular momentum (3,) of a body and its rotors about its centre of mass [N m s], world axes."""
-    own = sum((of_rotor(rotor, motion) for rotor in rotors.values() if rotor.body == body.name),
+    rotor_momentum = sum((of_rotor(rotor, motion) for rotor in rotors.values() if rotor.body == body.name),
               of_body(body, motion))  # fmt: skip
-    return motion.frames[body.name].vector(own)
+    return motion.frames[body.name].vector(rotor_momentum)

@@ -92,9 +92,9 @@ def with_virtual_displacements(
     FiniteMotion
         With six coordinates for each joint after those of the mechanism.
     """
-    topology, own = statement.motion.topology, set(statement.motion.names)
+    topology, names = statement.motion.topology, set(statement.motion.names)
     cut = [topology.joints[k].name for k in topology.cut]
-    still = [name for block in statement.blocks for name in block.mode_names if name not in own]
+    still = [name for block in statement.blocks for name in block.mode_names if name not in names]
     plain = with_interfaces(model, statement.blocks) if statement.blocks else model
     return _stated(plain, statement.blocks, still, (), cut, bool(statement.motion.based), without, joints)
 

@@ -43,6 +43,11 @@ class ActiveLeg:
     forces: tuple[tuple[str, str | Array, float], ...]
 
 
+def line_springs(model: Model) -> list[str]:
+    """Return the names of all line springs and Maxwell elements."""
+    return [name for name, part in model.springs.items() if isinstance(part, (Spring, Maxwell))]
+
+
 def active_legs(model: Model, legs: Sequence[str] | None) -> tuple[ActiveLeg, ...]:
     """Return the legs that are named.
 
@@ -65,7 +70,7 @@ def active_legs(model: Model, legs: Sequence[str] | None) -> tuple[ActiveLeg, ..
     ModelError
         If a name is unknown, or there is no leg and the model has no inputs of its own.
     """
-    lines = [name for name, part in model.springs.items() if isinstance(part, (Spring, Maxwell))]
+    lines = line_springs(model)
     slides = [name for name, joint in model.joints.items() if joint.kind in SLIDES]
     bushings = [name for name, part in model.springs.items() if isinstance(part, Bushing)]
     known = [*lines, *slides, *(f"{name}.{axis}" for name in bushings for axis in AXES)]
@@ -81,7 +86,7 @@ def active_legs(model: Model, legs: Sequence[str] | None) -> tuple[ActiveLeg, ..
 
 
 def _hits(model: Model, name: str, known: list[str]) -> list[str]:
-    hits = [name] if name in known else [one for one in known if fnmatchcase(one, name)]
+    hits = [name] if name in known else [leg for leg in known if fnmatchcase(leg, name)]
     if hits:
         return hits
     if isinstance(model.springs.get(name), Bushing):
@@ -97,12 +102,11 @@ def _leg(model: Model, name: str) -> ActiveLeg:
     if name in model.joints:
         return _slide(model, model.joints[name])
     part = model.springs.get(name)
-    if isinstance(part, (Spring, Maxwell)):
+    if part is not None:
         return ActiveLeg(name, part.first, part.second, np.array(part.start), np.array(part.end), np.array(part.line),
                          (name,), ((name, "z", 1.0),))  # fmt: skip
     element, direction = name.rsplit(".", 1)
-    bushing = model.springs[element]
-    assert isinstance(bushing, Bushing)
+    bushing: Bushing = model.springs[element]
     axis, point = np.array(bushing.orientation)[:, AXES.index(direction)], np.array(bushing.position)
     return ActiveLeg(name, bushing.first, bushing.second, point, point, axis, (element,), ((element, direction, 1.0),))
 
@@ -122,7 +126,7 @@ def _slide(model: Model, joint: Joint) -> ActiveLeg:
         if isinstance(part, Bushing):
             local = np.array(part.orientation).T @ axis
             forces.append((part.name, sign * local, 1.0))
-        else:
+        elif part.acts_along_line:
             forces.append((part.name, "z", sign * float(np.dot(part.line, axis))))
     ties = [other.name for other in model.joints.values()
             if other.name != joint.name and {other.first, other.second} == bodies]  # fmt: skip

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.elements import Bushing, Joint, Maxwell, Spring
+from mbsvib.elements import Bushing, Joint, Spring
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
@@ -15,8 +15,7 @@ if TYPE_CHECKING:
 
     from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
-
-    Connection = Bushing | Joint | Maxwell | Spring
+    from mbsvib.elements.connection import Connection
 
 ALONG = ("prismatic", "cylindrical", "screw", "point_on_line")  # slide along their axis
 STRAIGHT = 1e-6  # sine of the angle between a slide and its leg
@@ -45,7 +44,7 @@ class Chain:
     """Bodies that are connected without ``base`` and ``platform``, and their connections, also to these."""
 
     bodies: tuple[str, ...]
-    connections: tuple[Connection, ...]
+    connections: tuple[Connection | Joint, ...]
     base: str
     platform: str
 
@@ -175,7 +174,7 @@ class Chain:
 
 def chains_between(model: Model, body: str, base: str) -> list[Chain]:
     """Chains between two bodies: bodies that are connected without them, and line springs and rods between the two."""
-    connections: list[Connection] = [*model.joints.values(), *model.springs.values()]
+    connections: list[Connection | Joint] = [*model.joints.values(), *model.springs.values()]
     ends = (base, body)
     between = [part for part in connections if part.first not in ends or part.second not in ends]
     pairs = [(part.first, part.second) for part in between]
@@ -206,23 +205,19 @@ def _reached(starts: list[str], pairs: Iterable[tuple[str, str]], through: Itera
     return reached
 
 
-def _slides(part: Connection) -> bool:
+def _slides(part: Connection | Joint) -> bool:
     """Whether it is a joint that allows a change of the leg's length."""
     if not isinstance(part, Joint) or part.kind == "distance":
         return False
     return part.kind == "screw" or any(name in "xyz" for name, _ in part.freedom)
 
 
-def _fields(part: Connection) -> list[tuple[str, str]]:
+def _fields(part: Connection | Joint) -> list[tuple[str, str]]:
     """Points of a connection, and the body of each."""
-    if isinstance(part, (Spring, Maxwell)):
-        return [("start", part.first), ("end", part.second)]
-    if isinstance(part, Joint) and part.end is not None:
-        return [("position", part.first), ("end", part.second)]
-    return [] if part.position is None else [("position", part.first)]
+    return list(zip(part.point_fields, (part.first, part.second), strict=False))
 
 
-def _point(part: Connection, at: str) -> tuple[float, ...] | None:
+def _point(part: Connection | Joint, at: str) -> tuple[float, ...] | None:
     """The point of a connection on a body, or None."""
     fields = _fields(part)
     if at not in (part.first, part.second) or not fields:

@@ -141,7 +141,7 @@ def figures(study_scene: Scene, linear: Linear, frequencies: ArrayLike | None = 
 
     Parameters
     ----------
-    made : Scene
+    study_scene : Scene
         The mechanism and its ports.
     linear : Linear
         Its system, or that with closed loops.

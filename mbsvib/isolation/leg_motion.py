@@ -159,12 +159,12 @@ class Following:
         factor = np.divide(angle, sine, out=np.ones_like(sine), where=sine > 0.0)
         return Lines(length, along, cross, cosine, factor)
 
-    def _refuse(self, bad: NDArray[np.bool_], what: str, variables: Mapping[str, Any]) -> None:
+    def _refuse(self, bad: NDArray[np.bool_], fault: str, variables: Mapping[str, Any]) -> None:
         if not bad.any():
             return
         *point, leg = np.argwhere(bad)[0].tolist()
         values = {name: np.asarray(value) for name, value in variables.items()}
         shown = ", ".join(f"{name} = {float(value[tuple(point)] if value.ndim else value):.6g}"
                           for name, value in values.items())  # fmt: skip
-        raise ModelError(f"platform: leg '{self.names[leg]}' has {what} where {shown}; give bounds that keep away from "
-                         f"there.", element=self.names[leg], field="variables")  # fmt: skip
+        raise ModelError(f"platform: leg '{self.names[leg]}' has {fault} where {shown}; give bounds that keep away "
+                         f"from there.", element=self.names[leg], field="variables")  # fmt: skip

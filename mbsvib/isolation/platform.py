@@ -100,22 +100,22 @@ class Platform(Displayed):
         low, high = self._shifts(off)
         slopes = []
         for name in variables:
-            which, what = name.split(".")
-            slope = self.rings[which].slope(what, off[which]) @ self.frame.T
-            slopes.append([slope if ring == which else np.zeros_like(slope) for ring in self.rings])
+            moved, dimension = name.split(".")
+            slope = self.rings[moved].slope(dimension, off[moved]) @ self.frame.T
+            slopes.append([slope if ring == moved else np.zeros_like(slope) for ring in self.rings])
         derivatives = self.following.rates(low, high, np.array(slopes), variables)
         return dict(zip(variables, derivatives, strict=True))
 
     def _off(self, variables: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         """How far variables are off their start, by ring."""
-        result: dict[str, dict[str, Any]] = {which: {} for which in self.rings}
+        result: dict[str, dict[str, Any]] = {ring: {} for ring in self.rings}
         for name, value in variables.items():
             if name not in self.start:
                 raise ModelError(f"platform: there is no variable '{name}'.{nearest(str(name), self.start)} Variables "
                                  f"are: {', '.join(self.start)}.", element=str(name))  # fmt: skip
             number = value if isinstance(value, np.ndarray) else check.number(value, "platform", name)
-            which, what = name.split(".")
-            result[which][what] = number - self.start[name]
+            ring, dimension = name.split(".")
+            result[ring][dimension] = number - self.start[name]
         return result
 
     def _shifts(self, off: Mapping[str, Mapping[str, Any]]) -> list[Array]:
@@ -169,11 +169,11 @@ def platform(
     ModelError
         If there is no leg, one is no chain between base and platform, does not slide, or has an end on the axis.
     """
-    for what, name in (("body", body), ("base", base)):
-        known = [*model.bodies, *([GROUND] if what == "base" else [])]
+    for argument, name in (("body", body), ("base", base)):
+        known = [*model.bodies, *([GROUND] if argument == "base" else [])]
         if name not in known:
-            raise ModelError(f"platform: {what} = {name!r}; expected a body of model '{model.name}'."
-                             f"{nearest(str(name), known)}", element=str(name), field=what)  # fmt: skip
+            raise ModelError(f"platform: {argument} = {name!r}; expected a body of model '{model.name}'."
+                             f"{nearest(str(name), known)}", element=str(name), field=argument)  # fmt: skip
     if body == base:
         raise ModelError(f"platform: body and base are both '{body}'; legs lead from one to the other.",
                          element=body, field="base")  # fmt: skip
@@ -184,11 +184,11 @@ def platform(
                  ([leg.start for leg in leg_list], [leg.end for leg in leg_list]))  # fmt: skip
     names = [leg.name for leg in leg_list]
     rings = {"base": ring_of(low, high, names, "base"), "platform": ring_of(high, low, names, "platform")}
-    start = {f"{which}.{what}": value for which, ring in rings.items() for what, value in ring.start.items()}
-    left = _left_behind(model, leg_list)
-    if left:
-        warnings.warn(f"platform: inputs and outputs along legs stay where they are, {', '.join(left[:4])}"
-                      f"{', ...' if left[4:] else ''}; leave them out, and add them to the mechanism that is found.",
+    start = {f"{ring}.{dimension}": value for ring, ends in rings.items() for dimension, value in ends.start.items()}
+    unmoved = _left_behind(model, leg_list)
+    if unmoved:
+        warnings.warn(f"platform: inputs and outputs along legs stay where they are, {', '.join(unmoved[:4])}"
+                      f"{', ...' if unmoved[4:] else ''}; leave them out, and add them to the mechanism that is found.",
                       stacklevel=2)  # fmt: skip
     return Platform(leg_list, rings, frame, start, {name: UNITS[name.split(".")[1]] for name in start},
                     Following.of(leg_list))  # fmt: skip
@@ -201,8 +201,8 @@ def _left_behind(model: Model, legs: Sequence[Leg]) -> list[str]:
     result = []
     for port in (*model.inputs.values(), *model.outputs.values()):
         if isinstance(port, Port):
-            own = port.position is not None or not isinstance(port.direction, str)
+            at_point = port.position is not None or not isinstance(port.direction, str)
             off = np.inf if port.position is None else np.abs(points - port.position).max(axis=1).min()
-            if off <= ALIKE * np.ptp(points) or (own and bodies & {port.body, port.relative_to}):
+            if off <= ALIKE * np.ptp(points) or (at_point and bodies & {port.body, port.relative_to}):
                 result.append(port.name)
     return result

@@ -40,7 +40,7 @@ class Ring:
 
     def at(self, off: Mapping[str, Any]) -> tuple[Array, Array]:
         """Return radius and angle of the ends (..., legs), for differences of the variables from their start."""
-        added = {what: np.asarray(off.get(what, 0.0), dtype=float)[..., None] for what in UNITS}
+        added = {dimension: np.asarray(off.get(dimension, 0.0), dtype=float)[..., None] for dimension in UNITS}
         return self.radius + added["radius"], self.angle + self.side * added["spread"] + added["angle"]
 
     def shifts(self, off: Mapping[str, Any]) -> Array:
@@ -50,15 +50,15 @@ class Ring:
         along = np.asarray(off.get("height", 0.0), dtype=float)[..., None]
         return np.stack(np.broadcast_arrays(*across, along), axis=-1)
 
-    def slope(self, what: str, off: Mapping[str, float]) -> Array:
+    def slope(self, dimension: str, off: Mapping[str, float]) -> Array:
         """Return the derivatives of the ends with respect to a variable, (legs, 3)."""
         radius, angle = self.at(off)
         none, ones = np.zeros_like(radius), np.ones_like(radius)
-        if what == "height":
+        if dimension == "height":
             return np.stack([none, none, ones], axis=-1)
-        if what == "radius":
+        if dimension == "radius":
             return np.stack([np.cos(angle), np.sin(angle), none], axis=-1)
-        arm = radius * (self.side if what == "spread" else ones)
+        arm = radius * (self.side if dimension == "spread" else ones)
         return np.stack([-arm * np.sin(angle), arm * np.cos(angle), none], axis=-1)
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.groups import part_numbers
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -75,13 +75,13 @@ def structured_singular_values(
     points = np.moveaxis(m.reshape(n, n, -1), 2, 0)
     masks = np.repeat(np.eye(len(sizes)), sizes, axis=1)
     # blocks that act on others one way make a triangular determinant, of which each part counts alone
-    parts, part = connected_components(masks @ np.any(points, axis=0) @ masks.T, connection="strong")
+    part = part_numbers(masks @ np.any(points, axis=0) @ masks.T, strong=True)
     result = np.zeros(len(points))
-    for k in range(parts):
-        own = masks[part == k]
-        at = np.flatnonzero(own.any(axis=0))
+    for k in range(part.max(initial=-1) + 1):
+        part_masks = masks[part == k]
+        at = np.flatnonzero(part_masks.any(axis=0))
         chosen = [j for j, block in enumerate(np.flatnonzero(part == k).tolist()) if block in set(real)]
-        np.maximum(result, _part(points[:, at][:, :, at], own[:, at], chosen), out=result)
+        np.maximum(result, _part(points[:, at][:, :, at], part_masks[:, at], chosen), out=result)
     return result.reshape(m.shape[2:])
 
 
@@ -121,22 +121,22 @@ def _bounds(m: Complex, masks: Array, real: list[int]) -> Array:
     slopes, weight = _slopes(m, masks, real)
     x = np.tile(np.concatenate((np.full(count, 0.5), np.zeros(len(real)))), (len(m), 1))
     level, best = np.full(len(m), 2.0), np.ones(len(m))
-    left = np.arange(len(m))
+    at = np.arange(len(m))
     for _ in range(_STEPS):
-        if not len(left):
+        if not len(at):
             break
-        step, decrement = _newton(*_derivatives(x[left], level[left, None, None, None] * weight - slopes[left], count))
-        after = x[left] + step / (1.0 + decrement)[:, None]
-        bound = _level(after, slopes[left], masks)
-        inside = (bound < level[left]) & (after[:, :count] < 1.0).all(axis=1)  # always, but for rounding
+        step, decrement = _newton(*_derivatives(x[at], level[at, None, None, None] * weight - slopes[at], count))
+        after = x[at] + step / (1.0 + decrement)[:, None]
+        bound = _level(after, slopes[at], masks)
+        inside = (bound < level[at]) & (after[:, :count] < 1.0).all(axis=1)  # always, but for rounding
         inside &= (np.abs(after[:, count:]) < _LARGEST).all(axis=1)
-        x[left[inside]], bound = after[inside], np.where(inside, bound, level[left])
-        best[left] = np.minimum(best[left], bound)
+        x[at[inside]], bound = after[inside], np.where(inside, bound, level[at])
+        best[at] = np.minimum(best[at], bound)
         centred = decrement < _CENTRED
-        room = level[left] - bound
-        done = ~inside | (centred & (room <= _GAP * level[left])) | (bound < _ZERO)
-        level[left] = np.where(centred, bound + _SHARE * room, level[left])
-        left = left[~done]
+        room = level[at] - bound
+        done = ~inside | (centred & (room <= _GAP * level[at])) | (bound < _ZERO)
+        level[at] = np.where(centred, bound + _SHARE * room, level[at])
+        at = at[~done]
     return np.sqrt(np.maximum(best, 0.0))
 
 

@@ -9,8 +9,9 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
-from mbsvib.elements import Maxwell, Spring
+from mbsvib.elements import Maxwell
 from mbsvib.errors import ModelError, nearest
+from mbsvib.isolation.active_legs import line_springs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -87,7 +88,6 @@ def struts(model: Model, body: str, legs: Sequence[str] | None = None, point: Ar
     rows, k = [], []
     for name in leg_names:
         leg = model.springs[name]
-        assert isinstance(leg, Spring | Maxwell)
         line = np.array(leg.line)
         rows.append(np.concatenate((line, np.cross(np.array(leg.end) - origin, line))))
         k.append(leg.static_stiffness if isinstance(leg, Maxwell) else leg.stiffness)
@@ -135,7 +135,7 @@ def ring(
     away = {name: np.array(getattr(model.springs[name], end))[:2] - middle for name in leg_names}
     if legs is None:
         leg_names.sort(key=lambda name: float(np.arctan2(*away[name][::-1])))
-    result: dict[str, dict[str, float]] = {f"{end}.{what}": {} for what in ("radius", "height", "spread")}
+    result: dict[str, dict[str, float]] = {f"{end}.{dimension}": {} for dimension in ("radius", "height", "spread")}
     for i, name in enumerate(leg_names):
         radius = float(np.linalg.norm(away[name]))
         if radius == 0.0:
@@ -151,7 +151,7 @@ def ring(
 
 
 def _lines(model: Model, legs: Sequence[str] | None) -> tuple[str, ...]:
-    lines = [name for name, part in model.springs.items() if isinstance(part, Spring | Maxwell)]
+    lines = line_springs(model)
     selected = tuple(lines if legs is None else [legs] if isinstance(legs, str) else legs)
     for name in selected:
         if name not in lines:

@@ -225,10 +225,10 @@ def _measured(model: Model) -> tuple[Leg, ...]:
                                     _law(name, both, i)))  # fmt: skip
                     model.add_output(legs[-1].stroke, spring.second, axes[:, i], spring.position, spring.first)
                     model.add_force_output(legs[-1].force, name, direction)
-            continue
-        law = (f"{name}.stiffness", f"{name}.damping")
-        uncoupled = isinstance(spring, Spring) and bool(spring.stiffness or spring.damping)
-        legs.append(Leg(name, f"{name}.stroke", f"{name}.force", law if uncoupled else None))
-        model.add_output(legs[-1].stroke, spring.second, spring.line, spring.start, spring.first)
-        model.add_force_output(legs[-1].force, name)
+        elif spring.acts_along_line:  # torsion springs have no stroke
+            law = (f"{name}.stiffness", f"{name}.damping")
+            uncoupled = isinstance(spring, Spring) and bool(spring.stiffness or spring.damping)
+            legs.append(Leg(name, f"{name}.stroke", f"{name}.force", law if uncoupled else None))
+            model.add_output(legs[-1].stroke, spring.second, spring.line, spring.start, spring.first)
+            model.add_force_output(legs[-1].force, name)
     return tuple(legs)

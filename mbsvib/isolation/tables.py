@@ -49,11 +49,11 @@ def isolation_csv(study: Figures, path: str | os.PathLike[str]) -> Path:
     for i, values in enumerate(study.singular_values):
         names.append(f"singular_value_{i + 1}")
         columns.append(values)
-    for what, table, sources in (("T", study.transmissibility, scene.base_directions),
+    for symbol, table, sources in (("T", study.transmissibility, scene.base_directions),
                                  ("C", study.compliance, DIRECTIONS)):  # fmt: skip
         for i, direction in enumerate(DIRECTIONS):
             for j, source in enumerate(sources):
-                names += [f"{what}_{direction}_{source}_re", f"{what}_{direction}_{source}_im"]
+                names += [f"{symbol}_{direction}_{source}_re", f"{symbol}_{direction}_{source}_im"]
                 columns += [table[i, j].real, table[i, j].imag]
     return write_columns(path, names, columns)
 

@@ -90,8 +90,8 @@ class Cuts:
         """Return factors (..., rows) that make the rows dimensionless, with ``length`` [m] as the unit of length."""
         if self.couplings is None:
             return np.where(self.translates, 1.0 / length, 1.0)
-        own, coupled = self.translates[: len(self.rows.first)], self.couplings.row_scale(length)
-        scale = np.broadcast_to(np.where(own, 1.0 / length, 1.0), (*coupled.shape[:-1], len(own)))
+        translating, coupled = self.translates[: len(self.rows.first)], self.couplings.row_scale(length)
+        scale = np.broadcast_to(np.where(translating, 1.0 / length, 1.0), (*coupled.shape[:-1], len(translating)))
         return np.concatenate((scale, coupled), axis=-1)
 
 

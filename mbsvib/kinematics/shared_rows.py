@@ -166,10 +166,11 @@ class Shared:
         start = 0 if self.mass is None else len(self.mass.rows.first)
         rows = self.elastic.composite.of(base[start:])
         number = {name: self.first + i for i, name in enumerate(self.names)}
-        own = np.array([number[name] for name in self.elastic.owner], dtype=np.intp)
+        owners = np.array([number[name] for name in self.elastic.owner], dtype=np.intp)
         acts = np.asarray(rows.any(axis=1))
         return (np.concatenate((above, rows[acts])), np.concatenate((stiffness, self.elastic.stiffness[acts])),
-                np.concatenate((damping, self.elastic.damping[acts])), np.concatenate((owner, own[acts])))  # fmt: skip
+                np.concatenate((damping, self.elastic.damping[acts])),
+                np.concatenate((owner, owners[acts])))  # fmt: skip
 
 
 def shared_rows(expansion: Expansion, number: Mapping[str, int], first: int) -> Shared:

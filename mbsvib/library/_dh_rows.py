@@ -29,9 +29,9 @@ def checked_row(description: Any, i: int, links: Iterable[str]) -> dict[str, Any
     """Return one row with all its entries, checked; ``links`` are the names of those before it, ground among them."""
     who, known = f"link {i}", list(links)
     _check_words(description, who, WORDS)
-    for word, what in (("mass", "a mass [kg]"), ("inertia", "3, 6 or 3x3 values [kg m^2]")):
+    for word, expected in (("mass", "a mass [kg]"), ("inertia", "3, 6 or 3x3 values [kg m^2]")):
         if word not in description:
-            raise check.refuse(who, word, None, what)
+            raise check.refuse(who, word, None, expected)
     row = {word: check.number(description.get(word, 0.0), who, word, f"a finite number [{unit}]")
            for word, unit in (("a", "m"), ("b", "m"), ("alpha", "rad"), ("theta", "rad"))}  # fmt: skip
     joint = description.get("joint", "revolute")

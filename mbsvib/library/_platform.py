@@ -38,11 +38,11 @@ def box(mass: float, x: float, y: float, z: float) -> Vector:
     return (mass * (y * y + z * z) / 12.0, mass * (x * x + z * z) / 12.0, mass * (x * x + y * y) / 12.0)
 
 
-def circle(radius: Any, height: Any, angles: Any, who: str, what: str) -> list[Vector]:
+def circle(radius: Any, height: Any, angles: Any, who: str, ring: str) -> list[Vector]:
     """Return six points on a horizontal circle about the z axis."""
-    r = check.number(radius, who, f"{what}_radius", "a radius [m]")
-    z = check.number(height, who, f"{what}_height", "a height [m]")
-    turns = check.numbers(angles, (6,), who, f"{what}_angles", "six angles [rad]")
+    r = check.number(radius, who, f"{ring}_radius", "a radius [m]")
+    z = check.number(height, who, f"{ring}_height", "a height [m]")
+    turns = check.numbers(angles, (6,), who, f"{ring}_angles", "six angles [rad]")
     return [(r * cos(a), r * sin(a), z) for a in turns]
 
 

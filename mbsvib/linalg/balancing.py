@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.groups import part_numbers
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -84,9 +86,7 @@ def scaled_matrix(a: Array) -> Array:
     array, shape (n, n)
         The scaled matrix; no entry is rounded, and some between parts may underflow.
     """
-    from scipy.sparse.csgraph import connected_components
-
-    _, part = connected_components(a != 0.0, directed=True, connection="strong")
+    part = part_numbers(a != 0.0, strong=True)
     inside, none = part[:, None] == part, np.empty((len(a), 0))
     power = exponents(np.where(inside, a, 0.0), none, none.T)
     even = np.ldexp(a, power[None, :] - power[:, None])
@@ -143,9 +143,7 @@ def exponents(a: Array, b: Array, c: Array) -> Exponents:
 
 def _unconnected_parts(off: Array, inward: Array, outward: Array) -> Exponents:
     """Exponents of parts that A does not connect: input and output gains of each part are made equal."""
-    from scipy.sparse.csgraph import connected_components
-
-    _, part = connected_components(off != 0.0, directed=False)
+    part = part_numbers(off != 0.0)
     count = int(part.max(initial=-1)) + 1
     into, out = np.zeros(count), np.zeros(count)
     np.maximum.at(into, part, inward.max(axis=1, initial=0.0))

@@ -1,4 +1,4 @@
-"""Groups of items: numbers within them, groups of linked items, and connected parts of sparse patterns."""
+"""Groups of items: numbers within them, groups of linked items, and connected parts of matrices."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+    from scipy.sparse import sparray, spmatrix
 
     from mbsvib.common.arrays import Index
 
@@ -18,14 +19,34 @@ def items_of_groups(count: Index) -> tuple[Index, Index]:
     return group, np.arange(len(group)) - np.repeat(np.cumsum(count) - count, count)
 
 
-def connected_parts(row: Index, column: Index, shape: tuple[int, int]) -> tuple[Index, Index]:
-    """Return the number of the connected part of each row and of each column of a matrix, by its nonzero entries."""
+def part_numbers(links: NDArray[np.bool_] | spmatrix | sparray, strong: bool = False) -> Index:
+    """Return the number, from 0 on, of the connected part of each item.
+
+    Parameters
+    ----------
+    links : array or sparse matrix, shape (n, n)
+        Its nonzero entries link items, in both directions.
+    strong : bool
+        Take each link in one direction only; items of one part then reach each other (strongly connected parts).
+
+    Returns
+    -------
+    array of int, shape (n,)
+        Numbers of parts.
+    """
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components
 
+    numbers = connected_components(csr_matrix(links), directed=strong, connection="strong")[1]
+    return np.asarray(numbers, dtype=np.intp)
+
+
+def connected_parts(row: Index, column: Index, shape: tuple[int, int]) -> tuple[Index, Index]:
+    """Return the number of the connected part of each row and of each column of a matrix, by its nonzero entries."""
+    from scipy.sparse import csr_matrix
+
     rows, size = shape[0], sum(shape)
-    graph = csr_matrix((np.ones(len(row), dtype=bool), (row, rows + column)), shape=(size, size))
-    part = np.asarray(connected_components(graph, directed=False)[1], dtype=np.intp)
+    part = part_numbers(csr_matrix((np.ones(len(row), dtype=bool), (row, rows + column)), shape=(size, size)))
     return part[:rows], part[rows:]
 
 
@@ -42,12 +63,7 @@ def linked_items(links: NDArray[np.bool_]) -> list[Index]:
     list of array
         Numbers of the items of each group.
     """
-    count = len(links)
-    linked = links | np.eye(count, dtype=bool)
-    label = np.arange(count)
-    while True:
-        least = np.where(linked, label, count).min(axis=1, initial=count)
-        if (least == label).all():
-            break
-        label = least
-    return [np.flatnonzero(label == number) for number in np.flatnonzero(np.bincount(label, minlength=1) > 1).tolist()]
+    if not (links & ~np.eye(len(links), dtype=bool)).any():  # the most frequent case
+        return []
+    part = part_numbers(links)
+    return [np.flatnonzero(part == number) for number in np.flatnonzero(np.bincount(part) > 1).tolist()]

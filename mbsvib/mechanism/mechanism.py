@@ -287,34 +287,34 @@ class Mechanism:
         self._elements |= dict.fromkeys(part.element_names, part)
         self._generated |= dict.fromkeys(part.generated_names, part)
 
-    def _check_name(self, name: str, what: str) -> None:
-        check_name(name, what, self._bodies, self._joints, self._springs, self._composed, self._generated,
+    def _check_name(self, name: str, family: str) -> None:
+        check_name(name, family, self._bodies, self._joints, self._springs, self._composed, self._generated,
                    self._couplers, self._rotors, self._loads)  # fmt: skip
         if name == GROUND:
             raise ModelError("'ground' is there from the start and cannot be added.", element=GROUND, field="name")
 
-    def _between(self, what: str, name: str, first: str | Body, second: str | Body) -> tuple[str, str]:
+    def _between(self, family: str, name: str, first: str | Body, second: str | Body) -> tuple[str, str]:
         """Check the name of a part between two bodies, and return the names of these."""
-        self._check_name(name, what)
-        return self._body_name(first, what, name, "first"), self._body_name(second, what, name, "second")
+        self._check_name(name, family)
+        return self._body_name(first, family, name, "first"), self._body_name(second, family, name, "second")
 
-    def _body_name(self, body: str | Body, what: str, name: str, field: str) -> str:
+    def _body_name(self, body: str | Body, family: str, name: str, field: str) -> str:
         key = body if type(body) is str else getattr(body, "name", body)
         if isinstance(key, str) and (key in self._bodies or key == GROUND or key in self._nodes):
             return key
-        who = f"{what} '{name}'"
+        who = f"{family} '{name}'"
         hint = nearest(str(key), [*self._bodies, *self._nodes, GROUND])
         raise ModelError(f"{who}: {field} = {key!r} is not a body of model '{self.name}'.{hint} "
                          f"Add bodies before what refers to them.", element=who, field=field)  # fmt: skip
 
 
-def check_name(name: str, what: str, *groups: Mapping[str, Any]) -> None:
+def check_name(name: str, family: str, *groups: Mapping[str, Part]) -> None:
     """Refuse what cannot be a name or is already the name of a part."""
     if type(name) is not str or not name.isidentifier():
-        check.name(name, what)
+        check.name(name, family)
     for group in groups:
         if name in group:
             raise ModelError(
-                f"{what} '{name}': the name is taken by a {type(group[name]).__name__.lower()}; choose another.",
+                f"{family} '{name}': the name is taken by a {group[name].family}; choose another.",
                 element=name, field="name",
             )  # fmt: skip

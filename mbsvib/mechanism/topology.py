@@ -62,8 +62,8 @@ class Topology:
         names = (*self.bodies, "ground")
         result = {"ground": 0}
         for branch in self.branches:
-            own = 6 if branch.joint == FLOATS else len(self.joints[branch.joint].freedom)
-            result[names[branch.body]] = result[names[branch.parent]] + own
+            freedom = 6 if branch.joint == FLOATS else len(self.joints[branch.joint].freedom)
+            result[names[branch.body]] = result[names[branch.parent]] + freedom
         return result
 
 
@@ -151,8 +151,8 @@ def _spanned(model: Mechanism, excluded: tuple[str, ...] = ()) -> Topology:
     if excluded:
         _check_nothing_hangs(model, bodies, _edges(joints, number, set()), floating, sorted(excluded))
     used = {branch.joint for branch in branches}
-    left = tuple([k for k in range(len(joints)) if k not in used])
-    return Topology(bodies, joints, tuple(branches), left, tuple(floating))
+    cut = tuple([k for k in range(len(joints)) if k not in used])
+    return Topology(bodies, joints, tuple(branches), cut, tuple(floating))
 
 
 def _edges(

@@ -87,12 +87,12 @@ def _linear(scene: Scene, i: int) -> tuple[float, float, float, float]:
 
 def _refuse_kinds(scene: Scene, i: int) -> None:
     file, m, api = scene.file, scene.file.m, scene.file.api
-    for value, allowed, enum, what in ((m.actuator_gaintype[i], FORMULAS[0], api.mjtGain, "gain"),
+    for value, allowed, enum, field in ((m.actuator_gaintype[i], FORMULAS[0], api.mjtGain, "gain"),
                                        (m.actuator_biastype[i], FORMULAS[1], api.mjtBias, "bias"),
                                        (m.actuator_dyntype[i], STATES, api.mjtDyn, "dynamics")):  # fmt: skip
         if int(value) not in [int(getattr(enum, constant)) for constant in allowed]:
             kind = str(enum(int(value))).rpartition("_")[2].lower()
-            raise file.refuse("actuator", i, f"{what} of kind {kind}; motors, servos and dampers (fixed and affine "
+            raise file.refuse("actuator", i, f"{field} of kind {kind}; motors, servos and dampers (fixed and affine "
                               f"gain and bias, no state, integrator or filter) are known here.")  # fmt: skip
     if int(m.actuator_plugin[i]) >= 0:
         raise file.refuse("actuator", i, "is computed by a plugin.")
@@ -122,9 +122,9 @@ def _path(scene: Scene, i: int, tendons: Mapping[int, Path | None]) -> Path | No
         return None if m.jnt_type[target] in (BALL, FREE) else joint_path(scene, target)
     if kind == api.mjTRN_SITE and int(m.actuator_trnid[i][1]) < 0:
         return None
-    what = "a site against another one" if kind == api.mjTRN_SITE else \
+    transmission = "a site against another one" if kind == api.mjTRN_SITE else \
         str(api(kind)).rpartition("_")[2].lower()  # fmt: skip
-    raise file.refuse("actuator", i, f"acts on {what}; joints, tendons and single sites are known here.")
+    raise file.refuse("actuator", i, f"acts on {transmission}; joints, tendons and single sites are known here.")
 
 
 def _moves(scene: Scene, path: Path) -> bool:
@@ -141,8 +141,8 @@ def _drive_six(scene: Scene, i: int, gear: Array) -> None:
         if body != GROUND:
             scene.model.add_input(name, body, six, np.array(d.site_xpos[target]))
         return
-    link, own = scene.links[target], int(m.jnt_bodyid[target])
-    free, axes = m.jnt_type[target] == FREE, np.array(d.xmat[own]).reshape(3, 3)
+    link, free = scene.links[target], m.jnt_type[target] == FREE
+    axes = np.array(d.xmat[int(m.jnt_bodyid[target])]).reshape(3, 3)
     if m.actuator_trntype[i] != file.api.mjtTrn.mjTRN_JOINT:  # in the axes that the body has before the joint turns it
         axes = axes @ matrix_of(file.position(target)[-4:], file).T
     force, torque = (gear[:3], gear[3:]) if free else (np.zeros(3), gear[:3])

@@ -36,9 +36,9 @@ def add_bodies(scene: Scene) -> None:
     for i in range(1, m.nbody):
         moves = int(m.body_jntnum[i]) > 0
         groups[i] = Group(file.name("body", i)) if moves else groups[int(m.body_parentid[i])]
-        own = matrix_of(m.body_iquat[i], file)
+        axes = matrix_of(m.body_iquat[i], file)
         mass = Mass(groups[i].name, float(m.body_mass[i]), np.array(m.body_ipos[i]),
-                    own @ np.diag(m.body_inertia[i]) @ own.T)  # fmt: skip
+                    axes @ np.diag(m.body_inertia[i]) @ axes.T)  # fmt: skip
         groups[i].take(mass, np.array(d.xpos[i]), np.array(d.xmat[i]).reshape(3, 3))
     scene.bodies = {i: group.name for i, group in groups.items()}
     for group in dict.fromkeys(groups.values()):
@@ -81,19 +81,19 @@ def add_springs(scene: Scene, stiffness: Any, damping: Any) -> None:
     """Add joints with their springs and dampers: the file's, or those that the user gives."""
     file, m = scene.file, scene.file.m
     scalar = {file.name("joint", i): i for i in range(m.njnt) if OWN[int(m.jnt_type[i])] is not None}
-    for what, argument in (("stiffness", stiffness), ("damping", damping)):
+    for field, argument in (("stiffness", stiffness), ("damping", damping)):
         for name in argument if isinstance(argument, Mapping) else ():
             if name not in scalar and name in file.names("joint"):
-                raise ModelError(f"{what}: joint '{name}' is a ball or free joint; give hinges and slides only, and "
-                                 f"model.add_bushing() afterwards.", element=name, field=what)  # fmt: skip
-            known(name, scalar, what, "hinge or slide")
+                raise ModelError(f"{field}: joint '{name}' is a ball or free joint; give hinges and slides only, and "
+                                 f"model.add_bushing() afterwards.", element=name, field=field)  # fmt: skip
+            known(name, scalar, field, "hinge or slide")
     for i, link in scene.links.items():
         name = file.name("joint", i)
         k, force = _file_stiffness(scene, i)
         start = int(m.jnt_dofadr[i])
         scene.joint_forces[start : start + len(force)] += force
         c = 0.0 if file.off("DAMPER", "PASSIVE") else float(m.dof_damping[start]) + added(file, "joint", i, "damping")
-        if link.own is None:
+        if link.direction is None:
             _add_wide(scene, i, k, c, force)
             continue
         own_k, own_c = _option(stiffness, name, "stiffness"), _option(damping, name, "damping")
@@ -156,16 +156,16 @@ def _add_wide(scene: Scene, i: int, k: float, c: float, force: Array) -> None:
 
 def _add_scalar(scene: Scene, link: Link, stiffness: Any, damping: Any, force: float) -> None:
     """Add a hinge or slide, with torque and angle, or force and travel."""
-    assert link.own is not None
+    assert link.direction is not None
     model, k, c = scene.model, np.ravel(stiffness), np.ravel(damping)
     axes = link.axes
-    kind = "free" if max(len(k), len(c)) == 6 else "revolute" if link.own == 5 else "prismatic"
+    kind = "free" if max(len(k), len(c)) == 6 else "revolute" if link.direction == 5 else "prismatic"
     model.add_joint(link.name, kind, link.first, link.second, link.at, axes)
     if k.any() or c.any():
         model.add_bushing(scene.fresh(f"{link.name}.k", "spring"), link.first, link.second, link.at,
-                          _six(k, link.own), _six(c, link.own), axes,
-                          _six(np.array([force]), link.own) if force else None)  # fmt: skip
-    effort, motion = ("torque", "angle") if link.own == 5 else ("force", "travel")
+                          _six(k, link.direction), _six(c, link.direction), axes,
+                          _six(np.array([force]), link.direction) if force else None)  # fmt: skip
+    effort, motion = ("torque", "angle") if link.direction == 5 else ("force", "travel")
     model.add_input(f"{link.name}.{effort}", link.second, along(link), link.at, relative_to=link.first)
     model.add_output(f"{link.name}.{motion}", link.second, along(link), link.at, relative_to=link.first)
 
@@ -173,34 +173,34 @@ def _add_scalar(scene: Scene, link: Link, stiffness: Any, damping: Any, force: f
 def along(link: Link, factor: float = 1.0) -> Array:
     """Return the direction of a joint's only freedom as a six-vector, times a factor."""
     zero, z = np.zeros(3), factor * link.z
-    return np.concatenate((z, zero) if link.own == 2 else (zero, z))
+    return np.concatenate((z, zero) if link.direction == 2 else (zero, z))
 
 
-def _six(values: Array, own: int) -> Array:
+def _six(values: Array, direction: int) -> Array:
     result = np.zeros(6)
-    result[slice(None) if len(values) == 6 else slice(own, own + 1)] = values
+    result[slice(None) if len(values) == 6 else slice(direction, direction + 1)] = values
     return result
 
 
-def _option(value: Any, name: str, what: str) -> Any:
+def _option(value: Any, name: str, field: str) -> Any:
     if isinstance(value, Mapping):
         value = value.get(name)
     if value is None:
         return None
-    return check.numbers(np.ravel(value).tolist(), (1, 6), f"joint '{name}'", what, "one number, or six")
+    return check.numbers(np.ravel(value).tolist(), (1, 6), f"joint '{name}'", field, "one number, or six")
 
 
-def added(file: Compiled, target: str, i: int, what: str) -> float:
+def added(file: Compiled, target: str, i: int, field: str) -> float:
     """Return the damping or armature that actuators add to a joint or tendon: theirs times the square of the gear."""
     m, total = file.m, 0.0
-    if not hasattr(m, f"actuator_{what}"):
+    if not hasattr(m, f"actuator_{field}"):
         return total
     requested = ("mjTRN_TENDON",) if target == "tendon" else ("mjTRN_JOINT", "mjTRN_JOINTINPARENT")
     kinds = [int(getattr(file.api.mjtTrn, kind)) for kind in requested]
     for a in range(file.count("actuator")):
         if int(m.actuator_trntype[a]) in kinds and int(m.actuator_trnid[a][0]) == i:
             gear = float(m.actuator_gear[int(m.actuator_outadr[a])][0])
-            total += float(getattr(m, f"actuator_{what}")[a]) * gear**2
+            total += float(getattr(m, f"actuator_{field}")[a]) * gear**2
     return total
 
 
@@ -211,10 +211,10 @@ def add_armature(scene: Scene) -> None:
         inertia = float(m.dof_armature[int(m.jnt_dofadr[i])]) + added(scene.file, "joint", i, "armature")
         if inertia == 0.0:
             continue
-        own = None if link.own is None else link.coordinate
+        single = None if link.direction is None else link.coordinate
         wide = ("x", "y", "z", "rx", "ry", "rz") if m.jnt_type[i] == FREE else ("rx", "ry", "rz")
-        for coordinate in (f"{link.name}.{axis}" for axis in wide) if own is None else (own,):
-            name = f"{link.name}.armature" if own else f"{coordinate}.armature"
+        for coordinate in (f"{link.name}.{axis}" for axis in wide) if single is None else (single,):
+            name = f"{link.name}.armature" if single else f"{coordinate}.armature"
             add_wheel(scene, name, {coordinate: 1.0}, inertia, link)
 
 

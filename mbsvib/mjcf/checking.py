@@ -97,11 +97,11 @@ def look_for_left(scene: Scene) -> None:
     for row in range(int(d.nefc)):
         if int(d.efc_type[row]) not in names:
             continue
-        what, kind = names[int(d.efc_type[row])]
+        remark, kind = names[int(d.efc_type[row])]
         i = int(d.efc_id[row])
         name = file.name("joint", int(m.dof_jntid[i])) if kind == "dof" else file.name(kind, i)
-        if f"'{name}'" not in scene.remarks.get(what, ()):
-            scene.remark(what, f"'{name}'")
+        if f"'{name}'" not in scene.remarks.get(remark, ()):
+            scene.remark(remark, f"'{name}'")
     for contact in range(int(d.ncon)):
         bodies = [file.name("body", int(m.geom_bodyid[int(geom)])) for geom in d.contact[contact].geom]
         pair = " with ".join(f"'{body}'" for body in bodies)

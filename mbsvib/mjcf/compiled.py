@@ -63,11 +63,11 @@ class Compiled:
         """Return the names of all elements of a kind."""
         return [self.name(kind, i) for i in range(self.count(kind))]
 
-    def refuse(self, kind: str, i: int, what: str, field: str | None = None) -> ModelError:
+    def refuse(self, kind: str, i: int, reason: str, field: str | None = None) -> ModelError:
         """Build the error that names the file and the element."""
         name = self.name(kind, i)
         way = f" Leave it out by leave=[{name!r}]." if kind in LEAVABLE else ""
-        return ModelError(f"{self.path}: {kind} '{name}': {what}{way}", element=name, field=field)
+        return ModelError(f"{self.path}: {kind} '{name}': {reason}{way}", element=name, field=field)
 
     def off(self, *flags: str) -> bool:
         """Tell whether the file's options disable a feature; names of the flags depend on the version."""
@@ -220,7 +220,7 @@ def _command(file: Compiled, control: Mapping[str, float]) -> None:
             file.d.ctrl[int(file.m.actuator_ctrladr[i]) if hasattr(file.m, "actuator_ctrladr") else i] = value
 
 
-def known(name: str, numbers: Mapping[str, int], field: str, what: str) -> int:
+def known(name: str, numbers: Mapping[str, int], field: str, kind: str) -> int:
     """Return the number of an element by name.
 
     Raises
@@ -230,6 +230,6 @@ def known(name: str, numbers: Mapping[str, int], field: str, what: str) -> int:
     """
     if name not in numbers:
         there = f"There are {', '.join(numbers)}." if numbers else "The file has none."
-        raise ModelError(f"{field}: {name!r} is no {what}.{nearest(str(name), numbers)} {there}",
+        raise ModelError(f"{field}: {name!r} is no {kind}.{nearest(str(name), numbers)} {there}",
                          element=str(name), field=field)  # fmt: skip
     return numbers[name]

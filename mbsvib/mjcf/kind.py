@@ -108,6 +108,6 @@ def _number(text: str) -> int:
         return 0
 
 
-def _too_large(path: str | PathLike[str], element: Element, what: str, most: int) -> ModelError:
-    return ModelError(f"{path}: <{element.tag} name={element.get('name')!r}>: {what}; expected {most} at most. Remove "
+def _too_large(path: str | PathLike[str], element: Element, size: str, most: int) -> ModelError:
+    return ModelError(f"{path}: <{element.tag} name={element.get('name')!r}>: {size}; expected {most} at most. Remove "
                       f"it, or make it smaller.", element=element.get("name"), field=element.tag)  # fmt: skip

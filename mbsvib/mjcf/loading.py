@@ -94,7 +94,7 @@ def load_mjcf(
     checking.compare(scene)
     checking.look_for_left(scene)
     if scene.remarks:
-        remarks_text = "; ".join(f"{what} {_listed(names)}" for what, names in scene.remarks.items())
+        remarks_text = "; ".join(f"{remark} {_listed(names)}" for remark, names in scene.remarks.items())
         warnings.warn(f"{path}: left out: {remarks_text}.", LeftOutWarning, stacklevel=2)
     return model
 

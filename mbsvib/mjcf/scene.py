@@ -28,7 +28,7 @@ class Link:
     second: str
     at: Array
     z: Array
-    own: int | None
+    direction: int | None
 
     @property
     def axes(self) -> Array:
@@ -38,7 +38,7 @@ class Link:
     @property
     def coordinate(self) -> str:
         """Name of its only coordinate."""
-        return f"{self.name}.{'z' if self.own == 2 else 'rz'}"
+        return f"{self.name}.{'z' if self.direction == 2 else 'rz'}"
 
 
 @dataclass(slots=True, eq=False)
@@ -66,6 +66,6 @@ class Scene:
             result = f"{result}.{more}"
         return result
 
-    def remark(self, what: str, name: str) -> None:
+    def remark(self, text: str, name: str) -> None:
         """Record that a property of an element was left out."""
-        self.remarks.setdefault(what, []).append(name)
+        self.remarks.setdefault(text, []).append(name)

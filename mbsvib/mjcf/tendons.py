@@ -22,10 +22,10 @@ MET = 1e-9
 @dataclass(frozen=True, slots=True, eq=False)
 class Path:
     """What has a length: ``terms`` pairs joints and coefficients, or ``ends`` are a straight line's two (body of
-    MuJoCo's, point); ``what`` and ``number`` name it in the file.
+    MuJoCo's, point); ``kind`` and ``number`` name it in the file.
     """
 
-    what: str
+    kind: str
     number: int
     length: float
     terms: tuple[tuple[int, float], ...] = ()
@@ -134,7 +134,7 @@ def attach(scene: Scene, name: str, path: Path, gear: float, k: float, c: float,
         scene.joint_forces[int(scene.file.m.jnt_dofadr[joint])] += force * value
     link, six = scene.links[path.terms[0][0]], np.zeros(6)
     if len(path.terms) == 1:
-        first, second, six[link.own] = link.first, link.second, path.terms[0][1]
+        first, second, six[link.direction] = link.first, link.second, path.terms[0][1]
     else:
         first, (second, six[5]) = GROUND, _wheel(scene, path, 0.0)
     scene.model.add_bushing(name, first, second, link.at, k * six**2, c * six**2, link.axes,
@@ -191,9 +191,9 @@ def sums(scene: Scene, path: Path, factor: float = 1.0) -> dict[str, float]:
 
 def _wheel(scene: Scene, path: Path, inertia: float) -> tuple[str, float]:
     """The wheel of a fixed tendon; its inertia must be given at its first use."""
-    key = f"{path.what} {path.number}"
+    key = f"{path.kind} {path.number}"
     if key not in scene.wheels:
-        name = f"{scene.file.name(path.what, path.number)}.wheel"
+        name = f"{scene.file.name(path.kind, path.number)}.wheel"
         scene.wheels[key] = add_wheel(scene, name, sums(scene, path), inertia, scene.links[path.terms[0][0]])
     return scene.wheels[key]
 

@@ -42,8 +42,8 @@ def add_ties(scene: Scene, tendons: Mapping[int, Path | None]) -> None:
             _look_at_gap(scene, i)
             _couple(scene, i, tendons, kind == kinds.mjEQ_TENDON)
         else:
-            what = str(kinds(kind)).rpartition("_")[2].lower()
-            raise file.refuse("equality", i, f"is of kind {what}; connect, weld, joint and tendon are known here.")
+            name = str(kinds(kind)).rpartition("_")[2].lower()
+            raise file.refuse("equality", i, f"is of kind {name}; connect, weld, joint and tendon are known here.")
 
 
 def _look_at_gap(scene: Scene, i: int) -> None:

@@ -86,8 +86,9 @@ def starts(gamma: Array, square: Array) -> list[Start]:
     which = np.flatnonzero(converged)
     result = [Start(which, some(values, which), some(y, which), m)] if len(which) else []
     for count in np.unique(complex_count[~oscillates]).tolist():
-        own = complex_count == count
-        result.append(Start(rest[own], eigenvalues[own, : 2 * m - count], vectors[own][..., : 2 * m - count], count))
+        group = complex_count == count
+        size = 2 * m - count
+        result.append(Start(rest[group], eigenvalues[group, :size], vectors[group][..., :size], count))
     return result
 
 
@@ -95,10 +96,10 @@ def _from_unit_vectors(gamma: Array, square: Array) -> tuple[Complex, Complex, M
     """Corrections of undamped modes; if they converge, the vectors are independent and no mode is missing."""
     n, m = square.shape
     at = np.arange(m)
-    own = gamma[:, at, at]
-    under = (own * own < 4.0 * square).all(axis=1)
-    values = np.ascontiguousarray(quadratic_roots(square.reshape(-1), own.reshape(-1))[:, 0]).reshape(n, m)
-    distance = values[:, None] * (values[:, None] + own[:, :, None]) + square[:, :, None]
+    damping = gamma[:, at, at]
+    under = (damping * damping < 4.0 * square).all(axis=1)
+    values = np.ascontiguousarray(quadratic_roots(square.reshape(-1), damping.reshape(-1))[:, 0]).reshape(n, m)
+    distance = values[:, None] * (values[:, None] + damping[:, :, None]) + square[:, :, None]
     distance[:, at, at] = 1.0
     y = np.divide(-values[:, None] * gamma, distance, out=np.full(gamma.shape, np.inf + 0j), where=distance != 0.0)
     y[:, at, at] = 1.0

@@ -84,8 +84,10 @@ def damped_batch(batch: BatchEquations, basis: UndampedBatch, rtol: float) -> Da
     roots = quadratic_roots(square, diagonal)
     pairs[classical_variants] = roots.reshape(len(classical_variants), m, 2)
     flat_basis = Undamped(square, basis.shapes[:0], basis.errors[classical_variants].reshape(-1), 0, "", 0.0)
-    own, sum_rounding = [i for i, reason in enumerate(classical) if reason == COMMUTES], np.zeros((n, m))
-    sum_rounding[own] = rounding_of_sums(batch.elastic_rows[own], batch.row_damping[own], basis.shapes[own])
+    commuting, sum_rounding = [i for i, reason in enumerate(classical) if reason == COMMUTES], np.zeros((n, m))
+    sum_rounding[commuting] = rounding_of_sums(
+        batch.elastic_rows[commuting], batch.row_damping[commuting], basis.shapes[commuting]
+    )
     flat_errors = classical_errors(roots, flat_basis, diagonal, sum_rounding[classical_variants].reshape(-1))
     errors[classical_variants] = flat_errors.reshape(len(classical_variants), m, 2)
     together = np.flatnonzero(~simple & accurate)

@@ -99,7 +99,7 @@ def _refined(batch: BatchEquations, which: Index, shapes: Array) -> tuple[Array,
     noise = EPS * np.einsum("vij,vij->vj", np.abs(e), cancel) + EPS**2 * np.einsum("vij,vij->vj", cancel, cancel)
     doubt = np.abs(mixing * shared).sum(axis=1) + unresolved.max(axis=1, initial=0.0) + noise
     errors = 0.5 * doubt / np.abs(value)
-    left = errors.max(axis=1, initial=0.0)
+    largest_error = errors.max(axis=1, initial=0.0)
     growth = (np.sqrt(np.einsum("vii->vi", batch.M[which]))[:, None] @ np.abs(phi))[:, 0]
     errors += EPS * (2.0 + ROUNDING * growth)
     angle = 0.5 * (mixing - mixing.swapaxes(1, 2))
@@ -107,9 +107,9 @@ def _refined(batch: BatchEquations, which: Index, shapes: Array) -> tuple[Array,
     phi = _orthonormalized(phi, inertia, angle)
     order = np.argsort(value, axis=1, kind="stable")
     if (order == at).all():
-        return value, phi, errors, left
+        return value, phi, errors, largest_error
     return (np.take_along_axis(value, order, 1), np.take_along_axis(phi, order[:, None], 2),
-            np.take_along_axis(errors, order, 1), left)  # fmt: skip
+            np.take_along_axis(errors, order, 1), largest_error)  # fmt: skip
 
 
 def _orthonormalized(phi: Array, lack: Array, angle: Array) -> Array:

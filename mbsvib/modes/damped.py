@@ -359,10 +359,10 @@ def pair_numbers(values: Complex, y: Complex, free: int, rigid: int) -> Index:
         return upper
     share = _lengths(y[free:rigid, real]) if rigid > free else np.zeros(0)
     braked = [real[i] for i in np.argsort(-share, kind="stable")[: rigid - free].tolist()]
-    left = sorted(set(real) - set(braked), key=lambda i: (abs(values[i]), i))
+    remaining = sorted(set(real) - set(braked), key=lambda i: (abs(values[i]), i))
     pairs = [(-1, i) for i in braked] + upper.tolist()
-    while left:
-        slow = left.pop(0)
-        mac = np.abs(y[:, left].real.T @ y[:, slow].real)
-        pairs.append((slow, left.pop(int(np.argmax(mac)))))
+    while remaining:
+        slow = remaining.pop(0)
+        mac = np.abs(y[:, remaining].real.T @ y[:, slow].real)
+        pairs.append((slow, remaining.pop(int(np.argmax(mac)))))
     return np.array(pairs, dtype=np.intp)

@@ -60,14 +60,14 @@ def modal_disparity(free_system: Equations, held_system: Equations) -> Array:
     motions = [_motions(system, bodies) for system in (free, held)]
     # coordinates of the free system that move the bodies as those of the held system do
     transform = np.linalg.lstsq(motions[0], motions[1], rcond=None)[0]
-    left = np.abs(motions[0] @ transform - motions[1]).max(initial=0.0)
-    if left > ADMISSIBLE * np.abs(motions[1]).max(initial=1.0):
+    residual = np.abs(motions[0] @ transform - motions[1]).max(initial=0.0)
+    if residual > ADMISSIBLE * np.abs(motions[1]).max(initial=1.0):
         raise ResponseError(f"modal_disparity: '{held.name}' moves in ways that '{free.name}' does not; give the "
                             f"system without the constraints first.")  # fmt: skip
     shapes = [_modes(free), transform @ _modes(held)]
     mass = np.asarray(free.M)
-    own = [np.einsum("ki,kl,li->i", shape, mass, shape) for shape in shapes]
-    return np.asarray((shapes[0].T @ mass @ shapes[1]) ** 2 / np.outer(*own))
+    norms = [np.einsum("ki,kl,li->i", shape, mass, shape) for shape in shapes]
+    return np.asarray((shapes[0].T @ mass @ shapes[1]) ** 2 / np.outer(*norms))
 
 
 def _motions(system: Any, bodies: list[str]) -> Array:

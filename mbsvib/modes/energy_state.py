@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.equations.massless_null_motion import own_coordinates
+from mbsvib.equations.massless_null_motion import independent_coordinates
 from mbsvib.equations.unresisted_motion import (
     completed_basis,
     coordinate_sizes,
@@ -154,7 +154,7 @@ def _separated(system: Equations) -> tuple[Array, Array, Array]:
     """
     loose = system.null_inertia
     assert loose is not None
-    own, others = own_coordinates(loose)
+    independent, others = independent_coordinates(loose)
     damping_rows = loose.T @ system.C
     size = np.sqrt(np.abs(damping_rows @ loose).max(axis=1))
     scaled = damping_rows / size[:, None]
@@ -162,7 +162,7 @@ def _separated(system: Equations) -> tuple[Array, Array, Array]:
     turn = -loose @ tied
     turn[others, np.arange(len(others))] += 1.0
     rigid = free_motions(_stiff_rows(system), damping_rows)
-    null = orthonormal(system.inertia_factor @ turn, rigid[others] - loose[others] @ rigid[own])
+    null = orthonormal(system.inertia_factor @ turn, rigid[others] - loose[others] @ rigid[independent])
     even = 0.5 * (damping_rows @ loose + (damping_rows @ loose).T)
     try:  # of unit damping, if dampers and not spin resist them
         loose = np.linalg.solve(np.linalg.cholesky(even), loose.T).T

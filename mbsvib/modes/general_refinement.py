@@ -181,11 +181,11 @@ def _improved(f: _Factors, state: EnergyState, eigen: Spectrum) -> tuple[Spectru
     return _quotients(f, replace(eigen, right=x, left=y)), mixed
 
 
-def _mixing(share: Complex, distance: Complex, own: NDArray[np.intp], close_pairs: NDArray[np.bool_]) -> Complex:
+def _mixing(share: Complex, distance: Complex, index: NDArray[np.intp], close_pairs: NDArray[np.bool_]) -> Complex:
     """Share of each eigenvector (row) in the others (column)."""
     near = np.abs(share) >= np.where(close_pairs, MERGING, MIXED) * np.abs(distance)
     near |= np.abs(share) <= NOISE
-    near[own, own] = True
+    near[index, index] = True
     return np.divide(share, distance, out=np.zeros_like(share), where=~near)
 
 
@@ -236,9 +236,9 @@ def _bounds(f: _Factors, state: EnergyState, eigen: Spectrum) -> Array:
         met = np.sqrt(both / weight)
         move = np.where(both > 0.0, np.fmin(separated, met), 0.0)
     rounding = _rounding(f, eigen, state.doubt)
-    own = np.abs(left_form[h, h])
+    diagonal = np.abs(left_form[h, h])
     slope = np.abs(eigen.slopes)
-    total = np.divide(own + rounding, slope, out=np.full_like(slope, np.inf), where=slope > 0.0) + move.sum(axis=0)
+    total = np.divide(diagonal + rounding, slope, out=np.full_like(slope, np.inf), where=slope > 0.0) + move.sum(axis=0)
     return np.asarray(np.minimum(total / speed, 1.0))
 
 

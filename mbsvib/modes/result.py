@@ -129,9 +129,9 @@ class Modes(Displayed):
         self._check_mechanism("body_shapes")
         return dict(zip(self.bodies, self.body_motion @ self.shapes, strict=True))
 
-    def _check_mechanism(self, what: str) -> None:
+    def _check_mechanism(self, caller: str) -> None:
         if self._provenance is not None:
-            self._provenance.check_mechanism(self.name, what)
+            self._provenance.check_mechanism(self.name, caller)
 
     @cached_property
     def stable(self) -> bool:

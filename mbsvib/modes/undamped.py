@@ -234,7 +234,7 @@ def refined(scene: Factors, shapes: Array, method: str, rtol: float) -> Undamped
     doubt += 2.0 * _rounding(scene.e, phi, e, least, size, rtol)
     flexible = np.arange(len(value)) >= rigid
     errors = np.divide(0.5 * doubt, size, out=np.where(flexible, np.inf, 0.0), where=flexible & (size > 0.0))
-    left = float(errors.max(initial=0.0))
+    largest_error = float(errors.max(initial=0.0))
     cheap = EPS * np.sqrt(scene.mass.diagonal() @ power)
     errors += flexible * (2.0 * EPS + _rounding(scene.w, phi, h * length, cheap, np.ones(len(size)), rtol))
     value[:rigid] = 0.0
@@ -242,7 +242,7 @@ def refined(scene: Factors, shapes: Array, method: str, rtol: float) -> Undamped
     if np.count_nonzero(value[1:] < value[:-1]):
         order = np.concatenate((np.arange(rigid), rigid + np.argsort(value[rigid:], kind="stable")))
         value, phi, errors = value[order], phi[:, order], errors[order]
-    return Undamped(value, phi, errors, rigid, method, left)
+    return Undamped(value, phi, errors, rigid, method, largest_error)
 
 
 def _rounding(rows: Array, phi: Array, image: Array, least: Array, size: Array, rtol: float) -> Array:

@@ -52,7 +52,7 @@ def listed(systems: Systems, labels: Sequence[str] | None) -> list[tuple[str, Li
     return list(zip(names, group, strict=True))
 
 
-def pick(system: Linear, what: str, names: Names) -> list[str]:
+def pick(system: Linear, kind: str, names: Names) -> list[str]:
     """Return the selected names of inputs or outputs; None selects all, a pattern those that it fits.
 
     Raises
@@ -60,13 +60,13 @@ def pick(system: Linear, what: str, names: Names) -> list[str]:
     ResponseError
         If the system has none, or has no such name; the nearest one is suggested.
     """
-    known, others = (system.inputs, system.outputs) if what == "input" else (system.outputs, system.inputs)
+    known, others = (system.inputs, system.outputs) if kind == "input" else (system.outputs, system.inputs)
     if not known:
-        raise ResponseError(f"system '{system.name}' has no {what}s, so there is no response to draw; "
-                            f"add some to the model by add_{what}().")  # fmt: skip
-    result = [known[i] for i in selected(names, known, what, system.name, others)]
+        raise ResponseError(f"system '{system.name}' has no {kind}s, so there is no response to draw; "
+                            f"add some to the model by add_{kind}().")  # fmt: skip
+    result = [known[i] for i in selected(names, known, kind, system.name, others)]
     if not result:
-        raise ResponseError(f"the list of {what}s is empty; name at least one of {', '.join(known)}.")
+        raise ResponseError(f"the list of {kind}s is empty; name at least one of {', '.join(known)}.")
     return result
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements import Body, Bushing, Input, Joint, Maxwell
+from mbsvib.elements import Body, Input, Joint
 from mbsvib.elements.connection import Connection
 from mbsvib.elements.part import Composed
 from mbsvib.equations.expansion import expanded
@@ -114,17 +114,17 @@ def of_system(name: str, provenance: Provenance) -> Scene:
 
 
 def _scene(name: str, parts: Sequence[Part], cut: set[str], bodies: Sequence[str] | None = None) -> Scene:
-    places = _places(parts)
-    names = tuple(places) if bodies is None else tuple(bodies)
-    builder = _Builder({body: i for i, body in enumerate((*names, GROUND))}, places, _extent(parts, places))
+    positions = {body: position for part in parts for body, position in part.body_positions.items()}
+    names = tuple(positions) if bodies is None else tuple(bodies)
+    builder = _Builder({body: i for i, body in enumerate((*names, GROUND))}, positions, _extent(parts, positions))
+    springs = sum(isinstance(part, Connection) and part.acts_along_line for part in parts)
     hinges = {frozenset((part.first, part.second)): part.position for part in parts
               if type(part) is Joint and part.position is not None}  # fmt: skip
     for part in parts:
         if type(part) is Joint:
             builder.joint(part, part.name in cut)
-        elif isinstance(part, Connection) and len(part.points) == 2:
-            builder.spring(part, sum(isinstance(element, Connection) and len(element.points) == 2
-                                     for element in parts) <= FEW_SPRINGS)  # fmt: skip
+        elif isinstance(part, Connection) and part.acts_along_line:
+            builder.spring(part, fine=springs <= FEW_SPRINGS)
         elif isinstance(part, Connection):
             builder.bushing(part, hinges.get(frozenset((part.first, part.second))))
         elif isinstance(part, Composed):
@@ -137,23 +137,10 @@ def _scene(name: str, parts: Sequence[Part], cut: set[str], bodies: Sequence[str
     return builder.scene(name, names)
 
 
-def _places(parts: Iterable[Part]) -> dict[str, tuple[float, ...]]:
-    places: dict[str, tuple[float, ...]] = {}
+def _extent(parts: Iterable[Part], positions: Mapping[str, tuple[float, ...]]) -> float:
+    points: list[Any] = list(positions.values())
     for part in parts:
-        if isinstance(part, Body):
-            places[part.name] = part.position
-    for part in parts:
-        if isinstance(part, Composed):
-            places |= part.node_names | dict.fromkeys(part.carriers, part.points[0])
-        if isinstance(part, Maxwell):
-            places[part.node] = part.end
-    return places
-
-
-def _extent(parts: Iterable[Part], places: Mapping[str, tuple[float, ...]]) -> float:
-    points: list[Any] = list(places.values())
-    for part in parts:
-        points += [value for key in ("position", "start", "end") if (value := getattr(part, key, None)) is not None]
+        points += [getattr(part, key) for key in part.point_fields]
     return float(np.linalg.norm(np.ptp(np.array(points), axis=0))) or 1.0 if points else 1.0
 
 
@@ -162,7 +149,7 @@ class _Builder:
     """Collects points, lines and marks."""
 
     number: Mapping[str, int]
-    places: Mapping[str, tuple[float, ...]]
+    positions: Mapping[str, tuple[float, ...]]
     size: float
     rest: list[Any] = field(default_factory=list)
     rides: list[tuple[int, int, float, Any, Any]] = field(default_factory=list)
@@ -198,7 +185,7 @@ class _Builder:
 
     def joint(self, part: Joint, cut: bool) -> None:
         moving = part.second if part.second != GROUND else part.first
-        at = np.array(self.places[moving] if part.position is None else part.position)
+        at = np.array(self.positions[moving] if part.position is None else part.position)
         self.hold(part.first, at)
         self.hold(part.second, at if part.end is None else part.end)
         if part.end is not None:
@@ -230,14 +217,13 @@ class _Builder:
 
     def bushing(self, part: Connection, hinge: Any) -> None:
         """Add a ring; a torsion spring, which has no point, stands at the joint of its bodies if there is one."""
-        centre = self.places[part.first if part.second == GROUND else part.second]
+        centre = self.positions[part.first if part.second == GROUND else part.second]
         at = part.points[0] if part.points else centre if hinge is None else hinge
         if part.points:
             self.hold(part.first, at)
             self.hold(part.second, at)
         self.line("gap", part.name, [(part.first, at), (part.second, at)])
-        what = "bushing" if isinstance(part, Bushing) else "torsion spring"
-        self.mark("bushing", part.name, part.second, at, f"{what} between {part.first} and {part.second}")
+        self.mark("bushing", part.name, part.second, at, f"{part.family} between {part.first} and {part.second}")
 
     def composed(self, part: Composed) -> None:
         nodes, ways = part.node_bodies, part.outlines or ((0,),)
@@ -248,7 +234,7 @@ class _Builder:
         self.mark("node", part.name, *nodes[ways[0][(len(ways[0]) - 1) // 2]], part.summary)
 
     def arrow(self, part: Input) -> None:
-        at = np.array(self.places[part.body] if part.position is None else part.position)
+        at = np.array(self.positions[part.body] if part.position is None else part.position)
         way = np.array(part.wrench[:3] if any(part.wrench[:3]) else part.wrench[3:])
         arrow = ARROW * self.size * way / np.linalg.norm(way)
         heads = [1.0] if any(part.wrench[:3]) else [1.0 - SECOND_HEAD, 1.0]  # a torque has two
@@ -267,7 +253,7 @@ class _Builder:
         self.mark("body", part.name, part.name, centre, f"body of {part.mass:.6g} kg")
 
     def scene(self, name: str, bodies: tuple[str, ...]) -> Scene:
-        position = np.array([self.places[body] for body in bodies] + [(0.0, 0.0, 0.0)])
+        position = np.array([self.positions[body] for body in bodies] + [(0.0, 0.0, 0.0)])
         columns = list(zip(*self.rides, strict=True)) if self.rides else [()] * 5
         return Scene(
             name, bodies, position, _vectors(self.rest), np.array(columns[0], dtype=np.intp),

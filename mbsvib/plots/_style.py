@@ -98,10 +98,10 @@ def name_systems(figure: Figure, names: Sequence[str], axes: Axes) -> None:
         axes.set_title(names[0], loc="right", color=MARK, fontsize=8.5)
 
 
-def tell_left_out(figure: Figure, shown: int, count: int, what: str, how: str = "") -> None:
+def tell_left_out(figure: Figure, shown: int, count: int, items: str, how: str = "") -> None:
     """Tell above a figure that it shows only the first of so many, and how the others are obtained."""
     if shown < count:
-        words = f"{shown} of {count} {what}" + (f"; {how}" if how else "")
+        words = f"{shown} of {count} {items}" + (f"; {how}" if how else "")
         figure.suptitle(words, x=0.02, ha="left", fontsize=8.5, color=MARK)
 
 

@@ -80,11 +80,10 @@ def graph(topology: Topology, parts: Iterable[Part]) -> dict[str, Any]:
     generated = {name for part in elements if isinstance(part, Composed) for name in part.generated_names}
     for part in elements:
         if isinstance(part, Connection) and part.name not in generated:
-            what = type(part).__name__.lower()
-            edges.append(["spring", part.name, what, number[part.first], number[part.second]])
+            edges.append(["spring", part.name, part.family, number[part.first], number[part.second]])
         elif isinstance(part, Coupling):
             coupled_bodies = list(dict.fromkeys(_moved(topology, coordinate) for coordinate, _ in part.terms))
-            edges += [["coupler", part.name, type(part).__name__.lower(), number[a], number[b]]
+            edges += [["coupler", part.name, part.family, number[a], number[b]]
                       for a, b in pairwise(coupled_bodies)]  # fmt: skip
     return {"nodes": nodes, "edges": edges}
 

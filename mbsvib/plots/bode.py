@@ -98,8 +98,8 @@ def bode(
 def _share(tops: list[tuple[Axes, str, list[tuple[str, Curve]]]]) -> None:
     """Give the panels of each unit the same limits; what is zero but for rounding does not count."""
     for unit in {unit for _, unit, _ in tops}:
-        group = [axes for axes, own, drawn in tops
-                 if own == unit and not all(curve.negligible for _, curve in drawn)]  # fmt: skip
+        group = [axes for axes, axes_unit, drawn in tops
+                 if axes_unit == unit and not all(curve.negligible for _, curve in drawn)]  # fmt: skip
         if len(group) > 1:
             limits = np.array([axes.get_ylim() for axes in group])
             for axes in group:

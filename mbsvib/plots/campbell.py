@@ -89,11 +89,11 @@ def campbell(data: Campbell, orders: Sequence[float] = (1.0,), modes: int | None
             colour = style.COLOURS[mode % len(style.COLOURS)]
             for direction, dash in LINES.items():
                 # a piece belongs to the direction at its end: at rest most modes have none
-                own = data.directions[1:, mode] == direction
-                pieces = np.where(np.stack((own, own)), np.stack((frequency[:-1], frequency[1:])), np.nan)
-                if own.any():
-                    x = np.stack((data.speeds[:-1], data.speeds[1:], np.full(len(own), np.nan))).T.reshape(-1)
-                    y = np.stack((*pieces, np.full(len(own), np.nan))).T.reshape(-1)
+                same = data.directions[1:, mode] == direction
+                pieces = np.where(np.stack((same, same)), np.stack((frequency[:-1], frequency[1:])), np.nan)
+                if same.any():
+                    x = np.stack((data.speeds[:-1], data.speeds[1:], np.full(len(same), np.nan))).T.reshape(-1)
+                    y = np.stack((*pieces, np.full(len(same), np.nan))).T.reshape(-1)
                     axes.plot(x, y, color=colour, linestyle=dash)
             grows = data.growing[:, mode]
             if grows.any():

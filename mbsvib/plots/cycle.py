@@ -54,7 +54,7 @@ def cycle(cycles: CycleData | Sequence[CycleData], *, labels: Sequence[str] | No
         figure = style.new_figure(8.6, 5.6)
         places = figure.add_gridspec(3, 2, width_ratios=(3, 2))
         upper = figure.add_subplot(places[0, 0])
-        left = [upper, *(figure.add_subplot(places[row, 0], sharex=upper) for row in (1, 2))]
+        panels = [upper, *(figure.add_subplot(places[row, 0], sharex=upper) for row in (1, 2))]
         hodograph = figure.add_subplot(places[:, 1])
         plane = _plane(several)
         for i, (name, data) in enumerate(zip(names, several, strict=True)):
@@ -62,18 +62,18 @@ def cycle(cycles: CycleData | Sequence[CycleData], *, labels: Sequence[str] | No
             for k, drive in enumerate(data.drives[:MOST_DRIVES]):
                 by_drive = len(data.drives) > 1 and len(several) == 1
                 label = drive if len(data.drives) > 1 else name
-                left[0].plot(x, data.torques[drive], **(style.line(k) if by_drive else line), label=label)
-            left[1].plot(x, np.linalg.norm(data.shaking_force, axis=1), **line, label=name)
-            left[2].plot(x, _moment(data), **line, label=name)
+                panels[0].plot(x, data.torques[drive], **(style.line(k) if by_drive else line), label=label)
+            panels[1].plot(x, np.linalg.norm(data.shaking_force, axis=1), **line, label=name)
+            panels[2].plot(x, _moment(data), **line, label=name)
             closed = np.concatenate((data.shaking_force, data.shaking_force[:1]))[:, plane]
             hodograph.plot(*closed.T, **line, label=name)
-        _named(several[0], left, hodograph, plane)
+        _named(several[0], panels, hodograph, plane)
         drives = max(len(data.drives) for data in several)
         style.tell_left_out(figure, min(drives, MOST_DRIVES), drives, "drives", "the others are in cycle.torques")
         if len(several) > 1:
-            style.name_systems(figure, names, left[0])
+            style.name_systems(figure, names, panels[0])
         elif len(several[0].drives) > 1:
-            left[0].legend(ncols=2)
+            panels[0].legend(ncols=2)
     return figure
 
 
@@ -103,20 +103,20 @@ def _moment(data: CycleData) -> Array:
     return np.asarray(np.linalg.norm(data.shaking_moment, axis=1))
 
 
-def _named(first: CycleData, left: Sequence[Axes], hodograph: Axes, plane: Sequence[int]) -> None:
+def _named(first: CycleData, panels: Sequence[Axes], hodograph: Axes, plane: Sequence[int]) -> None:
     from matplotlib.ticker import MaxNLocator
 
     drives = first.drives
     turning = all(map(_turns, drives))
     over = f"{drives[0]} [{'deg' if _turns(drives[0]) else 'm'}]" if len(drives) == 1 else "sample"
-    left[0].set_ylabel("torque [N m]" if turning else "force of drive [N]" if len(drives) == 1 else "torque [N m, N]")
-    left[1].set_ylabel("shaking force [N]")
-    left[2].set_ylabel("shaking moment [N m]")
-    left[2].set_xlabel(over)
-    for axes in left[:2]:
+    panels[0].set_ylabel("torque [N m]" if turning else "force of drive [N]" if len(drives) == 1 else "torque [N m, N]")
+    panels[1].set_ylabel("shaking force [N]")
+    panels[2].set_ylabel("shaking moment [N m]")
+    panels[2].set_xlabel(over)
+    for axes in panels[:2]:
         axes.tick_params(labelbottom=False)
     if len(drives) == 1 and _turns(drives[0]) and np.ptp(first.angles) > 0.5 * np.pi:
-        left[2].xaxis.set_major_locator(MaxNLocator(nbins=9, steps=[1, 3, 4.5, 6, 9, 10]))
+        panels[2].xaxis.set_major_locator(MaxNLocator(nbins=9, steps=[1, 3, 4.5, 6, 9, 10]))
     x, y = ("xyz"[k] for k in plane)
     hodograph.set_xlabel(f"shaking force along {x} [N]")
     hodograph.set_ylabel(f"shaking force along {y} [N]")

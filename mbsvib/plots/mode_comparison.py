@@ -121,19 +121,19 @@ def _difference(first: Array, second: Array) -> tuple[Array, Array]:
     return np.arange(1.0, count + 1.0), result
 
 
-def _values(source: Any, what: str) -> Values:
+def _values(source: Any, field: str) -> Values:
     """Natural frequencies [Hz] in ascending order, and damping ratios."""
     if hasattr(source, "damping_ratios") or kind_of(source) is not None:
-        modes = source if kind_of(source) is None else a_system(source, "plots.mode_comparison", what).modes()
+        modes = source if kind_of(source) is None else a_system(source, "plots.mode_comparison", field).modes()
         result = Values(np.asarray(modes.frequencies), np.asarray(modes.damping_ratios))
     else:
-        rows = reals(source, "plots.mode_comparison", what, EXPECTED)
+        rows = reals(source, "plots.mode_comparison", field, EXPECTED)
         result = Values(*rows) if rows.ndim == 2 and len(rows) == 2 else Values(rows, None)
         values = result.frequencies
         if values.ndim != 1 or not np.isfinite(rows).all() or (np.diff(values) < 0.0).any() or (values < 0.0).any():
-            raise ResponseError(f"plots.mode_comparison: {what} = {np.array2string(rows, threshold=6)}; expected "
+            raise ResponseError(f"plots.mode_comparison: {field} = {np.array2string(rows, threshold=6)}; expected "
                                 f"natural frequencies [Hz] in ascending order, none negative, and damping ratios as a "
                                 f"second row where they are known.")  # fmt: skip
     if not len(result.frequencies):
-        raise ResponseError(f"plots.mode_comparison: {what} has no modes; there is nothing to compare.")
+        raise ResponseError(f"plots.mode_comparison: {field} has no modes; there is nothing to compare.")
     return result

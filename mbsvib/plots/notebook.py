@@ -35,7 +35,7 @@ def of_model(model: Mechanism) -> str:
     """
     groups = [("bodies", model.bodies), ("joints", model.joints), ("springs", model.springs),
               ("inputs", model.inputs), ("outputs", model.outputs)]  # fmt: skip
-    rows = [(what, len(group), _few([*group])) for what, group in groups if group]
+    rows = [(label, len(group), _few([*group])) for label, group in groups if group]
     text = html(model.name, (("", "left"), ("count", "right"), ("names", "left")), rows)
     return _with_picture(model, len(model.bodies), text)
 
@@ -57,7 +57,7 @@ def of_system(system: System) -> str:
               ("inputs", _named(system.inputs, system.input_units)),
               ("outputs", _named(system.outputs, system.output_units)), ("cut joints", list(system.cut_joints)),
               ("redundant constraints", list(system.redundant))]  # fmt: skip
-    rows = [(what, len(names), _few(names)) for what, names in groups if names]
+    rows = [(label, len(names), _few(names)) for label, names in groups if names]
     text = html(f"{system.name}: {system.dof} DOF", (("", "left"), ("count", "right"), ("names", "left")), rows)
     return _with_picture(system, len(system.bodies), text)
 

@@ -109,7 +109,7 @@ def run_figure(run: RunData, names: Sequence[str] | str | None) -> Figure:
     unit = {name: "rad" if name.rpartition(".")[2].startswith("r") else "m" for name in run.coordinates}
     unit |= dict(run.output_units)
     if names is None:
-        what = "outputs" if run.outputs else "coordinates"
+        kind = "outputs" if run.outputs else "coordinates"
         everything = list(run.outputs or run.coordinates)
         chosen = everything[:MOST_CURVES]
     else:
@@ -137,7 +137,7 @@ def run_figure(run: RunData, names: Sequence[str] | str | None) -> Figure:
         panels[-1].set_xlim(run.time[0], run.time[-1])
         panels[0].set_title(run.name, loc="right", color=style.MARK, fontsize=8.5)
         if names is None:
-            style.tell_left_out(figure, len(chosen), len(everything), what, "name others by run.plot([...])")
+            style.tell_left_out(figure, len(chosen), len(everything), kind, "name others by run.plot([...])")
     return figure
 
 

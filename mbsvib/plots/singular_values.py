@@ -82,16 +82,16 @@ def _few(names: Sequence[str]) -> str:
     return ", ".join(names) if len(names) <= 4 else f"{names[0]}, {names[1]}, … ({len(names)})"
 
 
-def _alike(system: Linear, what: str, names: Names) -> tuple[list[str], str]:
+def _alike(system: Linear, kind: str, names: Names) -> tuple[list[str], str]:
     """Names that have one unit, and this unit."""
-    known = dict(zip(*((system.inputs, system.input_units) if what == "input" else
+    known = dict(zip(*((system.inputs, system.input_units) if kind == "input" else
                        (system.outputs, system.output_units)), strict=True))  # fmt: skip
-    selected = choice.pick(system, what, names)
+    selected = choice.pick(system, kind, names)
     unit = known[selected[0]]
     if names is None:
         return [name for name in selected if known[name] == unit], unit
     odd = next((name for name in selected if known[name] != unit), None)
     if odd is not None:
-        raise ResponseError(f"singular values: {what} {selected[0]!r} is in {unit}, {odd!r} in {known[odd]}; singular "
-                            f"values of mixed units mean nothing. Name {what}s of one unit.")  # fmt: skip
+        raise ResponseError(f"singular values: {kind} {selected[0]!r} is in {unit}, {odd!r} in {known[odd]}; singular "
+                            f"values of mixed units mean nothing. Name {kind}s of one unit.")  # fmt: skip
     return selected, unit

@@ -121,14 +121,14 @@ def reduced_equations(
                             f"{nearest(str(method), METHODS)}")  # fmt: skip
     _check(system.name, order, error, system.dof, "coordinates")
     if system.massless or system.circulatory is not None:
-        what = "motions without mass" if system.massless else "forces that follow the motion"
-        raise ResponseError(f"reduced: '{system.name}' has {what}, which method = {method!r} does not project; take "
+        kind = "motions without mass" if system.massless else "forces that follow the motion"
+        raise ResponseError(f"reduced: '{system.name}' has {kind}, which method = {method!r} does not project; take "
                             f"method='balanced'.")  # fmt: skip
     family = CraigBampton(system) if method == "craig-bampton" else ModalTruncation(system,
                                                                                    method == "static-corrected")
     if order is not None and order < family.least:
-        what = "coordinates of the interface" if method == "craig-bampton" else "free motions"
-        raise ResponseError(f"reduced: order = {order}; '{system.name}' has {family.least} {what}, which every reduced "
+        kind = "coordinates of the interface" if method == "craig-bampton" else "free motions"
+        raise ResponseError(f"reduced: order = {order}; '{system.name}' has {family.least} {kind}, which every reduced "
                             f"model keeps. Ask for at least as many.")  # fmt: skip
     if order is not None:
         small = family.model(order)
@@ -158,13 +158,13 @@ def _smallest(system: Equations, family: CraigBampton | ModalTruncation, error: 
     return models[low]
 
 
-def _check(name: str, order: int | None, error: float | None, most: int, what: str) -> None:
+def _check(name: str, order: int | None, error: float | None, most: int, kind: str) -> None:
     if (order is None) == (error is None):
-        raise ResponseError(f"reduced: order = {order}, error = {error}; expected one of both: the number of {what}, "
+        raise ResponseError(f"reduced: order = {order}, error = {error}; expected one of both: the number of {kind}, "
                             f"or the largest error of the frequency response.")  # fmt: skip
     if order is not None and (isinstance(order, bool) or not isinstance(order, (int, np.integer))
                               or not 0 <= order <= most):
-        raise ResponseError(f"reduced: order = {order!r}; expected a whole number up to {most}, the {what} of "
+        raise ResponseError(f"reduced: order = {order!r}; expected a whole number up to {most}, the {kind} of "
                             f"'{name}'.")  # fmt: skip
     if error is not None and not (isinstance(error, (int, float, np.floating)) and 0.0 < error < np.inf):
         raise ResponseError(f"reduced: error = {error!r}; expected a positive number, output by input in SI units.")

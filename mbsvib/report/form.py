@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.groups import part_numbers
 from mbsvib.responses.general_terms import cleaned
 
 if TYPE_CHECKING:
@@ -154,10 +155,8 @@ def _states(system: Any) -> StateSpace:
 
 def _blocks(system: Any, space: StateSpace, o: Sequence[int], i: Sequence[int]) -> Form | None:
     """Modal states, each output split into rows by how often a displacement is differentiated."""
-    from scipy.sparse.csgraph import connected_components
-
     n = len(space.A)
-    _, member = connected_components(space.A != 0.0, directed=False)
+    member = part_numbers(space.A != 0.0)
     starts = np.flatnonzero(np.diff(member, prepend=-1))
     sizes = np.diff(np.append(starts, n))
     if len(starts) != len(np.unique(member)) or sizes.max(initial=0) > 2:

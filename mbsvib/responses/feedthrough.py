@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
+from mbsvib.linalg.groups import part_numbers
 from mbsvib.linalg.qr import triangle
 from mbsvib.linalg.rank import EPS
 
@@ -35,9 +35,9 @@ def accelerations(system: Equations, forces: Array) -> Array:
     """
     root = triangle(system.inertia_factor)
     result = np.linalg.solve(root, np.linalg.solve(root.T, forces))
-    count, part = connected_components(system.M != 0.0, directed=False)
-    if count > 1:
-        acted_on = np.zeros((count, forces.shape[1]), dtype=bool)
+    part = part_numbers(system.M != 0.0)
+    if part.any():
+        acted_on = np.zeros((part.max() + 1, forces.shape[1]), dtype=bool)
         np.logical_or.at(acted_on, part, forces != 0.0)
         result[~acted_on[part]] = 0.0
     return np.asarray(result)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.massless_null_motion import own_coordinates
+from mbsvib.equations.massless_null_motion import independent_coordinates
 from mbsvib.linalg.qr import triangle
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def physical(system: Equations) -> FirstOrder:
     null = system.null_inertia
     assert null is not None
     m, inputs = system.dof, system.B.shape[1]
-    _, dependent = own_coordinates(null)
+    _, dependent = independent_coordinates(null)
     n = m + len(dependent)
     # p = slow x + push u
     braked = null.T @ system.C
@@ -76,9 +76,10 @@ def physical(system: Equations) -> FirstOrder:
 
 def rate_name(coordinates: tuple[str, ...], null: Array, dependent: int) -> str:
     """Return the name of a rate that moves mass: that of one coordinate, minus those of massless motions."""
-    own, _ = own_coordinates(null)
+    independent, _ = independent_coordinates(null)
     text = coordinates[dependent]
-    shares = [(-float(null[dependent, k]), coordinates[own[k]]) for k in np.flatnonzero(null[dependent]).tolist()]
+    shares = [(-float(null[dependent, k]), coordinates[independent[k]])
+              for k in np.flatnonzero(null[dependent]).tolist()]  # fmt: skip
     for factor, name in shares[: SPELLED - 1]:
         size = "" if abs(factor) == 1.0 else f"{abs(factor):.6g} "
         text += f" {'-' if factor < 0.0 else '+'} {size}{name}"

@@ -151,8 +151,8 @@ def _around(half_width: float, center: float, spacing: float) -> Array:
         return np.concatenate((center - unit - away, center + unit + away, [center - unit, center + unit]))
     natural = np.hypot(half_width, center)
     peak = np.sqrt(abs(center**2 - half_width**2))  # of the displacement of a single mode
-    own = np.array([center, center - half_width, center + half_width, natural, peak])
-    return np.concatenate((center - away, center + away, own))
+    points = np.array([center, center - half_width, center + half_width, natural, peak])
+    return np.concatenate((center - away, center + away, points))
 
 
 _LIMITS = "frequency_grid", "f_min or f_max", "0 < first < last, both finite [Hz]"

@@ -287,8 +287,8 @@ def separated_solutions(modal: Damped, dampers: Array, b: Array, w: Array, which
 
 
 def _refuse_pole(w: Array, mode: int, i: int) -> None:
-    what = "a rigid-body mode" if w[i] == 0.0 else f"undamped mode {mode + 1}"
+    mode_text = "a rigid-body mode" if w[i] == 0.0 else f"undamped mode {mode + 1}"
     raise ResponseError(
-        f"frequency_response: omega[{i}] = {w[i]:g} rad/s is a pole of the system ({what}), where the response is "
+        f"frequency_response: omega[{i}] = {w[i]:g} rad/s is a pole of the system ({mode_text}), where the response is "
         f"infinite; leave this frequency out, or give the mechanism damping."
     )

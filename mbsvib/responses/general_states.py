@@ -51,7 +51,7 @@ def _blocks(modal: General) -> list[tuple[int, Array, Array]]:
     """Number, block and columns in the states of each mode, except for long chains of the eigenvalue 0."""
     state, spectrum = modal.state, modal.spectrum
     rest, drift = rigid_shapes(state)
-    left = [state.position @ column for column in rest.T]
+    rigid = [state.position @ column for column in rest.T]
     vectors = state.position @ spectrum.right + state.rate @ (spectrum.right * spectrum.values)
     result: list[tuple[int, Array, Array]] = []
     for i, (first_value, second_value) in enumerate(modal.pairs):
@@ -65,13 +65,13 @@ def _blocks(modal: General) -> list[tuple[int, Array, Array]]:
             result.append((i, np.array([[0.0, 1.0], [0.0, 0.0]]), columns))
         elif not len(numbers):
             count = 1 if modal.single[i] else 2
-            result.append((i, np.zeros((count, count)), np.stack([left.pop(0) for _ in range(count)], axis=1)))
+            result.append((i, np.zeros((count, count)), np.stack([rigid.pop(0) for _ in range(count)], axis=1)))
         elif modal.single[i]:
             result.append((i, np.array([[first_value.real]]), vectors[:, numbers].real))
         else:
             if first_value == 0.0:
-                same = [k for k, v in enumerate(left) if np.array_equal(v, state.position @ modal.shapes[:, i].real)]
-                first, second = left.pop(same[0]).astype(complex), vectors[:, numbers[0]]
+                same = [k for k, v in enumerate(rigid) if np.array_equal(v, state.position @ modal.shapes[:, i].real)]
+                first, second = rigid.pop(same[0]).astype(complex), vectors[:, numbers[0]]
             else:
                 first = vectors[:, numbers[0]]
                 second = first.conj() if len(numbers) == 1 else vectors[:, numbers[1]]

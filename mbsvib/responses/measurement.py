@@ -78,12 +78,12 @@ class Measurement(Displayed):
         if self.responses.shape != shape:
             raise ResponseError(f"Measurement: responses has shape {self.responses.shape}; expected {shape}, outputs, "
                                 f"inputs and frequencies.")  # fmt: skip
-        for what, names, units, points in (
+        for kind, names, units, points in (
             ("outputs", self.outputs, self.output_units, self.output_points),
             ("inputs", self.inputs, self.input_units, self.input_points),
         ):
             if len(set(names)) < len(names) or not len(names) == len(units) == len(points):
-                raise ResponseError(f"Measurement: {what} = {', '.join(names)} with {len(units)} units and "
+                raise ResponseError(f"Measurement: {kind} = {', '.join(names)} with {len(units)} units and "
                                     f"{len(points)} points; expected names that differ, with one of each.")  # fmt: skip
         self.omega.setflags(write=False)
         self.responses.setflags(write=False)
@@ -103,4 +103,4 @@ class Measurement(Displayed):
     def __repr__(self) -> str:
         groups = ((self.inputs, "input"), (self.outputs, "output"), (self.omega, "frequency"), (self.nodes, "node"),
                   (self.modes, "mode"))  # fmt: skip
-        return f"Measurement({', '.join(counted(len(items), what) for items, what in groups)})"
+        return f"Measurement({', '.join(counted(len(items), kind) for items, kind in groups)})"

@@ -107,14 +107,14 @@ def modal_inputs(
     if not len(columns):
         return np.zeros_like(push)
     length = np.linalg.norm(columns, axis=0)
-    left = np.linalg.norm(a @ columns - columns @ blocks, axis=0) / (length * np.abs(a).max())
+    residual = np.linalg.norm(a @ columns - columns @ blocks, axis=0) / (length * np.abs(a).max())
     parts = [np.linalg.qr(part) for part in np.split(columns / length, np.cumsum(sizes)[:-1], axis=1)]
     basis = np.concatenate([part for part, _ in parts], axis=1)
     shares = np.linalg.solve(basis, push)
     grown = (np.abs(shares).sum(axis=0) / np.maximum(np.linalg.norm(push, axis=0), TINY)).max(initial=1.0)
     _, values, right = np.linalg.svd(basis)
-    if values[-1] * DEPENDENT < values[0] * grown or left.max() > RESIDUAL:
-        share = np.abs(right[-1]) if left.max() <= RESIDUAL else left
+    if values[-1] * DEPENDENT < values[0] * grown or residual.max() > RESIDUAL:
+        share = np.abs(right[-1]) if residual.max() <= RESIDUAL else residual
         modes = sorted({names[i].rstrip("'") for i in np.argsort(-share)[:4].tolist()})
         raise ResponseError(
             f"state_space: modal states of '{system}' depend on each other, as eigenvalues of {', '.join(modes)} all "

@@ -37,14 +37,14 @@ class Norm(Displayed):
     omega: float | None = None
 
 
-def check_decays(poles: Complex, name: str, what: str) -> None:
+def check_decays(poles: Complex, name: str, norm: str) -> None:
     """Refuse the norm of equations that do not decay.
 
     Parameters
     ----------
     poles : array, shape (poles,)
         Poles [1/s].
-    name, what : str
+    name, norm : str
         Name of the equations and of the norm, for messages.
 
     Raises
@@ -55,7 +55,7 @@ def check_decays(poles: Complex, name: str, what: str) -> None:
     lasting = np.flatnonzero(poles.real >= -LASTS * EPS * np.abs(poles))
     if len(lasting):
         s = complex(poles[lasting[0]])
-        raise ResponseError(f"{what} norm of '{name}': the pole {s:.6g} 1/s ({abs(s) / (2.0 * np.pi):.4g} Hz) does not "
+        raise ResponseError(f"{norm} norm of '{name}': the pole {s:.6g} 1/s ({abs(s) / (2.0 * np.pi):.4g} Hz) does not "
                             f"decay, so that the norm is infinite. Give it damping, or change the controller."
                             )  # fmt: skip
 

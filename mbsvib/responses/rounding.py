@@ -55,8 +55,8 @@ class Noise:
             c = rows[used] @ modal.shapes
             gamma, gain = np.linalg.norm(c, axis=1), np.abs(c if terms.vectors is None else c @ terms.vectors)
             both = gamma[:, None, None] * right.T + gain[:, None, :] * beta[:, None]
-            left = terms.left(both, direct[used] if order == 2 else None)
-            parts.append((order, used, both.reshape(-1, both.shape[2]), left))
+            sums = terms.sums(both, direct[used] if order == 2 else None)
+            parts.append((order, used, both.reshape(-1, both.shape[2]), sums))
         output_rows = tuple((order, rows @ modal.shapes) for order, rows in differentiated(system))
         return Noise(b, output_rows, terms, tuple(parts), direct)
 
@@ -83,10 +83,10 @@ class Noise:
             inverse = np.divide(1.0, w, out=np.zeros_like(w), where=w > 0.0) ** self.terms.power
         else:
             result += self.direct[:, :, None]
-        for order, used, both, left in self.parts:
+        for order, used, both, sums in self.parts:
             part = (both @ gain).reshape(len(used), -1, len(w))
             if by_modes:
-                part += left[:, :, below] * inverse
+                part += sums[:, :, below] * inverse
             result[used] += part * w**order if order else part
         result *= EPS * ROUNDING
         return result
@@ -141,7 +141,7 @@ class Terms:
         gain[count:] = 1.0 / (w * w)
         return gain, np.minimum(1.0, (corner / w) ** 2)
 
-    def left(self, both: Array, direct: Array | None) -> Array:
+    def sums(self, both: Array, direct: Array | None) -> Array:
         """Magnitudes of the known sums (rows, inputs, k + 1), from below w or from above, whichever cancels less."""
         terms = (both * self.strength)[:, :, np.argsort(self.corner, kind="stable")]
         below, above = np.zeros((2, *terms.shape[:2], terms.shape[2] + 1))

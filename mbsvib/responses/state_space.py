@@ -278,7 +278,7 @@ class StateSpace(LinearVerbs, Displayed):
 
     def __repr__(self) -> str:
         groups = ((self.states, "state"), (self.inputs, "input"), (self.outputs, "output"))
-        counts = ", ".join(counted(len(names), what) for names, what in groups)
+        counts = ", ".join(counted(len(names), noun) for names, noun in groups)
         bound = "" if self.error_bound is None else f", error at most {upper(self.error_bound)}"
         return f"StateSpace({self.name!r}, {self.realization}: {counts}{bound})"
 

@@ -223,5 +223,5 @@ def checked_question(
     return time, inputs, state
 
 
-def _numbers(name: str, value: Any, what: str) -> Array:
-    return reals(value, "time_response", name, f"an array of {what}")
+def _numbers(name: str, value: Any, entries: str) -> Array:
+    return reals(value, "time_response", name, f"an array of {entries}")

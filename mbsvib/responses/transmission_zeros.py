@@ -96,14 +96,14 @@ def transmission_zeros(
     return zeros[np.lexsort((-zeros.imag, np.abs(zeros)))]
 
 
-def numbers(system: Equations, what: str, names: str | Sequence[str] | None) -> list[int]:
+def numbers(system: Equations, kind: str, names: str | Sequence[str] | None) -> list[int]:
     """Return the numbers of the named inputs or outputs; None: of all.
 
     Parameters
     ----------
     system : Equations
         The equations of motion.
-    what : str
+    kind : str
         "input" or "output".
     names : str or sequence of str, optional
         Their names.
@@ -118,8 +118,8 @@ def numbers(system: Equations, what: str, names: str | Sequence[str] | None) -> 
     ResponseError
         If a name is unknown.
     """
-    known, others = (system.inputs, system.outputs) if what == "input" else (system.outputs, system.inputs)
-    return selected(names, known, what, system.name, others)
+    known, others = (system.inputs, system.outputs) if kind == "input" else (system.outputs, system.inputs)
+    return selected(names, known, kind, system.name, others)
 
 
 def _realized(
@@ -250,8 +250,8 @@ def _near_rigid_poles(
         size = size + np.log(np.abs(s[:, None] - poles[poles != 0.0])).sum(axis=1)
         for share in NEAR_RIGID:
             far = z[(np.abs(z) > share * lowest) | known & (z != 0.0)]
-            left = size - np.log(np.abs(s[:, None] - far)).sum(axis=1)
-            power = (left[0] - left[1]) / np.log(CLOSER[0] / CLOSER[1])
+            logarithms = size - np.log(np.abs(s[:, None] - far)).sum(axis=1)
+            power = (logarithms[0] - logarithms[1]) / np.log(CLOSER[0] / CLOSER[1])
             count = np.round(power) + np.count_nonzero(poles == 0.0) - still
             if np.abs(power - np.round(power)) < INTEGER_POWER and count == len(z) - len(far):
                 return np.concatenate((np.zeros(int(count)), far))

@@ -161,13 +161,14 @@ class SensitivityBasis:
         """
         if self.unreduced is None:
             return self.variants.slopes(directions, every)
-        own, unreduced = self.equations, self.unreduced.equations
+        equations, unreduced = self.equations, self.unreduced.equations
         requested = {str(k): dict(direction.rates) for k, direction in enumerate(directions)}
         known = self.unreduced.matrix_derivatives(None if every else requested)
         row = {name: k for k, name in enumerate(known.variables)}
         rows = [row[next(iter(rates))] if every else row[k] for k, rates in requested.items()]
         q, i, o = ([all_names.index(name) for name in names] for names, all_names in (
-            (own.coordinates, unreduced.coordinates), (own.inputs, unreduced.inputs), (own.outputs, unreduced.outputs),
+            (equations.coordinates, unreduced.coordinates), (equations.inputs, unreduced.inputs),
+            (equations.outputs, unreduced.outputs),
         ))  # fmt: skip
         ends = {"B": (q, i), "D": (o, i)} | dict.fromkeys(("M", "C", "K"), (q, q)) | dict.fromkeys(
             ("Cq", "Cv", "Ca"), (o, q))  # fmt: skip

@@ -53,7 +53,7 @@ def changed_beam(network: Network, beam: Beam, change: dict[str, Array]) -> tupl
     springs = {spring.name: i for i, spring in enumerate(network.springs)}
     joints = {joint.name: i for i, joint in enumerate(network.joints)}
     which = np.array([springs[name] for name in beam.element_names])
-    own = np.array([joints[name] for name in beam.element_names])
+    element_joints = np.array([joints[name] for name in beam.element_names])
     ends = [(number.get(beam.body_of(i), -1), np.array(point)) for i, point in enumerate(beam.points)]
     present = numbers(beam)
     axes = present["axes"].swapaxes(1, 2)
@@ -80,8 +80,8 @@ def changed_beam(network: Network, beam: Beam, change: dict[str, Array]) -> tupl
     def _moved(fields: Fields) -> Terms:
         """Nodes, midpoints and axes move."""
         result: Terms = []
-        in_joint, in_spring = fields.wrench[own], fields.wrench[first + which]
-        opened, strained = -fields.relative[own], fields.relative[first + which]
+        in_joint, in_spring = fields.wrench[element_joints], fields.wrench[first + which]
+        opened, strained = -fields.relative[element_joints], fields.relative[first + which]
         for wrench, moves in ((in_joint, opened), (in_spring, strained)):
             result += _along(wrench[:, :3], moves[:, 3:], middles)
             result += _along(wrench[:, :3], moves[:, :3], turns) + _along(wrench[:, 3:], moves[:, 3:], turns)
@@ -126,12 +126,12 @@ def _bent_lines(
     weight, heavier = (masses[:, None, None] * (way @ network.gravity)[:, None, None] for masses, way in (
         (present["masses"], along), (change["masses"], along)))  # fmt: skip
     heavier = heavier + (present["masses"] * (np.cross(turns, along) @ network.gravity))[:, None, None]
-    own, changed = np.zeros((2, len(axes), 6, 6))
+    bent, bent_change = np.zeros((2, len(axes), 6, 6))
     for key, size, more in (("bent", tension, less), ("weighed", weight, heavier)):
         form, other = (local @ forms[key] @ local.swapaxes(1, 2) for forms in (present, change))
-        own = own + size * form
-        changed = changed + size * (other + spin @ form - form @ spin) + more * form
-    return own, changed
+        bent = bent + size * form
+        bent_change = bent_change + size * (other + spin @ form - form @ spin) + more * form
+    return bent, bent_change
 
 
 def gravity_rule(network: Network) -> Rule:

@@ -30,26 +30,26 @@ _THIRD_ROOTS = np.exp(2j * np.pi / 3.0 * np.arange(3))[:, None]
 
 
 def branches(
-    pairs: Pairs, own: Complex, cross: Complex, norm: tuple[Complex, Complex]
+    pairs: Pairs, diagonal: Complex, cross: Complex, norm: tuple[Complex, Complex]
 ) -> Iterator[tuple[Index, Complex]]:  # fmt: skip
     """Yield derivatives of eigenvalues that coincide, groups of one size together.
 
-    ``own`` (eigenvalues, variables): derivatives of single eigenvalues, the forms of those that coincide; ``cross``
+    ``diagonal`` (eigenvalues, variables): derivatives of single eigenvalues, forms of those that coincide; ``cross``
     (pairs, variables) or (2 pairs, variables): the forms of pairs, first with second, then second with first unless
     these are the same; ``norm`` (eigenvalues,) and (pairs,) or (2 pairs,): y^T (2 lambda M + C) x of single eigenvalues
     and of pairs. Returns (n,) and (n, variables): numbers of eigenvalues, and the derivatives of their branches, those
     of a group in ascending order.
     """
-    forms, norms = np.concatenate((own, cross)), np.concatenate((norm[0][: len(own)], norm[1]))
-    single = np.ones(len(own), dtype=bool)
+    forms, norms = np.concatenate((diagonal, cross)), np.concatenate((norm[0][: len(diagonal)], norm[1]))
+    single = np.ones(len(diagonal), dtype=bool)
     single[np.concatenate(pairs.groups)] = False
-    derivatives, mirrored = [own[single]], len(cross) - len(pairs.first)
+    derivatives, mirrored = [diagonal[single]], len(cross) - len(pairs.first)
     for k, groups, numbers in pairs.by_size():
         n, count = len(groups), forms.shape[1]
         rows = np.empty((n, k, k), dtype=np.intp)
         upper, lower = np.array(list(combinations(range(k), 2))).T
         rows[:, range(k), range(k)] = groups
-        rows[:, upper, lower], rows[:, lower, upper] = len(own) + numbers, len(own) + numbers + mirrored
+        rows[:, upper, lower], rows[:, lower, upper] = len(diagonal) + numbers, len(diagonal) + numbers + mirrored
         pair = norms[rows]
         with np.errstate(all="ignore"):
             inverse = _inverse(pair)

@@ -92,10 +92,10 @@ def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Requested = No
             size = np.maximum(size, work[:, None])
         _set(result, spectrum, resting, np.where(lead[:, resting] <= zero * size, 0.0, np.inf))
     if len(pairs.groups):
-        own = np.ascontiguousarray(result.T[spectrum.index])
+        diagonal = np.ascontiguousarray(result.T[spectrum.index])
         if left is None:  # between two motions: half of what both together have beyond each
             cross = 0.5 * (norm[len(spectrum.lead) :] - norm[pairs.first] - norm[pairs.second])
-            form = 0.5 * (np.ascontiguousarray(of_sums.T) - own[pairs.first] - own[pairs.second])
+            form = 0.5 * (np.ascontiguousarray(of_sums.T) - diagonal[pairs.first] - diagonal[pairs.second])
         else:
             first, second = np.concatenate((pairs.first, pairs.second)), np.concatenate((pairs.second, pairs.first))
             cross = _modal_normalization(x.take(second), y.take(first), spectrum.lead[first] + spectrum.lead[second])
@@ -103,7 +103,7 @@ def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Requested = No
                 twice = replace(spectrum, lead=0.5 * (spectrum.lead[first] + spectrum.lead[second]))
                 cross = _normalization(system, twice, spectrum.right[:, second], np.asarray(spectrum.left)[:, first])
             form = _joined(groups.chain(groups.forms(left.take(first), right.take(second)))).T
-        for which, values in branches(pairs, own, form, (norm, cross)):
+        for which, values in branches(pairs, diagonal, form, (norm, cross)):
             _set(result, spectrum, which, values.T)
     return result
 

@@ -105,10 +105,10 @@ class RowTerms:
         self.row, self.at = row, at
         self._terms: list[tuple[int, int, float]] = []
 
-    def put(self, own: tuple[str, str, tuple[int, ...]], column: int, vector: Iterable[float]) -> None:
+    def put(self, parameter: tuple[str, str, tuple[int, ...]], column: int, vector: Iterable[float]) -> None:
         """Let a parameter change the numbers from a column on; parts that the user did not give have none."""
-        if own in self.row:
-            row = self.row[own]
+        if parameter in self.row:
+            row = self.row[parameter]
             self._terms += [(row, column + i, float(value)) for i, value in enumerate(vector) if value != 0.0]
 
     def along(self, part: str, field: str, column: int) -> None:
@@ -307,14 +307,15 @@ def force_rates(network: Network, forces: Forces, changes: ForceChanges, motion:
     relative, joints, at = forces.relative_motions(motion)[1], forces.counts[0], changes.at
     result = np.zeros((at.size, motion.shape[2]))
     for k, spring in enumerate(network.springs, joints):
-        own, entries = relative[k], slice(at.wrench_of(k), at.wrench_of(k) + 6)
+        displacement, entries = relative[k], slice(at.wrench_of(k), at.wrench_of(k) + 6)
         if isinstance(spring, Bushing):
-            result[entries] = -network.stiffness[k - joints] @ own
+            result[entries] = -network.stiffness[k - joints] @ displacement
             moment = forces.wrench[k, 3:]
-            result[entries.start + 3 : entries.stop] += 0.5 * np.cross(own[3:], moment, axisa=0).T
+            result[entries.start + 3 : entries.stop] += 0.5 * np.cross(displacement[3:], moment, axisa=0).T
         elif spring.free_length is None:
             line = np.array(spring.line)
-            result[entries.start : entries.start + 3] = -spring.stiffness * np.multiply.outer(line, line @ own[:3])
+            tension = -spring.stiffness * (line @ displacement[:3])
+            result[entries.start : entries.start + 3] = np.multiply.outer(line, tension)
     result[at.twist] = relative[forces.bushings, 3:].reshape(3 * len(forces.bushings), relative.shape[2])
     for k in forces.follower.tolist():
         turned = np.cross(relative[k, 3:], forces.wrench[k].reshape(2, 1, 3), axisa=0)

@@ -163,11 +163,11 @@ class Forces:
         the rotation since the joint was described: by 1/2 (r - tan(|w| / 4) (w / |w|) x r) where exp(w) goes on by r.
         """
         result = np.zeros((len(relative), 3, *relative.shape[2:]), dtype=relative.dtype)
-        k, own = self.twice, relative[self.twice, 3:]
-        result[k] = dot(wide(self.picks[0][k], own), own) * wide(self.axes[k, 0], own)
-        own, size = relative[self.halves, 3:], np.linalg.norm(self.angle, axis=1, keepdims=True)
+        k, rotation = self.twice, relative[self.twice, 3:]
+        result[k] = dot(wide(self.picks[0][k], rotation), rotation) * wide(self.axes[k, 0], rotation)
+        rotation, size = relative[self.halves, 3:], np.linalg.norm(self.angle, axis=1, keepdims=True)
         half = self.angle * np.divide(np.tan(0.25 * size), size, out=np.zeros_like(size), where=size > 0.0)
-        result[self.halves] = 0.5 * (own - cross(wide(half, own), own))
+        result[self.halves] = 0.5 * (rotation - cross(wide(half, rotation), rotation))
         return result
 
 
@@ -202,8 +202,8 @@ def forces_at_rest(
             axes[k] = [six[3:] for _, six in joint.freedom[-2:]]
     for k, spring in enumerate(springs, j):
         if isinstance(spring, Bushing):
-            own = np.array(spring.preload or np.zeros(6)).reshape(2, 3)
-            wrench[k] = (own @ np.array(spring.orientation).T).reshape(6)
+            preload = np.array(spring.preload or np.zeros(6)).reshape(2, 3)
+            wrench[k] = (preload @ np.array(spring.orientation).T).reshape(6)
         else:
             points[k], span[k] = spring.end, np.subtract(spring.end, spring.start)
             wrench[k, :3] = -spring.tension * np.array(spring.line)

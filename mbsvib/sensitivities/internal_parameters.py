@@ -47,20 +47,20 @@ def internal_groups(network: Network, first: int, gravity: int | None) -> list[P
     for part in network.parts:
         if isinstance(part, TorsionSpring):
             k = springs[part.name]
-            own, number = rule(network.springs[k], "orientation"), np.array([len(network.joints) + k])
+            part_rule, number = rule(network.springs[k], "orientation"), np.array([len(network.joints) + k])
         elif isinstance(part, Rotor):
-            own, number = rotor_axis_rule(network, part), _ONE
+            part_rule, number = rotor_axis_rule(network, part), _ONE
         elif isinstance(part, (Beam, Superelement)):
             for i in range(6):
-                own, data = (changed_beam(network, part, motion_slopes(part, i)) if isinstance(part, Beam) else
+                part_rule, data = (changed_beam(network, part, motion_slopes(part, i)) if isinstance(part, Beam) else
                              superelement_motion(network, part, i))  # fmt: skip
-                result.append(ParameterGroup("beam", MOTION, _ONE, own, data, np.array([[row]]), 0))
+                result.append(ParameterGroup("beam", MOTION, _ONE, part_rule, data, np.array([[row]]), 0))
                 row += 1
             continue
         else:
             continue
         kind = "spring" if isinstance(part, TorsionSpring) else "rotor"
-        result.append(ParameterGroup(kind, _FIELDS[type(part)][0], number, own, (), row + np.arange(3)[None], 3))
+        result.append(ParameterGroup(kind, _FIELDS[type(part)][0], number, part_rule, (), row + np.arange(3)[None], 3))
         row += 3
     for kind_of_part, rules in ((Beam, beam_rules), (Superelement, superelement_rules)):
         if gravity is not None and any(isinstance(part, kind_of_part) for part in network.parts):

@@ -192,9 +192,9 @@ class LoadedNetwork:
 
     def _work_of_applied_forces(self, moves: Field, gap: Field) -> Field:
         """What is no parameter, as far as applied forces do work on the motion of second order, (extras, ...)."""
-        left, at = moves.copy(), self.changes.at
-        left[: self.forces.counts[0]] = 0.0
-        wrench, point, start = work_slopes(self.forces, left, gap)
+        displacements, at = moves.copy(), self.changes.at
+        displacements[: self.forces.counts[0]] = 0.0
+        wrench, point, start = work_slopes(self.forces, displacements, gap)
         row = np.zeros((at.size, *moves.shape[2:]), dtype=moves.dtype)
         for key, part in (("point", point), ("start", start[self.forces.lines]),
                           ("wrench", wrench[self.forces.counts[0] :])):  # fmt: skip
@@ -228,10 +228,10 @@ class LoadedNetwork:
 
         About an axis e it is e (e . s) (m . r) / 2 - ((m . r) s + (m . s) r) / 4, see ``elements.torsion_spring``.
         """
-        own = self.forces.bushings
-        strained = own - self.forces.counts[0]
+        bushings = self.forces.bushings
+        strained = bushings - self.forces.counts[0]
         r, s = (side.strain[strained, 3:] for side in (left, left if right is None else right))
-        m = wide(self.forces.wrench[own, 3:], r)
+        m = wide(self.forces.wrench[bushings, 3:], r)
         result = (cross(s, cross(m, r)) + cross(r, cross(m, s))) / 12.0
         about, axis = self._torsion_springs
         if len(about):
@@ -249,11 +249,11 @@ class LoadedNetwork:
 
     def _twisted(self, left: Fields, right: Fields | None) -> Field:
         """The same for its stiffness and damping: K and C go with (1 - [rho]x / 2) on both sides."""
-        own = self.forces.bushings
-        strained = own - self.forces.counts[0]
-        twisted = -0.5 * cross(left.strain[strained, 3:], (left if right is None else right).wrench[own, 3:])
+        bushings = self.forces.bushings
+        strained = bushings - self.forces.counts[0]
+        twisted = -0.5 * cross(left.strain[strained, 3:], (left if right is None else right).wrench[bushings, 3:])
         if right is not None:
-            twisted = twisted - 0.5 * cross(right.strain[strained, 3:], left.wrench[own, 3:])
+            twisted = twisted - 0.5 * cross(right.strain[strained, 3:], left.wrench[bushings, 3:])
         return twisted
 
 

@@ -69,15 +69,15 @@ def maxwell_rule(network: Network, part: Maxwell, field: str, index: tuple[int, 
     span = np.array([np.subtract(part.end, part.start)])
 
     def coefficient(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
-        own = number_of[line_name(part, field)]
-        deformation = along(line, fields.strain[own : own + 1, :3])
+        row = number_of[line_name(part, field)]
+        deformation = along(line, fields.strain[row : row + 1, :3])
         return [[(0.5 * (fields.rate if field == "damping" else fields.stiff) * deformation, deformation)]]
 
     def point(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
-        own = slice(joints + static, joints + static + 1)
-        change = moved_end(line, span, fields.relative[own], field == "end")
+        row = slice(joints + static, joints + static + 1)
+        change = moved_end(line, span, fields.relative[row], field == "end")
         in_series = joints + spring
-        tension = along(line, fields.wrench[own, :3] + fields.wrench[in_series : in_series + 1, :3])
+        tension = along(line, fields.wrench[row, :3] + fields.wrench[in_series : in_series + 1, :3])
         return [[(tension, change[:, index[0]])]]
 
     return point if field in ("start", "end") else coefficient
@@ -116,11 +116,11 @@ def _spin_terms(fields: Fields, body: int, momentum: Array) -> Terms:
 
 def torsion_rule(network: Network, part: TorsionSpring, field: str, _: tuple[int, ...] = ()) -> Rule:
     """Return the rule by which stiffness or damping of a torsion spring enters the equations."""
-    own = next(k for k, spring in enumerate(network.springs) if spring.name == part.name)
+    row = next(k for k, spring in enumerate(network.springs) if spring.name == part.name)
     axis = np.array([part.axis])
 
     def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
-        deformation = along(axis, fields.strain[own : own + 1, 3:])
+        deformation = along(axis, fields.strain[row : row + 1, 3:])
         return [[(0.5 * (fields.rate if field == "damping" else fields.stiff) * deformation, deformation)]]
 
     return rule

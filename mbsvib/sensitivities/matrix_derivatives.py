@@ -151,9 +151,9 @@ def _factors(groups: ParameterGroups, variable: int, matrix: str) -> tuple[Array
     network = groups.network
     m = network.displacements.shape[1]
     motion = fields(network, motions(network, np.eye(m)), *_POWERS[matrix])
-    own = groups.variables.variable == variable
+    entries = groups.variables.variable == variable
     rate = np.zeros(groups.size)
-    np.add.at(rate, groups.variables.parameter[own], groups.variables.rate[own])
+    np.add.at(rate, groups.variables.parameter[entries], groups.variables.rate[entries])
     first, second = [np.zeros((0, m))], [np.zeros((0, m))]
     for group in groups.members:
         if isinstance(group, MatrixDerivativeGroup):

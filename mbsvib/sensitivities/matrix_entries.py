@@ -46,21 +46,21 @@ class MatrixEntries:
     @cached_property
     def empty(self) -> NDArray[np.bool_]:
         """Entries of matrices that are zero, as C is without dampers: they are measured by what they become."""
-        own = [getattr(self.system, key) for key in MATRICES]
-        return np.concatenate([np.full(matrix.size, not matrix.any()) for matrix in own])
+        matrices = [getattr(self.system, key) for key in MATRICES]
+        return np.concatenate([np.full(matrix.size, not matrix.any()) for matrix in matrices])
 
     def measured(self, values: Array) -> Array:
         """The geometric mean of the largest of the row and of the column of entries, and at least a small share of the
         largest in their matrix, coordinates being scaled alike.
         """
-        own, parts, start = self.system, [], 0
-        unit = np.sqrt(np.abs(np.diagonal(own.M)) / (np.abs(np.diagonal(own.M)).max(initial=0.0) or 1.0))
+        system, parts, start = self.system, [], 0
+        unit = np.sqrt(np.abs(np.diagonal(system.M)) / (np.abs(np.diagonal(system.M)).max(initial=0.0) or 1.0))
         unit[unit == 0.0] = 1.0
         scales = {"B": (unit, None), "D": (None, None), "Cq": (None, unit), "Cv": (None, unit), "Ca": (None, unit)}
         levers = self._levers[:, None]
         for key in MATRICES:
-            shape = getattr(own, key).shape
-            start, stop = start + getattr(own, key).size, start
+            shape = getattr(system, key).shape
+            start, stop = start + getattr(system, key).size, start
             size = np.abs(values[stop:start]).reshape(shape)
             mean = np.sqrt(np.multiply.outer(size.max(axis=1, initial=0.0), size.max(axis=0, initial=0.0)))
             left, right = (np.ones(n) if scale is None else scale
@@ -68,7 +68,7 @@ class MatrixEntries:
             unlike = np.multiply.outer(left, right)
             least = np.full((len(left), 1), (size / unlike).max(initial=0.0))
             if key in _LIKE:
-                like = np.abs(getattr(own, _LIKE[key])) / (1.0 if key == "D" else unit)
+                like = np.abs(getattr(system, _LIKE[key])) / (1.0 if key == "D" else unit)
                 least = np.maximum(least, levers * like.max(initial=0.0))
             parts.append((mean + SMALL * least * unlike).reshape(-1))
         return np.concatenate(parts)
@@ -76,10 +76,11 @@ class MatrixEntries:
     @cached_property
     def _levers(self) -> Array:
         """How much (outputs,) of rows of K, C, M or B outputs of forces are at least, 0 for all other outputs."""
-        own = self.system
+        system = self.system
         shares = [np.abs(rows).max(axis=1, initial=0.0) / (np.abs(of).max(initial=0.0) or np.inf)
-                  for rows, of in ((own.Cq, own.K), (own.Cv, own.C), (own.Ca, own.M), (own.D, own.B))]  # fmt: skip
-        force = np.array([unit.startswith("N") for unit in own.output_units], dtype=bool)
+                  for rows, of in ((system.Cq, system.K), (system.Cv, system.C), (system.Ca, system.M),
+                                   (system.D, system.B))]  # fmt: skip
+        force = np.array([unit.startswith("N") for unit in system.output_units], dtype=bool)
         return np.where(force, np.maximum(1.0, np.max(shares, axis=0)), 0.0)
 
     def compared(self, values: Array) -> Array:

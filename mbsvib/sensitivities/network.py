@@ -106,7 +106,7 @@ class Network:
             result.update({part.name: (kind, shift + i, part) for i, part in enumerate(members)})
         for i, part in enumerate(() if self.bare else self.parts):
             if isinstance(part, _COMPOUND):
-                result[part.name] = next(kind for kind, what in COMPOUND.items() if isinstance(part, what)), i, part
+                result[part.name] = next(kind for kind, type_ in COMPOUND.items() if isinstance(part, type_)), i, part
         return result
 
     @cached_property

@@ -69,7 +69,7 @@ def is_complete(system: Equations, network: Network) -> bool:
     some = np.cos(np.arange(system.dof))[:, None]  # no structure of a mechanism
     moved, strained = system.inertia_factor @ some, system.elastic_rows @ some
     motion = motions(network, some)
-    own = motion.relative[len(network.joints) :]
+    strain = motion.relative[len(network.joints) :]
     # rows of geometric stiffness, behind those of the springs, belong to parameters that have no rule
     strained = strained[:, 0] * (system.row_owner < len(system.provenance.springs))
     shared = [0.0, 0.0, 0.0]
@@ -79,18 +79,18 @@ def is_complete(system: Equations, network: Network) -> bool:
     return all(
         bool(abs(work + shared_work - terms.sum()) <= COMPLETE * np.abs(terms).sum() + far * float(np.abs(size).sum()))
         for work, shared_work, terms, size in (
-            ((own * motion.elastic).sum(), shared[0], system.row_stiffness * strained**2, network.stiffness),
-            (0.0 if motion.viscous is None else (own * motion.viscous).sum(), shared[1],
+            ((strain * motion.elastic).sum(), shared[0], system.row_stiffness * strained**2, network.stiffness),
+            (0.0 if motion.viscous is None else (strain * motion.viscous).sum(), shared[1],
              system.row_damping * strained**2, network.damping),
-            ((motion.body * motion.momentum).sum(), shared[2] + _inertial(network, own),
+            ((motion.body * motion.momentum).sum(), shared[2] + _inertial(network, strain),
              moved[:, 0] ** 2, network.mass),
         )
     )
 
 
-def _inertial(network: Network, own: Array) -> float:
+def _inertial(network: Network, strain: Array) -> float:
     """The work of inerters."""
-    return 0.0 if network.inertance is None else float((own * transformed(network.inertance, own)).sum())
+    return 0.0 if network.inertance is None else float((strain * transformed(network.inertance, strain)).sum())
 
 
 def bare_network(system: Equations) -> Network:
@@ -121,8 +121,8 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
     if (plain is not None and plain.expansion is not None) or any(isinstance(part, Maxwell) for part in parts):
         nodes, lines = maxwell_parts(parts)
         known = ({} if plain is None else dict(plain.bodies)) | {body.name: body for body in (*bodies, *nodes)}
-        own = {spring.name for spring in springs}
-        generated = () if plain is None else tuple([part for part in plain.springs.values() if part.name not in own])
+        strain = {spring.name for spring in springs}
+        generated = () if plain is None else tuple([part for part in plain.springs.values() if part.name not in strain])
         bodies, joints = tuple([known[name] for name in topology.bodies]), topology.joints
         springs += (*[part for part in generated if isinstance(part, Bushing)], *lines)
     number = {body.name: i for i, body in enumerate(bodies)} | {"ground": len(bodies)}

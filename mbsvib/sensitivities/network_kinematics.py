@@ -73,11 +73,11 @@ def constraints(
     if cuts.couplings is not None:
         phi = np.concatenate((phi, cuts.couplings.dense(coordinates)))
         _, measured = terms(couplers, coordinates.names, topology, bodies, number)
-        rows, own = cuts.couplings.measured, np.flatnonzero(cuts.couplings.column < 0)
+        rows, added = cuts.couplings.measured, np.flatnonzero(cuts.couplings.column < 0)
         wrench = np.concatenate((wrench, np.concatenate((rows.force, rows.moment)).T))
         joint = np.concatenate((joint, measured))
-        more = np.zeros((len(own), len(cuts.names)))
-        more[np.arange(len(own)), locked + cuts.couplings.row[own]] = cuts.couplings.value[own]
+        more = np.zeros((len(added), len(cuts.names)))
+        more[np.arange(len(added)), locked + cuts.couplings.row[added]] = cuts.couplings.value[added]
         share = np.concatenate((share, more))
     pull, stress = _solution(phi[:, dependent])
     twist = np.concatenate((coordinates.linear, coordinates.angular))[:, dependent].T * sign[dependent, None]

@@ -230,8 +230,8 @@ def _separate_part(system: Equations, inputs: list[int], outputs: list[int]) -> 
     removed = ~np.isin(system.coordinates, part.coordinates)
     rows = np.concatenate([c[outputs] for c in (system.Cq, system.Cv, system.Ca)])
     more = system.B[removed][:, inputs].any() or rows[:, removed].any()
-    own = SensitivityBasis.of(part)
-    return None if more or not removed.any() or _lasting(own.responses) is not None else own
+    basis = SensitivityBasis.of(part)
+    return None if more or not removed.any() or _lasting(basis.responses) is not None else basis
 
 
 def _silent(basis: Basis, inputs: list[int], outputs: list[int]) -> bool:

@@ -114,11 +114,11 @@ class ParameterGroups:
             values[broken] = np.nan
             return self.variables.chain(values)
         count = self.loaded.changes.count
-        own = values[:count]
-        moved = product(self.loaded.parameter_rates.T, own)
+        direct = values[:count]
+        moved = product(self.loaded.parameter_rates.T, direct)
         moved += values[count:]
         result = product(self.motion, moved)
-        result += own if self.rates is None else incidence_sum(self.rates, own)
+        result += direct if self.rates is None else incidence_sum(self.rates, direct)
         requested, broken = self.variables.rates, broken[: len(self.loaded.entries)]
         result[self.lost | (broken if requested is None else abs(requested) @ broken > 0.0)] = np.nan
         return result

@@ -182,15 +182,15 @@ def _move_ports(
              for i in range(len(acting.wrench))]  # fmt: skip
     moves += [(seeing, o, result[:, o], np.tensordot(seeing.motion[o, 3:], right, axes=1) * by_order[o]
                + turns[o][:, :, None].swapaxes(0, 1)) for o in range(len(seeing.wrench))]  # fmt: skip
-    for port, k, own, theta in moves:
+    for port, k, form, theta in moves:
         slope = np.cross(port.wrench[k, :3], theta, axisb=0, axisc=0)
         if port.carrier[k] >= 0 and groups.loaded is not None:
-            groups.loaded.add_point_motion(own, int(port.carrier[k]), port.point[k], slope)
+            groups.loaded.add_point_motion(form, int(port.carrier[k]), port.point[k], slope)
         for group in groups.of_bodies("position"):
             for rows in group.rows[group.number == port.centre[k]]:
                 of_springs = rows >= 0
-                own[rows[of_springs]] += slope[of_springs]
+                form[rows[of_springs]] += slope[of_springs]
         for group in groups.by_rule:
             if group.kind == "beam":  # its nodes move
                 at = group.data[0][0] == port.centre[k]
-                own[group.rows[0, 0]] += np.tensordot(group.data[1][0, at].sum(axis=0), slope, axes=1)
+                form[group.rows[0, 0]] += np.tensordot(group.data[1][0, at].sum(axis=0), slope, axes=1)

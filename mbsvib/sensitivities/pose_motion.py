@@ -30,13 +30,13 @@ def pose_motion(loaded: LoadedNetwork, rates: csr_array | None) -> tuple[Array, 
     none; (variables,): variables that load a motion which no stiffness holds.
     """
     count, m = loaded.changes.count, loaded.dof
-    own = loaded.generalized_force_jacobian[:count]
-    pushed = own if rates is None else rates @ own
+    direct = loaded.generalized_force_jacobian[:count]
+    pushed = direct if rates is None else rates @ direct
     of_openings = np.eye(len(pushed), loaded.motions.shape[2] - m)
     if of_openings.size:
-        pushed = pushed + loaded.parameter_rates[:, m:].T @ own + loaded.generalized_force_jacobian[count + m :]
+        pushed = pushed + loaded.parameter_rates[:, m:].T @ direct + loaded.generalized_force_jacobian[count + m :]
     # K but for couplers of several rotations of one joint, which go by small rotations in each pose anew
-    stiffness = -(loaded.parameter_rates[:, :m].T @ own + loaded.generalized_force_jacobian[count : count + m]).T
+    stiffness = -(loaded.parameter_rates[:, :m].T @ direct + loaded.generalized_force_jacobian[count : count + m]).T
     unit = inverse_root(np.abs(np.diagonal(stiffness)) + _least(loaded))
 
     def terms() -> Array:

@@ -53,14 +53,14 @@ class ReferencePose:
 def reference_pose(network: Network, forces: Forces, changes: ForceChanges, origin: Mechanism) -> ReferencePose:
     """Return what parameters as described do in the pose there."""
     pose = Displaced(origin, {body.name: body for body in network.bodies})
-    own, force_terms, openings = (RowTerms(changes.row, changes.at) for _ in range(3))
+    parameter_terms, force_terms, openings = (RowTerms(changes.row, changes.at) for _ in range(3))
     known = set()
 
     def follows(part: str, field: str, turn: Array) -> None:
         for i in range(3):
             known.add((part, field, (i,)))
             for j in range(3):
-                own.put((part, field, (i,)), changes.row[part, field, (j,)], (turn[j, i],))
+                parameter_terms.put((part, field, (i,)), changes.row[part, field, (j,)], (turn[j, i],))
 
     for body in network.bodies:
         for field in ("position", "orientation"):
@@ -76,7 +76,8 @@ def reference_pose(network: Network, forces: Forces, changes: ForceChanges, orig
         for i in range(3):
             for j in range(3):
                 name = network.joints[k].name
-                own.put((name, "orientation", (i,)), changes.row[name, "orientation", (j,)], (turned_axes[k, j, i],))
+                row = changes.row[name, "orientation", (j,)]
+                parameter_terms.put((name, "orientation", (i,)), row, (turned_axes[k, j, i],))
     for k, spring in enumerate(network.springs, len(network.joints)):
         turns, column = (pose.turn(spring.first), pose.turn(spring.second)), changes.at.wrench_of(k)
         described: Any = origin.springs[spring.name]
@@ -100,8 +101,8 @@ def reference_pose(network: Network, forces: Forces, changes: ForceChanges, orig
             follows(load.name, "position", turn)
     for key, row in changes.row.items():
         if key not in known:
-            own.put(key, row, (1.0,))
-    return ReferencePose(own.matrix(changes.count), force_terms.matrix(changes.at.size),
+            parameter_terms.put(key, row, (1.0,))
+    return ReferencePose(parameter_terms.matrix(changes.count), force_terms.matrix(changes.at.size),
                          openings.matrix(6 * len(network.joints)), turned(origin, network.parts))  # fmt: skip
 
 

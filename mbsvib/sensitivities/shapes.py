@@ -154,15 +154,16 @@ def shape_sensitivities(basis: SensitivityBasis, groups: ParameterGroups, modes:
         step = max(1, BLOCK // max(1, groups.size * m))
         pushed = np.concatenate([_pushed(groups, modes.shapes[:, some], values[some])
                                  for some in np.array_split(group, -(-len(group) // step))], axis=2)  # fmt: skip
-        own = np.asarray(coordinates[:, group])
+        group_shapes = np.asarray(coordinates[:, group])
         forms = -(vectors.T @ groups.chain(pushed[0]))
-        held = own.conj().T.copy()
-        held[:, k:] = 0.0
+        dual_shapes = group_shapes.conj().T.copy()
+        dual_shapes[:, k:] = 0.0
         still = bool(resting[group].any())
-        change = _bordered(states, values[group[0]], own, vectors[largest[group]] if still else held, forms)
+        rows = vectors[largest[group]] if still else dual_shapes
+        change = _bordered(states, values[group[0]], group_shapes, rows, forms)
         if not still:
             mass = modes.shapes[:, group].conj().T @ groups.chain(pushed[1])
-            change = change - own @ (held @ change + 0.5 * mass)
+            change = change - group_shapes @ (dual_shapes @ change + 0.5 * mass)
         result[:, :, group] = vectors @ change
     return result
 
@@ -179,15 +180,15 @@ def _pushed(groups: ParameterGroups, shapes: Any, values: Complex) -> Complex:
     return result
 
 
-def _bordered(states: StateBasis, value: complex, own: Any, held: Any, forms: Complex) -> Complex:
+def _bordered(states: StateBasis, value: complex, columns: Any, rows: Any, forms: Complex) -> Complex:
     """Solve T X' + T' X lambda' = F, H X' = 0 in a basis, (v, m, k), with rows and columns balanced."""
-    m, k = own.shape
+    m, k = columns.shape
     mass = np.where(np.arange(m) < states.massive, 1.0, 0.0)
     matrix = np.zeros((m + k, m + k), dtype=complex)
     matrix[:m, :m] = states.stiffness + value * states.damping + value * value * np.diag(mass)
     # rigid-body modes stay at 0: what would move them must vanish, whichever damper brakes them
-    matrix[:m, m:] = own if value == 0.0 else 2.0 * value * mass[:, None] * own + states.damping @ own
-    matrix[m:, :m] = held
+    matrix[:m, m:] = columns if value == 0.0 else 2.0 * value * mass[:, None] * columns + states.damping @ columns
+    matrix[m:, :m] = rows
     row = 1.0 / np.maximum(np.abs(matrix).max(axis=1), np.finfo(float).tiny)
     matrix *= row[:, None]
     column = 1.0 / np.maximum(np.abs(matrix).max(axis=0), np.finfo(float).tiny)

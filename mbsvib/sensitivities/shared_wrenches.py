@@ -53,9 +53,9 @@ class SharedForces:
         if self.shared.mass is not None:
             weighted.append((self.shared.mass, rows[:count] * square))
         if (elastic := self.shared.elastic) is not None:
-            own = rows[count:]
-            weighted.append((elastic.composite, wide(elastic.stiffness, own) * stiff * own
-                             + wide(elastic.damping, own) * rate * own))  # fmt: skip
+            elastic_rows = rows[count:]
+            weighted.append((elastic.composite, wide(elastic.stiffness, elastic_rows) * stiff * elastic_rows
+                             + wide(elastic.damping, elastic_rows) * rate * elastic_rows))  # fmt: skip
         forces = []
         for composite, part in weighted:
             flat = part.reshape(len(part), prod(part.shape[1:]))

@@ -253,5 +253,5 @@ class SparseSensitivityBasis(SensitivityBasis):
                 f"mode_sensitivities: what '{name}' does to {why} is known of dense equations only; use "
                 f"linearize(method='dense'), or name other parameters.", element=name,
             )  # fmt: skip
-        own = self.equations
-        return {key: np.full((len(directions), *getattr(own, key).shape), np.nan) for key in MATRICES}
+        equations = self.equations
+        return {key: np.full((len(directions), *getattr(equations, key).shape), np.nan) for key in MATRICES}

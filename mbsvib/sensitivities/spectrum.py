@@ -39,9 +39,9 @@ class Pairs:
         sizes = [len(group) for group in self.groups]
         starts = list(accumulate((k * (k - 1) // 2 for k in sizes), initial=0))
         for k in sorted(set(sizes)):
-            own = [i for i, size in enumerate(sizes) if size == k]
-            numbers = np.array([range(starts[i], starts[i + 1]) for i in own])
-            yield k, np.array([self.groups[i] for i in own]), numbers
+            indices = [i for i, size in enumerate(sizes) if size == k]
+            numbers = np.array([range(starts[i], starts[i + 1]) for i in indices])
+            yield k, np.array([self.groups[i] for i in indices]), numbers
 
 
 @dataclass(frozen=True, slots=True)

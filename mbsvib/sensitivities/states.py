@@ -101,8 +101,8 @@ def state_basis(basis: Basis) -> StateBasis:
         return StateBasis(vectors, len(vectors), vectors.T @ system.K @ vectors, vectors.T @ system.C @ vectors)
     if system.gyroscopic is not None:
         raise _refusal(system)
-    own = null.T @ system.C @ null
-    null = solve_triangular(cholesky(0.5 * (own + own.T), lower=True), null.T, lower=True).T
+    damping = null.T @ system.C @ null
+    null = solve_triangular(cholesky(0.5 * (damping + damping.T), lower=True), null.T, lower=True).T
     unit = 1.0 / np.sqrt(np.diagonal(system.M) + (np.diagonal(system.M) == 0.0))
     values, rotation = eigh(unit[:, None] * system.M * unit)
     massive = len(unit) - null.shape[1]
@@ -129,11 +129,11 @@ def changed(base: States, change: MatrixDerivatives, inputs: list[int], outputs:
 
     Returns rows of A that change (v, m, n), those of B (v, m, inputs), C (v, outputs, n) and D (v, outputs, inputs).
     """
-    own, k = base.basis, base.basis.massive
-    vectors, theta = own.vectors, turning(own, change)
+    basis, k = base.basis, base.basis.massive
+    vectors, theta = basis.vectors, turning(basis, change)
     back = theta.swapaxes(1, 2)
     stiffness, damping = (vectors.T @ slope @ vectors + back @ matrix + matrix @ theta
-                          for slope, matrix in ((change.K, own.stiffness), (change.C, own.damping)))  # fmt: skip
+                          for slope, matrix in ((change.K, basis.stiffness), (change.C, basis.damping)))  # fmt: skip
     rows = _rows(stiffness, damping, base.scale)
     force = vectors.T @ change.B[:, :, inputs] + back @ base.force
     rates = tuple(slope[:, outputs] @ vectors + matrix @ theta
@@ -144,16 +144,16 @@ def changed(base: States, change: MatrixDerivatives, inputs: list[int], outputs:
     return rows, force, c, d
 
 
-def turning(own: StateBasis, change: MatrixDerivatives) -> Array:
+def turning(basis: StateBasis, change: MatrixDerivatives) -> Array:
     """Return how a basis goes along with parameters, T' = T Theta.
 
     Returns Theta (v, m, m).
     """
-    k, vectors = own.massive, own.vectors
+    k, vectors = basis.massive, basis.vectors
     mass, damping = (vectors.T @ slope @ vectors for slope in (change.M, change.C))
     result = np.zeros_like(mass)
     result[:, :k, :k], result[:, :k, k:] = -0.5 * mass[:, :k, :k], -mass[:, :k, k:]
-    result[:, k:, :k] = mass[:, k:, :k] @ own.damping[:k, :k] - damping[:, k:, :k]
+    result[:, k:, :k] = mass[:, k:, :k] @ basis.damping[:k, :k] - damping[:, k:, :k]
     result[:, k:, k:] = -0.5 * damping[:, k:, k:]
     return result
 

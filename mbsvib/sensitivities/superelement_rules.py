@@ -48,7 +48,7 @@ def superelement_motion(
     links = {joint.name: k for k, joint in enumerate(network.joints)}
     linked = [(links[f"{part.name}.{name}"], i) for i, (name, _) in enumerate(part.nodes)
               if f"{part.name}.{name}" in links]  # fmt: skip
-    own = [i for i in range(len(points)) if part.body_of(i) in part.node_names]
+    free_nodes = [i for i in range(len(points)) if part.body_of(i) in part.node_names]
     lever, across = (skew(network.gravity) @ rows for rows in (weighed, _turned_rows(weighed, turn, part)))
 
     def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
@@ -62,7 +62,7 @@ def superelement_motion(
             result += _products(np.cross(opened[3:], shifts[i], axisa=0, axisc=0), wrench[:3])
             result += _products(np.cross(turn, opened.reshape(2, 3, *opened.shape[1:]), axisb=1, axisc=1).reshape(
                 opened.shape), -wrench)  # fmt: skip
-        for i in own:
+        for i in free_nodes:
             body = number[part.body_of(i)]
             if body in floats:
                 result += _products(-np.cross(fields.body[body, 3:], shifts[i], axisa=0, axisc=0),
@@ -73,7 +73,7 @@ def superelement_motion(
             result += _products(theta, np.tensordot(lever, _shifted(d, nodes, shift_of), axes=1))
         return [result]
 
-    return rule, (np.array([[number[part.body_of(i)] for i in own]], dtype=np.intp), shifts[None, own])
+    return rule, (np.array([[number[part.body_of(i)] for i in free_nodes]], dtype=np.intp), shifts[None, free_nodes])
 
 
 def gravity_rule(network: Network) -> Rule:

@@ -87,21 +87,21 @@ def time_response_sensitivities(
 
 def _begin(base: States, system: Equations, start: Array) -> Array:
     """The states of q and q' (2, m)."""
-    own, k = base.basis, base.first
-    eta, rate = (own.vectors[:, :k].T @ (system.M @ state) for state in start)
-    return np.concatenate((base.scale * eta, rate, own.vectors[:, k:].T @ (system.C @ start[0])))
+    basis, k = base.basis, base.first
+    eta, rate = (basis.vectors[:, :k].T @ (system.M @ state) for state in start)
+    return np.concatenate((base.scale * eta, rate, basis.vectors[:, k:].T @ (system.C @ start[0])))
 
 
 def _begun(base: States, system: Equations, change: MatrixDerivatives, start: Array) -> Array:
     """How these states change (v, 2m) as the basis does; q and q' stay."""
     if not start.any():
         return np.zeros((len(change.M), len(base.A)))
-    own, k = base.basis, base.first
-    theta, heavy = turning(own, change), own.vectors[:, :k]
-    within = np.concatenate((heavy.T @ (system.M @ start[0]), own.vectors[:, k:].T @ (system.C @ start[0])))
+    basis, k = base.basis, base.first
+    theta, heavy = turning(basis, change), basis.vectors[:, :k]
+    within = np.concatenate((heavy.T @ (system.M @ start[0]), basis.vectors[:, k:].T @ (system.C @ start[0])))
     displacement = -(theta @ within)
     mass = heavy.T @ change.M @ start[1]
-    rate = mass + (theta[:, :, :k].swapaxes(1, 2) @ (own.vectors.T @ (system.M @ start[1])))
+    rate = mass + (theta[:, :, :k].swapaxes(1, 2) @ (basis.vectors.T @ (system.M @ start[1])))
     return np.concatenate((base.scale * displacement[:, :k], rate, displacement[:, k:]), axis=1)
 
 

@@ -87,8 +87,8 @@ def multipliers(network: Network, behind: Field) -> Field:
     """
     ties = network.constraints
     assert ties is not None
-    own = moved_wrench(behind[ties.body], ties.arm)
-    on_dependent = transformed(ties.twist[:, None], own)[:, 0]
+    wrench = moved_wrench(behind[ties.body], ties.arm)
+    on_dependent = transformed(ties.twist[:, None], wrench)[:, 0]
     return np.asarray(ties.pull @ on_dependent)
 
 

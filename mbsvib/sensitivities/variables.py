@@ -162,8 +162,8 @@ class Variables:
         if self.every is not None:
             return self
         number_of = {entry.name: k for k, entry in enumerate(every)}
-        own = np.array([number_of[entry.name] for entry in self.parameters], dtype=np.intp)
-        return Variables(self.names, every, self.parts, self.variable, own[self.parameter], self.rate)
+        number = np.array([number_of[entry.name] for entry in self.parameters], dtype=np.intp)
+        return Variables(self.names, every, self.parts, self.variable, number[self.parameter], self.rate)
 
     def as_directions(self) -> tuple[Direction, ...]:
         """Return every variable with all parameters that it moves."""
@@ -181,26 +181,26 @@ class Variables:
         ``together`` (parameters,): which parameters. Returns the others, then one direction for each variable that
         moves any of these.
         """
-        left = np.flatnonzero(~together)
+        separate = np.flatnonzero(~together)
         number_of = np.full(len(together), -1)
-        number_of[left] = np.arange(len(left))
+        number_of[separate] = np.arange(len(separate))
         directions: list[Direction] = []
-        own = together[self.parameter]
-        terms = list(zip(self.variable[~own].tolist(), number_of[self.parameter[~own]].tolist(),
-                         self.rate[~own].tolist(), strict=True))  # fmt: skip
+        merged = together[self.parameter]
+        terms = list(zip(self.variable[~merged].tolist(), number_of[self.parameter[~merged]].tolist(),
+                         self.rate[~merged].tolist(), strict=True))  # fmt: skip
         rates: dict[int, dict[str, float]] = {}
-        for v, p, rate in zip(self.variable[own].tolist(), self.parameter[own].tolist(), self.rate[own].tolist(),
-                              strict=True):  # fmt: skip
-            own_rates, name = rates.setdefault(v, {}), self.parameters[p].name
-            own_rates[name] = own_rates.get(name, 0.0) + rate
-        for v, own_rates in rates.items():
-            moved = tuple((name, rate) for name, rate in own_rates.items() if rate)
+        for v, p, rate in zip(self.variable[merged].tolist(), self.parameter[merged].tolist(),
+                              self.rate[merged].tolist(), strict=True):  # fmt: skip
+            rates_of, name = rates.setdefault(v, {}), self.parameters[p].name
+            rates_of[name] = rates_of.get(name, 0.0) + rate
+        for v, rates_of in rates.items():
+            moved = tuple((name, rate) for name, rate in rates_of.items() if rate)
             if moved:
-                terms.append((v, len(left) + len(directions), 1.0))
+                terms.append((v, len(separate) + len(directions), 1.0))
                 directions.append(Direction(self.names[v], moved))
         table = np.array(terms, dtype=float).reshape(-1, 3)
         return Variables(
-            self.names, tuple(self.parameters[k] for k in left.tolist()), self.parts, table[:, 0].astype(np.intp),
+            self.names, tuple(self.parameters[k] for k in separate.tolist()), self.parts, table[:, 0].astype(np.intp),
             table[:, 1].astype(np.intp), table[:, 2], tuple(directions),
         )
 

@@ -102,10 +102,10 @@ class Variants:
     @cached_property
     def unreduced(self) -> Equations | None:
         """The system that ``reachable`` took this one out of; None where this one is whole."""
-        own, provenance = self.system, self.system.provenance
+        system, provenance = self.system, self.system.provenance
         if provenance.removed is None:
             return None
-        independent = (*own.coordinates, *provenance.removed.names)
+        independent = (*system.coordinates, *provenance.removed.names)
         if not provenance.moved_to_equilibrium:
             return linearized(self._model, independent, self._cut)
         unreduced: Equations | SparseEquations = at_equilibrium(self._model, independent, self._cut, "dense")[1]
@@ -160,8 +160,8 @@ class Variants:
     @cached_property
     def _cut(self) -> tuple[str, ...]:
         topology = self.system.provenance.topology
-        own = self._model.joints
-        return tuple(name for k in topology.cut if (name := topology.joints[k].name) in own)
+        joints = self._model.joints
+        return tuple(name for k in topology.cut if (name := topology.joints[k].name) in joints)
 
     @cached_property
     def _poses(self) -> VariantPoses | None:
@@ -196,7 +196,7 @@ class Variants:
             return self._size
         return max(scale, LEAST * self._entries.loads) if field in FORCES else scale
 
-    def _extrapolated(self, at: Callable[[float], Array], scale: float, what: str) -> Array:
+    def _extrapolated(self, at: Callable[[float], Array], scale: float, parameter: str) -> Array:
         """A slope, with steps made smaller until the differences agree."""
         entries = self._entries
         best, least, refusal, moves = None, np.inf, None, 0
@@ -226,13 +226,13 @@ class Variants:
             raise _OtherMobility
         if best is None or least > WORST:
             why = str(refusal) if best is None else f"differences agree to {least:.1e} only"
-            raise self._not_smooth(what, why) from refusal
+            raise self._not_smooth(parameter, why) from refusal
         return best
 
-    def _not_smooth(self, what: str, why: str) -> ModelError:
+    def _not_smooth(self, parameter: str, why: str) -> ModelError:
         return ModelError(
-            f"sensitivities: the equations of '{self.system.name}' do not change smoothly with {what} ({why}). Compare "
-            f"variants by model.with_values, or name other parameters.", element=self.system.name,
+            f"sensitivities: the equations of '{self.system.name}' do not change smoothly with {parameter} ({why}). "
+            f"Compare variants by model.with_values, or name other parameters.", element=self.system.name,
         )  # fmt: skip
 
     def _equations(self, values: Mapping[str, float]) -> Array:
@@ -243,23 +243,23 @@ class Variants:
 
     def _matrices(self, model: Mechanism) -> Array:
         """All matrices of a variant in its own pose."""
-        own, provenance = self.system, self.system.provenance
+        system, provenance = self.system, self.system.provenance
         variant: Equations | SparseEquations
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             if provenance.moved_to_equilibrium:
-                _, variant = at_equilibrium(model, independent=own.coordinates, cut=self._cut, method="dense")
+                _, variant = at_equilibrium(model, independent=system.coordinates, cut=self._cut, method="dense")
             else:
                 plain = expanded(model)
                 view = scene(with_maxwell_nodes(plain), self._cut)
                 try:
-                    variant = assembled(plain, view, own.coordinates, checked=False)
+                    variant = assembled(plain, view, system.coordinates, checked=False)
                 except ModelError:
-                    if assembled(plain, view, checked=False).dof != own.dof:
+                    if assembled(plain, view, checked=False).dof != system.dof:
                         raise _OtherMobility from None
                     raise
         assert isinstance(variant, Equations)
-        if variant.coordinates != own.coordinates or not np.array_equal(
+        if variant.coordinates != system.coordinates or not np.array_equal(
             variant.provenance.reduction.independent, provenance.reduction.independent
         ):
             raise _OtherMobility

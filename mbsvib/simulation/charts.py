@@ -65,17 +65,17 @@ class Loops:
         if not len(self.row_scale):
             return q, 0.0
         allowed = np.arange(len(q)) if may_move is None else may_move
-        left = np.inf
+        smallest = np.inf
         for _ in range(CORRECTIONS):
             phi, jacobian = self.scaled(q, bases)
-            now = float(np.abs(phi).max())
-            if now <= CLOSED or not now < left:
+            opening = float(np.abs(phi).max())
+            if opening <= CLOSED or not opening < smallest:
                 break
-            left, best = now, q
+            smallest, best = opening, q
             q = q.copy()
             step = -minimum_norm_solution(jacobian[:, allowed], phi)
             q[allowed] += self.coordinate_scale[allowed] * step
-        return (q, now) if now < left else (best, left)
+        return (q, opening) if opening < smallest else (best, smallest)
 
     def rates(self, q: Array, bases: Array, qd: Array) -> Array:
         """Return the rates nearest by that keep the loops closed."""
@@ -170,5 +170,5 @@ def wear(loops: Loops, chart: Chart, q: Array) -> tuple[float, float]:
     jacobian = loops.scaled(q, chart.bases)[1]
     closures = (chart.rows / loops.row_scale) @ jacobian
     values = np.linalg.svd(closures, compute_uv=False)
-    own = np.linalg.svd(closures[:, chart.dependent], compute_uv=False)
-    return float(own[-1] / max(values[-1], 1e-300)), float(values[-1] / values[0])
+    dependent_values = np.linalg.svd(closures[:, chart.dependent], compute_uv=False)
+    return float(dependent_values[-1] / max(values[-1], 1e-300)), float(values[-1] / values[0])

@@ -99,9 +99,9 @@ def motion_equations(statement: FiniteMotion, rank: int, scale: Array) -> Motion
     else:
         T, rates = Y.T, Y.T @ x[1]
     M, f, _, bias, yd, power = terms(x[0], rates, x[2], *prescribed)
-    left = -ca.solve(S, ca.vertcat(ca.MX.zeros(dof), W @ bias), GENERAL) if rank else ca.MX.zeros(n)
+    path_acceleration = -ca.solve(S, ca.vertcat(ca.MX.zeros(dof), W @ bias), GENERAL) if rank else ca.MX.zeros(n)
     reduced = T.T @ M @ T
-    vd = ca.solve(reduced, T.T @ (f - M @ left), SYMMETRIC)
+    vd = ca.solve(reduced, T.T @ (f - M @ path_acceleration), SYMMETRIC)
     if rank:  # beyond a dead point of the chosen coordinates the rates would go on along another branch
         scaled = T * ca.repmat(1.0 / ca.DM(scale), 1, dof) * ca.repmat((Y @ ca.DM(scale)).T, n, 1)
         vd_in = vd * ca.if_else(ca.mmax(ca.fabs(scaled)) < limit, 1.0, ca.MX(float("nan")))
@@ -112,6 +112,6 @@ def motion_equations(statement: FiniteMotion, rank: int, scale: Array) -> Motion
         n, rank, y.shape[0], inputs, closures,
         ca.Function("flow", [*arguments, limit], [rates, vd_in, yd, power], {"cse": True} | UNDIFFERENTIATED),
         ca.Function("smooth_flow", [*arguments, limit], [rates, vd_in, yd, power], {"cse": True}),
-        ca.Function("unfolded", arguments, [rates, T @ vd + left], {"cse": True}),
+        ca.Function("unfolded", arguments, [rates, T @ vd + path_acceleration], {"cse": True}),
         ca.Function("mass", [q, bases], [ca.densify(statement.mass)]),
     )  # fmt: skip

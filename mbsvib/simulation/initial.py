@@ -75,8 +75,8 @@ def _moved(run: Session, target: Array, fixed: Array, bases: Array) -> Array:
     for i in range(1, steps + 1):
         trial = here.copy()
         trial[fixed] = start + way * i / steps
-        there, left = run.loops.projected(trial, bases, others)
-        if left > OPEN or np.abs((there - trial) / run.loops.coordinate_scale).max(initial=0.0) > 1.0:
+        there, opening = run.loops.projected(trial, bases, others)
+        if opening > OPEN or np.abs((there - trial) / run.loops.coordinate_scale).max(initial=0.0) > 1.0:
             names = ", ".join(f"{run.names[k]} = {trial[k]:.6g}" for k in fixed)
             raise ModelError(f"simulate: the loops cannot be closed with {names}; give fewer coordinates, or others.",
                              field="initial")  # fmt: skip

@@ -83,9 +83,9 @@ class Integrator:
         starts = np.concatenate(([0.0], shares[:-1]))
         powers = coefficients.reshape(len(grid), -1)
         held = np.concatenate((starts[:, None], (shares - starts)[:, None], powers), axis=1)
-        own = self.scale[chart.independent]
-        x0 = np.concatenate((start.q / self.scale, start.qd[chart.independent] / own, start.y))
-        p = np.concatenate(([length, chart.limit], own, chart.select.reshape(-1, order="F"),
+        independent_scale = self.scale[chart.independent]
+        x0 = np.concatenate((start.q / self.scale, start.qd[chart.independent] / independent_scale, start.y))
+        p = np.concatenate(([length, chart.limit], independent_scale, chart.select.reshape(-1, order="F"),
                             chart.rows.reshape(-1, order="F"), chart.bases))  # fmt: skip
         result = solver(x0=x0, p=p, u=held.T)
         x, work = np.asarray(result["xf"]), np.asarray(result["qf"])
@@ -94,7 +94,7 @@ class Integrator:
         states = []
         for k, time in enumerate(grid.tolist()):
             q = x[: eq.n, k] * self.scale
-            v = x[eq.n : eq.n + eq.dof, k] * own
+            v = x[eq.n : eq.n + eq.dof, k] * independent_scale
             y = x[eq.n + eq.dof :, k]
             u = np.einsum("ip->i", coefficients[k]) if coefficients.shape[1] else np.zeros(0)
             rates = np.asarray(eq.unfolded(q, v, y, chart.select, chart.rows, chart.bases, u)[0])[:, 0]
@@ -105,7 +105,7 @@ class Integrator:
         eq = self.equations
         x = ca.MX.sym("x", eq.n + eq.dof + eq.yields)
         rows = eq.closures.size1_out(0)
-        length, own, limit = ca.MX.sym("h"), ca.MX.sym("s", eq.dof), ca.MX.sym("l")
+        length, independent_scale, limit = ca.MX.sym("h"), ca.MX.sym("s", eq.dof), ca.MX.sym("l")
         select, closures = ca.MX.sym("Y", eq.dof, eq.n), ca.MX.sym("W", eq.rank, rows)
         bases, t = ca.MX.sym("b", eq.closures.size1_in(1)), ca.MX.sym("t")
         held = ca.MX.sym("u", 2 + len(eq.inputs) * (self.degree + 1))
@@ -113,11 +113,11 @@ class Integrator:
         powers = ca.vertcat(*(share**k for k in range(self.degree + 1)))
         u = ca.reshape(held[2:], self.degree + 1, len(eq.inputs)).T @ powers
         scale = ca.DM(self.scale)
-        q, v, y = x[: eq.n] * scale, x[eq.n : eq.n + eq.dof] * own, x[eq.n + eq.dof :]
+        q, v, y = x[: eq.n] * scale, x[eq.n : eq.n + eq.dof] * independent_scale, x[eq.n + eq.dof :]
         flow = eq.smooth_flow if self.stiff else eq.flow
         qd, vd, yd, powers_taken = flow(q, v, y, select, closures, bases, u, limit)
-        ode = length * ca.vertcat(qd / scale, vd / own, yd)
-        p = ca.vertcat(length, limit, own, ca.vec(select), ca.vec(closures), bases)
+        ode = length * ca.vertcat(qd / scale, vd / independent_scale, yd)
+        p = ca.vertcat(length, limit, independent_scale, ca.vec(select), ca.vec(closures), bases)
         options: dict[str, Any] = STRONGLY_DAMPED if self.stiff else SMOOTH
         dae = {"x": x, "p": p, "u": held, "t": t, "ode": ode, "quad": length * powers_taken}
         return ca.integrator("run", "cvodes", dae, 0.0, shares.tolist(), {

@@ -61,8 +61,8 @@ class Measured:
         for i, name in enumerate(self.names):
             result[name] = values[i]
             if self.weights[i].any():
-                own = slice(3 * i, 3 * i + 3)
-                result[name] = values[i] + continued(vectors[own].T, spins[own].T, time) @ self.weights[i]
+                rows = slice(3 * i, 3 * i + 3)
+                result[name] = values[i] + continued(vectors[rows].T, spins[rows].T, time) @ self.weights[i]
             slope[name] = rates[i]
         if self.reactions is not None:
             forces = self.reactions.values(arguments)

@@ -85,9 +85,9 @@ class SecondOrder:
         scale = 1.0 / np.sqrt(np.maximum(np.abs(reduced).max(axis=0), 1e-300))
         scaled = reduced * np.outer(scale, scale)
         answer = np.linalg.lstsq(scaled, scale * right, rcond=REDUNDANT_LOOPS)[0]
-        left = float(np.abs(scaled @ answer - scale * right).max(initial=0.0))
+        residual = float(np.abs(scaled @ answer - scale * right).max(initial=0.0))
         size = float(np.abs(scale * (np.abs(self.to_all.T) @ np.abs(force))).max(initial=0.0))
-        return start + self.to_all @ (scale * answer), left <= BALANCED * max(size, 1e-300)
+        return start + self.to_all @ (scale * answer), residual <= BALANCED * max(size, 1e-300)
 
 
 def second_order(statement: FiniteMotion, measured: Measured, independent: Index, u: Array) -> SecondOrder:
@@ -127,7 +127,7 @@ def second_order(statement: FiniteMotion, measured: Measured, independent: Index
     unbalanced, _, opening, _ = map(np.asarray, slopes(zero, ways[:, :n]))
     J = opening.reshape(-1, n)
     zero[3 * n :] = minimum_norm_solution(J.T, unbalanced[:, 0])
-    _, own, _, output_slopes = map(np.asarray, slopes(zero, ways))
+    _, loop_slopes, _, output_slopes = map(np.asarray, slopes(zero, ways))
     twice = [ca.densify(ca.jtimes(part, x, b)) for part in once]
     full = ca.Function("curvature", [x, a, b], twice)
     dependent = np.setdiff1d(np.arange(n), independent)
@@ -135,6 +135,6 @@ def second_order(statement: FiniteMotion, measured: Measured, independent: Index
     if len(dependent):
         to_all[dependent] = -minimum_norm_solution(J[:, dependent], J[:, independent])
     return SecondOrder(
-        to_all, independent, (own[:, :n], own[:, n : 2 * n], own[:, 2 * n : 3 * n]), J,
+        to_all, independent, (loop_slopes[:, :n], loop_slopes[:, n : 2 * n], loop_slopes[:, 2 * n : 3 * n]), J,
         output_slopes.reshape(-1, x.shape[0])[:, : 3 * n], zero[3 * n :], lambda left, right: full(zero, left, right),
     )  # fmt: skip

@@ -125,8 +125,8 @@ def _rank(model: Mechanism, statement: FiniteMotion, scale: Array, rows: Array, 
     rank = loops.rank(here, bases)
     generator = np.random.default_rng(0)
     step = loops.rates(here, bases, NEIGHBOUR * generator.standard_normal(len(scale)) * scale)
-    next_to, left = loops.projected(step, bases)
-    if left > NEIGHBOUR**2 or loops.rank(next_to, bases) != rank:
+    next_to, opening = loops.projected(step, bases)
+    if opening > NEIGHBOUR**2 or loops.rank(next_to, bases) != rank:
         raise SingularPoseError(
             f"simulate: the loops of model '{model.name}' have another number of degrees of freedom in the pose as "
             f"described than next to it; start from a pose a little off, model.moved(...).simulate(...)."
@@ -143,8 +143,8 @@ def _fastest_decay(statement: FiniteMotion, reduced: tuple[Array, Array], bases:
     yielding = ca.jacobian(statement.yield_rates, statement.yields)
     function = ca.Function("damping", [motion.q, motion.qd, statement.yields, motion.bases], [damping, yielding])
     here = np.zeros(len(motion.names))
-    own, yields = map(np.asarray, function(here, here, np.zeros(statement.yields.shape), bases))
-    rates = [*np.abs(eigh(to_all.T @ own @ to_all, mass, eigvals_only=True)), *np.abs(np.diag(yields))]
+    damping_matrix, yields = map(np.asarray, function(here, here, np.zeros(statement.yields.shape), bases))
+    rates = [*np.abs(eigh(to_all.T @ damping_matrix @ to_all, mass, eigvals_only=True)), *np.abs(np.diag(yields))]
     return float(max(rates, default=0.0))
 
 

@@ -120,10 +120,10 @@ def as_described(
     result, rates = np.array(q), np.array(qd)
     for joint in turning:
         spins = np.array([
-            np.linalg.solve(inverse_jacobian(joint.axes @ own[joint.rotations]), joint.axes @ speed[joint.rotations])
-            for own, speed in zip(q, qd, strict=True)
+            np.linalg.solve(inverse_jacobian(joint.axes @ angles), joint.axes @ speeds)
+            for angles, speeds in zip(q[:, joint.rotations], qd[:, joint.rotations], strict=True)
         ])  # fmt: skip
-        totals = [logarithm(joint.total(own, base)) for own, base in zip(q, bases, strict=True)]
+        totals = [logarithm(joint.total(coordinates, base)) for coordinates, base in zip(q, bases, strict=True)]
         vectors = continued(np.array(totals), spins, time)
         result[:, joint.rotations] = vectors @ joint.axes
         for k, vector in enumerate(vectors):

@@ -38,9 +38,9 @@ class Sample:
 def restarted_sample(run: Session, state: State, bases: Array) -> Sample:
     """Return a state with its loops closed, rotation vectors started anew and coordinates chosen."""
     state, bases = restarted(state, bases, run.turning, LONG_TURN)
-    q, left = run.loops.projected(state.q, bases)
-    if not np.isfinite(left) or left > 1e-6:
-        raise _stopped(run, state, f"the loops stay open by {left:.1e} of the mechanism's size")
+    q, opening = run.loops.projected(state.q, bases)
+    if not np.isfinite(opening) or opening > 1e-6:
+        raise _stopped(run, state, f"the loops stay open by {opening:.1e} of the mechanism's size")
     return Sample(replace(state, q=q, qd=run.loops.rates(q, bases, state.qd)), chart_at(run.loops, q, bases))
 
 
@@ -122,12 +122,12 @@ def _angles(run: Session, q: Array) -> float:
 
 
 def _halved(
-    run: Session, here: Sample, end: float, coefficients: Array, left: int, interrupted: Callable[[], bool]
+    run: Session, here: Sample, end: float, coefficients: Array, halvings: int, interrupted: Callable[[], bool]
 ) -> Sample:
     """The state at the end of an interval that has to be gone in parts."""
     if interrupted():
         raise KeyboardInterrupt
-    if not left:
+    if not halvings:
         name = run.at_limit(here.state.q, here.chart.bases)
         raise _stopped(run, here.state, "the integrator takes no step, however short" if name is None else
                        f"'{name}' is turned so far that its moment is no longer defined")  # fmt: skip
@@ -138,7 +138,10 @@ def _halved(
     shift = np.array([[comb(p, j) * 0.5**p for p in degrees] for j in degrees])
     for time, powers in ((middle, first), (end, coefficients @ shift.T)):
         states = _taken(run, here, np.array([time]), powers[None])
-        here = _next(run, states[0], here.chart) if states else _halved(run, here, time, powers, left - 1, interrupted)
+        if states:
+            here = _next(run, states[0], here.chart)
+        else:
+            here = _halved(run, here, time, powers, halvings - 1, interrupted)
     return here
 
 
@@ -150,11 +153,11 @@ def _closed(run: Session, state: State, chart: Chart) -> State:
 
 def _next(run: Session, state: State, chart: Chart) -> Sample:
     """Where the next block starts: loops closed, and coordinates chosen anew if that pays."""
-    own, singular = wear(run.loops, chart, state.q)
+    wear_of_chart, singular = wear(run.loops, chart, state.q)
     if singular < SINGULAR:
         raise _stopped(run, state, "the loops come to a singular pose, from which they could go on in several ways")
     best = chart_at(run.loops, state.q, chart.bases)
-    if _angles(run, state.q) > LONG_TURN or own < TIRED * wear(run.loops, best, state.q)[0]:
+    if _angles(run, state.q) > LONG_TURN or wear_of_chart < TIRED * wear(run.loops, best, state.q)[0]:
         return restarted_sample(run, state, chart.bases)
     return Sample(_closed(run, state, chart), chart)
 

@@ -118,7 +118,7 @@ def _ritz(inner: NDArray[Any], below: NDArray[Any], basis: NDArray[Any]) -> Ritz
     values, vectors = np.linalg.eig(inner)
     order = np.argsort(-np.abs(values), kind="stable")
     values, vectors = values[order].astype(complex), vectors[:, order]
-    left = np.linalg.norm(below @ vectors[len(inner) - below.shape[1] :], axis=0)
+    norms = np.linalg.norm(below @ vectors[len(inner) - below.shape[1] :], axis=0)
     size = np.abs(values)
-    residuals = np.divide(left, size, out=np.full(len(size), np.inf), where=size > 0.0)
+    residuals = np.divide(norms, size, out=np.full(len(size), np.inf), where=size > 0.0)
     return Ritz(values, residuals, vectors, basis, not len(below))

@@ -58,10 +58,10 @@ def wants_sparse(
         raise ModelError(f"linearize: method = {method!r}; expected 'dense', 'sparse', or None for a choice by size."
                          f"{nearest(str(method), METHODS)}", field="method")  # fmt: skip
     if method == "sparse":
-        for word, value, what in (("independent", independent, "has no minimal coordinates to choose"),
+        for word, value, reason in (("independent", independent, "has no minimal coordinates to choose"),
                                   ("values", values, "linearizes one variant at a time")):  # fmt: skip
             if value is not None:
-                raise ModelError(f"linearize: {word} is given, yet method='sparse' {what}; use method='dense'.",
+                raise ModelError(f"linearize: {word} is given, yet method='sparse' {reason}; use method='dense'.",
                                  field=word)  # fmt: skip
         return True
     if method == "dense" or independent is not None or values is not None or not model.bodies:

@@ -17,6 +17,7 @@ from mbsvib.equations.equations import Separation
 from mbsvib.equations.massless_null_motion import Scale
 from mbsvib.equations.massless_separation import separate_massless
 from mbsvib.equations.terms import Terms
+from mbsvib.linalg.groups import part_numbers
 from mbsvib.linalg.rank import DEPENDENT_ROWS, EPS
 
 if TYPE_CHECKING:
@@ -157,13 +158,12 @@ class _Parts:
     def coupled_motions(self) -> tuple[list[Index], Index]:
         """Motions that springs and dampers couple, part by part, and uncoupled motions."""
         from scipy.sparse import vstack
-        from scipy.sparse.csgraph import connected_components
 
         rows = vstack([self.rows, *(matrix for matrix in self.antisymmetric if matrix is not None)]).tocsr()
         rows.data = np.ones(len(rows.data))
-        count, label = connected_components((rows.T @ rows).tocsr(), directed=False)
-        order = np.argsort(label, kind="stable")
-        parts = np.split(order, np.searchsorted(label[order], np.arange(1, count)))
+        part_of_motion = part_numbers(rows.T @ rows)
+        order = np.argsort(part_of_motion, kind="stable")
+        parts = np.split(order, np.flatnonzero(np.diff(part_of_motion[order])) + 1)
         single = np.array([part[0] for part in parts if len(part) == 1], dtype=np.intp)
         return [part for part in parts if len(part) > 1], single
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from mbsvib.equations.massless_null_motion import null_space, own_coordinates, without_rounding
+from mbsvib.equations.massless_null_motion import independent_coordinates, null_space, without_rounding
 from mbsvib.equations.massless_separation import check_gap
 from mbsvib.linalg.groups import connected_parts
 from mbsvib.linalg.rank import CERTAIN_INERTIA, EPS, RANK_FACTOR, ZERO_SUM
@@ -243,7 +243,7 @@ class _Part:
             rows[np.abs(rows) <= ZERO_SUM * terms] = 0.0
             scale = 1.0 / (self.size[0, d:] + self.size[1, d:] / length)
             null, smallest, largest = null_space(rows * scale[:, None], (terms * scale[:, None]).max(axis=0), noise)
-        coordinate = own_coordinates(null)[0]
+        coordinate = independent_coordinates(null)[0]
         null = without_rounding(null, unit[d:], noise)
         if null.shape[1]:
             check_gap(null[:, 0], unit[d:], names, smallest, largest)

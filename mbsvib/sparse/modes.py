@@ -85,8 +85,8 @@ def modes(
     _check(system, k, near)
     missed = None
     if system.circulatory is not None or system.gyroscopic is not None or system.massless:
-        small, result, left, selected = general_modes(system, k, near, dense)
-        errors = result.errors + left
+        small, result, truncation, selected = general_modes(system, k, near, dense)
+        errors = result.errors + truncation
     else:
         small, result, errors, selected, missed = _symmetric(system, k, near, dense)
     errors = np.minimum(errors, 1.0)
@@ -116,15 +116,15 @@ def _symmetric(
     if decoupled(space, result, basis):
         errors = result.errors + np.repeat(bound, 2) * (result.eigenvalues != 0.0)
         return small, result, errors, np.arange(k), space.missed
-    small, result, left, selected = coupled(space, k, near, dense)
+    small, result, truncation, selected = coupled(space, k, near, dense)
     missed = space.missed
-    certain = result.rigid == space.rigid and float(left.max(initial=0.0)) < CONVERGED
+    certain = result.rigid == space.rigid and float(truncation.max(initial=0.0)) < CONVERGED
     unknown = _unknown_overdamped(system, result, selected) if certain else 1
     if unknown:  # strong dampers make slow modes of fast undamped ones
-        small, result, left, selected = general_modes(system, k, near, dense)
+        small, result, truncation, selected = general_modes(system, k, near, dense)
     if unknown is None or unknown:
         missed = None
-    errors = result.errors + left + rounding(system) * (result.eigenvalues != 0.0)
+    errors = result.errors + truncation + rounding(system) * (result.eigenvalues != 0.0)
     return small, result, errors, selected, missed
 
 

@@ -17,6 +17,7 @@ from mbsvib.elements.ports import BaseMotion, ForceOutput
 from mbsvib.equations.controllable_part import selected_ports
 from mbsvib.equations.equations import Removed
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.groups import part_numbers
 from mbsvib.sparse.assembly import linearized
 from mbsvib.sparse.equations import SparseEquations
 
@@ -77,7 +78,6 @@ def reachable(
 def _parts(model: Mechanism) -> dict[str, int]:
     """Number of the part of every body: bodies connected by joints and springs other than through ground."""
     from scipy.sparse import csr_matrix
-    from scipy.sparse.csgraph import connected_components
 
     number = {name: k for k, name in enumerate(model.bodies)}
     links = [(number[part.first], number[part.second]) for part in (*model.joints.values(), *model.springs.values())
@@ -88,8 +88,7 @@ def _parts(model: Mechanism) -> dict[str, int]:
         links += [(measured[0], body_number) for body_number in measured[1:]]
     row, column = np.array(links, dtype=np.intp).reshape(-1, 2).T
     n = len(number)
-    graph = csr_matrix((np.ones(len(links), dtype=bool), (row, column)), shape=(n, n))
-    part = connected_components(graph, directed=False)[1]
+    part = part_numbers(csr_matrix((np.ones(len(links), dtype=bool), (row, column)), shape=(n, n)))
     return dict(zip(number, part.tolist(), strict=True))
 
 

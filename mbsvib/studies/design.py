@@ -164,9 +164,9 @@ def _checked(parameters: Parameters, tie: Tie, variables: tuple[str, ...], start
     """The parameters of a tie, after checks of its values and rates."""
     at, who = {name: start[name] for name in variables}, f"variable '{variables[0]}'"
     values, rates = tie.values(at), tie.rates(at)
-    for what, result in (("values", values), ("rates", rates)):
+    for argument, result in (("values", values), ("rates", rates)):
         if not isinstance(result, Mapping) or not result:
-            raise check.refuse(who, what, result, f"a mapping, as {what} of a tie has to be")
+            raise check.refuse(who, argument, result, f"a mapping, as {argument} of a tie has to be")
     for pattern, value in values.items():
         check.number(value, who, f"values of '{pattern}'")
     affected = [name for pattern in values for name in parameters.matching(pattern)]

@@ -48,12 +48,12 @@ class DesignPoint:
     ) -> DesignPoint:
         """Return a single system with derivatives to some variables; a model if no equations are requested."""
         model = system if not equations and kind_of(system) == "model" else None
-        own = None if model is not None else checked(system)
+        equations_of = None if model is not None else checked(system)
         if isinstance(variables, Mapping):
-            return cls(own, variables, {}, np.ones(len(variables)), {}, changed=model)
+            return cls(equations_of, variables, {}, np.ones(len(variables)), {}, changed=model)
         names, known = [variables] if isinstance(variables, str) else list(variables), system.parameters
         values = {name: known[known.matching(name)[0]] for name in names}
-        return cls(own, {name: {name: 1.0} for name in names}, values, np.ones(len(names)), {}, changed=model)
+        return cls(equations_of, {name: {name: 1.0} for name in names}, values, np.ones(len(names)), {}, changed=model)
 
     @property
     def system(self) -> System:

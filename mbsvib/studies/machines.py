@@ -56,12 +56,12 @@ class CycleMeasures(Displayed):
         """
         return model.cycle(**self._kwargs)
 
-    def mean_square(self, what: str, drive: str | None = None) -> Quantity:
+    def mean_square(self, quantity: str, drive: str | None = None) -> Quantity:
         """Return the mean square of a quantity, which has a derivative where it is zero, too.
 
         Parameters
         ----------
-        what : str
+        quantity : str
             "force" [N^2], "moment" or "torque" [(N m)^2].
         drive : str, optional
             Which drive's torque; default: the only one.
@@ -76,16 +76,16 @@ class CycleMeasures(Displayed):
         ModelError
             If there is no such quantity.
         """
-        _checked(what)
-        unit = UNITS[what] if " " not in UNITS[what] else f"({UNITS[what]})"
-        return _OfCycle(f"mean square {what} [{unit}^2]", lambda point: self._square(point, what, drive))
+        _checked(quantity)
+        unit = UNITS[quantity] if " " not in UNITS[quantity] else f"({UNITS[quantity]})"
+        return _OfCycle(f"mean square {quantity} [{unit}^2]", lambda point: self._square(point, quantity, drive))
 
-    def rms(self, what: str, drive: str | None = None) -> Quantity:
+    def rms(self, quantity: str, drive: str | None = None) -> Quantity:
         """Return the root mean square of a quantity, for constraints; it has no derivative where it is zero.
 
         Parameters
         ----------
-        what : str
+        quantity : str
             "force" [N], "moment" or "torque" [N m].
         drive : str, optional
             Which drive's torque; default: the only one.
@@ -100,8 +100,8 @@ class CycleMeasures(Displayed):
         ModelError
             If there is no such quantity.
         """
-        root = self.mean_square(what, drive) ** 0.5
-        root.label = f"rms {what} [{UNITS[what]}]"
+        root = self.mean_square(quantity, drive) ** 0.5
+        root.label = f"rms {quantity} [{UNITS[quantity]}]"
         return root
 
     def weighted(self, model: Model, weights: Mapping[str, float]) -> Quantity:
@@ -145,16 +145,16 @@ class CycleMeasures(Displayed):
     def __repr__(self) -> str:
         return f"CycleMeasures({', '.join(name for name, value in self._kwargs.items() if value is not None)})"
 
-    def _square(self, point: DesignPoint, what: str, drive: str | None) -> Dual:
+    def _square(self, point: DesignPoint, quantity: str, drive: str | None) -> Dual:
         last = self._last
         if last is None or not last.belongs_to(point):
             last = self._last = _evaluated(self._kwargs, point, last)
         slope = np.zeros((1, len(point.rates)))
         if last.slopes is not None:
-            by_parameter = dict(zip(last.slopes.parameters, last.slopes.square(what, drive), strict=True))
+            by_parameter = dict(zip(last.slopes.parameters, last.slopes.square(quantity, drive), strict=True))
             slope[0] = [sum(rate * by_parameter[name] for name, rate in rates.items())
                         for rates in point.rates.values()]  # fmt: skip
-        return point.dual(np.array([last.cycle.rms(what, drive) ** 2]), slope)
+        return point.dual(np.array([last.cycle.rms(quantity, drive) ** 2]), slope)
 
 
 @dataclass(frozen=True)
@@ -227,6 +227,7 @@ def cycle(
     return CycleMeasures({"drive": drive, "angles": angles, "speed": speed, "motion": motion, "about": about})
 
 
-def _checked(what: Any) -> None:
-    if what not in UNITS:
-        raise check.refuse("cycle", "what", what, "'force', 'moment' or 'torque'", nearest(str(what), UNITS).strip())
+def _checked(quantity: Any) -> None:
+    if quantity not in UNITS:
+        raise check.refuse("cycle", "quantity", quantity, "'force', 'moment' or 'torque'",
+                           nearest(str(quantity), UNITS).strip())  # fmt: skip

@@ -31,16 +31,17 @@ NEAR = 6.0  # standard deviations
 class Modal(Leaf):
     """A quantity of modes: those with these ``indices`` in arrays, None for all but rigid-body modes."""
 
-    def __init__(self, what: str, unit: str, mode: Any, rule: Rule) -> None:
+    def __init__(self, quantity: str, unit: str, mode: Any, rule: Rule) -> None:
         numbers = None if mode is None else np.ravel(np.array(mode, dtype=object)).tolist()
-        self.indices = None if numbers is None else [mode_index(n, what, error=ModelError) for n in numbers]
-        self.what, self.rule = what, rule
+        self.indices = None if numbers is None else [mode_index(n, quantity, error=ModelError) for n in numbers]
+        self.quantity, self.rule = quantity, rule
         if numbers is None:
-            label = f"all {'frequencies' if what == 'frequency' else 'damping ratios'}"
+            label = f"all {'frequencies' if quantity == 'frequency' else 'damping ratios'}"
         elif not numbers:
-            raise check.refuse(what, "mode", mode, "numbers of modes, 1, 2, ... as print(system.modes()) lists them")
+            raise check.refuse(quantity, "mode", mode,
+                               "numbers of modes, 1, 2, ... as print(system.modes()) lists them")  # fmt: skip
         else:
-            label = f"{what} of mode{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"
+            label = f"{quantity} of mode{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"
         super().__init__(f"{label} [{unit}]", self._at)
         self.unit = unit
 
@@ -51,11 +52,11 @@ class Modal(Leaf):
         if self.indices is None and order is not None:
             which = np.flatnonzero(order >= rigid).tolist()
         if not which:
-            raise ModelError(f"{self.what}: '{modes.name}' has no modes but {counted(rigid, 'rigid-body mode')}.",
-                             element=self.what)  # fmt: skip
+            raise ModelError(f"{self.quantity}: '{modes.name}' has no modes but {counted(rigid, 'rigid-body mode')}.",
+                             element=self.quantity)  # fmt: skip
         if max(which) >= count:
-            raise ModelError(f"{self.what}: mode {max(which) + 1} of '{modes.name}' is asked for, which has modes 1 to "
-                             f"{count}, {rigid} of them rigid-body modes.", element=self.what)  # fmt: skip
+            raise ModelError(f"{self.quantity}: mode {max(which) + 1} of '{modes.name}' is asked for, which has modes "
+                             f"1 to {count}, {rigid} of them rigid-body modes.", element=self.quantity)  # fmt: skip
         return which
 
     def rate(self, value: complex) -> complex:

@@ -51,9 +51,9 @@ def parameter_tolerances(model: Model, tolerances: Mapping[str, Any], ties: Ties
     if ties is not None and not isinstance(ties, Mapping):
         raise check.refuse("tolerances", "ties", ties, "a mapping of variables to the parameters that they move")
     mapped = {name: value for name, value in tolerances.items() if name in (ties or {})}
-    own = {name: value for name, value in tolerances.items() if name not in mapped}
+    unmapped = {name: value for name, value in tolerances.items() if name not in mapped}
     result = {}
-    for name, value in resolved(a_model(model, "study").parameters, own).items():
+    for name, value in resolved(a_model(model, "study").parameters, unmapped).items():
         result[name] = _tolerance(name, value, model.parameters[name])
     return result | {name: _tolerance(name, value, started((ties or {})[name], name)) for name, value in mapped.items()}
 

@@ -231,11 +231,11 @@ def quadrature(system: System, ports: Ports, noise: BaseNoise, band: Band | None
     return f, w
 
 
-def _refuse_undamped(system: System, poles: Complex, low: float, high: float, size: Any, what: str) -> None:
+def _refuse_undamped(system: System, poles: Complex, low: float, high: float, size: Any, quantity: str) -> None:
     """Refuse undamped modes in a band that are excited: there the response has no bound."""
     grows = extrema.excited(size, poles, low, high)
     if len(grows):
-        raise ResponseError(f"{what}: the mode of '{system.name}' at {grows[0] / (2.0 * np.pi):.6g} Hz is not "
+        raise ResponseError(f"{quantity}: the mode of '{system.name}' at {grows[0] / (2.0 * np.pi):.6g} Hz is not "
                             f"damped, and is excited without bound; give the mechanism damping, or a band without "
                             f"it.")  # fmt: skip
 
@@ -249,15 +249,15 @@ def _names(ports: Any, field: str) -> list[str] | None:
     return names
 
 
-def _known(known: tuple[str, ...], selected: list[str] | None, what: str, name: str) -> list[str]:
+def _known(known: tuple[str, ...], selected: list[str] | None, kind: str, name: str) -> list[str]:
     """Names in the system's order."""
     for port in selected or ():
         if port not in known:
-            raise ResponseError(f"'{name}' has no {what} '{port}'.{nearest(port, known)} It has "
+            raise ResponseError(f"'{name}' has no {kind} '{port}'.{nearest(port, known)} It has "
                                 f"{', '.join(known) or 'none'}.")  # fmt: skip
     result = [port for port in known if selected is None or port in selected]
     if not result:
-        raise ResponseError(f"'{name}' has no {what}; add one by add_{what}.")
+        raise ResponseError(f"'{name}' has no {kind}; add one by add_{kind}.")
     return result
 
 

@@ -266,7 +266,7 @@ def _quantities(of: Any) -> dict[str, Quantity]:
     if of is None:
         return {"frequency [Hz]": frequency(), "damping ratio [1]": damping_ratio()}
     if isinstance(of, Quantity):
-        return {f"{of.what} [{of.unit}]" if isinstance(of, Modal) else of.label: of}
+        return {f"{of.quantity} [{of.unit}]" if isinstance(of, Modal) else of.label: of}
     items = dict(of) if isinstance(of, Mapping) else {}
     for quantity in items.values():
         if not isinstance(quantity, Quantity):

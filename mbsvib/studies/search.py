@@ -199,9 +199,9 @@ class Search:
         n = len(self.scales.start)
         point = start.with_levels({largest: float(largest.true(start).value[0]) for largest in self.largest})
         g, h = self._bounded(point)
-        g, own = g[: len(g) - len(self.largest)], g[len(g) - len(self.largest) :]
+        g, bounds = g[: len(g) - len(self.largest)], g[len(g) - len(self.largest) :]
         for k, largest in enumerate(self.largest):
-            others = [part for candidate, part in zip(self.largest, own, strict=True) if candidate is not largest]
+            others = [part for candidate, part in zip(self.largest, bounds, strict=True) if candidate is not largest]
             down = [_at(self.objective.at(point), n + k), *(-_at(part, n + k) for part in (*g, *others))]
             if any((rate < 0.0).any() for rate in down) or any(_at(part, n + k).any() for part in h):
                 raise ModelError(f"optimize: '{largest.label}' would have to grow; expected that it is minimised, or "

@@ -158,9 +158,10 @@ def _ipopt(search: Search, z: Array, options: Mapping[str, Any]) -> SolverResult
     outputs = values(unknowns)
     quiet = {"ipopt.hessian_approximation": "limited-memory", "ipopt.print_level": 0, "print_time": False,
              "ipopt.sb": "yes", "ipopt.tol": 1e-9, "ipopt.max_iter": 500}  # fmt: skip
-    own = {name if name in ("print_time", "verbose") else f"ipopt.{name}": value for name, value in options.items()}
+    ipopt_options = {name if name in ("print_time", "verbose") else f"ipopt.{name}": value
+                     for name, value in options.items()}  # fmt: skip
     problem: Any = {"x": unknowns, "f": outputs[0], "g": outputs[1:]}
-    kwargs: Any = {**quiet, **own}
+    kwargs: Any = {**quiet, **ipopt_options}
     solve = ca.nlpsol("search", "ipopt", problem, kwargs)
     low, high = (np.clip(bound, -INFINITE, INFINITE) for bound in search.bounds())
     answer = solve(x0=z, lbx=low, ubx=high, lbg=0.0,

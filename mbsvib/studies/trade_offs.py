@@ -253,13 +253,13 @@ def _front(
 def _began(model: Model, variables: Iterable[str], ties: Ties | None, quantities: Mapping[str, Quantity]
            ) -> dict[str, float]:  # fmt: skip
     """The quantities of the model that was given."""
-    own = design(model, variables, ties)
-    values = dict(own.start)
+    first_design = design(model, variables, ties)
+    values = dict(first_design.start)
     if any(part.needs_equations for part in quantities.values()):
         equations, changed = checked(in_equilibrium(model)[1]), None
     else:
         equations, changed = None, model
-    point = DesignPoint(equations, own.rates(values), values, np.ones(len(values)), {}, changed=changed)
+    point = DesignPoint(equations, first_design.rates(values), values, np.ones(len(values)), {}, changed=changed)
     return {name: float(part.at(point).value[0]) for name, part in quantities.items()}
 
 

@@ -39,9 +39,9 @@ class Group:
         """Add the body that the links are together."""
         centre = self.first / self.mass if self.mass else self.links[0][1]
         tensor = np.zeros((3, 3))
-        for link, at, own in self.links:
+        for link, at, inertia in self.links:
             arm = at - centre
-            tensor += own + link.mass * ((arm @ arm) * np.eye(3) - np.outer(arm, arm))
+            tensor += inertia + link.mass * ((arm @ arm) * np.eye(3) - np.outer(arm, arm))
         tensor = self.axes.T @ tensor @ self.axes
         tensor = 0.5 * (tensor + tensor.T)
         tensor[np.abs(tensor) <= ROUNDING * np.abs(tensor).max()] = 0.0

@@ -102,12 +102,12 @@ def read(path: str | PathLike[str]) -> Robot:
     return Robot(top.get("name") or "robot", links, joints, _root(links, joints, path))
 
 
-def _named(top: ElementTree.Element, what: str, path: str | PathLike[str]) -> dict[str, ElementTree.Element]:
+def _named(top: ElementTree.Element, kind: str, path: str | PathLike[str]) -> dict[str, ElementTree.Element]:
     result: dict[str, ElementTree.Element] = {}
-    for element in top.findall(what):
+    for element in top.findall(kind):
         name = element.get("name")
         if not name or name in result:
-            raise ModelError(f"{path}: a {what} {'has no name' if not name else f'{name!r} is there twice'}.",
+            raise ModelError(f"{path}: a {kind} {'has no name' if not name else f'{name!r} is there twice'}.",
                              element=name, field="name")  # fmt: skip
         result[name] = element
     return result
@@ -144,11 +144,11 @@ def _link(element: ElementTree.Element, name: str) -> Link:
         return Link(name, 0.0, np.zeros(3), np.zeros((3, 3)))
     centre, axes = _frame(inertial.find("origin"), f"link '{name}'")
     mass = _numbers(inertial.find("mass"), "value", None, 1, f"link '{name}'")[0]
-    tensor = inertial.find("inertia")
-    xx, xy, xz, yy, yz, zz = (_numbers(tensor, key, "0", 1, f"link '{name}'")[0]
+    entries = inertial.find("inertia")
+    xx, xy, xz, yy, yz, zz = (_numbers(entries, key, "0", 1, f"link '{name}'")[0]
                               for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))  # fmt: skip
-    own = np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
-    return Link(name, float(mass), centre, axes @ own @ axes.T)
+    tensor = np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+    return Link(name, float(mass), centre, axes @ tensor @ axes.T)
 
 
 def _joint(element: ElementTree.Element, name: str, links: dict[str, Link]) -> Hinge:

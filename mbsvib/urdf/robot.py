@@ -86,8 +86,8 @@ def load_urdf(
                  _of(damping, joint, robot, "damping", joint.damping))  # fmt: skip
     for joint in robot.joints.values():
         if joint.mimic is not None and joint.kind in KINDS:
-            own, leader = labels[joint.name], labels[joint.mimic.joint]
-            model.add_coupler(f"{own}.mimic", {own: 1.0, leader: -joint.mimic.factor})
+            follower, leader = labels[joint.name], labels[joint.mimic.joint]
+            model.add_coupler(f"{follower}.mimic", {follower: 1.0, leader: -joint.mimic.factor})
     if tip is not None:
         _add_tip(model, tip, groups, places)
     if rubbing := [name for name, joint in robot.joints.items() if joint.kind != "fixed" and joint.friction]:
@@ -138,15 +138,15 @@ def _placed(robot: Robot, positions: dict[str, float]) -> dict[str, tuple[Array,
         link = stack.pop()
         origin, axes = places[link]
         for joint in reversed(children.get(link, [])):
-            at, own, q = origin + axes @ joint.origin, axes @ joint.axes, positions[joint.name]
+            at, joint_axes, q = origin + axes @ joint.origin, axes @ joint.axes, positions[joint.name]
             if joint.kind in ("revolute", "continuous"):
-                own = own @ np.array(check.exponential(tuple(q * joint.axis)))
+                joint_axes = joint_axes @ np.array(check.exponential(tuple(q * joint.axis)))
             elif joint.kind == "prismatic":
-                at = at + q * (own @ joint.axis)
+                at = at + q * (joint_axes @ joint.axis)
             elif q:
                 raise ModelError(f"joint '{joint.name}': pose = {q:g}, but a {joint.kind} joint has no position of its "
                                  f"own.", element=joint.name, field="pose")  # fmt: skip
-            places[joint.child] = (at, own)
+            places[joint.child] = (at, joint_axes)
             stack.append(joint.child)
     return places
 
@@ -160,11 +160,11 @@ def _add(
     z = axes @ joint.axis
     frame = np.array(check.frame_along(check.axis(tuple(z), joint.name, "axis")))
     k, c = np.ravel(stiffness).astype(float), np.ravel(damping).astype(float)
-    kind, own = KINDS.get(joint.kind, ("planar" if joint.kind == "planar" else "free", None))
+    kind, direction = KINDS.get(joint.kind, ("planar" if joint.kind == "planar" else "free", None))
     held = max(len(k), len(c)) == 6
     if held:
         kind = "free"
-    elif own is None and (k.any() or c.any()):
+    elif direction is None and (k.any() or c.any()):
         if not k.any():  # the file gives no direction for the damping of a joint with several freedoms
             c = np.zeros(1)
         else:
@@ -172,20 +172,20 @@ def _add(
                              f"one.", element=joint.name, field="stiffness")  # fmt: skip
     model.add_joint(name, kind, first, second, at, orientation=frame)
     if k.any() or c.any():
-        model.add_bushing(f"{name}.k", first, second, at, _six(k, own), _six(c, own), frame)
-    if own is not None:
-        along = (0.0, 0.0, 0.0, *z) if own == 5 else (*z, 0.0, 0.0, 0.0)
-        effort, motion = ("torque", "angle") if own == 5 else ("force", "travel")
+        model.add_bushing(f"{name}.k", first, second, at, _six(k, direction), _six(c, direction), frame)
+    if direction is not None:
+        along = (0.0, 0.0, 0.0, *z) if direction == 5 else (*z, 0.0, 0.0, 0.0)
+        effort, motion = ("torque", "angle") if direction == 5 else ("force", "travel")
         model.add_input(f"{name}.{effort}", second, along, at, relative_to=first)
         model.add_output(f"{name}.{motion}", second, along, at, relative_to=first)
 
 
-def _six(values: Array, own: int | None) -> Array:
+def _six(values: Array, direction: int | None) -> Array:
     if len(values) == 6:
         return values
     result = np.zeros(6)
-    if own is not None:
-        result[own] = values[0]
+    if direction is not None:
+        result[direction] = values[0]
     return result
 
 
@@ -200,20 +200,20 @@ def _add_tip(model: Model, tip: str, groups: dict[str, Group], places: dict[str,
         model.add_output(f"{tip}.{direction}", body, direction, places[tip][0])
 
 
-def _of(value: Any, joint: Hinge, robot: Robot, what: str, default: float) -> Any:
+def _of(value: Any, joint: Hinge, robot: Robot, field: str, default: float) -> Any:
     """One number or six for a joint."""
     if isinstance(value, Mapping):
-        _known(what, value, robot)
+        _known(field, value, robot)
         value = value.get(joint.name)
     if value is None:
         return default
-    values = check.numbers(np.ravel(value).tolist(), (1, 6), f"joint '{joint.name}'", what, "one number, or six")
+    values = check.numbers(np.ravel(value).tolist(), (1, 6), f"joint '{joint.name}'", field, "one number, or six")
     return values if len(values) == 6 else values[0]
 
 
-def _known(what: str, by_joint: Mapping[str, Any], robot: Robot) -> None:
+def _known(field: str, by_joint: Mapping[str, Any], robot: Robot) -> None:
     moving = [name for name, joint in robot.joints.items() if joint.kind != "fixed"]
     for name in by_joint:
         if name not in moving:
-            raise ModelError(f"{what}: {name!r} is no joint that moves.{nearest(str(name), moving)} There are "
-                             f"{', '.join(moving)}.", element=str(name), field=what)  # fmt: skip
+            raise ModelError(f"{field}: {name!r} is no joint that moves.{nearest(str(name), moving)} There are "
+                             f"{', '.join(moving)}.", element=str(name), field=field)  # fmt: skip

@@ -35,7 +35,7 @@ def test_units_are_asked_for_their_derivatives(version, tmp_path):
     system = stewart()
     path = mx.to_fmu(system, tmp_path / "x.fmu", version).path
     result = mx.check_export(path, system, run=True)
-    assert [item.what for item in result.comparisons] == ["response of its derivatives", "poles"]
+    assert [item.quantity for item in result.comparisons] == ["response of its derivatives", "poles"]
     assert all(item.error < 1e-9 for item in result.comparisons), str(result)
     changed = library.stewart(ports="all").with_values({"leg1.k.stiffness": 1.01e7}).linearize()
     for run in (False, True):

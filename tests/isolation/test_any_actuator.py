@@ -48,6 +48,24 @@ def test_a_strut_in_closed_form(model, leg, k, c):
         assert np.abs(loop.poles() - value).min() < 1e-9 * abs(value)
 
 
+def test_torsion_springs_have_no_stroke():
+    """A torsion spring acts as the rotational stiffness of a bushing; it is no leg, and adds no force to a slide."""
+    plants = []
+    for torsion in (True, False):
+        model = mv.Model("twisted")
+        model.add_body("payload", MASS, (0.2, 0.2, 0.2), (0, 0, 0.3))
+        model.add_joint("guide", "cylindrical", "ground", "payload", (0, 0, 0.1), axis=(0, 0, 1))
+        model.add_bushing("mount", "ground", "payload", (0, 0, 0.1), (0, 0, 9e4, 0, 0, 0 if torsion else 40.0))
+        if torsion:
+            model.add_torsion_spring("twist", "ground", "payload", (0, 0, 1), 40.0)
+        study = isolation.study(model, "payload", frequencies=W / 6.0)
+        assert [leg.name for leg in study.scene.legs] == ["mount.z"]
+        plants.append((study.scene.system, isolation.actuated(model, "payload", "guide").system))
+    for twisted, plain in zip(*plants, strict=True):
+        a, b = (system.frequency_response(W) for system in (twisted, plain))
+        np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-15 * np.abs(b).max())
+
+
 def test_legs_of_a_platform_by_their_joints():
     """The springs of the platform act along its slides: an actuator beside the one is one in the other."""
     model = library.stewart()

@@ -30,6 +30,13 @@ def plain(model, name, base, start, end, k):
     model.add_spring(f"{name}.k", base, "payload", start, end, k, 10.0)
 
 
+def inertial(model, name, base, start, end, k):
+    """A spring, an inerter parallel to it, and a torsion spring, which has no point to move."""
+    plain(model, name, base, start, end, k)
+    model.add_inerter(f"{name}.b", base, "payload", start, end, 0.3)
+    model.add_torsion_spring(f"{name}.twist", base, "payload", (0, 0, 1), 50.0)
+
+
 def relaxing(model, name, base, start, end, k):
     """Two tubes, of which one slides in the other, with a relaxation element and a flexure below."""
     start, end = np.array(start), np.array(end)
@@ -74,7 +81,7 @@ def frequencies(model):
 
 
 @pytest.mark.parametrize("base", ["ground", "table"])
-@pytest.mark.parametrize("leg", [plain, relaxing, flexed])
+@pytest.mark.parametrize("leg", [plain, inertial, relaxing, flexed])
 def test_legs_of_all_kinds(leg, base):
     model = strutted(ends(), base, leg=leg)
     geometry = isolation.platform(model, "payload", base)

@@ -163,7 +163,7 @@ def test_bad_elements_are_refused(words, message):
 
 def test_names_and_directions():
     model = isolator()
-    with pytest.raises(mv.ModelError, match=r"'leg\.node': the name is taken by a maxwell"):
+    with pytest.raises(mv.ModelError, match=r"'leg\.node': the name is taken by a Maxwell element"):
         model.add_body("leg.node", 1.0, (1, 1, 1))
     with pytest.raises(mv.ModelError, match="the line of a spring"):
         model.add_force_output("g", "leg", "x")

@@ -55,12 +55,12 @@ def description_2(variables: Variables, head: dict[str, str], identifier: str, t
 
 
 def _variable(variable: Variable) -> str:
-    own = attributes(name=variable.name, valueReference=variable.reference, description=variable.description,
+    common = attributes(name=variable.name, valueReference=variable.reference, description=variable.description,
                      **_CAUSALITY[variable.kind])  # fmt: skip
     # variables are numbered from 1 in the order of their references
     real = attributes(unit=variable.unit or None, start=variable.start, nominal=variable.nominal,
                       derivative=variable.state)  # fmt: skip
-    return f"<ScalarVariable{own}><Real{real}/></ScalarVariable>"
+    return f"<ScalarVariable{common}><Real{real}/></ScalarVariable>"
 
 
 def _structure(variables: Variables) -> list[str]:

@@ -68,11 +68,11 @@ def _time(variables: Variables) -> str:
 
 
 def _variable(variable: Variable) -> str:
-    own = attributes(name=variable.name, valueReference=variable.reference, description=variable.description,
+    common = attributes(name=variable.name, valueReference=variable.reference, description=variable.description,
                      **_CAUSALITY[variable.kind])  # fmt: skip
     more = attributes(unit=variable.unit or None, start=variable.start, nominal=variable.nominal,
                       derivative=variable.state)  # fmt: skip
-    return f"<Float64{own}{more}/>"
+    return f"<Float64{common}{more}/>"
 
 
 def _structure(variables: Variables) -> list[str]:

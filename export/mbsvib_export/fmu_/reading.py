@@ -155,8 +155,8 @@ def _variables(top: Element, kind: str) -> list[tuple[str, str, str]]:
     result = []
     for element, number in listed:
         causality, reference = element.get("causality"), element.get("valueReference")
-        own = "state" if causality == "local" and reference in states else causality
-        if own == kind:
+        role = "state" if causality == "local" and reference in states else causality
+        if role == kind:
             result.append((element.get("name", ""), number.get("unit", ""), number.get("start", "")))
     return result
 

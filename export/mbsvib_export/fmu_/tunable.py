@@ -9,6 +9,7 @@ import numpy as np
 from mbsvib.api.system import System
 from mbsvib.equations.terms import MATRICES
 from mbsvib.errors import ExportError
+from mbsvib.linalg.groups import part_numbers
 from mbsvib_export.affine import affine
 from mbsvib_export.fmu_.nominal import scales
 from mbsvib_export.fmu_.plant import Plant, Tunable
@@ -103,8 +104,6 @@ def patterns(plant: Plant) -> dict[str, Mask]:
     dict of str to array of bool
         By "A", "B", "C" and "D".
     """
-    from scipy.sparse.csgraph import connected_components
-
     assert plant.E is not None
     assert plant.F is not None
     matrices = (plant.A, plant.B, plant.C, plant.D, plant.E, plant.F)
@@ -113,7 +112,7 @@ def patterns(plant: Plant) -> dict[str, Mask]:
         flat[item.indices] = True
     ends = np.cumsum([item.size for item in matrices])[:-1]
     a, b, c, d, e, f = (part.reshape(item.shape) for part, item in zip(np.split(flat, ends), matrices, strict=True))
-    label = connected_components(e, directed=False)[1]
-    joined = label[:, None] == label
+    part = part_numbers(e)
+    joined = part[:, None] == part
     a, b = joined @ a, joined @ b
     return {"A": a, "B": b, "C": c | (f @ a), "D": d | (f @ b)}
