@@ -24,8 +24,8 @@ class Connecting:
 
         Parameters
         ----------
-        controller : Controller, StateSpace, control.StateSpace or array-like, shape (actuators, sensors)
-            In continuous time; an array is a static gain.
+        controller : Controller, StateSpace, control.StateSpace, control.TransferFunction or array-like
+            In continuous time; an array, shape (actuators, sensors), is a static gain.
         sensors, actuators : str or sequence of str, optional
             Names or patterns of outputs and of inputs, in the order of the controller's signals; default: the names
             that the controller has.

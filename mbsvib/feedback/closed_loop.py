@@ -279,8 +279,8 @@ def feedback(
     ----------
     system : System or StateSpace
         The plant.
-    controller : Controller, StateSpace, control.StateSpace or array-like, shape (actuators, sensors)
-        From sensors to actuators.
+    controller : Controller, StateSpace, control.StateSpace, control.TransferFunction or array-like
+        From sensors to actuators; an array has the shape (actuators, sensors).
     sensors, actuators : str or sequence of str, optional
         Names or patterns of outputs and inputs; default: the names that the controller has.
     name : str, optional

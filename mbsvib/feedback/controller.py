@@ -10,7 +10,8 @@ import numpy as np
 from mbsvib.common.display import Displayed
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
-from mbsvib.responses.from_control import is_control
+from mbsvib.responses.from_control import is_control, is_transfer_function, of_control
+from mbsvib.responses.state_space import StateSpace
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.responses.state_space import StateSpace
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -96,7 +96,7 @@ def controller(law: Any, inputs: Sequence[str], outputs: Sequence[str], name: st
                                 f"and sample the closed loop by sampled(rate).")  # fmt: skip
         a, b, c, d = (np.array(getattr(law, part), dtype=float, ndmin=2) for part in "ABCD")
     else:
-        d = np.array(law, dtype=float, ndmin=2)
+        d = _gains(law, name)
         a, b, c = np.zeros((0, 0)), np.zeros((0, d.shape[1])), np.zeros((d.shape[0], 0))
     if d.shape != (len(outputs), len(inputs)):
         raise ResponseError(f"controller '{name}': its gain matrix has shape {d.shape}; expected ({len(outputs)}, "
@@ -106,14 +106,24 @@ def controller(law: Any, inputs: Sequence[str], outputs: Sequence[str], name: st
                       tuple(outputs))  # fmt: skip
 
 
+def _gains(law: Any, name: str) -> Array:
+    if not of_control(law):
+        try:
+            return np.array(law, dtype=float, ndmin=2)
+        except (TypeError, ValueError):
+            pass
+    raise ResponseError(f"controller '{name}': it is a {type(law).__name__}; expected a Controller, a state space or "
+                        f"transfer function, or a matrix of gains.")  # fmt: skip
+
+
 def as_controller(value: Any, plant: Any, sensors: Any = None, actuators: Any = None, name: str | None = None) -> \
         Controller:  # fmt: skip
     """Return what was given as a controller from named sensors to named actuators of a plant.
 
     Parameters
     ----------
-    value : Controller, StateSpace, control.StateSpace or array-like, shape (actuators, sensors)
-        The controller; an array is a static gain.
+    value : Controller, StateSpace, control.StateSpace, control.TransferFunction or array-like
+        The controller; an array, shape (actuators, sensors), is a static gain.
     plant : System, StateSpace or ClosedLoop
         Whose outputs are sensors and whose inputs are actuators.
     sensors, actuators : str or sequence of str, optional
@@ -132,7 +142,8 @@ def as_controller(value: Any, plant: Any, sensors: Any = None, actuators: Any = 
         If names are missing or unknown, or shapes do not match.
     """
     known = isinstance(value, Controller) or getattr(value, "kind", None) == "state space"
-    if not known and is_control(value):  # python-control has no dots in names
+    foreign = is_control(value) or is_transfer_function(value)
+    if not known and foreign:  # python-control has no dots in names
         sensors = _labels(value.input_labels, plant.outputs) if sensors is None else sensors
         actuators = _labels(value.output_labels, plant.inputs) if actuators is None else actuators
     if not known and (sensors is None or actuators is None):
@@ -141,14 +152,14 @@ def as_controller(value: Any, plant: Any, sensors: Any = None, actuators: Any = 
     o = selected(value.inputs if sensors is None else sensors, plant.outputs, "output", plant.name, plant.inputs)
     i = selected(value.outputs if actuators is None else actuators, plant.inputs, "input", plant.name, plant.outputs)
     into, out = tuple([plant.outputs[k] for k in o]), tuple([plant.inputs[k] for k in i])
-    source_name = value.name if known or (is_control(value) and "[" not in value.name) else None  # not "sys[3]"
+    source_name = value.name if known or (foreign and "[" not in value.name) else None  # not "sys[3]"
     called = name or source_name or "controller"
     if isinstance(value, Controller):
         if value.D.shape != (len(out), len(into)):
             raise ResponseError(f"feedback: {value!r}; expected {len(into)} sensors and {len(out)} actuators: "
                                 f"{', '.join(into)}; {', '.join(out)}.")  # fmt: skip
         return replace(value, name=called, inputs=into, outputs=out)
-    return controller(value, into, out, called)
+    return controller(StateSpace.from_control(value) if is_transfer_function(value) else value, into, out, called)
 
 
 def _labels(labels: Sequence[str], known: Sequence[str]) -> list[str] | None:

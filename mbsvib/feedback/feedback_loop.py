@@ -114,8 +114,8 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
 
         Parameters
         ----------
-        controller : Controller, StateSpace, control.StateSpace or array-like, shape (actuators, sensors)
-            From sensors to actuators, in continuous time; an array is a static gain.
+        controller : Controller, StateSpace, control.StateSpace, control.TransferFunction or array-like
+            From sensors to actuators, in continuous time; an array, shape (actuators, sensors), is a static gain.
         sensors, actuators : str or sequence of str, optional
             Names or patterns of outputs and of inputs of the plant; default: the names that the controller has.
         name : str, optional

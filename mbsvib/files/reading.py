@@ -14,14 +14,16 @@ from mbsvib.files.json_text import read_json
 from mbsvib.files.yaml_text import read_yaml
 
 READERS = {".yaml": read_yaml, ".yml": read_yaml, ".json": read_json}
+ROBOTS = {".urdf": "load_urdf", ".xml": "load_mjcf"}
 
 
 def suffix_of(path: str | PathLike[str]) -> str:
     """Return the suffix of a model file in lower case; refuse unknown ones."""
     suffix = a_path(path, "file", ModelError).suffix
     if suffix.lower() not in READERS:
+        robot = f" Robots are read by mbsvib.{ROBOTS[suffix.lower()]}." if suffix.lower() in ROBOTS else ""
         raise ModelError(f"{path}: the suffix is {suffix!r}; expected .yaml, .yml or .json, which says how a model "
-                         f"is written.")  # fmt: skip
+                         f"is written.{robot}")  # fmt: skip
     return suffix.lower()
 
 

@@ -124,6 +124,26 @@ def test_python_control_closes_the_same_loop():
     np.testing.assert_allclose(mx.to_control(loop)["x", "Fx"](1j * w), theirs(1j * w), rtol=1e-9)
 
 
+def test_transfer_functions_of_python_control_are_controllers():
+    plant = slider(800.0, 4.0)
+    law = control.tf([-30.0, -600.0], [1e-3, 1.0])
+    loop, same = (plant.feedback(each, "x", "F") for each in (law, control.ss(law)))
+    exact = np.roots(np.polysub(np.polymul([2.0, 4.0, 800.0], law.den[0][0]), law.num[0][0]))
+    assert matched(loop.poles(), exact) < 1e-12
+    assert loop.name == same.name == "slider with controller"
+    named = control.tf([-30.0, -600.0], [1e-3, 1.0], inputs=["x"], outputs=["F"], name="lead")
+    assert plant.feedback(named).name == "slider with lead"
+
+
+@pytest.mark.parametrize(("law", "message"), [
+    (control.tf([1, 0], [1]), "numerator has degree 1"), (control.tf([1], [1, 0.5], 0.1), "dt = 0.1"),
+    (control.frd([1, 2], [1, 2]), "it is a FrequencyResponseData"), ("gain", "it is a str"),
+])  # fmt: skip
+def test_controllers_that_have_no_equations(law, message):
+    with pytest.raises(mv.ResponseError, match=message):
+        slider(800.0).feedback(law, "x", "F")
+
+
 def test_loops_around_loops_and_state_spaces():
     system = chain()
     inner = system.feedback([[-1e2]], "x", "Fx", name="inner")

@@ -140,6 +140,8 @@ def test_files_that_cannot_be_read(written, tmp_path):
     assert str(refused("isolater.yaml")) == "isolater.yaml: there is no such file. Did you mean 'isolator.yaml'?"
     assert str(refused("far/model.yaml")) == "far/model.yaml: there is no such file. There is no folder 'far' either."
     assert str(refused("model.toml")).startswith("model.toml: the suffix is '.toml'; expected .yaml, .yml or .json")
+    assert str(refused("arm.urdf")).endswith("is written. Robots are read by mbsvib.load_urdf.")
+    assert str(refused("arm.XML")).endswith("is written. Robots are read by mbsvib.load_mjcf.")
     assert str(refused("model")).startswith("model: the suffix is ''; expected .yaml, .yml or .json")
     (tmp_path / "folder.yaml").mkdir()
     assert str(refused("folder.yaml")).startswith("folder.yaml: cannot be read: ")
