@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Energy:
+class Energy(Displayed):
     """Energies of a run over time [J].
 
     The kinetic and the potential energy by part; springs, elastic parts and weights are potential energy, a weight
@@ -38,6 +38,10 @@ class Energy:
     potential_by_part: Array = field(repr=False)
     dissipated: Array = field(repr=False)
     supplied: Array = field(repr=False)
+
+    def __repr__(self) -> str:
+        return (f"Energy({counted(len(self.parts), 'part')}, {len(self.supplied)} times, off by "
+                f"{np.abs(self.balance).max(initial=0.0):.1e} J of {np.abs(self.total).max(initial=0.0):.4g} J)")
 
     @property
     def kinetic(self) -> Array:

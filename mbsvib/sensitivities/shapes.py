@@ -8,13 +8,14 @@ subspace, and lambda' is a matrix.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common.display import Displayed
-from mbsvib.errors import ResponseError
+from mbsvib.errors import ResponseError, counted
 from mbsvib.sensitivities.adjoint_fields import fields, motions
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
 from mbsvib.sensitivities.spectrum import TOGETHER
@@ -30,6 +31,10 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.variables import Requested
 
 
+# Variables and modes that a table shows.
+SHOWN_VARIABLES, SHOWN_MODES = 40, 6
+# Derivatives below this share of the largest of their variable are rounding: 0 in the table.
+ROUNDED = 1e-12
 # Numbers that the forms of some modes may hold.
 BLOCK = 4_000_000
 # A rigid-body mode stays one if what would move it is less than this share of what moves the others.
@@ -106,8 +111,30 @@ class ModeSensitivities(Displayed):
                                 f"modes; use linearize(method='dense').")  # fmt: skip
         return shape_sensitivities(self._basis, self._groups, self.modes)
 
+    def table(self) -> dict[str, Any]:
+        """Return the table of the derivatives of natural frequencies, as arguments of ``mbsvib.common.tables.text``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes: the first variables and the lowest modes.
+        """
+        count, units = min(len(self.modes), SHOWN_MODES), self._basis.equations.parameters.units
+        rows = []
+        for name, slopes in zip(self.variables[:SHOWN_VARIABLES], self.frequencies, strict=False):
+            fitting = units.get(name) or next((unit for key, unit in units.items() if fnmatchcase(key, name)), "")
+            seen = np.where(np.abs(slopes) <= ROUNDED * np.abs(slopes).max(initial=0.0), 0.0, slopes)[:count]
+            rows.append((name, f"Hz per {fitting}" if fitting else "Hz", *(f"{slope:.4g}" for slope in seen)))
+        columns: list[tuple[str, Any]] = [("variable", "left"), ("unit", "left")]
+        columns += [(f"mode {k + 1}", "right") for k in range(count)]
+        shown = ((len(rows), self.variables, "variable"), (count, self.modes, "mode"))
+        cut = [f"{few} of {counted(len(every), what)}" for few, every, what in shown if few < len(every)]
+        notes = [f"The first {' and '.join(cut)}."] if cut else []
+        return {"title": f"Derivatives of natural frequencies: {self.modes.name}", "columns": columns, "rows": rows,
+                "notes": notes}  # fmt: skip
+
     def __repr__(self) -> str:
-        return f"ModeSensitivities({len(self.variables)} variables, {len(self.modes)} modes)"
+        return f"ModeSensitivities({counted(len(self.variables), 'variable')}, {counted(len(self.modes), 'mode')})"
 
 
 def mode_sensitivities(basis: SensitivityBasis, parameters: Requested = None) -> ModeSensitivities:

@@ -117,3 +117,20 @@ def test_differences_of_random_mechanisms(seed):
         for key, theirs in zip(("frequencies", "damping_ratios", "damped_frequencies"), others, strict=True):
             limit = 1e-7 * max(np.abs(theirs).max(), np.abs(getattr(modes, key)).max())
             assert np.abs(getattr(result, key)[k] - theirs).max() <= limit, (names[k], key)
+
+
+def test_the_table_shows_derivatives_with_units_and_no_rounding():
+    model = mv.Model("two")
+    for name, way in (("a", (1, 0, 0)), ("b", (0, 1, 0))):
+        model.add_body(name, 2.0, (1, 1, 1))
+        model.add_joint(f"{name}.rail", "prismatic", "ground", name, axis=way)
+        model.add_spring(f"{name}.k", "ground", name, start=tuple(-w for w in way), end=(0, 0, 0),
+                         stiffness=800.0 if name == "a" else 1800.0)  # fmt: skip
+    change = model.linearize().mode_sensitivities(["a.k.stiffness", "?.mass"])
+    table = change.table()
+    assert [row[:2] for row in table["rows"]] == [("a.k.stiffness", "Hz per N/m"), ("?.mass", "Hz per kg")]
+    slope = np.sqrt(800.0 / 2.0) / (2.0 * np.pi) / 2.0                 # f / 2 k of the first mode, none of the second
+    assert [float(cell) for cell in table["rows"][0][2:]] == pytest.approx([slope / 800.0, 0.0], rel=1e-3)
+    assert [float(cell) for cell in table["rows"][1][2:]] == pytest.approx([-slope / 2.0, -1.5 * slope / 2.0], rel=1e-3)
+    assert table["notes"] == []
+    assert repr(change) == "ModeSensitivities(2 variables, 2 modes)"

@@ -173,6 +173,7 @@ def test_an_interrupt_within_the_integrator_ends_the_run():
     assert not run.complete
     assert reached == list(range(1, 9))
     assert run.energy.balance == pytest.approx(np.zeros(9), abs=1e-6)
+    assert repr(run.energy).startswith(f"Energy({len(run.energy.parts)} parts, 9 times, off by ")
 
 
 def test_an_interrupted_run_keeps_what_it_has():
