@@ -75,8 +75,8 @@ class Machine:
 
     def moves_alike(self, other: Machine) -> bool:
         """Whether another machine with the same equations and drives has the same motion, as loops close alike."""
-        held = self.statement.closing
-        return bool((self.values(self.statement)[held] == other.values(self.statement)[held]).all())
+        closing = self.statement.closing
+        return bool((self.values(self.statement)[closing] == other.values(self.statement)[closing]).all())
 
 
 @dataclass(frozen=True)

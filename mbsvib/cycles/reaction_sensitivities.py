@@ -102,7 +102,7 @@ def _wrenches(joints: list[Joint], bodies: FreeBodies, loads: Expression) -> lis
     result, start = [], 0
     for joint, count in zip(joints, bodies.counts, strict=True):
         end, sign = (joint.second, 1.0) if joint.second != GROUND else (joint.first, -1.0)
-        k = bodies.places[end]
+        k = bodies.first_row[end]
         at_centre = sign * (bodies.rows[start : start + count, k : k + 6].T @ loads[start : start + count])
         arm = bodies.origins[end] - bodies.points[joint.name]
         result.append(ca.vertcat(at_centre[:3], at_centre[3:] + ca.cross(arm, at_centre[:3])))

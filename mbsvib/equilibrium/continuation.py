@@ -181,9 +181,9 @@ def led_to(start: State, along: Array, value: float, switch: int = 0) -> tuple[S
         for between in pairwise(ends):
             share = step.located(lambda state, _: state.value - value, between)
             if share is not None:
-                there = _exactly(step.at(share)[0], value)
+                reached = _exactly(step.at(share)[0], value)
                 way += [point for x, point in points if x < share]
-                return there, continued(there, step.start, step.along), way, switch
+                return reached, continued(reached, step.start, step.along), way, switch
         way += [point for _, point in points]
         start, along, leaving = step.end, step.onward, None
         if branch is not None:
@@ -216,11 +216,11 @@ def _joints(state: State, step: Array) -> Array:
     return np.asarray(state.forces.all_joints(state.forces.scale * step) / state.at.scale)
 
 
-def _cosine(here: State, along: Array, there: State, onward: Array) -> float:
-    a, b = _joints(here, along), _joints(there, onward)
+def _cosine(first: State, along: Array, second: State, onward: Array) -> float:
+    a, b = _joints(first, along), _joints(second, onward)
     return float(a @ b / (np.linalg.norm(a) * np.linalg.norm(b)))
 
 
-def continued(there: State, here: State, along: Array) -> Array:
+def continued(new: State, last: State, along: Array) -> Array:
     """Return the direction of the curve at a state that continues the one at another state."""
-    return there.direction if _cosine(here, along, there, there.direction) >= 0.0 else -there.direction
+    return new.direction if _cosine(last, along, new, new.direction) >= 0.0 else -new.direction

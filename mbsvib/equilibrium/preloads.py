@@ -57,10 +57,10 @@ def preloaded(model: M, selection: Sequence[Any] | str | bool) -> M:
         spring.name: none[spring.name] | {"preload": _as_preload(spring, wrench)}
         for spring, wrench in zip(springs, wrenches, strict=True)
     })  # fmt: skip
-    held = balance(posed_model(static_model(result), at.pose))
-    if held.strict_share > BALANCE and held.share > BALANCE:  # forces that are rounding balance as well
+    balanced = balance(posed_model(static_model(result), at.pose))
+    if balanced.strict_share > BALANCE and balanced.share > BALANCE:  # forces that are rounding balance as well
         names = ", ".join(f"'{spring.name}'" for spring in springs[:6]) + (", ..." if len(springs) > 6 else "")
-        text, details = unbalanced_force(at, held)
+        text, details = unbalanced_force(at, balanced)
         raise EquilibriumError(
             f"model '{model.name}': no preload of {names} holds the given pose; {text}. Choose springs that act along "
             f"it as well, or let model.equilibrium() find another pose.", **details,

@@ -80,8 +80,8 @@ def structured_singular_values(
     for k in range(part.max(initial=-1) + 1):
         part_masks = masks[part == k]
         at = np.flatnonzero(part_masks.any(axis=0))
-        chosen = [j for j, block in enumerate(np.flatnonzero(part == k).tolist()) if block in set(real)]
-        np.maximum(result, _part(points[:, at][:, :, at], part_masks[:, at], chosen), out=result)
+        real_blocks = [j for j, block in enumerate(np.flatnonzero(part == k).tolist()) if block in set(real)]
+        np.maximum(result, _part(points[:, at][:, :, at], part_masks[:, at], real_blocks), out=result)
     return result.reshape(m.shape[2:])
 
 

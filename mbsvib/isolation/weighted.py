@@ -31,7 +31,7 @@ class Weighted(Ports):
 
     def __init__(self, label: str, outputs: Mapping[str, float], inputs: Mapping[str, float]) -> None:
         super().__init__(list(outputs), list(inputs))
-        self._label, self._left, self._right = label, dict(outputs), dict(inputs)
+        self._label, self._output_weights, self._input_weights = label, dict(outputs), dict(inputs)
 
     @property
     def label(self) -> str:
@@ -40,8 +40,8 @@ class Weighted(Ports):
 
     def _weights(self, system: System) -> Array:
         outputs, inputs = self.of(system)
-        left, right = ([weight[name] for name in names] for weight, names in ((self._left, outputs),
-                                                                              (self._right, inputs)))  # fmt: skip
+        left = [self._output_weights[name] for name in outputs]
+        right = [self._input_weights[name] for name in inputs]
         return np.outer(left, right)[:, :, None]
 
     def magnitude(self, system: System, w: Array) -> Array:

@@ -71,14 +71,14 @@ class Triplets:
         result[self.row[entry if entry.ndim == 1 else entry.any(axis=0)]] = True
         return result[start:stop]
 
-    def dense(self, start: int, stop: int, keep: NDArray[np.bool_] | None = None) -> Array:
-        """Return the rows start..stop, those that ``keep`` picks of them, as an array (..., rows, columns)."""
+    def dense(self, start: int, stop: int, columns: NDArray[np.bool_] | None = None) -> Array:
+        """Return the rows start..stop, those that ``columns`` picks of them, as an array (..., rows, columns)."""
         first, last = self.row.searchsorted((start, stop)).tolist()
         row, column, value = self.row[first:last] - start, self.column[first:last], self.value[..., first:last]
-        count = stop - start if keep is None else int(np.count_nonzero(keep))
-        if keep is not None and count < len(keep):
-            picked = keep.take(row).nonzero()[0]
-            row = (keep.cumsum() - 1).take(row.take(picked))
+        count = stop - start if columns is None else int(np.count_nonzero(columns))
+        if columns is not None and count < len(columns):
+            picked = columns.take(row).nonzero()[0]
+            row = (columns.cumsum() - 1).take(row.take(picked))
             column, value = column.take(picked), value.take(picked, axis=-1)
         result = np.zeros((*value.shape[:-1], count, self.shape[1]))
         if value.ndim == 1:

@@ -51,16 +51,16 @@ class General:
     @property
     def values(self) -> Complex:
         """All eigenvalues, (2m - massless,), pairs together."""
-        keep = np.ones(self.pairs.shape, dtype=bool)
-        keep[:, 1] = ~self.single
-        return self.pairs[keep]
+        retained = np.ones(self.pairs.shape, dtype=bool)
+        retained[:, 1] = ~self.single
+        return self.pairs[retained]
 
     @property
     def value_errors(self) -> Array:
         """Relative errors of ``values``."""
-        keep = np.ones(self.pairs.shape, dtype=bool)
-        keep[:, 1] = ~self.single
-        return self.errors[keep]
+        retained = np.ones(self.pairs.shape, dtype=bool)
+        retained[:, 1] = ~self.single
+        return self.errors[retained]
 
 
 def is_general(system: Equations) -> bool:

@@ -43,13 +43,13 @@ def _imaginary(state: EnergyState) -> Spectrum:
     active = np.concatenate((np.arange(state.still, p), np.arange(p, 2 * p)))
     a = state.a[np.ix_(active, active)]
     chains = state.right[active, state.still :]
-    keep = np.linalg.qr(chains, mode="complete")[0][:, chains.shape[1] :]
-    inner = keep.T @ a @ keep
+    complement = np.linalg.qr(chains, mode="complete")[0][:, chains.shape[1] :]
+    inner = complement.T @ a @ complement
     omega, vectors = np.linalg.eigh(-0.5j * (inner - inner.T))
     positive = omega > 0.0
     if 2 * np.count_nonzero(positive) != len(omega):
         return _any(state, even=True)
-    omega, states = omega[positive], keep @ vectors[:, positive]
+    omega, states = omega[positive], complement @ vectors[:, positive]
     rate, still, d = states[p - state.still :], state.still, state.scale[state.still :, None]
     eta = rate / (1j * omega)
     numerator = states[: p - still] * d - 1j * omega * rate[still:]
@@ -64,14 +64,14 @@ def _any(state: EnergyState, even: bool) -> Spectrum:
     The eigenvalues of an ``even`` system, without damping, are symmetric about the imaginary axis: one that is off the
     axis by no more than its rounding has no mirror image, and is put on the axis.
     """
-    keep = np.linalg.qr(state.left, mode="complete")[0][:, state.left.shape[1] :]
-    inner = keep.T @ state.a @ keep
+    complement = np.linalg.qr(state.left, mode="complete")[0][:, state.left.shape[1] :]
+    inner = complement.T @ state.a @ complement
     values, left, right = _eigen(inner)
     size = np.abs(values)
     if len(size) and float(size.min()) < SMALL * float(size.max()):
-        values, left, right = _with_small_ones((values, left, right), state, keep)
+        values, left, right = _with_small_ones((values, left, right), state, complement)
     values, left, right = _separated(inner, values, left, right)
-    r, w = keep @ right, keep @ left
+    r, w = complement @ right, complement @ left
     w -= state.left @ (state.right.T @ w)
     p = len(state.scale)
     x = state.show @ r
@@ -101,12 +101,12 @@ def _eigen(a: Array) -> _Eigensolution:
     return values[half], left[:, half].conj().astype(complex), right[:, half].astype(complex)
 
 
-def _with_small_ones(eigensolution: _Eigensolution, state: EnergyState, keep: Array) -> _Eigensolution:
+def _with_small_ones(eigensolution: _Eigensolution, state: EnergyState, complement: Array) -> _Eigensolution:
     """Replace eigenvalues that are small compared with the largest by those of the inverse of A, which is explicit."""
     inverse = _inverse(state)
     if inverse is None:
         return eigensolution
-    back, *vectors = _eigen(keep.T @ (inverse - state.right @ (state.left.T @ inverse)) @ keep)
+    back, *vectors = _eigen(complement.T @ (inverse - state.right @ (state.left.T @ inverse)) @ complement)
     if not back.all():
         return eigensolution
     small = np.where(back.imag == 0.0, 1.0 / back, (1.0 / back).conj())  # the one with positive imaginary part
@@ -115,7 +115,7 @@ def _with_small_ones(eigensolution: _Eigensolution, state: EnergyState, keep: Ar
     from_matrix, from_inverse = np.abs(eigensolution[0]) >= middle, np.abs(small) < middle
     count = [np.count_nonzero(selected) + np.count_nonzero(values.imag[selected] > 0.0)
              for values, selected in ((eigensolution[0], from_matrix), (small, from_inverse))]  # fmt: skip
-    if sum(count) != keep.shape[1]:
+    if sum(count) != complement.shape[1]:
         return eigensolution
     return (np.concatenate((eigensolution[0][from_matrix], small[from_inverse])),
             np.concatenate((eigensolution[1][:, from_matrix], vectors[0][:, from_inverse]), axis=1),

@@ -225,11 +225,11 @@ def refined(scene: Factors, shapes: Array, method: str, rtol: float) -> Undamped
     # row j, column i: projection of the residual of mode i on mode j, and from it the share of mode j in mode i
     shared = _off_diagonal(np.subtract(elastic, inertia * square, out=elastic))
     mixing, unresolved = _mixing(shared, square)
-    taken = np.multiply(mixing, shared, out=shared)
-    value = square + taken.sum(axis=0)
+    corrections = np.multiply(mixing, shared, out=shared)
+    value = square + corrections.sum(axis=0)
     size = np.abs(value)
     power = phi * phi
-    doubt = np.abs(taken, out=taken).sum(axis=0) + unresolved
+    doubt = np.abs(corrections, out=corrections).sum(axis=0) + unresolved
     least = EPS * np.sqrt(np.abs(square) * (scene.stiffness_diagonal @ power))
     doubt += 2.0 * _rounding(scene.e, phi, e, least, size, rtol)
     flexible = np.arange(len(value)) >= rigid

@@ -167,10 +167,10 @@ def _chosen(boxes: Boxes, cost: Array, leaders: Array | None = None) -> NDArray[
         total, before = 0.0, chosen.copy()
         for k in order:
             others = np.delete(np.arange(count), k)
-            taken = boxes[others, chosen[others]]
-            sum_of = cost[k] + OVERLAP * _overlaps(boxes[k], taken).sum(axis=1)
+            occupied = boxes[others, chosen[others]]
+            sum_of = cost[k] + OVERLAP * _overlaps(boxes[k], occupied).sum(axis=1)
             if leaders is not None:
-                sum_of += CROSSED * _crossed(leaders[k], taken).sum(axis=1)
+                sum_of += CROSSED * _crossed(leaders[k], occupied).sum(axis=1)
                 sum_of += CROSSED * _crossed(leaders[others, chosen[others]], boxes[k]).sum(axis=0)
             chosen[k] = int(sum_of.argmin())
             total += float(sum_of[chosen[k]])
@@ -188,7 +188,7 @@ def _crossed(lines: Array, boxes: Boxes) -> NDArray[np.bool_]:
     return np.asarray(np.any(np.all(inside, axis=-1), axis=1))
 
 
-def _overlaps(boxes: Boxes, taken: Boxes) -> NDArray[np.bool_]:
+def _overlaps(boxes: Boxes, occupied: Boxes) -> NDArray[np.bool_]:
     """Return which boxes (c, 4) overlap others (m, 4), (c, m)."""
     low, high = boxes[:, None, :2], boxes[:, None, 2:]
-    return np.asarray(((low < taken[:, 2:]) & (high > taken[:, :2])).all(axis=-1))
+    return np.asarray(((low < occupied[:, 2:]) & (high > occupied[:, :2])).all(axis=-1))

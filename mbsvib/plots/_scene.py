@@ -154,7 +154,7 @@ class _Builder:
     marks: list[Mark] = field(default_factory=list)
     faces: list[tuple[int, int, int]] = field(default_factory=list)
     face_body: list[int] = field(default_factory=list)
-    held: dict[str, list[Any]] = field(default_factory=dict)
+    attachments: dict[str, list[Any]] = field(default_factory=dict)
 
     def point(self, body: str, at: Any) -> int:
         i = self.number[body]
@@ -171,11 +171,11 @@ class _Builder:
     def mark(self, kind: str, name: str, body: str, at: Any, words: str) -> None:
         self.marks.append(Mark(kind, name, self.point(body, at), words))
 
-    def hold(self, body: str, at: Any) -> None:
+    def attach(self, body: str, at: Any) -> None:
         """Add a connection point of a body, which extends the body's outline."""
-        held = self.held.setdefault(body, [])
-        if not any(np.allclose(at, point, rtol=0.0, atol=1e-6 * self.size) for point in held):
-            held.append(at)
+        attachments = self.attachments.setdefault(body, [])
+        if not any(np.allclose(at, point, rtol=0.0, atol=1e-6 * self.size) for point in attachments):
+            attachments.append(at)
             if body == GROUND:
                 foot = np.asarray(at) + FOOT * self.size * _FOOT
                 self.line("ground", GROUND, [(GROUND, foot[i]) for i in _FOOT_WAY])
@@ -183,8 +183,8 @@ class _Builder:
     def joint(self, part: Joint, cut: bool) -> None:
         moving = part.second if part.second != GROUND else part.first
         at = np.array(self.positions[moving] if part.position is None else part.position)
-        self.hold(part.first, at)
-        self.hold(part.second, at if part.end is None else part.end)
+        self.attach(part.first, at)
+        self.attach(part.second, at if part.end is None else part.end)
         if part.end is not None:
             self.line("rod", part.name, [(part.first, at), (part.second, part.end)])
         axes = np.array(part.axes)
@@ -198,8 +198,8 @@ class _Builder:
 
     def spring(self, part: Connection, fine: bool) -> None:
         start, end = part.points
-        self.hold(part.first, start)
-        self.hold(part.second, end)
+        self.attach(part.first, start)
+        self.attach(part.second, end)
         if not getattr(part, "stiffness", 0.0):
             self.line("damper", part.name, [(part.first, start), (part.second, end)])
             return
@@ -215,15 +215,15 @@ class _Builder:
     def bushing(self, part: Connection) -> None:
         at = part.points[0] if part.points else self.positions[part.first if part.second == GROUND else part.second]
         if part.points:
-            self.hold(part.first, at)
-            self.hold(part.second, at)
+            self.attach(part.first, at)
+            self.attach(part.second, at)
         self.line("gap", part.name, [(part.first, at), (part.second, at)])
         self.mark("bushing", part.name, part.second, at, f"{part.family} between {part.first} and {part.second}")
 
     def composed(self, part: Composed) -> None:
         nodes, ways = part.node_bodies, part.outlines or ((0,),)
         for i in sorted({end for way in ways for end in (way[0], way[-1])}):
-            self.hold(*nodes[i])
+            self.attach(*nodes[i])
         for way in part.outlines:
             self.line("beam", part.name, [nodes[i] for i in way])
         self.mark("node", part.name, *nodes[ways[0][(len(ways[0]) - 1) // 2]], part.summary)
@@ -236,7 +236,7 @@ class _Builder:
 
     def body(self, part: Body) -> None:
         centre = np.array(part.position)
-        shape = outline.outline(centre, np.array(self.held.get(part.name, ())).reshape(-1, 3), self.size)
+        shape = outline.outline(centre, np.array(self.attachments.get(part.name, ())).reshape(-1, 3), self.size)
         start = len(self.rest)
         for at in shape.points:
             self.point(part.name, at)

@@ -74,12 +74,12 @@ def bode(
     rows, columns, count = len(panels), max(map(len, panels)), len(flat)
     with style.context():
         figure = style.new_figure(*style.panel_size(rows, columns, 3.4, 4.8))
-        places = figure.add_gridspec(2 * rows, columns, height_ratios=[2.0, 1.15] * rows)
+        cells = figure.add_gridspec(2 * rows, columns, height_ratios=[2.0, 1.15] * rows)
         number, tops = 0, []
         for i, row in enumerate(panels):
             for j, _ in enumerate(row):
-                top = figure.add_subplot(places[2 * i, j])
-                below = figure.add_subplot(places[2 * i + 1, j], sharex=top)
+                top = figure.add_subplot(cells[2 * i, j])
+                below = figure.add_subplot(cells[2 * i + 1, j], sharex=top)
                 drawn = [(label, group[number]) for (label, _), group in zip(named, lines, strict=True)]
                 _panel(top, below, drawn, wrap, decibels, radians)
                 tops.append((top, units.ratio(drawn[0][1].output_unit, drawn[0][1].source_unit), drawn))

@@ -239,14 +239,14 @@ def _raised(value: Callable[[Array], Array], w: Array, at: NDArray[np.intp]) -> 
         first, second = np.where(left, new, second), np.where(left, first, new)
         first_height, second_height = np.where(left, height, second_height), np.where(left, first_height, height)
     best, top = w[at], value(w[at])
-    here = 0.5 * (low + high)
+    middle = 0.5 * (low + high)
     for _ in range(NEWTON + 1):
-        f = [value(np.abs(here + k * step)) for k in (-2.0, -1.0, 0.0, 1.0, 2.0)]
-        best, top = np.where(f[2] >= top, here, best), np.maximum(top, f[2])
+        f = [value(np.abs(middle + k * step)) for k in (-2.0, -1.0, 0.0, 1.0, 2.0)]
+        best, top = np.where(f[2] >= top, middle, best), np.maximum(top, f[2])
         slope = (f[0] - 8.0 * f[1] + 8.0 * f[3] - f[4]) / 12.0
         bend = (-f[0] + 16.0 * f[1] - 30.0 * f[2] + 16.0 * f[3] - f[4]) / 12.0
-        here = here - step * np.divide(slope, bend, out=np.zeros_like(bend), where=bend < 0.0)
-        here = np.clip(here, low, high)
+        middle = middle - step * np.divide(slope, bend, out=np.zeros_like(bend), where=bend < 0.0)
+        middle = np.clip(middle, low, high)
     return best, top
 
 

@@ -186,9 +186,9 @@ def _refined(modal: Damped | General, total: ModalSum | Resolvent, zeros: Comple
         for _ in range(NEWTON_STEPS):
             distance = np.abs(z[:, None] - poles).min(axis=1)
             offset = SECANT * distance * np.where(z != 0.0, z / np.abs(z), 1.0)
-            here, there = total.at(z), total.at(z + offset)
-            size, left, right = smallest_singular_value(here)
-            change = np.einsum("no,oin,ni->n", left.conj(), there - here, right)
+            matrix, shifted = total.at(z), total.at(z + offset)
+            size, left, right = smallest_singular_value(matrix)
+            change = np.einsum("no,oin,ni->n", left.conj(), shifted - matrix, right)
             new = z - offset * (size / change)
             if undamped:
                 new.real[z.real == 0.0] = 0.0
@@ -221,8 +221,8 @@ def _at_rest(
         near = np.abs(z) <= AT_REST * lowest
         if near.any():
             with np.errstate(all="ignore"):
-                here, nearer = np.abs(total.at(1j * lowest * CLOSER)).max(axis=(0, 1))
-            return np.where(near, 0.0, z) if nearer < GROWS * here else z
+                farther, nearer = np.abs(total.at(1j * lowest * CLOSER)).max(axis=(0, 1))
+            return np.where(near, 0.0, z) if nearer < GROWS * farther else z
         return z
     near = np.abs(z) <= AT_REST * float(size.min())
     if near.any():

@@ -121,8 +121,8 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
     if (plain is not None and plain.expansion is not None) or any(isinstance(part, Maxwell) for part in parts):
         nodes, lines = maxwell_parts(parts)
         known = ({} if plain is None else dict(plain.bodies)) | {body.name: body for body in (*bodies, *nodes)}
-        strain = {spring.name for spring in springs}
-        generated = () if plain is None else tuple([part for part in plain.springs.values() if part.name not in strain])
+        names = {spring.name for spring in springs}
+        generated = () if plain is None else tuple([part for part in plain.springs.values() if part.name not in names])
         bodies, joints = tuple([known[name] for name in topology.bodies]), topology.joints
         springs += (*[part for part in generated if isinstance(part, Bushing)], *lines)
     number = {body.name: i for i, body in enumerate(bodies)} | {"ground": len(bodies)}
@@ -174,8 +174,8 @@ def model_in_pose(system: Equations) -> Mechanism | None:
     provenance = system.provenance
     if provenance.origin is None or not provenance.moved_to_equilibrium:
         return provenance.origin
-    there = {part.name: part for part in provenance.parts}
-    groups: Any = {key: {name: there[name] for name in group} for key, group in provenance.origin.groups().items()
+    part_of = {part.name: part for part in provenance.parts}
+    groups: Any = {key: {name: part_of[name] for name in group} for key, group in provenance.origin.groups().items()
               if key not in ("inputs", "outputs")}  # fmt: skip
     return provenance.origin.with_parts(**groups)
 

@@ -189,8 +189,8 @@ def lost_freedoms(network: Network, groups: Iterable[ParameterGroup], size: int)
     if ties is None or not ties.stress.shape[1] or not dof:
         return result
     joints = len(network.joints)
-    one = np.ones(dof)
-    motion = fields(network, motions(network, np.eye(dof)), one, one, one)
+    ones = np.ones(dof)
+    motion = fields(network, motions(network, np.eye(dof)), ones, ones, ones)
     none = np.zeros((len(network.bodies), 6, ties.stress.shape[1]))
     wrench = np.concatenate((in_joints(network, none, ties.stress), np.zeros((len(network.springs), *none.shape[1:]))))
     length = float(np.ptp(network.point, axis=0).max()) or 1.0

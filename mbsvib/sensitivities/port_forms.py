@@ -132,10 +132,10 @@ def port_forms(
     result: Field = -groups.forms(left, right)
     bodies = groups.of_bodies()
     for at in np.flatnonzero(acting.base_motion.any(axis=(0, 1))):
-        one, base_motion = np.ones(1), acting.base_motion[:, :, at, None, None]
+        ones, base_motion = np.ones(1), acting.base_motion[:, :, at, None, None]
         none = np.zeros((len(network.floating), 6, 1, 1))
-        by_base = replace(right, body=base_motion, body_wrench=momenta[:, :, at, None, None], support=none, square=one)
-        still = replace(left, body=y.body[..., 0, :], body_wrench=y.momentum[..., 0, :], support=none, square=one)
+        by_base = replace(right, body=base_motion, body_wrench=momenta[:, :, at, None, None], support=none, square=ones)
+        still = replace(left, body=y.body[..., 0, :], body_wrench=y.momentum[..., 0, :], support=none, square=ones)
         result[:, :, at] -= form_table(bodies, groups.size, still, by_base)
     _move_ports(result, groups, (acting, seeing), vectors, by_order[:, 0], turns)
     return result

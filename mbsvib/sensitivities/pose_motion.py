@@ -71,10 +71,10 @@ def balancing_motion(
     lost : array of bool, shape (v,)
         Forces that act on a motion which no stiffness holds.
     """
-    left, held, right = np.linalg.svd(unit[:, None] * stiffness * unit)
-    holds = held > ZERO_STIFFNESS
+    left, sizes, right = np.linalg.svd(unit[:, None] * stiffness * unit)
+    holds = sizes > ZERO_STIFFNESS
     along = (forces * unit) @ left
-    motion = unit * ((along[:, holds] / held[holds]) @ right[holds])
+    motion = unit * ((along[:, holds] / sizes[holds]) @ right[holds])
     if holds.all():
         return motion, np.zeros(len(forces), dtype=bool)
     over = np.abs(along[:, ~holds] @ left[:, ~holds].T)

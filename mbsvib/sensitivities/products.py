@@ -140,8 +140,8 @@ def forms(
                 yield rows, group.stride, _block(first, second, len(rows))
                 continue
             for i in acting:
-                one = None if second is None else second[i : i + 1]
-                yield rows[:, i : i + 1], group.stride, _block(first[i : i + 1], one, len(rows))
+                second_part = None if second is None else second[i : i + 1]
+                yield rows[:, i : i + 1], group.stride, _block(first[i : i + 1], second_part, len(rows))
 
 
 def form_table(

@@ -173,9 +173,9 @@ def _pushed(groups: ParameterGroups, shapes: Any, values: Complex) -> Complex:
     network = groups.network
     unit = np.eye(len(shapes))[:, :, None]
     x, y = motions(network, shapes[:, None]), motions(network, unit)
-    none, one = np.zeros(len(values)), np.ones(len(values))
+    zeros, ones = np.zeros(len(values)), np.ones(len(values))
     result = np.empty((2, groups.size, len(shapes), len(values)), dtype=complex)
-    for index, powers in enumerate(((one.astype(complex), values, values * values), (none, none, one))):
+    for index, powers in enumerate(((ones.astype(complex), values, values * values), (zeros, zeros, ones))):
         result[index] = groups.forms(fields(network, y, *powers, side=-1), fields(network, x, *powers, side=1))
     return result
 

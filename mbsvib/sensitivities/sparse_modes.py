@@ -201,7 +201,7 @@ def sparse_mode_sensitivities(
         extra *= 2
     basis = _basis(system, known.reduced)
     values = eigenvalue_sensitivities(basis, parameters)
-    order = places(requested.eigenvalues, basis.modes.eigenvalues)
+    order = nearest_indices(requested.eigenvalues, basis.modes.eigenvalues)
     groups = basis.groups(parameters)
     return ModeSensitivities(tuple(groups.variables.names), requested, values[:, order], basis, groups)
 
@@ -212,7 +212,7 @@ def _cut(requested: SomeModes, known: SomeModes, near: float) -> bool:
     return bool((np.abs(requested.pairs - last) <= TOGETHER * np.abs(last)).any() and np.abs(last).max() > 0.0)
 
 
-def places(values: Complex, known: Complex) -> Index:
+def nearest_indices(values: Complex, known: Complex) -> Index:
     """Return the numbers of some eigenvalues among all, both in ascending order, of those that coincide the first.
 
     ``values`` (n,): some of them, as others have computed them; ``known`` (m,): all of them. Returns (n,): numbers.

@@ -71,19 +71,19 @@ def states(basis: Basis, inputs: list[int], outputs: list[int]) -> States:
 
     Raises an error if the system has motions without mass and spin.
     """
-    system, chosen = basis.equations, state_basis(basis)
-    k = chosen.massive
-    omega = np.sqrt(np.abs(np.diagonal(chosen.stiffness)[:k]))
+    system, states = basis.equations, state_basis(basis)
+    k = states.massive
+    omega = np.sqrt(np.abs(np.diagonal(states.stiffness)[:k]))
     scale = np.where(omega > 0.0, omega, omega[omega > 0.0].min(initial=np.inf) if omega.any() else 1.0)
-    rows = _rows(chosen.stiffness, chosen.damping, scale)
+    rows = _rows(states.stiffness, states.damping, scale)
     a = np.concatenate((np.zeros((k, rows.shape[1])), rows))
     a[np.arange(k), k + np.arange(k)] = scale
-    force = chosen.vectors.T @ system.B[:, inputs]
-    rates = tuple(slope[outputs] @ chosen.vectors for slope in (system.Cq, system.Cv, system.Ca))
+    force = states.vectors.T @ system.B[:, inputs]
+    rates = tuple(slope[outputs] @ states.vectors for slope in (system.Cq, system.Cv, system.Ca))
     b = np.concatenate((np.zeros_like(force[:k]), force))
     moving = _moving(rates, k)
     c = _output_rates(rates, scale, k) + moving @ rows
-    return States(a, b, c, _sum(system.D[np.ix_(outputs, inputs)], k, (moving, force)), chosen, scale, rates, force)
+    return States(a, b, c, _sum(system.D[np.ix_(outputs, inputs)], k, (moving, force)), states, scale, rates, force)
 
 
 def state_basis(basis: Basis) -> StateBasis:

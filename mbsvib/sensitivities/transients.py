@@ -150,12 +150,12 @@ def _march(
     n, i = len(begin), len(u)
     x = np.empty((n, u.shape[1]))
     x[:, 0] = begin
-    held, rise = u[:, :-1], np.diff(u) if first else np.zeros((i, u.shape[1] - 1))
+    constant, rise = u[:, :-1], np.diff(u) if first else np.zeros((i, u.shape[1] - 1))
     for k, step in enumerate(kind):
         exponential = matrices[step][0]
         at_once, by_input, by_rise = exponential[:, :n], exponential[:, n : n + i], exponential[:, n + i :]
-        x[:, k + 1] = at_once @ x[:, k] + by_input @ held[:, k] + by_rise @ rise[:, k]
-    drive = np.concatenate((x[:, :-1], held, rise))
+        x[:, k + 1] = at_once @ x[:, k] + by_input @ constant[:, k] + by_rise @ rise[:, k]
+    drive = np.concatenate((x[:, :-1], constant, rise))
     z = np.empty((len(begun), n, u.shape[1]))
     z[:, :, 0] = begun
     pushed = np.empty((*z.shape[:2], len(kind)))

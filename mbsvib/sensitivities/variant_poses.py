@@ -46,8 +46,8 @@ class VariantPoses:
     @staticmethod
     def of(model: Mechanism, cut: Sequence[str], names: Sequence[str] | None = None) -> VariantPoses:
         """Return the poses next to that of a mechanism whose loops are cut at some joints, along some coordinates."""
-        here = _posed_model(model, cut)
-        return VariantPoses(model, here, balance(here, names))
+        at = _posed_model(model, cut)
+        return VariantPoses(model, at, balance(at, names))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -65,10 +65,10 @@ class VariantPoses:
 
     def at(self, motion: Array) -> Mechanism:
         """Return the mechanism after a motion (m,) along its coordinates, with its loops closed."""
-        there = self.posed_model.moved(self.forces.all_joints(motion))
-        depends = np.ones(len(there.coordinates.names), dtype=bool)
+        moved = self.posed_model.moved(self.forces.all_joints(motion))
+        depends = np.ones(len(moved.coordinates.names), dtype=bool)
         depends[self.forces.reduction.independent] = False
-        return model_in_pose(self.model, close(there, depends)[0].pose)
+        return model_in_pose(self.model, close(moved, depends)[0].pose)
 
     @cached_property
     def tangent(self) -> Array:

@@ -123,9 +123,9 @@ def reaction_outputs(
     n = len(motion.names)
     at = [np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(statement.yields.shape[0]),
           np.tile(np.eye(3).reshape(-1), len(motion.based)), np.zeros(len(statement.inputs))]  # fmt: skip
-    here = [array[:, None] for array in at]
-    determined = np.flatnonzero(in_pose.undetermined_shares(here) <= DETERMINED)
-    at_rest = np.array(list(in_pose.values(here).values()))[:, 0]
+    arguments = [array[:, None] for array in at]
+    determined = np.flatnonzero(in_pose.undetermined_shares(arguments) <= DETERMINED)
+    at_rest = np.array(list(in_pose.values(arguments).values()))[:, 0]
     function = _function(model, statement, joints, without) if without else in_pose.function
     names = tuple([in_pose.names[i] for i in determined])
     result = ReactionOutputs(names, function, directions[determined], at_rest[determined], scale, rows)
