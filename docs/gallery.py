@@ -13,6 +13,7 @@ from pathlib import Path
 HERE = Path(__file__).parent
 EXAMPLES = sorted((HERE.parent / "examples").glob("*.py"))
 PAGE = HERE / "pages" / "gallery.md"
+SENTENCE_END = re.compile(r"(?<!\b[A-Z])[.?](?=\s|$)")  # none after the initial of a name
 INTRODUCTION = """\
 # Gallery
 
@@ -25,7 +26,8 @@ def description(path: Path) -> tuple[str, str]:
     """Return the title of an example and its first paragraph below, from its docstring."""
     title, _, rest = (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").partition("\n")
     words = rest.strip().split("\n\n")[0]
-    return title.rstrip("."), words[: max(words.rfind("."), words.rfind("?")) + 1]  # whole sentences
+    ends = [mark.end() for mark in SENTENCE_END.finditer(words)]
+    return title.rstrip("."), words[: max(ends, default=0)]
 
 
 def needs(path: Path) -> str | None:

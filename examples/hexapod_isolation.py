@@ -1,4 +1,4 @@
-"""A hexapod of one's own: voice coils that hold a camera still, from the mechanism to units for co-simulation.
+"""A hexapod of one's own: voice coils that hold a camera still, from the mechanism to FMUs for co-simulation.
 
 Six legs (universal joint, slide, ball joint) carry a table; each slide has a flexure and a voice coil, and a sensor of
 the force in the leg's head. An offset camera stands on a soft mount. First each leg's force, integrated, damps the

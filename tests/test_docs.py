@@ -90,6 +90,9 @@ def test_commands_work(tmp_path, monkeypatch):
 
 def test_the_gallery_is_of_the_examples(tmp_path):
     assert GALLERY.PAGE.read_text(encoding="utf-8") == GALLERY.page(), "run: python docs/gallery.py"
+    example = tmp_path / "example.py"
+    example.write_text('"""A title.\n\nWhich one? This one. As is known (O. Nishihara, T. Asami, 2002): r =\n"""\n')
+    assert GALLERY.description(example) == ("A title", "Which one? This one.")
     pictures = re.findall(r"pictures/gallery/(\w+)\.png", GALLERY.page())
     assert pictures == [path.stem for path in GALLERY.EXAMPLES if not GALLERY.needs(path)]
     example = next(path for path in GALLERY.EXAMPLES if path.stem == "inclined_chain")

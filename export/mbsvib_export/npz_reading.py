@@ -29,7 +29,7 @@ def arrays_in(content: bytes, requested: Collection[str]) -> dict[str, Any]:
     ----------
     content : bytes
         The file.
-    wanted : collection of str
+    requested : collection of str
         Names of arrays to read, those that are there; others are left packed.
 
     Returns

@@ -68,7 +68,9 @@ class FlexibleMechanism(Mechanism):
         alpha, beta : float
             Rayleigh damping, C = alpha M + beta K of the beam [1/s, s].
         damping_ratio : float
-            Damping ratio of every elastic mode of the beam left to itself, C = sum of 2 zeta omega M phi phi^T M.
+            Damping ratio of every elastic mode of the beam with both ends free, C = sum of 2 zeta omega M phi phi^T M.
+            Modes of the beam as it is held have less where they are below these; ``beta = 2 zeta / omega`` gives the
+            ratio zeta to a mode of ``omega`` [rad/s] in which this beam alone bends.
         displacements : array-like, shape (nodes, 6), optional
             How far its nodes and their rotation vectors are [m, rad], world axes, from where they would be without
             forces in the frame of the body that carries it: ground if that holds an end, else body a, b or the first

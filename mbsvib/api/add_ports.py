@@ -150,8 +150,9 @@ class PortedMechanism(Mechanism):
         element : str, Joint, Bushing, Spring, Maxwell or Body
             The element, or one of a beam (``"tube.e1"``: at its midpoint), or what all forces act on.
         direction : str or array-like, shape (3,) or (6,)
-            x y z (N), rx ry rz (N m) in the bushing's axes, or in the joint's as its first body carries them, moments
-            about its point; a line spring has its line along z. What couplers transmit in a joint is part of it.
+            x y z (N), rx ry rz (N m) in the bushing's axes, or in the joint's as its first body carries them
+            (``model.joints["hinge"].axes``, z being the axis of the hinge), moments about its point; a line spring has
+            its line along z. What couplers transmit in a joint is part of it.
 
         Returns
         -------

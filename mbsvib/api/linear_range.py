@@ -16,6 +16,8 @@ from mbsvib.modes.result import Modes
 from mbsvib.responses.basis import Basis
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Equations, Provenance
 
@@ -24,6 +26,8 @@ SMALL = 0.01
 # Degrees of freedom up to which it is worth the time to say so in explanations, and with each table of modes (some 50
 # ms); the share that is then meant.
 FEW, FEW_IN_TABLES, USUAL = 6, 3, 0.1
+# Modes whose frequencies differ by less than this share coincide.
+TOGETHER = 1e-6
 # Terms of third and higher order make the second-order part larger by its share times this: at most 4.4 in nonlinear
 # runs of 100 random chains.
 MARGIN = 5.0
@@ -74,11 +78,15 @@ class LinearRange(Displayed):
         -------
         tuple of str
             The output, its smallest range and the mode. Rigid-body modes, and outputs that a mode moves by second-order
-            parts only, are left out.
+            parts only, are left out. Of modes that coincide the one with the largest range counts, as an output hardly
+            sees some combination of them, whatever it is.
         """
         result = []
         counts = np.isfinite(self.values) & (self.values > 0.0) & (self.frequencies > 0.0)[:, None]
         travel = np.where(counts, self.travel, np.inf)
+        for together in np.split(np.arange(len(travel)), 1 + np.flatnonzero(~self._coincide())):
+            seen = np.where(np.isfinite(travel[together]), travel[together], -np.inf).max(axis=0, initial=-np.inf)
+            travel[together] = np.where(travel[together] < seen, np.inf, travel[together])
         for j, name in enumerate(self.outputs if len(travel) else ()):
             k = int(np.argmin(travel[:, j]))
             if travel[k, j] < below:
@@ -88,6 +96,10 @@ class LinearRange(Displayed):
                     f"({self.frequencies[k]:.4g} Hz); use model.simulate beyond."
                 )
         return tuple(result)
+
+    def _coincide(self) -> NDArray[np.bool_]:
+        """Whether each mode but the last has the frequency of the next."""
+        return np.asarray(np.diff(self.frequencies) <= TOGETHER * self.frequencies[1:])
 
 
 def linear_range(system: Equations, modes: Modes, share: float, conservative: bool = False) -> LinearRange:

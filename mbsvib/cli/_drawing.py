@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from mbsvib.cli._arguments import (
     OUTPUTS,
     Command,
     file_argument,
+    flag,
     number,
     option,
     whole_number,
@@ -38,12 +40,13 @@ MOTIONS = (".gif", ".mp4", ".html")
 
 def bode(
     model: str, inputs: Names = None, outputs: Names = None, first: Limit = None, last: Limit = None,
-    file: Path | None = None, as_json: bool = False,
+    decibels: bool = False, file: Path | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
     """Draw a Bode plot into a file (default: NAME-bode.png)."""
     from mbsvib import plots
 
-    _frequency_curves("bode", plots.bode, model, inputs, outputs, (first, last), file, as_json)
+    plot = partial(plots.bode, decibels=decibels)
+    _frequency_curves("bode", plot, model, inputs, outputs, (first, last), file, as_json)
 
 
 def nyquist(
@@ -177,12 +180,13 @@ def _deliver(figure: Figure, file: Path | None, default: Path, remark: str, as_j
 
 VIEW = option("--view", to="view", metavar="VIEW", default="3-D", words="From where: 3-D, x, y or z. Default: 3-D.")
 PICTURE = file_argument(f"Where to: {', '.join(FORMATS)}.")
+DECIBELS = flag("--decibels", "decibels", "Magnitude in dB, 20 log10 of the value in SI units.")
 CURVES = (MODEL, INPUTS, OUTPUTS, FIRST, LAST, PICTURE, JSON)
 DURATION = option("--duration", to="duration", metavar="SECONDS", type=number, words="Time shown.")
 MODE = option("--mode", "-m", to="mode", metavar="N", type=whole_number, default=1,
               words="The mode's number in the table, from 1. Default: 1.")  # fmt: skip
 COMMANDS = {
-    "bode": Command(bode, CURVES),
+    "bode": Command(bode, (*CURVES[:-2], DECIBELS, *CURVES[-2:])),
     "nyquist": Command(nyquist, CURVES),
     "sigma": Command(sigma, CURVES),
     "step": Command(step, (MODEL, INPUTS, OUTPUTS, DURATION, PICTURE, JSON)),

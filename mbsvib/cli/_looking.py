@@ -50,7 +50,8 @@ def check(model: str, as_json: bool = False) -> None:
     modes = system.modes()
     shell.say("modes")
     if len(modes):
-        shell.say(f"  {len(modes)}, {modes.frequencies[0]:.6g} to {modes.frequencies[-1]:.6g} Hz")
+        reach = " to ".join(dict.fromkeys(f"{modes.frequencies[i]:.6g}" for i in (0, -1)))
+        shell.say(f"  {len(modes)}, {reach} Hz")
     for remark in modes.remarks():
         shell.say(f"  {remark}")
 

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
+    from matplotlib.figure import Figure
+
+    from mbsvib.studies.results import Sweep
 
 
 def params(model: str, pattern: str = "*", as_json: bool = False) -> None:
@@ -56,8 +59,22 @@ def sweep(
         if file.suffix.lower() == ".csv":
             result.to_csv(file)
         else:
-            write_figure(result.plot(), file)
+            write_figure(_over_ranges(result), file)
         shell.say(f"Written: {shell.shown(file)}")
+
+
+def _over_ranges(result: Sweep) -> Figure:
+    """The natural frequencies of all modes asked for over what varies."""
+    import numpy as np
+
+    from mbsvib.studies.figures import over_variables
+
+    label = "natural frequency" if len(result.results) > 1 else "natural frequency of mode 1"
+    return over_variables(
+        np.stack(list(result.results.values()), axis=1), label, result.parameters, result.axes,
+        grid=len(result.shape) > 1, units={**result.units, label: "Hz"}, name=result.name,
+        entries=[f"{k + 1}" for k in range(len(result.results))],
+    )  # fmt: skip
 
 
 def _fitting(pattern: str, known: Iterable[str], model: str) -> list[str]:

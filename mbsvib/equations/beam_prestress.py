@@ -5,9 +5,11 @@ both ends) are those of linear elasticity, with the least energy. A preloaded bu
 as between two rigid halves; the bent line between the nodes under a tension N adds a quadratic form in the deformations
 of the element, d across and r about the middle:
 
-N (s^2 / (10 L) + 1 / (2 L)) d^2 + N d r / 2 - N L r^2 / 12,   s = 1 / (1 + phi)
+N (s^2 / (10 L) + 1 / (2 L)) d^2 + N d r / 2 - N L r^2 / 12 - W (1 / 12 - s / 30) d r,   s = 1 / (1 + phi)
 
-so that rigid halves and this form add up to N / 2 times the integral of the squared slope.
+so that rigid halves and this form add up to half the integral of N times the squared slope. W is the element's weight
+along its axis, by which the tension falls along the element: what the weights at the nodes do as these turn is that of
+straight halves, and the last term adds what the bent line does beyond it.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.linalg.rank import STRAINED, ZERO_PRESTRESS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
@@ -38,7 +40,7 @@ if TYPE_CHECKING:
 
 
 def beam_weights(beams: Iterable[Beam], gravity: Vector | None) -> dict[str, Load]:
-    """Return the weight of beams as forces at their nodes, half of each element's at either end.
+    """Return the weight of beams as forces on their nodes, as ``Beam.node_weights`` says.
 
     Parameters
     ----------
@@ -58,13 +60,10 @@ def beam_weights(beams: Iterable[Beam], gravity: Vector | None) -> dict[str, Loa
 
 
 def _weight(beam: Beam, gravity: Vector) -> list[Load]:
-    line = beam.material.rho * beam.properties.A
-    mass = np.zeros(len(beam.points))
-    for i, length in enumerate(beam.lengths()):
-        mass[i : i + 2] += 0.5 * line * length
     return [
-        _load.make(f"{beam.name}.weight{i}", beam.body_of(i), [m * g for g in gravity], _load.NONE, point, False)
-        for i, (m, point) in enumerate(zip(mass.tolist(), beam.points, strict=True)) if beam.body_of(i) != "ground"
+        _load.make(f"{beam.name}.weight{i}", beam.body_of(i), [m * g for g in gravity], _load.NONE, tuple(point), False)
+        for i, (m, point) in enumerate(zip(*(array.tolist() for array in beam.node_weights()), strict=True))
+        if beam.body_of(i) != "ground"
     ]  # fmt: skip
 
 
@@ -194,7 +193,7 @@ def least_energy_forces(rows: Array, open_rows: Array, root: Array, needed: Arra
     return result
 
 
-def bent_lines(beam: Beam, elements: dict[str, Bushing]) -> list[SharedRows]:
+def bent_lines(beam: Beam, elements: dict[str, Bushing], gravity: Vector | None) -> list[SharedRows]:
     """Return the geometric stiffness of the bent lines of a beam's elements, in addition to that of rigid halves.
 
     Parameters
@@ -203,29 +202,43 @@ def bent_lines(beam: Beam, elements: dict[str, Bushing]) -> list[SharedRows]:
         The beam.
     elements : dict of str to Bushing
         Its elements with their forces as preloads.
+    gravity : tuple of 3 floats or None
+        Acceleration of free fall [m/s^2].
 
     Returns
     -------
-    list of Piece
-        Rows with signed stiffness for each element under tension or compression.
+    list of SharedRows
+        Rows with signed stiffness for each element under tension, compression or weight along its axis.
     """
     result = []
-    for i, (name, (length, axes)) in enumerate(zip(beam.element_names, beam.frames(), strict=True)):
-        spring = elements[name]
-        if spring.preload is None:
+    masses, forms = element_masses(beam), zip(bent_forms(beam), weight_forms(beam), strict=True)
+    for i, (name, (length, axes), (bent, weighed)) in enumerate(
+        zip(beam.element_names, beam.frames(), forms, strict=True)
+    ):
+        preload = elements[name].preload
+        tension = 0.0 if preload is None else -float(preload[0])
+        weight = 0.0 if gravity is None else float(masses[i] * np.dot(gravity, np.array(axes)[:, 0]))
+        form = tension * bent + weight * weighed
+        if not form.any():
             continue
-        tension = -float(spring.preload[0])
         rows, values = [], []
-        ratios = element.shear_ratios(length, beam.properties, beam.material, beam.shear)
-        for (across, about, sign), phi in zip(((1, 5, 1.0), (2, 4, -1.0)), ratios, strict=True):
-            for value, (d, r) in zip(*_rows(length, phi), strict=True):
+        for plane in ((1, 5), (2, 4)):
+            # in d / L and r all entries are of the size of L
+            scale = np.array([length, 1.0])
+            sizes, vectors = np.linalg.eigh(scale[:, None] * form[np.ix_(plane, plane)] * scale)
+            for value, vector in zip(sizes, (vectors / scale[:, None]).T, strict=True):
                 row = np.zeros(6)
-                row[across], row[about] = d, sign * r
+                row[list(plane)] = vector
                 rows.append(row)
-                values.append(tension * value)
+                values.append(value)
         node = Node(beam.body_of(i + 1), middle(beam, i), relative_to=beam.body_of(i))
         result.append(SharedRows(beam.name, (node,), rotated(np.array(rows), axes), stiffness=np.array(values)))
     return result
+
+
+def element_masses(beam: Beam) -> Array:
+    """Return the masses of a beam's elements (elements,) [kg]."""
+    return beam.material.rho * beam.properties.A * np.array(beam.lengths())
 
 
 def bent_forms(beam: Beam) -> Array:
@@ -241,21 +254,34 @@ def bent_forms(beam: Beam) -> Array:
     array, shape (elements, 6, 6)
         On the displacement of an element's end against its start, at the midpoint [N/m, N, N m per N].
     """
+    return _forms(beam, lambda length, s: ((0.2 * s * s + 1.0) / length, 0.5, -length / 6.0))
+
+
+def weight_forms(beam: Beam) -> Array:
+    """Return what the fall of tension along bent lines adds to their geometric stiffness, per unit weight along them.
+
+    Parameters
+    ----------
+    beam : Beam
+        The beam.
+
+    Returns
+    -------
+    array, shape (elements, 6, 6)
+        As of ``bent_forms`` [1/m, 1, m per N].
+    """
+    return _forms(beam, lambda _, s: (0.0, s / 30.0 - 1.0 / 12.0, 0.0))
+
+
+def _forms(beam: Beam, entries: Callable[[float, float], tuple[float, float, float]]) -> Array:
+    """Forms with these entries of d d, d r and r r in both planes of each element; ``entries``: of L and s."""
     result = []
     for length, _ in beam.frames():
         form = np.zeros((6, 6))
         ratios = element.shear_ratios(length, beam.properties, beam.material, beam.shear)
         for (across, about, sign), phi in zip(((1, 5, 1.0), (2, 4, -1.0)), ratios, strict=True):
-            form[across, across] = (0.2 / (1.0 + phi) ** 2 + 1.0) / length
-            form[across, about] = form[about, across] = 0.5 * sign
-            form[about, about] = -length / 6.0
+            own, mixed, turned = entries(length, 1.0 / (1.0 + phi))
+            form[across, across], form[about, about] = own, turned
+            form[across, about] = form[about, across] = sign * mixed
         result.append(form)
     return np.array(result)
-
-
-def _rows(length: float, phi: float) -> tuple[Array, Array]:
-    """Signed values and rows in (d, r) of the form above, for a unit tension; twice the form is a stiffness."""
-    across = 0.2 / (1.0 + phi) ** 2 + 1.0
-    # in d / L and r all entries are of the size of L
-    values, vectors = np.linalg.eigh(length * np.array([[across, 0.5], [0.5, -1.0 / 6.0]]))
-    return values, (vectors / np.array([[length], [1.0]])).T

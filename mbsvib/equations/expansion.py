@@ -82,7 +82,7 @@ def _prestressed(result: M, model: M) -> M:
     unloaded = _with_node_wrenches(result, [(part, np.zeros(len(part.values))) for part in reduced])
     loaded_elements, forces = element_forces(unloaded, beams, reduced)
     assert result.expansion is not None
-    stiffness = [rows for beam in beams for rows in bent_lines(beam, loaded_elements)]
+    stiffness = [rows for beam in beams for rows in bent_lines(beam, loaded_elements, result.gravity)]
     for part, rows in zip(reduced, forces, strict=True):
         stiffness += [*part.weight_stiffness, *second_order_rotation_rows(part, part.forces(rows))]
     expansion = replace(result.expansion, elastic=(*result.expansion.elastic, *stiffness))

@@ -84,6 +84,11 @@ class EquilibriumPath(Displayed, Generic[M]):
         for array in (self.values, self.forces, self.stable_held, self.curve, self.curve_stable):
             array.setflags(write=False)
 
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return self.models[0].name if self.models else ""
+
     @cached_property
     def _modes(self) -> tuple[Modes | None, ...]:
         return tuple(map(modes_of, self.models))
@@ -117,8 +122,7 @@ class EquilibriumPath(Displayed, Generic[M]):
             rows += [self._point_row(point, count) for point in self.points if point.before == k]
             rows.append((f"{self.values[k]:.6g}", f"{self.forces[k]:.6g}", _yes(self.stable[k]),
                          _yes(self.stable_held[k]), *map(_hertz, self.frequencies[k, :count])))  # fmt: skip
-        return {"title": f"path of equilibria of '{self.models[0].name}'" if self.models else "path of equilibria",
-                "columns": columns, "rows": rows}  # fmt: skip
+        return {"title": f"Path of equilibria of {self.name}", "columns": columns, "rows": rows}
 
     def _point_row(self, point: PathPoint[M], count: int) -> tuple[str, ...]:
         return (f"{point.value:.6g}", f"{point.force:.6g}", f"{point.kind} point", "", *[""] * count)

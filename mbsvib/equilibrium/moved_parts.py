@@ -45,12 +45,12 @@ def _springs(model: Mechanism, pose: Pose, relaxed: bool) -> dict[str, dict[str,
 
 def static_model(model: M) -> M:
     """Return a model for statics: without inputs, outputs and dampers in series."""
-    springs = {name: _static(part) if isinstance(part, Maxwell) else part for name, part in model.springs.items()
+    springs = {name: static_spring(part) if isinstance(part, Maxwell) else part for name, part in model.springs.items()
                if not isinstance(part, Maxwell) or part.static_stiffness}  # fmt: skip
     return model.with_parts(springs=springs, inputs={}, outputs={})
 
 
-def _static(part: Maxwell) -> Spring:
+def static_spring(part: Maxwell) -> Spring:
     """The static spring in parallel to a spring and damper in series."""
     return spring.make(part.name, part.first, part.second, part.start, part.end, part.static_stiffness, 0.0,
                        part.preload)  # fmt: skip

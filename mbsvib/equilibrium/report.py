@@ -77,7 +77,7 @@ class Equilibrium(Displayed, Generic[M]):
     def __str__(self) -> str:
         steps = f" in {counted(len(self.load_steps) - 1, 'load step')}" if len(self.load_steps) > 1 else ""
         lines = [
-            f"equilibrium of '{self.model.name}' after {counted(self.iterations, 'step')}{steps}; residual of the "
+            f"Equilibrium of {self.model.name} after {counted(self.iterations, 'step')}{steps}; residual of the "
             f"forces: {self.residuals[-1]:.1e}",
             f"  {self._stability()}",
             "  relative residuals: " + ", ".join(f"{value:.1e}" for value in self.residuals),

@@ -76,8 +76,8 @@ class StiffnessShares(Displayed):
 
         count = min(SHOWN_MODES, self.shares.shape[1])
         shown = [i for i, row in enumerate(self.shares) if np.abs(row[:count]).max(initial=0.0) >= SHOWN_SHARE]
-        rows = [(self.elements[i], self.kinds[i], *(f"{100.0 * share:.1f}" for share in self.shares[i, :count]))
-                for i in shown]  # fmt: skip
+        percent = np.round(100.0 * self.shares, 1) + 0.0  # no "-0.0"
+        rows = [(self.elements[i], self.kinds[i], *(f"{value:.1f}" for value in percent[i, :count])) for i in shown]
         columns: list[tuple[str, Any]] = [("element", "left"), ("kind", "left")]
         columns += [(f"{frequency:.4g} Hz", "right") for frequency in self.frequencies[:count]]
         notes = ["Shares of the strain energy in %. Elements below 0.05 % in all modes shown are omitted."]

@@ -112,15 +112,16 @@ def _stations(
     parts, fallen = [], ca.SX(0.0)
     origin = frame.rotation.T @ motion.rate(frame.shift)
     for i, point in enumerate(block.points):
-        at, v, w = ca.SX(point), ca.SX.zeros(3), ca.SX.zeros(3)
-        start = at
+        at, v, w, arm = ca.SX(point), ca.SX.zeros(3), ca.SX.zeros(3), ca.SX(block.arms[i])
+        start, turned = at, arm
         if i in number_of:
             k = 6 * number_of[i]
             start = at + ca.SX(block.state[k : k + 3])
             at, v, w = start + change[k : k + 3], speed[k : k + 3], speed[k + 3 : k + 6]
+            turned = arm + ca.cross(change[k + 3 : k + 6], arm)
         parts.append(ca.vertcat(origin + ca.cross(spin, at) + v, spin + w))
         if block.weight[i].any():
-            fallen += ca.dot(ca.SX(block.weight[i]), frame.point(at) - start)
+            fallen += ca.dot(ca.SX(block.weight[i]), frame.point(at + turned) - start - arm)
     return ca.vertcat(*parts, speed[6 * len(block.elastic) :]), fallen
 
 
@@ -129,6 +130,7 @@ def _weight(block: ElasticBlock) -> Array:
     result = np.zeros(len(block.state))
     for k, station in enumerate(block.elastic):
         result[6 * k : 6 * k + 3] = block.weight[station]
+        result[6 * k + 3 : 6 * k + 6] = np.cross(block.arms[station], block.weight[station])
     return result
 
 

@@ -23,7 +23,6 @@ from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.elements import beam_expansion, superelement_expansion
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.beam_sag import sag_rows, stretch_row
-from mbsvib.equations.beam_prestress import beam_weights
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rank import MASSLESS
 from mbsvib.linalg.rotations import skew
@@ -45,16 +44,17 @@ ALL_SIX = (0, 1, 2, 3, 4, 5)
 class ElasticBlock:
     """A beam or superelement as a linear block carried by body ``root``.
 
-    Its stations (s,) are all nodes at ``points`` (s, 3) without forces [m]; ``elastic`` (e,) numbers those that move
-    against the root, ``nodes`` names their bodies. Coordinates x (6 e + internal,) are their displacements and
-    rotations, then internal ones, ``state`` x0 what they are as described. ``mass`` and ``damping`` (6 s + internal,
-    6 s + internal) act on the velocities of all stations and the rates of internal coordinates, ``relative_damping``
-    (6 e + internal, 6 e + internal) and ``stiffness`` on those of x; ``weight`` (s, 3) are forces at the stations [N]
-    and ``force`` (6 e + internal,) forces along x. ``interface`` numbers the elastic stations at which something is
-    attached, ``joints`` names their links to the root, ``bodies`` the bodies there and ``held`` the directions (0 to 5)
-    of each that belong to b. ``sag`` (2 s, 6 e + internal) makes of x the sag of a beam in units of its thickness,
-    ``stretch`` (6 e + internal,) how much its ends move apart [m]; both are 0 of superelements. ``modes`` N and
-    ``static`` P (6 e + internal, ...) span x.
+    Its stations (s,) are all nodes at ``points`` (s, 3) without forces [m]; ``elastic`` (e,) numbers those that
+    move against the root, ``nodes`` names their bodies. Coordinates x (6 e + internal,) are their displacements and
+    rotations, then internal ones, ``state`` x0 what they are as described. ``mass`` and ``damping`` (6 s +
+    internal, 6 s + internal) act on the velocities of all stations and the rates of internal coordinates,
+    ``relative_damping`` (6 e + internal, 6 e + internal) and ``stiffness`` on those of x; ``weight`` (s, 3) are
+    forces at the stations [N], at the ``arms`` (s, 3) from them [m], and ``force`` (6 e + internal,) forces along
+    x. ``interface`` numbers the elastic stations at which something is attached, ``joints`` names their links to
+    the root, ``bodies`` the bodies there and ``held`` the directions (0 to 5) of each that belong to b. ``sag`` (2
+    s, 6 e + internal) makes of x the sag of a beam in units of its thickness, ``stretch`` (6 e + internal,) how
+    much its ends move apart [m]; both are 0 of superelements. ``modes`` N and ``static`` P (6 e + internal, ...)
+    span x.
     """
 
     name: str
@@ -68,6 +68,7 @@ class ElasticBlock:
     relative_damping: Array
     stiffness: Array
     weight: Array
+    arms: Array
     force: Array
     interface: tuple[int, ...]
     joints: tuple[str, ...]
@@ -169,13 +170,10 @@ def _of_beam(beam: Beam, model: Mechanism, used: set[str]) -> ElasticBlock:
     names = {beam.body_of(i): i for i in reversed(range(len(points)))}
     mass = _matrix(beam_expansion.masses(rest), names, points, 0)
     damping = _matrix(beam_expansion.dampers(rest), names, points, 0)
-    weight = np.zeros((len(points), 3))
-    if model.gravity is not None and any(model.gravity):
-        falls = {load.body: load.force for load in beam_weights([rest], model.gravity).values()}
-        for i in range(len(points)):
-            weight[i] = falls.get(beam.body_of(i), (0.0, 0.0, 0.0))
+    masses, centres = beam.node_weights()
+    weights = np.outer(masses, model.gravity or (0.0, 0.0, 0.0)), centres - np.array(beam.points)
     columns = [6 * i + j for i in elastic for j in range(6)]
-    block = _block(flexible, points, elastic, 0, mass, damping, beam.beta, weight, used)
+    block = _block(flexible, points, elastic, 0, mass, damping, beam.beta, weights, used)
     return replace(block, sag=sag_rows(beam)[:, columns], stretch=stretch_row(beam)[columns])
 
 
@@ -195,12 +193,12 @@ def _of_superelement(part: Superelement, model: Mechanism, used: set[str]) -> El
     mass = _matrix(superelement_expansion.masses(part), names, points, part.internal)
     damped = [piece for piece in superelement_expansion.elastic(part) if piece.damping is not None]
     damping = _matrix(damped, names, points, part.internal)
-    return _block(flexible, points, elastic, part.internal, mass, damping, 0.0, np.zeros((count, 3)), used)
+    return _block(flexible, points, elastic, part.internal, mass, damping, 0.0, (np.zeros((count, 3)),) * 2, used)
 
 
 def _block(
     part: ElasticPart, points: Array, elastic: tuple[int, ...], internal: int, mass: Array, damping: Array,
-    beta: float, weight: Array, used: set[str],
+    beta: float, weights: tuple[Array, Array], used: set[str],
 ) -> ElasticBlock:  # fmt: skip
     # nodes that the root holds as well do not move against it
     moving = [k for k, (body, _) in enumerate(part.nodes) if body != part.root]
@@ -215,7 +213,7 @@ def _block(
     elastic_mass = mass[np.ix_(columns, columns)]
     modes, static, values = _craig_bampton(elastic_mass, stiffness, [6 * k + j for k in interface for j in range(6)])
     return ElasticBlock(
-        part.owner, part.root, points, elastic, internal, state, mass, damping, beta * stiffness, stiffness, weight,
+        part.owner, part.root, points, elastic, internal, state, mass, damping, beta * stiffness, stiffness, *weights,
         force, interface, tuple([nodes[k][0] for k in interface]), tuple([nodes[k][1] for k in interface]),
         (ALL_SIX,) * len(interface), modes, static, values, tuple([body for _, body in nodes]),
         np.zeros((0, len(state))), np.zeros(len(state)),

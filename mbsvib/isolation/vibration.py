@@ -28,6 +28,10 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.isolation.figures import Figures
 
+# Accelerations below this share of the largest, rotations times the study's length, are 0 in the table: the root of
+# what rounding leaves of their squares.
+ROUNDED = 1e-8
+
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Vibration(Displayed):
@@ -138,9 +142,11 @@ class Vibration(Displayed):
         dict
             Title, columns, rows and notes.
         """
-        rows = [(f"{self.study.scene.body} {direction}", f"{value:.4g}",
+        size = self.acceleration * self.study.scene.scale(DIRECTIONS)
+        rest = size <= ROUNDED * size.max()
+        rows = [(f"{self.study.scene.body} {direction}", "0" if none else f"{value:.4g}",
                  "m/s^2" if len(direction) == 1 else "rad/s^2", "", "")
-                for direction, value in zip(DIRECTIONS, self.acceleration, strict=True)]  # fmt: skip
+                for direction, value, none in zip(DIRECTIONS, self.acceleration, rest, strict=True)]  # fmt: skip
         rows += [(name, "", "", f"{1e6 * self.stroke[name]:.4g}", f"{self.force[name]:.4g}") for name in self.stroke]
         columns: list[tuple[str, Any]] = [("rms", "left"), ("acceleration", "right"), ("", "left"),
                                           ("stroke [um]", "right"), ("force [N]", "right")]  # fmt: skip

@@ -100,7 +100,7 @@ def cut_elsewhere(model: Mechanism, requested: Iterable[str]) -> tuple[tuple[str
     ----------
     model : Mechanism
         The mechanism.
-    wanted : iterable of str
+    requested : iterable of str
         Names of the joints that are to be part of it.
 
     Returns

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
@@ -57,6 +57,8 @@ class Modes(Displayed):
     The shapes are the exact modes of a system whose frequencies differ by ``mixed``, relative, at most. ``rung`` is the
     name of the solver of undamped modes that was accurate enough.
     """
+
+    MOST: ClassVar[str] = "moves most"
 
     name: str
     coordinates: tuple[str, ...]
@@ -164,12 +166,14 @@ class Modes(Displayed):
         if not isinstance(count, (int, np.integer)) or isinstance(count, bool) or count < 1:
             raise ResponseError(f"modes: count = {count!r}; expected how many modes are wanted, 1 or more.")
         frequency = real(frequency, "modes", "near", "a frequency [Hz]")
-        nearest_modes = np.sort(np.argsort(np.abs(self.frequencies - frequency), kind="stable")[:count])
-        which = np.concatenate([np.arange(0), *(np.arange(*self.starts[i : i + 2]) for i in nearest_modes)])
+        return self._chosen(np.sort(np.argsort(np.abs(self.frequencies - frequency), kind="stable")[:count]))
+
+    def _chosen(self, modes: NDArray[np.intp]) -> Self:
+        which = np.concatenate([np.arange(0), *(np.arange(*self.starts[i : i + 2]) for i in modes)])
         return replace(
-            self, eigenvalues=self.eigenvalues[which], errors=self.errors[which], shapes=self.shapes[:, nearest_modes],
-            rigid=int(np.count_nonzero(nearest_modes < self.rigid)),
-            first_order=None if self.first_order is None else self.first_order[nearest_modes],
+            self, eigenvalues=self.eigenvalues[which], errors=self.errors[which], shapes=self.shapes[:, modes],
+            rigid=int(np.count_nonzero(modes < self.rigid)),
+            first_order=None if self.first_order is None else self.first_order[modes],
         )  # fmt: skip
 
     def check_accuracy(self, rtol: float) -> None:
@@ -205,8 +209,8 @@ class Modes(Displayed):
         dict
             Title, columns, rows and notes.
         """
-        headers = ("mode", "natural [Hz]", "damped [Hz]", "damping ratio [%]", "moves most")
-        columns = [(header, "left" if header == "moves most" else "right") for header in headers]
+        headers = ("mode", "natural [Hz]", "damped [Hz]", "damping ratio [%]")
+        columns = [*((header, "right") for header in headers), (self.MOST, "left")]
         values = zip(self.frequencies, self.damped_frequencies, self.damping_ratios, self.strongest(), strict=True)
         rows = [(str(i + 1), digits(f), digits(d), digits(100.0 * z), " ".join(most))
                 for i, (f, d, z, most) in enumerate(values)]  # fmt: skip
@@ -215,7 +219,7 @@ class Modes(Displayed):
 
     def _shown(self) -> str:
         dof = len(self.coordinates)
-        return f"{dof} DOF" if len(self) == dof else f"{len(self)} of {dof}"
+        return f"{dof} DOF" if len(self) == dof else f"{len(self)} of {dof} DOF"
 
     def __repr__(self) -> str:
         ends = [f"{f:.6g}" for f in self.frequencies[[0, -1] if len(self) > 1 else slice(None)]]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
@@ -15,23 +16,42 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex
 
+# States whose participations differ by less than this share are named by the first of them.
+ALIKE = 1e-2
 
+
+@dataclass(frozen=True, repr=False, eq=False)
 class StateModes(Modes):
     """The modes of a state matrix in ascending natural frequency: one for each conjugate pair and each real eigenvalue.
 
     ``shapes`` (states, n) are the eigenvectors, one of each pair; ``first_order`` marks modes with a real eigenvalue.
-    ``errors`` bounds the rounding of each eigenvalue, relative, by its condition number.
+    ``errors`` bounds the rounding of each eigenvalue, relative, by its condition number. ``participation`` (states, n)
+    is the product of each state's entries in the left and right eigenvectors, abs(l_i r_i) / abs(l^H r), which does
+    not depend on units and scales of the states; NaN where a mode is defective.
+
+    Source: Perez-Arriaga, Verghese & Schweppe (1982), Selective modal analysis, IEEE Trans. PAS 101(9).
     """
 
+    MOST: ClassVar[str] = "largest participation"
+
+    participation: Array = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
+
     def strongest(self) -> tuple[tuple[str, ...], ...]:
-        """Return for each mode the state that is largest in it.
+        """Return for each mode the state with the largest participation.
 
         Returns
         -------
         tuple of (str,)
-            One entry a mode; states of different units are compared as they are scaled.
+            One entry a mode; the first of states that take part alike, as a displacement and its rate do.
         """
-        return tuple([(self.coordinates[i],) for i in np.abs(self.shapes).argmax(axis=0)]) if len(self) else ()
+        if not len(self):
+            return ()
+        size = np.nan_to_num(self.participation)
+        alike = size >= (1.0 - ALIKE) * size.max(axis=0)
+        return tuple([(self.coordinates[i],) for i in alike.argmax(axis=0)])
+
+    def _chosen(self, modes: NDArray[np.intp]) -> Self:
+        return replace(super()._chosen(modes), participation=self.participation[:, modes])
 
     def remarks(self) -> tuple[str, ...]:
         """Return notes on the table.
@@ -76,9 +96,11 @@ def state_modes(a: Array, name: str, states: tuple[str, ...]) -> StateModes:
     product = np.abs(np.einsum("ij,ij->j", left.conj(), right))
     with np.errstate(divide="ignore", invalid="ignore"):
         errors = EPS * np.linalg.norm(scaled) / (product * np.abs(values))
+        participation = np.abs(left * right) / product
     errors = np.where(values == 0.0, 0.0, np.minimum(np.nan_to_num(errors, nan=1.0), 1.0))
     order = np.lexsort((-values.imag, np.abs(values)))
     values, errors, right = values[order], errors[order], right[:, order] * scale[:, None]
+    participation = participation[:, order]
     first = values.imag >= 0.0
     single = values[first].imag == 0.0
     n, none = int(first.sum()), np.zeros((0, 6, len(a)))
@@ -87,8 +109,8 @@ def state_modes(a: Array, name: str, states: tuple[str, ...]) -> StateModes:
     nothing = Damped(pairs, pairs.real, np.zeros((0, 0)), np.zeros(0), np.zeros(0), "", None, None)
     return StateModes(name, states, (), _together(values, first), np.repeat(errors[first], 2 - single),
                       right[:, first].reshape(len(a), n), "", at_rest, none,
-                      np.zeros((0, len(a))), nothing,
-                      single if single.any() else None)  # fmt: skip
+                      np.zeros((0, len(a))), nothing, single if single.any() else None,
+                      participation=participation[:, first].reshape(len(a), n))  # fmt: skip
 
 
 def _together(values: Complex, first: NDArray[np.bool_]) -> Complex:

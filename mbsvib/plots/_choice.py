@@ -46,8 +46,9 @@ def listed(systems: Systems, labels: Sequence[str] | None) -> list[tuple[str, Li
     names = list(labels) if labels is not None else [system.name for system in group]
     if len(names) != len(group):
         raise ResponseError(f"{len(names)} labels for {len(group)} systems; give one for each.")
-    if labels is None and len(set(names)) < len(names):
-        names = [f"{name} ({i})" for i, name in enumerate(names, 1)]
+    if labels is None and len(set(names)) < len(names):  # a model and what is reduced of it
+        sized = [f"{name}, {len(system.poles())} states" for name, system in zip(names, group, strict=True)]
+        names = sized if len(set(sized)) == len(sized) else [f"{name} ({i})" for i, name in enumerate(names, 1)]
     return list(zip(names, group, strict=True))
 
 

@@ -92,7 +92,9 @@ class Picture:
             numbers = [mark.point for mark in scene.marks if mark.kind == kind]
             drawn = axes.plot([], [], sign, ms=size, mfc=colour, mec=edge, mew=width, zorder=4)[0]
             self._marks.append((drawn, numbers))
-        self._arrows = np.array([line.last - 1 for line in scene.lines if line.kind == "input"], dtype=np.intp)
+        arrows = [(line.first, tip) for line in scene.lines if line.kind == "input"
+                  for tip in range(line.first + 1, line.last)]  # fmt: skip
+        self._arrows = np.array(arrows, dtype=np.intp).reshape(-1, 2)
         self._heads = LineCollection([], colors=LINES["input"][0], linewidths=LINES["input"][1], capstyle="round",
                                      zorder=3.5)  # fmt: skip
         axes.add_collection(self._heads)
@@ -118,8 +120,8 @@ class Picture:
             self._lines.set_linewidth(self._widths[order].tolist())
         if len(self._scene.faces):
             self._faces.set_verts(list(flat[self._scene.faces, :2]))
-        self._heads.set_segments(list(_heads(flat[self._arrows - 1, :2], flat[self._arrows, :2],
-                                             HEAD * self._scene.size)))  # fmt: skip
+        tails, tips = flat[self._arrows, :2].transpose(1, 0, 2)
+        self._heads.set_segments(list(_heads(tails, tips, HEAD * self._scene.size)))
         for drawn, numbers in self._marks:
             drawn.set_data(flat[numbers, 0], flat[numbers, 1])
 

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 GROUND = "ground"
 AXIS, ARROW, FOOT = 0.045, 0.13, 0.032  # sizes of joint axes, of input arrows and of feet, as shares of the size
+SECOND_HEAD = 0.25  # distance of the two heads of a torque, as a share of its arrow
 COIL, TURNS = 0.016, 6  # radius of a spring, as a share of the size, and its turns
 FEW_SPRINGS = 60  # more than these are drawn with fewer points
 # A pyramid below points on the ground, and a polyline along all of its edges.
@@ -117,13 +118,15 @@ def _scene(name: str, parts: Sequence[Part], cut: set[str], bodies: Sequence[str
     names = tuple(positions) if bodies is None else tuple(bodies)
     builder = _Builder({body: i for i, body in enumerate((*names, GROUND))}, positions, _extent(parts, positions))
     springs = sum(isinstance(part, Connection) and part.acts_along_line for part in parts)
+    hinges = {frozenset((part.first, part.second)): part.position for part in parts
+              if type(part) is Joint and part.position is not None}  # fmt: skip
     for part in parts:
         if type(part) is Joint:
             builder.joint(part, part.name in cut)
         elif isinstance(part, Connection) and part.acts_along_line:
             builder.spring(part, fine=springs <= FEW_SPRINGS)
         elif isinstance(part, Connection):
-            builder.bushing(part)
+            builder.bushing(part, hinges.get(frozenset((part.first, part.second))))
         elif isinstance(part, Composed):
             builder.composed(part)
         elif isinstance(part, Input):
@@ -212,8 +215,10 @@ class _Builder:
             self.rides.append((a, b, float(s), start, end))
         self.lines.append(Line("spring", part.name, first, len(self.rest)))
 
-    def bushing(self, part: Connection) -> None:
-        at = part.points[0] if part.points else self.positions[part.first if part.second == GROUND else part.second]
+    def bushing(self, part: Connection, hinge: Any) -> None:
+        """Add a ring; a torsion spring, which has no point, stands at the joint of its bodies if there is one."""
+        centre = self.positions[part.first if part.second == GROUND else part.second]
+        at = part.points[0] if part.points else centre if hinge is None else hinge
         if part.points:
             self.attach(part.first, at)
             self.attach(part.second, at)
@@ -231,8 +236,9 @@ class _Builder:
     def arrow(self, part: Input) -> None:
         at = np.array(self.positions[part.body] if part.position is None else part.position)
         way = np.array(part.wrench[:3] if any(part.wrench[:3]) else part.wrench[3:])
-        tail = at - ARROW * self.size * way / np.linalg.norm(way)
-        self.line("input", part.name, [(part.body, tail), (part.body, at)])
+        arrow = ARROW * self.size * way / np.linalg.norm(way)
+        heads = [1.0] if any(part.wrench[:3]) else [1.0 - SECOND_HEAD, 1.0]  # a torque has two
+        self.line("input", part.name, [(part.body, at - (1.0 - share) * arrow) for share in (0.0, *heads)])
 
     def body(self, part: Body) -> None:
         centre = np.array(part.position)

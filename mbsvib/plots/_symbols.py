@@ -30,7 +30,10 @@ def legend(figure: Figure, scene: Scene) -> None:
         What is drawn.
     """
     marks, lines = {mark.kind for mark in scene.marks}, {line.kind for line in scene.lines}
-    handles = [_handle(kind, words, kind in marks, kind in lines) for kind, words in MEANINGS.items()
+    meanings = MEANINGS
+    if any(line.kind == "input" and line.last - line.first > 2 for line in scene.lines):
+        meanings = MEANINGS | {"input": "input (», torque)"}
+    handles = [_handle(kind, words, kind in marks, kind in lines) for kind, words in meanings.items()
                if kind in marks | lines]  # fmt: skip
     if handles:
         figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), COLUMNS), fontsize=8.0,

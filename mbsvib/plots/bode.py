@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 
 LONGEST_LABEL = 24
+LONGEST_LEVEL = 14  # beyond which "magnitude" would leave the panel
 MOST_MARKS = 25
 
 
@@ -134,7 +135,8 @@ def _magnitude_axis(axes: Axes, curve: Curve, decibels: bool) -> None:
 
     unit = units.pretty(units.ratio(curve.output_unit, curve.source_unit))
     if decibels:
-        axes.set_ylabel(f"magnitude [dB re 1 {unit}]" if unit != "1" else "magnitude [dB]")
+        level = "dB" if unit == "1" else f"dB re 1 {unit}"
+        axes.set_ylabel(f"magnitude [{level}]" if len(level) < LONGEST_LEVEL else f"|G| [{level}]")
         return
     name = f"|{curve.output} / {curve.source}| [{unit}]"
     axes.set_ylabel(name if len(name) <= LONGEST_LABEL else f"magnitude [{unit}]")

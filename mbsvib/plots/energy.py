@@ -25,6 +25,7 @@ LEAST_SHARE = 0.005  # of an element in any mode, else it counts among the other
 MOST_ELEMENTS = 40
 MOST_MODES = 60
 OTHERS = "all others"
+VISIBLE = 5e-3  # least sum of the shares of all others: less is thinner than a line
 TITLES = {"strain": "Strain energy", "kinetic": "Kinetic energy"}
 MOST_NUMBERED = 20  # modes whose shares are written as numbers
 
@@ -144,4 +145,4 @@ def largest(names: Sequence[str], values: Array) -> list[tuple[str, Array]]:
     selected = [i for i in np.argsort(-size, kind="stable") if size[i] >= LEAST_SHARE][:MOST_ELEMENTS]
     rows = [(names[i], values[i]) for i in sorted(selected)]
     rest = np.delete(values, selected, axis=0).sum(axis=0)
-    return [*rows, (OTHERS, rest)] if np.abs(rest).max(initial=0.0) > 1e-4 else rows
+    return [*rows, (OTHERS, rest)] if np.abs(rest).max(initial=0.0) > VISIBLE else rows

@@ -37,9 +37,17 @@ class Point(Protocol):
     def force(self) -> float:
         """The holding force."""
 
+    @property
+    def before(self) -> int:
+        """Index of the first value behind it."""
+
 
 class EquilibriumPath(Protocol):
     """What ``Model.path`` returns."""
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
 
     @property
     def coordinate(self) -> str:
@@ -56,6 +64,10 @@ class EquilibriumPath(Protocol):
     @property
     def frequencies(self) -> Array:
         """Natural frequencies (n, modes) [Hz]."""
+
+    @property
+    def stable(self) -> NDArray[np.bool_]:
+        """Whether the equilibria are stable (n,) under the holding force."""
 
     @property
     def curve(self) -> Array:
@@ -98,10 +110,7 @@ def path(data: EquilibriumPath) -> Figure:
             at = [(point.value, point.force) for point in data.points if point.kind == kind]
             if at:
                 above.plot(*zip(*at, strict=True), marker, color=style.INK, mfc="white", markersize=5.0, label=label)
-        count = np.isfinite(data.frequencies).sum(axis=1)
-        # lines end where modes become unstable, as the others then have other numbers
-        same = np.flatnonzero(np.diff(count)) + 1
-        values, rows = np.insert(data.values, same, np.nan), np.insert(data.frequencies, same, np.nan, axis=0)
+        values, rows = _frequency_lines(data)
         for mode in range(min(LOWEST, rows.shape[1])):
             below.plot(values, rows[:, mode], ".-", color=style.COLOURS[mode % len(style.COLOURS)], markersize=3.0)
         above.axhline(0.0, color=style.MARK, linewidth=0.6)
@@ -109,7 +118,33 @@ def path(data: EquilibriumPath) -> Figure:
         above.set_ylabel(f"holding {'moment [N m]' if data.unit == 'rad' else 'force [N]'}")
         below.set_ylabel("natural frequency [Hz]")
         below.set_xlabel(f"{data.coordinate} [{data.unit}]")
-        above.set_title("path of equilibria")
+        above.set_title("Path of equilibria")
+        above.set_title(data.name, loc="right", color=style.MARK, fontsize=8.5)
         style.tell_left_out(figure, min(LOWEST, rows.shape[1]), rows.shape[1], "frequencies")
         figure.legend(*above.get_legend_handles_labels(), loc="outside lower center", ncols=5)
     return figure
+
+
+def _frequency_lines(data: EquilibriumPath) -> tuple[Array, Array]:
+    """Coordinates (k,) and natural frequencies (k, modes) to draw, with NaN where lines end.
+
+    They end where modes become unstable, as the others then have other numbers; that is at a limit point, where the
+    lowest frequency is 0.
+    """
+    nothing = np.full(data.frequencies.shape[1], np.nan)
+    rest = np.where(np.arange(len(nothing)) == 0, 0.0, np.nan)
+    count = np.isfinite(data.frequencies).sum(axis=1)
+    values: list[float] = []
+    rows: list[Array] = []
+    for k, row in enumerate(data.frequencies):
+        limits = [point.value for point in data.points if point.kind == "limit" and point.before == k]
+        if k and (limits or count[k] != count[k - 1]):
+            lost = int(count[k - 1]) - int(count[k])
+            through = lost == 0 and bool(data.stable[k - 1] and data.stable[k])  # unstable in between only
+            ends = limits[:1] if lost == 1 or through else []
+            starts = limits[-1:] if lost == -1 or through else []
+            values += [*ends, np.nan, *starts]
+            rows += [rest] * len(ends) + [nothing] + [rest] * len(starts)
+        values.append(float(data.values[k]))
+        rows.append(row)
+    return np.array(values), np.array(rows).reshape(len(rows), len(nothing))

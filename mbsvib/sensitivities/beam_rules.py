@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.elements.beam import Beam
 from mbsvib.elements.beam_expansion import elements, masses, modal_damper
-from mbsvib.equations.beam_prestress import bent_forms
+from mbsvib.equations.beam_prestress import bent_forms, element_masses, weight_forms
 from mbsvib.errors import ModelError
 from mbsvib.linalg.differences import slope
 from mbsvib.linalg.rotations import skew
@@ -22,7 +23,6 @@ from mbsvib.sensitivities.part_rules import cross_terms
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.beam import Beam
     from mbsvib.linalg.vectors import Field
     from mbsvib.sensitivities.adjoint_fields import Fields
     from mbsvib.sensitivities.network import Network
@@ -110,8 +110,9 @@ def changed_beam(network: Network, beam: Beam, change: dict[str, Array]) -> tupl
 def _bent_lines(
     network: Network, which: Array, present: dict[str, Array], change: dict[str, Array]
 ) -> tuple[Array, Array]:  # fmt: skip
-    """Stiffness T B (e, 6, 6) of the bent lines of elements under tension, world axes, and how it changes while their
-    forces (connections ``which``) stay as they are: T = -f . a changes as the axis a turns.
+    """Stiffness T B + W B' (e, 6, 6) of the bent lines of elements under tension T and weight W along them, world axes,
+    and how it changes while their forces (connections ``which``) stay as they are: T = -f . a and W = m g . a change as
+    the axis a turns.
     """
     axes, turns = present["axes"], change["turns"]
     if network.forces is None:
@@ -122,25 +123,50 @@ def _bent_lines(
     local[:, :3, :3] = local[:, 3:, 3:] = axes
     spin = np.zeros((len(axes), 6, 6))
     spin[:, :3, :3] = spin[:, 3:, 3:] = skew(turns)
-    bent, bent_change = (local @ form @ local.swapaxes(1, 2) for form in (present["bent"], change["bent"]))
-    return tension * bent, tension * (bent_change + spin @ bent - bent @ spin) + less * bent
+    weight, heavier = (masses[:, None, None] * (way @ network.gravity)[:, None, None] for masses, way in (
+        (present["masses"], along), (change["masses"], along)))  # fmt: skip
+    heavier = heavier + (present["masses"] * (np.cross(turns, along) @ network.gravity))[:, None, None]
+    bent, bent_change = np.zeros((2, len(axes), 6, 6))
+    for key, size, more in (("bent", tension, less), ("weighed", weight, heavier)):
+        form, other = (local @ forms[key] @ local.swapaxes(1, 2) for forms in (present, change))
+        bent = bent + size * form
+        bent_change = bent_change + size * (other + spin @ form - form @ spin) + more * form
+    return bent, bent_change
+
+
+def gravity_rule(network: Network) -> Rule:
+    """Return the rule by which gravity along elements of beams changes the stiffness of their bent lines."""
+    springs = {spring.name: len(network.joints) + i for i, spring in enumerate(network.springs)}
+    elements = []
+    for beam in (part for part in network.parts if isinstance(part, Beam)):
+        for name, (_, axes), mass, form in zip(beam.element_names, beam.frames(), element_masses(beam),
+                                               weight_forms(beam), strict=True):  # fmt: skip
+            local = np.kron(np.eye(2), np.array(axes))
+            elements.append((springs[name], mass * np.array(axes)[:, 0], _factors((local @ form @ local.T)[None])[0]))
+
+    def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
+        return [[(rate[i] * p, q) for k, rate, factors in elements
+                 for p, q in _terms(factors, fields.relative[k], 0.5 * fields.stiff)] for i in range(3)]  # fmt: skip
+
+    return rule
 
 
 def motion_slopes(beam: Beam, direction: int) -> dict[str, Array]:
     """Return how ``numbers`` change as a beam shifts along x, y, z (0 to 2), or turns about these at its first node."""
     present = numbers(beam)
     count, way = len(present["axes"]), np.eye(3)[direction % 3]
-    result = {key: np.zeros_like(present[key]) for key in ("stiffness", "damping", "mass", "by_mass", "bent", "weight")}
+    fixed = ("stiffness", "damping", "mass", "by_mass", "bent", "weighed", "masses", "weight")
+    result = {key: np.zeros_like(present[key]) for key in fixed}
     result |= {"modal": np.zeros_like(present["modal"])[None], "turns": np.zeros((count, 3)),
-               "points": np.tile(way, (count + 1, 1))}  # fmt: skip
+               "points": np.tile(way, (count + 1, 1)), "centres": np.tile(way, (count + 1, 1))}  # fmt: skip
     if direction < 3:
         return result
     for key, copies in (("mass", 4), ("by_mass", 4), ("modal", 2 * count)):
         spin = np.kron(np.eye(copies), skew(way))
         result[key] = spin @ present[key] - present[key] @ spin
     result["modal"] = result["modal"][None]
-    arms = present["points"] - present["points"][0]
-    return result | {"turns": np.tile(way, (count, 1)), "points": np.cross(way, arms)}
+    arms = {key: present[key] - present["points"][0] for key in ("points", "centres")}
+    return result | {"turns": np.tile(way, (count, 1))} | {key: np.cross(way, arm) for key, arm in arms.items()}
 
 
 def middle_rates(change: dict[str, Array]) -> Array:
@@ -159,22 +185,24 @@ def numbers(beam: Beam) -> dict[str, Array]:
 
     They are ``stiffness`` and ``damping`` (e, 6) of the elements' springs in their axes; ``mass`` (e, 12, 12) on their
     ends, the damping ``by_mass`` and ``modal`` damping (6 e, 6 e) at their midpoints, world axes; ``points`` (e + 1, 3)
-    and ``axes`` (e, 3, 3); ``bent`` (e, 6, 6), what unit tension adds to the stiffness, in axes of the elements, and
-    ``weight`` (e + 1,), the mass at each node by which gravity acts.
+    and ``axes`` (e, 3, 3); ``bent`` and ``weighed`` (e, 6, 6), what unit tension and unit weight along an element add
+    to the stiffness, in axes of the elements; ``masses`` (e,) of the elements, and
+    ``weight`` (e + 1,), the mass by which gravity acts on each node, with its ``centres`` (e + 1, 3).
     """
     springs = [spring for _, spring in elements(beam)]
     axes = np.array([spring.orientation for spring in springs])
     stiffness = np.array([spring.stiffness for spring in springs])
     mass = np.array([piece.matrix.T @ piece.matrix for piece in masses(beam)])
-    modal, half = np.zeros((6 * len(springs), 6 * len(springs))), 0.5 * beam.material.rho * beam.properties.A
-    weight = half * (np.append(beam.lengths(), 0.0) + np.append(0.0, beam.lengths()))
+    modal = np.zeros((6 * len(springs), 6 * len(springs)))
+    weight, centres = beam.node_weights()
     if beam.damping_ratio:
         damper = modal_damper(beam)
         assert damper.damping is not None
         modal = damper.matrix.T @ (damper.damping[:, None] * damper.matrix)
     return {"stiffness": stiffness, "damping": beam.beta * stiffness, "mass": mass, "by_mass": beam.alpha * mass,
             "modal": modal, "points": np.array(beam.points), "axes": axes, "bent": bent_forms(beam),
-            "weight": weight}  # fmt: skip
+            "weight": weight, "centres": centres, "weighed": weight_forms(beam),
+            "masses": element_masses(beam)}  # fmt: skip
 
 
 def slopes(beam: Beam, field: str, index: tuple[int, ...] = ()) -> dict[str, Array]:

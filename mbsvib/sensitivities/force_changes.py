@@ -175,9 +175,10 @@ def _beam(terms: RowTerms, network: Network, forces: Forces, beam: Beam) -> None
         change = motion_slopes(beam, index[0]) if field == MOTION else slopes(beam, field, index)
         for point, middle in zip(elements, middle_rates(change), strict=True):
             terms.put((part, field, index), point, middle)
-        for i, k in (*weights, *at_nodes):
+        for i, k in at_nodes:
             terms.put((part, field, index), terms.at.point_of(k), change["points"][i])
         for i, k in weights:
+            terms.put((part, field, index), terms.at.point_of(k), change["centres"][i])
             terms.put((part, field, index), terms.at.wrench_of(k), change["weight"][i] * forces.gravity)
     for i, k in weights:
         for j in range(3):

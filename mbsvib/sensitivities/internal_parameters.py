@@ -15,11 +15,12 @@ from mbsvib.elements.beam import Beam
 from mbsvib.elements.rotor import Rotor
 from mbsvib.elements.superelement import Superelement
 from mbsvib.elements.torsion_spring import TorsionSpring
+from mbsvib.sensitivities import beam_rules, superelement_rules
 from mbsvib.sensitivities.beam_rules import changed_beam, motion_slopes
 from mbsvib.sensitivities.made_part_rules import rotor_axis_rule
 from mbsvib.sensitivities.parameter_group import ParameterGroup
 from mbsvib.sensitivities.part_rules import rule
-from mbsvib.sensitivities.superelement_rules import gravity_rule, superelement_motion
+from mbsvib.sensitivities.superelement_rules import superelement_motion
 
 if TYPE_CHECKING:
     from mbsvib.sensitivities.network import Network
@@ -37,7 +38,7 @@ def internal_parameters(network: Network) -> tuple[tuple[str, str, tuple[int, ..
 
 
 def internal_groups(network: Network, first: int, gravity: int | None) -> list[ParameterGroup]:
-    """Return the groups of these numbers, and of gravity where it turns superelements.
+    """Return the groups of these numbers, and of gravity where it stiffens beams or turns superelements.
 
     ``first``: the row of the first of these numbers; ``gravity``: that of gravity along x, None without gravity.
     """
@@ -61,8 +62,10 @@ def internal_groups(network: Network, first: int, gravity: int | None) -> list[P
         kind = "spring" if isinstance(part, TorsionSpring) else "rotor"
         result.append(ParameterGroup(kind, _FIELDS[type(part)][0], number, part_rule, (), row + np.arange(3)[None], 3))
         row += 3
-    if gravity is not None and any(isinstance(part, Superelement) for part in network.parts):
-        result.append(ParameterGroup("gravity", "", _ONE, gravity_rule(network), (), gravity + np.arange(3)[None], 3))
+    for kind_of_part, rules in ((Beam, beam_rules), (Superelement, superelement_rules)):
+        if gravity is not None and any(isinstance(part, kind_of_part) for part in network.parts):
+            own = rules.gravity_rule(network)
+            result.append(ParameterGroup("gravity", "", _ONE, own, (), gravity + np.arange(3)[None], 3))
     return result
 
 

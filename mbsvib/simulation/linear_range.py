@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 ROUNDING = 1e-10
 # Outputs that a mode moves by less than this share of what its coordinates could are rounding of its shape.
 NOT_SHOWN = 1e-8
+# Outputs whose second-order part is as large as the first when a coordinate has moved by this much [rad, mechanism
+# sizes] have no first-order part: poses, also those of equilibria, are known no better.
+POSE = 1e-11
 # Modes must solve the equations of finite motion, linearized, to this share of the forces: another model otherwise.
 SAME_EQUATIONS = 1e-6
 
@@ -119,7 +122,7 @@ def _of_mode(parts: SecondOrder, shape: Array | Complex, s: complex, scale: Arra
             largest = np.maximum(largest, np.abs(direct + parts.outputs @ _motion(q, rate)))
     second = np.maximum(kinematic, largest)
     second[second <= ROUNDING * first * amplitude] = 0.0
-    first[first <= noise] = 0.0
+    first[(first <= noise) | (first * amplitude <= POSE * second)] = 0.0
     size = np.divide(share * first, second, out=np.full(len(first), np.inf), where=second > 0.0)
     if not reached:
         size[:] = 0.0

@@ -104,7 +104,7 @@ def operator(system: SparseEquations, sigma: float | None, requested: int) -> Op
         The equations of motion.
     sigma : float, optional
         Square of an angular frequency [rad^2/s^2]; None for the lowest modes.
-    wanted : int
+    requested : int
         Number of wanted modes, which limits the number of rigid-body modes.
 
     Returns

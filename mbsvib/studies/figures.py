@@ -45,7 +45,7 @@ def over_variables(
     name : str
         The model's name.
     entries : sequence of str
-        Names of the entries of a vector; default: their numbers.
+        Names or numbers of the modes that the entries of a vector belong to; default: the numbers of the entries.
 
     Returns
     -------
@@ -65,7 +65,7 @@ def over_variables(
         elif len(varied) == 2 and grid:
             shape = [len(axis) for axis in axes_values.values()]
             _map(figure, axes, [axes_values[variable] for variable in varied], flat[:, 0].reshape(shape).squeeze(),
-                 words if flat.shape[1] == 1 else f"entry 1 of {words}")  # fmt: skip
+                 words if flat.shape[1] == 1 else f"mode {entries[0]}: {words}" if entries else f"entry 1 of {words}")
             axes.set_xlabel(_with_unit(varied[1], units))
             axes.set_ylabel(_with_unit(varied[0], units))
         else:
@@ -174,8 +174,7 @@ def tolerances(labels: Sequence[str], sampled: Array, linear: Array, nominal: Ar
             if len(first):
                 axes.hist(first, bins=edges, histtype="step", color=style.COLOURS[1], label="first order")
             axes.axvline(nominal[i], color=style.INK, linewidth=0.9, linestyle="--", label="nominal")
-            quantity, _, unit = label.partition(" [")
-            axes.set_xlabel(f"{quantity} [{unit or '1]'}")
+            axes.set_xlabel(label)
             axes.set_ylabel("number of samples")
             axes.locator_params(axis="x", nbins=4)
         panels.flat[0].legend(fontsize=7.0)
@@ -191,7 +190,7 @@ def _lines(axes: Axes, x: NDArray[Any], flat: NDArray[Any], names: Sequence[str]
         axes.plot(x[order], flat[order, i], label=names[i] if names else f"{i + 1}", **(style.line(i) | dots))
     if flat.shape[1] > 1:
         singular, plural = ("mode", "modes") if names else ("entry", "entries")
-        axes.legend(title=_counted(singular, plural, flat.shape[1]), ncols=2)
+        axes.figure.legend(title=_counted(singular, plural, flat.shape[1]), loc="outside right upper")
 
 
 def _map(figure: Figure, axes: Axes, grid: Sequence[Array], values: Array, words: str) -> None:
@@ -210,4 +209,4 @@ def _counted(singular: str, plural: str, count: int) -> str:
 
 
 def _with_unit(name: str, units: Mapping[str, str]) -> str:
-    return f"{name} [{units.get(name, '1')}]"
+    return f"{name} [{units[name]}]" if name in units else name

@@ -180,11 +180,17 @@ class Sweep(Displayed):
             raise ModelError(f"plot of '{self.name}': '{name}' is not of real numbers; draw results of real numbers.",
                              element=name, field="label")  # fmt: skip
         return over_variables(values, name, self.parameters, self.axes, grid=len(self.shape) > 1, units=self.units,
-                              name=self.name, entries=self.entries)  # fmt: skip
+                              name=self.name, entries=self.entries or _mode_numbers(name, values))  # fmt: skip
 
     def __repr__(self) -> str:
         return (f"Sweep({self.name!r}: {counted(len(self), 'point')} of {', '.join(self.parameters)}, "
                 f"{len(self.errors)} failed)")  # fmt: skip
+
+
+def _mode_numbers(label: str, values: NDArray[Any]) -> tuple[str, ...]:
+    """The numbers of the modes, from 1, that the entries of a result belong to; none where these are no modes."""
+    of_modes = label.startswith("modes.") and values.ndim == 2
+    return tuple(f"{k + 1}" for k in range(values.shape[1])) if of_modes else ()
 
 
 def gathered(count: int, outcomes: Mapping[int, Mapping[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:

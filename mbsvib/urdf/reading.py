@@ -54,6 +54,7 @@ class Hinge:
     axes: Array
     axis: Array
     damping: float
+    friction: float
     mimic: Mimic | None
 
 
@@ -78,7 +79,7 @@ def read(path: str | PathLike[str]) -> Robot:
     Returns
     -------
     Robot
-        Masses and joints of the file; shapes, colours, limits and friction are ignored.
+        Masses and joints of the file; shapes, colours and limits are ignored.
 
     Raises
     ------
@@ -166,14 +167,15 @@ def _joint(element: ElementTree.Element, name: str, links: dict[str, Link]) -> H
     axis = AXIS if axis_element is None else _numbers(axis_element, "xyz", "1 0 0", 3, who)
     if not np.any(axis) and kind in ("revolute", "continuous", "prismatic", "planar"):
         raise ModelError(f"{who}: axis = (0, 0, 0) is no direction.", element=name, field="axis")
-    damping = _numbers(element.find("dynamics"), "damping", "0", 1, who)[0]
+    damping, friction = (float(_numbers(element.find("dynamics"), key, "0", 1, who)[0])
+                         for key in ("damping", "friction"))  # fmt: skip
     follows, mimic = element.find("mimic"), None
     if follows is not None:
         factor, offset = (_numbers(follows, key, value, 1, who)[0]
                           for key, value in (("multiplier", "1"), ("offset", "0")))  # fmt: skip
         mimic = Mimic(follows.get("joint", ""), float(factor), float(offset))
     length = np.linalg.norm(axis) or 1.0
-    return Hinge(name, kind, ends[0], ends[1], origin, axes, axis / length, float(damping), mimic)
+    return Hinge(name, kind, ends[0], ends[1], origin, axes, axis / length, damping, friction, mimic)
 
 
 def _frame(element: ElementTree.Element | None, who: str) -> tuple[Array, Array]:

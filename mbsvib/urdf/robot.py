@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import LeftOutWarning, ModelError, nearest
 from mbsvib.urdf.groups import Group
 from mbsvib.urdf.reading import Hinge, Robot, read
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 
 GROUND = "ground"
+MOST_NAMES = 8  # joints that a warning lists
 # Joint of the model, and the direction along or about which its spring acts, by the joint of the file.
 KINDS = {"revolute": ("revolute", 5), "continuous": ("revolute", 5), "prismatic": ("prismatic", 2)}
 
@@ -36,7 +38,8 @@ def load_urdf(
     root are the ground, unless the robot floats. Each joint has a torque or force as an input, ``JOINT.torque`` or
     ``JOINT.force``, and its motion as an output, ``JOINT.angle`` or ``JOINT.travel``. A spring-damper in a joint is the
     bushing ``JOINT.k``, z its axis. Joints that mimic others are coupled to them. A joint
-    that has the name of a link becomes ``NAME.joint``. Shapes, limits and friction are left.
+    that has the name of a link becomes ``NAME.joint``. Shapes and limits are left, dry friction with a
+    ``LeftOutWarning``.
 
     Parameters
     ----------
@@ -87,6 +90,10 @@ def load_urdf(
             model.add_coupler(f"{follower}.mimic", {follower: 1.0, leader: -joint.mimic.factor})
     if tip is not None:
         _add_tip(model, tip, groups, frames)
+    if rubbing := [name for name, joint in robot.joints.items() if joint.kind != "fixed" and joint.friction]:
+        more = f" and {len(rubbing) - MOST_NAMES} more" if len(rubbing) > MOST_NAMES else ""
+        warnings.warn(f"{path}: left out: dry friction in {', '.join(map(repr, rubbing[:MOST_NAMES]))}{more}.",
+                      LeftOutWarning, stacklevel=2)  # fmt: skip
     return model
 
 

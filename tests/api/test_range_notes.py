@@ -1,7 +1,10 @@
 """Tables of the modes of small mechanisms tell outputs whose linear range is small."""
 
+import numpy as np
+
 import mbsvib as mv
 from mbsvib import library
+from mbsvib.api.linear_range import LinearRange
 
 SENTENCE = "the second-order part reaches 10% of the linear one at an amplitude of"
 
@@ -23,3 +26,15 @@ def test_others_tell_nothing():
     assert any(SENTENCE in text for text in tree.linear_range().sentences())
     for modes in (space.modes(), tree.modes()):
         assert not any(SENTENCE in note for note in modes.remarks())
+
+
+def test_of_modes_that_coincide_the_best_counts():
+    """An output sees one combination of two equal modes not at all, so that the other one tells its range."""
+    def notes(second, third):
+        travel = np.array([[0.3], [1e-4], [third]])
+        found = LinearRange("platform", 0.1, ("y",), ("m",), np.array([10.0, second, 20.0]), 0.5 * travel, travel)
+        return [text.partition(" in mode ")[2][0] for text in found.sentences()]
+
+    assert notes(10.0 * (1.0 + 1e-13), 0.4) == []
+    assert notes(10.0 * (1.0 + 1e-13), 1e-3) == ["3"]
+    assert notes(11.0, 0.4) == ["2"]

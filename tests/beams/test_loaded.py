@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import eigh
 from scipy.optimize import brentq
-from scipy.special import jv
+from scipy.special import jn_zeros, jv
 
 import mbsvib as mv
 from mbsvib.beams import Material, Rectangle
@@ -138,9 +138,34 @@ def test_elements_carry_the_bending_moment_of_their_weight():
     line, h = ALLOY.rho * P.A * g, LENGTH / n
     rest = LENGTH - h * (np.arange(n) + 0.5)
     assert [springs[f"c.e{i + 1}"].preload[2] for i in range(n)] == pytest.approx(line * rest, rel=1e-12)
-    # weights at the nodes: the polygon of moments lies on the parabola at the nodes, q h^2 / 8 above it between them
-    moments = line * (rest**2 / 2 + h * h / 8)
+    # the moment of the cubic deflection, whose mean is that of the parabola: q h^2 / 24 above it at the middle
+    moments = line * (rest**2 / 2 + h * h / 24)
     assert [abs(springs[f"c.e{i + 1}"].preload[4]) for i in range(n)] == pytest.approx(moments, rel=1e-11)
+
+
+@pytest.mark.parametrize("elements", [1, 2, 5])
+@pytest.mark.parametrize("shear", [False, True])
+def test_nodes_sag_exactly_under_the_weight(elements, shear):
+    """Tip of a cantilever: q L^4 / (8 E I) + q L^2 / (2 k G A) and the slope q L^3 / (6 E I), whatever the elements."""
+    line = ALLOY.rho * P.A * 1e-3  # hardly any sag, so that nothing turns
+    model = mv.Model("shelf", gravity=(0, 0, -1e-3))
+    model.add_beam("c", "ground", None, BAR, ALLOY, start=(0, 0, 0), end=(LENGTH, 0, 0), elements=elements, shear=shear)
+    six = np.array(model.equilibrium().beams["c"].displacements)[-1]
+    shearing = line * LENGTH**2 / (2.0 * P.kz * ALLOY.shear_modulus * P.A) if shear else 0.0
+    assert six[2] == pytest.approx(-line * LENGTH**4 / (8.0 * ALLOY.E * P.Iy) - shearing, rel=1e-9)
+    assert six[4] == pytest.approx(line * LENGTH**3 / (6.0 * ALLOY.E * P.Iy), rel=1e-9)
+
+
+@pytest.mark.parametrize("elements", [1, 2, 8])
+def test_a_hanging_rope_swings_as_bessel_says(elements):
+    """A thin beam that hangs from a hinge: omega = j / 2 sqrt(g / L), j the first zero of J0; bending adds 4e-5."""
+    model = mv.Model("rope", gravity=(0, 0, -9.81))
+    model.add_beam("c", None, None, Rectangle(2e-5, 2e-5), ALLOY, (0, 0, 0), (0, 0, -LENGTH), elements=elements)
+    model.add_joint("hinge", None, "ground", "c.0", position=(0, 0, 0), free=("rx", "ry"))
+    modes = model.linearize().modes()
+    exact = jn_zeros(0, 1)[0] / 2.0 * np.sqrt(9.81 / LENGTH) / (2.0 * np.pi)
+    assert modes.frequencies[0] == pytest.approx(exact, rel=1e-4)
+    assert modes.stable
 
 
 def test_body_on_a_loaded_beam_with_a_stay():

@@ -79,6 +79,8 @@ def test_check_explains(run):
     assert result.exit_code == 0
     assert result.stdout.startswith(mv.library.stewart().linearize().explain())
     assert "6, 780.602 to 1269.66 Hz" in result.stdout
+    one = mv.library.four_bar().linearize().modes().frequencies[0]
+    assert f"  1, {one:.6g} Hz\n" in run("check four_bar").stdout
 
 
 def test_check_of_a_locked_mechanism(run, tmp_path):

@@ -47,6 +47,20 @@ def test_sweep(run, tmp_path):
     assert (tmp_path / "s.png").stat().st_size > 5000
 
 
+@pytest.mark.parametrize(("modes", "label", "lines"), [
+    (2, "natural frequency [Hz]", 2), (1, "natural frequency of mode 1 [Hz]", 1),
+])
+def test_the_figure_of_a_sweep_has_all_modes(run, monkeypatch, modes, label, lines):
+    drawn = []
+    monkeypatch.setattr("mbsvib.cli._figures.write_figure", lambda figure, file: drawn.append(figure))
+    assert run(f"sweep quarter_car tyre.stiffness=1e5:4e5:3 --modes {modes} -o s.png").exit_code == 0
+    axes = drawn[0].axes[0]
+    assert axes.get_ylabel() == label
+    assert len(axes.lines) == lines
+    exact = mv.library.quarter_car().with_values({"tyre.stiffness": 4e5}).linearize().modes().frequencies
+    assert_allclose([line.get_ydata()[-1] for line in axes.lines], exact[:modes], rtol=1e-9)
+
+
 @pytest.mark.parametrize(("line", "words"), [
     ("tyre.stiffness", "expected PARAMETER=FROM:TO"), ("tyre.stiffness=1:2:1", "expected PARAMETER=FROM:TO"),
     ("tyre.stiffness=1:b", "expected PARAMETER=FROM:TO"), ("tyre.stiffness=-1:2 --log", "--log needs positive ends"),

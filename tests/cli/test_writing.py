@@ -20,6 +20,14 @@ def test_bode_writes_a_figure_of_the_model_s_name(run, tmp_path):
     assert not list(tmp_path.glob(".*"))
 
 
+@pytest.mark.parametrize(("option", "label"), [("", "|x / F| [m/N]"), ("--decibels", "magnitude [dB re 1 m/N]")])
+def test_bode_in_decibels(run, monkeypatch, option, label):
+    drawn = []
+    monkeypatch.setattr("mbsvib.cli._drawing.write_figure", lambda figure, file: drawn.append(figure) or file)
+    assert run(f"bode slider.yaml --output x {option}").exit_code == 0
+    assert drawn[0].axes[0].get_ylabel() == label
+
+
 @pytest.mark.parametrize("suffix", ["yaml", "json"])
 def test_an_export_does_not_replace_its_model(run, tmp_path, suffix):
     """A model in JSON became its own linear system, and one in YAML lost its comments."""

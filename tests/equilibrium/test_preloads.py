@@ -28,6 +28,33 @@ def test_a_spring_holds_a_lever():
     assert held.linearize().dof == 1
 
 
+def arm():
+    """3 kg, 0.5 m from its hinge on an axis of its own, which has no torque yet."""
+    model = mv.Model("arm", gravity=G)
+    model.add_body("arm", 3.0, (0.01, 0.2, 0.2), position=(0.5, 0, 0))
+    model.add_joint("hinge", "revolute", "ground", "arm", position=(0, 0, 0), axis=(0, 1, 0))
+    return model
+
+
+@pytest.mark.parametrize("select", ["gear", "g*", True])
+def test_a_torsion_spring_holds_an_arm(select):
+    model = arm()
+    model.add_torsion_spring("gear", "ground", "arm", axis=(0, -1, 0), stiffness=200.0, preload=7.0)
+    held = model.equilibrium(preload=select)
+    assert held.springs["gear"].preload == pytest.approx(3 * 9.81 * 0.5, rel=1e-14)  # about -y it lifts the arm
+    assert held.linearize().K[0, 0] == pytest.approx(200.0, rel=1e-12)  # weight as high as its hinge
+
+
+def test_the_static_spring_of_a_maxwell_element_holds_an_arm():
+    model = arm()
+    model.add_maxwell("strut", "ground", "arm", (0.5, 0, 0.4), (0.5, 0, 0), 1e4, 30.0, static_stiffness=600.0)
+    model.add_maxwell("free", "ground", "arm", (0.5, 0, 0.4), (0.5, 0, 0), 1e4, 30.0)
+    held = model.equilibrium(preload="strut")
+    assert held.springs["strut"].preload == pytest.approx(3 * 9.81, rel=1e-14)
+    with pytest.raises(mv.ModelError, match="preload = 'free' has no stiffness at rest"):
+        model.equilibrium(preload="free")
+
+
 def test_the_smallest_of_many_preloads_is_taken():
     model = mv.Model("table", gravity=G)
     model.add_body("top", 8.0, (1, 1, 1), (0.1, 0.05, 1.0))
@@ -132,7 +159,7 @@ def test_what_springs_cannot_hold_is_named():
     assert (caught.value.body, caught.value.coordinate, caught.value.unit) == ("cart", "table.x", "N")
     with pytest.raises(mv.ModelError, match=r"preload = 'kk' is not a spring or bushing .* Did you mean 'k'"):
         model.equilibrium(preload="kk")
-    with pytest.raises(mv.ModelError, match="preload = 'd' has no stiffness"):
+    with pytest.raises(mv.ModelError, match="preload = 'd' has no stiffness at rest"):
         model.equilibrium(preload=["d"])
 
 

@@ -237,7 +237,7 @@ def test_a_pose_out_of_reach_keeps_its_last_residual():
 
 def test_the_report_prints():
     text = str(equilibrium(pendulum(0.5)))
-    assert text.startswith("equilibrium of 'pendulum' after ")
+    assert text.startswith("Equilibrium of pendulum after ")
     assert "residuals: " in text
     assert "rod" in text
     assert "0.5 rad" in text

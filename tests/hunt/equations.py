@@ -60,15 +60,21 @@ class Equations:
         self._outputs()
 
     def _weights(self):
-        """The weight of beams: half of each element's at either end."""
+        """The weight of beams: half of each element's on either node, a sixth of the element inwards.
+
+        These are the consistent nodal loads: force and moment of the cubic deflection.
+        """
         result = []
         for call, part in zip(self.scene.of("beam", "superelement"), self.flexible, strict=True):
             if self.scene.gravity is None or call.kind != "beam":
                 continue
             points = points_of(call)
             for i in range(len(points) - 1):
-                half = 0.5 * part.line * np.linalg.norm(points[i + 1] - points[i]) * np.array(self.scene.gravity)
-                result += [(body, point, half) for body, point in part.nodes[i : i + 2] if body != "ground"]
+                along = points[i + 1] - points[i]
+                half = 0.5 * part.line * np.linalg.norm(along) * np.array(self.scene.gravity)
+                result += [(body, point + inward * along / 6.0, half)
+                           for inward, (body, point) in zip((1.0, -1.0), part.nodes[i : i + 2], strict=True)
+                           if body != "ground"]  # fmt: skip
         return result
 
     def _number(self):
@@ -216,10 +222,13 @@ class Equations:
     def _tension(self):
         start = 0
         for part in self.flexible:
-            for i, matrix in enumerate(part.under_tension):
+            for i, (matrix, weighed) in enumerate(zip(part.under_tension, part.under_weight, strict=True)):
                 pair = np.concatenate([self.at(body, point) for body, point in part.nodes[i : i + 2]])
                 self.K -= self.preloads[start] * pair.T @ matrix @ pair  # a preload pushes, a tension pulls
                 start += 6
+                if self.scene.gravity is not None:
+                    along = np.subtract(part.nodes[i + 1][1], part.nodes[i][1])
+                    self.K += part.line * (along @ np.array(self.scene.gravity)) * pair.T @ weighed @ pair
 
     def _maxwell(self):
         for call in self.scene.of("maxwell"):

@@ -16,7 +16,8 @@ class Flexible:
 
     ``elements`` are those of a beam: (first, second, middle, axes), with ``springs`` (elements, 6) between their rigid
     halves, ``beta`` of their damping, and ``under_tension``, what its bent line adds to the stiffness of two rigid
-    halves under 1 N. ``line`` is its mass per length.
+    halves under 1 N, and ``under_weight``, what it adds to that of the weights at the nodes as tension falls along the
+    element by 1 N. ``line`` is its mass per length.
     """
 
     name: str
@@ -28,6 +29,7 @@ class Flexible:
     elements: tuple[Any, ...] = ()
     springs: np.ndarray | None = None
     under_tension: tuple[Any, ...] = ()
+    under_weight: tuple[Any, ...] = ()
     beta: float = 0.0
     line: float = 0.0
 
@@ -92,7 +94,7 @@ def beam(call):
     area, iy, iz, j, ky, kz = properties(a["section"], nu)
     size = 6 * len(points)
     k, m = np.zeros((size, size)), np.zeros((size, size))
-    elements, springs, tension = [], [], []
+    elements, springs, tension, weight = [], [], [], []
     names = [name for name, _ in node_names(call)]
     for i in range(len(points) - 1):
         along = points[i + 1] - points[i]
@@ -111,11 +113,13 @@ def beam(call):
         springs.append([material["E"] * area / length, *bend, shear_modulus * j / length,
                         material["E"] * iy / length, material["E"] * iz / length])  # fmt: skip
         tension.append(turn.T @ (slopes(length, phi) - rigid_halves(length)) @ turn)
+        weight.append(turn.T @ (slopes(length, phi, Polynomial([0.5, -1.0])) - inward_weights(length)) @ turn)
     c = a.get("alpha", 0.0) * m + a.get("beta", 0.0) * k
     if a.get("damping_ratio"):
         c = c + modal_damping(k, m, a["damping_ratio"])
     return Flexible(call.name, tuple(zip(names, points, strict=True)), 0, m, c, k, tuple(elements),
-                    np.array(springs), tuple(tension), a.get("beta", 0.0), material["rho"] * area)  # fmt: skip
+                    np.array(springs), tuple(tension), tuple(weight), a.get("beta", 0.0),
+                    material["rho"] * area)  # fmt: skip
 
 
 def modal_damping(k, m, ratio):
@@ -125,8 +129,8 @@ def modal_damping(k, m, ratio):
     return (moved * (2 * ratio * np.sqrt(squares[6:]))) @ moved.T
 
 
-def slopes(length, phi):
-    """The integral of the squared slopes of both deflections, for 1 N of tension: the geometric stiffness (12, 12)."""
+def slopes(length, phi, tension=1.0):
+    """The integral of the squared slopes of both deflections times the tension: the geometric stiffness (12, 12)."""
     result = np.zeros((12, 12))
     for (index, sign), p in zip(PLANES, phi, strict=True):
         x = Polynomial([0, 1])
@@ -135,7 +139,7 @@ def slopes(length, phi):
         slope = [(shape / (1 + p)).deriv() for shape in shapes]
         for i, first in zip(index, slope, strict=True):
             for j, second in zip(index, slope, strict=True):
-                result[i, j] += (first * second).integ()(1.0) / length
+                result[i, j] += (first * second * tension).integ()(1.0) / length
     return result
 
 
@@ -151,6 +155,15 @@ def rigid_halves(length):
         )
         form += sign * np.outer((0, 1, 0, 0), (-1, 0, 1, 0))
         result[np.ix_(index, index)] += form + form.T
+    return result
+
+
+def inward_weights(length):
+    """Stiffness of two forces of 1/2 N at the nodes, at a sixth of the length inwards, as they turn with the nodes."""
+    result = np.zeros((12, 12))
+    for index, _ in PLANES:
+        result[index[1], index[1]] += length / 12.0
+        result[index[3], index[3]] -= length / 12.0
     return result
 
 

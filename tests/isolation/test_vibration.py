@@ -254,3 +254,10 @@ def test_csv(tmp_path):
     lines = result.to_csv(tmp_path / "rms.csv").read_text().splitlines()
     assert len(lines) == 1 + len(study.frequencies)
     assert float(lines[-1].split(",")[7]) == pytest.approx(result.acceleration[0], rel=1e-12)
+
+
+def test_what_stands_still_by_symmetry_is_0_in_the_table():
+    shaken = isolation.study(mv.library.cubic_hexapod(damping=2.0), "platform").under({"x": 1e-6})
+    cells = {row[0]: row[1] for row in shaken.table()["rows"][:6]}
+    assert float(cells.pop("platform x")) == pytest.approx(shaken.acceleration[0], rel=1e-3)
+    assert set(cells.values()) == {"0"}

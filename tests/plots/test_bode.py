@@ -46,6 +46,8 @@ def test_decibels_and_radians_per_second(slider):
     assert below.get_xlabel() == "frequency [rad/s]"
     ratio = panels(bode(system, "a", "ax", f, decibels=True))[0][0]
     assert ratio.get_ylabel() == "magnitude [dB]"
+    long = panels(bode(system, "a", "F", f, decibels=True))[0][0]
+    assert long.get_ylabel() == "|G| [dB re 1 (m/s²)/N]"  # the word would reach into the panel of the phase
 
 
 def test_panels_of_one_unit_share_their_limits(slider):

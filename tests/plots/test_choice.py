@@ -49,6 +49,9 @@ def test_labels(slider):
     first, second = slider(), slider(damping=1.0)
     assert [label for label, _ in choice.listed([first, second], None)] == ["slider (1)", "slider (2)"]
     assert [label for label, _ in choice.listed([first, second], ["a", "b"])] == ["a", "b"]
+    small = mv.library.chain(3).linearize()
+    assert [label for label, _ in choice.listed([small, small.reduced(2)], None)] == [
+        f"{small.name}, 6 states", f"{small.name}, 2 states"]  # fmt: skip
     with pytest.raises(mv.ResponseError, match="1 labels for 2 systems"):
         choice.listed([first, second], ["a"])
     with pytest.raises(mv.ResponseError, match="no system"):

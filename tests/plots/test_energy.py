@@ -50,6 +50,7 @@ def test_small_shares_are_summed():
     rows = largest("abcd", values)
     assert [name for name, _ in rows] == ["a", "d", "all others"]
     np.testing.assert_allclose(rows[2][1], [0.003, 0.008])
+    assert [name for name, _ in largest("abcd", values * [[1], [0.3], [0.3], [1]])] == ["a", "d"]  # thinner than a line
 
 
 def test_refusals(slider):

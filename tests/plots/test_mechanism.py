@@ -69,7 +69,8 @@ def test_names_overlap_nothing(make, dpi):
 
 def test_the_legend_explains_what_is_drawn():
     words = [text.get_text() for text in mechanism(mv.library.quadruped()).legends[0].get_texts()]
-    assert words == ["body, centre of mass", "joint", "axis of a joint", "bushing or torsion spring", "input", "ground"]
+    assert words == ["body, centre of mass", "joint", "axis of a joint", "bushing or torsion spring",
+                     "input (», torque)", "ground"]  # fmt: skip
     loops = [text.get_text() for text in mechanism(mv.library.stewart_isolator()).legends[0].get_texts()]
     assert {"spring", "joint at which a loop is cut"} <= set(loops)
 
@@ -142,3 +143,40 @@ def test_topology_shows_gears_and_couplers():
     axes = topology(model.linearize()).axes[0]
     assert [line.get_label() for line in axes.lines].count("gear or coupler") == 3
     assert {"pair", "belt"} <= {text.get_text() for text in axes.texts}
+
+
+def test_a_torsion_spring_stands_at_the_joint_of_its_bodies():
+    from mbsvib.plots._scene import of_model, of_system
+
+    model = mv.Model("crank")
+    model.add_body("crank", 1.0, (1, 1, 1), position=(0.5, 0, 0))
+    model.add_body("wheel", 1.0, (1, 1, 1), position=(0.7, 0, 0))
+    model.add_joint("pin", "revolute", "ground", "crank", position=(0.1, 0.2, 0.3), axis=(0, 1, 0))
+    model.add_torsion_spring("motor", "ground", "crank", axis=(0, 1, 0), stiffness=5.0)
+    model.add_torsion_spring("belt", "ground", "wheel", axis=(0, 1, 0), stiffness=5.0)     # no joint between these
+    system = model.linearize()
+    for scene in (of_model(model), of_system(system.name, system.provenance)):
+        rings = {mark.name: scene.points[mark.point].tolist() for mark in scene.marks if mark.kind == "bushing"}
+        assert rings == {"motor": [0.1, 0.2, 0.3], "belt": [0.7, 0.0, 0.0]}
+
+
+def test_torques_have_two_heads():
+    def heads(direction, view):
+        model = mv.Model("bar")
+        model.add_body("bar", 1.0, (1, 1, 1), position=(0.5, 0, 0))
+        model.add_joint("pin", "revolute", "ground", "bar", position=(0, 0, 0), axis=(0, 1, 0))
+        model.add_input("u", "bar", direction)
+        drawn = mechanism(model, view)
+        words = {text.get_text() for text in drawn.legends[0].get_texts()}
+        polylines = [segment for item in drawn.axes[0].collections if hasattr(item, "get_segments")
+                     for segment in item.get_segments() if len(segment) == 3]  # fmt: skip
+        return polylines, words
+
+    (force,), words = heads("z", "y")
+    assert "input" in words
+    np.testing.assert_allclose(force[1], (0.5, 0.0), atol=1e-12)  # its point is where the force acts
+    (first, second), words = heads("rx", "y")
+    assert "input (», torque)" in words
+    np.testing.assert_allclose(second[1], (0.5, 0.0), atol=1e-12)
+    assert first[1][0] < second[1][0]  # along x, one behind the other
+    assert first[1][1] == pytest.approx(0.0, abs=1e-12)

@@ -21,3 +21,16 @@ def test_a_latch_over_its_stretched_pose():
     assert (above.get_ylabel(), below.get_xlabel()) == ("holding moment [N m]", "base.rz [rad]")
     heights = below.lines[0].get_ydata()
     assert np.isnan(heights).sum() == 4  # two unstable values, and gaps beside them
+    assert above.get_title(loc="right") == "toggle"
+
+
+def test_frequencies_end_at_0_where_the_force_has_its_extreme():
+    """The moment, k l^2 (cos b - cos a) sin b times a number, has them at 2 cos^2 b - cos a cos b = 1."""
+    cosine = (np.cos(0.284) + np.sqrt(np.cos(0.284) ** 2 + 8.0)) / 4.0
+    extremes = -0.284 + np.arccos(cosine) * np.array([1.0, -1.0])
+    for values in ([0.0, -0.1, -0.2, -0.4, -0.5], [0.0, -0.1, -0.5]):  # with and without unstable values
+        data = library.toggle(angle=0.284).path("base.rz", values)
+        x, y = plots.path(data).axes[1].lines[0].get_data()
+        np.testing.assert_allclose(x[y == 0.0], extremes, rtol=1e-6)
+        inside = (x < extremes[0] - 1e-6) & (x > extremes[1] + 1e-6)
+        assert np.isnan(y[inside]).all()

@@ -105,3 +105,17 @@ def test_outputs_without_any_part_are_no_warning():
     model.add_output("across", "slider", "z")
     found = model.linearize().linear_range()
     assert np.isinf(found.values[:, found.outputs.index("across")]).all()
+
+
+def test_an_output_that_stands_still_by_symmetry_has_no_linear_part():
+    """The tip of an upright arm moves across its axis only, but for the rounding of its pose."""
+    model = mv.Model("arm", gravity=(0, 0, -9.81))
+    model.add_body("arm", 2.0, (0.03, 0.03, 0.001), position=(0, 0, 0.1))
+    model.add_joint("hinge", "revolute", "ground", "arm", position=(0, 0, 0), axis=(0, 1, 0))
+    model.add_torsion_spring("k", "ground", "arm", (0, 1, 0), 50.0)
+    model.add_output("up", "arm", "z", position=(1e-16, 0, 0.3))
+    system = model.linearize()
+    assert abs(system.Cq[0, 0]) == pytest.approx(1e-16)
+    reach = system.linear_range()
+    assert reach.values[0, 0] == 0.0
+    assert reach.sentences() == ()

@@ -149,6 +149,15 @@ def test_pendulum_from_a_large_angle():
     np.testing.assert_allclose(passes[0], 0.25 * period, rtol=1e-9)
 
 
+@pytest.fixture
+def interruptible():
+    """Ctrl-C interrupts Python, also where the tests run in the background of a shell that ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_within_the_integrator_ends_the_run():
     """CVODES turns it into an error of its own, after which the run went on."""
     model, reached = mv.library.pendulum_chain(3), []

@@ -204,6 +204,7 @@ def test_figures_have_units(values, of, kind):
     labels = [axes.get_xlabel() + axes.get_ylabel() for axes in figure.axes]
     assert all(label.endswith(("]", "number of points")) for label in labels)
     assert len(figure.axes) == (2 if kind == "map" else 1)
+    assert not any("[1]" in label for label in labels)  # what a function returns has a unit that nobody knows
     with pytest.raises(ModelError, match="Did you mean"):
         result.plot("modes.frequences" if kind != "histogram" else "lowes")
 

@@ -129,6 +129,8 @@ def test_models_without_derivatives_are_sampled():
     assert np.isnan(result.first).all()
     assert "-" in str(result).split()
     assert result.plot().axes[0].get_xlabel() == "frequency [Hz]"
+    named = st.tolerances(model, {"bob.position.z": 0.01}, {"slow": st.frequency()}, samples=10, derivatives=False)
+    assert named.plot().axes[0].get_xlabel() == "slow"
 
 
 BAD = [

@@ -64,7 +64,7 @@ def test_tracks_are_sweeps(tmp_path):
     assert "eigenvalues[along].im" in head
     assert "frequencies[across]" in str(result)
     for figure in (result.plot(), result.plot("damping_ratios"), result.root_locus()):
-        labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+        labels = [text.get_text() for text in (figure.axes[0].get_legend() or figure.legends[0]).get_texts()]
         assert labels == ["across", "along"]
         assert figure.axes[0].get_xlabel().endswith("]")
 

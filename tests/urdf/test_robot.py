@@ -244,3 +244,14 @@ def test_rings_beside_the_tree_are_refused(robot):
                  + joint("ba", "revolute", "b", "a"))  # fmt: skip
     with pytest.raises(mv.ModelError, match=r"link 'a' hangs in a ring of joints that does not reach the root 'base'"):
         mv.load_urdf(path)
+
+
+def test_dry_friction_is_left_out_and_named(robot):
+    dynamics = '<dynamics damping="0.5" friction="{}"/>'
+    words = [link("base")] + [link(f"l{i}", 1.0) for i in range(10)]
+    words += [joint(f"j{i}", "revolute", "base" if i == 0 else f"l{i - 1}", f"l{i}",
+                    more=dynamics.format(0.1 if i else 0.0)) for i in range(10)]  # fmt: skip
+    path = robot("".join(words))
+    with pytest.warns(mv.LeftOutWarning, match=r"left out: dry friction in 'j1', 'j2', .*'j8' and 1 more\."):
+        model = mv.load_urdf(path)
+    assert model.springs["j1.k"].damping[5] == 0.5

@@ -17,7 +17,7 @@ from mbsvib_export.cosimulation.connections import connect, refuse_algebraic_loo
 from mbsvib_export.cosimulation.masters import MASTERS, Loop, discretised
 from mbsvib_export.cosimulation.result import CosimulationCheck, MasterCheck
 from mbsvib_export.cosimulation.running import run
-from mbsvib_export.cosimulation.stability import is_stable, largest_stable_step, radius
+from mbsvib_export.cosimulation.stability import is_stable, largest_stable_step, radius, within
 from mbsvib_export.cosimulation.unit import equations
 from mbsvib_export.cosimulation.unit_file import open_unit
 
@@ -45,7 +45,8 @@ def check_cosimulation(
     Names, units and connections are checked first, and algebraic loops are refused. Then, for each master and for the
     steps H, H/2 and H/4, the FMUs are compared with a reference: the same steps in numpy on exactly discretised
     equations (1e-9 passes, 1e-12 is usual). The plant's outputs are compared with those of the closed loop, which gives
-    error and order. The spectral radius of the discrete loop gives the largest stable step. All inputs that are not
+    error and order. The spectral radius of the discrete loop gives the largest
+    step such that it and all shorter ones are stable. All inputs that are not
     connected step to 1 at the beginning; if there is none, states start at their nominal values.
 
     Parameters
@@ -211,7 +212,6 @@ def _check(
     plant = len(units[0].outputs)  # some masters return controller outputs ahead of time: only the plant's are compared
     steps, errors, difference, worst, energy = [], [], 0.0, "", float("nan")
     first = radius(make(h), method)
-    stable = is_stable(first, growth, h)
     for divisor in _HALVED:
         loop, number = make(h / divisor), count * divisor
         grows = radius(loop, method)
@@ -232,6 +232,7 @@ def _check(
         if divisor == 1 and work:
             energy = _generated_energy(rows, forces, loop, units, work, e)
     largest = largest_stable_step(make, method, h, growth)
+    stable = is_stable(first, growth, h) and within(h, largest)
     return MasterCheck(method, tuple(steps), tuple(errors), worst, difference, first, stable, largest, energy)
 
 

@@ -23,8 +23,9 @@ class MasterCheck(Displayed):
 
     ``steps`` [s] and ``errors`` against the closed loop as one system, relative to each output's largest value; output
     ``worst`` has the largest error. ``order`` comes from the last two steps. ``difference`` is that of the FMUs from
-    the reference, the same steps in numpy. ``radius`` is the spectral radius of a step of the first size, and
-    ``largest_stable_step`` [s] the stability limit. ``energy`` is the energy that the coupling generates, relative to
+    the reference, the same steps in numpy. ``radius`` is the spectral radius of a step of the first size;
+    ``largest_stable_step`` [s] and all shorter ones are stable, and ``stable`` tells whether the first size is one of
+    these. ``energy`` is the energy that the coupling generates, relative to
     the energy transferred by it; NaN without ``bonds``.
     """
 
@@ -98,7 +99,8 @@ class CosimulationCheck(Displayed):
                 "0 %" if np.isinf(largest) else "-" if not largest else f"{100 * self.step / largest:.0f} %",
                 "yes" if master.passed else "NO, unstable" if not master.stable else "NO",
             ))  # fmt: skip
-        notes = ["Connected: " + "; ".join(self.connections) + "."]
+        notes = ["Connected: " + "; ".join(self.connections) + ".",
+                 "passed: steps up to H are stable, and the FMUs do what the reference does; errors are the master's."]
         if any(master.method == "slopes" for master in self.masters):
             notes.append("slopes: inputs by linear extrapolation.")
         notes += self.remarks

@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 
 _ROUNDING = 1e-7  # eigenvalues of rigid-body motions come in pairs, which rounding takes apart
 _FEW = 60  # numbers in z up to which steps are tried close to each other, so that no unstable range is jumped over
-_MOST, _LEAST, _DIGITS = 1e2, 1e-6, 10  # of the step where the search begins; halvings of the last range
+_SHORT = 0.1  # of the shortest time constant: where the search begins, as longer steps may be stable again
+_MOST, _LEAST, _DIGITS = 1e2, 1e-6, 10  # of the step asked for: where the search ends; halvings of the last range
 
 
 def radius(loop: Loop, method: str) -> float:
@@ -45,7 +46,7 @@ def is_stable(spectral_radius: float, growth: float, h: float) -> bool:
 
 
 def largest_stable_step(make: Callable[[float], Loop], method: str, step: float, growth: float) -> float:
-    """Return the largest step up to which a master is stable, searched from a step on.
+    """Return the largest step such that a master is stable with this and all shorter steps.
 
     Parameters
     ----------
@@ -54,7 +55,7 @@ def largest_stable_step(make: Callable[[float], Loop], method: str, step: float,
     method : str
         One of ``MASTERS``.
     step : float
-        Where the search begins [s].
+        The step asked for [s].
     growth : float
         Largest real part of the closed loop's poles [1/s].
 
@@ -68,8 +69,9 @@ def largest_stable_step(make: Callable[[float], Loop], method: str, step: float,
         return is_stable(radius(make(h), method), growth, h)
 
     loop = make(step)
+    fastest = max(_largest(matrix) for matrix in (loop.plant.A, loop.controller.A, loop.monolithic()[0]))
     factor = 1.25 if sum(loop.sizes) <= _FEW else 2.0
-    h = step
+    h = max(min(step, _SHORT / fastest), _LEAST * step) if fastest > 0.0 else step
     if stable(h):
         while stable(h * factor):
             h *= factor
@@ -86,3 +88,8 @@ def largest_stable_step(make: Callable[[float], Loop], method: str, step: float,
         h = (good + bad) / 2
         good, bad = (h, bad) if stable(h) else (good, h)
     return good
+
+
+def within(step: float, largest: float) -> bool:
+    """Return whether a step is no more than the largest stable one, which is known to 0.1 %."""
+    return step <= largest * (1.0 + 2.0 * 2.0**-_DIGITS)

@@ -73,7 +73,7 @@ function drawBode() {
             {x, y: angles, line, mode: "lines", yaxis: "y2", name, showlegend: false, hovertemplate: `${head}%{x:.6g} Hz<br>%{y:.2f}°<extra></extra>`}];
   });
   const narrow = by("bode").clientWidth < 560;
-  Plotly.react("bode", traces, layout({showlegend: Boolean(other), legend: {orientation: "h", x: 1, xanchor: "right", y: 1.01, yanchor: "bottom"},
+  Plotly.react("bode", traces, layout({showlegend: Boolean(other), legend: {orientation: "h", x: 0.5, xanchor: "center", y: 1.01, yanchor: "bottom"},
     shapes: marks, hovermode: "closest", margin: {l: narrow ? 62 : 90, r: 12, t: 40, b: 54},
     title: {text: `${plain(input)} → ${plain(output)}`, x: 0, xref: "paper", xanchor: "left", y: 0.985, yanchor: "top", font: {size: 14.5, color: INK}},
     xaxis: axis("frequency [Hz]", {type: "log", range: [Math.log10(low), Math.log10(high)], anchor: "y2", ...ticks(low, high), minor: {showgrid: true, gridcolor: "#f2f4f6"}}),
@@ -96,7 +96,7 @@ function drawStep() {
     const points = steps(curve.pair, ...times).filter((p) => Number.isFinite(p.y));
     return {x: points.map((p) => p.t), y: points.map((p) => p.y), mode: "lines", line: curveStyle(curve), name: plain(labels[curve.k]),
             hovertemplate: `%{x:.6g} s<br>%{y:.6g} ${plain(outputUnit)}<extra></extra>`};
-  }), layout({showlegend: Boolean(other), legend: {orientation: "h", x: 1, xanchor: "right", y: 1.01, yanchor: "bottom"},
+  }), layout({showlegend: Boolean(other), legend: {orientation: "h", x: 0.5, xanchor: "center", y: 1.01, yanchor: "bottom"},
     margin: {l: narrow ? 62 : 90, r: 12, t: 40, b: 54}, hovermode: "closest",
     title: {text: `Step of 1 ${plain(inputUnit)}`, x: 0, xref: "paper", xanchor: "left", y: 0.98, yanchor: "top", font: {size: 14.5, color: INK}},
     xaxis: axis("time [s]", {range: times, exponentformat: "power"}), yaxis: axis(`response [${plain(outputUnit)}]`, {exponentformat: "power"})}), CONFIG);

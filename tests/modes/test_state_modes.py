@@ -1,0 +1,38 @@
+"""Which state takes part most in a mode of first-order equations, whatever its units."""
+
+import numpy as np
+
+import mbsvib as mv
+
+NAMES = ("x", "v", "filter")
+
+
+def space(scale=(1.0, 1.0, 1.0), coupling=5.0):
+    """A mass on a spring and damper with a low-pass filter of its velocity, which pushes it."""
+    a = np.array([[0.0, 1.0, 0.0], [-400.0, -2.0, -coupling], [0.0, 50.0, -50.0]])
+    d = np.array(scale)
+    return mv.StateSpace.from_arrays(a * d[:, None] / d, np.eye(3), np.eye(3), np.zeros((3, 3)), states=NAMES)
+
+
+def test_participation_is_that_of_the_characteristic_polynomial():
+    """p_i = d(lambda) / d(a_ii), here the adjugate's diagonal over the polynomial's slope."""
+    found = space().modes()
+    a = space().A
+    for k, value in enumerate((found.eigenvalues[0], found.eigenvalues[-1])):
+        slope = np.polyval(np.polyder(np.poly(a)), value)
+        minors = [np.linalg.det(np.delete(np.delete(value * np.eye(3) - a, i, 0), i, 1)) for i in range(3)]
+        np.testing.assert_allclose(found.participation[:, k], np.abs(minors / slope), rtol=1e-9)
+
+
+def test_names_do_not_depend_on_the_scale_of_states():
+    for scale in ((1.0, 1.0, 1.0), (1e6, 1.0, 1e-6), (1e-6, 1.0, 1e9)):
+        modes = space(scale).modes()
+        assert modes.strongest() == (("v",), ("filter",))
+        np.testing.assert_allclose(modes.participation, space().modes().participation, rtol=1e-8)
+        assert modes.nearest(1, 8.0).strongest() == (("filter",),)
+    assert "largest participation" in str(space().modes())
+
+
+def test_a_defective_mode_has_a_name():
+    double = mv.StateSpace.from_arrays([[-1.0, 1.0], [0.0, -1.0]], [[0], [1]], [[1, 0]], 0, states=("a", "b"))
+    assert {most for most, in double.modes().strongest()} <= {"a", "b"}
