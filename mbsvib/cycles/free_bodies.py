@@ -86,11 +86,11 @@ def free_bodies(model: Mechanism, expressions: Statement, drives: Sequence[str])
     phi = ca.vertcat(*rows) if rows else ca.SX.zeros(0)
     p = expressions.p[selected]
     jacobian = ca.Function("f", [free.q, kinematics.bases, free.p, expressions.p], [ca.jacobian(phi, free.q)])
-    lacking = ca.Function("f", [free.q, free.qd, free.qdd, kinematics.bases, free.p], [free.required])
+    unbalanced = ca.Function("f", [free.q, free.qd, free.qdd, kinematics.bases, free.p], [free.required])
     by_joint = dict(zip(model.joints, points, strict=True))
     acting = _acting(model, expressions, drives, (first_row, origins, by_joint))
-    return FreeBodies(lacking(q, qd, qdd, bases, p), jacobian(q, bases, p, expressions.p), counts, first_row, origins,
-                      by_joint, acting)  # fmt: skip
+    return FreeBodies(unbalanced(q, qd, qdd, bases, p), jacobian(q, bases, p, expressions.p), counts, first_row,
+                      origins, by_joint, acting)  # fmt: skip
 
 
 def _acting(

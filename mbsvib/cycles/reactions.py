@@ -52,7 +52,7 @@ def reactions(cycle: CycleData) -> Reactions:
         What the first body does to the second, at the joint's point, world axes.
     """
     model, size = cycle.machine.model, cycle.machine.size
-    bodies, (lacking, rows, acting, points, origins) = _evaluated(cycle)
+    bodies, (unbalanced, rows, acting, points, origins) = _evaluated(cycle)
     units = np.tile([1.0, 1.0, 1.0, 1 / size, 1 / size, 1 / size], len(bodies.first_row))
     by_joint = np.split(rows, np.cumsum(bodies.counts)[:-1], axis=1)
     at = np.split(points, len(by_joint), axis=1)
@@ -64,9 +64,9 @@ def reactions(cycle: CycleData) -> Reactions:
     drives = len(cycle.drives)
     effects.append(acting[:, :, drives:])
     torques = np.column_stack([cycle.torques[name] for name in cycle.drives])
-    lacking = lacking - (acting[:, :, :drives] @ torques[:, :, None])[:, :, 0]
+    unbalanced = unbalanced - (acting[:, :, :drives] @ torques[:, :, None])[:, :, 0]
     matrix = np.concatenate(effects, axis=2) * units[:, None]
-    right = lacking * units
+    right = unbalanced * units
     inverse = np.linalg.pinv(matrix, rcond=REDUNDANT_LOOPS)
     shares = (inverse @ right[:, :, None])[:, :, 0]
     residual = np.abs((matrix @ shares[:, :, None])[:, :, 0] - right).max()

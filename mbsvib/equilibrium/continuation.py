@@ -167,9 +167,9 @@ def led_to(start: State, along: Array, value: float, switch: int = 0) -> tuple[S
     EquilibriumError
         If the value is not reached.
     """
-    way: list[Passed] = []
+    passed: list[Passed] = []
     if abs(value - start.value) <= SAME * start.forces.scale[start.i]:
-        return start, along, way, switch
+        return start, along, passed, switch
     along, length = along * (1.0 if along[start.i] * (value - start.value) > 0.0 else -1.0), FIRST
     leaving: Arc | None = None
     for _ in range(STEPS):
@@ -182,14 +182,14 @@ def led_to(start: State, along: Array, value: float, switch: int = 0) -> tuple[S
             share = step.located(lambda state, _: state.value - value, between)
             if share is not None:
                 reached = _exactly(step.at(share)[0], value)
-                way += [point for x, point in points if x < share]
-                return reached, continued(reached, step.start, step.along), way, switch
-        way += [point for _, point in points]
+                passed += [point for x, point in points if x < share]
+                return reached, continued(reached, step.start, step.along), passed, switch
+        passed += [point for _, point in points]
         start, along, leaving = step.end, step.onward, None
         if branch is not None:
             leaving, switch = crossing(step.at(branch)[0], switch), 0
         else:
-            way.append(Passed("", start))
+            passed.append(Passed("", start))
     raise _stuck(start, value, f"{STEPS} steps do not reach it")
 
 

@@ -159,10 +159,10 @@ def equilibrium_path(model: M, coordinate: str, values: ArrayLike, switch: int =
     state = started(first, coordinate)
     along, states, points, curve = state.direction, [], [], [state]
     for k, value in enumerate(requested.tolist()):
-        state, along, way, switch = led_to(state, along, value, switch)
+        state, along, passed_states, switch = led_to(state, along, value, switch)
         states.append(state)
-        points += [_point(model, k, passed) for passed in way if passed.kind]
-        curve += [*(passed.state for passed in way), state]
+        points += [_point(model, k, passed) for passed in passed_states if passed.kind]
+        curve += [*(passed.state for passed in passed_states), state]
     turns = coordinate.rpartition(".")[2].startswith("r")
     return EquilibriumPath(
         coordinate, "rad" if turns else "m", requested, np.array([_force(state) for state in states]),

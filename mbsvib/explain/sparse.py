@@ -99,9 +99,9 @@ def _forces(system: SparseEquations) -> list[str]:
 
 def _skipped(system: SparseEquations) -> list[str]:
     result = ["  no dense matrix was formed: the number of coordinates is too large for an efficient one"]
-    still = int((~system.structure.moves).sum())
-    if still:
-        result.append(f"  {still} of {system.structure.moves.size} displacements cannot move: they were left out")
+    fixed = int((~system.structure.moves).sum())
+    if fixed:
+        result.append(f"  {fixed} of {system.structure.moves.size} displacements cannot move: they were left out")
     if not system.loading:
         result.append("  no gravity, load or preload: no statics, no geometric stiffness")
     if not system.constraints.groups:

@@ -162,8 +162,8 @@ def _add_ports(model: Model, body: str, leg: ActiveLeg, attached: set[str]) -> N
     for name, direction, _ in leg.forces:
         model.add_force_output(_part(leg, name), name, direction)
     away = leg.first in attached and leg.second not in attached
-    end, push = (leg.start, -leg.axis) if away else (leg.end, leg.axis)
-    model.add_output(f"{leg.name}.acceleration", body, push, end, quantity="acceleration")
+    end, outward = (leg.start, -leg.axis) if away else (leg.end, leg.axis)
+    model.add_output(f"{leg.name}.acceleration", body, outward, end, quantity="acceleration")
 
 
 def _part(leg: ActiveLeg, element: str) -> str:

@@ -129,13 +129,13 @@ def _loop(topology: Topology, joint: Joint) -> list[str]:
     up = {topology.bodies[branch.body]: branch for branch in topology.branches}
     sides: list[list[str]] = []
     for end in (joint.first, joint.second):
-        body, way = end, []
+        body, path = end, []
         while body in up:
             branch = up[body]
             if branch.joint != FLOATS:
-                way.append(topology.joints[branch.joint].name)
+                path.append(topology.joints[branch.joint].name)
             body = topology.bodies[branch.parent] if branch.parent < len(topology.bodies) else "ground"
-        sides.append(way)
+        sides.append(path)
     return [name for name in (*sides[0], *sides[1]) if (name in sides[0]) != (name in sides[1])]
 
 

@@ -66,8 +66,8 @@ class Compiled:
     def refuse(self, kind: str, i: int, reason: str, field: str | None = None) -> ModelError:
         """Build the error that names the file and the element."""
         name = self.name(kind, i)
-        way = f" Leave it out by leave=[{name!r}]." if kind in LEAVABLE else ""
-        return ModelError(f"{self.path}: {kind} '{name}': {reason}{way}", element=name, field=field)
+        advice = f" Leave it out by leave=[{name!r}]." if kind in LEAVABLE else ""
+        return ModelError(f"{self.path}: {kind} '{name}': {reason}{advice}", element=name, field=field)
 
     def off(self, *flags: str) -> bool:
         """Tell whether the file's options disable a feature; names of the flags depend on the version."""

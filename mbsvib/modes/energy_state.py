@@ -47,8 +47,8 @@ class EnergyState:
 
     ``scale`` (p,) is d in x = (d eta, eta', zeta); ``conservative``: the energy is constant, so that eigenvalues are
     imaginary. The k eigenvalues 0 have the invariant subspaces ``right`` and ``left`` (n, k), left^T right = 1, on
-    which A is ``nilpotent`` (k, k); the ``still`` first columns are the motions without stiffness. ``doubt`` is the
-    relative error of the coordinates from nearly singular loops. In the ``basis`` (m, m) the inertia is 1, or 0 for
+    which A is ``nilpotent`` (k, k); the ``null_count`` first columns are the motions without stiffness. ``doubt`` is
+    the relative error of the coordinates from nearly singular loops. In the ``basis`` (m, m) the inertia is 1, or 0 for
     massless motions, which come last; ``square`` (p,) is Omega^2, ``damping`` (m, m) is C, and ``coupling`` (m, m) is
     K without Omega^2.
     """
@@ -63,7 +63,7 @@ class EnergyState:
     right: Array
     left: Array
     nilpotent: Array
-    still: int
+    null_count: int
     free: int
     doubt: float
     basis: Array
@@ -207,8 +207,8 @@ def _first_order(stiffness: Array, damping: Array, scale: Array, n1: int) -> tup
     if n1:
         force[2 * p :, p:] = np.linalg.inv(damping[p:, p:])
         force[p : 2 * p, p:] = -damping[:p, p:] @ force[2 * p :, p:]
-    pull = force @ stiffness
-    a[:, :p], a[:, 2 * p :] = -pull[:, :p] / scale, -pull[:, p:]
+    coupling = force @ stiffness
+    a[:, :p], a[:, 2 * p :] = -coupling[:, :p] / scale, -coupling[:, p:]
     a[p : 2 * p, p : 2 * p] = -damping[:p, :p]
     a[at, :p] = 0.0
     a[at, p + at] = scale

@@ -40,9 +40,9 @@ def spectrum(system: Equations, rtol: float) -> tuple[EnergyState, Spectrum]:
 def _imaginary(state: EnergyState) -> Spectrum:
     """Eigenvalues of a skew-symmetric A, without those of drifting motions."""
     p = len(state.scale)
-    active = np.concatenate((np.arange(state.still, p), np.arange(p, 2 * p)))
+    active = np.concatenate((np.arange(state.null_count, p), np.arange(p, 2 * p)))
     a = state.a[np.ix_(active, active)]
-    chains = state.right[active, state.still :]
+    chains = state.right[active, state.null_count :]
     complement = np.linalg.qr(chains, mode="complete")[0][:, chains.shape[1] :]
     inner = complement.T @ a @ complement
     omega, vectors = np.linalg.eigh(-0.5j * (inner - inner.T))
@@ -50,10 +50,10 @@ def _imaginary(state: EnergyState) -> Spectrum:
     if 2 * np.count_nonzero(positive) != len(omega):
         return _any(state, even=True)
     omega, states = omega[positive], complement @ vectors[:, positive]
-    rate, still, d = states[p - state.still :], state.still, state.scale[state.still :, None]
+    rate, null_count, d = states[p - state.null_count :], state.null_count, state.scale[state.null_count :, None]
     eta = rate / (1j * omega)
-    numerator = states[: p - still] * d - 1j * omega * rate[still:]
-    eta[still:] = numerator / (d * d + omega**2)
+    numerator = states[: p - null_count] * d - 1j * omega * rate[null_count:]
+    eta[null_count:] = numerator / (d * d + omega**2)
     x = (state.show[:, :p] * state.scale) @ eta
     return Spectrum(1j * omega, x, x.conj(), np.ones(len(omega), dtype=bool), "hermitian")
 
@@ -127,16 +127,16 @@ def _inverse(state: EnergyState) -> Array | None:
     p, m = len(state.scale), len(state.basis)
     stiffness = state.coupling.copy()
     stiffness[np.arange(p), np.arange(p)] += state.square
-    push = np.zeros((m, len(state.a)))
-    push[:, :p], push[:, 2 * p :] = state.damping[:, :p] / state.scale, state.damping[:, p:]
-    push[:p, p : 2 * p] = np.eye(p)
+    forces = np.zeros((m, len(state.a)))
+    forces[:, :p], forces[:, 2 * p :] = state.damping[:, :p] / state.scale, state.damping[:, p:]
+    forces[:p, p : 2 * p] = np.eye(p)
     if not state.coupling.any():
-        q = np.divide(-push, state.square[:, None], out=np.zeros_like(push), where=state.square[:, None] != 0.0)
-    elif state.still and not np.array_equal(stiffness, stiffness.T):
+        q = np.divide(-forces, state.square[:, None], out=np.zeros_like(forces), where=state.square[:, None] != 0.0)
+    elif state.null_count and not np.array_equal(stiffness, stiffness.T):
         return None
     else:
-        null = np.concatenate((state.right[:p] / state.scale[:, None], state.right[2 * p :]))[:, : state.still]
-        q = answer(stiffness, push, null, null)
+        null = np.concatenate((state.right[:p] / state.scale[:, None], state.right[2 * p :]))[:, : state.null_count]
+        q = answer(stiffness, forces, null, null)
     result = np.zeros_like(state.a)
     result[:p], result[2 * p :] = state.scale[:, None] * q[:p], q[p:]
     result[np.arange(p, 2 * p), np.arange(p)] = 1.0 / state.scale

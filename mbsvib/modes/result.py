@@ -254,8 +254,8 @@ class Modes(Displayed):
             inertia = np.sum(self.inertia_factor**2, axis=0)[:, None]
             return tuple([(self.coordinates[i],) for i in (inertia * np.abs(self.shapes) ** 2).argmax(axis=0)])
         energy = self._energy()
-        still = ~energy.any(axis=(0, 1))  # nodes without mass: by how far they move
-        energy[..., still] = np.abs(self.body_motion @ self.shapes[:, still])
+        massless = ~energy.any(axis=(0, 1))  # nodes without mass: by how far they move
+        energy[..., massless] = np.abs(self.body_motion @ self.shapes[:, massless])
         body = energy.sum(axis=1).argmax(axis=0)
         mode = np.arange(len(self))
         translates = energy[body, :3, mode].sum(axis=1) >= energy[body, 3:, mode].sum(axis=1)

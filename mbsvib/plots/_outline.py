@@ -20,7 +20,7 @@ class Outline:
     """Points, polylines (kind and point numbers) and triangles that represent a body."""
 
     points: Array
-    ways: tuple[tuple[str, tuple[int, ...]], ...]
+    polylines: tuple[tuple[str, tuple[int, ...]], ...]
     faces: tuple[tuple[int, int, int], ...] = ()
 
 
@@ -49,9 +49,9 @@ def outline(centre: Array, attachments: Array, size: float) -> Outline:
     if rank >= 2:
         ring, faces = _plate(attachments @ axes[:2].T) if rank == 2 else _hull(attachments)
         off = _distance(centre, attachments, axes, rank) > 0.02 * size
-        corners = sorted({i for way in ring for i in way}) if off else []
-        ways: list[tuple[str, tuple[int, ...]]] = [("body", way) for way in ring]
-        return Outline(points, (*ways, *(("spoke", (len(attachments), i)) for i in corners)), faces)
+        corners = sorted({i for polyline in ring for i in polyline}) if off else []
+        polylines: list[tuple[str, tuple[int, ...]]] = [("body", polyline) for polyline in ring]
+        return Outline(points, (*polylines, *(("spoke", (len(attachments), i)) for i in corners)), faces)
     inline, axes = _principal(points)
     if np.count_nonzero(inline > FLAT * size) <= 1:
         return Outline(points, (("body", tuple(np.argsort(points @ axes[0], kind="stable").tolist())),))
@@ -60,16 +60,16 @@ def outline(centre: Array, attachments: Array, size: float) -> Outline:
 
 def coil(start: Array, end: Array, radius: float, turns: int, per_turn: int) -> tuple[Array, Array]:
     """Return the points (n, 3) of a coil spring from start to end, and their positions along it, (n,) from 0 to 1."""
-    way = end - start
-    length = float(np.linalg.norm(way))
-    along = way / length
+    span = end - start
+    length = float(np.linalg.norm(span))
+    along = span / length
     across = np.cross(along, np.eye(3)[np.abs(along).argmin()])
     across /= np.linalg.norm(across)
     third = np.cross(along, across)
     angle = np.linspace(0.0, 2.0 * np.pi * turns, turns * per_turn + 1)
     share = np.linspace(LEAD, 1.0 - LEAD, len(angle))
     r = min(radius, 0.12 * length) * np.minimum(1.0, np.minimum(angle, angle[-1] - angle) / np.pi)
-    points = start + share[:, None] * way + r[:, None] * (
+    points = start + share[:, None] * span + r[:, None] * (
         np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * third)  # fmt: skip
     return np.concatenate((start[None], points, end[None])), np.concatenate(([0.0], share, [1.0]))
 

@@ -226,17 +226,17 @@ class _Builder:
         self.mark("bushing", part.name, part.second, at, f"{part.family} between {part.first} and {part.second}")
 
     def composed(self, part: Composed) -> None:
-        nodes, ways = part.node_bodies, part.outlines or ((0,),)
-        for i in sorted({end for way in ways for end in (way[0], way[-1])}):
+        nodes, polylines = part.node_bodies, part.outlines or ((0,),)
+        for i in sorted({end for polyline in polylines for end in (polyline[0], polyline[-1])}):
             self.attach(*nodes[i])
-        for way in part.outlines:
-            self.line("beam", part.name, [nodes[i] for i in way])
-        self.mark("node", part.name, *nodes[ways[0][(len(ways[0]) - 1) // 2]], part.summary)
+        for polyline in part.outlines:
+            self.line("beam", part.name, [nodes[i] for i in polyline])
+        self.mark("node", part.name, *nodes[polylines[0][(len(polylines[0]) - 1) // 2]], part.summary)
 
     def arrow(self, part: Input) -> None:
         at = np.array(self.positions[part.body] if part.position is None else part.position)
-        way = np.array(part.wrench[:3] if any(part.wrench[:3]) else part.wrench[3:])
-        arrow = ARROW * self.size * way / np.linalg.norm(way)
+        direction = np.array(part.wrench[:3] if any(part.wrench[:3]) else part.wrench[3:])
+        arrow = ARROW * self.size * direction / np.linalg.norm(direction)
         heads = [1.0] if any(part.wrench[:3]) else [1.0 - SECOND_HEAD, 1.0]  # a torque has two
         self.line("input", part.name, [(part.body, at - (1.0 - share) * arrow) for share in (0.0, *heads)])
 
@@ -246,8 +246,8 @@ class _Builder:
         start = len(self.rest)
         for at in shape.points:
             self.point(part.name, at)
-        for kind, way in shape.ways:
-            self.line(kind, part.name, [(part.name, shape.points[i]) for i in way])
+        for kind, polyline in shape.polylines:
+            self.line(kind, part.name, [(part.name, shape.points[i]) for i in polyline])
         self.faces += [(start + i, start + j, start + k) for i, j, k in shape.faces]
         self.face_body += [self.number[part.name]] * len(shape.faces)
         self.mark("body", part.name, part.name, centre, f"body of {part.mass:.6g} kg")

@@ -173,8 +173,8 @@ def run_animation(run: RunData, view: View, frames: int, rate: float) -> RunAnim
     times = np.linspace(run.time[0], run.time[-1], int(frames))
     samples = np.array([int(np.argmin(np.abs(run.time - time))) for time in times])
     pose_of = run.frames()
-    still = (np.tile(np.eye(3), (len(run.time), 1, 1)), np.zeros((len(run.time), 3)))
-    moves = [pose_of.get(body, still) for body in (*scene.bodies, GROUND)]
+    ground = (np.tile(np.eye(3), (len(run.time), 1, 1)), np.zeros((len(run.time), 3)))
+    moves = [pose_of.get(body, ground) for body in (*scene.bodies, GROUND)]
     # the coils of springs keep their offset from the line between their ends
     positions = np.tile(scene.points, (len(samples), 1, 1))
     for share, body, at in ((1.0 - scene.share, scene.first, scene.start), (scene.share, scene.second, scene.end)):

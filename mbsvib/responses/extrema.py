@@ -112,12 +112,12 @@ def excited(size: Callable[[Array], Array], poles: Complex, low: float, high: fl
     array, shape (n,)
         Ascending frequencies.
     """
-    still = np.unique(np.abs(poles[np.abs(poles.real) <= UNDAMPED * np.abs(poles)]))
-    still = still[(still >= low) & (still <= high) & (still > 0.0)]
-    if not len(still):
-        return still
-    near, farther = (size(still * (1.0 + distance)) for distance in (CLOSE, 10.0 * CLOSE))
-    return np.asarray(still[near > GROWTH * farther])
+    undamped = np.unique(np.abs(poles[np.abs(poles.real) <= UNDAMPED * np.abs(poles)]))
+    undamped = undamped[(undamped >= low) & (undamped <= high) & (undamped > 0.0)]
+    if not len(undamped):
+        return undamped
+    near, farther = (size(undamped * (1.0 + distance)) for distance in (CLOSE, 10.0 * CLOSE))
+    return np.asarray(undamped[near > GROWTH * farther])
 
 
 @dataclass(frozen=True, eq=False)

@@ -147,8 +147,8 @@ class SensitivityBasis:
         if loaded is None or not (reference is None or all(map(reference.tells, requested.parameters))):
             return grouped_by_rule(network, requested, ruled, self.matrix_slopes, every)
         result = grouped_through_equilibrium(loaded, reference, requested, self.matrix_slopes, every)
-        if result.lost is not None and result.lost.any() and not every:
-            raise not_held(requested.names[int(np.argmax(result.lost))], self.equations.name)
+        if result.unresisted is not None and result.unresisted.any() and not every:
+            raise not_held(requested.names[int(np.argmax(result.unresisted))], self.equations.name)
         return result
 
     def matrix_slopes(self, directions: Sequence[Direction], every: bool = False) -> Mapping[str, Array]:

@@ -104,10 +104,10 @@ def bare_network(system: Equations) -> Network:
     )  # fmt: skip
 
 
-def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
+def assembled(system: Equations, kinematics: Kinematics | None = None) -> Network:
     """Return the network of a system.
 
-    Its coordinates are ``ways``, joint coordinates unless others are given.
+    Its coordinates are ``kinematics``, joint coordinates unless others are given.
     """
     topology = system.provenance.topology
     parts = system.provenance.parts
@@ -126,8 +126,8 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
         bodies, joints = tuple([known[name] for name in topology.bodies]), topology.joints
         springs += (*[part for part in generated if isinstance(part, Bushing)], *lines)
     number = {body.name: i for i, body in enumerate(bodies)} | {"ground": len(bodies)}
-    analytic = ways is None and follows(system)  # amplitudes of some modes do not tell how the pose moves
-    ways = JointCoordinates.of(system, bodies) if ways is None else ways
+    analytic = kinematics is None and follows(system)  # amplitudes of some modes do not tell how the pose moves
+    kinematics = JointCoordinates.of(system, bodies) if kinematics is None else kinematics
     point = np.array([*(_point(joint, bodies, number) for joint in joints),
                       *(part.position if isinstance(part, Bushing) else part.start for part in springs),
                       ]).reshape(-1, 3)  # fmt: skip
@@ -140,20 +140,21 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
     all_points = np.concatenate((point, position))
     displacements = system.body_motion.reshape(6 * len(bodies), -1)
     centre = 0.5 * (all_points.min(axis=0) + all_points.max(axis=0))
-    ties = ways.constraints(bodies, number, centre)
+    ties = kinematics.constraints(bodies, number, centre)
     six = np.tile(_SIX, (len(first), 1)).T
     rows = Rows(np.repeat(first, 6), np.repeat(second, 6), np.repeat(point, 6, axis=0).T, six[:3], six[3:])
     stiffness, damping = _world(springs)
     loads = () if plain is None else tuple(plain.loads.values())
-    relative, reactions = ways.relative(rows), None
+    relative, reactions = kinematics.relative(rows), None
     if analytic and any(isinstance(part, Composed) for part in parts):
-        at_joints = relative if ways.reduction is None else relative @ ways.reduction
+        at_joints = relative if kinematics.reduction is None else relative @ kinematics.reduction
         moves = np.asarray(at_joints @ np.eye(system.dof)).reshape(-1, 6, system.dof)[len(joints) :]
         reactions = element_reactions(parts, {part.name: k for k, part in enumerate(springs)}, moves,
                                       dict(zip(system.bodies, system.body_motion, strict=True)))  # fmt: skip
         analytic = reactions is not None
     return Network(
-        parts, bodies, joints, springs, ways.coordinates, ways.reduction, np.array([body.mass for body in bodies]),
+        parts, bodies, joints, springs, kinematics.coordinates, kinematics.reduction,
+        np.array([body.mass for body in bodies]),
         axes @ tensors @ axes.transpose(0, 2, 1), position, axes, point,
         relative, stiffness, damping,
         tuple((branch.body, branch.parent) for branch in topology.branches), behind, sign,
@@ -163,7 +164,7 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
         limits(system),
         forces=forces_at_rest(system, bodies, joints, springs, loads, number, point) if analytic else None,
         loads=loads, reactions=reactions,
-        shared=None if plain is None else shared_forces(plain, bodies, number, ways),
+        shared=None if plain is None else shared_forces(plain, bodies, number, kinematics),
         inertance=_inertance(springs),
         spin=spin(plain, bodies, springs) if plain is not None and (analytic or not is_loaded(system)) else None,
     )  # fmt: skip

@@ -165,8 +165,8 @@ def _seeing(
     of_springs = seeing.strain[:, :, :, None, None]
     strain = motion.relative[len(network.joints) :] - of_springs
     viscous = None if motion.viscous is None else motion.viscous - transformed(network.damping, of_springs)
-    lacking = replace(motion, elastic=motion.elastic - transformed(network.stiffness, of_springs), viscous=viscous)
-    return fields(network, lacking, *powers, load=load, strain=strain, side=-1, turned=turned,
+    unbalanced = replace(motion, elastic=motion.elastic - transformed(network.stiffness, of_springs), viscous=viscous)
+    return fields(network, unbalanced, *powers, load=load, strain=strain, side=-1, turned=turned,
                   inertia_only=inertia_only)  # fmt: skip
 
 

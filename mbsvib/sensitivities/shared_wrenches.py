@@ -80,7 +80,7 @@ class SharedForces:
 
 
 def shared_forces(
-    plain: Mechanism, bodies: Sequence[Body], number: dict[str, int], ways: Kinematics
+    plain: Mechanism, bodies: Sequence[Body], number: dict[str, int], kinematics: Kinematics
 ) -> SharedForces | None:
     """Return what more than two bodies of a mechanism in plain parts share, None where nothing is."""
     if plain.expansion is None:
@@ -100,7 +100,7 @@ def shared_forces(
         value.append(wrench[direction, at])
     onto = csr_array((np.concatenate(value), (np.concatenate(row), np.concatenate(column))),
                      shape=(6 * len(bodies), len(rows.first)))  # fmt: skip
-    return SharedForces(shared, ways.relative(rows), onto)
+    return SharedForces(shared, kinematics.relative(rows), onto)
 
 
 @dataclass(frozen=True, slots=True)

@@ -230,9 +230,9 @@ def _basis(system: SparseEquations, small: Equations) -> SparseSensitivityBasis:
     """The basis of a small system that knows the model, with the network of all of its parts."""
     parts = system.model.declared_parts
     provenance = replace(small.provenance, parts=parts, origin=system.model, springs=system.springs)
-    ways = ModalCoordinates.of(system, small)
+    kinematics = ModalCoordinates.of(system, small)
     small = replace(small, provenance=provenance)
-    network = assembled(small, ways)
+    network = assembled(small, kinematics)
     if not is_complete(small, network):
         raise ModelError(f"mode_sensitivities: the forces of the parts of '{system.name}' are not all that its "
                          f"equations have; use linearize(method='dense').", element=system.name)  # fmt: skip

@@ -36,10 +36,10 @@ def superelement_motion(
     """
     number = {body.name: i for i, body in enumerate(network.bodies)} | {"ground": -1}
     floats = {int(body): k for k, body in enumerate(network.floating)}
-    way = np.eye(3)[direction % 3]
+    axis = np.eye(3)[direction % 3]
     points = np.array([point for _, point in part.nodes])
-    shifts = np.tile(way, (len(points), 1)) if direction < 3 else np.cross(way, points - points[0])
-    turn = way if direction >= 3 else np.zeros(3)
+    shifts = np.tile(axis, (len(points), 1)) if direction < 3 else np.cross(axis, points - points[0])
+    turn = axis if direction >= 3 else np.zeros(3)
     shift_of = {part.body_of(i): shift for i, shift in enumerate(shifts)}
     forms = [(power, *_form(pieces[0], turn, part)) for power, pieces in zip(_POWERS, _pieces(part), strict=True)
              if pieces]  # fmt: skip

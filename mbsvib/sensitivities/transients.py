@@ -158,11 +158,11 @@ def _march(
     drive = np.concatenate((x[:, :-1], constant, rise))
     z = np.empty((len(begun), n, u.shape[1]))
     z[:, :, 0] = begun
-    pushed = np.empty((*z.shape[:2], len(kind)))
+    inputs = np.empty((*z.shape[:2], len(kind)))
     for step, (_, derivative) in enumerate(matrices):
-        pushed[:, :, kind == step] = derivative @ drive[:, kind == step]
+        inputs[:, :, kind == step] = derivative @ drive[:, kind == step]
     state = z[:, :, 0]
     for k, step in enumerate(kind):
-        state = state @ matrices[step][0][:, :n].T + pushed[:, :, k]
+        state = state @ matrices[step][0][:, :n].T + inputs[:, :, k]
         z[:, :, k + 1] = state
     return x, z

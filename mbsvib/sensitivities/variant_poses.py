@@ -101,12 +101,12 @@ class VariantPoses:
             Zero where the forces are rounding; None where they act on a motion that nothing holds.
         """
         forces, rounding = self.forces, self.forces.size / scale
-        pushed = np.where(np.abs(force) > ZERO_DIFFERENCE * rounding, force, 0.0)
-        if not pushed.any():
-            return pushed
+        unbalanced = np.where(np.abs(force) > ZERO_DIFFERENCE * rounding, force, 0.0)
+        if not unbalanced.any():
+            return unbalanced
         unit = inverse_root(np.abs(forces.tangent.diagonal()) + forces.balanced_forces / self.steps)
-        motions, lost = balancing_motion(self.tangent, unit, pushed[None], lambda: rounding[None])
-        if lost[0]:
+        motions, unresisted = balancing_motion(self.tangent, unit, unbalanced[None], lambda: rounding[None])
+        if unresisted[0]:
             return None
         motion = motions[0]
         share = np.abs(motion) / self.steps

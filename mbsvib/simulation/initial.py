@@ -68,13 +68,13 @@ def _moved(run: Session, target: Array, fixed: Array, bases: Array) -> Array:
     """Coordinates with some at their values and loops closed, followed from the pose as described."""
     reached = run.loops.projected(np.zeros(len(target)), bases)[0]
     others = np.setdiff1d(np.arange(len(target)), fixed)
-    way = target[fixed] - reached[fixed]
-    longest = float(np.abs(way / run.loops.coordinate_scale[fixed]).max(initial=0.0))
+    change = target[fixed] - reached[fixed]
+    longest = float(np.abs(change / run.loops.coordinate_scale[fixed]).max(initial=0.0))
     steps = int(np.ceil(longest / LONGEST)) if len(run.loops.row_scale) else 1
     start = reached[fixed]
     for i in range(1, steps + 1):
         trial = reached.copy()
-        trial[fixed] = start + way * i / steps
+        trial[fixed] = start + change * i / steps
         projected, opening = run.loops.projected(trial, bases, others)
         if opening > OPEN or np.abs((projected - trial) / run.loops.coordinate_scale).max(initial=0.0) > 1.0:
             names = ", ".join(f"{run.names[k]} = {trial[k]:.6g}" for k in fixed)

@@ -53,18 +53,18 @@ class ReactionOutputs:
 
     def values(self, arguments: Sequence[Array]) -> dict[str, Array]:
         """Return the outputs by name, (samples,) each; the arguments (k, samples) are those of the function."""
-        lacking, jacobian = matrices(self.function, *[np.atleast_2d(array).T for array in arguments])
-        values = self._wrenches(lacking[:, :, 0], jacobian) @ self.directions.T - self.at_rest
+        unbalanced, jacobian = matrices(self.function, *[np.atleast_2d(array).T for array in arguments])
+        values = self._wrenches(unbalanced[:, :, 0], jacobian) @ self.directions.T - self.at_rest
         return dict(zip(self.names, values.T, strict=True))
 
-    def _wrenches(self, lacking: Array, jacobian: Array) -> Array:
+    def _wrenches(self, unbalanced: Array, jacobian: Array) -> Array:
         """R (samples, 6 joints)."""
         n = len(self.scale)
         along, virtual = self._scaled(jacobian)
         left, sizes, right = np.linalg.svd(along, full_matrices=False)
         inverse = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=_retained(sizes))
-        multipliers = left @ (inverse[:, :, None] * (right @ (lacking[:, :n] * self.scale)[:, :, None]))
-        return np.asarray(lacking[:, n:] - (virtual.transpose(0, 2, 1) @ multipliers)[:, :, 0])
+        multipliers = left @ (inverse[:, :, None] * (right @ (unbalanced[:, :n] * self.scale)[:, :, None]))
+        return np.asarray(unbalanced[:, n:] - (virtual.transpose(0, 2, 1) @ multipliers)[:, :, 0])
 
     def _scaled(self, jacobian: Array) -> tuple[Array, Array]:
         """J (samples, rows, n) and J_s (samples, rows, 6 joints) with rows and coordinates of like size."""
@@ -138,10 +138,10 @@ def _function(model: Mechanism, statement: FiniteMotion, joints: Sequence[str], 
     motion, n, more = extended.motion, len(statement.motion.names), 6 * len(joints)
     q, qd, qdd = (ca.SX.sym(name, n) for name in ("q", "qd", "qdd"))
     u, none = ca.SX.sym("u", len(extended.inputs)), ca.SX.zeros(more)
-    lacking = ca.jtimes(extended.momenta, motion.qd, ca.vertcat(qdd, none)) - extended.forces
+    unbalanced = ca.jtimes(extended.momenta, motion.qd, ca.vertcat(qdd, none)) - extended.forces
     if extended.inputs:
-        lacking -= extended.input_forces @ u
-    outputs = ca.substitute([ca.densify(lacking), ca.densify(extended.jacobian)], [motion.q, motion.qd],
+        unbalanced -= extended.input_forces @ u
+    outputs = ca.substitute([ca.densify(unbalanced), ca.densify(extended.jacobian)], [motion.q, motion.qd],
                             [ca.vertcat(q, none), ca.vertcat(qd, none)])  # fmt: skip
     return ca.Function("reactions", [q, qd, qdd, extended.yields, motion.bases, u], outputs, {"cse": True})
 

@@ -198,7 +198,7 @@ def quadrature(system: System, ports: Ports, noise: BaseNoise, band: Band | None
     poles = np.concatenate((system.poles(), noise.poles)) / (2.0 * np.pi)
     if (poles.real > 1e-13 * np.abs(poles).max(initial=0.0)).any():
         raise ResponseError(f"rms: '{system.name}' is not stable, so its rms value is unbounded.")
-    still = np.abs(poles.real) <= extrema.UNDAMPED * np.abs(poles)
+    undamped = np.abs(poles.real) <= extrema.UNDAMPED * np.abs(poles)
     tail = band is None and noise.unbounded
     breakpoints = np.concatenate((noise.breaks, np.abs(poles)))
     if band is None:
@@ -206,7 +206,7 @@ def quadrature(system: System, ports: Ports, noise: BaseNoise, band: Band | None
         high = BEYOND * float(breakpoints.max(initial=1.0)) if noise.unbounded else float(noise.breaks[-1])
     else:
         low, high = band
-    _refuse_undamped(system, poles[still] * 2.0 * np.pi, 2.0 * np.pi * low, 2.0 * np.pi * high,
+    _refuse_undamped(system, poles[undamped] * 2.0 * np.pi, 2.0 * np.pi * low, 2.0 * np.pi * high,
                      lambda w: ports.magnitude(system, w), "rms")  # fmt: skip
     if low == 0.0 and (poles == 0.0).any():
         least = 1e-3 * float(breakpoints[breakpoints > 0.0].min(initial=high))
@@ -215,7 +215,7 @@ def quadrature(system: System, ports: Ports, noise: BaseNoise, band: Band | None
             raise ResponseError(f"rms: noise drives a rigid-body mode of '{system.name}' away without bound; hold it, "
                                 f"or give a band that starts above 0 Hz.")  # fmt: skip
     # tables are powers of the frequency
-    ends = extrema.panels(np.append(poles[~still], [0.0] * bool(len(noise.breaks))), low, high, breakpoints)
+    ends = extrema.panels(np.append(poles[~undamped], [0.0] * bool(len(noise.breaks))), low, high, breakpoints)
     node, weight = np.polynomial.legendre.leggauss(POINTS)
     half = 0.5 * np.diff(ends)
     f = ((0.5 * (ends[1:] + ends[:-1]))[:, None] + half[:, None] * node).reshape(-1)
