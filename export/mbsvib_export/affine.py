@@ -137,8 +137,8 @@ def _slope(
             noise = _ROUNDING * np.maximum(np.abs(end[label]), np.abs(base[label]))
             change[np.abs(change) <= noise] = 0.0
             size = max(np.abs(end[label]).max(initial=0.0), np.abs(base[label]).max(initial=0.0))
-            bend = np.abs(middle[label] - base[label] - change / 2).max(initial=0.0)
-            if bend > 1e-9 * np.abs(change).max(initial=0.0) + _ROUNDING * size:
+            curvature = np.abs(middle[label] - base[label] - change / 2).max(initial=0.0)
+            if curvature > 1e-9 * np.abs(change).max(initial=0.0) + _ROUNDING * size:
                 return None
             slopes[label] = change / change_of_value
         return change_of_value, slopes

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 class FreeBodies:
     """Expressions of the symbols of a statement: ``required`` (6 N,), what bodies lack; ``rows`` (L, 6 N), dPhi/dx of
     all joints one after the other, ``counts`` of them each; by body, the ``origins`` (3,) of x and the ``first_row`` of
-    its six components; by joint, its ``points`` (3,); ``acting`` (6 N, drives + couplers), what one unit along each
-    driven coordinate, and each coupler, does.
+    its six components; by joint, its ``points`` (3,); ``drive_wrenches`` (6 N, drives + couplers), what one unit
+    along each driven coordinate, and each coupler, does.
     """
 
     required: Expression
@@ -39,7 +39,7 @@ class FreeBodies:
     first_row: dict[str, int]
     origins: dict[str, Expression]
     points: dict[str, Expression]
-    acting: Expression
+    drive_wrenches: Expression
 
 
 def free_bodies(model: Mechanism, expressions: Statement, drives: Sequence[str]) -> FreeBodies:
@@ -88,12 +88,12 @@ def free_bodies(model: Mechanism, expressions: Statement, drives: Sequence[str])
     jacobian = ca.Function("f", [free.q, kinematics.bases, free.p, expressions.p], [ca.jacobian(phi, free.q)])
     unbalanced = ca.Function("f", [free.q, free.qd, free.qdd, kinematics.bases, free.p], [free.required])
     by_joint = dict(zip(model.joints, points, strict=True))
-    acting = _acting(model, expressions, drives, (first_row, origins, by_joint))
+    drive_wrenches = _drive_wrenches(model, expressions, drives, (first_row, origins, by_joint))
     return FreeBodies(unbalanced(q, qd, qdd, bases, p), jacobian(q, bases, p, expressions.p), counts, first_row,
-                      origins, by_joint, acting)  # fmt: skip
+                      origins, by_joint, drive_wrenches)  # fmt: skip
 
 
-def _acting(
+def _drive_wrenches(
     model: Mechanism, expressions: Statement, drives: Sequence[str],
     where: tuple[dict[str, int], dict[str, Expression], dict[str, Expression]],
 ) -> Expression:  # fmt: skip

@@ -52,7 +52,7 @@ def reactions(cycle: CycleData) -> Reactions:
         What the first body does to the second, at the joint's point, world axes.
     """
     model, size = cycle.machine.model, cycle.machine.size
-    bodies, (unbalanced, rows, acting, points, origins) = _evaluated(cycle)
+    bodies, (unbalanced, rows, drive_wrenches, points, origins) = _evaluated(cycle)
     units = np.tile([1.0, 1.0, 1.0, 1 / size, 1 / size, 1 / size], len(bodies.first_row))
     by_joint = np.split(rows, np.cumsum(bodies.counts)[:-1], axis=1)
     at = np.split(points, len(by_joint), axis=1)
@@ -62,9 +62,9 @@ def reactions(cycle: CycleData) -> Reactions:
         frames.append(_orthonormal(joint_rows, joint, bodies, arms, size))
         effects.append(_onto(joint, bodies, arms) @ frames[-1])
     drives = len(cycle.drives)
-    effects.append(acting[:, :, drives:])
+    effects.append(drive_wrenches[:, :, drives:])
     torques = np.column_stack([cycle.torques[name] for name in cycle.drives])
-    unbalanced = unbalanced - (acting[:, :, :drives] @ torques[:, :, None])[:, :, 0]
+    unbalanced = unbalanced - (drive_wrenches[:, :, :drives] @ torques[:, :, None])[:, :, 0]
     matrix = np.concatenate(effects, axis=2) * units[:, None]
     right = unbalanced * units
     inverse = np.linalg.pinv(matrix, rcond=REDUNDANT_LOOPS)
@@ -101,7 +101,7 @@ def _evaluated(cycle: CycleData) -> tuple[FreeBodies, list[Array]]:
     plant, motion = cycle.machine, cycle.machine.solved
     expressions = plant.statement
     bodies = free_bodies(plant.model, expressions, cycle.drives)
-    outputs = (bodies.required, bodies.rows, bodies.acting, ca.vertcat(*bodies.points.values()),
+    outputs = (bodies.required, bodies.rows, bodies.drive_wrenches, ca.vertcat(*bodies.points.values()),
                ca.vertcat(*bodies.origins.values()))  # fmt: skip
     function = expressions.compiled("free bodies", lambda: list(map(ca.densify, outputs)))
     arrays = matrices(function, motion.q, motion.qd, motion.qdd, plant.values(expressions), plant.about)

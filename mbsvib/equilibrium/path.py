@@ -147,8 +147,8 @@ def follow(first: PosedModel) -> SearchResult:
             forces = balance(under_load)
             return SearchResult(under_load, forces, (*residuals, forces.share), steps, tuple(shares), stopped)
         share = done + 0.5 * (share - done)
-    at, forces, more = refined(current, balance(current))
-    return SearchResult(at, forces, (*residuals, *more), steps + len(more), tuple(shares))
+    at, forces, added = refined(current, balance(current))
+    return SearchResult(at, forces, (*residuals, *added), steps + len(added), tuple(shares))
 
 
 def _newton_steps(at: PosedModel) -> tuple[SearchResult, bool]:
@@ -207,8 +207,8 @@ def descend(first: PosedModel) -> SearchResult:
     else:
         stopped = "" if forces.share <= BALANCED else stopped
     if not stopped:
-        at, forces, more = refined(at, forces)
-        residuals += more
+        at, forces, added = refined(at, forces)
+        residuals += added
     return SearchResult(at, forces, tuple(residuals), len(residuals) - 1, (), stopped)
 
 

@@ -93,9 +93,9 @@ def without_rounding(model: M) -> M:
 def _acting(part: Preloadable) -> Spring | Bushing:
     """The line spring or bushing whose preload a part has."""
     if isinstance(part, TorsionSpring):
-        acting = torsion_spring.expand(part).springs[part.name]
-        assert isinstance(acting, Bushing)
-        return acting
+        bushing = torsion_spring.expand(part).springs[part.name]
+        assert isinstance(bushing, Bushing)
+        return bushing
     return static_spring(part) if isinstance(part, Maxwell) else part
 
 

@@ -81,7 +81,7 @@ def _change(forces: Array, back: Array, observed: Array) -> tuple[Array, Array, 
     return symmetric + skew, rows, weights[used], skew if skew.any() else None
 
 
-def _sum(before: Array | None, more: Array | None) -> Array | None:
-    if before is None or more is None:
-        return more if before is None else before
-    return before + more
+def _sum(first: Array | None, second: Array | None) -> Array | None:
+    if first is None or second is None:
+        return second if first is None else first
+    return first + second

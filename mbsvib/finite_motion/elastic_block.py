@@ -276,14 +276,14 @@ def _check_carrier(model: Mechanism, block: ElasticBlock) -> None:
             ends = [body for body in (getattr(part, "a", None), getattr(part, "b", None), *part.node_names,
                                       *[body for _, body in getattr(part, "bodies", ())]) if body is not None]
             links += [(ends[0], end) for end in ends[1:]]
-    reached, front = {"ground"}, ["ground"]
-    while front:
-        body = front.pop()
+    reached, queue = {"ground"}, ["ground"]
+    while queue:
+        body = queue.pop()
         for pair in links:
             for near, far in (pair, pair[::-1]):
                 if near == body and far not in reached and far != block.root:
                     reached.add(far)
-                    front.append(far)
+                    queue.append(far)
     for body in others:
         if body in reached:
             raise ModelError(

@@ -88,11 +88,11 @@ def structured_singular_values(
 def _part(m: Complex, masks: Array, real: list[int]) -> Array:
     """Bounds of matrices (points, n, n) of any size, whose blocks all act on each other."""
     size = np.abs(m).max(axis=(1, 2))
-    result, some = np.zeros(len(m)), size > 0.0
-    if some.any():
-        normal = _balanced(m[some] / size[some, None, None], masks)
+    result, nonzero = np.zeros(len(m)), size > 0.0
+    if nonzero.any():
+        normal = _balanced(m[nonzero] / size[nonzero, None, None], masks)
         norm = np.linalg.norm(normal, 2, axis=(1, 2))
-        result[some] = _bounds(normal / norm[:, None, None], masks, real) * norm * size[some]
+        result[nonzero] = _bounds(normal / norm[:, None, None], masks, real) * norm * size[nonzero]
     return result
 
 

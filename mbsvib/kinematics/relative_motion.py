@@ -64,7 +64,7 @@ class Triplets:
     value: Array
     shape: tuple[int, int]
 
-    def acting(self, start: int, stop: int) -> NDArray[np.bool_]:
+    def nonzero_rows(self, start: int, stop: int) -> NDArray[np.bool_]:
         """Tell which of the rows start..stop have an entry that is not zero."""
         entry = self.value != 0.0
         result = np.zeros(self.shape[0], dtype=bool)
@@ -239,9 +239,9 @@ def clear_rounding(value: Array, *vectors: Array) -> None:
         value[at[size.take(at) <= _noise(*sizes)]] = 0.0
         return
     at = small.any(axis=1).nonzero()[0]
-    some = value.take(at, axis=0)
-    some[np.abs(some) <= _noise(*(np.abs(array.take(at, axis=1)).max(axis=0) for array in vectors))] = 0.0
-    value[at] = some
+    entries = value.take(at, axis=0)
+    entries[np.abs(entries) <= _noise(*(np.abs(array.take(at, axis=1)).max(axis=0) for array in vectors))] = 0.0
+    value[at] = entries
 
 
 def _noise(force: Array, moment: Array, linear: Array, angular: Array, point: Array, start: Array) -> Array:

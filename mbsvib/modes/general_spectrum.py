@@ -176,10 +176,10 @@ def _independent(
             continue
         visited[group] = True
         r, w = np.linalg.qr(right[:, group])[0], np.linalg.qr(left[:, group])[0]
-        both = w.T @ r
-        if np.linalg.cond(both) > 1.0 / DEPENDENT**4:
+        products = w.T @ r
+        if np.linalg.cond(products) > 1.0 / DEPENDENT**4:
             continue
-        w = np.linalg.solve(both, w.T).T
+        w = np.linalg.solve(products, w.T).T
         within = w.T @ a @ r
         if np.abs(within - np.diag(within.diagonal())).max() <= size:
             values, left, right = values.copy(), left.copy(), right.copy()

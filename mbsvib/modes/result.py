@@ -343,7 +343,7 @@ def modes(system: Equations, rtol: float = RTOL, clean: bool = True, form: type[
         basis = undamped(system, rtol)
         result = damped(system, basis, rtol)
     assert result is not None  # clean shapes always give a result
-    if basis.doubt > max(TIGHTER * rtol, ROUNDING) and float(result.errors.max(initial=0.0)) > rtol:
+    if basis.uncertainty > max(TIGHTER * rtol, ROUNDING) and float(result.errors.max(initial=0.0)) > rtol:
         basis = undamped(system, TIGHTER * rtol)
         result = damped(system, basis, rtol) or result
     shapes = result.shapes if result.vectors is None else result.shapes @ result.vectors[:, :, 0]

@@ -182,9 +182,9 @@ def _frequency_axis(axes: Axes, frequencies: Array, label: str) -> None:
 def _phase_axis(axes: Axes, phases: list[Array]) -> None:
     from matplotlib.ticker import MultipleLocator
 
-    both = np.concatenate(phases)
-    both = both[np.isfinite(both)]
-    low, high = (both.min(), both.max()) if both.size else (-90.0, 90.0)
+    values = np.concatenate(phases)
+    values = values[np.isfinite(values)]
+    low, high = (values.min(), values.max()) if values.size else (-90.0, 90.0)
     low, high = 90.0 * np.floor(low / 90.0 + 0.02), 90.0 * np.ceil(high / 90.0 - 0.02)
     while high - low < 180.0:
         low, high = (low - 90.0, high) if high - low == 90.0 or high > 0.0 else (low, high + 90.0)

@@ -183,9 +183,9 @@ class Band:
         """
         w, value = self._samples(measure)
         # between samples near an extremum close to zero there may be two crossings
-        near, bend = value[1:-1], np.abs(value[:-2] - 2.0 * value[1:-1] + value[2:])
+        near, curvature = value[1:-1], np.abs(value[:-2] - 2.0 * value[1:-1] + value[2:])
         side = np.sign(near)
-        turns = (side * (near - value[:-2]) <= 0.0) & (side * (near - value[2:]) <= 0.0) & (np.abs(near) <= bend)
+        turns = (side * (near - value[:-2]) <= 0.0) & (side * (near - value[2:]) <= 0.0) & (np.abs(near) <= curvature)
         for sign in (-1.0, 1.0):
             at = 1 + np.flatnonzero(turns & (side == sign))
             if len(at):
@@ -244,8 +244,8 @@ def _raised(value: Callable[[Array], Array], w: Array, at: NDArray[np.intp]) -> 
         f = [value(np.abs(middle + k * step)) for k in (-2.0, -1.0, 0.0, 1.0, 2.0)]
         best, top = np.where(f[2] >= top, middle, best), np.maximum(top, f[2])
         slope = (f[0] - 8.0 * f[1] + 8.0 * f[3] - f[4]) / 12.0
-        bend = (-f[0] + 16.0 * f[1] - 30.0 * f[2] + 16.0 * f[3] - f[4]) / 12.0
-        middle = middle - step * np.divide(slope, bend, out=np.zeros_like(bend), where=bend < 0.0)
+        curvature = (-f[0] + 16.0 * f[1] - 30.0 * f[2] + 16.0 * f[3] - f[4]) / 12.0
+        middle = middle - step * np.divide(slope, curvature, out=np.zeros_like(curvature), where=curvature < 0.0)
         middle = np.clip(middle, low, high)
     return best, top
 

@@ -66,9 +66,9 @@ def is_complete(system: Equations, network: Network) -> bool:
 
     The work of one motion is compared with that of the system's factors.
     """
-    some = np.cos(np.arange(system.dof))[:, None]  # no structure of a mechanism
-    moved, strained = system.inertia_factor @ some, system.elastic_rows @ some
-    motion = motions(network, some)
+    trial = np.cos(np.arange(system.dof))[:, None]  # no structure of a mechanism
+    moved, strained = system.inertia_factor @ trial, system.elastic_rows @ trial
+    motion = motions(network, trial)
     strain = motion.relative[len(network.joints) :]
     # rows of geometric stiffness, behind those of the springs, belong to parameters that have no rule
     strained = strained[:, 0] * (system.row_owner < len(system.provenance.springs))

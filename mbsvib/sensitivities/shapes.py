@@ -152,8 +152,8 @@ def shape_sensitivities(basis: SensitivityBasis, groups: ParameterGroups, modes:
     largest = np.argmax(np.abs(modes.shapes), axis=0)
     for group in _coinciding(values):
         step = max(1, BLOCK // max(1, groups.size * m))
-        residual_forces = np.concatenate([_pushed(groups, modes.shapes[:, some], values[some])
-                                 for some in np.array_split(group, -(-len(group) // step))], axis=2)  # fmt: skip
+        residual_forces = np.concatenate([_pushed(groups, modes.shapes[:, chunk], values[chunk])
+                                 for chunk in np.array_split(group, -(-len(group) // step))], axis=2)  # fmt: skip
         group_shapes = np.asarray(coordinates[:, group])
         forms = -(vectors.T @ groups.chain(residual_forces[0]))
         dual_shapes = group_shapes.conj().T.copy()

@@ -89,8 +89,8 @@ class ModalCoordinates:
             wrench = np.concatenate((wrench, np.concatenate((measured.force, measured.moment)).T))
             joint = np.concatenate((joint, closure.couplers.joint))
             shape = len(value), len(closure.names)
-            more = csr_matrix((value, (np.arange(len(value)), locked + coupler)), shape=shape)
-            share = vstack((share, more)).tocsr()
+            added_share = csr_matrix((value, (np.arange(len(value)), locked + coupler)), shape=shape)
+            share = vstack((share, added_share)).tocsr()
         row, column, entry = closure.independent_entries(tree)
         forces = LoopForces(self.system, csr_matrix((entry, (row, column)), shape=(row.max(initial=-1) + 1,
                                                                                  len(tree.names))))  # fmt: skip

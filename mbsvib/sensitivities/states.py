@@ -106,11 +106,11 @@ def state_basis(basis: Basis) -> StateBasis:
     unit = 1.0 / np.sqrt(np.diagonal(system.M) + (np.diagonal(system.M) == 0.0))
     values, rotation = eigh(unit[:, None] * system.M * unit)
     massive = len(unit) - null.shape[1]
-    heavy = unit[:, None] * rotation[:, len(unit) - massive :] / np.sqrt(values[len(unit) - massive :])
-    heavy = heavy - null @ (null.T @ system.C @ heavy)
-    stiffness = heavy.T @ system.K @ heavy
+    massive_vectors = unit[:, None] * rotation[:, len(unit) - massive :] / np.sqrt(values[len(unit) - massive :])
+    massive_vectors = massive_vectors - null @ (null.T @ system.C @ massive_vectors)
+    stiffness = massive_vectors.T @ system.K @ massive_vectors
     _, turn = eigh(0.5 * (stiffness + stiffness.T))
-    vectors = np.concatenate((heavy @ turn, null), axis=1)
+    vectors = np.concatenate((massive_vectors @ turn, null), axis=1)
     return StateBasis(vectors, massive, vectors.T @ system.K @ vectors, vectors.T @ system.C @ vectors)
 
 

@@ -97,10 +97,10 @@ def _begun(base: States, system: Equations, change: MatrixDerivatives, start: Ar
     if not start.any():
         return np.zeros((len(change.M), len(base.A)))
     basis, k = base.basis, base.first
-    theta, heavy = turning(basis, change), basis.vectors[:, :k]
-    within = np.concatenate((heavy.T @ (system.M @ start[0]), basis.vectors[:, k:].T @ (system.C @ start[0])))
+    theta, massive_vectors = turning(basis, change), basis.vectors[:, :k]
+    within = np.concatenate((massive_vectors.T @ (system.M @ start[0]), basis.vectors[:, k:].T @ (system.C @ start[0])))
     displacement = -(theta @ within)
-    mass = heavy.T @ change.M @ start[1]
+    mass = massive_vectors.T @ change.M @ start[1]
     rate = mass + (theta[:, :, :k].swapaxes(1, 2) @ (basis.vectors.T @ (system.M @ start[1])))
     return np.concatenate((base.scale * displacement[:, :k], rate, displacement[:, k:]), axis=1)
 

@@ -135,9 +135,9 @@ def reaction_outputs(
 def _function(model: Mechanism, statement: FiniteMotion, joints: Sequence[str], without: Sequence[str]) -> Any:
     """What the equations lack and the derivative of the closures, with the released displacements at rest."""
     extended = with_virtual_displacements(model, statement, joints, without)
-    motion, n, more = extended.motion, len(statement.motion.names), 6 * len(joints)
+    motion, n, added = extended.motion, len(statement.motion.names), 6 * len(joints)
     q, qd, qdd = (ca.SX.sym(name, n) for name in ("q", "qd", "qdd"))
-    u, none = ca.SX.sym("u", len(extended.inputs)), ca.SX.zeros(more)
+    u, none = ca.SX.sym("u", len(extended.inputs)), ca.SX.zeros(added)
     unbalanced = ca.jtimes(extended.momenta, motion.qd, ca.vertcat(qdd, none)) - extended.forces
     if extended.inputs:
         unbalanced -= extended.input_forces @ u

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import SimulationError
-from mbsvib.simulation.charts import LONG_TURN, LONGEST_TURN, SINGULAR, WORN, chart_at, wear
+from mbsvib.simulation.charts import LONG_TURN, LONGEST_TURN, POOR_IN_BLOCK, SINGULAR, chart_at, conditioning
 from mbsvib.simulation.states import State, restarted
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ BLOCK, FIRST_BLOCK = 64, 8
 # An interval that cannot be taken is halved at most so often.
 HALVINGS = 12
 # Independent coordinates are chosen anew between blocks where they have become worse by this factor.
-TIRED = 0.5
+POOR_BETWEEN_BLOCKS = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,10 +108,10 @@ def _block(run: Session, sample: Sample, grid: Array, coefficients: Array) -> li
         states = run.integrator.block(sample.state, sample.chart, grid, coefficients)
     except RuntimeError:
         return []
-    fresh = wear(run.loops, sample.chart, sample.state.q)[0]
+    least = POOR_IN_BLOCK * conditioning(run.loops, sample.chart, sample.state.q)[0]
     good = 0
     for state in states:
-        if _angles(run, state.q) > LONGEST_TURN or wear(run.loops, sample.chart, state.q)[0] < WORN * fresh:
+        if _angles(run, state.q) > LONGEST_TURN or conditioning(run.loops, sample.chart, state.q)[0] < least:
             break
         good += 1
     return states[:good]
@@ -153,11 +153,11 @@ def _closed(run: Session, state: State, chart: Chart) -> State:
 
 def _next(run: Session, state: State, chart: Chart) -> Sample:
     """Where the next block starts: loops closed, and coordinates chosen anew if that pays."""
-    wear_of_chart, singular = wear(run.loops, chart, state.q)
+    current, singular = conditioning(run.loops, chart, state.q)
     if singular < SINGULAR:
         raise _stopped(run, state, "the loops come to a singular pose, from which they could go on in several ways")
     best = chart_at(run.loops, state.q, chart.bases)
-    if _angles(run, state.q) > LONG_TURN or wear_of_chart < TIRED * wear(run.loops, best, state.q)[0]:
+    if _angles(run, state.q) > LONG_TURN or current < POOR_BETWEEN_BLOCKS * conditioning(run.loops, best, state.q)[0]:
         return restarted_sample(run, state, chart.bases)
     return Sample(_closed(run, state, chart), chart)
 
