@@ -144,7 +144,7 @@ class SensitivityBasis:
         ruled = have_rules(network, requested.layout)
         loaded = None if ruled.all() or network.bare else self.loaded
         reference = None if loaded is None else self.reference_pose
-        if loaded is None or not (reference is None or all(map(reference.tells, requested.parameters))):
+        if loaded is None or not (reference is None or all(map(reference.covers, requested.parameters))):
             return grouped_by_rule(network, requested, ruled, self.matrix_slopes, every)
         result = grouped_through_equilibrium(loaded, reference, requested, self.matrix_slopes, every)
         if result.unresisted is not None and result.unresisted.any() and not every:

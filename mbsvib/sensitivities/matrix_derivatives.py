@@ -129,16 +129,16 @@ def matrix_derivatives(
             parts.append(chained(groups.forms(y, x), key))
         return np.concatenate(parts, axis=1)
 
-    at_rest, blind = np.zeros((m, 1, len(i), 1)), np.zeros((m, len(o), 1, 1))
-    of_outputs = {_OUTPUTS[key]: ports(_OUTPUTS[key], (free, sensing), powers, (right, blind))
+    no_inputs, no_outputs = np.zeros((m, 1, len(i), 1)), np.zeros((m, len(o), 1, 1))
+    of_outputs = {_OUTPUTS[key]: ports(_OUTPUTS[key], (free, sensing), powers, (right, no_outputs))
                   for key, powers in _POWERS.items()}  # fmt: skip
-    of_outputs["D"] = ports("D", (actuation, sensing), _STILL, (at_rest, blind))
+    of_outputs["D"] = ports("D", (actuation, sensing), _STILL, (no_inputs, no_outputs))
     if sensing.excluded:
         for key, change in of_outputs.items():
             change[:, sensing.excluded] = groups.variable_slopes[key][:, sensing.excluded]
     return MatrixDerivatives(
         tuple(groups.variables.names), square("M"), square("C"), square("K"),
-        ports("B", (actuation, free), _STILL, (at_rest, left)), of_outputs["Cq"], of_outputs["Cv"], of_outputs["Ca"],
+        ports("B", (actuation, free), _STILL, (no_inputs, left)), of_outputs["Cq"], of_outputs["Cv"], of_outputs["Ca"],
         of_outputs["D"], groups,
     )  # fmt: skip
 

@@ -76,7 +76,7 @@ def feedthrough(
 def _at_rest(network: Network, forces: Forces, sensing: Loads, motion: Array) -> Array:
     """What forces at rest do to those seen in joints, (p, m) per unit of the motion (b, 6, m) of the bodies."""
     turned = sensing.turned if sensing.turned.any() else None
-    wrench = geometric_wrenches(forces, sensing.release * sensing.works, -1, turned)
+    wrench = geometric_wrenches(forces, sensing.virtual_displacements * sensing.works, -1, turned)
     return np.asarray(np.einsum("bip,bim->pm", wrench, motion))
 
 
@@ -93,12 +93,12 @@ def _wrong(
     moves = np.einsum("pi,pim->pm", sensing.wrench, sensing.motion)
     strain = sensing.strain - sensing.openings[joints:]
     forces = [np.einsum("sip,sij,sjm->pm", strain, z, strains) for z in (network.stiffness, network.damping)]
-    forces.append(-np.einsum("bip,bim->pm", sensing.release, momentum(network, system.body_motion)))
+    forces.append(-np.einsum("bip,bim->pm", sensing.virtual_displacements, momentum(network, system.body_motion)))
     if network.forces is not None:
         forces[0] -= _at_rest(network, network.forces, sensing, system.body_motion)
     direct_terms = [moves * (sensing.order == k)[:, None] + forces[k] for k in range(3)]
-    direct = feedthrough(system, inputs, outputs)[0] - np.einsum("bio,bip->op", sensing.release, momenta)
-    direct += np.einsum("bio,bip->op", sensing.release * sensing.works, actuation.on_bodies)
+    direct = feedthrough(system, inputs, outputs)[0] - np.einsum("bio,bip->op", sensing.virtual_displacements, momenta)
+    direct += np.einsum("bio,bip->op", sensing.virtual_displacements * sensing.works, actuation.on_bodies)
     if np.abs(acts - system.B[:, i]).max(initial=0.0) > SAME * np.abs(system.B[:, i]).max(initial=0.0):
         return None
     off = np.zeros(len(o), dtype=bool)
@@ -143,9 +143,9 @@ def port_forms(
 
 def _with_released_motions(network: Network, motion: Motions, sensing: Loads) -> Motions:
     """L with the motions on which forces in joints and sums of forces do work."""
-    if not sensing.release.any():
+    if not sensing.virtual_displacements.any():
         return motion
-    body, openings = (array[:, :, :, None, None] for array in (sensing.release, sensing.openings))
+    body, openings = (array[:, :, :, None, None] for array in (sensing.virtual_displacements, sensing.openings))
     strained = openings[len(network.joints) :]
     viscous = None if motion.viscous is None else motion.viscous + transformed(network.damping, strained)
     return replace(motion, body=motion.body + body, relative=motion.relative + openings,
@@ -158,9 +158,9 @@ def _sensing_fields(
 ) -> Fields:
     """Fields of L; forces in springs are seen through strains that lack their directions."""
     turned = inertia_only = None
-    if network.forces is not None and sensing.release.any():
-        turned, inertia_only = (array[:, :, :, None, None]
-                                for array in (sensing.turned, sensing.release * ~sensing.works))  # fmt: skip
+    if network.forces is not None and sensing.virtual_displacements.any():
+        without_work = sensing.virtual_displacements * ~sensing.works
+        turned, inertia_only = (array[:, :, :, None, None] for array in (sensing.turned, without_work))
     if not sensing.strain.any():
         return fields(network, motion, *powers, load=load, side=-1, turned=turned, inertia_only=inertia_only)
     of_springs = sensing.strain[:, :, :, None, None]
@@ -177,7 +177,8 @@ def _move_ports(
 ) -> None:  # fmt: skip
     """Ports move with centres of mass, and with the bodies as the pose moves: dG = wrench . (angular x dp)."""
     (actuation, sensing), (right, left) = ports, (vectors[0][:, 0], vectors[1][:, :, 0])
-    turned = np.concatenate((sensing.release[:, 3:] * sensing.works, np.zeros((1, 3, len(sensing.wrench)))))
+    rotations = sensing.virtual_displacements[:, 3:] * sensing.works
+    turned = np.concatenate((rotations, np.zeros((1, 3, len(sensing.wrench)))))
     moves = [(actuation, i, result[:, :, i], np.tensordot(actuation.motion[i, 3:], left, axes=1)
               + (turned[actuation.ends[i, 1]] - turned[actuation.ends[i, 0]])[:, :, None])
              for i in range(len(actuation.wrench))]  # fmt: skip

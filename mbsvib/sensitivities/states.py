@@ -130,7 +130,7 @@ def changed(base: States, change: MatrixDerivatives, inputs: list[int], outputs:
     Returns rows of A that change (v, m, n), those of B (v, m, inputs), C (v, outputs, n) and D (v, outputs, inputs).
     """
     basis, k = base.basis, base.basis.massive
-    vectors, theta = basis.vectors, turning(basis, change)
+    vectors, theta = basis.vectors, basis_rotation(basis, change)
     back = theta.swapaxes(1, 2)
     stiffness, damping = (vectors.T @ slope @ vectors + back @ matrix + matrix @ theta
                           for slope, matrix in ((change.K, basis.stiffness), (change.C, basis.damping)))  # fmt: skip
@@ -144,7 +144,7 @@ def changed(base: States, change: MatrixDerivatives, inputs: list[int], outputs:
     return rows, force, c, d
 
 
-def turning(basis: StateBasis, change: MatrixDerivatives) -> Array:
+def basis_rotation(basis: StateBasis, change: MatrixDerivatives) -> Array:
     """Return how a basis goes along with parameters, T' = T Theta.
 
     Returns Theta (v, m, m).

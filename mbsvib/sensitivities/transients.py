@@ -13,7 +13,7 @@ import numpy as np
 
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.time_response import checked_question
-from mbsvib.sensitivities.states import changed, states, turning
+from mbsvib.sensitivities.states import basis_rotation, changed, states
 from mbsvib.sensitivities.variables import variables
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def _begun(base: States, system: Equations, change: MatrixDerivatives, start: Ar
     if not start.any():
         return np.zeros((len(change.M), len(base.A)))
     basis, k = base.basis, base.first
-    theta, massive_vectors = turning(basis, change), basis.vectors[:, :k]
+    theta, massive_vectors = basis_rotation(basis, change), basis.vectors[:, :k]
     within = np.concatenate((massive_vectors.T @ (system.M @ start[0]), basis.vectors[:, k:].T @ (system.C @ start[0])))
     displacement = -(theta @ within)
     mass = massive_vectors.T @ change.M @ start[1]
