@@ -44,19 +44,15 @@ class Weighted(Ports):
         right = [self._input_weights[name] for name in inputs]
         return np.outer(left, right)[:, :, None]
 
-    def magnitude(self, system: System, w: Array) -> Array:
-        """Return the norm at angular frequencies."""
-        g = self._weights(system) * response(system, w, *self.of(system))
-        return np.asarray(np.sqrt((np.abs(g) ** 2).sum(axis=(0, 1))))
+    def response(self, system: System, w: Array) -> Complex:
+        """Return the weighted responses at angular frequencies, (outputs, inputs, n)."""
+        return np.asarray(self._weights(system) * response(system, w, *self.of(system)))
 
-    def size(self, point: DesignPoint, w: Array) -> Dual:
-        """Return the norm at angular frequencies, with derivatives."""
-        outputs, inputs = self.of(point.system)
+    def with_slopes(self, point: DesignPoint, w: Array) -> tuple[Complex, Complex]:
+        """Return the weighted responses and their derivatives, (variables, outputs, inputs, n)."""
         weights = self._weights(point.system)
-        g, slope = (weights * part for part in _with_slopes(point, w, outputs, inputs))
-        value = np.sqrt((np.abs(g) ** 2).sum(axis=(0, 1)))
-        change = (g.conj() * slope).real.sum(axis=(1, 2))
-        return point.dual(value, np.divide(change, value, out=np.zeros_like(change), where=value > 0.0).T)
+        value, slope = _with_slopes(point, w, *self.of(point.system))
+        return weights * value, weights * slope
 
 
 def _with_slopes(
