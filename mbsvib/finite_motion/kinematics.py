@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Branch, Topology
 
-IDENTITY9 = np.eye(3).reshape(-1, order="F")
-
 
 @dataclass(frozen=True)
 class Kinematics:

@@ -47,6 +47,11 @@ class Topology:
     floating: tuple[int, ...]
 
     @property
+    def body_numbers(self) -> dict[str, int]:
+        """Number of each body by name; the ground comes last."""
+        return {name: i for i, name in enumerate((*self.bodies, "ground"))}
+
+    @property
     def tree(self) -> tuple[str, ...]:
         """Names of the joints of the tree, from ground outwards."""
         return tuple(self.joints[branch.joint].name for branch in self.branches if branch.joint != FLOATS)

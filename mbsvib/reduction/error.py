@@ -54,8 +54,8 @@ def error_bound(full: Equations, small: Equations) -> float:
     fastest = float(np.abs(poles).max(initial=0.0)) or 1.0
 
     def difference(omega: Array) -> Complex:
-        large, reduced_response = (frequency_response(basis, omega) for basis in bases)
-        return np.asarray((large - reduced_response).transpose(2, 0, 1))
+        of_full, of_small = (frequency_response(basis, omega) for basis in bases)
+        return np.asarray((of_full - of_small).transpose(2, 0, 1))
 
     band = Band(difference, panels(poles, 0.0, LAST * fastest))
     _, value = band.highest(_largest)
