@@ -18,7 +18,6 @@ from mbsvib.modes.general import General, general, is_general
 from mbsvib.modes.undamped import undamped
 
 if TYPE_CHECKING:
-
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Complex

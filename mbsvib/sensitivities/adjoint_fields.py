@@ -18,7 +18,6 @@ from mbsvib.sensitivities.second_order_work import geometric_wrenches
 from mbsvib.sensitivities.transmitted_wrenches import transmitted
 
 if TYPE_CHECKING:
-
     from mbsvib.linalg.vectors import Field
     from mbsvib.sensitivities.network import Network
 
