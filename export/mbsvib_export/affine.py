@@ -7,7 +7,7 @@ it is so is tested, for each parameter alone and for all together, and what is n
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -46,6 +46,33 @@ class Affine:
     slopes: dict[str, Array]
 
 
+def origin_of(system: System, caller: str) -> Any:
+    """Return the model of a system whose equations depend on its parameters alone.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    caller : str
+        Function that the user called, for messages.
+
+    Returns
+    -------
+    Model
+        The model that was linearized.
+
+    Raises
+    ------
+    ExportError
+        If the system is not one that ``model.linearize`` returned.
+    """
+    origin = system.provenance.origin
+    if origin is None or system.provenance.removed is not None:
+        raise ExportError(f"{caller}: '{system.name}' is not a system that model.linearize() returned, so that nothing "
+                          f"tells what parameters do to it; give that one, or leave them out.")  # fmt: skip
+    return origin
+
+
 def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
     """Return the derivatives of the equations to parameters on which they depend affinely.
 
@@ -70,10 +97,7 @@ def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
     ModelError
         If a parameter is unknown.
     """
-    origin = system.provenance.origin
-    if origin is None or system.provenance.removed is not None:
-        raise ExportError(f"{caller}: '{system.name}' is not a system that model.linearize() returned, so that nothing "
-                          f"tells what parameters do to it; give that one, or leave them out.")  # fmt: skip
+    origin = origin_of(system, caller)
     known = origin.parameters
     names = tuple(dict.fromkeys(name for pattern in parameters for name in known.matching(pattern)))
 
@@ -137,8 +161,8 @@ def _slope(
             noise = _ROUNDING * np.maximum(np.abs(end[label]), np.abs(base[label]))
             change[np.abs(change) <= noise] = 0.0
             size = max(np.abs(end[label]).max(initial=0.0), np.abs(base[label]).max(initial=0.0))
-            bend = np.abs(middle[label] - base[label] - change / 2).max(initial=0.0)
-            if bend > 1e-9 * np.abs(change).max(initial=0.0) + _ROUNDING * size:
+            curvature = np.abs(middle[label] - base[label] - change / 2).max(initial=0.0)
+            if curvature > 1e-9 * np.abs(change).max(initial=0.0) + _ROUNDING * size:
                 return None
             slopes[label] = change / change_of_value
         return change_of_value, slopes

@@ -16,6 +16,7 @@ import numpy as np
 from mbsvib.api.system import System
 from mbsvib.equilibrium.at_equilibrium import at_equilibrium
 from mbsvib.errors import ExportError, MbsvibError
+from mbsvib_export.affine import origin_of
 from mbsvib_export.casadi_ import INSTALL
 from mbsvib_export.neutral import refuse_many
 from mbsvib_export.packages import need
@@ -119,12 +120,9 @@ def _names(system: System, parameters: str | Sequence[str], caller: str) -> tupl
     if not isinstance(system, System):
         refuse_many(system, caller)
         raise ExportError(f"{caller}: system = {type(system).__name__}; expected a System (model.linearize()).")
-    origin = system.provenance.origin
-    if origin is None or system.provenance.removed is not None:
-        raise ExportError(f"{caller}: '{system.name}' is not a system that model.linearize() returned, so that nothing "
-                          f"tells what parameters do to it; give that one.")  # fmt: skip
+    known = origin_of(system, caller).parameters
     patterns = (parameters,) if isinstance(parameters, str) else tuple(parameters)
-    return tuple(dict.fromkeys(name for pattern in patterns for name in origin.parameters.matching(pattern)))
+    return tuple(dict.fromkeys(name for pattern in patterns for name in known.matching(pattern)))
 
 
 def _port(system: System, name: str | None, kind: str) -> int:

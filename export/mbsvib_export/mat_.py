@@ -265,7 +265,7 @@ def _space(arrays: dict[str, Any], extra: dict[str, Any]) -> StateSpace:
     shapes = {"A": (n, n), "B": (n, i), "C": (o, n), "D": (o, i)}
     matrices: dict[str, Any] = {key: _real(arrays[key], *shape) for key, shape in shapes.items()}
     return checked(StateSpace(
-        name=texts.one(arrays["Name"]), realization=texts.one(extra["realization"]), transform=np.zeros((0, n)),
+        name=texts.text(arrays["Name"]), realization=texts.text(extra["realization"]), transform=np.zeros((0, n)),
         **matrices, **names, error_bound=float(extra[ERROR_BOUND].item()) if ERROR_BOUND in extra else None,
     ))  # fmt: skip
 
@@ -278,13 +278,13 @@ class _Texts:
                         zip(extra["mapped"].ravel(), extra["original"].ravel(), strict=True)}
                        if "mapped" in extra else {})  # fmt: skip
 
-    def one(self, value: Any) -> str:
+    def text(self, value: Any) -> str:
         if not isinstance(value, str):
             raise ValueError("a name is no text")
         return self.origin.get(value, value)
 
     def all(self, cells: NDArray[Any]) -> tuple[str, ...]:
-        return tuple(self.one(cell) for cell in cells.ravel())
+        return tuple(self.text(cell) for cell in cells.ravel())
 
     def signals(self, arrays: dict[str, Any]) -> dict[str, Any]:
         """Names and units of inputs, outputs and states."""
@@ -311,7 +311,7 @@ def _data(arrays: dict[str, Any], extra: dict[str, Any], mech: dict[str, Any]) -
     widths = {"M": (m, m), "C": (m, m), "K": (m, m), "B": (m, i), "Cq": (o, m), "Cv": (o, m), "Ca": (o, m), "D": (o, i)}
     second: dict[str, Any] = {key: _real((mech if key in "MCKB" else extra)[key], *widths[key]) for key in SECOND_ORDER}
     motion = extra["body_motion"].reshape(len(bodies), 6, m)
-    name = texts.one(arrays["Name"])
-    space = StateSpace(name=name, realization=texts.one(extra["realization"]), **names, **first)
+    name = texts.text(arrays["Name"])
+    space = StateSpace(name=name, realization=texts.text(extra["realization"]), **names, **first)
     return SystemData(name=name, coordinates=coordinates, coordinate_units=texts.all(mech["CoordinateUnit"]),
                       bodies=bodies, body_motion=_real(motion), state_space=space, **ports, **second)  # fmt: skip

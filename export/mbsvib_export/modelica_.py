@@ -134,9 +134,9 @@ def _equations(left: Sequence[str], matrix: Array, names: Sequence[str]) -> Iter
                    break_on_hyphens=False)  # fmt: skip
 
 
-def _variables(names: Sequence[str], taken: set[str]) -> list[str]:
+def _variables(names: Sequence[str], reserved: set[str]) -> list[str]:
     """Names of variables that differ, as near to those given as Modelica allows."""
-    used, result = taken | _RESERVED, []
+    used, result = reserved | _RESERVED, []
     for name in names:
         word = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_") or "v"
         word = f"v_{word}" if word[0].isdigit() else word

@@ -43,13 +43,13 @@ def arrays_in(content: bytes, requested: Collection[str]) -> dict[str, Any]:
         If it is no archive of arrays, or a damaged one.
     """
     with archive_of(content) as archive:
-        taken = [entry for entry in archive.infolist() if entry.filename.removesuffix(_SUFFIX) in requested]
-        packed = sum(entry.file_size for entry in taken if entry.compress_type != zipfile.ZIP_STORED)
+        entries = [entry for entry in archive.infolist() if entry.filename.removesuffix(_SUFFIX) in requested]
+        packed = sum(entry.file_size for entry in entries if entry.compress_type != zipfile.ZIP_STORED)
         if packed > LARGEST_UNPACKED:
             raise ContentError(f"arrays that unpack to {packed / 1e9:.3g} GB; expected {LARGEST_UNPACKED / 1e9:g} GB "
                                f"at most, or arrays that are not packed, as numpy.savez writes them")  # fmt: skip
         return {entry.filename.removesuffix(_SUFFIX): _array(unpacked(archive, entry.filename), entry.filename)
-                for entry in taken}  # fmt: skip
+                for entry in entries}  # fmt: skip
 
 
 def _array(content: bytes, subject: str) -> Any:

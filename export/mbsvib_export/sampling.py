@@ -78,8 +78,8 @@ def _is_oscillator(a: Array, b: Array) -> bool:
 
 def _oscillator(a: Array, b: Array, _: Array, dt: float) -> tuple[Array, Array, Array]:
     """phi, gamma and slope of a mode, in closed form, as the time responses of the core have them."""
-    carry, held, ramp = Oscillators(-a[1, :1], -a[1, 1:]).step(np.array([dt]))
-    return carry[:, :, 0, 0], held[:, 0] * b[1], ramp[:, 0] * b[1]
+    transition, constant, ramp = Oscillators(-a[1, :1], -a[1, 1:]).step(np.array([dt]))
+    return transition[:, :, 0, 0], constant[:, 0] * b[1], ramp[:, 0] * b[1]
 
 
 def _exponential(a: Array, b: Array, c: Array, dt: float) -> tuple[Array, Array, Array]:

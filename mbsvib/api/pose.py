@@ -63,9 +63,9 @@ class Posed(Mechanism):
         from mbsvib.equilibrium.couplers import check_couplers
         from mbsvib.equilibrium.moved import moved
 
-        there = moved(self, values, relaxed, cut)
-        check_couplers(self, there)
-        return there
+        result = moved(self, values, relaxed, cut)
+        check_couplers(self, result)
+        return result
 
     @overload
     def equilibrium(

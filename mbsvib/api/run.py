@@ -140,8 +140,8 @@ class Run(Displayed):
     def __repr__(self) -> str:
         stop = "" if self.complete else ", interrupted"
         stop += "" if self.ended_by is None else f", ended by '{self.ended_by}'"
-        held = f"{counted(len(self.coordinates), 'coordinate')}, {counted(len(self.outputs), 'output')}"
-        return f"Run({self.name!r}: {len(self.time)} times to {self.time[-1]:g} s, {held}{stop})"
+        contents = f"{counted(len(self.coordinates), 'coordinate')}, {counted(len(self.outputs), 'output')}"
+        return f"Run({self.name!r}: {len(self.time)} times to {self.time[-1]:g} s, {contents}{stop})"
 
     @property
     def model(self) -> Mechanism:

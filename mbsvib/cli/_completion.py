@@ -91,11 +91,11 @@ def candidates(words: list[str]) -> list[str]:
         return _values(awaited, before, typed, by_name)
     if typed.startswith("-"):
         return _fitting([name for name in by_name if name.startswith("-")] + ["--help"], typed)
-    places = [argument for argument in arguments if not argument.optional]
+    positional = [argument for argument in arguments if not argument.optional]
     number = len(_positional_words(before, by_name))
-    if number >= len(places) and not (places and places[-1].settings.get("nargs") == "+"):
+    if number >= len(positional) and not (positional and positional[-1].settings.get("nargs") == "+"):
         return []
-    return _values(places[min(number, len(places) - 1)], before, typed, by_name)
+    return _values(positional[min(number, len(positional) - 1)], before, typed, by_name)
 
 
 def _values(argument: Argument, before: list[str], typed: str, by_name: dict[str, Argument]) -> list[str]:

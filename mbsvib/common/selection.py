@@ -113,8 +113,8 @@ def needed_ports(
         If a name is unknown, or there is no output or no input.
     """
     numbers = port_numbers(outputs, inputs, known, name)
-    for kind, some, names in zip(("outputs", "inputs"), numbers, known, strict=True):
-        if not some:
+    for kind, indices, names in zip(("outputs", "inputs"), numbers, known, strict=True):
+        if not indices:
             raise ResponseError(f"no {kind} are asked for, which leaves nothing of '{name}'; expected one or more of "
                                 f"{', '.join(names) or 'its ' + kind + ', yet it has none'}.")  # fmt: skip
     return numbers

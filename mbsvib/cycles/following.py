@@ -105,15 +105,15 @@ def followed(loops: Loops, motion: Prescribed) -> Array:
 def _to(loops: Loops, pose: Array, target: Array, motion: Prescribed) -> Array:
     """Take the driven coordinates to their values in steps along which the loops stay closed."""
     depends, driven = loops.dependent, loops.driven
-    way = target - pose[driven]
+    change = target - pose[driven]
     start = pose[driven]
-    longest = float(np.abs(way).max(initial=0.0))
+    longest = float(np.abs(change).max(initial=0.0))
     done, step = 0.0, min(1.0, LONGEST / max(longest, LONGEST))
     _, matrix = loops.openings(pose)
     while done < 1.0:
         share = min(step, 1.0 - done)
         trial = pose.copy()
-        trial[driven] = target if done + share >= 1.0 else start + (done + share) * way
+        trial[driven] = target if done + share >= 1.0 else start + (done + share) * change
         guess = np.linalg.lstsq(matrix[:, depends], -matrix[:, driven] @ (trial - pose)[driven], rcond=None)[0]
         trial[depends] += guess
         closed, after = _closed(loops, trial) if np.abs(guess).max(initial=0.0) < 10.0 * LONGEST else (None, matrix)
@@ -123,7 +123,7 @@ def _to(loops: Loops, pose: Array, target: Array, motion: Prescribed) -> Array:
             continue
         step = 0.5 * share
         if step * longest < SHORTEST:
-            raise _singular(loops, motion, motion.words((start + done * way) * loops.units[driven]), pose)
+            raise _singular(loops, motion, motion.words((start + done * change) * loops.units[driven]), pose)
     return pose
 
 
@@ -198,8 +198,8 @@ def _motions(matrix: Array) -> Array:
 
 def _undetermined(loops: Loops, matrix: Array) -> list[str]:
     """Coordinates that move while the driven ones stand still."""
-    still = _motions(np.vstack([matrix, np.eye(len(loops.names))[loops.driven]]))
-    return [name for name, row in zip(loops.names, still, strict=True) if np.linalg.norm(row) > REDUNDANT_LOOPS]
+    motions = _motions(np.vstack([matrix, np.eye(len(loops.names))[loops.driven]]))
+    return [name for name, row in zip(loops.names, motions, strict=True) if np.linalg.norm(row) > REDUNDANT_LOOPS]
 
 
 def _free(loops: Loops, matrix: Array) -> list[str]:

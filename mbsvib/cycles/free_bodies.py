@@ -28,18 +28,18 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class FreeBodies:
     """Expressions of the symbols of a statement: ``required`` (6 N,), what bodies lack; ``rows`` (L, 6 N), dPhi/dx of
-    all joints one after the other, ``counts`` of them each; by body, the ``origins`` (3,) of x and the ``places`` of
-    its six components; by joint, its ``points`` (3,); ``acting`` (6 N, drives + couplers), what one unit along each
-    driven coordinate, and each coupler, does.
+    all joints one after the other, ``counts`` of them each; by body, the ``origins`` (3,) of x and the ``first_row`` of
+    its six components; by joint, its ``points`` (3,); ``drive_wrenches`` (6 N, drives + couplers), what one unit
+    along each driven coordinate, and each coupler, does.
     """
 
     required: Expression
     rows: Expression
     counts: list[int]
-    places: dict[str, int]
+    first_row: dict[str, int]
     origins: dict[str, Expression]
     points: dict[str, Expression]
-    acting: Expression
+    drive_wrenches: Expression
 
 
 def free_bodies(model: Mechanism, expressions: Statement, drives: Sequence[str]) -> FreeBodies:
@@ -64,11 +64,11 @@ def free_bodies(model: Mechanism, expressions: Statement, drives: Sequence[str])
     without_joints = model.with_parts(joints={}, couplers={}, inputs={}, outputs={})
     free = statement(without_joints, None, [expressions.names[i] for i in selected], bases=True)
     kinematics = free.motion.motion
-    places = {name: kinematics.names.index(f"{name}.x") for name in model.bodies}
-    size = 6 * len(places)
+    first_row = {name: kinematics.names.index(f"{name}.x") for name in model.bodies}
+    size = 6 * len(first_row)
     q, qd, qdd = (ca.SX.zeros(size) for _ in range(3))
-    bases, origins = ca.SX.zeros(9 * len(places)), {}
-    for name, k in places.items():
+    bases, origins = ca.SX.zeros(9 * len(first_row)), {}
+    for name, k in first_row.items():
         described = tree.numbers.vector(model.bodies[name], "position")
         origins[name] = tree.point(name, described)
         q[k : k + 3] = origins[name] - described
@@ -86,27 +86,27 @@ def free_bodies(model: Mechanism, expressions: Statement, drives: Sequence[str])
     phi = ca.vertcat(*rows) if rows else ca.SX.zeros(0)
     p = expressions.p[selected]
     jacobian = ca.Function("f", [free.q, kinematics.bases, free.p, expressions.p], [ca.jacobian(phi, free.q)])
-    lacking = ca.Function("f", [free.q, free.qd, free.qdd, kinematics.bases, free.p], [free.required])
+    unbalanced = ca.Function("f", [free.q, free.qd, free.qdd, kinematics.bases, free.p], [free.required])
     by_joint = dict(zip(model.joints, points, strict=True))
-    acting = _acting(model, expressions, drives, (places, origins, by_joint))
-    return FreeBodies(lacking(q, qd, qdd, bases, p), jacobian(q, bases, p, expressions.p), counts, places, origins,
-                      by_joint, acting)  # fmt: skip
+    drive_wrenches = _drive_wrenches(model, expressions, drives, (first_row, origins, by_joint))
+    return FreeBodies(unbalanced(q, qd, qdd, bases, p), jacobian(q, bases, p, expressions.p), counts, first_row,
+                      origins, by_joint, drive_wrenches)  # fmt: skip
 
 
-def _acting(
+def _drive_wrenches(
     model: Mechanism, expressions: Statement, drives: Sequence[str],
     where: tuple[dict[str, int], dict[str, Expression], dict[str, Expression]],
 ) -> Expression:  # fmt: skip
     """Generalized forces (6 N, drives + couplers) of units along driven and coupled coordinates."""
-    places, origins, points = where
-    size = 6 * len(places)
+    first_row, origins, points = where
+    size = 6 * len(first_row)
 
     def onto(name: str) -> Expression:
         joint = model.joints[name.rpartition(".")[0]]
         wrench, column = _along(joint, name, expressions), ca.SX.zeros(size)
         for end, sign in ((joint.second, 1.0), (joint.first, -1.0)):
             if end != GROUND:
-                k, arm = places[end], points[joint.name] - origins[end]
+                k, arm = first_row[end], points[joint.name] - origins[end]
                 column[k : k + 3] = sign * wrench[:3]
                 column[k + 3 : k + 6] = sign * (wrench[3:] + ca.cross(arm, wrench[:3]))
         return column

@@ -45,7 +45,7 @@ def inverse_dynamics(plant: Machine, kind: type[C]) -> C:
         function, motion.q, motion.qd, motion.qdd, plant.values(expressions), plant.about)  # fmt: skip
     n, described = len(motion.q), np.array([plant.model.bodies[name].orientation for name in names])
     turned = axes.reshape(n, 3, len(names), 3).transpose(2, 0, 1, 3) @ described[:, None]
-    torques = np.einsum("snm,sn->sm", motion.ways, required)
+    torques = np.einsum("snm,sn->sm", motion.coefficients, required)
     by_body = (at.reshape(n, -1, 3), rates.reshape(n, -1, 6), accelerations.reshape(n, -1, 6))
     positions, velocities, body_accelerations = (
         {name: _fixed(array[:, i]) for i, name in enumerate(names)} for array in by_body)  # fmt: skip

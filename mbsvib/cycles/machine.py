@@ -75,20 +75,20 @@ class Machine:
 
     def moves_alike(self, other: Machine) -> bool:
         """Whether another machine with the same equations and drives has the same motion, as loops close alike."""
-        held = self.statement.closing
-        return bool((self.values(self.statement)[held] == other.values(self.statement)[held]).all())
+        closing = self.statement.closing
+        return bool((self.values(self.statement)[closing] == other.values(self.statement)[closing]).all())
 
 
 @dataclass(frozen=True)
 class Solved:
-    """Tree coordinates ``q``, rates ``qd`` and accelerations ``qdd`` (samples, n), and ``ways`` (samples, n, m), their
-    derivatives to the driven coordinates, which are at ``driven`` (m,).
+    """Tree coordinates ``q``, rates ``qd`` and accelerations ``qdd`` (samples, n), and kinematic ``coefficients``
+    (samples, n, m), the derivatives of q to the driven coordinates, which are at ``driven`` (m,).
     """
 
     q: Array
     qd: Array
     qdd: Array
-    ways: Array
+    coefficients: Array
     driven: NDArray[np.intp]
 
 
@@ -148,9 +148,9 @@ def solved(plant: Machine, expressions: Statement) -> Solved:
     phi, _, phi_acceleration = expressions.closures
     position = expressions.compiled("closures", lambda: (ca.densify(phi), ca.densify(ca.jacobian(phi, expressions.q))))
     curved = expressions.compiled("bias", lambda: (phi_acceleration,))
-    p, still = plant.values(expressions), np.zeros(len(units))
+    p, zero = plant.values(expressions), np.zeros(len(units))
 
-    at = Called(position, still, still, still, p, plant.about)
+    at = Called(position, zero, zero, zero, p, plant.about)
 
     def openings(q: Array) -> tuple[Array, Array]:
         value, matrix = at(q * units)
@@ -158,15 +158,15 @@ def solved(plant: Machine, expressions: Statement) -> Solved:
 
     loops = Loops(kinematics.names, driven, units, plant.rounding, openings)
     q = followed(loops, motion)
-    matrix = matrices(position, q, still, still, p, plant.about)[1] * units / row_units[:, None]
+    matrix = matrices(position, q, zero, zero, p, plant.about)[1] * units / row_units[:, None]
     depends = loops.dependent
     inverse = np.linalg.pinv(matrix[:, :, depends]) if len(depends) else np.zeros((len(q), 0, len(row_units)))
-    ways = np.zeros((len(q), len(units), len(driven)))
-    ways[:, driven, np.arange(len(driven))] = units[driven]
-    ways[:, depends] = -inverse @ (matrix[:, :, driven])
-    ways = ways * np.where(np.isin(np.arange(len(units)), depends), units, 1.0)[:, None] / units[driven]
-    qd = np.einsum("snm,sm->sn", ways, motion.rates)
-    bias = evaluated(curved, q, qd, still, p, plant.about)[0]
-    qdd = np.einsum("snm,sm->sn", ways, motion.accelerations)
+    coefficients = np.zeros((len(q), len(units), len(driven)))
+    coefficients[:, driven, np.arange(len(driven))] = units[driven]
+    coefficients[:, depends] = -inverse @ (matrix[:, :, driven])
+    coefficients = coefficients * np.where(np.isin(np.arange(len(units)), depends), units, 1.0)[:, None] / units[driven]
+    qd = np.einsum("snm,sm->sn", coefficients, motion.rates)
+    bias = evaluated(curved, q, qd, zero, p, plant.about)[0]
+    qdd = np.einsum("snm,sm->sn", coefficients, motion.accelerations)
     qdd[:, depends] -= (inverse @ (bias / row_units)[:, :, None])[:, :, 0] * units[depends]
-    return Solved(q, qd, qdd, ways, driven)
+    return Solved(q, qd, qdd, coefficients, driven)

@@ -56,12 +56,12 @@ def reaction_sensitivities(cycle: CycleData, names: tuple[str, ...]) -> dict[str
     plant, motion = cycle.machine, cycle.machine.solved
     model, expressions = plant.model, plant.with_symbols(names)
     bodies = free_bodies(model, expressions, cycle.drives)
-    acting = bodies.acting
+    drive_wrenches = bodies.drive_wrenches
     joints = list(model.joints.values())
     loads, tau = ca.SX.sym("lambda", sum(bodies.counts)), ca.SX.sym("tau", len(cycle.drives))
-    shared = ca.SX.sym("mu", acting.shape[1] - len(cycle.drives))
+    shared = ca.SX.sym("mu", drive_wrenches.shape[1] - len(cycle.drives))
     unknown = ca.vertcat(loads, shared)
-    residual = bodies.rows.T @ loads + acting @ ca.vertcat(tau, shared) - bodies.required
+    residual = bodies.rows.T @ loads + drive_wrenches @ ca.vertcat(tau, shared) - bodies.required
     wrenches = ca.vertcat(*_wrenches(joints, bodies, loads))
     depends = [i for i in range(len(expressions.motion.motion.names)) if i not in set(motion.driven.tolist())]
     state = ca.vertcat(expressions.q[depends], expressions.qd[depends], expressions.qdd[depends])
@@ -77,7 +77,7 @@ def reaction_sensitivities(cycle: CycleData, names: tuple[str, ...]) -> dict[str
         return matrices(function, *at, *values)
 
     matrix, drives, required = evaluated(
-        ca.jacobian(residual, unknown), acting[:, : len(cycle.drives)], bodies.required
+        ca.jacobian(residual, unknown), drive_wrenches[:, : len(cycle.drives)], bodies.required
     )
     inverse = np.linalg.pinv(matrix, rcond=REDUNDANT_LOOPS)
     multipliers = (inverse @ (required - drives @ torques[:, :, None]))[:, :, 0]
@@ -102,7 +102,7 @@ def _wrenches(joints: list[Joint], bodies: FreeBodies, loads: Expression) -> lis
     result, start = [], 0
     for joint, count in zip(joints, bodies.counts, strict=True):
         end, sign = (joint.second, 1.0) if joint.second != GROUND else (joint.first, -1.0)
-        k = bodies.places[end]
+        k = bodies.first_row[end]
         at_centre = sign * (bodies.rows[start : start + count, k : k + 6].T @ loads[start : start + count])
         arm = bodies.origins[end] - bodies.points[joint.name]
         result.append(ca.vertcat(at_centre[:3], at_centre[3:] + ca.cross(arm, at_centre[:3])))

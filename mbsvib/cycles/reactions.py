@@ -52,21 +52,21 @@ def reactions(cycle: CycleData) -> Reactions:
         What the first body does to the second, at the joint's point, world axes.
     """
     model, size = cycle.machine.model, cycle.machine.size
-    bodies, (lacking, rows, acting, points, origins) = _evaluated(cycle)
-    units = np.tile([1.0, 1.0, 1.0, 1 / size, 1 / size, 1 / size], len(bodies.places))
+    bodies, (unbalanced, rows, drive_wrenches, points, origins) = _evaluated(cycle)
+    units = np.tile([1.0, 1.0, 1.0, 1 / size, 1 / size, 1 / size], len(bodies.first_row))
     by_joint = np.split(rows, np.cumsum(bodies.counts)[:-1], axis=1)
     at = np.split(points, len(by_joint), axis=1)
     effects, frames = [], []
     for joint, joint_rows, point in zip(model.joints.values(), by_joint, at, strict=True):
-        arms = {name: point - origins[:, 3 * i : 3 * i + 3] for i, name in enumerate(bodies.places)}
+        arms = {name: point - origins[:, 3 * i : 3 * i + 3] for i, name in enumerate(bodies.first_row)}
         frames.append(_orthonormal(joint_rows, joint, bodies, arms, size))
         effects.append(_onto(joint, bodies, arms) @ frames[-1])
     drives = len(cycle.drives)
-    effects.append(acting[:, :, drives:])
+    effects.append(drive_wrenches[:, :, drives:])
     torques = np.column_stack([cycle.torques[name] for name in cycle.drives])
-    lacking = lacking - (acting[:, :, :drives] @ torques[:, :, None])[:, :, 0]
+    unbalanced = unbalanced - (drive_wrenches[:, :, :drives] @ torques[:, :, None])[:, :, 0]
     matrix = np.concatenate(effects, axis=2) * units[:, None]
-    right = lacking * units
+    right = unbalanced * units
     inverse = np.linalg.pinv(matrix, rcond=REDUNDANT_LOOPS)
     shares = (inverse @ right[:, :, None])[:, :, 0]
     residual = np.abs((matrix @ shares[:, :, None])[:, :, 0] - right).max()
@@ -101,7 +101,7 @@ def _evaluated(cycle: CycleData) -> tuple[FreeBodies, list[Array]]:
     plant, motion = cycle.machine, cycle.machine.solved
     expressions = plant.statement
     bodies = free_bodies(plant.model, expressions, cycle.drives)
-    outputs = (bodies.required, bodies.rows, bodies.acting, ca.vertcat(*bodies.points.values()),
+    outputs = (bodies.required, bodies.rows, bodies.drive_wrenches, ca.vertcat(*bodies.points.values()),
                ca.vertcat(*bodies.origins.values()))  # fmt: skip
     function = expressions.compiled("free bodies", lambda: list(map(ca.densify, outputs)))
     arrays = matrices(function, motion.q, motion.qd, motion.qdd, plant.values(expressions), plant.about)
@@ -111,7 +111,7 @@ def _evaluated(cycle: CycleData) -> tuple[FreeBodies, list[Array]]:
 def _orthonormal(rows: Array, joint: Joint, bodies: FreeBodies, arms: Mapping[str, Array], size: float) -> Array:
     """Wrenches (samples, 6, rows) at the joint's point that it can carry, orthonormal with moments over the size."""
     end, sign = (joint.second, 1.0) if joint.second != GROUND else (joint.first, -1.0)
-    k = bodies.places[end]
+    k = bodies.first_row[end]
     wrench = sign * rows[:, :, k : k + 6].transpose(0, 2, 1)
     wrench[:, 3:] -= np.cross(arms[end][:, None, :], wrench[:, :3].transpose(0, 2, 1)).transpose(0, 2, 1)
     return np.asarray(np.linalg.qr(wrench / _units(size))[0] * _units(size))
@@ -123,7 +123,7 @@ def _onto(joint: Joint, bodies: FreeBodies, arms: Mapping[str, Array]) -> Array:
     for end, sign in ((joint.second, 1.0), (joint.first, -1.0)):
         if end == GROUND:
             continue
-        k = bodies.places[end]
+        k = bodies.first_row[end]
         result[:, k : k + 6] = sign * np.eye(6)
         for i, unit in enumerate(np.eye(3)):
             result[:, k + 3 : k + 6, i] = sign * np.cross(arms[end], unit)

@@ -1,7 +1,8 @@
 """Total derivatives of drive torques, shaking force and moment through the loops.
 
-z are the dependent coordinates, their rates and accelerations, and the ways B = dq/dq_i. They follow from the loops,
-phi = 0, phi' = 0, phi'' = 0 and J B = 0, together F(z, p) = 0, which are differentiated as implicit functions:
+z are the dependent coordinates, their rates and accelerations, and the kinematic coefficients B = dq/dq_i. They follow
+from the loops, phi = 0, phi' = 0, phi'' = 0 and J B = 0, together F(z, p) = 0, and are differentiated as implicit
+functions:
 
 d z / dp = -F_z^+ F_p,  d y / dp = y_p + y_z dz / dp
 
@@ -70,8 +71,9 @@ def _derivatives(
     plant, motion = cycle.machine, cycle.machine.solved
     driven = tuple(motion.driven.tolist())
     function = _slopes(expressions, driven, to)
-    ways = motion.ways.transpose(0, 2, 1).reshape(len(motion.q), -1)
-    derivatives = matrices(function, motion.q, motion.qd, motion.qdd, ways, plant.values(expressions), plant.about)
+    coefficients = motion.coefficients.transpose(0, 2, 1).reshape(len(motion.q), -1)
+    p = plant.values(expressions)
+    derivatives = matrices(function, motion.q, motion.qd, motion.qdd, coefficients, p, plant.about)
     f_z, f_p, y_z, y_p = derivatives
     if not f_z.shape[2] or not f_p.shape[2]:
         return np.zeros((len(motion.q), f_z.shape[2], f_p.shape[2])), y_z, y_p
@@ -90,15 +92,15 @@ def _slopes(expressions: Statement, driven: tuple[int, ...], to: str) -> ca.Func
     n = expressions.q.shape[0]
     depends = [i for i in range(n) if i not in driven]
     columns = ca.SX.sym("ways", n * len(driven))
-    ways = ca.reshape(columns, n, len(driven))
+    coefficients = ca.reshape(columns, n, len(driven))
     phi, phi_rate, phi_acceleration = expressions.closures
     key = (to, driven)
     if key not in expressions.functions:
-        tied = ca.vec(ca.jacobian(phi, expressions.q) @ ways)
+        tied = ca.vec(ca.jacobian(phi, expressions.q) @ coefficients)
         loops = ca.vertcat(phi, phi_rate, phi_acceleration, tied)
         free = ca.vertcat(expressions.q[depends], expressions.qd[depends], expressions.qdd[depends],
-                          ca.vec(ways[depends, :]))  # fmt: skip
-        results = ca.vertcat(ways.T @ expressions.required, expressions.force, expressions.moment)
+                          ca.vec(coefficients[depends, :]))  # fmt: skip
+        results = ca.vertcat(coefficients.T @ expressions.required, expressions.force, expressions.moment)
         slopes = [ca.densify(ca.jacobian(numerator, by)) for numerator in (loops, results) for by in (free, variables)]
         expressions.functions[key] = ca.Function(
             "f", [expressions.q, expressions.qd, expressions.qdd, columns, expressions.p, expressions.about], slopes)

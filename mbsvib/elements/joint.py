@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import DIRECTIONS, UNIT6, Matrix3, Vector
+from mbsvib.elements.connection import check_ends
 from mbsvib.elements.part import ParameterField, Part, derived, rotation_field, vector_field
 from mbsvib.errors import ModelError, nearest
 
@@ -141,9 +142,7 @@ def make(
 ) -> Joint:  # fmt: skip
     """Check the values of a joint and build it."""
     who = f"joint '{name}'"
-    if first == second:
-        raise ModelError(f"{who}: connects body '{first}' with itself; name two different bodies.",
-                         element=who, field="second")  # fmt: skip
+    check_ends(who, first, second)
     kind, free = _kind(kind, free, who)
     if position is not None:
         position = check.vector(position, who, "position")

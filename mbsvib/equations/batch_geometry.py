@@ -49,8 +49,7 @@ def scene_of_variants(model: Mechanism, scene: Scene, values: Values) -> Scene:
     Scene
         Arrays (3, n) of vectors become (3, variants, n) where they vary, all others (variants, ...).
     """
-    number = {name: i for i, name in enumerate(scene.topology.bodies)}
-    number["ground"] = len(scene.bodies)
+    number = scene.topology.body_numbers
     positions = {number[name]: fields["position"] for name, fields in values.fields.items()
              if name in number and "position" in fields}  # fmt: skip
     position = scene.position

@@ -138,17 +138,17 @@ def reduce_batch(scene: Scene, values: Values, phi: Array, pivots: LoopPivots, f
     column[nominal.independent] = np.arange(m)
     result = np.zeros((variants, n, m))
     result[:, nominal.independent, np.arange(m)] = 1.0
-    doubt = np.zeros(variants, dtype=bool)
+    uncertain = np.zeros(variants, dtype=bool)
     for block in pivots.blocks:
         solution, remainder, doubtful = _solved(scene.coordinates, cuts, phi, block)
         result[:, block.dependent[:, None], column[block.others]] = solution
-        doubt |= doubtful
+        uncertain |= doubtful
         if len(block.rows) > len(block.dependent):
-            doubt |= remainder > CLEARLY_REDUNDANT * RANK_FACTOR * _noise(scene.coordinates, cuts, block.group)
+            uncertain |= remainder > CLEARLY_REDUNDANT * RANK_FACTOR * _noise(scene.coordinates, cuts, block.group)
     reduction = replace(nominal, matrix=result)
     jumps = _may_jump(scene, values, pivots, reduction)
-    for i in np.flatnonzero(doubt | jumps).tolist():
-        result[i] = _single_decision(scene, values, phi[i], nominal, i, first, bool(doubt[i]), result[i])
+    for i in np.flatnonzero(uncertain | jumps).tolist():
+        result[i] = _single_decision(scene, values, phi[i], nominal, i, first, bool(uncertain[i]), result[i])
     return reduction
 
 
@@ -238,7 +238,7 @@ def _noise(coordinates: Twists, cuts: Cuts, group: LoopGroup) -> Array:
 
 
 def _single_decision(
-    scene: Scene, values: Values, phi: Array, nominal: Reduction, i: int, first: int, doubt: bool, matrix: Array
+    scene: Scene, values: Values, phi: Array, nominal: Reduction, i: int, first: int, uncertain: bool, matrix: Array
 ) -> Array:
     """Return B'' of one variant by the decisions of a single pose."""
     variant = scene_of_variant(scene, i)
@@ -251,7 +251,7 @@ def _single_decision(
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", NearSingularWarning)
         try:
-            if doubt:
+            if uncertain:
                 reduction = reduce(coordinates, cuts, phi, names, partial(arm, topology, position))
             check_mobility(topology, coordinates, cuts, reduction, position)
             check_freedom(len(reduction.independent), len(nominal.independent))

@@ -79,6 +79,7 @@ def first_draft(
     phi = scene.closure(displacements)
     reduction = reduce(scene.coordinates, scene.cuts, phi, independent, partial(arm, scene.topology, scene.position))
     locked = scene.locked
-    terms = matrices(scene, displacements, reduction, displacements.acting(locked, locked + len(scene.springs.owner)))
+    strained = displacements.nonzero_rows(locked, locked + len(scene.springs.owner))
+    terms = matrices(scene, displacements, reduction, strained)
     return Draft(model, scene, displacements, phi, reduction, tuple(reduction.independent.tolist()), terms,
                  tuple(independent or ()), checked)  # fmt: skip

@@ -108,8 +108,7 @@ def force_paths(topology: Topology, position: Array) -> ForcePaths:
     ForcePaths
         Points, bodies and path signs of the joints.
     """
-    number = {name: i for i, name in enumerate(topology.bodies)}
-    number["ground"] = len(topology.bodies)
+    number = topology.body_numbers
     first = np.array([number[joint.first] for joint in topology.joints], dtype=np.intp)
     second = np.array([number[joint.second] for joint in topology.joints], dtype=np.intp)
     path_sign = np.zeros((len(number), len(topology.joints)))

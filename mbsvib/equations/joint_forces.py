@@ -81,8 +81,9 @@ def with_joint_forces(draft: Draft) -> Draft:
         acceleration = ground_motion(source.wrench, source.position, position.T)
         base[:, :, column] = -_inertia(scene.bodies, acceleration[..., None])[:, :, 0]
     if scene.shared is not None:
-        more = shared_wrenches(scene, relative, reduction, position)
-        elastic, damping, inertia, base = (a + b for a, b in zip((elastic, damping, inertia, base), more, strict=True))
+        additional = shared_wrenches(scene, relative, reduction, position)
+        pairs = zip((elastic, damping, inertia, base), additional, strict=True)
+        elastic, damping, inertia, base = (a + b for a, b in pairs)
     change = _PoseForceChange(statics, motion, paths) if statics is not None else None
     if change is not None:
         elastic = elastic + change.on_bodies

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from mbsvib.kinematics.relative_motion import Twists
 
 
-
 @dataclass(frozen=True, slots=True)
 class Scale:
     """Reference sizes: the ``length`` [m] of the scene, the ``unit`` (m,) of each coordinate and the ``noise``.

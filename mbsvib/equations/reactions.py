@@ -23,7 +23,6 @@ from mbsvib.equations.force_paths import ForcePaths
 from mbsvib.equations.self_stress import of_loops
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array
     from mbsvib.equations.self_stress import SelfStress
     from mbsvib.kinematics.loops import Cuts, Reduction

@@ -101,8 +101,7 @@ def scene(model: Mechanism, cut: Sequence[str] | None = None) -> Scene:
     """
     topology = span(model, cut)
     bodies = list(model.bodies.values())
-    number = {name: i for i, name in enumerate(topology.bodies)}
-    number["ground"] = len(bodies)
+    number = topology.body_numbers
     elements = tuple(model.springs.values())
     coordinates, cuts = twists(topology, bodies), cut_rows(topology, bodies, number)
     couplers = tuple(model.couplers.values())

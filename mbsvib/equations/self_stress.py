@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     JointOutputs = Mapping[str, tuple[int, Array]]
 
 
-
 @dataclass(frozen=True, slots=True)
 class Undetermined:
     """Wrenches that redundant constraints do not determine: in ``joints``, with their length L [m], and the ``outputs``

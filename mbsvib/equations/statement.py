@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from mbsvib.kinematics.relative_motion import Twists
 
 
-
 @dataclass(frozen=True, slots=True)
 class JointRows:
     """Numbers of rows that are ``rotations`` of bodies, and of ``others``, which are ``matrix`` (k, n) in joint

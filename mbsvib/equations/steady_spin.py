@@ -194,9 +194,9 @@ def _check_spring(
             distance = float(np.linalg.norm(np.cross(spins[name], arm))) / float(np.linalg.norm(axis))
             if distance > SLACK * _reference_length(bodies[name], np.array(points[name])):
                 swap = name == spring.first and spring.second not in spins and not isinstance(spring, Spring)
-                more = f" If an equilibrium moved it, give '{name}' as its second body, with which its point moves."
+                advice = f" If an equilibrium moved it, give '{name}' as its second body, with which its point moves."
                 raise ModelError(f"{subject}does so off its axis, by {distance:.3g} m: its point would move around the "
-                                 f"axis; put it on the axis.{more if swap else ''}",
+                                 f"axis; put it on the axis.{advice if swap else ''}",
                                  element=rotor, field="axis")  # fmt: skip
     both_spin = spring.first in spins and spring.second in spins
     if isinstance(spring, Spring):

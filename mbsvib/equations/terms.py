@@ -83,9 +83,9 @@ class Terms(Matrices):
         Terms
             The sum.
         """
-        more = rows.T.dot(stiffness[:, None] * rows)
+        added = rows.T.dot(stiffness[:, None] * rows)
         return replace(
-            self, K=self.K + 0.5 * (more + more.T), elastic_rows=np.concatenate((self.elastic_rows, rows)),
+            self, K=self.K + 0.5 * (added + added.T), elastic_rows=np.concatenate((self.elastic_rows, rows)),
             row_stiffness=np.concatenate((self.row_stiffness, stiffness)),
             row_damping=np.concatenate((self.row_damping, np.zeros(len(rows)))),
             row_owner=np.concatenate((self.row_owner, owner)),

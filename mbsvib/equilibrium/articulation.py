@@ -139,15 +139,15 @@ def with_rigid_parts(model: M) -> M:
     return model.with_parts(bodies=bodies, composed={}, joints=joints, loads=loads, inputs={}, outputs={})
 
 
-def with_preloads_of(model: M, held: Equilibrium[M]) -> Equilibrium[M]:
+def with_preloads_of(model: M, equilibrium: Equilibrium[M]) -> Equilibrium[M]:
     """Return the equilibrium of a mechanism from that of the same mechanism with rigid parts.
 
-    ``held`` is the equilibrium of ``with_rigid_parts(model)``; its preloads become those of the mechanism itself.
+    ``equilibrium`` is the equilibrium of ``with_rigid_parts(model)``; its preloads become those of the mechanism.
     """
     if not model.composed:
-        return held
+        return equilibrium
 
     changes = {name: {field.name: getattr(part, field.name) for field in fields(part)
                       if field.name in ("preload", "free_length")}
-               for name, part in held.model.springs.items()}  # fmt: skip
-    return replace(held, model=changed(model, changes))
+               for name, part in equilibrium.model.springs.items()}  # fmt: skip
+    return replace(equilibrium, model=changed(model, changes))

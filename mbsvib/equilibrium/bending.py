@@ -60,25 +60,25 @@ def pose_of_least_energy(
     tuple of PosedModel and Balance
         The pose and the forces there.
     """
-    here = posed_model(mechanism, start(mechanism), cut)
+    at = posed_model(mechanism, start(mechanism), cut)
     names = list(values)
-    if not set(names) <= set(here.coordinates.names):
+    if not set(names) <= set(at.coordinates.names):
         return None
-    scale = here.scale[[here.coordinates.names.index(name) for name in names]]
+    scale = at.scale[[at.coordinates.names.index(name) for name in names]]
     target = np.array([values[name] for name in names])
     longest = float(np.abs(target / scale).max(initial=0.0))
     try:
-        forces = balance(here, names)
+        forces = balance(at, names)
     except (ModelError, SingularPoseError):
         return None
     done, step = 0.0, min(1.0, LONGEST / max(longest, LONGEST))
     for _ in range(STEPS + int(longest / LONGEST)):
         share = min(step, 1.0 - done)
-        reached = _follow(here, forces, names, share * target)
+        reached = _follow(at, forces, names, share * target)
         if reached is not None:
-            (here, forces), done = reached, done + share
+            (at, forces), done = reached, done + share
             if done >= 1.0:
-                return here, forces
+                return at, forces
             step = min(2.0 * step, LONGEST / max(longest, LONGEST))
         elif share * longest < SHORTEST:
             break
@@ -87,29 +87,29 @@ def pose_of_least_energy(
     return None
 
 
-def _follow(here: PosedModel, forces: Balance, names: list[str], by: Array) -> tuple[PosedModel, Balance] | None:
+def _follow(at: PosedModel, forces: Balance, names: list[str], by: Array) -> tuple[PosedModel, Balance] | None:
     """One step of the requested coordinates, and Newton's method for the others."""
     motion = np.zeros(len(forces.names))
     motion[[forces.names.index(name) for name in names]] = by
-    held = _along_free(forces, names)
+    unbalanced = _along_free(forces, names)
     # along the tangent, the others follow such that their forces do not change
     against = np.where(_free(forces.names, names), forces.tangent @ motion, 0.0)
-    follow = newton_step(replace(held, residual=held.residual - against))
+    follow = newton_step(replace(unbalanced, residual=unbalanced.residual - against))
     step = forces.all_joints(motion) + follow
     for _ in range(NEWTON_STEPS):
-        if np.abs(step / here.scale).max(initial=0.0) > 5.0 * LONGEST:
+        if np.abs(step / at.scale).max(initial=0.0) > 5.0 * LONGEST:
             return None
         try:
-            there, gap = close(here.moved(step), _free(here.coordinates.names, names))
-            after = None if gap > max(CLOSED, there.rounding) else balance(there, names)
+            after_step, gap = close(at.moved(step), _free(at.coordinates.names, names))
+            after = None if gap > max(CLOSED, after_step.rounding) else balance(after_step, names)
         except (ModelError, SingularPoseError):
             return None
         if after is None:
             return None
-        here, held = there, _along_free(after, names)
-        if held.share <= BALANCED:
-            return here, after
-        step = newton_step(held)
+        at, unbalanced = after_step, _along_free(after, names)
+        if unbalanced.share <= BALANCED:
+            return at, after
+        step = newton_step(unbalanced)
     return None
 
 

@@ -167,9 +167,9 @@ def led_to(start: State, along: Array, value: float, switch: int = 0) -> tuple[S
     EquilibriumError
         If the value is not reached.
     """
-    way: list[Passed] = []
+    passed: list[Passed] = []
     if abs(value - start.value) <= SAME * start.forces.scale[start.i]:
-        return start, along, way, switch
+        return start, along, passed, switch
     along, length = along * (1.0 if along[start.i] * (value - start.value) > 0.0 else -1.0), FIRST
     leaving: Arc | None = None
     for _ in range(STEPS):
@@ -181,15 +181,15 @@ def led_to(start: State, along: Array, value: float, switch: int = 0) -> tuple[S
         for between in pairwise(ends):
             share = step.located(lambda state, _: state.value - value, between)
             if share is not None:
-                there = _exactly(step.at(share)[0], value)
-                way += [point for x, point in points if x < share]
-                return there, continued(there, step.start, step.along), way, switch
-        way += [point for _, point in points]
+                reached = _exactly(step.at(share)[0], value)
+                passed += [point for x, point in points if x < share]
+                return reached, continued(reached, step.start, step.along), passed, switch
+        passed += [point for _, point in points]
         start, along, leaving = step.end, step.onward, None
         if branch is not None:
             leaving, switch = crossing(step.at(branch)[0], switch), 0
         else:
-            way.append(Passed("", start))
+            passed.append(Passed("", start))
     raise _stuck(start, value, f"{STEPS} steps do not reach it")
 
 
@@ -216,11 +216,11 @@ def _joints(state: State, step: Array) -> Array:
     return np.asarray(state.forces.all_joints(state.forces.scale * step) / state.at.scale)
 
 
-def _cosine(here: State, along: Array, there: State, onward: Array) -> float:
-    a, b = _joints(here, along), _joints(there, onward)
+def _cosine(first: State, along: Array, second: State, onward: Array) -> float:
+    a, b = _joints(first, along), _joints(second, onward)
     return float(a @ b / (np.linalg.norm(a) * np.linalg.norm(b)))
 
 
-def continued(there: State, here: State, along: Array) -> Array:
+def continued(new: State, last: State, along: Array) -> Array:
     """Return the direction of the curve at a state that continues the one at another state."""
-    return there.direction if _cosine(here, along, there, there.direction) >= 0.0 else -there.direction
+    return new.direction if _cosine(last, along, new, new.direction) >= 0.0 else -new.direction

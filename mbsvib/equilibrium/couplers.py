@@ -72,10 +72,10 @@ def coupler_travel(model: Mechanism, pose: Pose, near: Array | None) -> Array:
     return np.where(turns, values + full_turns, values)
 
 
-def check_couplers(model: Mechanism, there: Mechanism) -> None:
+def check_couplers(model: Mechanism, moved: Mechanism) -> None:
     """Refuse a pose in which couplers on homokinetic joints are no longer linear relations of joint coordinates.
 
-    ``there`` is the model in the new pose. The components of a rotation vector w from the reference pose change by
+    ``moved`` is the model in the new pose. The components of a rotation vector w from the reference pose change by
     e . J(w) omega, with J of ``rotations.inverse_jacobian``; after a finite w that differs from the coordinates of the
     joint in the new pose.
 
@@ -86,7 +86,7 @@ def check_couplers(model: Mechanism, there: Mechanism) -> None:
     """
     if not model.couplers:
         return
-    before, after = (expanded(mechanism).bodies for mechanism in (model, there))
+    before, after = (expanded(mechanism).bodies for mechanism in (model, moved))
     for part in model.couplers.values():
         for name, _ in part.terms:
             owner = name.rpartition(".")[0]

@@ -159,10 +159,10 @@ def equilibrium_path(model: M, coordinate: str, values: ArrayLike, switch: int =
     state = started(first, coordinate)
     along, states, points, curve = state.direction, [], [], [state]
     for k, value in enumerate(requested.tolist()):
-        state, along, way, switch = led_to(state, along, value, switch)
+        state, along, passed_states, switch = led_to(state, along, value, switch)
         states.append(state)
-        points += [_point(model, k, passed) for passed in way if passed.kind]
-        curve += [*(passed.state for passed in way), state]
+        points += [_point(model, k, passed) for passed in passed_states if passed.kind]
+        curve += [*(passed.state for passed in passed_states), state]
     turns = coordinate.rpartition(".")[2].startswith("r")
     return EquilibriumPath(
         coordinate, "rad" if turns else "m", requested, np.array([_force(state) for state in states]),
@@ -194,20 +194,20 @@ def _force(state: State) -> float:
 
 def _held_model(model: M, state: State) -> M:
     """The model in the pose of a state, with the holding force as a preload in the joint."""
-    there, force = balanced_model(model, state.at.pose), _force(state)
+    result, force = balanced_model(model, state.at.pose), _force(state)
     if force == 0.0:
-        return there
+        return result
     name, _, direction = state.led.rpartition(".")
-    joint = there.joints[name]
+    joint = result.joints[name]
     twist = dict(joint.freedom)[direction]
     axes = np.array(joint.axes)
     wrench = np.zeros(6)  # of a screw the moment alone, which does all the work
     half = slice(3, 6) if direction.startswith("r") else slice(0, 3)
     wrench[half] = force * (axes.T @ twist[half])
     body = joint.first if joint.second == "ground" else joint.second
-    point = joint.position or there.bodies[body].position  # a slider may have no point: any will do
+    point = joint.position or result.bodies[body].position  # a slider may have no point: any will do
     hold = bushing.make(f"{state.led}.hold", joint.first, joint.second, point, NONE, NONE, joint.axes, wrench)
-    return there.with_parts(springs=dict(there.springs) | {hold.name: hold})
+    return result.with_parts(springs=dict(result.springs) | {hold.name: hold})
 
 
 def _point(model: M, before: int, passed: Passed) -> PathPoint[M]:

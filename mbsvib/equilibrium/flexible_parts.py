@@ -69,13 +69,13 @@ def _bent(root: str, bodies: list[str], points: Array, before: Array, pose: Pose
     ``before`` (n, 6) are the displacements in the reference pose, ``points`` (n, 3) the points there.
     """
     which, frame = np.array([pose.number[body] for body in bodies]), np.full(len(bodies), pose.number[root])
-    there, turn = pose.points(which, points), pose.rotations[pose.number[root]]
-    change = there - pose.points(frame, points)
+    moved_points, turn = pose.points(which, points), pose.rotations[pose.number[root]]
+    change = moved_points - pose.points(frame, points)
     rotation = logarithm(turn.T @ pose.rotations[which] @ exponential(before[:, 3:]))
     after = np.concatenate((before[:, :3] @ turn.T + change, rotation @ turn.T), axis=1)
-    extent = float(np.abs(np.concatenate((points, there))).max())
+    extent = float(np.abs(np.concatenate((points, moved_points))).max())
     turned = np.abs(rotation - before[:, 3:]).max()
-    return there, after, bool(np.abs(change).max() > ZERO_SUM * extent or turned > ZERO_SUM)
+    return moved_points, after, bool(np.abs(change).max() > ZERO_SUM * extent or turned > ZERO_SUM)
 
 
 def _beam(part: Beam, bodies: list[str], pose: Pose) -> dict[str, Any] | Part:

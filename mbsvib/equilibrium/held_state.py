@@ -106,11 +106,10 @@ def stepped(state: State, step: Array) -> State | None:
     depends = np.ones(len(state.at.scale), dtype=bool)
     depends[forces.reduction.independent] = False
     try:
-        there, opening = close(state.at.moved(forces.all_joints(by)), depends)
-        if opening > max(CLOSED, there.rounding) or (there.cuts is not None
-                                                     and not same_branch(state.at, there, depends)):  # fmt: skip
+        at, opening = close(state.at.moved(forces.all_joints(by)), depends)
+        if opening > max(CLOSED, at.rounding) or (at.cuts is not None and not same_branch(state.at, at, depends)):
             return None
-        return State(there, balance(there, [state.led]), state.led, state.value + float(by[state.i]))
+        return State(at, balance(at, [state.led]), state.led, state.value + float(by[state.i]))
     except (ModelError, SingularPoseError):
         return None
 

@@ -26,15 +26,15 @@ TURNED = 0.15
 MOVES = 1e-9
 
 
-def warn_beyond(there: Mechanism, at: PosedModel, reduction: Reduction) -> None:
-    """Warn of parts that bend beyond the range of linear theory; ``there`` is the model in the pose ``at``.
+def warn_beyond(deformed: Mechanism, at: PosedModel, reduction: Reduction) -> None:
+    """Warn of parts that bend beyond the range of linear theory; ``deformed`` is the model in the pose ``at``.
 
     Warns
     -----
     LargeDisplacementWarning
         If nodes have turned by ``TURNED``, or a beam whose ends are held apart sags by ``SAG`` of its thickness.
     """
-    for part in flexible(there):
+    for part in flexible(deformed):
         if part.displacements is None:
             continue
         six = np.array(part.displacements).reshape(-1)[: 6 * len(part.points)].reshape(-1, 6)

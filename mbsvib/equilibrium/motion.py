@@ -138,32 +138,32 @@ def close(at: PosedModel, may_move: NDArray[np.bool_] | None = None) -> tuple[Po
     if at.cuts is None:
         return at, 0.0
     allowed = slice(None) if may_move is None else may_move
-    here, best, opening = at, at, np.inf
+    closer, best, opening = at, at, np.inf
     for _ in range(CORRECTIONS):
-        error = here.openings
+        error = closer.openings
         current = float(np.abs(error).max(initial=0.0))
         if not current < opening:
             break
-        best, previous, opening = here, opening, current
+        best, previous, opening = closer, opening, current
         if current <= CLOSED_EXACTLY or (current < CLOSED and current > 0.1 * previous):
             break
-        scale = here.scale[allowed]
-        step = np.zeros(len(here.scale))
-        limit = max(REDUNDANT_LOOPS, here.rounding)
-        step[allowed] = -scale * minimum_norm_solution(here.closure[:, allowed] * scale, error, limit)
-        here = here.moved(step)
+        scale = closer.scale[allowed]
+        step = np.zeros(len(closer.scale))
+        limit = max(REDUNDANT_LOOPS, closer.rounding)
+        step[allowed] = -scale * minimum_norm_solution(closer.closure[:, allowed] * scale, error, limit)
+        closer = closer.moved(step)
     return best, opening
 
 
-def same_branch(here: PosedModel, there: PosedModel, depends: NDArray[np.bool_]) -> bool:
+def same_branch(first: PosedModel, second: PosedModel, depends: NDArray[np.bool_]) -> bool:
     """Tell whether there is no dead point between two poses: both are on the same branch of the closed loops.
 
-    A is Phi restricted to dependent coordinates. Beyond a dead point an eigenvalue of A(here)^-1 A(there) is negative.
+    A is Phi restricted to dependent coordinates. Beyond a dead point A(first)^-1 A(second) has a negative eigenvalue.
     Eigenvalues are used rather than the determinant, whose sign does not show two dead points at once.
     """
     if not depends.any():  # all loops are redundant
         return True
-    before, after = ((at.closure * at.scale)[:, depends] for at in (here, there))
+    before, after = ((at.closure * at.scale)[:, depends] for at in (first, second))
     if len(before) > before.shape[1]:  # some rows are redundant
         rows = qr(before.T, mode="r", pivoting=True)[1][: before.shape[1]]
         before, after = before[rows], after[rows]

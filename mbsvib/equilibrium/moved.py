@@ -76,24 +76,24 @@ def moved(
     except ModelError:
         if relaxed or not model.composed or not set(displacements) <= _all_coordinates(stiff):
             raise
-        there = _bent_model(model, displacements, cut_joints)
-        if there is None:
+        bent = _bent_model(model, displacements, cut_joints)
+        if bent is None:
             raise
-        return there
+        return bent
 
 
 def _rigid_pose(stiff: Mechanism, displacements: Mapping[str, float], cut: tuple[str, ...] | None) -> Pose:
     """The pose of a mechanism whose parts are rigid."""
-    here = posed_model(stiff, start(stiff), cut_elsewhere_of(stiff, displacements) if cut is None else cut)
-    target = np.zeros(len(here.coordinates.names))
+    at = posed_model(stiff, start(stiff), cut_elsewhere_of(stiff, displacements) if cut is None else cut)
+    target = np.zeros(len(at.coordinates.names))
     for name, value in displacements.items():
-        if name not in here.coordinates.names:
-            known = here.coordinates.names
+        if name not in at.coordinates.names:
+            known = at.coordinates.names
             raise ModelError(f"moved: '{name}' is not a joint coordinate of model '{stiff.name}'."
                              f"{nearest(name, known)} It has {', '.join(known[:8])}"
                              f"{', ...' if len(known) > 8 else ''}.", element=name, field="values")  # fmt: skip
-        target[here.coordinates.names.index(name)] = value
-    return here.moved(target).pose if here.cuts is None else _follow(here, target, list(displacements)).pose
+        target[at.coordinates.names.index(name)] = value
+    return at.moved(target).pose if at.cuts is None else _follow(at, target, list(displacements)).pose
 
 
 def _all_coordinates(model: Mechanism) -> set[str]:
@@ -107,57 +107,57 @@ def _bent_model(model: M, displacements: Mapping[str, float], cut: tuple[str, ..
     reached = pose_of_least_energy(mechanism, displacements, cut)
     if reached is None:
         return None
-    there = model_in_pose(model, reached[0].pose)
-    warn_beyond(there, reached[0], reached[1].reduction)
-    return there
+    result = model_in_pose(model, reached[0].pose)
+    warn_beyond(result, reached[0], reached[1].reduction)
+    return result
 
 
-def _follow(here: PosedModel, target: Array, names: list[str]) -> PosedModel:
+def _follow(at: PosedModel, target: Array, names: list[str]) -> PosedModel:
     """Take the independent coordinates to their values in steps along which the loops stay closed."""
-    assert here.cuts is not None
-    phi = here.closure / here.cuts.row_scale(here.size)[:, None]
-    arms = partial(arm, here.kinematics.topology, here.pose.centre[:-1])
-    reduction = reduce(here.coordinates, here.cuts, phi, names, arms)
+    assert at.cuts is not None
+    phi = at.closure / at.cuts.row_scale(at.size)[:, None]
+    arms = partial(arm, at.kinematics.topology, at.pose.centre[:-1])
+    reduction = reduce(at.coordinates, at.cuts, phi, names, arms)
     depends = np.ones(len(target), dtype=bool)
     depends[reduction.independent] = False
-    longest = float(np.abs(target / here.scale).max(initial=0.0))
+    longest = float(np.abs(target / at.scale).max(initial=0.0))
     done, step = 0.0, min(1.0, LONGEST / max(longest, LONGEST))
-    here, gap = close(here, depends)
+    at, gap = close(at, depends)
     while done < 1.0:
         share = min(step, 1.0 - done)
         independent = share * target[~depends]
         q = np.zeros(len(target))
         q[~depends] = independent
-        q[depends] = _dependent(here, depends, independent)
+        q[depends] = _dependent(at, depends, independent)
         # dependent motions many times larger than the step indicate a jump or a dead point
-        small = np.abs(q / here.scale).max(initial=0.0) <= 10.0 * LONGEST
-        there, gap = close(here.moved(q), depends) if small else (here, np.inf)
-        if gap <= max(TOLERANCE, there.rounding) and _near(here, there) and same_branch(here, there, depends):
-            here, done, step = there, done + share, min(2.0 * step, LONGEST / max(longest, LONGEST))
+        small = np.abs(q / at.scale).max(initial=0.0) <= 10.0 * LONGEST
+        attempt, gap = close(at.moved(q), depends) if small else (at, np.inf)
+        if gap <= max(TOLERANCE, attempt.rounding) and _near(at, attempt) and same_branch(at, attempt, depends):
+            at, done, step = attempt, done + share, min(2.0 * step, LONGEST / max(longest, LONGEST))
             continue
         step = 0.5 * share
         if step * longest < SHORTEST:
-            raise _unreachable(here, target, names, done, gap)
-    return here
+            raise _unreachable(at, target, names, done, gap)
+    return at
 
 
-def _dependent(here: PosedModel, depends: NDArray[np.bool_], independent: Array) -> Array:
+def _dependent(at: PosedModel, depends: NDArray[np.bool_], independent: Array) -> Array:
     """First guess of the dependent coordinates for a step of the independent ones."""
-    phi = here.closure * here.scale
-    right = phi[:, ~depends] @ (independent / here.scale[~depends])
-    return np.asarray(minimum_norm_solution(phi[:, depends], -right) * here.scale[depends])
+    phi = at.closure * at.scale
+    right = phi[:, ~depends] @ (independent / at.scale[~depends])
+    return np.asarray(minimum_norm_solution(phi[:, depends], -right) * at.scale[depends])
 
 
-def _near(here: PosedModel, there: PosedModel) -> bool:
+def _near(first: PosedModel, second: PosedModel) -> bool:
     """Tell whether no body moved so far in one step that loops may have jumped to another branch."""
-    turned = np.einsum("kij,kij->k", here.pose.rotations, there.pose.rotations)
-    went = np.abs(there.pose.centre - here.pose.centre).max()
-    return bool(turned.min() > 1.0 + 2.0 * np.cos(5.0 * LONGEST) and went < 5.0 * LONGEST * here.size)
+    turned = np.einsum("kij,kij->k", first.pose.rotations, second.pose.rotations)
+    went = np.abs(second.pose.centre - first.pose.centre).max()
+    return bool(turned.min() > 1.0 + 2.0 * np.cos(5.0 * LONGEST) and went < 5.0 * LONGEST * first.size)
 
 
-def _unreachable(here: PosedModel, target: Array, names: list[str], done: float, gap: float) -> ModelError:
-    reached = ", ".join(f"{name} = {done * target[here.coordinates.names.index(name)]:.6g}" for name in names)
-    loops = ", ".join(here.cuts.joints if here.cuts else ())
+def _unreachable(at: PosedModel, target: Array, names: list[str], done: float, gap: float) -> ModelError:
+    reached = ", ".join(f"{name} = {done * target[at.coordinates.names.index(name)]:.6g}" for name in names)
+    loops = ", ".join(at.cuts.joints if at.cuts else ())
     open_by = f" beyond it they stay open by {gap:.1e} of the mechanism's size" if np.isfinite(gap) else \
         " there the other joints would have to jump"  # fmt: skip
     return ModelError(

@@ -39,8 +39,8 @@ def _springs(model: Mechanism, pose: Pose, relaxed: bool) -> dict[str, dict[str,
     kinds: dict[type[Part], list[Any]] = {}
     for part in model.springs.values():
         kinds.setdefault(type(part), []).append(part)
-    return {part.name: there for kind, parts in kinds.items()
-            for part, there in zip(parts, kind.all_in_pose(parts, pose, relaxed), strict=True)}  # fmt: skip
+    return {part.name: moved for kind, parts in kinds.items()
+            for part, moved in zip(parts, kind.all_in_pose(parts, pose, relaxed), strict=True)}  # fmt: skip
 
 
 def static_model(model: M) -> M:

@@ -62,12 +62,12 @@ def _after_step(at: PosedModel, step: Array, forces: Balance) -> tuple[PosedMode
     before a dead point of the coordinates of ``forces``, or the forces are not defined.
     """
     try:
-        there, opening = close(at.moved(step))
-        if opening > max(CLOSED, there.rounding):
+        after, opening = close(at.moved(step))
+        if opening > max(CLOSED, after.rounding):
             return None
         depends = np.ones(len(step), dtype=bool)
         depends[forces.reduction.independent] = False
-        return (there, balance(there)) if at.cuts is None or same_branch(at, there, depends) else None
+        return (after, balance(after)) if at.cuts is None or same_branch(at, after, depends) else None
     except NoWordsError:
         raise
     except (ModelError, SingularPoseError):
@@ -128,27 +128,27 @@ def follow(first: PosedModel) -> SearchResult:
     It is the pose under the full load, or the last one on the branch.
     """
     done, share, steps, model = 0.0, 1.0, 0, first.reference
-    here, shares = first, [0.0]
+    current, shares = first, [0.0]
     residuals: list[float] = []
     while True:
-        attempt, converged = _newton_steps(here.under(with_share(model, share)))
+        attempt, converged = _newton_steps(current.under(with_share(model, share)))
         steps += len(attempt.residuals) - 1
         if converged:
-            here, done, residuals = attempt.at, share, list(attempt.residuals)
+            current, done, residuals = attempt.at, share, list(attempt.residuals)
             shares.append(done)
             if done == 1.0:
                 break
             share = min(1.0, done + 2.0 * (done - shares[-2]))
             continue
         if share - done < SMALLEST_SHARE:
-            last = balance(here.under(with_share(model, done)))
+            last = balance(current.under(with_share(model, done)))
             stopped = f"under {done:.1%} of the load {attempt.stopped or _lost_stiffness(first, last)}"
-            under_load = here.under(model)
+            under_load = current.under(model)
             forces = balance(under_load)
             return SearchResult(under_load, forces, (*residuals, forces.share), steps, tuple(shares), stopped)
         share = done + 0.5 * (share - done)
-    at, forces, more = refined(here, balance(here))
-    return SearchResult(at, forces, (*residuals, *more), steps + len(more), tuple(shares))
+    at, forces, added = refined(current, balance(current))
+    return SearchResult(at, forces, (*residuals, *added), steps + len(added), tuple(shares))
 
 
 def _newton_steps(at: PosedModel) -> tuple[SearchResult, bool]:
@@ -207,8 +207,8 @@ def descend(first: PosedModel) -> SearchResult:
     else:
         stopped = "" if forces.share <= BALANCED else stopped
     if not stopped:
-        at, forces, more = refined(at, forces)
-        residuals += more
+        at, forces, added = refined(at, forces)
+        residuals += added
     return SearchResult(at, forces, tuple(residuals), len(residuals) - 1, (), stopped)
 
 

@@ -35,8 +35,8 @@ class Pose:
 
     @cached_property
     def _still(self) -> tuple[bool, ...]:
-        still = (self.centre == self.origin).all(axis=1) & (self.rotations == IDENTITY).all(axis=(1, 2))
-        return tuple(still.tolist())
+        unmoved = (self.centre == self.origin).all(axis=1) & (self.rotations == IDENTITY).all(axis=(1, 2))
+        return tuple(unmoved.tolist())
 
     @cached_property
     def _change(self) -> tuple[Array, Array]:

@@ -58,10 +58,10 @@ def preloaded(model: M, selection: Sequence[Any] | str | bool) -> M:
         part.name: none[part.name] | {"preload": _as_preload(part, wrench)}
         for part, wrench in zip(springs, wrenches, strict=True)
     })  # fmt: skip
-    held = balance(posed_model(static_model(result), at.pose))
-    if held.strict_share > BALANCE and held.share > BALANCE:  # forces that are rounding balance as well
+    balanced = balance(posed_model(static_model(result), at.pose))
+    if balanced.strict_share > BALANCE and balanced.share > BALANCE:  # forces that are rounding balance as well
         names = ", ".join(f"'{part.name}'" for part in springs[:6]) + (", ..." if len(springs) > 6 else "")
-        text, details = unbalanced_force(at, held)
+        text, details = unbalanced_force(at, balanced)
         raise EquilibriumError(
             f"model '{model.name}': no preload of {names} holds the given pose; {text}. Choose springs that act along "
             f"it as well, or let model.equilibrium() find another pose.", **details,
@@ -93,9 +93,9 @@ def without_rounding(model: M) -> M:
 def _acting(part: Preloadable) -> Spring | Bushing:
     """The line spring or bushing whose preload a part has."""
     if isinstance(part, TorsionSpring):
-        acting = torsion_spring.expand(part).springs[part.name]
-        assert isinstance(acting, Bushing)
-        return acting
+        bushing = torsion_spring.expand(part).springs[part.name]
+        assert isinstance(bushing, Bushing)
+        return bushing
     return static_spring(part) if isinstance(part, Maxwell) else part
 
 

@@ -59,7 +59,7 @@ class Tree:
         Pose
             The pose after it.
         """
-        here = pose.centre
+        centres = pose.centre
         sums = np.add.reduceat(np.concatenate((coordinates.linear, coordinates.angular)) * q, self.start, axis=1).T
         rotations, shifts = exponential(sums[:, 3:]), sums.take(self.group, axis=0)[:, :3]
         turned = rotations.take(self.group, axis=0)
@@ -68,21 +68,21 @@ class Tree:
         if len(self.rod):
             shifts[self.rod] = self._swing(pose, coordinates, shifts[self.rod])
         # the second body goes from x to p + shift + rotation (x - p), the first one the other way round
-        arm = here.take(self.body, axis=0) - coordinates.point.take(self.start[self.group], axis=1).T
+        arm = centres.take(self.body, axis=0) - coordinates.point.take(self.start[self.group], axis=1).T
         if len(self.back):
             arm[self.back] -= shifts[self.back]
             shifts[self.back] *= -1.0
             turned[self.back] = turned[self.back].swapaxes(-1, -2)
-        centre, turn = here.copy(), np.empty((len(here), 3, 3))
+        centre, turn = centres.copy(), np.empty((len(centres), 3, 3))
         centre[self.body] += shifts + ((turned - IDENTITY) @ arm[..., None])[..., 0]
         turn[:] = IDENTITY
         turn[self.body] = turned
         for body, parent in self.levels:
             # x moves with the parent: by its translation, and by its rotation less 1 times the arm
-            rotation, before, there = turn.take(parent, axis=0), here.take(parent, axis=0), centre.take(body, axis=0)
+            rotation, before, x = turn.take(parent, axis=0), centres.take(parent, axis=0), centre.take(body, axis=0)
             turn[body] = rotation @ turn.take(body, axis=0)
             translation = centre.take(parent, axis=0) - before
-            centre[body] = there + translation + ((rotation - IDENTITY) @ (there - before)[..., None])[..., 0]
+            centre[body] = x + translation + ((rotation - IDENTITY) @ (x - before)[..., None])[..., 0]
         return pose.moved_to(centre, turn)
 
     def _swing(self, pose: Pose, coordinates: Twists, across: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from mbsvib.common.tables import listed
 from mbsvib.elements import ForceOutput
 from mbsvib.errors import counted
-from mbsvib.explain.dense import removed, separated
+from mbsvib.explain.dense import rank_decision, removed, separated
 
 if TYPE_CHECKING:
     from mbsvib.sparse.equations import SparseEquations
@@ -62,12 +62,7 @@ def _loops(system: SparseEquations) -> list[str]:
     if not system.constraints.names:
         return ["  none"]
     lines = [f"  cut at {listed(system.cut_joints)}"] if system.cut_joints else ["  none but those of couplers"]
-    for group in system.constraints.groups[:SHOWN]:
-        pivots = f"smallest pivot kept {group.retained:.1e}, largest" if group.rank else "largest pivot"
-        lines.append(f"  {listed(group.joints)}: {group.rank} of {len(group.rows)} constraint rows independent; "
-                     f"{pivots} dropped {group.dropped:.1e} (loop size {group.length:.3g} m)")  # fmt: skip
-        if group.redundant:
-            lines.append(f"    redundant: {listed(group.redundant)}")
+    lines += [line for group in system.constraints.groups[:SHOWN] for line in rank_decision(group)]
     remaining = len(system.constraints.groups) - SHOWN
     if remaining > 0:
         lines.append(f"  and {counted(remaining, 'more group')} of loops")
@@ -99,9 +94,9 @@ def _forces(system: SparseEquations) -> list[str]:
 
 def _skipped(system: SparseEquations) -> list[str]:
     result = ["  no dense matrix was formed: the number of coordinates is too large for an efficient one"]
-    still = int((~system.structure.moves).sum())
-    if still:
-        result.append(f"  {still} of {system.structure.moves.size} displacements cannot move: they were left out")
+    fixed = int((~system.structure.moves).sum())
+    if fixed:
+        result.append(f"  {fixed} of {system.structure.moves.size} displacements cannot move: they were left out")
     if not system.loading:
         result.append("  no gravity, load or preload: no statics, no geometric stiffness")
     if not system.constraints.groups:

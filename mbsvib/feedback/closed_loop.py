@@ -62,13 +62,13 @@ class ClosedLoop(FeedbackLoop):
         # y = observed (x, z) + direct w
         observed = np.linalg.solve(loop, np.concatenate((space.C[y], space.D[np.ix_(y, u)] @ law.C), axis=1))
         direct = np.linalg.solve(loop, space.D[y])
-        push, push_w = law.D @ observed, law.D @ direct
-        push[:, n:] += law.C
-        a = np.concatenate((space.B[:, u] @ push, law.B @ observed))
+        gain, push_w = law.D @ observed, law.D @ direct
+        gain[:, n:] += law.C
+        a = np.concatenate((space.B[:, u] @ gain, law.B @ observed))
         a[:n, :n] += space.A
         a[n:, n:] += law.A
         b = np.concatenate((space.B + space.B[:, u] @ push_w, law.B @ direct))
-        c = space.D[:, u] @ push
+        c = space.D[:, u] @ gain
         c[:, :n] += space.C
         d = space.D + space.D[:, u] @ push_w
         return a, b, c, d, space

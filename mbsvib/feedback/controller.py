@@ -164,8 +164,8 @@ def as_controller(value: Any, plant: Any, sensors: Any = None, actuators: Any = 
 
 def _labels(labels: Sequence[str], known: Sequence[str]) -> list[str] | None:
     """Names of signals of python-control as they are here, None if one is unknown."""
-    here = [label if label in known else label.replace(":", ".") for label in labels]
-    return here if all(name in known for name in here) else None
+    renamed = [label if label in known else label.replace(":", ".") for label in labels]
+    return renamed if all(name in known for name in renamed) else None
 
 
 def integrators(

@@ -89,9 +89,9 @@ class Track:
         largest = float(np.abs(self.poles[0]).max(initial=0.0)) or 1.0
         for _ in range(ROUNDS):
             for low, high in pairwise(tuple(self._order)):
-                one, other = self.at(low), self.at(high)
-                size = np.maximum(np.maximum(np.abs(one), np.abs(other)), LEAST * largest)
-                change = float((np.abs(other - one) / size).max(initial=0.0))
+                first, second = self.at(low), self.at(high)
+                size = np.maximum(np.maximum(np.abs(first), np.abs(second)), LEAST * largest)
+                change = float((np.abs(second - first) / size).max(initial=0.0))
                 for gain in np.linspace(low, high, min(int(np.ceil(change / SMOOTH)), MOST) + 1)[1:-1].tolist():
                     self.at(gain)
 

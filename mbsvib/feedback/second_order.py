@@ -45,14 +45,14 @@ def closed_system(system: E, gain: Array, sensors: list[int], actuators: list[in
     if system.massless or (gain @ system.Ca[sensors]).any() or not regular(product):
         return None
     back: Array = np.asarray(np.linalg.solve(np.eye(len(actuators)) - product, gain), dtype=float)
-    push = system.B[:, actuators]
-    stiffness, k_rows, k_weights, circulatory = _change(push, back, system.Cq[sensors])
-    damping, c_rows, c_weights, gyroscopic = _change(push, back, system.Cv[sensors])
+    forces = system.B[:, actuators]
+    stiffness, k_rows, k_weights, circulatory = _change(forces, back, system.Cq[sensors])
+    damping, c_rows, c_weights, gyroscopic = _change(forces, back, system.Cv[sensors])
     through, direct = system.D[:, actuators] @ back, back @ system.D[sensors]
     count = len(k_weights) + len(c_weights)
     owner = len(system.provenance.springs)
     return replace(
-        system, name=name, C=system.C + damping, K=system.K + stiffness, B=system.B + push @ direct,
+        system, name=name, C=system.C + damping, K=system.K + stiffness, B=system.B + forces @ direct,
         Cq=system.Cq + through @ system.Cq[sensors], Cv=system.Cv + through @ system.Cv[sensors],
         D=system.D + system.D[:, actuators] @ direct,
         elastic_rows=np.concatenate((system.elastic_rows, k_rows, c_rows)),
@@ -65,23 +65,23 @@ def closed_system(system: E, gain: Array, sensors: list[int], actuators: list[in
     )  # fmt: skip
 
 
-def _change(push: Array, back: Array, observed: Array) -> tuple[Array, Array, Array, Array | None]:
+def _change(forces: Array, back: Array, observed: Array) -> tuple[Array, Array, Array, Array | None]:
     """-B_u G' C_y, the rows and weights of its symmetric part, and its antisymmetric part, None where that is rounding.
     """
-    change = -push @ (back @ observed)
-    terms = np.abs(push) @ (np.abs(back) @ np.abs(observed))
-    noise = len(push) * EPS * np.maximum(terms, terms.T)
+    change = -forces @ (back @ observed)
+    terms = np.abs(forces) @ (np.abs(back) @ np.abs(observed))
+    noise = len(forces) * EPS * np.maximum(terms, terms.T)
     skew = 0.5 * (change - change.T)
     skew[np.abs(skew) <= noise] = 0.0
     symmetric = 0.5 * (change + change.T)
     scale = np.sqrt(np.maximum(np.abs(symmetric).max(axis=0, initial=0.0), np.finfo(float).tiny))
     weights, vectors = np.linalg.eigh(symmetric / scale[:, None] / scale) if len(change) else (np.zeros(0), symmetric)
-    used = np.abs(weights) > len(push) * EPS * np.abs(weights).max(initial=0.0)
+    used = np.abs(weights) > len(forces) * EPS * np.abs(weights).max(initial=0.0)
     rows = vectors[:, used].T * scale
     return symmetric + skew, rows, weights[used], skew if skew.any() else None
 
 
-def _sum(before: Array | None, more: Array | None) -> Array | None:
-    if before is None or more is None:
-        return more if before is None else before
-    return before + more
+def _sum(first: Array | None, second: Array | None) -> Array | None:
+    if first is None or second is None:
+        return second if first is None else first
+    return first + second

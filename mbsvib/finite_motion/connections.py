@@ -89,8 +89,8 @@ def _spring_damper(
         defined = ca.if_else(angle < LARGEST_ANGLE, 1.0, ca.SX(np.nan))
         k, c = k * defined, c * defined
     xd = motion.rate(x)
-    pull = preload + k @ x + c @ xd
-    return Connected(x, pull, 0.5 * ca.dot(x, k @ x) + ca.dot(preload, x), 0.5 * ca.dot(xd, c @ xd), ca.SX(0.0),
+    force = preload + k @ x + c @ xd
+    return Connected(x, force, 0.5 * ca.dot(x, k @ x) + ca.dot(preload, x), 0.5 * ca.dot(xd, c @ xd), ca.SX(0.0),
                      ca.SX.zeros(0), ca.SX.zeros(0), angle)  # fmt: skip
 
 

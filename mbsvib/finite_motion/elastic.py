@@ -69,9 +69,9 @@ def elastic_energies(block: ElasticBlock, b: Expression, z: Expression, motion: 
     count = len(block.eigenvalues)
     stiffness[:count, :count] = np.diag(block.eigenvalues)
     stiffness[:count, count:] = stiffness[count:, :count] = 0.0
-    pull = span.T @ (block.stiffness @ block.state - block.force)
+    linear_force = span.T @ (block.stiffness @ block.state - block.force)
     offset = 0.5 * block.state @ block.stiffness @ block.state
-    potential = 0.5 * _form(stiffness, both) + ca.dot(ca.SX(_clean(pull)), both) + offset
+    potential = 0.5 * _form(stiffness, both) + ca.dot(ca.SX(_clean(linear_force)), both) + offset
     relative = 0.5 * _form(span.T @ block.relative_damping @ span, rates)
     columns = [6 * i + j for i in block.elastic for j in range(6)] + list(range(6 * len(block.points), len(block.mass)))
     along = np.zeros((3, len(block.mass)))  # a translation of all stations

@@ -220,14 +220,14 @@ def _block(
     )  # fmt: skip
 
 
-def _craig_bampton(mass: Array, stiffness: Array, held: list[int]) -> tuple[Array, Array, Array]:
+def _craig_bampton(mass: Array, stiffness: Array, interface: list[int]) -> tuple[Array, Array, Array]:
     """Modes N with some coordinates held, static shapes P of these, and eigenvalues."""
-    inner = [k for k in range(len(mass)) if k not in set(held)]
-    static, modes, values = np.zeros((len(mass), len(held))), np.zeros((len(mass), 0)), np.zeros(0)
-    static[held, range(len(held))] = 1.0
+    inner = [k for k in range(len(mass)) if k not in set(interface)]
+    static, modes, values = np.zeros((len(mass), len(interface))), np.zeros((len(mass), 0)), np.zeros(0)
+    static[interface, range(len(interface))] = 1.0
     if inner:
         inner_stiffness = stiffness[np.ix_(inner, inner)]
-        static[inner] = -cho_solve(cho_factor(inner_stiffness), stiffness[np.ix_(inner, held)])
+        static[inner] = -cho_solve(cho_factor(inner_stiffness), stiffness[np.ix_(inner, interface)])
         # M phi = mu K phi: what has no mass has mu = 0
         mu, vectors = eigh(mass[np.ix_(inner, inner)], inner_stiffness)
         retained = np.flatnonzero(mu > MASSLESS * mu[-1])[::-1]
@@ -276,14 +276,14 @@ def _check_carrier(model: Mechanism, block: ElasticBlock) -> None:
             ends = [body for body in (getattr(part, "a", None), getattr(part, "b", None), *part.node_names,
                                       *[body for _, body in getattr(part, "bodies", ())]) if body is not None]
             links += [(ends[0], end) for end in ends[1:]]
-    reached, front = {"ground"}, ["ground"]
-    while front:
-        body = front.pop()
+    reached, queue = {"ground"}, ["ground"]
+    while queue:
+        body = queue.pop()
         for pair in links:
-            for here, there in (pair, pair[::-1]):
-                if here == body and there not in reached and there != block.root:
-                    reached.add(there)
-                    front.append(there)
+            for near, far in (pair, pair[::-1]):
+                if near == body and far not in reached and far != block.root:
+                    reached.add(far)
+                    queue.append(far)
     for body in others:
         if body in reached:
             raise ModelError(

@@ -129,10 +129,10 @@ def _coupling(statement: FiniteMotion, movable: list[int], bending: list[int]) -
     """
     motion = statement.motion
     q, qd, n = motion.q, motion.qd, len(motion.names)
-    pull = ca.densify(statement.forces)
+    forces = ca.densify(statement.forces)
     inputs = ca.densify(ca.sum2(ca.fabs(statement.input_forces))) if statement.inputs else ca.DM.zeros(n)
     requested = [statement.mass, ca.jacobian(statement.forces, q), ca.jacobian(statement.forces, qd),
-                 statement.jacobian, pull, inputs]  # fmt: skip
+                 statement.jacobian, forces, inputs]  # fmt: skip
     function = ca.Function("coupling", [q, qd, statement.yields, motion.bases], requested)
     generator = np.random.default_rng(0)
     yields, bases = np.zeros(statement.yields.shape), np.tile(np.eye(3).reshape(-1), len(motion.based))

@@ -138,8 +138,8 @@ def openings(joint: Joint, numbers: Numbers, relative: Frame) -> list[tuple[str,
         elif name[0] != "r":
             value = ca.dot(along, gap)
         elif joint.successive:
-            one, two = map(ca.SX, turns)
-            change = ca.dot(one, two) - ca.dot(one, relative.rotation @ two)
+            first, second = map(ca.SX, turns)
+            change = ca.dot(first, second) - ca.dot(first, relative.rotation @ second)
             value = change / float(np.linalg.norm(np.cross(*turns)))
         elif len(turns) == 1:
             value = ca.dot(axis, ca.cross(ca.SX(turns[0]), relative.rotation @ ca.SX(turns[0])))

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Branch, Topology
 
-IDENTITY9 = np.eye(3).reshape(-1, order="F")
-
 
 @dataclass(frozen=True)
 class Kinematics:
@@ -78,7 +76,7 @@ class Kinematics:
 
 def kinematics(
     model: Mechanism, numbers: Numbers, cut: Sequence[str] | None = None, bases: bool = False,
-    blocks: Sequence[ElasticBlock] = (), still: Collection[str] = (), virtual: Sequence[str] = (),
+    blocks: Sequence[ElasticBlock] = (), inactive: Collection[str] = (), virtual: Sequence[str] = (),
 ) -> Kinematics:  # fmt: skip
     """Return the finite motion of a mechanism along its spanning tree.
 
@@ -96,7 +94,7 @@ def kinematics(
         needs to be long.
     blocks : sequence of ElasticBlock
         Its beams and superelements.
-    still : collection of str
+    inactive : collection of str
         Coordinates of these that stay 0 and are left out.
     virtual : sequence of str
         Joints, and the ground, that get six virtual displacements each, ``"JOINT.virtual.x"`` to ``rz``, the last
@@ -119,8 +117,8 @@ def kinematics(
     order = [*joints.values(), *((floating[k], None) for k in topology.floating)]
     links = {name: (block, k) for block in blocks for k, name in enumerate(block.joints)}
     by_joint = {joint.name: _directions(joint, links) for joint, _ in order}
-    names = [f"{joint}.{d}" for joint in by_joint for d in by_joint[joint] if f"{joint}.{d}" not in still]
-    names += [name for block in blocks for name in block.mode_names if name not in still]
+    names = [f"{joint}.{d}" for joint in by_joint for d in by_joint[joint] if f"{joint}.{d}" not in inactive]
+    names += [name for block in blocks for name in block.mode_names if name not in inactive]
     names += [f"{joint}.virtual.{d}" for joint in virtual for d in DIRECTIONS]
     turns = [name.rpartition(".")[2][0] == "r" for name in names]
     q, qd = ca.SX.sym("q", len(names)), ca.SX.sym("qd", len(names))
@@ -164,7 +162,7 @@ def kinematics(
             relative = moved.inverse().then(relative)
         rows += [(f"{joint.name}.{name}", value, name[0] == "r") for name, value in openings(joint, numbers, relative)]
     for part in model.couplers.values():
-        absent = next((name for name, _ in part.terms if name not in symbol and name not in still), None)
+        absent = next((name for name, _ in part.terms if name not in symbol and name not in inactive), None)
         if absent is not None:
             joint_name = absent.rpartition(".")[0]
             raise ModelError(f"coupler '{part.name}': joint '{joint_name}' of its coordinate '{absent}' is cut, so "
@@ -254,13 +252,13 @@ def coupled_in_tree(model: Mechanism) -> tuple[str, ...]:
 def _loop(topology: Topology, joint: Joint) -> list[str]:
     """Names of the joints of the tree that a cut joint closes a loop with."""
     up = {topology.bodies[branch.body]: branch for branch in topology.branches}
-    ways: list[list[str]] = []
+    paths: list[list[str]] = []
     for end in (joint.first, joint.second):
-        body, way = end, []
+        body, path = end, []
         while body in up:
             branch = up[body]
             if branch.joint != FLOATS:
-                way.append(topology.joints[branch.joint].name)
+                path.append(topology.joints[branch.joint].name)
             body = topology.bodies[branch.parent] if branch.parent < len(topology.bodies) else GROUND
-        ways.append(way)
-    return [name for name in (*ways[0], *ways[1]) if (name in ways[0]) != (name in ways[1])]
+        paths.append(path)
+    return [name for name in (*paths[0], *paths[1]) if (name in paths[0]) != (name in paths[1])]

@@ -50,7 +50,7 @@ class Numbers:
         self.symbols = ca.SX.sym("p", len(self.names))
         self.values: Array = np.array([float(known[name]) for name in self.names])
         self._symbol = {name: self.symbols[i] for i, name in enumerate(self.names)}
-        self._taken: set[str] = set()
+        self._used: set[str] = set()
 
     def scalar(self, part: Part, field: str) -> Any:
         """Return a number of a part, 0 for None."""
@@ -73,7 +73,7 @@ class Numbers:
     def check_taken(self) -> None:
         """Refuse parameters that entered no expression as symbols."""
         for name in self.names:
-            if name not in self._taken:
+            if name not in self._used:
                 raise ModelError(
                     f"parameters: '{name}' cannot be a symbol in finite motion; masses, centres, inertias, positions "
                     f"of joints, and numbers of springs and loads can.", element=name, field="parameters",
@@ -81,6 +81,6 @@ class Numbers:
 
     def _number(self, name: str, value: float) -> Any:
         if name in self._symbol:
-            self._taken.add(name)
+            self._used.add(name)
             return self._symbol[name]
         return ca.SX(float(value))

@@ -94,18 +94,18 @@ def with_virtual_displacements(
     """
     topology, names = statement.motion.topology, set(statement.motion.names)
     cut = [topology.joints[k].name for k in topology.cut]
-    still = [name for block in statement.blocks for name in block.mode_names if name not in names]
+    inactive = [name for block in statement.blocks for name in block.mode_names if name not in names]
     plain = with_interfaces(model, statement.blocks) if statement.blocks else model
-    return _stated(plain, statement.blocks, still, (), cut, bool(statement.motion.based), without, joints)
+    return _stated(plain, statement.blocks, inactive, (), cut, bool(statement.motion.based), without, joints)
 
 
 def _stated(
-    model: Mechanism, blocks: Sequence[ElasticBlock], still: Collection[str], parameters: Sequence[str],
+    model: Mechanism, blocks: Sequence[ElasticBlock], inactive: Collection[str], parameters: Sequence[str],
     cut: Sequence[str] | None, bases: bool, without: Sequence[str], joints: Sequence[str] = (),
 ) -> FiniteMotion:  # fmt: skip
     """The statement of a mechanism whose beams and superelements are blocks."""
     numbers = Numbers(model, parameters)
-    motion = kinematics(model, numbers, cut, bases, blocks, still, joints)
+    motion = kinematics(model, numbers, cut, bases, blocks, inactive, joints)
     parts = {name: connected(part, motion) for name, part in model.springs.items()}
     fall = numbers.gravity(model)
     requested = tuple(parameters)
@@ -147,8 +147,8 @@ def _flexible(
     if any(len(held) < len(ALL_SIX) for held in directions.values()):
         blocks = tuple([with_interface(block, directions) for block in blocks])
         statement = _stated(plain, blocks, (), parameters, cut, bases, without)
-    still = at_rest(statement, blocks)
-    return _stated(plain, blocks, still, parameters, cut, bases, without) if still else statement
+    inactive = at_rest(statement, blocks)
+    return _stated(plain, blocks, inactive, parameters, cut, bases, without) if inactive else statement
 
 
 def _translates(part: BaseMotion) -> bool:

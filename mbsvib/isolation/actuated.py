@@ -144,12 +144,12 @@ def actuated(
         if leg.elements[0] not in changed.springs and leg.elements[0] not in changed.joints:
             raise ModelError(f"active: leg '{leg.name}' is below the base '{base}'; choose legs above it.",
                              element=leg.name, field="legs")  # fmt: skip
-    taken = active_legs(changed, [leg.name for leg in selected]) if selected else ()
-    attached = _attached_bodies(changed, body, {name for leg in taken for name in leg.elements})
-    for leg in taken:
+    active = active_legs(changed, [leg.name for leg in selected]) if selected else ()
+    attached = _attached_bodies(changed, body, {name for leg in active for name in leg.elements})
+    for leg in active:
         _add_ports(changed, body, leg, attached)
     system = changed.linearize(method="dense")
-    return Active(replace(study_scene, system=_with_tensions(system, taken)), tuple([leg.name for leg in taken]))
+    return Active(replace(study_scene, system=_with_tensions(system, active)), tuple([leg.name for leg in active]))
 
 
 def _add_ports(model: Model, body: str, leg: ActiveLeg, attached: set[str]) -> None:
@@ -162,8 +162,8 @@ def _add_ports(model: Model, body: str, leg: ActiveLeg, attached: set[str]) -> N
     for name, direction, _ in leg.forces:
         model.add_force_output(_part(leg, name), name, direction)
     away = leg.first in attached and leg.second not in attached
-    end, push = (leg.start, -leg.axis) if away else (leg.end, leg.axis)
-    model.add_output(f"{leg.name}.acceleration", body, push, end, quantity="acceleration")
+    end, outward = (leg.start, -leg.axis) if away else (leg.end, leg.axis)
+    model.add_output(f"{leg.name}.acceleration", body, outward, end, quantity="acceleration")
 
 
 def _part(leg: ActiveLeg, element: str) -> str:

@@ -16,7 +16,6 @@ from mbsvib.isolation.study_scene import ACCELERATIONS, Scene
 from mbsvib.responses import extrema
 
 if TYPE_CHECKING:
-
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex

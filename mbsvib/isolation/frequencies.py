@@ -12,7 +12,6 @@ from mbsvib.feedback.resolution import resolution
 from mbsvib.responses import extrema
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.isolation.linear import Linear
 

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from mbsvib.responses.power_spectra import BaseNoise
 
 
-POINTS = 12
 HIDDEN = 1e-9
 BATCH = 512
 
@@ -171,9 +170,7 @@ def integrals(linear: Linear, inputs: Sequence[str], outputs: Sequence[str], noi
     """
     into = [linear.inputs.index(name) for name in inputs]
     out = [linear.outputs.index(name) for name in outputs]
-    node, weight = np.polynomial.legendre.leggauss(POINTS)
-    half = 0.5 * np.diff(ends)
-    f = ((0.5 * (ends[1:] + ends[:-1]))[:, None] + half[:, None] * node).reshape(-1)
+    f, weight = extrema.gauss_rule(ends)
     density = np.empty((len(out), len(f)))
     for start in range(0, len(f), BATCH):
         part = slice(start, start + BATCH)
@@ -181,7 +178,7 @@ def integrals(linear: Linear, inputs: Sequence[str], outputs: Sequence[str], noi
         density[:, part] = _density(g, noise.at(f[part]))
     if power:
         density *= (2.0 * np.pi * f) ** power
-    return np.asarray((density.reshape(len(out), -1, POINTS) @ weight) * half)
+    return np.asarray((density * weight).reshape(len(out), len(ends) - 1, -1).sum(axis=2))
 
 
 def _density(g: Complex, s: Complex) -> Array:

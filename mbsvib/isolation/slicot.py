@@ -12,7 +12,6 @@ from mbsvib.linalg.balancing import scaled
 
 if TYPE_CHECKING:
 
-
     from mbsvib.common.arrays import Array
 
 # Norms, in parts of the open loop's, at which the search for an H-infinity controller begins, the first at which there

@@ -80,19 +80,19 @@ def structured_singular_values(
     for k in range(part.max(initial=-1) + 1):
         part_masks = masks[part == k]
         at = np.flatnonzero(part_masks.any(axis=0))
-        chosen = [j for j, block in enumerate(np.flatnonzero(part == k).tolist()) if block in set(real)]
-        np.maximum(result, _part(points[:, at][:, :, at], part_masks[:, at], chosen), out=result)
+        real_blocks = [j for j, block in enumerate(np.flatnonzero(part == k).tolist()) if block in set(real)]
+        np.maximum(result, _part(points[:, at][:, :, at], part_masks[:, at], real_blocks), out=result)
     return result.reshape(m.shape[2:])
 
 
 def _part(m: Complex, masks: Array, real: list[int]) -> Array:
     """Bounds of matrices (points, n, n) of any size, whose blocks all act on each other."""
     size = np.abs(m).max(axis=(1, 2))
-    result, some = np.zeros(len(m)), size > 0.0
-    if some.any():
-        normal = _balanced(m[some] / size[some, None, None], masks)
+    result, nonzero = np.zeros(len(m)), size > 0.0
+    if nonzero.any():
+        normal = _balanced(m[nonzero] / size[nonzero, None, None], masks)
         norm = np.linalg.norm(normal, 2, axis=(1, 2))
-        result[some] = _bounds(normal / norm[:, None, None], masks, real) * norm * size[some]
+        result[nonzero] = _bounds(normal / norm[:, None, None], masks, real) * norm * size[nonzero]
     return result
 
 

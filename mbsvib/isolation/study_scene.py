@@ -208,9 +208,9 @@ def _base_directions(model: Model, directions: Sequence[str] | None) -> tuple[tu
     return DIRECTIONS[:3], (f"The base is shaken along x, y, z only: {fixed[0]} and does not turn with it.",)
 
 
-def _law(name: str, both: Array, i: int) -> tuple[str, str] | None:
+def _law(name: str, coefficients: Array, i: int) -> tuple[str, str] | None:
     """Stiffness and damping parameters of one direction of a bushing, if it is not coupled with others."""
-    uncoupled = both.ndim == 1 or np.count_nonzero(both[i]) == np.count_nonzero(both[i, i])
+    uncoupled = coefficients.ndim == 1 or np.count_nonzero(coefficients[i]) == np.count_nonzero(coefficients[i, i])
     return (f"{name}.stiffness.{DIRECTIONS[i]}", f"{name}.damping.{DIRECTIONS[i]}") if uncoupled else None
 
 
@@ -218,11 +218,11 @@ def _measured(model: Model) -> tuple[Leg, ...]:
     legs = []
     for name, spring in model.springs.items():
         if isinstance(spring, Bushing):
-            axes, both = np.array(spring.orientation), np.abs(spring.stiffness) + np.abs(spring.damping)
+            axes, coefficients = np.array(spring.orientation), np.abs(spring.stiffness) + np.abs(spring.damping)
             for i, direction in enumerate("xyz"):
-                if both[i].any():
+                if coefficients[i].any():
                     legs.append(Leg(f"{name}.{direction}", f"{name}.{direction}.stroke", f"{name}.{direction}.force",
-                                    _law(name, both, i)))  # fmt: skip
+                                    _law(name, coefficients, i)))  # fmt: skip
                     model.add_output(legs[-1].stroke, spring.second, axes[:, i], spring.position, spring.first)
                     model.add_force_output(legs[-1].force, name, direction)
         elif spring.acts_along_line:  # torsion springs have no stroke

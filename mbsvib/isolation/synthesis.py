@@ -125,7 +125,7 @@ def hinf(
     return law, float(synthesis.norm or 0.0)
 
 
-def _feedback(a: Array, b: Array, state: Array, effort: Array, both: Array) -> Array:
+def _feedback(a: Array, b: Array, state: Array, effort: Array, cross: Array) -> Array:
     """The gain R^-1 (B^T X + S^T) of Riccati's stabilising solution X for the weights Q, R and S.
 
     X = U2 U1^-1 from the decaying invariant subspace (U1, U2) of the Hamiltonian matrix. Its complex Schur form is
@@ -139,8 +139,8 @@ def _feedback(a: Array, b: Array, state: Array, effort: Array, both: Array) -> A
     none = ResponseError("lqg: no stabilising controller was found; a mode may be out of reach of the actuators or "
                          "sensors, or effort and noise are too small against the rest.")  # fmt: skip
     n = len(a)
-    drive, direct = np.linalg.solve(effort, b.T), np.linalg.solve(effort, both.T)
-    free, push, weight = a - b @ direct, b @ drive, state - both @ direct
+    drive, direct = np.linalg.solve(effort, b.T), np.linalg.solve(effort, cross.T)
+    free, push, weight = a - b @ direct, b @ drive, state - cross @ direct
     sizes = float(np.linalg.norm(weight)), float(np.linalg.norm(push))
     size = np.sqrt(sizes[0] / sizes[1]) if all(sizes) else 1.0
     try:

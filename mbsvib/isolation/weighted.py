@@ -31,7 +31,7 @@ class Weighted(Ports):
 
     def __init__(self, label: str, outputs: Mapping[str, float], inputs: Mapping[str, float]) -> None:
         super().__init__(list(outputs), list(inputs))
-        self._label, self._left, self._right = label, dict(outputs), dict(inputs)
+        self._label, self._output_weights, self._input_weights = label, dict(outputs), dict(inputs)
 
     @property
     def label(self) -> str:
@@ -40,23 +40,19 @@ class Weighted(Ports):
 
     def _weights(self, system: System) -> Array:
         outputs, inputs = self.of(system)
-        left, right = ([weight[name] for name in names] for weight, names in ((self._left, outputs),
-                                                                              (self._right, inputs)))  # fmt: skip
+        left = [self._output_weights[name] for name in outputs]
+        right = [self._input_weights[name] for name in inputs]
         return np.outer(left, right)[:, :, None]
 
-    def magnitude(self, system: System, w: Array) -> Array:
-        """Return the norm at angular frequencies."""
-        g = self._weights(system) * response(system, w, *self.of(system))
-        return np.asarray(np.sqrt((np.abs(g) ** 2).sum(axis=(0, 1))))
+    def response(self, system: System, w: Array) -> Complex:
+        """Return the weighted responses at angular frequencies, (outputs, inputs, n)."""
+        return np.asarray(self._weights(system) * response(system, w, *self.of(system)))
 
-    def size(self, point: DesignPoint, w: Array) -> Dual:
-        """Return the norm at angular frequencies, with derivatives."""
-        outputs, inputs = self.of(point.system)
+    def with_slopes(self, point: DesignPoint, w: Array) -> tuple[Complex, Complex]:
+        """Return the weighted responses and their derivatives, (variables, outputs, inputs, n)."""
         weights = self._weights(point.system)
-        g, slope = (weights * part for part in _with_slopes(point, w, outputs, inputs))
-        value = np.sqrt((np.abs(g) ** 2).sum(axis=(0, 1)))
-        change = (g.conj() * slope).real.sum(axis=(1, 2))
-        return point.dual(value, np.divide(change, value, out=np.zeros_like(change), where=value > 0.0).T)
+        value, slope = _with_slopes(point, w, *self.of(point.system))
+        return weights * value, weights * slope
 
 
 def _with_slopes(

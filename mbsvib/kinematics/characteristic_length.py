@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
 
 
-
 def length_of(points: Array, *centres: Array) -> float:
     """Return the root mean square distance of points from their mean.
 

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     Arms = Callable[[Iterable[str]], float]
 
 
-
 @dataclass(frozen=True, slots=True)
 class Reduction:
     """Minimal coordinates: ``independent`` (m,) picks them from the joint coordinates, ``matrix`` (..., n, m) is B''.

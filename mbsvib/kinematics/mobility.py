@@ -24,7 +24,6 @@ from mbsvib.linalg.rotations import CYCLE
 from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
-
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
@@ -32,7 +31,6 @@ if TYPE_CHECKING:
     from mbsvib.kinematics.loops import Cuts, Reduction
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.topology import Topology
-
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,8 +218,7 @@ def _carriers(topology: Topology) -> tuple[Index, Index, Index]:
     A twist is fixed in the joint's first body, the second of two successive rotations in its second one. The point
     moves with the second body, which turns about it after any sliding.
     """
-    number = {name: i for i, name in enumerate(topology.bodies)}
-    number["ground"] = len(topology.bodies)
+    number = topology.body_numbers
     carriers: list[int] = []
     second_carrier: list[int] = []
     holder: list[int] = []
@@ -241,8 +238,7 @@ def rods_in_loops(topology: Topology, coordinates: Twists, cuts: Cuts) -> list[R
     """Return the rods of distance joints, in the tree or cut."""
     if not any(joint.kind == "distance" for joint in topology.joints):
         return []
-    number = {name: i for i, name in enumerate(topology.bodies)}
-    number["ground"] = len(topology.bodies)
+    number = topology.body_numbers
     cut = {k: count for count, k in enumerate(topology.cut)}
     result = []
     for k, joint in enumerate(topology.joints):

@@ -64,21 +64,21 @@ class Triplets:
     value: Array
     shape: tuple[int, int]
 
-    def acting(self, start: int, stop: int) -> NDArray[np.bool_]:
+    def nonzero_rows(self, start: int, stop: int) -> NDArray[np.bool_]:
         """Tell which of the rows start..stop have an entry that is not zero."""
         entry = self.value != 0.0
         result = np.zeros(self.shape[0], dtype=bool)
         result[self.row[entry if entry.ndim == 1 else entry.any(axis=0)]] = True
         return result[start:stop]
 
-    def dense(self, start: int, stop: int, keep: NDArray[np.bool_] | None = None) -> Array:
-        """Return the rows start..stop, those that ``keep`` picks of them, as an array (..., rows, columns)."""
+    def dense(self, start: int, stop: int, columns: NDArray[np.bool_] | None = None) -> Array:
+        """Return the rows start..stop, those that ``columns`` picks of them, as an array (..., rows, columns)."""
         first, last = self.row.searchsorted((start, stop)).tolist()
         row, column, value = self.row[first:last] - start, self.column[first:last], self.value[..., first:last]
-        count = stop - start if keep is None else int(np.count_nonzero(keep))
-        if keep is not None and count < len(keep):
-            picked = keep.take(row).nonzero()[0]
-            row = (keep.cumsum() - 1).take(row.take(picked))
+        count = stop - start if columns is None else int(np.count_nonzero(columns))
+        if columns is not None and count < len(columns):
+            picked = columns.take(row).nonzero()[0]
+            row = (columns.cumsum() - 1).take(row.take(picked))
             column, value = column.take(picked), value.take(picked, axis=-1)
         result = np.zeros((*value.shape[:-1], count, self.shape[1]))
         if value.ndim == 1:
@@ -239,9 +239,9 @@ def clear_rounding(value: Array, *vectors: Array) -> None:
         value[at[size.take(at) <= _noise(*sizes)]] = 0.0
         return
     at = small.any(axis=1).nonzero()[0]
-    some = value.take(at, axis=0)
-    some[np.abs(some) <= _noise(*(np.abs(array.take(at, axis=1)).max(axis=0) for array in vectors))] = 0.0
-    value[at] = some
+    entries = value.take(at, axis=0)
+    entries[np.abs(entries) <= _noise(*(np.abs(array.take(at, axis=1)).max(axis=0) for array in vectors))] = 0.0
+    value[at] = entries
 
 
 def _noise(force: Array, moment: Array, linear: Array, angular: Array, point: Array, start: Array) -> Array:

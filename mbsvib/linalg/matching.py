@@ -159,8 +159,8 @@ def track_modes(stations: Sequence[Station], between: Callable[[float], Station]
     """
     order = [np.arange(len(stations[0].values))]
     tracks = reference(stations[0])
-    for last, here in pairwise(stations):
-        number, tracks = match_next(tracks, last.at, here, between)
+    for last, current in pairwise(stations):
+        number, tracks = match_next(tracks, last.at, current, between)
         order.append(number)
     return order
 

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
 
 
-
 def gram_matrix(factor: Array) -> Array:
     """Return W^T W; zero rows, such as those of planar mechanisms, are left out if they are many."""
     if factor.ndim == 2 and factor.shape[1] >= MANY:

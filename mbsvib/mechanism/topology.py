@@ -47,6 +47,11 @@ class Topology:
     floating: tuple[int, ...]
 
     @property
+    def body_numbers(self) -> dict[str, int]:
+        """Number of each body by name; the ground comes last."""
+        return {name: i for i, name in enumerate((*self.bodies, "ground"))}
+
+    @property
     def tree(self) -> tuple[str, ...]:
         """Names of the joints of the tree, from ground outwards."""
         return tuple(self.joints[branch.joint].name for branch in self.branches if branch.joint != FLOATS)
@@ -129,13 +134,13 @@ def _loop(topology: Topology, joint: Joint) -> list[str]:
     up = {topology.bodies[branch.body]: branch for branch in topology.branches}
     sides: list[list[str]] = []
     for end in (joint.first, joint.second):
-        body, way = end, []
+        body, path = end, []
         while body in up:
             branch = up[body]
             if branch.joint != FLOATS:
-                way.append(topology.joints[branch.joint].name)
+                path.append(topology.joints[branch.joint].name)
             body = topology.bodies[branch.parent] if branch.parent < len(topology.bodies) else "ground"
-        sides.append(way)
+        sides.append(path)
     return [name for name in (*sides[0], *sides[1]) if (name in sides[0]) != (name in sides[1])]
 
 

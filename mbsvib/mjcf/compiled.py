@@ -66,8 +66,8 @@ class Compiled:
     def refuse(self, kind: str, i: int, reason: str, field: str | None = None) -> ModelError:
         """Build the error that names the file and the element."""
         name = self.name(kind, i)
-        way = f" Leave it out by leave=[{name!r}]." if kind in LEAVABLE else ""
-        return ModelError(f"{self.path}: {kind} '{name}': {reason}{way}", element=name, field=field)
+        advice = f" Leave it out by leave=[{name!r}]." if kind in LEAVABLE else ""
+        return ModelError(f"{self.path}: {kind} '{name}': {reason}{advice}", element=name, field=field)
 
     def off(self, *flags: str) -> bool:
         """Tell whether the file's options disable a feature; names of the flags depend on the version."""
@@ -186,8 +186,8 @@ def _keyframe(file: Compiled, keyframe: str | int | None) -> int | None:
         return known.index(keyframe)
     if isinstance(keyframe, int) and not isinstance(keyframe, bool) and 0 <= keyframe < len(known):
         return keyframe
-    there = f"There are {', '.join(known)}." if known else "The file has none."
-    raise ModelError(f"{file.path}: keyframe = {keyframe!r} is none of it.{nearest(str(keyframe), known)} {there}",
+    hint = f"There are {', '.join(known)}." if known else "The file has none."
+    raise ModelError(f"{file.path}: keyframe = {keyframe!r} is none of it.{nearest(str(keyframe), known)} {hint}",
                      element=file.path, field="keyframe")  # fmt: skip
 
 
@@ -229,7 +229,7 @@ def known(name: str, numbers: Mapping[str, int], field: str, kind: str) -> int:
         If there is none of this name.
     """
     if name not in numbers:
-        there = f"There are {', '.join(numbers)}." if numbers else "The file has none."
-        raise ModelError(f"{field}: {name!r} is no {kind}.{nearest(str(name), numbers)} {there}",
+        hint = f"There are {', '.join(numbers)}." if numbers else "The file has none."
+        raise ModelError(f"{field}: {name!r} is no {kind}.{nearest(str(name), numbers)} {hint}",
                          element=str(name), field=field)  # fmt: skip
     return numbers[name]

@@ -13,7 +13,6 @@ from mbsvib.mjcf.compiled import Compiled
 
 if TYPE_CHECKING:
 
-
     from mbsvib.common.arrays import Array
 
 

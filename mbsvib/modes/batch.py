@@ -63,8 +63,8 @@ class BatchModes(Displayed):
         """Values (n, m, 2) as rows (n, values); one value for a mode of first order."""
         if self.first_order is None:
             return pairs.reshape(len(pairs), -1)
-        keep = np.stack((np.ones_like(self.first_order), ~self.first_order), axis=2)
-        return pairs[keep].reshape(len(pairs), -1)
+        retained = np.stack((np.ones_like(self.first_order), ~self.first_order), axis=2)
+        return pairs[retained].reshape(len(pairs), -1)
 
     @cached_property
     def natural(self) -> Array:

@@ -84,7 +84,7 @@ def starts(gamma: Array, square: Array) -> list[Start]:
     values[rest[oscillates]], y[rest[oscillates]] = eigenvalues[oscillates, :m], vectors[oscillates, :, :m]
     converged[rest[oscillates]] = True
     which = np.flatnonzero(converged)
-    result = [Start(which, some(values, which), some(y, which), m)] if len(which) else []
+    result = [Start(which, subset(values, which), subset(y, which), m)] if len(which) else []
     for count in np.unique(complex_count[~oscillates]).tolist():
         group = complex_count == count
         size = 2 * m - count
@@ -108,8 +108,8 @@ def _from_unit_vectors(gamma: Array, square: Array) -> tuple[Complex, Complex, M
     for _ in range(STEPS):
         if not len(todo):
             break
-        g, w = some(gamma, todo), some(square, todo)
-        values[todo], y[todo], step = _corrected(g, w, some(values, todo), some(y, todo))
+        g, w = subset(gamma, todo), subset(square, todo)
+        values[todo], y[todo], step = _corrected(g, w, subset(values, todo), subset(y, todo))
         done = step < CONVERGED
         converged[todo[done]] = True
         todo = todo[~done & (step < START)]
@@ -201,7 +201,7 @@ def refined(
     parts, shares = _projections(y, wide * (wide * inertia + damping) + elastic)
     away = _away(exact_slope, improved, improved), _away(exact_slope.conj(), improved.conj(), improved)
     at = np.arange(y.shape[2])
-    doubt = 4.0 * EPS * speed * np.einsum("vij,vij->vj", size, forms.magnitude @ size)
+    uncertainty = 4.0 * EPS * speed * np.einsum("vij,vij->vj", size, forms.magnitude @ size)
     for share, distance in zip(shares, away, strict=True):
         projection, separation = np.abs(share), np.abs(distance)
         if share is shares[0]:
@@ -209,18 +209,18 @@ def refined(
         else:  # real ones are their own conjugates
             projection[:, complex_count:] = 0.0
         ratio = np.divide(projection, separation, out=np.ones_like(projection), where=separation > projection)
-        doubt += np.einsum("vij,vij->vj", projection, ratio)
+        uncertainty += np.einsum("vij,vij->vj", projection, ratio)
         near = (CORRECTION * separation <= projection) | (distance == 0.0)
         if share is not shares[0]:
             near[:, complex_count:] = True
         share[near] = 0.0
         np.divide(share, distance, out=share, where=~near)
     reach = slope * speed
-    reducible = np.divide(doubt, reach, out=np.ones_like(slope), where=reach > 0.0)
+    reducible = np.divide(uncertainty, reach, out=np.ones_like(slope), where=reach > 0.0)
     reducible[~small] = 1.0
     trust = 2.0 * (errors[:, :, None] + EPS)
-    doubt += np.einsum("vij,vij->vj", size, (speed[:, None] ** 2 + np.abs(square)[:, :, None]) * trust * size)
-    bound = np.divide(doubt, reach, out=np.ones_like(slope), where=reach > 0.0)
+    uncertainty += np.einsum("vij,vij->vj", size, (speed[:, None] ** 2 + np.abs(square)[:, :, None]) * trust * size)
+    bound = np.divide(uncertainty, reach, out=np.ones_like(slope), where=reach > 0.0)
     relative = np.divide(np.abs(step), speed, out=np.ones_like(speed), where=speed > 0.0)
     bound = np.minimum(np.where(small, bound, np.maximum(bound, relative)), 1.0)
     y = y - _combined(parts, *shares)
@@ -230,7 +230,7 @@ def refined(
     return improved, y, slopes, bound, reducible.max(axis=1, initial=0.0)
 
 
-def some(array: Any, which: Any) -> Any:
+def subset(array: Any, which: Any) -> Any:
     """Return the variants ``which`` of an array; all of them without a copy."""
     return array if len(which) == len(array) else array[which]
 

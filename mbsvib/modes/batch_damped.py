@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.linalg.rank import EPS
-from mbsvib.modes.batch_coupled import Forms, Start, refined, some, starts
+from mbsvib.modes.batch_coupled import Forms, Start, refined, starts, subset
 from mbsvib.modes.classical import CLASSICAL, COMMUTES, NO_DAMPER, classical_errors, quadratic_roots, rounding_of_sums
 from mbsvib.modes.damped import MARGIN, Damped, pair_numbers
 from mbsvib.modes.undamped import Undamped
@@ -92,7 +92,7 @@ def damped_batch(batch: BatchEquations, basis: UndampedBatch, rtol: float) -> Da
     errors[classical_variants] = flat_errors.reshape(len(classical_variants), m, 2)
     together = np.flatnonzero(~simple & accurate)
     if len(together):
-        for start in starts(some(gamma, together), np.abs(some(basis.square, together))):
+        for start in starts(subset(gamma, together), np.abs(subset(basis.square, together))):
             which = together[start.which]
             reducible, *eigensolution = _coupled(batch, basis, gamma, start, which)
             for array, value in zip((pairs, vectors, slopes, errors), eigensolution, strict=True):
@@ -136,14 +136,15 @@ def _coupled(
     batch: BatchEquations, basis: UndampedBatch, gamma: Array, start: Start, which: Index
 ) -> tuple[Array, Any, Complex, Any, Array]:
     """The largest reducible error; pairs, vectors, slopes, errors of variants with equally many oscillating modes."""
-    shapes, rows, factor = (some(array, which) for array in (basis.shapes, batch.elastic_rows, batch.inertia_factor))
+    shapes, rows, factor = (subset(array, which) for array in (basis.shapes, batch.elastic_rows, batch.inertia_factor))
     h, e, cancel = factor @ shapes, rows @ shapes, np.abs(rows) @ np.abs(shapes)
     forms = Forms(
-        h.swapaxes(1, 2) @ h, some(gamma, which), e.swapaxes(1, 2) @ (e * some(batch.row_stiffness, which)[:, :, None]),
-        cancel.swapaxes(1, 2) @ (np.abs(e) * np.abs(some(batch.row_damping, which))[:, :, None]),
+        h.swapaxes(1, 2) @ h, subset(gamma, which),
+        e.swapaxes(1, 2) @ (e * subset(batch.row_stiffness, which)[:, :, None]),
+        cancel.swapaxes(1, 2) @ (np.abs(e) * np.abs(subset(batch.row_damping, which))[:, :, None]),
     )  # fmt: skip
-    values, y, slope, bound, reducible = refined(forms, start.values, start.y, some(basis.square, which),
-                                                some(basis.errors, which), start.complex_count)  # fmt: skip
+    values, y, slope, bound, reducible = refined(forms, start.values, start.y, subset(basis.square, which),
+                                                subset(basis.errors, which), start.complex_count)  # fmt: skip
     m, oscillating = y.shape[1], np.arange(start.complex_count).repeat(2).reshape(1, -1, 2)
     if start.complex_count == m:
         pair_indices = np.broadcast_to(oscillating, (len(values), m, 2))

@@ -97,8 +97,8 @@ def _refined(batch: BatchEquations, which: Index, shapes: Array) -> tuple[Array,
     unresolved = np.where(separated, 0.0, np.minimum(shared, np.abs(gap)))
     cancel = np.abs(rows) @ np.abs(phi)
     noise = EPS * np.einsum("vij,vij->vj", np.abs(e), cancel) + EPS**2 * np.einsum("vij,vij->vj", cancel, cancel)
-    doubt = np.abs(mixing * shared).sum(axis=1) + unresolved.max(axis=1, initial=0.0) + noise
-    errors = 0.5 * doubt / np.abs(value)
+    uncertainty = np.abs(mixing * shared).sum(axis=1) + unresolved.max(axis=1, initial=0.0) + noise
+    errors = 0.5 * uncertainty / np.abs(value)
     largest_error = errors.max(axis=1, initial=0.0)
     growth = (np.sqrt(np.einsum("vii->vi", batch.M[which]))[:, None] @ np.abs(phi))[:, 0]
     errors += EPS * (2.0 + ROUNDING * growth)

@@ -159,13 +159,13 @@ def _coupled(
     basis, forms, free = parts
     r = basis.rigid
     values, y = _energy_eigenvalues(basis, forms.matrices[1], free)
-    values, y, slope, bound, doubt = _rayleigh(values, y, forms, basis)
-    doubtful = float(doubt.max(initial=0.0)) > MARGIN * rtol
-    if basis.mixed > CLEAN and (doubtful or float(bound.max(initial=0.0)) > rtol):
+    values, y, slope, bound, uncertainty = _rayleigh(values, y, forms, basis)
+    uncertain = float(uncertainty.max(initial=0.0)) > MARGIN * rtol
+    if basis.mixed > CLEAN and (uncertain or float(bound.max(initial=0.0)) > rtol):
         return None
-    if doubtful:
+    if uncertain:
         eigensolution = values, y, slope, bound
-        values, y, slope, bound = _doubtful(system, shapes, parts, (eigensolution, doubt), MARGIN * rtol)
+        values, y, slope, bound = _uncertain_refined(system, shapes, parts, (eigensolution, uncertainty), MARGIN * rtol)
     which = pair_numbers(values, y, free, r)
     pairs = np.where(which < 0, 0.0, values.take(which))
     order = np.abs(pairs[:, 0] * pairs[:, 1]).argsort(kind="stable")
@@ -257,11 +257,11 @@ def _rayleigh(
     distance = _both(exact_slope, complex_count)[:, None] * (improved - _both(improved, complex_count)[:, None])
     distance.reshape(-1)[: distance.shape[1] ** 2 : distance.shape[1] + 1] = np.inf
     projection, separation, size, speed = np.abs(share), np.abs(distance), np.abs(y), np.abs(improved)
-    doubt = np.add.reduce(projection * (projection / np.maximum(np.maximum(separation, projection), TINY)))
+    uncertainty = np.add.reduce(projection * (projection / np.maximum(np.maximum(separation, projection), TINY)))
     # rounding of the three quadratic forms; errors of the frequencies measure those of the factors
-    doubt += 4.0 * EPS * speed * np.einsum("ij,ij->j", size, forms.magnitude.dot(size))
+    uncertainty += 4.0 * EPS * speed * np.einsum("ij,ij->j", size, forms.magnitude.dot(size))
     weight = np.maximum(np.abs(exact_slope) * speed, TINY)
-    reducible, bound = np.minimum(np.array((doubt, doubt + _trust(speed, size, basis))) / weight, 1.0)
+    reducible, bound = np.minimum(np.array((uncertainty, uncertainty + _trust(speed, size, basis))) / weight, 1.0)
     if np.count_nonzero(small) < len(small):
         reducible[~small] = 1.0
         bound[~small] = np.maximum(bound, np.minimum(amount / speed, 1.0))[~small]
@@ -288,7 +288,7 @@ def _trust(speed: Array, size: Array, basis: Undamped) -> Array:
     return np.asarray(speed * speed * inertial + elastic)
 
 
-def _doubtful(
+def _uncertain_refined(
     system: Equations, shapes: Array, parts: tuple[Undamped, _Forms, int], estimate: tuple[_Eigensolution, Array],
     rtol: float,
 ) -> _Eigensolution:  # fmt: skip
@@ -321,14 +321,14 @@ def _from_factors(system: Equations, shapes: Array, count: int, rtol: float) -> 
 
 
 def _with_forces(
-    eigensolution: _Eigensolution, dampers: Array, doubt: Array, basis: Undamped, free: int, rtol: float
+    eigensolution: _Eigensolution, dampers: Array, uncertainty: Array, basis: Undamped, free: int, rtol: float
 ) -> _Eigensolution:
     """Values, vectors, slopes and bounds; inaccurate ones with the dampers' forces as unknowns if that is better."""
     complex_count = _complex_count(eigensolution[0])
     values, y, slope = (_both(part, complex_count) for part in eigensolution[:3])
-    bound, doubt = (np.concatenate((part, part[:complex_count])) for part in (eigensolution[3], doubt))
+    bound, uncertainty = (np.concatenate((part, part[:complex_count])) for part in (eigensolution[3], uncertainty))
     equations = forces(basis.square[free:], dampers[:, free:], basis.rigid - free)
-    new, shapes, slopes, errors = improved(equations, values, doubt, rtol)
+    new, shapes, slopes, errors = improved(equations, values, uncertainty, rtol)
     motion = np.zeros_like(y)
     motion[free:] = shapes
     size = np.abs(slopes * new)

@@ -47,10 +47,10 @@ class EnergyState:
 
     ``scale`` (p,) is d in x = (d eta, eta', zeta); ``conservative``: the energy is constant, so that eigenvalues are
     imaginary. The k eigenvalues 0 have the invariant subspaces ``right`` and ``left`` (n, k), left^T right = 1, on
-    which A is ``nilpotent`` (k, k); the ``still`` first columns are the motions without stiffness. ``doubt`` is the
-    relative error of the coordinates from nearly singular loops. In the ``basis`` (m, m) the inertia is 1, or 0 for
-    massless motions, which come last; ``square`` (p,) is Omega^2, ``damping`` (m, m) is C, and ``coupling`` (m, m) is
-    K without Omega^2.
+    which A is ``nilpotent`` (k, k); the ``null_count`` first columns are the motions without stiffness. ``uncertainty``
+    is the relative error of the coordinates from nearly singular loops. In the ``basis`` (m, m) the inertia is 1, or 0
+    for massless motions, which come last; ``square`` (p,) is Omega^2, ``damping`` (m, m) is C, and ``coupling`` (m, m)
+    is K without Omega^2.
     """
 
     a: Array
@@ -63,9 +63,9 @@ class EnergyState:
     right: Array
     left: Array
     nilpotent: Array
-    still: int
+    null_count: int
     free: int
-    doubt: float
+    uncertainty: float
     basis: Array
     square: Array
     damping: Array
@@ -112,9 +112,9 @@ def energy_state(system: Equations, rtol: float) -> EnergyState:
     no_damping = not system.row_damping.any() and system.circulatory is None
     conservative = bool(no_damping and not n1 and (square >= 0.0).all())
     reduction = min((group.retained for group in system.provenance.reduction.groups), default=1.0)
-    doubt = 0.0 if reduction >= WELL_CLOSED else EPS / reduction
+    uncertainty = 0.0 if reduction >= WELL_CLOSED else EPS / reduction
     return EnergyState(a, basis @ show, force @ basis.T, position, rate, scale, conservative, right, left, nilpotent,
-                       null[0].shape[1], count, doubt, basis, square, damping, coupling)  # fmt: skip
+                       null[0].shape[1], count, uncertainty, basis, square, damping, coupling)  # fmt: skip
 
 
 def _resists(system: Equations) -> bool:
@@ -207,8 +207,8 @@ def _first_order(stiffness: Array, damping: Array, scale: Array, n1: int) -> tup
     if n1:
         force[2 * p :, p:] = np.linalg.inv(damping[p:, p:])
         force[p : 2 * p, p:] = -damping[:p, p:] @ force[2 * p :, p:]
-    pull = force @ stiffness
-    a[:, :p], a[:, 2 * p :] = -pull[:, :p] / scale, -pull[:, p:]
+    coupling = force @ stiffness
+    a[:, :p], a[:, 2 * p :] = -coupling[:, :p] / scale, -coupling[:, p:]
     a[p : 2 * p, p : 2 * p] = -damping[:p, :p]
     a[at, :p] = 0.0
     a[at, p + at] = scale

@@ -51,16 +51,16 @@ class General:
     @property
     def values(self) -> Complex:
         """All eigenvalues, (2m - massless,), pairs together."""
-        keep = np.ones(self.pairs.shape, dtype=bool)
-        keep[:, 1] = ~self.single
-        return self.pairs[keep]
+        retained = np.ones(self.pairs.shape, dtype=bool)
+        retained[:, 1] = ~self.single
+        return self.pairs[retained]
 
     @property
     def value_errors(self) -> Array:
         """Relative errors of ``values``."""
-        keep = np.ones(self.pairs.shape, dtype=bool)
-        keep[:, 1] = ~self.single
-        return self.errors[keep]
+        retained = np.ones(self.pairs.shape, dtype=bool)
+        retained[:, 1] = ~self.single
+        return self.errors[retained]
 
 
 def is_general(system: Equations) -> bool:
@@ -149,12 +149,12 @@ def rigid_shapes(state: EnergyState) -> tuple[Array, Array]:
         u = np.linalg.svd(state.show @ state.right)[0]
         zeros = state.right.shape[1]
         return u[:, zeros // 2 : -(-zeros // 2)], u[:, : zeros // 2]
-    null = state.show @ state.right[:, : state.still]
-    free = state.right.shape[1] - state.still
+    null = state.show @ state.right[:, : state.null_count]
+    free = state.right.shape[1] - state.null_count
     if not free:
         return null, null[:, :0]
-    turn = np.linalg.svd(state.nilpotent[: state.still, state.still :])[0]
-    return null @ turn[:, free:], null @ state.nilpotent[: state.still, state.still :]
+    turn = np.linalg.svd(state.nilpotent[: state.null_count, state.null_count :])[0]
+    return null @ turn[:, free:], null @ state.nilpotent[: state.null_count, state.null_count :]
 
 
 def _most_alike(first: Complex, second: Complex, separation: Array) -> tuple[int, int]:

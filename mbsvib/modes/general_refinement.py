@@ -226,23 +226,23 @@ def _bounds(f: _Factors, state: EnergyState, eigen: Spectrum) -> Array:
     mr, cr, kr = (part.T for part in _products(f, eigen.left, right))
     left_form = eigen.values * (eigen.values * ml + cl) + kl
     right_form = eigen.values * (eigen.values * mr + cr) + kr
-    both = np.abs(left_form * right_form)
+    coupling = np.abs(left_form * right_form)
     h = np.arange(len(eigen.values))
     weight = np.abs(slopes[:, None] * eigen.slopes)
     gap = np.abs(eigen.values - values[:, None])
-    both[h, h] = 0.0
+    coupling[h, h] = 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
-        separated = both / (weight * gap)
-        met = np.sqrt(both / weight)
-        move = np.where(both > 0.0, np.fmin(separated, met), 0.0)
-    rounding = _rounding(f, eigen, state.doubt)
+        separated = coupling / (weight * gap)
+        met = np.sqrt(coupling / weight)
+        move = np.where(coupling > 0.0, np.fmin(separated, met), 0.0)
+    rounding = _rounding(f, eigen, state.uncertainty)
     diagonal = np.abs(left_form[h, h])
     slope = np.abs(eigen.slopes)
     total = np.divide(diagonal + rounding, slope, out=np.full_like(slope, np.inf), where=slope > 0.0) + move.sum(axis=0)
     return np.asarray(np.minimum(total / speed, 1.0))
 
 
-def _rounding(f: _Factors, eigen: Spectrum, doubt: float) -> Array:
+def _rounding(f: _Factors, eigen: Spectrum, uncertainty: float) -> Array:
     x, y, speed = eigen.right, eigen.left, np.abs(eigen.values)
     ax, ay = np.abs(x), np.abs(y)
     w, d = np.abs(f.w), np.abs(f.d)
@@ -256,4 +256,4 @@ def _rounding(f: _Factors, eigen: Spectrum, doubt: float) -> Array:
         total = total + speed * np.einsum("ij,ij->j", ay, np.abs(f.g) @ ax)
     if f.n is not None:
         total = total + np.einsum("ij,ij->j", ay, np.abs(f.n) @ ax)
-    return np.asarray(ROUNDING * EPS * total + doubt * plain)
+    return np.asarray(ROUNDING * EPS * total + uncertainty * plain)

@@ -40,20 +40,20 @@ def spectrum(system: Equations, rtol: float) -> tuple[EnergyState, Spectrum]:
 def _imaginary(state: EnergyState) -> Spectrum:
     """Eigenvalues of a skew-symmetric A, without those of drifting motions."""
     p = len(state.scale)
-    active = np.concatenate((np.arange(state.still, p), np.arange(p, 2 * p)))
+    active = np.concatenate((np.arange(state.null_count, p), np.arange(p, 2 * p)))
     a = state.a[np.ix_(active, active)]
-    chains = state.right[active, state.still :]
-    keep = np.linalg.qr(chains, mode="complete")[0][:, chains.shape[1] :]
-    inner = keep.T @ a @ keep
+    chains = state.right[active, state.null_count :]
+    complement = np.linalg.qr(chains, mode="complete")[0][:, chains.shape[1] :]
+    inner = complement.T @ a @ complement
     omega, vectors = np.linalg.eigh(-0.5j * (inner - inner.T))
     positive = omega > 0.0
     if 2 * np.count_nonzero(positive) != len(omega):
         return _any(state, even=True)
-    omega, states = omega[positive], keep @ vectors[:, positive]
-    rate, still, d = states[p - state.still :], state.still, state.scale[state.still :, None]
+    omega, states = omega[positive], complement @ vectors[:, positive]
+    rate, null_count, d = states[p - state.null_count :], state.null_count, state.scale[state.null_count :, None]
     eta = rate / (1j * omega)
-    numerator = states[: p - still] * d - 1j * omega * rate[still:]
-    eta[still:] = numerator / (d * d + omega**2)
+    numerator = states[: p - null_count] * d - 1j * omega * rate[null_count:]
+    eta[null_count:] = numerator / (d * d + omega**2)
     x = (state.show[:, :p] * state.scale) @ eta
     return Spectrum(1j * omega, x, x.conj(), np.ones(len(omega), dtype=bool), "hermitian")
 
@@ -64,14 +64,14 @@ def _any(state: EnergyState, even: bool) -> Spectrum:
     The eigenvalues of an ``even`` system, without damping, are symmetric about the imaginary axis: one that is off the
     axis by no more than its rounding has no mirror image, and is put on the axis.
     """
-    keep = np.linalg.qr(state.left, mode="complete")[0][:, state.left.shape[1] :]
-    inner = keep.T @ state.a @ keep
+    complement = np.linalg.qr(state.left, mode="complete")[0][:, state.left.shape[1] :]
+    inner = complement.T @ state.a @ complement
     values, left, right = _eigen(inner)
     size = np.abs(values)
     if len(size) and float(size.min()) < SMALL * float(size.max()):
-        values, left, right = _with_small_ones((values, left, right), state, keep)
+        values, left, right = _with_small_ones((values, left, right), state, complement)
     values, left, right = _separated(inner, values, left, right)
-    r, w = keep @ right, keep @ left
+    r, w = complement @ right, complement @ left
     w -= state.left @ (state.right.T @ w)
     p = len(state.scale)
     x = state.show @ r
@@ -101,12 +101,12 @@ def _eigen(a: Array) -> _Eigensolution:
     return values[half], left[:, half].conj().astype(complex), right[:, half].astype(complex)
 
 
-def _with_small_ones(eigensolution: _Eigensolution, state: EnergyState, keep: Array) -> _Eigensolution:
+def _with_small_ones(eigensolution: _Eigensolution, state: EnergyState, complement: Array) -> _Eigensolution:
     """Replace eigenvalues that are small compared with the largest by those of the inverse of A, which is explicit."""
     inverse = _inverse(state)
     if inverse is None:
         return eigensolution
-    back, *vectors = _eigen(keep.T @ (inverse - state.right @ (state.left.T @ inverse)) @ keep)
+    back, *vectors = _eigen(complement.T @ (inverse - state.right @ (state.left.T @ inverse)) @ complement)
     if not back.all():
         return eigensolution
     small = np.where(back.imag == 0.0, 1.0 / back, (1.0 / back).conj())  # the one with positive imaginary part
@@ -115,7 +115,7 @@ def _with_small_ones(eigensolution: _Eigensolution, state: EnergyState, keep: Ar
     from_matrix, from_inverse = np.abs(eigensolution[0]) >= middle, np.abs(small) < middle
     count = [np.count_nonzero(selected) + np.count_nonzero(values.imag[selected] > 0.0)
              for values, selected in ((eigensolution[0], from_matrix), (small, from_inverse))]  # fmt: skip
-    if sum(count) != keep.shape[1]:
+    if sum(count) != complement.shape[1]:
         return eigensolution
     return (np.concatenate((eigensolution[0][from_matrix], small[from_inverse])),
             np.concatenate((eigensolution[1][:, from_matrix], vectors[0][:, from_inverse]), axis=1),
@@ -127,16 +127,16 @@ def _inverse(state: EnergyState) -> Array | None:
     p, m = len(state.scale), len(state.basis)
     stiffness = state.coupling.copy()
     stiffness[np.arange(p), np.arange(p)] += state.square
-    push = np.zeros((m, len(state.a)))
-    push[:, :p], push[:, 2 * p :] = state.damping[:, :p] / state.scale, state.damping[:, p:]
-    push[:p, p : 2 * p] = np.eye(p)
+    forces = np.zeros((m, len(state.a)))
+    forces[:, :p], forces[:, 2 * p :] = state.damping[:, :p] / state.scale, state.damping[:, p:]
+    forces[:p, p : 2 * p] = np.eye(p)
     if not state.coupling.any():
-        q = np.divide(-push, state.square[:, None], out=np.zeros_like(push), where=state.square[:, None] != 0.0)
-    elif state.still and not np.array_equal(stiffness, stiffness.T):
+        q = np.divide(-forces, state.square[:, None], out=np.zeros_like(forces), where=state.square[:, None] != 0.0)
+    elif state.null_count and not np.array_equal(stiffness, stiffness.T):
         return None
     else:
-        null = np.concatenate((state.right[:p] / state.scale[:, None], state.right[2 * p :]))[:, : state.still]
-        q = answer(stiffness, push, null, null)
+        null = np.concatenate((state.right[:p] / state.scale[:, None], state.right[2 * p :]))[:, : state.null_count]
+        q = answer(stiffness, forces, null, null)
     result = np.zeros_like(state.a)
     result[:p], result[2 * p :] = state.scale[:, None] * q[:p], q[p:]
     result[np.arange(p, 2 * p), np.arange(p)] = 1.0 / state.scale
@@ -176,10 +176,10 @@ def _independent(
             continue
         visited[group] = True
         r, w = np.linalg.qr(right[:, group])[0], np.linalg.qr(left[:, group])[0]
-        both = w.T @ r
-        if np.linalg.cond(both) > 1.0 / DEPENDENT**4:
+        products = w.T @ r
+        if np.linalg.cond(products) > 1.0 / DEPENDENT**4:
             continue
-        w = np.linalg.solve(both, w.T).T
+        w = np.linalg.solve(products, w.T).T
         within = w.T @ a @ r
         if np.abs(within - np.diag(within.diagonal())).max() <= size:
             values, left, right = values.copy(), left.copy(), right.copy()

@@ -18,7 +18,6 @@ from mbsvib.modes.general import General, general, is_general
 from mbsvib.modes.undamped import undamped
 
 if TYPE_CHECKING:
-
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Complex
@@ -254,8 +253,8 @@ class Modes(Displayed):
             inertia = np.sum(self.inertia_factor**2, axis=0)[:, None]
             return tuple([(self.coordinates[i],) for i in (inertia * np.abs(self.shapes) ** 2).argmax(axis=0)])
         energy = self._energy()
-        still = ~energy.any(axis=(0, 1))  # nodes without mass: by how far they move
-        energy[..., still] = np.abs(self.body_motion @ self.shapes[:, still])
+        massless = ~energy.any(axis=(0, 1))  # nodes without mass: by how far they move
+        energy[..., massless] = np.abs(self.body_motion @ self.shapes[:, massless])
         body = energy.sum(axis=1).argmax(axis=0)
         mode = np.arange(len(self))
         translates = energy[body, :3, mode].sum(axis=1) >= energy[body, 3:, mode].sum(axis=1)
@@ -343,7 +342,7 @@ def modes(system: Equations, rtol: float = RTOL, clean: bool = True, form: type[
         basis = undamped(system, rtol)
         result = damped(system, basis, rtol)
     assert result is not None  # clean shapes always give a result
-    if basis.doubt > max(TIGHTER * rtol, ROUNDING) and float(result.errors.max(initial=0.0)) > rtol:
+    if basis.uncertainty > max(TIGHTER * rtol, ROUNDING) and float(result.errors.max(initial=0.0)) > rtol:
         basis = undamped(system, TIGHTER * rtol)
         result = damped(system, basis, rtol) or result
     shapes = result.shapes if result.vectors is None else result.shapes @ result.vectors[:, :, 0]

@@ -107,7 +107,9 @@ def forces(square: Array, dampers: Array, zeros: int) -> Forces:
     return Forces(square, root[root.any(axis=1)], zeros)
 
 
-def improved(equations: Forces, values: Complex, doubt: Array, rtol: float) -> tuple[Complex, Complex, Complex, Array]:
+def improved(
+    equations: Forces, values: Complex, uncertainty: Array, rtol: float
+) -> tuple[Complex, Complex, Complex, Array]:
     """Improve the eigenvalues whose error may exceed ``rtol``.
 
     Parameters
@@ -116,7 +118,7 @@ def improved(equations: Forces, values: Complex, doubt: Array, rtol: float) -> t
         The equations.
     values : array, shape (k,)
         All eigenvalues but 0, roughly.
-    doubt : array, shape (k,)
+    uncertainty : array, shape (k,)
         Their relative errors, at most.
     rtol : float
         Required relative accuracy.
@@ -130,11 +132,11 @@ def improved(equations: Forces, values: Complex, doubt: Array, rtol: float) -> t
     Source: Aberth, Math. Comp. 27 (1973), for the simultaneous steps.
     """
     n = len(equations.square)
-    inaccurate = np.nonzero(doubt > rtol)[0]
+    inaccurate = np.nonzero(uncertainty > rtol)[0]
     result = values.copy()
     y, slopes, errors = np.zeros((n, len(values)), dtype=complex), np.zeros_like(values), np.full(len(values), np.inf)
     try:
-        result = _separated_values(equations, values, inaccurate, doubt)
+        result = _separated_values(equations, values, inaccurate, uncertainty)
         real = result[inaccurate].imag == 0.0
         for group, part in ((inaccurate[real], result.real), (inaccurate[~real], result)):
             for batch in equations.batches(len(group)):
@@ -145,12 +147,12 @@ def improved(equations: Forces, values: Complex, doubt: Array, rtol: float) -> t
     return result, y, slopes, errors
 
 
-def _separated_values(equations: Forces, values: Complex, inaccurate: NDArray[np.intp], doubt: Array) -> Complex:
+def _separated_values(equations: Forces, values: Complex, inaccurate: NDArray[np.intp], uncertainty: Array) -> Complex:
     """Newton's steps on det Q for some of the eigenvalues, with the other eigenvalues divided out."""
     z = values.copy()
-    unsure = inaccurate[doubt[inaccurate] >= UNSURE]
+    unsure = inaccurate[uncertainty[inaccurate] >= UNSURE]
     z[unsure] *= 1.0 + 1j * UNSURE * np.cos(unsure)
-    active = inaccurate[doubt[inaccurate] > CLOSE]
+    active = inaccurate[uncertainty[inaccurate] > CLOSE]
     for _ in range(STEPS):
         if not len(active):
             break
@@ -160,7 +162,7 @@ def _separated_values(equations: Forces, values: Complex, inaccurate: NDArray[np
         distance[distance == 0.0] = EPS * np.abs(z).max()
         step = newton / (1.0 - newton * (1.0 / distance).sum(axis=1))
         step = np.where(np.isfinite(step), step, 0.0)
-        stays_real = (values[active].imag == 0.0) & (doubt[active] < UNSURE)
+        stays_real = (values[active].imag == 0.0) & (uncertainty[active] < UNSURE)
         z[active] -= np.where(stays_real, step.real, step)
         active = active[np.abs(step) > CLOSE * np.abs(z[active])]
     nearly_real = unsure[np.abs(z[unsure].imag) <= 10.0 * CLOSE * np.abs(z[unsure])]

@@ -60,7 +60,7 @@ WELL_CLOSED = 0.1
 class Undamped:
     """Undamped modes: ``square`` (m,) holds omega^2 [rad^2/s^2], ascending, exactly 0 for the ``rigid`` first ones and
     negative where stiffness is; ``shapes`` (m, m) with shapes^T M shapes = 1; ``errors`` (m,) of omega, relative;
-    ``method`` is the solver that was used, ``doubt`` the largest error that a more accurate solver could reduce.
+    ``method`` is the solver that was used, ``uncertainty`` the largest error that a more accurate solver could reduce.
     The shapes are the exact modes of a system whose frequencies differ by ``mixed``, relative, at most.
     """
 
@@ -69,7 +69,7 @@ class Undamped:
     errors: Array
     rigid: int
     method: str
-    doubt: float
+    uncertainty: float
     mixed: float = 0.0
 
     @property
@@ -124,10 +124,10 @@ def undamped(
         result = refined(scene, result.shapes, "products", rtol)
     solvers: tuple[tuple[str, Callable[..., Array]], ...] = (("factors", by_factors), ("jacobi", by_jacobi))
     for method, solve in solvers if scene.sign is None else ():
-        if result.doubt <= rtol:
+        if result.uncertainty <= rtol:
             break
         better = refined(scene, solve(scene, result.shapes), method, rtol)
-        if better.doubt < result.doubt:
+        if better.uncertainty < result.uncertainty:
             result = better
     return _with_loops(result, system)
 
@@ -225,15 +225,15 @@ def refined(scene: Factors, shapes: Array, method: str, rtol: float) -> Undamped
     # row j, column i: projection of the residual of mode i on mode j, and from it the share of mode j in mode i
     shared = _off_diagonal(np.subtract(elastic, inertia * square, out=elastic))
     mixing, unresolved = _mixing(shared, square)
-    taken = np.multiply(mixing, shared, out=shared)
-    value = square + taken.sum(axis=0)
+    corrections = np.multiply(mixing, shared, out=shared)
+    value = square + corrections.sum(axis=0)
     size = np.abs(value)
     power = phi * phi
-    doubt = np.abs(taken, out=taken).sum(axis=0) + unresolved
+    uncertainty = np.abs(corrections, out=corrections).sum(axis=0) + unresolved
     least = EPS * np.sqrt(np.abs(square) * (scene.stiffness_diagonal @ power))
-    doubt += 2.0 * _rounding(scene.e, phi, e, least, size, rtol)
+    uncertainty += 2.0 * _rounding(scene.e, phi, e, least, size, rtol)
     flexible = np.arange(len(value)) >= rigid
-    errors = np.divide(0.5 * doubt, size, out=np.where(flexible, np.inf, 0.0), where=flexible & (size > 0.0))
+    errors = np.divide(0.5 * uncertainty, size, out=np.where(flexible, np.inf, 0.0), where=flexible & (size > 0.0))
     largest_error = float(errors.max(initial=0.0))
     cheap = EPS * np.sqrt(scene.mass.diagonal() @ power)
     errors += flexible * (2.0 * EPS + _rounding(scene.w, phi, h * length, cheap, np.ones(len(size)), rtol))

@@ -53,16 +53,16 @@ def zero_subspaces(
     return right, left, nilpotent, count
 
 
-def answer(stiffness: Array, push: Array, far: Array, near: Array) -> Array:
+def answer(stiffness: Array, forces: Array, far: Array, near: Array) -> Array:
     """Return x with K x = -push, orthogonal to the null space of K (``near``); ``far`` is the null space of K^T."""
     m, r = near.shape
-    if not push.any():
-        return np.zeros_like(push)
+    if not forces.any():
+        return np.zeros_like(forces)
     size = matrix_scales(stiffness)
     bordered = np.zeros((m + r, m + r))
     bordered[:m, :m] = stiffness / size[:, None] / size
     bordered[:m, m:], bordered[m:, :m] = far, near.T
-    right = np.concatenate((-push / size[:, None], np.zeros((r, push.shape[1]))))
+    right = np.concatenate((-forces / size[:, None], np.zeros((r, forces.shape[1]))))
     return np.asarray(np.linalg.solve(bordered, right)[:m] / size[:, None])
 
 

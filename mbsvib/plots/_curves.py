@@ -96,8 +96,8 @@ def shared_grid(
         for output, source in pairs:
             choice.pick(system, "output", output)
             choice.pick(system, "input", source)
-    places = [poles, *(system.transmission_zeros(*pair) for system in systems for pair in pairs)]
-    return placed(np.concatenate(places), poles, low, high)
+    values = [poles, *(system.transmission_zeros(*pair) for system in systems for pair in pairs)]
+    return placed(np.concatenate(values), poles, low, high)
 
 
 def curves(system: Linear, pairs: Sequence[tuple[str, str]], grid: Array) -> list[Curve]:

@@ -36,8 +36,9 @@ ASIDE, END = 6.0, 0.8
 
 
 def place(
-    axes: Axes, names: Sequence[str], anchors: Array, marks: Array, ways: Sequence[Array], bounds: Boxes, blocked: Boxes
-) -> None:
+    axes: Axes, names: Sequence[str], anchors: Array, marks: Array, curves: Sequence[Array], bounds: Boxes,
+    blocked: Boxes,
+) -> None:  # fmt: skip
     """Write names beside points of axes.
 
     Parameters
@@ -50,7 +51,7 @@ def place(
         The points, in data of the axes.
     marks : array, shape (m, 2)
         Where marks are, which should remain visible.
-    ways : sequence of array, shape (m, 2)
+    curves : sequence of array, shape (m, 2)
         Polylines that should remain visible.
     bounds : array, shape (4,)
         Where names may be: left, bottom, right, top [pixel].
@@ -67,8 +68,8 @@ def place(
              for name, at in zip(names, anchors.tolist(), strict=True)]  # fmt: skip
     half = 0.5 * _sizes(texts) + GAP * pixel
     points = axes.transData.transform(anchors)
-    lines = np.concatenate([np.zeros((0, 2)), *(_sampled(axes.transData.transform(way), SPACING * pixel)
-                                                for way in ways)])  # fmt: skip
+    lines = np.concatenate([np.zeros((0, 2)), *(_sampled(axes.transData.transform(curve), SPACING * pixel)
+                                                for curve in curves)])  # fmt: skip
     offsets, distances = _candidates(half, pixel)
     centres = points[:, None] + offsets
     boxes = np.concatenate((centres - half[:, None], centres + half[:, None]), axis=2)
@@ -84,7 +85,7 @@ def place(
         text.set_in_layout(False)
 
 
-def slide(axes: Axes, texts: Sequence[Annotation], ways: Sequence[Array], blocked: Boxes) -> None:
+def slide(axes: Axes, texts: Sequence[Annotation], curves: Sequence[Array], blocked: Boxes) -> None:
     """Move names along their lines until they overlap as little as possible.
 
     Parameters
@@ -93,7 +94,7 @@ def slide(axes: Axes, texts: Sequence[Annotation], ways: Sequence[Array], blocke
         Laid out, with its limits.
     texts : sequence of Annotation
         Names, centred at points of ``axes``.
-    ways : sequence of array, shape (n, 2)
+    curves : sequence of array, shape (n, 2)
         The line of each name, in data, all with as many points; places are its inner points, those in the middle first.
     blocked : array, shape (b, 4)
         Boxes [pixel] where names may not be.
@@ -101,15 +102,15 @@ def slide(axes: Axes, texts: Sequence[Annotation], ways: Sequence[Array], blocke
     if not texts:
         return
     half = 0.5 * _sizes(texts) + GAP * axes.figure.dpi / 72.0
-    centres = np.array([axes.transData.transform(way) for way in ways])
+    centres = np.array([axes.transData.transform(curve) for curve in curves])
     boxes = np.concatenate((centres - half[:, None], centres + half[:, None]), axis=2)
     aside = np.abs(np.linspace(-1.0, 1.0, centres.shape[1]))
     cost = np.broadcast_to(ASIDE * aside + np.where(aside > END, OVERLAP, 0.0), centres.shape[:2])
     cost = cost + OVERLAP * np.array([_overlaps(group, blocked).sum(axis=1) for group in boxes])
     for k, other in enumerate(centres):  # lines of others that a name hides
         cost = cost + LINE * np.where(np.arange(len(centres)) == k, 0.0, 1.0)[:, None] * _inside(boxes, other, 0.0)
-    for text, way, place in zip(texts, ways, _chosen(boxes, cost), strict=True):
-        text.xy = (float(way[place, 0]), float(way[place, 1]))
+    for text, curve, place in zip(texts, curves, _chosen(boxes, cost), strict=True):
+        text.xy = (float(curve[place, 0]), float(curve[place, 1]))
         text.set_position(text.xy)
 
 
@@ -123,18 +124,18 @@ def _sizes(texts: Sequence[Annotation]) -> Array:
 def _candidates(half: Array, pixel: float) -> tuple[Array, Array]:
     """Return offsets (n, candidates, 2) [pixel] of the centres of names, and their distances [pt] (candidates,)."""
     angle = np.linspace(0.0, 2.0 * np.pi, DIRECTIONS, endpoint=False) + np.pi / DIRECTIONS
-    way = np.stack((np.cos(angle), np.sin(angle)), axis=1)
+    direction = np.stack((np.cos(angle), np.sin(angle)), axis=1)
     distances = np.repeat(DISTANCES, DIRECTIONS)
-    out = np.tile(way, (len(DISTANCES), 1))
+    out = np.tile(direction, (len(DISTANCES), 1))
     # the box touches a circle: its centre is as far out as its half size in that direction
     return out * (distances * pixel)[:, None] + half[:, None] * np.clip(1.5 * out, -1.0, 1.0), distances
 
 
-def _sampled(way: Array, spacing: float) -> Array:
+def _sampled(curve: Array, spacing: float) -> Array:
     """Return points along a polyline."""
     pieces = [start + np.linspace(0.0, 1.0, 2 + int(np.hypot(*(end - start)) / spacing))[:, None] * (end - start)
-              for start, end in pairwise(way)]  # fmt: skip
-    return np.concatenate(pieces) if pieces else way
+              for start, end in pairwise(curve)]  # fmt: skip
+    return np.concatenate(pieces) if pieces else curve
 
 
 def _outside(boxes: Boxes, bounds: Boxes) -> Array:
@@ -167,10 +168,10 @@ def _chosen(boxes: Boxes, cost: Array, leaders: Array | None = None) -> NDArray[
         total, before = 0.0, chosen.copy()
         for k in order:
             others = np.delete(np.arange(count), k)
-            taken = boxes[others, chosen[others]]
-            sum_of = cost[k] + OVERLAP * _overlaps(boxes[k], taken).sum(axis=1)
+            occupied = boxes[others, chosen[others]]
+            sum_of = cost[k] + OVERLAP * _overlaps(boxes[k], occupied).sum(axis=1)
             if leaders is not None:
-                sum_of += CROSSED * _crossed(leaders[k], taken).sum(axis=1)
+                sum_of += CROSSED * _crossed(leaders[k], occupied).sum(axis=1)
                 sum_of += CROSSED * _crossed(leaders[others, chosen[others]], boxes[k]).sum(axis=0)
             chosen[k] = int(sum_of.argmin())
             total += float(sum_of[chosen[k]])
@@ -188,7 +189,7 @@ def _crossed(lines: Array, boxes: Boxes) -> NDArray[np.bool_]:
     return np.asarray(np.any(np.all(inside, axis=-1), axis=1))
 
 
-def _overlaps(boxes: Boxes, taken: Boxes) -> NDArray[np.bool_]:
+def _overlaps(boxes: Boxes, occupied: Boxes) -> NDArray[np.bool_]:
     """Return which boxes (c, 4) overlap others (m, 4), (c, m)."""
     low, high = boxes[:, None, :2], boxes[:, None, 2:]
-    return np.asarray(((low < taken[:, 2:]) & (high > taken[:, :2])).all(axis=-1))
+    return np.asarray(((low < occupied[:, 2:]) & (high > occupied[:, :2])).all(axis=-1))

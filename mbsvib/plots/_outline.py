@@ -20,18 +20,18 @@ class Outline:
     """Points, polylines (kind and point numbers) and triangles that represent a body."""
 
     points: Array
-    ways: tuple[tuple[str, tuple[int, ...]], ...]
+    polylines: tuple[tuple[str, tuple[int, ...]], ...]
     faces: tuple[tuple[int, int, int], ...] = ()
 
 
-def outline(centre: Array, held: Array, size: float) -> Outline:
+def outline(centre: Array, attachments: Array, size: float) -> Outline:
     """Return the outline of a body: a bar, a plate or a hull between its connection points.
 
     Parameters
     ----------
     centre : array, shape (3,)
         Its centre of mass.
-    held : array, shape (n, 3)
+    attachments : array, shape (n, 3)
         Where joints and springs hold it, each point once.
     size : float
         Extent of the mechanism [m].
@@ -41,35 +41,35 @@ def outline(centre: Array, held: Array, size: float) -> Outline:
     Outline
         Its lines and faces; none where it is held at its centre only.
     """
-    points = np.concatenate((held, centre[None]))
-    if not len(held):
+    points = np.concatenate((attachments, centre[None]))
+    if not len(attachments):
         return Outline(points, ())
-    spread, axes = _principal(held)
+    spread, axes = _principal(attachments)
     rank = int(np.count_nonzero(spread > FLAT * size))
     if rank >= 2:
-        ring, faces = _plate(held @ axes[:2].T) if rank == 2 else _hull(held)
-        off = _distance(centre, held, axes, rank) > 0.02 * size
-        corners = sorted({i for way in ring for i in way}) if off else []
-        ways: list[tuple[str, tuple[int, ...]]] = [("body", way) for way in ring]
-        return Outline(points, (*ways, *(("spoke", (len(held), i)) for i in corners)), faces)
+        ring, faces = _plate(attachments @ axes[:2].T) if rank == 2 else _hull(attachments)
+        off = _distance(centre, attachments, axes, rank) > 0.02 * size
+        corners = sorted({i for polyline in ring for i in polyline}) if off else []
+        polylines: list[tuple[str, tuple[int, ...]]] = [("body", polyline) for polyline in ring]
+        return Outline(points, (*polylines, *(("spoke", (len(attachments), i)) for i in corners)), faces)
     inline, axes = _principal(points)
     if np.count_nonzero(inline > FLAT * size) <= 1:
         return Outline(points, (("body", tuple(np.argsort(points @ axes[0], kind="stable").tolist())),))
-    return Outline(points, tuple([("body", (len(held), i)) for i in range(len(held))]))
+    return Outline(points, tuple([("body", (len(attachments), i)) for i in range(len(attachments))]))
 
 
 def coil(start: Array, end: Array, radius: float, turns: int, per_turn: int) -> tuple[Array, Array]:
     """Return the points (n, 3) of a coil spring from start to end, and their positions along it, (n,) from 0 to 1."""
-    way = end - start
-    length = float(np.linalg.norm(way))
-    along = way / length
+    span = end - start
+    length = float(np.linalg.norm(span))
+    along = span / length
     across = np.cross(along, np.eye(3)[np.abs(along).argmin()])
     across /= np.linalg.norm(across)
     third = np.cross(along, across)
     angle = np.linspace(0.0, 2.0 * np.pi * turns, turns * per_turn + 1)
     share = np.linspace(LEAD, 1.0 - LEAD, len(angle))
     r = min(radius, 0.12 * length) * np.minimum(1.0, np.minimum(angle, angle[-1] - angle) / np.pi)
-    points = start + share[:, None] * way + r[:, None] * (
+    points = start + share[:, None] * span + r[:, None] * (
         np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * third)  # fmt: skip
     return np.concatenate((start[None], points, end[None])), np.concatenate(([0.0], share, [1.0]))
 
@@ -81,9 +81,9 @@ def _principal(points: Array) -> tuple[Array, Array]:
     return np.ptp(moved @ axes.T, axis=0), axes
 
 
-def _distance(centre: Array, held: Array, axes: Array, rank: int) -> float:
+def _distance(centre: Array, attachments: Array, axes: Array, rank: int) -> float:
     """Distance of the centre from the plane of the points, 0 inside of a hull."""
-    return abs(float((centre - held.mean(axis=0)) @ axes[2])) if rank == 2 else 0.0
+    return abs(float((centre - attachments.mean(axis=0)) @ axes[2])) if rank == 2 else 0.0
 
 
 def _plate(flat: Array) -> tuple[list[tuple[int, ...]], tuple[tuple[int, int, int], ...]]:
@@ -94,10 +94,10 @@ def _plate(flat: Array) -> tuple[list[tuple[int, ...]], tuple[tuple[int, int, in
     return [(*ring, ring[0])], faces
 
 
-def _hull(held: Array) -> tuple[list[tuple[int, ...]], tuple[tuple[int, int, int], ...]]:
+def _hull(attachments: Array) -> tuple[list[tuple[int, ...]], tuple[tuple[int, int, int], ...]]:
     from scipy.spatial import ConvexHull
 
-    hull = ConvexHull(held)
+    hull = ConvexHull(attachments)
     edges = set()
     for face, neighbours in enumerate(hull.neighbors):
         for neighbour in neighbours:

@@ -75,13 +75,13 @@ class Picture:
 
         self._scene, self._axes_of = scene, axes_of(view)
         flat = scene.points @ self._axes_of.T
-        ways = [(line.kind, np.arange(line.first, line.last)) for line in scene.lines]
-        still = [("rest", numbers) for kind, numbers in ways if kind in ("body", "beam", "rod")] if rest else []
-        self._ends = np.concatenate([np.zeros((0, 2), int), *(np.stack((n[:-1], n[1:]), axis=1) for _, n in ways)])
-        looks = [LINES[kind] for kind, numbers in ways for _ in numbers[1:]]
+        polylines = [(line.kind, np.arange(line.first, line.last)) for line in scene.lines]
+        resting = [("rest", numbers) for kind, numbers in polylines if kind in ("body", "beam", "rod")] if rest else []
+        self._ends = np.concatenate([np.zeros((0, 2), int), *(np.stack((n[:-1], n[1:]), axis=1) for _, n in polylines)])
+        looks = [LINES[kind] for kind, numbers in polylines for _ in numbers[1:]]
         self._colours = np.array([look[0] for look in looks], dtype=object)
         self._widths = np.array([look[1] for look in looks])
-        axes.add_collection(LineCollection([flat[numbers, :2] for _, numbers in still], colors=REST[0],
+        axes.add_collection(LineCollection([flat[numbers, :2] for _, numbers in resting], colors=REST[0],
                                            linewidths=REST[1], zorder=1))  # fmt: skip
         self._faces = PolyCollection([], facecolors=[FACE], edgecolors="none", zorder=2)
         self._lines = LineCollection([], capstyle="round", joinstyle="round", zorder=3)

@@ -157,7 +157,7 @@ class _Builder:
     marks: list[Mark] = field(default_factory=list)
     faces: list[tuple[int, int, int]] = field(default_factory=list)
     face_body: list[int] = field(default_factory=list)
-    held: dict[str, list[Any]] = field(default_factory=dict)
+    attachments: dict[str, list[Any]] = field(default_factory=dict)
 
     def point(self, body: str, at: Any) -> int:
         i = self.number[body]
@@ -174,11 +174,11 @@ class _Builder:
     def mark(self, kind: str, name: str, body: str, at: Any, words: str) -> None:
         self.marks.append(Mark(kind, name, self.point(body, at), words))
 
-    def hold(self, body: str, at: Any) -> None:
+    def attach(self, body: str, at: Any) -> None:
         """Add a connection point of a body, which extends the body's outline."""
-        held = self.held.setdefault(body, [])
-        if not any(np.allclose(at, point, rtol=0.0, atol=1e-6 * self.size) for point in held):
-            held.append(at)
+        attachments = self.attachments.setdefault(body, [])
+        if not any(np.allclose(at, point, rtol=0.0, atol=1e-6 * self.size) for point in attachments):
+            attachments.append(at)
             if body == GROUND:
                 foot = np.asarray(at) + FOOT * self.size * _FOOT
                 self.line("ground", GROUND, [(GROUND, foot[i]) for i in _FOOT_WAY])
@@ -186,8 +186,8 @@ class _Builder:
     def joint(self, part: Joint, cut: bool) -> None:
         moving = part.second if part.second != GROUND else part.first
         at = np.array(self.positions[moving] if part.position is None else part.position)
-        self.hold(part.first, at)
-        self.hold(part.second, at if part.end is None else part.end)
+        self.attach(part.first, at)
+        self.attach(part.second, at if part.end is None else part.end)
         if part.end is not None:
             self.line("rod", part.name, [(part.first, at), (part.second, part.end)])
         axes = np.array(part.axes)
@@ -201,8 +201,8 @@ class _Builder:
 
     def spring(self, part: Connection, fine: bool) -> None:
         start, end = part.points
-        self.hold(part.first, start)
-        self.hold(part.second, end)
+        self.attach(part.first, start)
+        self.attach(part.second, end)
         if not getattr(part, "stiffness", 0.0):
             self.line("damper", part.name, [(part.first, start), (part.second, end)])
             return
@@ -220,34 +220,34 @@ class _Builder:
         centre = self.positions[part.first if part.second == GROUND else part.second]
         at = part.points[0] if part.points else centre if hinge is None else hinge
         if part.points:
-            self.hold(part.first, at)
-            self.hold(part.second, at)
+            self.attach(part.first, at)
+            self.attach(part.second, at)
         self.line("gap", part.name, [(part.first, at), (part.second, at)])
         self.mark("bushing", part.name, part.second, at, f"{part.family} between {part.first} and {part.second}")
 
     def composed(self, part: Composed) -> None:
-        nodes, ways = part.node_bodies, part.outlines or ((0,),)
-        for i in sorted({end for way in ways for end in (way[0], way[-1])}):
-            self.hold(*nodes[i])
-        for way in part.outlines:
-            self.line("beam", part.name, [nodes[i] for i in way])
-        self.mark("node", part.name, *nodes[ways[0][(len(ways[0]) - 1) // 2]], part.summary)
+        nodes, polylines = part.node_bodies, part.outlines or ((0,),)
+        for i in sorted({end for polyline in polylines for end in (polyline[0], polyline[-1])}):
+            self.attach(*nodes[i])
+        for polyline in part.outlines:
+            self.line("beam", part.name, [nodes[i] for i in polyline])
+        self.mark("node", part.name, *nodes[polylines[0][(len(polylines[0]) - 1) // 2]], part.summary)
 
     def arrow(self, part: Input) -> None:
         at = np.array(self.positions[part.body] if part.position is None else part.position)
-        way = np.array(part.wrench[:3] if any(part.wrench[:3]) else part.wrench[3:])
-        arrow = ARROW * self.size * way / np.linalg.norm(way)
+        direction = np.array(part.wrench[:3] if any(part.wrench[:3]) else part.wrench[3:])
+        arrow = ARROW * self.size * direction / np.linalg.norm(direction)
         heads = [1.0] if any(part.wrench[:3]) else [1.0 - SECOND_HEAD, 1.0]  # a torque has two
         self.line("input", part.name, [(part.body, at - (1.0 - share) * arrow) for share in (0.0, *heads)])
 
     def body(self, part: Body) -> None:
         centre = np.array(part.position)
-        shape = outline.outline(centre, np.array(self.held.get(part.name, ())).reshape(-1, 3), self.size)
+        shape = outline.outline(centre, np.array(self.attachments.get(part.name, ())).reshape(-1, 3), self.size)
         start = len(self.rest)
         for at in shape.points:
             self.point(part.name, at)
-        for kind, way in shape.ways:
-            self.line(kind, part.name, [(part.name, shape.points[i]) for i in way])
+        for kind, polyline in shape.polylines:
+            self.line(kind, part.name, [(part.name, shape.points[i]) for i in polyline])
         self.faces += [(start + i, start + j, start + k) for i, j, k in shape.faces]
         self.face_body += [self.number[part.name]] * len(shape.faces)
         self.mark("body", part.name, part.name, centre, f"body of {part.mass:.6g} kg")

@@ -77,10 +77,10 @@ def until_settled(
     for system, info, none in zip(systems, known, zero, strict=True):
         if info is None:
             return None
-        some = ~none[np.ix_([system.outputs.index(name) for name in info.outputs],
+        counted_pairs = ~none[np.ix_([system.outputs.index(name) for name in info.outputs],
                             [system.inputs.index(name) for name in info.inputs])]  # fmt: skip
         peaks = np.where(info.overshoot > NO_OVERSHOOT, info.peak_time, 0.0)
-        last = max(last, *(float(times[some].max(initial=0.0)) for times in (info.settling_time, peaks)))
+        last = max(last, *(float(times[counted_pairs].max(initial=0.0)) for times in (info.settling_time, peaks)))
     turns = [abs(value.imag) for system in systems for value in system.poles() if value.imag]
     if not last or (turns and LONGER * last * min(turns) / (2.0 * np.pi) > PERIODS):
         return None

@@ -67,11 +67,11 @@ def graph(topology: Topology, parts: Iterable[Part]) -> dict[str, Any]:
     dict
         ``nodes``, ground last, and ``edges`` of kind "tree", "cut", "floating", "spring" and "coupler".
     """
-    places = positions(topology)
+    points = positions(topology)
     names = (*topology.bodies, "ground")
     number = {name: i for i, name in enumerate(names)}
     cut, floating = set(topology.cut), set(topology.floating)
-    nodes = [[name, x, level, i in floating] for i, (name, (x, level)) in enumerate(zip(names, places, strict=True))]
+    nodes = [[name, x, level, i in floating] for i, (name, (x, level)) in enumerate(zip(names, points, strict=True))]
     edges = [["cut" if k in cut else "tree", joint.name, f"{joint.kind} joint", number[joint.first],
               number[joint.second]] for k, joint in enumerate(topology.joints)]  # fmt: skip
     edges += [["floating", names[branch.body], "free: no joint holds it", branch.parent, branch.body]

@@ -75,12 +75,12 @@ def bode(
     rows, columns, count = len(panels), max(map(len, panels)), len(flat)
     with style.context():
         figure = style.new_figure(*style.panel_size(rows, columns, 3.4, 4.8))
-        places = figure.add_gridspec(2 * rows, columns, height_ratios=[2.0, 1.15] * rows)
+        cells = figure.add_gridspec(2 * rows, columns, height_ratios=[2.0, 1.15] * rows)
         number, tops = 0, []
         for i, row in enumerate(panels):
             for j, _ in enumerate(row):
-                top = figure.add_subplot(places[2 * i, j])
-                below = figure.add_subplot(places[2 * i + 1, j], sharex=top)
+                top = figure.add_subplot(cells[2 * i, j])
+                below = figure.add_subplot(cells[2 * i + 1, j], sharex=top)
                 drawn = [(label, group[number]) for (label, _), group in zip(named, lines, strict=True)]
                 _panel(top, below, drawn, wrap, decibels, radians)
                 tops.append((top, units.ratio(drawn[0][1].output_unit, drawn[0][1].source_unit), drawn))
@@ -182,9 +182,9 @@ def _frequency_axis(axes: Axes, frequencies: Array, label: str) -> None:
 def _phase_axis(axes: Axes, phases: list[Array]) -> None:
     from matplotlib.ticker import MultipleLocator
 
-    both = np.concatenate(phases)
-    both = both[np.isfinite(both)]
-    low, high = (both.min(), both.max()) if both.size else (-90.0, 90.0)
+    values = np.concatenate(phases)
+    values = values[np.isfinite(values)]
+    low, high = (values.min(), values.max()) if values.size else (-90.0, 90.0)
     low, high = 90.0 * np.floor(low / 90.0 + 0.02), 90.0 * np.ceil(high / 90.0 - 0.02)
     while high - low < 180.0:
         low, high = (low - 90.0, high) if high - low == 90.0 or high > 0.0 else (low, high + 90.0)

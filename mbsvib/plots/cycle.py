@@ -52,10 +52,10 @@ def cycle(cycles: CycleData | Sequence[CycleData], *, labels: Sequence[str] | No
         raise ResponseError(f"cycle: labels = {names}; expected {len(several)}, one for each cycle.")
     with style.context():
         figure = style.new_figure(8.6, 5.6)
-        places = figure.add_gridspec(3, 2, width_ratios=(3, 2))
-        upper = figure.add_subplot(places[0, 0])
-        panels = [upper, *(figure.add_subplot(places[row, 0], sharex=upper) for row in (1, 2))]
-        hodograph = figure.add_subplot(places[:, 1])
+        cells = figure.add_gridspec(3, 2, width_ratios=(3, 2))
+        upper = figure.add_subplot(cells[0, 0])
+        panels = [upper, *(figure.add_subplot(cells[row, 0], sharex=upper) for row in (1, 2))]
+        hodograph = figure.add_subplot(cells[:, 1])
         plane = _plane(several)
         for i, (name, data) in enumerate(zip(names, several, strict=True)):
             line, x = style.line(i), _over(data)

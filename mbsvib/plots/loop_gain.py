@@ -58,11 +58,11 @@ def loop_gain(
     rows, columns = loops.shape(len(which))
     with style.context():
         figure = style.new_figure(*style.panel_size(rows, columns, 3.4, 4.8))
-        places = figure.add_gridspec(2 * rows, columns, height_ratios=[2.0, 1.15] * rows)
+        cells = figure.add_gridspec(2 * rows, columns, height_ratios=[2.0, 1.15] * rows)
         for number, i in enumerate(which):
             row, column = divmod(number, columns)
-            top = figure.add_subplot(places[2 * row, column])
-            below = figure.add_subplot(places[2 * row + 1, column], sharex=top)
+            top = figure.add_subplot(cells[2 * row, column])
+            below = figure.add_subplot(cells[2 * row + 1, column], sharex=top)
             _magnitude(top, grid, values[number], margins, i, decibels)
             _phase(below, grid, values[number], margins, i)
             top.set_title(f"{loop.actuators[i]}: {margin_text(margins, i)}", fontsize=9.0)

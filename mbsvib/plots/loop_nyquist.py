@@ -59,9 +59,9 @@ def loop_nyquist(
     around = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 200))
     with style.context():
         figure = style.new_figure(*style.panel_size(rows, columns, 3.6, 4.6))
-        places = figure.add_gridspec(rows, columns)
+        cells = figure.add_gridspec(rows, columns)
         for number, i in enumerate(which):
-            axes = figure.add_subplot(places[number // columns, number % columns])
+            axes = figure.add_subplot(cells[number // columns, number % columns])
             gain, look = values[number], style.line(0)
             axes.plot(gain.real, gain.imag, **look)
             axes.plot(gain.real, -gain.imag, **(look | {"linestyle": (0, (4, 3)), "linewidth": 0.7}))

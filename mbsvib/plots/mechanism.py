@@ -66,12 +66,12 @@ def mechanism(source: Mechanism | System, view: View = "3-D", names: bool = True
         bodies = [mark for mark in scene.marks if mark.kind in ("body", "node")]
         if names and len(bodies) <= MOST_NAMES:
             flat = picture.flat(scene.points)[:, :2]
-            ways = [flat[line.first : line.last] for line in scene.lines if line.kind != "axis"]
+            curves = [flat[line.first : line.last] for line in scene.lines if line.kind != "axis"]
             figure.draw_without_rendering()
             outer, inner = axes.get_position(original=True), axes.get_position()
             corners = figure.transFigure.transform(((outer.x0, outer.y0), (outer.x1, inner.y1)))
             corner = figure.transFigure.transform((inner.x0, inner.y0))
             blocked = np.concatenate((corner, corner + CORNER * figure.dpi / 72.0))[None]
             anchors, marks = (flat[[mark.point for mark in group]] for group in (bodies, scene.marks))
-            labels.place(axes, [mark.name for mark in bodies], anchors, marks, ways, corners.ravel(), blocked)
+            labels.place(axes, [mark.name for mark in bodies], anchors, marks, curves, corners.ravel(), blocked)
     return figure

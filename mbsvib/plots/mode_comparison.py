@@ -114,10 +114,10 @@ def _above(axes: Axes, pair: Sequence[Array], names: Sequence[str]) -> None:
 def _difference(first: Array, second: Array) -> tuple[Array, Array]:
     """Return the numbers of the modes that both sets have, and relative differences [%]; NaN where there is none."""
     count = min(len(first), len(second))
-    one, other = first[:count], second[:count]
+    reference, compared_values = first[:count], second[:count]
     result = np.full(count, np.nan)
-    compared = np.isfinite(one) & np.isfinite(other) & (one != 0.0)
-    result[compared] = 100.0 * (other - one)[compared] / np.abs(one[compared])
+    compared = np.isfinite(reference) & np.isfinite(compared_values) & (reference != 0.0)
+    result[compared] = 100.0 * (compared_values - reference)[compared] / np.abs(reference[compared])
     return np.arange(1.0, count + 1.0), result
 
 

@@ -194,8 +194,8 @@ def _strip(axes: Axes, shapes: Shapes, k: int) -> None:
     if dashes:
         at, heights, half = (np.concatenate([np.broadcast_to(row[i], len(position)) for row in dashes])
                              for i in range(3))  # fmt: skip
-        some = np.abs(heights) > QUADRATURE
-        axes.hlines(heights[some], (at - half)[some], (at + half)[some], color=style.INK, linewidth=1.0)
+        visible = np.abs(heights) > QUADRATURE
+        axes.hlines(heights[visible], (at - half)[visible], (at + half)[visible], color=style.INK, linewidth=1.0)
     if len(position) <= MOST_BARS:
         axes.vlines(position[:-1] + 0.5, -2.0, 2.0, color=style.FAINT, linewidth=0.8, zorder=0)
     axes.set_xlim(-0.55, len(position) - 0.45)

@@ -63,9 +63,9 @@ def nyquist(
     rows, columns = len(panels), max(map(len, panels))
     with style.context():
         figure = style.new_figure(*style.panel_size(rows, columns, 3.6, 4.6))
-        places = figure.add_gridspec(rows, columns)
+        cells = figure.add_gridspec(rows, columns)
         for number, (output, source) in enumerate(flat):
-            axes = figure.add_subplot(places[number // columns, number % columns])
+            axes = figure.add_subplot(cells[number // columns, number % columns])
             drawn = [group[number] for group in lines]
             largest = max(float(np.abs(curve.values).max()) for curve in drawn)
             unit = units.ratio(drawn[0].output_unit, drawn[0].source_unit)

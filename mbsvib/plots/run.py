@@ -111,15 +111,15 @@ def run_figure(run: RunData, names: Sequence[str] | str | None) -> Figure:
     if names is None:
         kind = "outputs" if run.outputs else "coordinates"
         everything = list(run.outputs or run.coordinates)
-        chosen = everything[:MOST_CURVES]
+        names_drawn = everything[:MOST_CURVES]
     else:
-        chosen = [names] if isinstance(names, str) else list(names)
-    for name in chosen:
+        names_drawn = [names] if isinstance(names, str) else list(names)
+    for name in names_drawn:
         if name not in known:
             raise ResponseError(f"plot: '{name}' is neither an output nor a coordinate of the run."
                                 f"{nearest(str(name), known)}")  # fmt: skip
     groups: dict[str, list[str]] = {}
-    for name in chosen:
+    for name in names_drawn:
         groups.setdefault(unit[name], []).append(name)
     with style.context():
         figure = style.new_figure(6.6, 1.9 * (len(groups) + 1) + 0.5)
@@ -137,7 +137,7 @@ def run_figure(run: RunData, names: Sequence[str] | str | None) -> Figure:
         panels[-1].set_xlim(run.time[0], run.time[-1])
         panels[0].set_title(run.name, loc="right", color=style.MARK, fontsize=8.5)
         if names is None:
-            style.tell_left_out(figure, len(chosen), len(everything), kind, "name others by run.plot([...])")
+            style.tell_left_out(figure, len(names_drawn), len(everything), kind, "name others by run.plot([...])")
     return figure
 
 
@@ -172,17 +172,17 @@ def run_animation(run: RunData, view: View, frames: int, rate: float) -> RunAnim
     scene = of_model(run.model)
     times = np.linspace(run.time[0], run.time[-1], int(frames))
     samples = np.array([int(np.argmin(np.abs(run.time - time))) for time in times])
-    places = run.frames()
-    still = (np.tile(np.eye(3), (len(run.time), 1, 1)), np.zeros((len(run.time), 3)))
-    moves = [places.get(body, still) for body in (*scene.bodies, GROUND)]
+    pose_of = run.frames()
+    ground = (np.tile(np.eye(3), (len(run.time), 1, 1)), np.zeros((len(run.time), 3)))
+    moves = [pose_of.get(body, ground) for body in (*scene.bodies, GROUND)]
     # the coils of springs keep their offset from the line between their ends
     positions = np.tile(scene.points, (len(samples), 1, 1))
     for share, body, at in ((1.0 - scene.share, scene.first, scene.start), (scene.share, scene.second, scene.end)):
         for number in np.unique(body):
             which = body == number
             rotation, shift = (array[samples] for array in moves[number])
-            there = np.einsum("fij,pj->fpi", rotation, at[which]) + shift[:, None]
-            positions[:, which] += share[which][:, None] * (there - at[which])
+            turned = np.einsum("fij,pj->fpi", rotation, at[which]) + shift[:, None]
+            positions[:, which] += share[which][:, None] * (turned - at[which])
     went = positions - scene.points
     farthest = went[np.argmax(np.linalg.norm(went, axis=2), axis=0), np.arange(len(scene.points))]
     title = f"{run.time[0]:g} to {run.time[-1]:g} s"

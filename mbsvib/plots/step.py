@@ -78,10 +78,10 @@ def step(
     rows, columns, count = len(panels), max(map(len, panels)), sum(map(len, panels))
     with style.context():
         figure = style.new_figure(*style.panel_size(rows, columns, 2.6, 3.6))
-        places = figure.add_gridspec(rows, columns)
+        cells = figure.add_gridspec(rows, columns)
         for i, row in enumerate(panels):
             for j, (output, source) in enumerate(row):
-                axes = figure.add_subplot(places[i, j])
+                axes = figure.add_subplot(cells[i, j])
                 drawn = [Drawn(name, system, y[source][system.outputs.index(output)],
                                bool(none[system.outputs.index(output), system.inputs.index(source)]))
                          for (name, system), y, none in zip(named, responses, zero, strict=True)]  # fmt: skip

@@ -52,7 +52,7 @@ def topology(system: System) -> Figure:
         figure = style.new_figure(float(np.clip(1.1 * width + 2.0, 4.5, 12.0)), float(np.clip(height + 1.6, 3.0, 9.0)))
         axes = figure.subplots()
         axes.set_axis_off()
-        texts, ways = [], []
+        texts, curves = [], []
         for kind, name, _, first, second in edges:
             pair = min(first, second), max(first, second)
             nth, edges_between[pair] = edges_between[pair], edges_between[pair] + 1
@@ -63,7 +63,7 @@ def topology(system: System) -> Figure:
             if len(edges) <= MOST_NAMES and kind != "floating":
                 texts.append(axes.annotate(name, points[len(points) // 2], ha="center", va="center", fontsize=6.5,
                                            color=colour, bbox=BOX, zorder=3))  # fmt: skip
-                ways.append(points)
+                curves.append(points)
         ground = len(nodes) - 1
         axes.plot(*at[:ground].T, "o", ms=8.0, color="#2b5c9e", mec="white", zorder=4)
         axes.plot(*at[ground], "s", ms=10.0, color="#6b7682", mec="white", zorder=4)
@@ -78,7 +78,7 @@ def topology(system: System) -> Figure:
         figure.draw_without_rendering()
         marks = [text for text in axes.texts if text not in texts]
         blocked = np.array([text.get_window_extent().extents for text in marks]).reshape(-1, 4)
-        labels.slide(axes, texts, ways, blocked)
+        labels.slide(axes, texts, curves, blocked)
     return figure
 
 

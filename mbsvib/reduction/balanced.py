@@ -1,4 +1,4 @@
-"""Balanced truncation: states that inputs hardly reach or outputs hardly see are left out."""
+"""Balanced truncation: hardly controllable or hardly observable states are left out."""
 
 from __future__ import annotations
 
@@ -66,24 +66,24 @@ def balanced(a: Array, b: Array, c: Array) -> Balanced:
     power = exponents(a, b, c)
     scaled = np.ldexp(a, power[None, :] - power[:, None])
     b, c = np.ldexp(b, -power[:, None]), np.ldexp(c, power[None, :])
-    lasting, rest, back_lasting, back_rest = _split(scaled)
-    n = rest.shape[1]
+    lasting, decaying, lasting_rows, decaying_rows = _split(scaled)
+    n = decaying.shape[1]
     left = right = np.zeros((len(a), 0))
     hankel = np.zeros(0)
     if n:
-        reach, see = gramian_factors(back_rest @ scaled @ rest, back_rest @ b, c @ rest)
-        u, hankel, vt = np.linalg.svd(see.T @ reach)
+        l_p, l_q = gramian_factors(decaying_rows @ scaled @ decaying, decaying_rows @ b, c @ decaying)
+        u, hankel, vt = np.linalg.svd(l_q.T @ l_p)
         rank = int(np.count_nonzero(hankel > 0.0))
         root = np.sqrt(hankel[:rank])
-        right = rest @ (reach @ vt[:rank].T / root)
-        left = ((u[:, :rank] / root).T @ see.T @ back_rest).T
+        right = decaying @ (l_p @ vt[:rank].T / root)
+        left = ((u[:, :rank] / root).T @ l_q.T @ decaying_rows).T
         hankel = hankel[:rank]
-    return Balanced(np.ldexp(np.hstack((back_lasting.T, left)).T, -power[None, :]),
+    return Balanced(np.ldexp(np.hstack((lasting_rows.T, left)).T, -power[None, :]),
                     np.ldexp(np.hstack((lasting, right)), power[:, None]), lasting.shape[1], hankel)  # fmt: skip
 
 
 def _split(a: Array) -> tuple[Array, Array, Array, Array]:
-    """Bases of the motions that last and of those that decay, (n, k) and (n, n - k), and the rows that lead back."""
+    """Bases of the states that do not decay and of those that do, (n, k) and (n, n - k), and rows of the inverse."""
     form, basis, count = schur(a, sort=lambda re, im: re >= -DECAYS * np.hypot(re, im))
     first, second = basis[:, :count], basis[:, count:]
     if not count or count == len(a):

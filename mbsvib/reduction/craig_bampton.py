@@ -41,16 +41,16 @@ class CraigBampton:
         rows, self.names, self.units = _interface(system)
         self.least, self.most = len(rows), system.dof
         q, t = np.linalg.qr(rows.T, mode="complete")
-        self.held = q[:, len(rows) :]
+        self.interior = q[:, len(rows) :]
         into = np.linalg.solve(t[: len(rows)], q[:, : len(rows)].T).T  # R into = 1
-        stiffness = self.held.T @ system.K @ self.held
+        stiffness = self.interior.T @ system.K @ self.interior
         if not _regular(stiffness):
             raise ResponseError(
                 f"reduced: method = 'craig-bampton': '{system.name}' can still move when its outputs and the points of "
                 f"its inputs are held ({', '.join(self.names)}). Add displacement outputs, or take method='modal'."
             )
-        self.static = into - self.held @ np.linalg.solve(stiffness, self.held.T @ (system.K @ into))
-        self.shapes = self.held @ eigh(stiffness, self.held.T @ system.M @ self.held)[1]
+        self.static = into - self.interior @ np.linalg.solve(stiffness, self.interior.T @ (system.K @ into))
+        self.shapes = self.interior @ eigh(stiffness, self.interior.T @ system.M @ self.interior)[1]
 
     def model(self, order: int) -> Equations:
         """Return the reduced model of some number of coordinates: the interface and the lowest modes."""

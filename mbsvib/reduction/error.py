@@ -54,8 +54,8 @@ def error_bound(full: Equations, small: Equations) -> float:
     fastest = float(np.abs(poles).max(initial=0.0)) or 1.0
 
     def difference(omega: Array) -> Complex:
-        one, other = (frequency_response(basis, omega) for basis in bases)
-        return np.asarray((one - other).transpose(2, 0, 1))
+        of_full, of_small = (frequency_response(basis, omega) for basis in bases)
+        return np.asarray((of_full - of_small).transpose(2, 0, 1))
 
     band = Band(difference, panels(poles, 0.0, LAST * fastest))
     _, value = band.highest(_largest)
@@ -83,9 +83,9 @@ def rounding_error(space: StateSpace, small: tuple[Array, Array, Array]) -> floa
     omega = np.unique(np.abs(poles[decays]))
     value = 0.0
     for s in 1j * omega:
-        one, other = (c @ np.linalg.solve(s * np.eye(len(a)) - a, b) for a, b, c in (
+        exact, rounded = (c @ np.linalg.solve(s * np.eye(len(a)) - a, b) for a, b, c in (
             (space.A, space.B, space.C), small))  # fmt: skip
-        value = max(value, float(np.linalg.norm(one - other, ord=2))) if one.size else value
+        value = max(value, float(np.linalg.norm(exact - rounded, ord=2))) if exact.size else value
     return (1.0 + ROUNDING_MARGIN) * value
 
 

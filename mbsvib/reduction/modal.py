@@ -5,19 +5,18 @@ others.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.equations import Equations
 from mbsvib.modes.undamped import undamped
 from mbsvib.reduction.projection import projected
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
     from mbsvib.modes.undamped import Undamped
 
-E = TypeVar("E", bound=Equations)
 RTOL = 1e-12
 
 

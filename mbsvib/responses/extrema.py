@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 # A pole is at least two half-lengths away from the middle of a panel, where the error falls by (2 + sqrt 3) a node.
 NODES = 16
+GAUSS = 12  # points of Gauss' rule on such a panel: an error of 1e-14 of the integrand
 # Interpolated samples of a panel: an extremum between two of them is missed only below 1e-4 of the response.
 SAMPLES = 64
 # A pole with a smaller damping ratio counts as undamped. Panels end at the second number, times its frequency, from it:
@@ -95,6 +96,25 @@ def panels(
     return np.sort(result)
 
 
+def gauss_rule(ends: Array) -> tuple[Array, Array]:
+    """Return nodes and weights of Gauss' rule on panels.
+
+    Parameters
+    ----------
+    ends : array, shape (panels + 1,)
+        Ends of the panels.
+
+    Returns
+    -------
+    tuple of two arrays, shape (GAUSS panels,)
+        The nodes, panel by panel, and their weights.
+    """
+    node, weight = np.polynomial.legendre.leggauss(GAUSS)
+    half = 0.5 * np.diff(ends)
+    nodes = (0.5 * (ends[1:] + ends[:-1]))[:, None] + half[:, None] * node
+    return nodes.reshape(-1), (half[:, None] * weight).reshape(-1)
+
+
 def excited(size: Callable[[Array], Array], poles: Complex, low: float, high: float) -> Array:
     """Return the frequencies of undamped poles in a band at which a response has no bound.
 
@@ -112,12 +132,12 @@ def excited(size: Callable[[Array], Array], poles: Complex, low: float, high: fl
     array, shape (n,)
         Ascending frequencies.
     """
-    still = np.unique(np.abs(poles[np.abs(poles.real) <= UNDAMPED * np.abs(poles)]))
-    still = still[(still >= low) & (still <= high) & (still > 0.0)]
-    if not len(still):
-        return still
-    near, farther = (size(still * (1.0 + distance)) for distance in (CLOSE, 10.0 * CLOSE))
-    return np.asarray(still[near > GROWTH * farther])
+    undamped = np.unique(np.abs(poles[np.abs(poles.real) <= UNDAMPED * np.abs(poles)]))
+    undamped = undamped[(undamped >= low) & (undamped <= high) & (undamped > 0.0)]
+    if not len(undamped):
+        return undamped
+    near, farther = (size(undamped * (1.0 + distance)) for distance in (CLOSE, 10.0 * CLOSE))
+    return np.asarray(undamped[near > GROWTH * farther])
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,9 +203,9 @@ class Band:
         """
         w, value = self._samples(measure)
         # between samples near an extremum close to zero there may be two crossings
-        near, bend = value[1:-1], np.abs(value[:-2] - 2.0 * value[1:-1] + value[2:])
+        near, curvature = value[1:-1], np.abs(value[:-2] - 2.0 * value[1:-1] + value[2:])
         side = np.sign(near)
-        turns = (side * (near - value[:-2]) <= 0.0) & (side * (near - value[2:]) <= 0.0) & (np.abs(near) <= bend)
+        turns = (side * (near - value[:-2]) <= 0.0) & (side * (near - value[2:]) <= 0.0) & (np.abs(near) <= curvature)
         for sign in (-1.0, 1.0):
             at = 1 + np.flatnonzero(turns & (side == sign))
             if len(at):
@@ -239,14 +259,14 @@ def _raised(value: Callable[[Array], Array], w: Array, at: NDArray[np.intp]) -> 
         first, second = np.where(left, new, second), np.where(left, first, new)
         first_height, second_height = np.where(left, height, second_height), np.where(left, first_height, height)
     best, top = w[at], value(w[at])
-    here = 0.5 * (low + high)
+    middle = 0.5 * (low + high)
     for _ in range(NEWTON + 1):
-        f = [value(np.abs(here + k * step)) for k in (-2.0, -1.0, 0.0, 1.0, 2.0)]
-        best, top = np.where(f[2] >= top, here, best), np.maximum(top, f[2])
+        f = [value(np.abs(middle + k * step)) for k in (-2.0, -1.0, 0.0, 1.0, 2.0)]
+        best, top = np.where(f[2] >= top, middle, best), np.maximum(top, f[2])
         slope = (f[0] - 8.0 * f[1] + 8.0 * f[3] - f[4]) / 12.0
-        bend = (-f[0] + 16.0 * f[1] - 30.0 * f[2] + 16.0 * f[3] - f[4]) / 12.0
-        here = here - step * np.divide(slope, bend, out=np.zeros_like(bend), where=bend < 0.0)
-        here = np.clip(here, low, high)
+        curvature = (-f[0] + 16.0 * f[1] - 30.0 * f[2] + 16.0 * f[3] - f[4]) / 12.0
+        middle = middle - step * np.divide(slope, curvature, out=np.zeros_like(curvature), where=curvature < 0.0)
+        middle = np.clip(middle, low, high)
     return best, top
 
 

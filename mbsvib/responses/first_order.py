@@ -15,7 +15,6 @@ from mbsvib.equations.massless_null_motion import independent_coordinates
 from mbsvib.linalg.qr import triangle
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Equations
 

@@ -100,8 +100,8 @@ class FirstOrderSolver:
     def _singular(self, s: Complex, right: Array, x: Complex) -> NDArray[np.bool_]:
         """Whether a change of A and s by rounding alone makes up for a whole right-hand side, for each point."""
         terms = np.abs(s * x) + np.tensordot(np.abs(self.a), np.abs(x), axes=1)
-        lost = np.asarray((np.abs(right)[:, :, None] <= SINGULAR * len(self.a) * EPS * terms).all(axis=0))
-        return np.asarray((lost & np.asarray(right.any(axis=0))[:, None]).any(axis=0))
+        cancelled = np.asarray((np.abs(right)[:, :, None] <= SINGULAR * len(self.a) * EPS * terms).all(axis=0))
+        return np.asarray((cancelled & np.asarray(right.any(axis=0))[:, None]).any(axis=0))
 
 
 def first_order_solver(a: Array, b: Array, c: Array, name: str) -> FirstOrderSolver:

@@ -120,10 +120,10 @@ def _residual(state: EnergyState, s: Complex, b: Array, eta: Complex) -> Array:
         size = np.ones(m)
         size[:p] = np.abs(state.square) + abs(point) ** 2
         size[p:] = np.maximum(np.abs(matrix[p:, p:]).max(axis=1, initial=0.0), EPS)
-        here = eta[:, :, i]
-        residual = np.abs(b - matrix @ here) / size[:, None]
-        terms = np.maximum(np.abs(b), np.abs(matrix) @ np.abs(here)) / size[:, None]
-        scale = np.maximum(terms, np.abs(here)).max(axis=0)
+        amplitudes = eta[:, :, i]
+        residual = np.abs(b - matrix @ amplitudes) / size[:, None]
+        terms = np.maximum(np.abs(b), np.abs(matrix) @ np.abs(amplitudes)) / size[:, None]
+        scale = np.maximum(terms, np.abs(amplitudes)).max(axis=0)
         result[i] = np.divide(residual.max(axis=0), scale, out=np.zeros_like(scale), where=scale > 0.0).max()
     return result
 
@@ -182,8 +182,8 @@ def cancels(system: Equations, state: EnergyState) -> bool:
     if not state.massless or system.gyroscopic is not None or system.circulatory is not None:
         return False
     block, joined = state.coupling[p:, p:], state.coupling[p:, :p]
-    taken = np.einsum("kp,kp->p", joined, np.linalg.lstsq(block, joined, rcond=None)[0])
-    return bool((SERIES_STIFFNESS * np.abs(state.square - taken) < taken).any())
+    correction = np.einsum("kp,kp->p", joined, np.linalg.lstsq(block, joined, rcond=None)[0])
+    return bool((SERIES_STIFFNESS * np.abs(state.square - correction) < correction).any())
 
 
 def refined_solutions(system: Equations, state: EnergyState, w: Array) -> Complex:

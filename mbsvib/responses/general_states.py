@@ -39,10 +39,10 @@ def modal_states(system: Equations, modal: General) -> FirstOrder:
     for block in blocks:
         a[start : start + len(block), start : start + len(block)] = block
         start += len(block)
-    push = state.force @ system.B
-    b = modal_inputs(state.a, a, right, [len(block) for block in blocks], push, names, system.name)
+    forces = state.force @ system.B
+    b = modal_inputs(state.a, a, right, [len(block) for block in blocks], forces, names, system.name)
     back = np.concatenate((state.show, state.show @ state.a))
-    through = np.concatenate((np.zeros_like(system.B), state.show @ push))
+    through = np.concatenate((np.zeros_like(system.B), state.show @ forces))
     units = tuple(["modal/s" if name.endswith("'") else "modal" for name in names])
     return FirstOrder(a, b, back @ right, through, tuple(names), units)
 
@@ -60,7 +60,7 @@ def _blocks(modal: General) -> list[tuple[int, Array, Array]]:
         if state.long and (first_value == 0.0 or second_value == 0.0):
             continue
         if i < drift.shape[1]:
-            chain = state.right[:, state.still + i]
+            chain = state.right[:, state.null_count + i]
             columns = np.stack((state.position @ drift[:, i], chain), axis=1)
             result.append((i, np.array([[0.0, 1.0], [0.0, 0.0]]), columns))
         elif not len(numbers):

@@ -85,9 +85,9 @@ def terms(modal: General, c: Array, b: Array) -> tuple[Complex, Array, Array, Ar
     number = np.concatenate((modal.mode[turns], modal.mode[~turns]))
     if state.right.shape[1]:
         outputs, inputs = c @ state.show @ state.right, state.left.T @ state.force @ b
-        still = (outputs @ inputs).reshape(size, 1)
+        constant = (outputs @ inputs).reshape(size, 1)
         drift = (outputs @ state.nilpotent @ inputs).reshape(size, 1)
         pairs = np.concatenate((np.zeros((1, 2)), pairs))
-        alpha, gamma = np.concatenate((still, alpha), axis=1), np.concatenate((drift, gamma), axis=1)
+        alpha, gamma = np.concatenate((constant, alpha), axis=1), np.concatenate((drift, gamma), axis=1)
         number = np.concatenate(([0], number))
     return pairs, value[~turns].real, gamma, alpha, residue[:, ~turns].real, number

@@ -92,8 +92,8 @@ class Measurement(Displayed):
     def driving_points(self) -> tuple[tuple[str, str], ...]:
         """Pairs of output and input at the same node in the same direction, either sign."""
         return tuple((output, name) for output, at in zip(self.outputs, self.output_points, strict=True)
-                     for name, there in zip(self.inputs, self.input_points, strict=True)
-                     if (at.node, abs(at.direction)) == (there.node, abs(there.direction)))  # fmt: skip
+                     for name, point in zip(self.inputs, self.input_points, strict=True)
+                     if (at.node, abs(at.direction)) == (point.node, abs(point.direction)))  # fmt: skip
 
     @property
     def is_measured(self) -> Array:

@@ -74,7 +74,7 @@ def pair_block(a: Array, l1: complex, l2: complex, first: Complex, second: Compl
 
 
 def modal_inputs(
-    a: Array, blocks: Array, columns: Array, sizes: Sequence[int], push: Array, names: Sequence[str], system: str
+    a: Array, blocks: Array, columns: Array, sizes: Sequence[int], forces: Array, names: Sequence[str], system: str
 ) -> Array:
     """Return the inputs B of modal states x = T z, T B = F, and refuse states in which rounding shows in the responses.
 
@@ -87,7 +87,7 @@ def modal_inputs(
         A in energy coordinates, N and T with A T = T N.
     sizes : sequence of int
         Numbers of states of the blocks.
-    push : array, shape (n, n_inputs)
+    forces : array, shape (n, n_inputs)
         The inputs F in energy coordinates.
     names : sequence of str
         Names of the states.
@@ -105,13 +105,13 @@ def modal_inputs(
         If rounding would show in the responses.
     """
     if not len(columns):
-        return np.zeros_like(push)
+        return np.zeros_like(forces)
     length = np.linalg.norm(columns, axis=0)
     residual = np.linalg.norm(a @ columns - columns @ blocks, axis=0) / (length * np.abs(a).max())
     parts = [np.linalg.qr(part) for part in np.split(columns / length, np.cumsum(sizes)[:-1], axis=1)]
     basis = np.concatenate([part for part, _ in parts], axis=1)
-    shares = np.linalg.solve(basis, push)
-    grown = (np.abs(shares).sum(axis=0) / np.maximum(np.linalg.norm(push, axis=0), TINY)).max(initial=1.0)
+    shares = np.linalg.solve(basis, forces)
+    grown = (np.abs(shares).sum(axis=0) / np.maximum(np.linalg.norm(forces, axis=0), TINY)).max(initial=1.0)
     _, values, right = np.linalg.svd(basis)
     if values[-1] * DEPENDENT < values[0] * grown or residual.max() > RESIDUAL:
         share = np.abs(right[-1]) if residual.max() <= RESIDUAL else residual

@@ -128,9 +128,9 @@ def _by_cosines(p: Array, tau: Array, h: Array) -> tuple[Array, ...]:
     inside = (half - omega) * (half + omega)
     y = np.sqrt(np.abs(inside)) * h
     turns = inside < 0.0
-    still = np.where(turns, 0.0, y)  # below 0.25
-    cosine = np.where(turns, np.cos(y), np.cosh(still))
-    sine = np.divide(np.where(turns, np.sin(y), np.sinh(still)), y, out=np.ones_like(y), where=y != 0.0)
+    hyperbolic = np.where(turns, 0.0, y)  # below 0.25
+    cosine = np.where(turns, np.cos(y), np.cosh(hyperbolic))
+    sine = np.divide(np.where(turns, np.sin(y), np.sinh(hyperbolic)), y, out=np.ones_like(y), where=y != 0.0)
     decay = np.exp(-half * h)
     s = h * decay * sine
     c = decay * (cosine + half * h * sine)

@@ -279,9 +279,9 @@ def _coupled(modal: Damped, c: Array, b: Array) -> _Terms:
     turns = pairs[:, 0].imag != 0.0
     free = (pairs == 0.0).all(axis=1)
     real = np.nonzero(~turns & ~free)[0]
-    y, still = modal.vectors[:, turns, 0], modal.vectors[:, free, 0].real
+    y, rigid_vectors = modal.vectors[:, turns, 0], modal.vectors[:, free, 0].real
     residue = _outer(c @ y, (y.T @ b) / slopes[turns, :1])
-    rigid = _outer(c @ still, still.T @ b)
+    rigid = _outer(c @ rigid_vectors, rigid_vectors.T @ b)
     gamma = np.concatenate((rigid, 2.0 * (residue * pairs[turns, 0]).real), axis=1)
     alpha = np.concatenate((np.zeros_like(rigid), 2.0 * residue.real), axis=1)
     z = np.concatenate([modal.vectors[:, real, k].real for k in (0, 1)], axis=1)
@@ -311,10 +311,10 @@ def residues(modal: Damped, s: Complex) -> tuple[Complex, Complex]:
     assert modal.vectors is not None
     assert modal.slopes is not None
     free = (modal.pairs == 0.0).all(axis=1)
-    still = modal.vectors[:, free, 0]
+    rigid_vectors = modal.vectors[:, free, 0]
     value, slope = (a[~free].reshape(-1) for a in (modal.pairs, modal.slopes))
-    y = np.concatenate((modal.vectors[:, ~free].reshape(len(still), -1), still), axis=1)
-    rigid = np.broadcast_to(1.0 / (s * s), (still.shape[1], len(s)))
+    y = np.concatenate((modal.vectors[:, ~free].reshape(len(rigid_vectors), -1), rigid_vectors), axis=1)
+    rigid = np.broadcast_to(1.0 / (s * s), (rigid_vectors.shape[1], len(s)))
     return y, np.concatenate((1.0 / ((s - value[:, None]) * slope[:, None]), rigid))
 
 

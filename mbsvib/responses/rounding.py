@@ -54,9 +54,9 @@ class Noise:
             used = np.flatnonzero(rows.any(axis=1))
             c = rows[used] @ modal.shapes
             gamma, gain = np.linalg.norm(c, axis=1), np.abs(c if terms.vectors is None else c @ terms.vectors)
-            both = gamma[:, None, None] * right.T + gain[:, None, :] * beta[:, None]
-            sums = terms.sums(both, direct[used] if order == 2 else None)
-            parts.append((order, used, both.reshape(-1, both.shape[2]), sums))
+            magnitudes = gamma[:, None, None] * right.T + gain[:, None, :] * beta[:, None]
+            sums = terms.sums(magnitudes, direct[used] if order == 2 else None)
+            parts.append((order, used, magnitudes.reshape(-1, magnitudes.shape[2]), sums))
         output_rows = tuple((order, rows @ modal.shapes) for order, rows in differentiated(system))
         return Noise(b, output_rows, terms, tuple(parts), direct)
 
@@ -83,8 +83,8 @@ class Noise:
             inverse = np.divide(1.0, w, out=np.zeros_like(w), where=w > 0.0) ** self.terms.power
         else:
             result += self.direct[:, :, None]
-        for order, used, both, sums in self.parts:
-            part = (both @ gain).reshape(len(used), -1, len(w))
+        for order, used, magnitudes, sums in self.parts:
+            part = (magnitudes @ gain).reshape(len(used), -1, len(w))
             if by_modes:
                 part += sums[:, :, below] * inverse
             result[used] += part * w**order if order else part
@@ -141,9 +141,9 @@ class Terms:
         gain[count:] = 1.0 / (w * w)
         return gain, np.minimum(1.0, (corner / w) ** 2)
 
-    def sums(self, both: Array, direct: Array | None) -> Array:
+    def sums(self, magnitudes: Array, direct: Array | None) -> Array:
         """Magnitudes of the known sums (rows, inputs, k + 1), from below w or from above, whichever cancels less."""
-        terms = (both * self.strength)[:, :, np.argsort(self.corner, kind="stable")]
+        terms = (magnitudes * self.strength)[:, :, np.argsort(self.corner, kind="stable")]
         below, above = np.zeros((2, *terms.shape[:2], terms.shape[2] + 1))
         np.cumsum(terms, axis=2, out=below[:, :, 1:])
         above[:, :, :-1] = np.cumsum(terms[:, :, ::-1], axis=2)[:, :, ::-1]

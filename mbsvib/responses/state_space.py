@@ -99,7 +99,7 @@ class StateSpace(LinearVerbs, Displayed):
         if d.shape != shape:
             raise ResponseError(f"StateSpace '{name}': D has shape {d.shape}; expected {shape}, a row for each output "
                                 f"and a column for each input, or 0.")  # fmt: skip
-        into, out, at = (_named(name, label, given, count) for label, given, count in
+        into, out, at = (_named(name, label, labels, count) for label, labels, count in
                          (("inputs", inputs, shape[1]), ("outputs", outputs, shape[0]), ("states", states, n)))
         return cls(name, "given", a, b, c, d, np.zeros((0, n)), at, ("",) * n, into, ("",) * shape[1], out,
                    ("",) * shape[0])  # fmt: skip
@@ -291,7 +291,7 @@ def _matrix(name: str, label: str, value: Any) -> Array:
     return array
 
 
-def _named(name: str, label: str, given: Sequence[str] | None, count: int) -> tuple[str, ...]:
+def _named(name: str, label: str, labels: Sequence[str] | None, count: int) -> tuple[str, ...]:
     from mbsvib.common.selection import signal_names
 
-    return signal_names(given, count, label, f"StateSpace '{name}'")
+    return signal_names(labels, count, label, f"StateSpace '{name}'")

@@ -115,9 +115,9 @@ def _complex(modal: Damped, b: Array, rates: tuple[Array, ...], start: Array) ->
     cq, cv, ca = (c @ y * twice for c in rates)
     matrices = np.eye(len(start)), modal.gamma, np.diag(modal.square)
     state = _amplitudes(value, left, matrices, start.T)[None]
-    still = modal.vectors[:, free, 0].real
-    none = np.zeros(still.shape[1])
-    rigid = _oscillators(none, none, still.T @ b, tuple(c @ still for c in rates), still.T @ start)
+    vectors = modal.vectors[:, free, 0].real
+    none = np.zeros(vectors.shape[1])
+    rigid = _oscillators(none, none, vectors.T @ b, tuple(c @ vectors for c in rates), vectors.T @ start)
     return [Block(Exponentials(value), left @ b, (cq + value * (cv + value * ca))[:, None], state), rigid]
 
 

@@ -71,18 +71,18 @@ def recomputed(basis: Basis, modal: Damped, w: Array, responses: tuple[Complex, 
         if not entries.any():
             return value
         limit = basis.rounding.at(w, by_modes)
-        doubt = (limit > DIGITS * np.abs(value)) & entries[:, :, None]
-        result, failed = value.copy(), np.zeros_like(doubt)
-        at = np.flatnonzero(doubt.any(axis=(0, 1)))
+        inaccurate = (limit > DIGITS * np.abs(value)) & entries[:, :, None]
+        result, failed = value.copy(), np.zeros_like(inaccurate)
+        at = np.flatnonzero(inaccurate.any(axis=(0, 1)))
         batch = max(1, BATCH_BYTES // (16 * len(system.elastic_rows) * len(system.inputs)))
         for start in range(0, len(at), batch):
             part = at[start : start + batch]
-            columns = np.flatnonzero(doubt[:, :, part].any(axis=(0, 2)))
+            columns = np.flatnonzero(inaccurate[:, :, part].any(axis=(0, 2)))
             block = np.ix_(np.arange(len(value)), columns, part)
             new = _forward(system, modal, w[part], solver, columns)
             better = new.change + EPS * new.size <= limit[block]
-            result[block] = np.where(doubt[block] & better, new.value, value[block])
-            failed[block] = doubt[block] & ~(new.change <= limit[block])
+            result[block] = np.where(inaccurate[block] & better, new.value, value[block])
+            failed[block] = inaccurate[block] & ~(new.change <= limit[block])
     result.imag[:, :, w == 0.0] = 0.0
     _warn(system, w, failed)
     return result
@@ -94,21 +94,21 @@ def _entries(basis: Basis, modal: Damped, w: Array, responses: tuple[Complex, bo
     many = len(w) > PROBES
     probes = np.arange(PROBES) * (len(w) - 1) // (PROBES - 1) if many else np.arange(len(w))
     value, at = np.abs(responses[0][:, :, probes]), w[probes]
-    doubt: Bools = basis.rounding.at(at, responses[1]) > DIGITS * value
-    result: Bools = np.asarray(doubt.any(axis=2))
+    inaccurate: Bools = basis.rounding.at(at, responses[1]) > DIGITS * value
+    result: Bools = np.asarray(inaccurate.any(axis=2))
     if not result.any():
         return result
     (quick, all_numbers), motions = basis.rounding_changes, _motions(basis, modal, at, solver(at))
-    doubt &= value > LEFT * EPS * quick.at(at, motions)
-    if quick is not all_numbers and doubt.any():
-        doubt &= value > LEFT * EPS * all_numbers.at(at, motions)
-    result = np.asarray(doubt.any(axis=2))
+    inaccurate &= value > LEFT * EPS * quick.at(at, motions)
+    if quick is not all_numbers and inaccurate.any():
+        inaccurate &= value > LEFT * EPS * all_numbers.at(at, motions)
+    result = np.asarray(inaccurate.any(axis=2))
     if result.any():
-        some = np.flatnonzero(doubt.any(axis=(0, 1)))
-        at = w[probes[some[np.unique(np.linspace(0, len(some) - 1, CLOSER).astype(int))]]]
-        both, inputs = _both(system, modal, at, solver), len(system.inputs)
-        value, changes, floor = (a[:, :inputs] for a in (np.abs(both.value), both.change, both.floor))
-        change = all_numbers.at(at, both.motion, both.relative_motion)
+        frequencies = np.flatnonzero(inaccurate.any(axis=(0, 1)))
+        at = w[probes[frequencies[np.unique(np.linspace(0, len(frequencies) - 1, CLOSER).astype(int))]]]
+        solution, inputs = _both(system, modal, at, solver), len(system.inputs)
+        value, changes, floor = (a[:, :inputs] for a in (np.abs(solution.value), solution.change, solution.floor))
+        change = all_numbers.at(at, solution.motion, solution.relative_motion)
         result &= (value > np.maximum(LEFT * EPS * change, np.maximum(changes / RESTLESS, floor))).any(axis=2)
     return result
 

@@ -82,17 +82,17 @@ def transmission_zeros(
     sources, results = numbers(system, "input", inputs), numbers(system, "output", outputs)
     if not system.dof or not sources or not results:
         return np.zeros(0, dtype=complex)
-    a, b, c, d, still, unit = _realized(system, modal, sources, results)
+    a, b, c, d, at_zero, unit = _realized(system, modal, sources, results)
     zeros = finite_zeros(a, b, c, d) * unit
     total = _transfer(system, modal, (sources, results), zeros)
     zeros = _refined(modal, total, zeros)
-    zeros = _at_rest(system, modal, total, zeros, (sources, results), still)
-    if isinstance(total, ModalSum) or total.finite_zeros() != len(zeros) + still:
+    zeros = _at_rest(system, modal, total, zeros, (sources, results), at_zero)
+    if isinstance(total, ModalSum) or total.finite_zeros() != len(zeros) + at_zero:
         rounding = transfer_rounding(system, modal, total, (sources, results), zeros)
         known = determined_zeros(modal, total, zeros, rounding)
         zeros, known = improved_at_poles(modal, total, zeros, known)
         zeros = zeros[known]
-    zeros = np.concatenate((np.zeros(still), zeros))
+    zeros = np.concatenate((np.zeros(at_zero), zeros))
     return zeros[np.lexsort((-zeros.imag, np.abs(zeros)))]
 
 
@@ -130,16 +130,16 @@ def _realized(
     """
     d = system.D[np.ix_(results, sources)].copy()
     cq, cv, ca = (c[results] for c in (system.Cq, system.Cv, system.Ca))
-    still = 0
+    at_zero = 0
     if len(sources) == len(results):
         for i in range(len(results)):
             if not cq[i].any() and not d[i].any() and cv[i].any() + ca[i].any() == 1:
-                still += 1 if cv[i].any() else 2
+                at_zero += 1 if cv[i].any() else 2
                 cq[i], cv[i], ca[i] = cv[i] + ca[i], 0.0, 0.0
     matrices = {"Cq": cq, "Cv": cv, "Ca": ca, "D": d}
     speeds = np.sqrt(np.abs(modal.square)) if isinstance(modal, Damped) else modal.state.scale
     unit = float(speeds.max(initial=0.0)) or 1.0
-    return (*_even(_in_energy(system, modal, (sources, results), matrices), unit), still, unit)
+    return (*_even(_in_energy(system, modal, (sources, results), matrices), unit), at_zero, unit)
 
 
 def _in_energy(
@@ -186,9 +186,9 @@ def _refined(modal: Damped | General, total: ModalSum | Resolvent, zeros: Comple
         for _ in range(NEWTON_STEPS):
             distance = np.abs(z[:, None] - poles).min(axis=1)
             offset = SECANT * distance * np.where(z != 0.0, z / np.abs(z), 1.0)
-            here, there = total.at(z), total.at(z + offset)
-            size, left, right = smallest_singular_value(here)
-            change = np.einsum("no,oin,ni->n", left.conj(), there - here, right)
+            matrix, shifted = total.at(z), total.at(z + offset)
+            size, left, right = smallest_singular_value(matrix)
+            change = np.einsum("no,oin,ni->n", left.conj(), shifted - matrix, right)
             new = z - offset * (size / change)
             if undamped:
                 new.real[z.real == 0.0] = 0.0
@@ -204,10 +204,10 @@ def _refined(modal: Damped | General, total: ModalSum | Resolvent, zeros: Comple
 
 def _at_rest(
     system: Equations, modal: Damped | General, total: ModalSum | Resolvent, z: Complex,
-    ports: tuple[list[int], list[int]], still: int,
+    ports: tuple[list[int], list[int]], at_zero: int,
 ) -> Complex:  # fmt: skip
     """Set zeros next to 0 to 0 if the static response is zero to rounding, or if poles at 0 do not appear in it:
-    uncontrollable or unobservable rigid-body modes. ``still`` of the zeros at 0 are left out.
+    uncontrollable or unobservable rigid-body modes. ``at_zero`` of the zeros at 0 are left out.
     """
     poles = modal.pairs.reshape(-1) if isinstance(modal, Damped) else modal.values
     size = np.abs(poles)
@@ -217,12 +217,12 @@ def _at_rest(
             return z
         if len(ports[0]) == len(ports[1]):
             known = determined_zeros(modal, total, z, transfer_rounding(system, modal, total, ports, z))
-            return _near_rigid_poles(total, poles, (z, known), lowest, still)
+            return _near_rigid_poles(total, poles, (z, known), lowest, at_zero)
         near = np.abs(z) <= AT_REST * lowest
         if near.any():
             with np.errstate(all="ignore"):
-                here, nearer = np.abs(total.at(1j * lowest * CLOSER)).max(axis=(0, 1))
-            return np.where(near, 0.0, z) if nearer < GROWS * here else z
+                farther, nearer = np.abs(total.at(1j * lowest * CLOSER)).max(axis=(0, 1))
+            return np.where(near, 0.0, z) if nearer < GROWS * farther else z
         return z
     near = np.abs(z) <= AT_REST * float(size.min())
     if near.any():
@@ -236,7 +236,7 @@ def _at_rest(
 
 
 def _near_rigid_poles(
-    total: ModalSum | Resolvent, poles: Complex, zeros: tuple[Complex, NDArray[np.bool_]], lowest: float, still: int
+    total: ModalSum | Resolvent, poles: Complex, zeros: tuple[Complex, NDArray[np.bool_]], lowest: float, at_zero: int
 ) -> Complex:
     """Set as many zeros of a square system to 0 as follow from its determinant, c s^(zeros - poles) near 0.
 
@@ -252,7 +252,7 @@ def _near_rigid_poles(
             far = z[(np.abs(z) > share * lowest) | known & (z != 0.0)]
             logarithms = size - np.log(np.abs(s[:, None] - far)).sum(axis=1)
             power = (logarithms[0] - logarithms[1]) / np.log(CLOSER[0] / CLOSER[1])
-            count = np.round(power) + np.count_nonzero(poles == 0.0) - still
+            count = np.round(power) + np.count_nonzero(poles == 0.0) - at_zero
             if np.abs(power - np.round(power)) < INTEGER_POWER and count == len(z) - len(far):
                 return np.concatenate((np.zeros(int(count)), far))
     return z

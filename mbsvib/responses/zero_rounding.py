@@ -63,8 +63,8 @@ def improved_at_poles(modal: Damped | General, total: ModalSum | Resolvent, z: C
         nearest = int(away.argmin())
         p = poles[nearest]
         offset = RESIDUE * min(abs(p), float(np.sort(np.abs(poles - p))[1]))
-        taken = np.abs(z[known] - p).min(initial=np.inf) <= AT_POLE * abs(p)
-        if taken or away[nearest] > MAY_BE_AT_POLE * abs(p) or p == 0.0:
+        cancelled = np.abs(z[known] - p).min(initial=np.inf) <= AT_POLE * abs(p)
+        if cancelled or away[nearest] > MAY_BE_AT_POLE * abs(p) or p == 0.0:
             continue
         with np.errstate(all="ignore"):
             after, before = total.at(p + offset * np.array([1.0, -1.0])).transpose(2, 0, 1)

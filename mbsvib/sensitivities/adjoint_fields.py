@@ -18,7 +18,6 @@ from mbsvib.sensitivities.second_order_work import geometric_wrenches
 from mbsvib.sensitivities.transmitted_wrenches import transmitted
 
 if TYPE_CHECKING:
-
     from mbsvib.linalg.vectors import Field
     from mbsvib.sensitivities.network import Network
 
@@ -145,7 +144,7 @@ def fields(
     if network.spin is not None and side:
         on_bodies = on_bodies + 0.0 * rate
         on_bodies[:, 3:] += network.spin.on_bodies(motion.body, rate, side)
-        if network.spin.turning is not None:
+        if network.spin.circulatory is not None:
             spring_wrench += network.spin.in_springs(motion.relative[joints:], stiff, side)
     if network.forces is not None:
         carrying = motion.body if inertia_only is None else motion.body - inertia_only

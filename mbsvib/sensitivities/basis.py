@@ -144,11 +144,11 @@ class SensitivityBasis:
         ruled = have_rules(network, requested.layout)
         loaded = None if ruled.all() or network.bare else self.loaded
         reference = None if loaded is None else self.reference_pose
-        if loaded is None or not (reference is None or all(map(reference.tells, requested.parameters))):
+        if loaded is None or not (reference is None or all(map(reference.covers, requested.parameters))):
             return grouped_by_rule(network, requested, ruled, self.matrix_slopes, every)
         result = grouped_through_equilibrium(loaded, reference, requested, self.matrix_slopes, every)
-        if result.lost is not None and result.lost.any() and not every:
-            raise not_held(requested.names[int(np.argmax(result.lost))], self.equations.name)
+        if result.unresisted is not None and result.unresisted.any() and not every:
+            raise not_held(requested.names[int(np.argmax(result.unresisted))], self.equations.name)
         return result
 
     def matrix_slopes(self, directions: Sequence[Direction], every: bool = False) -> Mapping[str, Array]:
@@ -186,8 +186,8 @@ class SensitivityBasis:
         separation = system.provenance.separation
         # rules know no coordinates that change with the parameters
         mixed = separation is not None and separation.mixed
-        network, acting, seeing = (self._without_ports if mixed else self.ported)(inputs, outputs)
-        return matrix_derivatives(system, self.groups(parameters, network), acting, seeing)
+        network, actuation, sensing = (self._without_ports if mixed else self.ported)(inputs, outputs)
+        return matrix_derivatives(system, self.groups(parameters, network), actuation, sensing)
 
     def matrix_derivatives_in_parts(
         self, parameters: Requested, count: int
@@ -203,6 +203,6 @@ class SensitivityBasis:
             yield slice(0, len(names)), self.matrix_derivatives()
             return
         for start in range(0, len(names), count):
-            some = names[start : start + count]
-            part = {name: parameters[name] for name in some} if isinstance(parameters, Mapping) else some
-            yield slice(start, start + len(some)), self.matrix_derivatives(part)
+            chunk = names[start : start + count]
+            part = {name: parameters[name] for name in chunk} if isinstance(parameters, Mapping) else chunk
+            yield slice(start, start + len(chunk)), self.matrix_derivatives(part)

@@ -154,19 +154,19 @@ def gravity_rule(network: Network) -> Rule:
 def motion_slopes(beam: Beam, direction: int) -> dict[str, Array]:
     """Return how ``numbers`` change as a beam shifts along x, y, z (0 to 2), or turns about these at its first node."""
     present = numbers(beam)
-    count, way = len(present["axes"]), np.eye(3)[direction % 3]
+    count, axis = len(present["axes"]), np.eye(3)[direction % 3]
     fixed = ("stiffness", "damping", "mass", "by_mass", "bent", "weighed", "masses", "weight")
     result = {key: np.zeros_like(present[key]) for key in fixed}
     result |= {"modal": np.zeros_like(present["modal"])[None], "turns": np.zeros((count, 3)),
-               "points": np.tile(way, (count + 1, 1)), "centres": np.tile(way, (count + 1, 1))}  # fmt: skip
+               "points": np.tile(axis, (count + 1, 1)), "centres": np.tile(axis, (count + 1, 1))}  # fmt: skip
     if direction < 3:
         return result
     for key, copies in (("mass", 4), ("by_mass", 4), ("modal", 2 * count)):
-        spin = np.kron(np.eye(copies), skew(way))
+        spin = np.kron(np.eye(copies), skew(axis))
         result[key] = spin @ present[key] - present[key] @ spin
     result["modal"] = result["modal"][None]
     arms = {key: present[key] - present["points"][0] for key in ("points", "centres")}
-    return result | {"turns": np.tile(way, (count, 1))} | {key: np.cross(way, arm) for key, arm in arms.items()}
+    return result | {"turns": np.tile(axis, (count, 1))} | {key: np.cross(axis, arm) for key, arm in arms.items()}
 
 
 def middle_rates(change: dict[str, Array]) -> Array:

@@ -123,7 +123,7 @@ def _of_triples(matrices: Complex, size: Array) -> tuple[Complex, NDArray[np.boo
     trace = a + e + i
     minors = np.abs((e * i - f * h, d * i - f * g, d * h - e * g, b * i - c * h, a * i - c * g, a * h - b * g,
                      b * f - c * e, a * f - c * d, a * e - b * d)).max(axis=0)  # fmt: skip
-    one = (minors <= ONE_BRANCH * size * size) & (np.abs(trace) >= 0.5 * size)
+    single = (minors <= ONE_BRANCH * size * size) & (np.abs(trace) >= 0.5 * size)
     centre = trace / 3.0
     a, e, i = a - centre, e - centre, i - centre
     p = (a * a + e * e + i * i + 2.0 * (b * d + c * g + f * h)) / 6.0
@@ -132,6 +132,6 @@ def _of_triples(matrices: Complex, size: Array) -> tuple[Complex, NDArray[np.boo
     root[(root * q.conj()).real < 0.0] *= -1.0
     u = (q + root) ** (1.0 / 3.0) * _THIRD_ROOTS
     values: Complex = centre + u + p / u
-    values[:, one] = 0.0
-    values[0, one] = trace[one]
-    return values, one | (np.abs(root) > DISTINCT * np.abs(q + root))
+    values[:, single] = 0.0
+    values[0, single] = trace[single]
+    return values, single | (np.abs(root) > DISTINCT * np.abs(q + root))

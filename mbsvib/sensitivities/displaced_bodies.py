@@ -22,20 +22,21 @@ STRAIGHT = 1e-14
 class Displaced:
     """Where bodies went from where they are described."""
 
-    def __init__(self, origin: Mechanism, there: Mapping[str, Any]) -> None:
-        self._origin, self._there = origin.bodies, there
+    def __init__(self, origin: Mechanism, displaced: Mapping[str, Any]) -> None:
+        self._origin, self._displaced = origin.bodies, displaced
 
     def turn(self, body: str) -> Array:
         """Return the rotation matrix (3, 3) of a body since it was described."""
         if body == "ground":
             return np.eye(3)
-        return np.asarray(np.array(self._there[body].orientation) @ np.array(self._origin[body].orientation).T)
+        return np.asarray(np.array(self._displaced[body].orientation) @ np.array(self._origin[body].orientation).T)
 
     def point(self, body: str, at: Any) -> Array:
         """Return where a point (3,) [m] of a body has gone."""
         if body == "ground":
             return np.array(at)
-        return np.asarray(self._there[body].position + self.turn(body) @ np.subtract(at, self._origin[body].position))
+        arm = np.subtract(at, self._origin[body].position)
+        return np.asarray(self._displaced[body].position + self.turn(body) @ arm)
 
 
 def turned(origin: Mechanism, parts: Iterable[Part]) -> frozenset[str]:

@@ -76,8 +76,8 @@ def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Requested = No
         scale = -1.0 / norm
     resting = np.flatnonzero(spectrum.lead == 0.0)
     scale[len(spectrum.lead) :] = 1.0
-    for some in (resting, *pairs.groups):
-        scale[some] = 1.0
+    for group in (resting, *pairs.groups):
+        scale[group] = 1.0
     symmetric = spectrum.left is None
     right = _fields(groups.network, x, widened.lead, 2.0 * scale if symmetric else scale, 0 if symmetric else 1)
     left = None if symmetric else _fields(groups.network, y, spectrum.lead, scale, -1)

@@ -109,11 +109,11 @@ class Forces:
         """Which forces act on bodies (bodies, n), as on the second and as on the first."""
         bodies, every = len(self.centre), np.arange(len(self.first))
 
-        def acting(which: Index) -> csr_array:
+        def incidence(which: Index) -> csr_array:
             moves = which < bodies
             return csr_array((np.ones(moves.sum()), (which[moves], every[moves])), shape=(bodies, len(every)))
 
-        return acting(self.second), acting(self.first)
+        return incidence(self.second), incidence(self.first)
 
     def relative_motions(self, body: Field) -> tuple[Field, Field]:
         """Return what forces see of motions of the bodies, of their first body and the relative one (n, 6, ...).

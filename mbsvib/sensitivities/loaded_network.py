@@ -169,10 +169,10 @@ class LoadedNetwork:
         (v, e): what changes of the forces then.
         """
         motion = joint_release_motion(self.network, openings)
-        more = tuple(of(self.network, self.forces, self.changes, motion) for of in (parameter_rates, force_rates))
+        added = tuple(of(self.network, self.forces, self.changes, motion) for of in (parameter_rates, force_rates))
         return replace(self, motions=np.concatenate((self.motions, motion), axis=2),
-                       parameter_rates=np.concatenate((self.parameter_rates, more[0]), axis=1),
-                       force_rates=np.concatenate((self.force_rates, more[1] + forces.T), axis=1))  # fmt: skip
+                       parameter_rates=np.concatenate((self.parameter_rates, added[0]), axis=1),
+                       force_rates=np.concatenate((self.force_rates, added[1] + forces.T), axis=1))  # fmt: skip
 
     @cached_property
     def _through(self) -> tuple[ParameterGroup, ...]:

@@ -93,7 +93,7 @@ class MatrixDerivatives(Displayed):
 
 
 def matrix_derivatives(
-    system: Equations, groups: ParameterGroups, acting: Loads, seeing: Loads
+    system: Equations, groups: ParameterGroups, actuation: Loads, sensing: Loads
 ) -> MatrixDerivatives:
     """Return the derivatives of all matrices to variables.
 
@@ -104,7 +104,7 @@ def matrix_derivatives(
     """
     m, i, o = system.dof, list(range(len(system.inputs))), list(range(len(system.outputs)))
     network, unit = groups.network, np.eye(system.dof)
-    free, turns = no_loads(network, m), feedthrough(system, (i, acting), (o, seeing))[1]
+    free, turns = no_loads(network, m), feedthrough(system, (i, actuation), (o, sensing))[1]
     left, right = unit[:, :, None, None], unit[:, None, :, None]
 
     def chained(form: Field, key: str) -> Array:
@@ -115,7 +115,7 @@ def matrix_derivatives(
     def ports(
         key: str, pair: tuple[Loads, Loads], powers: tuple[Array, Array, Array], vectors: tuple[Array, Array]
     ) -> Array:
-        turning = turns if pair[0] is acting and pair[1] is seeing else np.zeros((*_ports(pair), 3))
+        turning = turns if pair[0] is actuation and pair[1] is sensing else np.zeros((*_ports(pair), 3))
         return chained(port_forms(groups, pair, powers, vectors, turning), key)
 
     def square(key: str) -> Array:
@@ -129,16 +129,16 @@ def matrix_derivatives(
             parts.append(chained(groups.forms(y, x), key))
         return np.concatenate(parts, axis=1)
 
-    at_rest, blind = np.zeros((m, 1, len(i), 1)), np.zeros((m, len(o), 1, 1))
-    of_outputs = {_OUTPUTS[key]: ports(_OUTPUTS[key], (free, seeing), powers, (right, blind))
+    no_inputs, no_outputs = np.zeros((m, 1, len(i), 1)), np.zeros((m, len(o), 1, 1))
+    of_outputs = {_OUTPUTS[key]: ports(_OUTPUTS[key], (free, sensing), powers, (right, no_outputs))
                   for key, powers in _POWERS.items()}  # fmt: skip
-    of_outputs["D"] = ports("D", (acting, seeing), _STILL, (at_rest, blind))
-    if seeing.excluded:
+    of_outputs["D"] = ports("D", (actuation, sensing), _STILL, (no_inputs, no_outputs))
+    if sensing.excluded:
         for key, change in of_outputs.items():
-            change[:, seeing.excluded] = groups.variable_slopes[key][:, seeing.excluded]
+            change[:, sensing.excluded] = groups.variable_slopes[key][:, sensing.excluded]
     return MatrixDerivatives(
         tuple(groups.variables.names), square("M"), square("C"), square("K"),
-        ports("B", (acting, free), _STILL, (at_rest, left)), of_outputs["Cq"], of_outputs["Cv"], of_outputs["Ca"],
+        ports("B", (actuation, free), _STILL, (no_inputs, left)), of_outputs["Cq"], of_outputs["Cv"], of_outputs["Ca"],
         of_outputs["D"], groups,
     )  # fmt: skip
 

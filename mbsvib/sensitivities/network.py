@@ -46,10 +46,10 @@ class Network:
     """Bodies (b), joints (j), bushings, line springs and inerters (s) of a system in numbers, world axes.
 
     ``relative`` (6 (j + s), n) leads from joint coordinates to the motion of each connection's second body against its
-    first at ``point`` (j + s, 3). ``acting`` (b, s) and ``closing`` (b, j) hold +1 for the second and -1 for the first
-    body of each spring-damper and of each joint. ``tree`` lists body and parent (ground: b) from ground outwards; joint
-    j carries ``sign[j]`` times what acts on ``behind[j]`` and outwards, none where the sign is 0. Sums of
-    wrenches are taken about ``origin``. ``displacements`` (6 b, m) is the bodies' motion, ``moves`` numbers its rows
+    first at ``point`` (j + s, 3). ``spring_incidence`` (b, s) and ``closing`` (b, j) hold +1 for the second and -1 for
+    the first body of each spring-damper and of each joint. ``tree`` lists body and parent (ground: b) from ground
+    outwards; joint j carries ``sign[j]`` times what acts on ``behind[j]`` and outwards, none where the sign is 0. Sums
+    of wrenches are taken about ``origin``. ``displacements`` (6 b, m) is the bodies' motion, ``moves`` numbers its rows
     that are not zero, ``floating`` (f,) the bodies that hang on nothing. ``limits`` say which parameters act by rules
     of their own. A ``bare`` network has no parts, as no parameter has a rule. ``forces`` are those at the pose of a
     loaded scene whose derivatives through the equilibrium are known, ``shared`` what more than two bodies share,
@@ -74,7 +74,7 @@ class Network:
     tree: tuple[tuple[int, int], ...]
     behind: Index
     sign: Array
-    acting: Any
+    spring_incidence: Any
     closing: Any
     constraints: Constraints | None
     origin: Array

@@ -66,9 +66,9 @@ def is_complete(system: Equations, network: Network) -> bool:
 
     The work of one motion is compared with that of the system's factors.
     """
-    some = np.cos(np.arange(system.dof))[:, None]  # no structure of a mechanism
-    moved, strained = system.inertia_factor @ some, system.elastic_rows @ some
-    motion = motions(network, some)
+    trial = np.cos(np.arange(system.dof))[:, None]  # no structure of a mechanism
+    moved, strained = system.inertia_factor @ trial, system.elastic_rows @ trial
+    motion = motions(network, trial)
     strain = motion.relative[len(network.joints) :]
     # rows of geometric stiffness, behind those of the springs, belong to parameters that have no rule
     strained = strained[:, 0] * (system.row_owner < len(system.provenance.springs))
@@ -104,10 +104,10 @@ def bare_network(system: Equations) -> Network:
     )  # fmt: skip
 
 
-def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
+def assembled(system: Equations, kinematics: Kinematics | None = None) -> Network:
     """Return the network of a system.
 
-    Its coordinates are ``ways``, joint coordinates unless others are given.
+    Its coordinates are ``kinematics``, joint coordinates unless others are given.
     """
     topology = system.provenance.topology
     parts = system.provenance.parts
@@ -121,13 +121,13 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
     if (plain is not None and plain.expansion is not None) or any(isinstance(part, Maxwell) for part in parts):
         nodes, lines = maxwell_parts(parts)
         known = ({} if plain is None else dict(plain.bodies)) | {body.name: body for body in (*bodies, *nodes)}
-        strain = {spring.name for spring in springs}
-        generated = () if plain is None else tuple([part for part in plain.springs.values() if part.name not in strain])
+        names = {spring.name for spring in springs}
+        generated = () if plain is None else tuple([part for part in plain.springs.values() if part.name not in names])
         bodies, joints = tuple([known[name] for name in topology.bodies]), topology.joints
         springs += (*[part for part in generated if isinstance(part, Bushing)], *lines)
     number = {body.name: i for i, body in enumerate(bodies)} | {"ground": len(bodies)}
-    analytic = ways is None and follows(system)  # amplitudes of some modes do not tell how the pose moves
-    ways = JointCoordinates.of(system, bodies) if ways is None else ways
+    analytic = kinematics is None and follows(system)  # amplitudes of some modes do not tell how the pose moves
+    kinematics = JointCoordinates.of(system, bodies) if kinematics is None else kinematics
     point = np.array([*(_point(joint, bodies, number) for joint in joints),
                       *(part.position if isinstance(part, Bushing) else part.start for part in springs),
                       ]).reshape(-1, 3)  # fmt: skip
@@ -140,20 +140,21 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
     all_points = np.concatenate((point, position))
     displacements = system.body_motion.reshape(6 * len(bodies), -1)
     centre = 0.5 * (all_points.min(axis=0) + all_points.max(axis=0))
-    ties = ways.constraints(bodies, number, centre)
+    ties = kinematics.constraints(bodies, number, centre)
     six = np.tile(_SIX, (len(first), 1)).T
     rows = Rows(np.repeat(first, 6), np.repeat(second, 6), np.repeat(point, 6, axis=0).T, six[:3], six[3:])
     stiffness, damping = _world(springs)
     loads = () if plain is None else tuple(plain.loads.values())
-    relative, reactions = ways.relative(rows), None
+    relative, reactions = kinematics.relative(rows), None
     if analytic and any(isinstance(part, Composed) for part in parts):
-        at_joints = relative if ways.reduction is None else relative @ ways.reduction
+        at_joints = relative if kinematics.reduction is None else relative @ kinematics.reduction
         moves = np.asarray(at_joints @ np.eye(system.dof)).reshape(-1, 6, system.dof)[len(joints) :]
         reactions = element_reactions(parts, {part.name: k for k, part in enumerate(springs)}, moves,
                                       dict(zip(system.bodies, system.body_motion, strict=True)))  # fmt: skip
         analytic = reactions is not None
     return Network(
-        parts, bodies, joints, springs, ways.coordinates, ways.reduction, np.array([body.mass for body in bodies]),
+        parts, bodies, joints, springs, kinematics.coordinates, kinematics.reduction,
+        np.array([body.mass for body in bodies]),
         axes @ tensors @ axes.transpose(0, 2, 1), position, axes, point,
         relative, stiffness, damping,
         tuple((branch.body, branch.parent) for branch in topology.branches), behind, sign,
@@ -163,7 +164,7 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
         limits(system),
         forces=forces_at_rest(system, bodies, joints, springs, loads, number, point) if analytic else None,
         loads=loads, reactions=reactions,
-        shared=None if plain is None else shared_forces(plain, bodies, number, ways),
+        shared=None if plain is None else shared_forces(plain, bodies, number, kinematics),
         inertance=_inertance(springs),
         spin=spin(plain, bodies, springs) if plain is not None and (analytic or not is_loaded(system)) else None,
     )  # fmt: skip
@@ -174,8 +175,8 @@ def model_in_pose(system: Equations) -> Mechanism | None:
     provenance = system.provenance
     if provenance.origin is None or not provenance.moved_to_equilibrium:
         return provenance.origin
-    there = {part.name: part for part in provenance.parts}
-    groups: Any = {key: {name: there[name] for name in group} for key, group in provenance.origin.groups().items()
+    part_of = {part.name: part for part in provenance.parts}
+    groups: Any = {key: {name: part_of[name] for name in group} for key, group in provenance.origin.groups().items()
               if key not in ("inputs", "outputs")}  # fmt: skip
     return provenance.origin.with_parts(**groups)
 

@@ -76,9 +76,9 @@ def constraints(
         rows, added = cuts.couplings.measured, np.flatnonzero(cuts.couplings.column < 0)
         wrench = np.concatenate((wrench, np.concatenate((rows.force, rows.moment)).T))
         joint = np.concatenate((joint, measured))
-        more = np.zeros((len(added), len(cuts.names)))
-        more[np.arange(len(added)), locked + cuts.couplings.row[added]] = cuts.couplings.value[added]
-        share = np.concatenate((share, more))
+        added_share = np.zeros((len(added), len(cuts.names)))
+        added_share[np.arange(len(added)), locked + cuts.couplings.row[added]] = cuts.couplings.value[added]
+        share = np.concatenate((share, added_share))
     pull, stress = _solution(phi[:, dependent])
     twist = np.concatenate((coordinates.linear, coordinates.angular))[:, dependent].T * sign[dependent, None]
     return Constraints(

@@ -80,15 +80,15 @@ def h2_norm(
     names = _names(system, parameters)
     _refuse_feedthrough(system, base.D, ports)
     k = base.first
-    lasting = _lasting(basis.responses)
-    if lasting is not None:
+    undamped = _undamped(basis.responses)
+    if undamped is not None:
         if _silent(basis.responses, *ports):
             return Norm(0.0, names, np.zeros(len(names)))
         part = _separate_part(system, *ports)
         if part is not None:
             return h2_norm(part, parameters=parameters)
         raise ResponseError(
-            f"H2 norm of '{system.name}': mode {lasting} does not decay, so that the norm is infinite. Give it "
+            f"H2 norm of '{system.name}': mode {undamped} does not decay, so that the norm is infinite. Give it "
             f"damping, or leave it out: system.reachable(outputs, inputs) drops what these ports do not reach or see."
         )
     p = solve_continuous_lyapunov(base.A, -base.B @ base.B.T)
@@ -150,14 +150,14 @@ def hinf_norm(
     """
     system = basis.equations
     i, o = _ports(system, inputs, outputs)
-    names, lasting = _names(system, parameters), _lasting(basis.responses)
-    if lasting is not None:
+    names, undamped = _names(system, parameters), _undamped(basis.responses)
+    if undamped is not None:
         if _silent(basis.responses, i, o):
             return Norm(0.0, names, np.zeros(len(names)), 0.0)
         part = _separate_part(system, i, o)
         if part is not None:
             return hinf_norm(part, parameters=parameters)
-        raise ResponseError(f"Hinf norm of '{system.name}': mode {lasting} does not decay, so that its peak is "
+        raise ResponseError(f"Hinf norm of '{system.name}': mode {undamped} does not decay, so that its peak is "
                             f"infinite. Give it damping, or ask system.reachable(outputs, inputs) for its norm."
                             )  # fmt: skip
     named = [system.outputs[k] for k in o], [system.inputs[k] for k in i]
@@ -217,7 +217,7 @@ def _ports(system: Equations, inputs: Ports, outputs: Ports) -> tuple[list[int],
     return i, o
 
 
-def _lasting(basis: Basis) -> int | None:
+def _undamped(basis: Basis) -> int | None:
     """The number, from 1, of the first mode that does not decay by more than rounding of its frequency."""
     pairs = basis.response_modes.pairs
     modes = np.flatnonzero((pairs.real >= -EPS * np.abs(pairs)).any(axis=1))
@@ -231,7 +231,7 @@ def _separate_part(system: Equations, inputs: list[int], outputs: list[int]) -> 
     rows = np.concatenate([c[outputs] for c in (system.Cq, system.Cv, system.Ca)])
     more = system.B[removed][:, inputs].any() or rows[:, removed].any()
     basis = SensitivityBasis.of(part)
-    return None if more or not removed.any() or _lasting(basis.responses) is not None else basis
+    return None if more or not removed.any() or _undamped(basis.responses) is not None else basis
 
 
 def _silent(basis: Basis, inputs: list[int], outputs: list[int]) -> bool:

@@ -120,12 +120,12 @@ def _turns_along(spin: Spin, field: str, kind: str, _: int, part: Any) -> bool:
     Such parameters are differenced: variants say whether the spin is steady still.
     """
     if kind == "rotor":
-        return part.inertia is None and spin.turning is not None
+        return part.inertia is None and spin.circulatory is not None
     if kind == "body":
         return part.name in spin.bodies and field != "mass"
     if kind not in ("joint", "spring", "torsion") or not spin.bodies.intersection((part.first, part.second)):
         return False
-    return field not in ("stiffness", "damping") or (field == "damping" and spin.turning is not None)
+    return field not in ("stiffness", "damping") or (field == "damping" and spin.circulatory is not None)
 
 
 def _single(network: Network, kind: str, entry: tuple[Any, str, tuple[int, ...]], row: int) -> ParameterGroup:

@@ -40,8 +40,8 @@ class ParameterGroups:
 
     Where these go through an equilibrium, the parameters are all there are of the network ``loaded``: variables move
     them at ``rates`` (variables, parameters), None one by one, and the pose by ``motion`` (variables, c), those
-    ``lost`` along one that nothing holds. ``slopes`` gives derivatives of whole matrices. ``every`` says that these are
-    all parameters, of which some may have no derivative.
+    ``unresisted`` along one that nothing holds. ``slopes`` gives derivatives of whole matrices. ``every`` says that
+    these are all parameters, of which some may have no derivative.
     """
 
     network: Network
@@ -51,7 +51,7 @@ class ParameterGroups:
     loaded: LoadedNetwork | None = None
     rates: csr_array | None = None
     motion: Array | None = None
-    lost: NDArray[np.bool_] | None = None
+    unresisted: NDArray[np.bool_] | None = None
     every: bool = False
 
     @cached_property
@@ -110,7 +110,7 @@ class ParameterGroups:
         where a parameter, changed alone, takes degrees of freedom away; ``values`` may be used up.
         """
         broken = self.loses_freedom
-        if self.loaded is None or self.motion is None or self.lost is None:
+        if self.loaded is None or self.motion is None or self.unresisted is None:
             values[broken] = np.nan
             return self.variables.chain(values)
         count = self.loaded.changes.count
@@ -120,7 +120,7 @@ class ParameterGroups:
         result = product(self.motion, moved)
         result += direct if self.rates is None else incidence_sum(self.rates, direct)
         requested, broken = self.variables.rates, broken[: len(self.loaded.entries)]
-        result[self.lost | (broken if requested is None else abs(requested) @ broken > 0.0)] = np.nan
+        result[self.unresisted | (broken if requested is None else abs(requested) @ broken > 0.0)] = np.nan
         return result
 
 
@@ -156,7 +156,7 @@ def grouped_through_equilibrium(
 
     ``reference``: what parameters as described do, where the equilibrium was found in another pose; ``slopes``:
     derivatives of whole matrices along directions; ``every``: whether all parameters are asked for, of which some may
-    have no derivative. Returns the groups; variables that load a motion which nothing holds are ``lost``.
+    have no derivative. Returns the groups; variables that load a motion which nothing holds are ``unresisted``.
     """
     requested = requested.among(loaded.entries)
     rates, count = requested.rates, loaded.changes.count
@@ -169,8 +169,8 @@ def grouped_through_equilibrium(
         rates, forces, joint_openings = moved if rates is None else tuple(rates @ matrix for matrix in moved)
         openings = joint_openings.toarray().reshape(len(requested.names), len(loaded.network.joints), 6)
         loaded = loaded.with_openings(openings.transpose(1, 2, 0), forces)
-    motion, lost = pose_motion(loaded, rates)
-    return ParameterGroups(loaded.network, requested, loaded.groups, slopes, loaded, rates, motion, lost, every)
+    motion, unresisted = pose_motion(loaded, rates)
+    return ParameterGroups(loaded.network, requested, loaded.groups, slopes, loaded, rates, motion, unresisted, every)
 
 
 # Work of a state of self-stress is rounding below this share of the largest force times the largest motion anywhere.
@@ -189,8 +189,8 @@ def lost_freedoms(network: Network, groups: Iterable[ParameterGroup], size: int)
     if ties is None or not ties.stress.shape[1] or not dof:
         return result
     joints = len(network.joints)
-    one = np.ones(dof)
-    motion = fields(network, motions(network, np.eye(dof)), one, one, one)
+    ones = np.ones(dof)
+    motion = fields(network, motions(network, np.eye(dof)), ones, ones, ones)
     none = np.zeros((len(network.bodies), 6, ties.stress.shape[1]))
     wrench = np.concatenate((in_joints(network, none, ties.stress), np.zeros((len(network.springs), *none.shape[1:]))))
     length = float(np.ptp(network.point, axis=0).max()) or 1.0

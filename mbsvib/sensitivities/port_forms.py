@@ -43,12 +43,12 @@ def checked_loads(
 
     Returns inputs and outputs; None where ports are more than loads of the network.
     """
-    acting, seeing = (loads(system, network, *ports) for ports in ((inputs, "inputs"), (outputs, "outputs")))
-    wrong = _wrong(system, network, (inputs, acting), (outputs, seeing))
+    actuation, sensing = (loads(system, network, *ports) for ports in ((inputs, "inputs"), (outputs, "outputs")))
+    wrong = _wrong(system, network, (inputs, actuation), (outputs, sensing))
     if wrong:
-        seeing = loads(system, network, outputs, "outputs", wrong)
-        wrong = _wrong(system, network, (inputs, acting), (outputs, seeing))
-    return (acting, seeing) if wrong == [] else None
+        sensing = loads(system, network, outputs, "outputs", wrong)
+        wrong = _wrong(system, network, (inputs, actuation), (outputs, sensing))
+    return (actuation, sensing) if wrong == [] else None
 
 
 def feedthrough(
@@ -73,10 +73,10 @@ def feedthrough(
     return d, turns
 
 
-def _at_rest(network: Network, forces: Forces, seeing: Loads, motion: Array) -> Array:
+def _at_rest(network: Network, forces: Forces, sensing: Loads, motion: Array) -> Array:
     """What forces at rest do to those seen in joints, (p, m) per unit of the motion (b, 6, m) of the bodies."""
-    turned = seeing.turned if seeing.turned.any() else None
-    wrench = geometric_wrenches(forces, seeing.release * seeing.works, -1, turned)
+    turned = sensing.turned if sensing.turned.any() else None
+    wrench = geometric_wrenches(forces, sensing.virtual_displacements * sensing.works, -1, turned)
     return np.asarray(np.einsum("bip,bim->pm", wrench, motion))
 
 
@@ -84,30 +84,30 @@ def _wrong(
     system: Equations, network: Network, inputs: tuple[list[int], Loads], outputs: tuple[list[int], Loads]
 ) -> list[int] | None:
     """The outputs whose rows of Cq, Cv, Ca and D these loads do not give, None if they do not give B."""
-    (i, acting), (o, seeing), joints = inputs, outputs, len(network.joints)
+    (i, actuation), (o, sensing), joints = inputs, outputs, len(network.joints)
     relative = network.relative if network.reduction is None else network.relative @ network.reduction
     strains = np.asarray(relative @ np.eye(system.dof)).reshape(len(network.point), 6, system.dof)[joints:]
-    momenta = momentum(network, acting.base_motion)
-    acts = np.einsum("pi,pim->mp", acting.wrench, acting.motion)
+    momenta = momentum(network, actuation.base_motion)
+    acts = np.einsum("pi,pim->mp", actuation.wrench, actuation.motion)
     acts -= np.einsum("bim,bip->mp", system.body_motion, momenta)
-    moves = np.einsum("pi,pim->pm", seeing.wrench, seeing.motion)
-    strain = seeing.strain - seeing.openings[joints:]
+    moves = np.einsum("pi,pim->pm", sensing.wrench, sensing.motion)
+    strain = sensing.strain - sensing.openings[joints:]
     forces = [np.einsum("sip,sij,sjm->pm", strain, z, strains) for z in (network.stiffness, network.damping)]
-    forces.append(-np.einsum("bip,bim->pm", seeing.release, momentum(network, system.body_motion)))
+    forces.append(-np.einsum("bip,bim->pm", sensing.virtual_displacements, momentum(network, system.body_motion)))
     if network.forces is not None:
-        forces[0] -= _at_rest(network, network.forces, seeing, system.body_motion)
-    ours = [moves * (seeing.order == k)[:, None] + forces[k] for k in range(3)]
-    direct = feedthrough(system, inputs, outputs)[0] - np.einsum("bio,bip->op", seeing.release, momenta)
-    direct += np.einsum("bio,bip->op", seeing.release * seeing.works, acting.on_bodies)
+        forces[0] -= _at_rest(network, network.forces, sensing, system.body_motion)
+    direct_terms = [moves * (sensing.order == k)[:, None] + forces[k] for k in range(3)]
+    direct = feedthrough(system, inputs, outputs)[0] - np.einsum("bio,bip->op", sensing.virtual_displacements, momenta)
+    direct += np.einsum("bio,bip->op", sensing.virtual_displacements * sensing.works, actuation.on_bodies)
     if np.abs(acts - system.B[:, i]).max(initial=0.0) > SAME * np.abs(system.B[:, i]).max(initial=0.0):
         return None
     off = np.zeros(len(o), dtype=bool)
-    for computed, expected in zip((direct, *ours), (system.D[np.ix_(o, i)], system.Cq[o], system.Cv[o], system.Ca[o]),
-                            strict=True):  # fmt: skip
+    stated = (system.D[np.ix_(o, i)], system.Cq[o], system.Cv[o], system.Ca[o])
+    for computed, expected in zip((direct, *direct_terms), stated, strict=True):
         size = np.abs(expected)
         allowed = SAME * size.max(axis=1, initial=0.0) + ROUNDING * size.max(initial=0.0)
         off |= np.abs(computed - expected).max(axis=1, initial=0.0) > allowed
-    off[list(seeing.excluded)] = False
+    off[list(sensing.excluded)] = False
     return np.flatnonzero(off).tolist()
 
 
@@ -121,31 +121,31 @@ def port_forms(
     and (m, outputs, 1, n): R and L; ``turns`` (outputs, inputs, 3): how D changes, see ``feedthrough``. Returns
     (parameters, outputs, inputs, n): derivatives to all parameters of the groups.
     """
-    network, (acting, seeing) = groups.network, ports
-    x, y = motions(network, vectors[0]), _with_released_motions(network, motions(network, vectors[1]), seeing)
-    momenta = momentum(network, acting.base_motion)
-    on_right = (momenta - acting.on_bodies)[:, :, None, :, None]
-    by_order = np.array([powers[k] for k in seeing.order]).reshape(-1, 1, len(powers[0]))
-    on_left = -seeing.on_bodies[:, :, :, None, None] * by_order
+    network, (actuation, sensing) = groups.network, ports
+    x, y = motions(network, vectors[0]), _with_released_motions(network, motions(network, vectors[1]), sensing)
+    momenta = momentum(network, actuation.base_motion)
+    on_right = (momenta - actuation.on_bodies)[:, :, None, :, None]
+    by_order = np.array([powers[k] for k in sensing.order]).reshape(-1, 1, len(powers[0]))
+    on_left = -sensing.on_bodies[:, :, :, None, None] * by_order
     right = fields(network, x, *powers, load=on_right, side=1)
-    left = _seeing(network, y, seeing, powers, on_left)
+    left = _sensing_fields(network, y, sensing, powers, on_left)
     result: Field = -groups.forms(left, right)
     bodies = groups.of_bodies()
-    for at in np.flatnonzero(acting.base_motion.any(axis=(0, 1))):
-        one, base_motion = np.ones(1), acting.base_motion[:, :, at, None, None]
+    for at in np.flatnonzero(actuation.base_motion.any(axis=(0, 1))):
+        ones, base_motion = np.ones(1), actuation.base_motion[:, :, at, None, None]
         none = np.zeros((len(network.floating), 6, 1, 1))
-        by_base = replace(right, body=base_motion, body_wrench=momenta[:, :, at, None, None], support=none, square=one)
-        still = replace(left, body=y.body[..., 0, :], body_wrench=y.momentum[..., 0, :], support=none, square=one)
+        by_base = replace(right, body=base_motion, body_wrench=momenta[:, :, at, None, None], support=none, square=ones)
+        still = replace(left, body=y.body[..., 0, :], body_wrench=y.momentum[..., 0, :], support=none, square=ones)
         result[:, :, at] -= form_table(bodies, groups.size, still, by_base)
-    _move_ports(result, groups, (acting, seeing), vectors, by_order[:, 0], turns)
+    _move_ports(result, groups, (actuation, sensing), vectors, by_order[:, 0], turns)
     return result
 
 
-def _with_released_motions(network: Network, motion: Motions, seeing: Loads) -> Motions:
+def _with_released_motions(network: Network, motion: Motions, sensing: Loads) -> Motions:
     """L with the motions on which forces in joints and sums of forces do work."""
-    if not seeing.release.any():
+    if not sensing.virtual_displacements.any():
         return motion
-    body, openings = (array[:, :, :, None, None] for array in (seeing.release, seeing.openings))
+    body, openings = (array[:, :, :, None, None] for array in (sensing.virtual_displacements, sensing.openings))
     strained = openings[len(network.joints) :]
     viscous = None if motion.viscous is None else motion.viscous + transformed(network.damping, strained)
     return replace(motion, body=motion.body + body, relative=motion.relative + openings,
@@ -153,20 +153,21 @@ def _with_released_motions(network: Network, motion: Motions, seeing: Loads) -> 
                    elastic=motion.elastic + transformed(network.stiffness, strained), viscous=viscous)  # fmt: skip
 
 
-def _seeing(
-    network: Network, motion: Motions, seeing: Loads, powers: tuple[Field, Field, Field], load: Field
+def _sensing_fields(
+    network: Network, motion: Motions, sensing: Loads, powers: tuple[Field, Field, Field], load: Field
 ) -> Fields:
     """Fields of L; forces in springs are seen through strains that lack their directions."""
     turned = inertia_only = None
-    if network.forces is not None and seeing.release.any():
-        turned, inertia_only = (array[:, :, :, None, None] for array in (seeing.turned, seeing.release * ~seeing.works))
-    if not seeing.strain.any():
+    if network.forces is not None and sensing.virtual_displacements.any():
+        without_work = sensing.virtual_displacements * ~sensing.works
+        turned, inertia_only = (array[:, :, :, None, None] for array in (sensing.turned, without_work))
+    if not sensing.strain.any():
         return fields(network, motion, *powers, load=load, side=-1, turned=turned, inertia_only=inertia_only)
-    of_springs = seeing.strain[:, :, :, None, None]
+    of_springs = sensing.strain[:, :, :, None, None]
     strain = motion.relative[len(network.joints) :] - of_springs
     viscous = None if motion.viscous is None else motion.viscous - transformed(network.damping, of_springs)
-    lacking = replace(motion, elastic=motion.elastic - transformed(network.stiffness, of_springs), viscous=viscous)
-    return fields(network, lacking, *powers, load=load, strain=strain, side=-1, turned=turned,
+    unbalanced = replace(motion, elastic=motion.elastic - transformed(network.stiffness, of_springs), viscous=viscous)
+    return fields(network, unbalanced, *powers, load=load, strain=strain, side=-1, turned=turned,
                   inertia_only=inertia_only)  # fmt: skip
 
 
@@ -175,13 +176,14 @@ def _move_ports(
     by_order: Field, turns: Array,
 ) -> None:  # fmt: skip
     """Ports move with centres of mass, and with the bodies as the pose moves: dG = wrench . (angular x dp)."""
-    (acting, seeing), (right, left) = ports, (vectors[0][:, 0], vectors[1][:, :, 0])
-    turned = np.concatenate((seeing.release[:, 3:] * seeing.works, np.zeros((1, 3, len(seeing.wrench)))))
-    moves = [(acting, i, result[:, :, i], np.tensordot(acting.motion[i, 3:], left, axes=1)
-              + (turned[acting.ends[i, 1]] - turned[acting.ends[i, 0]])[:, :, None])
-             for i in range(len(acting.wrench))]  # fmt: skip
-    moves += [(seeing, o, result[:, o], np.tensordot(seeing.motion[o, 3:], right, axes=1) * by_order[o]
-               + turns[o][:, :, None].swapaxes(0, 1)) for o in range(len(seeing.wrench))]  # fmt: skip
+    (actuation, sensing), (right, left) = ports, (vectors[0][:, 0], vectors[1][:, :, 0])
+    rotations = sensing.virtual_displacements[:, 3:] * sensing.works
+    turned = np.concatenate((rotations, np.zeros((1, 3, len(sensing.wrench)))))
+    moves = [(actuation, i, result[:, :, i], np.tensordot(actuation.motion[i, 3:], left, axes=1)
+              + (turned[actuation.ends[i, 1]] - turned[actuation.ends[i, 0]])[:, :, None])
+             for i in range(len(actuation.wrench))]  # fmt: skip
+    moves += [(sensing, o, result[:, o], np.tensordot(sensing.motion[o, 3:], right, axes=1) * by_order[o]
+               + turns[o][:, :, None].swapaxes(0, 1)) for o in range(len(sensing.wrench))]  # fmt: skip
     for port, k, form, theta in moves:
         slope = np.cross(port.wrench[k, :3], theta, axisb=0, axisc=0)
         if port.carrier[k] >= 0 and groups.loaded is not None:

@@ -45,10 +45,10 @@ class Loads:
     (p, 3) is given, and ``carrier`` (p,) the body that carries this point along, -1 for none. Ports ``excluded`` are
     forces in joints and sums of forces, which are none of that.
 
-    A force in a joint is minus the work of all others on the motion ``release`` (b, 6, p) in which the joint comes
-    apart along it, ``openings`` (j + s, 6, p) in connections and ``turned`` (j, 3, p) open; the sum of forces on bodies
-    is that of their inertia as these move alone. Inputs do work on the former, which ``works`` (p,) tells; ``ends`` (p,
-    2) are the bodies of ports.
+    A force in a joint is minus the work of all others in the ``virtual_displacements`` (b, 6, p) that open the joint
+    along it, with ``openings`` (j + s, 6, p) of connections and rotations ``turned`` (j, 3, p); the sum of forces on
+    bodies is that of their inertia as these move alone. Inputs do work on the former, as ``works`` (p,) says; ``ends``
+    (p, 2) are the bodies of ports.
     """
 
     wrench: Array
@@ -61,7 +61,7 @@ class Loads:
     carrier: Index
     point: Array
     ends: Index
-    release: Array
+    virtual_displacements: Array
     openings: Array
     turned: Array
     works: NDArray[np.bool_]
@@ -87,7 +87,7 @@ def loads(system: Equations, network: Network, which: list[int], kind: str, excl
     first, second = np.full(count, bodies), np.full(count, bodies)
     centre, carrier = np.full(count, -1), np.full(count, -1)
     strain, base_motion = np.zeros((len(network.springs), 6, count)), np.zeros((bodies, 6, count))
-    release, openings = np.zeros((bodies, 6, count)), np.zeros((len(network.point), 6, count))
+    virtual_displacements, openings = np.zeros((bodies, 6, count)), np.zeros((len(network.point), 6, count))
     turned = np.zeros((len(network.joints), 3, count))
     order, works, others = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=bool), []
     for i, part in enumerate(parts):
@@ -99,7 +99,7 @@ def loads(system: Equations, network: Network, which: list[int], kind: str, excl
             if spring_strain is not None:
                 strain[spring_strain[0], :, i] = spring_strain[1]
             elif worked is not None:
-                release[:, :, i], openings[:, :, i], turned[:, :, i], works[i] = worked
+                virtual_displacements[:, :, i], openings[:, :, i], turned[:, :, i], works[i] = worked
             else:
                 others.append(i)
         elif isinstance(part, BaseMotion):
@@ -121,7 +121,8 @@ def loads(system: Equations, network: Network, which: list[int], kind: str, excl
                 on_bodies[body, :, i] += sign * wrench[i]
                 on_bodies[body, 3:, i] += sign * np.cross(point[i] - network.position[body], wrench[i, :3])
     return Loads(wrench, _motion(network, first, second, point), on_bodies, order, strain, base_motion, centre, carrier,
-                 point, np.stack((first, second), axis=1), release, openings, turned, works, tuple(others))  # fmt: skip
+                 point, np.stack((first, second), axis=1), virtual_displacements, openings, turned, works,
+                 tuple(others))  # fmt: skip
 
 
 def no_loads(network: Network, count: int) -> Loads:
@@ -151,14 +152,14 @@ def _worked(system: Equations, network: Network, part: ForceOutput) -> tuple[Arr
         return None
     still, gap = np.zeros((len(network.point), 6)), np.zeros((len(network.joints), 6, 1))
     if k is None:
-        release = np.zeros((len(network.bodies), 6))
+        virtual_displacements = np.zeros((len(network.bodies), 6))
         if part.element == "ground":
-            release[:] = wrench
+            virtual_displacements[:] = wrench
         elif part.element in number:
-            release[number[part.element]] = -wrench
+            virtual_displacements[number[part.element]] = -wrench
         else:
             return None
-        return release, still, gap[:, 3:, 0], False
+        return virtual_displacements, still, gap[:, 3:, 0], False
     if _shared(network)[k] or (network.joints[k].pitch is not None and wrench[5]):
         return None
     gap[k, :, 0] = (wrench.reshape(2, 3) @ np.array(network.joints[k].axes).T).reshape(6)

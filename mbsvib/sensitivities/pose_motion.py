@@ -31,10 +31,10 @@ def pose_motion(loaded: LoadedNetwork, rates: csr_array | None) -> tuple[Array, 
     """
     count, m = loaded.changes.count, loaded.dof
     direct = loaded.generalized_force_jacobian[:count]
-    pushed = direct if rates is None else rates @ direct
-    of_openings = np.eye(len(pushed), loaded.motions.shape[2] - m)
+    forces = direct if rates is None else rates @ direct
+    of_openings = np.eye(len(forces), loaded.motions.shape[2] - m)
     if of_openings.size:
-        pushed = pushed + loaded.parameter_rates[:, m:].T @ direct + loaded.generalized_force_jacobian[count + m :]
+        forces = forces + loaded.parameter_rates[:, m:].T @ direct + loaded.generalized_force_jacobian[count + m :]
     # K but for couplers of several rotations of one joint, which go by small rotations in each pose anew
     stiffness = -(loaded.parameter_rates[:, :m].T @ direct + loaded.generalized_force_jacobian[count : count + m]).T
     unit = inverse_root(np.abs(np.diagonal(stiffness)) + _least(loaded))
@@ -44,8 +44,8 @@ def pose_motion(loaded: LoadedNetwork, rates: csr_array | None) -> tuple[Array, 
         size = _term_sizes(loaded, _sizes(loaded)) + CANCELLED / ZERO_UNHELD_FORCE * loaded.size_of_forces
         return size if rates is None else np.asarray(abs(rates) @ size)
 
-    motion, lost = balancing_motion(stiffness, unit, pushed, terms)
-    return np.concatenate((motion, of_openings), axis=1), lost
+    motion, unresisted = balancing_motion(stiffness, unit, forces, terms)
+    return np.concatenate((motion, of_openings), axis=1), unresisted
 
 
 def balancing_motion(
@@ -68,13 +68,13 @@ def balancing_motion(
     -------
     motion : array, shape (v, m)
         The motions x.
-    lost : array of bool, shape (v,)
+    unresisted : array of bool, shape (v,)
         Forces that act on a motion which no stiffness holds.
     """
-    left, held, right = np.linalg.svd(unit[:, None] * stiffness * unit)
-    holds = held > ZERO_STIFFNESS
+    left, sizes, right = np.linalg.svd(unit[:, None] * stiffness * unit)
+    holds = sizes > ZERO_STIFFNESS
     along = (forces * unit) @ left
-    motion = unit * ((along[:, holds] / held[holds]) @ right[holds])
+    motion = unit * ((along[:, holds] / sizes[holds]) @ right[holds])
     if holds.all():
         return motion, np.zeros(len(forces), dtype=bool)
     over = np.abs(along[:, ~holds] @ left[:, ~holds].T)

@@ -135,13 +135,13 @@ def forms(
             first = group.rule(left, number, data)
             second = None if right is None else group.rule(right, number, data)
             look = size * len(rows) > SMALL or not all(first) or not all(second or [True])
-            acting = _acting(first, second) if look else None
-            if acting is None:
+            coupled = _acting(first, second) if look else None
+            if coupled is None:
                 yield rows, group.stride, _block(first, second, len(rows))
                 continue
-            for i in acting:
-                one = None if second is None else second[i : i + 1]
-                yield rows[:, i : i + 1], group.stride, _block(first[i : i + 1], one, len(rows))
+            for i in coupled:
+                second_part = None if second is None else second[i : i + 1]
+                yield rows[:, i : i + 1], group.stride, _block(first[i : i + 1], second_part, len(rows))
 
 
 def form_table(
@@ -184,8 +184,8 @@ def _acting(first: list[Terms], second: list[Terms] | None) -> list[int] | None:
                    for (p, q), (b, a) in zip(terms, other, strict=True))  # fmt: skip
 
     pairs = zip(first, first if second is None else second, strict=True)
-    acting = [i for i, (terms, other) in enumerate(pairs) if terms and other and acts(terms, other)]
-    return None if len(acting) == len(first) else acting
+    coupled = [i for i, (terms, other) in enumerate(pairs) if terms and other and acts(terms, other)]
+    return None if len(coupled) == len(first) else coupled
 
 
 def _block(first: list[Terms], second: list[Terms] | None, parts: int) -> Field:

@@ -45,7 +45,7 @@ class ReferencePose:
     openings: csr_array
     turned: frozenset[str]
 
-    def tells(self, entry: Parameter) -> bool:
+    def covers(self, entry: Parameter) -> bool:
         """Tell whether it is known what a parameter does: all but what ``turned`` bushings do about axes."""
         return entry.part not in self.turned or max(entry.index, default=0) < 3
 

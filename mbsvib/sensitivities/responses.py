@@ -119,9 +119,9 @@ def frequency_response_sensitivities(
     system = basis.equations
     w = angular(omega)
     o, i = needed_ports(outputs, inputs, (system.outputs, system.inputs), system.name)
-    network, acting, seeing = basis.ported(i, o)
+    network, actuation, sensing = basis.ported(i, o)
     groups = basis.groups(parameters, network)
-    turns = feedthrough(system, (i, acting), (o, seeing))[1]
+    turns = feedthrough(system, (i, actuation), (o, sensing))[1]
     result = np.empty((len(groups.variables.names), len(o), len(i), len(w)), dtype=complex)
     numbers = (len(network.point) + 1) * 12 * (len(i) + len(o))
     if groups.loaded is not None:  # forces see each pair of an input and an output
@@ -133,11 +133,11 @@ def frequency_response_sensitivities(
         s: Complex = (1j * size).astype(complex)
         powers = np.ones(len(s), dtype=complex), s, s * s
         vectors = _vectors(basis.responses, i, o, size)
-        forms = port_forms(groups, (acting, seeing), powers, vectors, turns)
+        forms = port_forms(groups, (actuation, sensing), powers, vectors, turns)
         if groups.matrix_group is not None:
-            groups.matrix_group.with_ports(forms, (i, o), powers, vectors, seeing.excluded)
+            groups.matrix_group.with_ports(forms, (i, o), powers, vectors, sensing.excluded)
         solution = groups.chain(forms)
-        for k in seeing.excluded:
+        for k in sensing.excluded:
             solution[:, k] += _excluded_outputs(groups, o[k], i, vectors[0][:, 0], powers)
         result[..., part] = solution
     result[..., w < 0.0] = result[..., w < 0.0].conj()

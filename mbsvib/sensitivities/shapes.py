@@ -179,17 +179,17 @@ def shape_sensitivities(basis: SensitivityBasis, groups: ParameterGroups, modes:
     largest = np.argmax(np.abs(modes.shapes), axis=0)
     for group in _coinciding(values):
         step = max(1, BLOCK // max(1, groups.size * m))
-        pushed = np.concatenate([_pushed(groups, modes.shapes[:, some], values[some])
-                                 for some in np.array_split(group, -(-len(group) // step))], axis=2)  # fmt: skip
+        residual_forces = np.concatenate([_pushed(groups, modes.shapes[:, chunk], values[chunk])
+                                 for chunk in np.array_split(group, -(-len(group) // step))], axis=2)  # fmt: skip
         group_shapes = np.asarray(coordinates[:, group])
-        forms = -(vectors.T @ groups.chain(pushed[0]))
+        forms = -(vectors.T @ groups.chain(residual_forces[0]))
         dual_shapes = group_shapes.conj().T.copy()
         dual_shapes[:, k:] = 0.0
-        still = bool(resting[group].any())
-        rows = vectors[largest[group]] if still else dual_shapes
+        at_rest = bool(resting[group].any())
+        rows = vectors[largest[group]] if at_rest else dual_shapes
         change = _bordered(states, values[group[0]], group_shapes, rows, forms)
-        if not still:
-            mass = modes.shapes[:, group].conj().T @ groups.chain(pushed[1])
+        if not at_rest:
+            mass = modes.shapes[:, group].conj().T @ groups.chain(residual_forces[1])
             change = change - group_shapes @ (dual_shapes @ change + 0.5 * mass)
         result[:, :, group] = vectors @ change
     return result
@@ -200,9 +200,9 @@ def _pushed(groups: ParameterGroups, shapes: Any, values: Complex) -> Complex:
     network = groups.network
     unit = np.eye(len(shapes))[:, :, None]
     x, y = motions(network, shapes[:, None]), motions(network, unit)
-    none, one = np.zeros(len(values)), np.ones(len(values))
+    zeros, ones = np.zeros(len(values)), np.ones(len(values))
     result = np.empty((2, groups.size, len(shapes), len(values)), dtype=complex)
-    for index, powers in enumerate(((one.astype(complex), values, values * values), (none, none, one))):
+    for index, powers in enumerate(((ones.astype(complex), values, values * values), (zeros, zeros, ones))):
         result[index] = groups.forms(fields(network, y, *powers, side=-1), fields(network, x, *powers, side=1))
     return result
 

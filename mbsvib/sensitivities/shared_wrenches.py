@@ -80,7 +80,7 @@ class SharedForces:
 
 
 def shared_forces(
-    plain: Mechanism, bodies: Sequence[Body], number: dict[str, int], ways: Kinematics
+    plain: Mechanism, bodies: Sequence[Body], number: dict[str, int], kinematics: Kinematics
 ) -> SharedForces | None:
     """Return what more than two bodies of a mechanism in plain parts share, None where nothing is."""
     if plain.expansion is None:
@@ -100,19 +100,19 @@ def shared_forces(
         value.append(wrench[direction, at])
     onto = csr_array((np.concatenate(value), (np.concatenate(row), np.concatenate(column))),
                      shape=(6 * len(bodies), len(rows.first)))  # fmt: skip
-    return SharedForces(shared, ways.relative(rows), onto)
+    return SharedForces(shared, kinematics.relative(rows), onto)
 
 
 @dataclass(frozen=True, slots=True)
 class Spin:
     """Steady spin: angular ``momentum`` (b, 3) [kg m^2/s] that rotors add to bodies, of each ``rotor`` the number of
-    its body and its share per unit of speed; ``turning`` (s, 6, 6), what dampers do that turn along, None without any,
-    and the ``bodies`` that themselves spin, by name.
+    its body and its share per unit of speed; the ``circulatory`` matrices (s, 6, 6) of dampers that turn along, None
+    without any, and the ``bodies`` that themselves spin, by name.
     """
 
     momentum: Array
     rotor: dict[str, tuple[int, Array]]
-    turning: Array | None
+    circulatory: Array | None
     bodies: frozenset[str]
 
     def on_bodies(self, body: Field, rate: Field, side: int) -> Field:
@@ -121,8 +121,8 @@ class Spin:
 
     def in_springs(self, strained: Field, stiff: Field, side: int) -> Field:
         """Return the wrenches (s, 6, ...) of dampers that turn along, with the other sign on the left."""
-        assert self.turning is not None
-        return np.asarray(-side * transformed(self.turning, strained) * stiff)
+        assert self.circulatory is not None
+        return np.asarray(-side * transformed(self.circulatory, strained) * stiff)
 
 
 def spin(plain: Mechanism, bodies: Sequence[Body], springs: Sequence[Bushing | Spring]) -> Spin | None:
@@ -135,7 +135,7 @@ def spin(plain: Mechanism, bodies: Sequence[Body], springs: Sequence[Bushing | S
     for rotor, (i, per_speed) in zip(rotors, momenta(unit, bodies), strict=True):
         momentum[i] += rotor.speed * per_speed
         of[rotor.name] = i, per_speed
-    number_of, turning = {spring.name: k for k, spring in enumerate(springs)}, np.zeros((len(springs), 6, 6))
+    number_of, circulatory = {spring.name: k for k, spring in enumerate(springs)}, np.zeros((len(springs), 6, 6))
     for damper in rotating_dampers(plain, bodies, springs):
-        turning[number_of[damper.name]] = 0.5 * (damper.matrix - damper.matrix.T)
-    return Spin(momentum, of, turning if turning.any() else None, frozenset(spin_velocities(plain)))
+        circulatory[number_of[damper.name]] = 0.5 * (damper.matrix - damper.matrix.T)
+    return Spin(momentum, of, circulatory if circulatory.any() else None, frozenset(spin_velocities(plain)))

@@ -89,8 +89,8 @@ class ModalCoordinates:
             wrench = np.concatenate((wrench, np.concatenate((measured.force, measured.moment)).T))
             joint = np.concatenate((joint, closure.couplers.joint))
             shape = len(value), len(closure.names)
-            more = csr_matrix((value, (np.arange(len(value)), locked + coupler)), shape=shape)
-            share = vstack((share, more)).tocsr()
+            added_share = csr_matrix((value, (np.arange(len(value)), locked + coupler)), shape=shape)
+            share = vstack((share, added_share)).tocsr()
         row, column, entry = closure.independent_entries(tree)
         forces = LoopForces(self.system, csr_matrix((entry, (row, column)), shape=(row.max(initial=-1) + 1,
                                                                                  len(tree.names))))  # fmt: skip
@@ -201,7 +201,7 @@ def sparse_mode_sensitivities(
         extra *= 2
     basis = _basis(system, known.reduced)
     values = eigenvalue_sensitivities(basis, parameters)
-    order = places(requested.eigenvalues, basis.modes.eigenvalues)
+    order = nearest_indices(requested.eigenvalues, basis.modes.eigenvalues)
     groups = basis.groups(parameters)
     return ModeSensitivities(tuple(groups.variables.names), requested, values[:, order], basis, groups)
 
@@ -212,7 +212,7 @@ def _cut(requested: SomeModes, known: SomeModes, near: float) -> bool:
     return bool((np.abs(requested.pairs - last) <= TOGETHER * np.abs(last)).any() and np.abs(last).max() > 0.0)
 
 
-def places(values: Complex, known: Complex) -> Index:
+def nearest_indices(values: Complex, known: Complex) -> Index:
     """Return the numbers of some eigenvalues among all, both in ascending order, of those that coincide the first.
 
     ``values`` (n,): some of them, as others have computed them; ``known`` (m,): all of them. Returns (n,): numbers.
@@ -230,9 +230,9 @@ def _basis(system: SparseEquations, small: Equations) -> SparseSensitivityBasis:
     """The basis of a small system that knows the model, with the network of all of its parts."""
     parts = system.model.declared_parts
     provenance = replace(small.provenance, parts=parts, origin=system.model, springs=system.springs)
-    ways = ModalCoordinates.of(system, small)
+    kinematics = ModalCoordinates.of(system, small)
     small = replace(small, provenance=provenance)
-    network = assembled(small, ways)
+    network = assembled(small, kinematics)
     if not is_complete(small, network):
         raise ModelError(f"mode_sensitivities: the forces of the parts of '{system.name}' are not all that its "
                          f"equations have; use linearize(method='dense').", element=system.name)  # fmt: skip

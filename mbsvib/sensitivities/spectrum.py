@@ -108,11 +108,11 @@ def _symmetric(damped: Damped) -> Spectrum:
     second_alike = damped.pairs[:, 0].imag != 0.0
     if damped.vectors is None:  # both eigenvalues 0 of a rigid-body motion have its shape
         second_alike |= ~damped.pairs.any(axis=1)
-    keep = np.ones(damped.pairs.shape, dtype=bool)
-    keep[second_alike, 1] = False
-    index = np.flatnonzero(keep)
-    mirror = np.flatnonzero(~keep)
-    position = np.cumsum(keep) - 1
+    retained = np.ones(damped.pairs.shape, dtype=bool)
+    retained[second_alike, 1] = False
+    index = np.flatnonzero(retained)
+    mirror = np.flatnonzero(~retained)
+    position = np.cumsum(retained) - 1
     right: Field
     if damped.vectors is None:
         right = damped.shapes[:, index // 2]

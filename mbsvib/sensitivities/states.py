@@ -71,19 +71,19 @@ def states(basis: Basis, inputs: list[int], outputs: list[int]) -> States:
 
     Raises an error if the system has motions without mass and spin.
     """
-    system, chosen = basis.equations, state_basis(basis)
-    k = chosen.massive
-    omega = np.sqrt(np.abs(np.diagonal(chosen.stiffness)[:k]))
+    system, states = basis.equations, state_basis(basis)
+    k = states.massive
+    omega = np.sqrt(np.abs(np.diagonal(states.stiffness)[:k]))
     scale = np.where(omega > 0.0, omega, omega[omega > 0.0].min(initial=np.inf) if omega.any() else 1.0)
-    rows = _rows(chosen.stiffness, chosen.damping, scale)
+    rows = _rows(states.stiffness, states.damping, scale)
     a = np.concatenate((np.zeros((k, rows.shape[1])), rows))
     a[np.arange(k), k + np.arange(k)] = scale
-    force = chosen.vectors.T @ system.B[:, inputs]
-    rates = tuple(slope[outputs] @ chosen.vectors for slope in (system.Cq, system.Cv, system.Ca))
+    force = states.vectors.T @ system.B[:, inputs]
+    rates = tuple(slope[outputs] @ states.vectors for slope in (system.Cq, system.Cv, system.Ca))
     b = np.concatenate((np.zeros_like(force[:k]), force))
     moving = _moving(rates, k)
     c = _output_rates(rates, scale, k) + moving @ rows
-    return States(a, b, c, _sum(system.D[np.ix_(outputs, inputs)], k, (moving, force)), chosen, scale, rates, force)
+    return States(a, b, c, _sum(system.D[np.ix_(outputs, inputs)], k, (moving, force)), states, scale, rates, force)
 
 
 def state_basis(basis: Basis) -> StateBasis:
@@ -106,11 +106,11 @@ def state_basis(basis: Basis) -> StateBasis:
     unit = 1.0 / np.sqrt(np.diagonal(system.M) + (np.diagonal(system.M) == 0.0))
     values, rotation = eigh(unit[:, None] * system.M * unit)
     massive = len(unit) - null.shape[1]
-    heavy = unit[:, None] * rotation[:, len(unit) - massive :] / np.sqrt(values[len(unit) - massive :])
-    heavy = heavy - null @ (null.T @ system.C @ heavy)
-    stiffness = heavy.T @ system.K @ heavy
+    massive_vectors = unit[:, None] * rotation[:, len(unit) - massive :] / np.sqrt(values[len(unit) - massive :])
+    massive_vectors = massive_vectors - null @ (null.T @ system.C @ massive_vectors)
+    stiffness = massive_vectors.T @ system.K @ massive_vectors
     _, turn = eigh(0.5 * (stiffness + stiffness.T))
-    vectors = np.concatenate((heavy @ turn, null), axis=1)
+    vectors = np.concatenate((massive_vectors @ turn, null), axis=1)
     return StateBasis(vectors, massive, vectors.T @ system.K @ vectors, vectors.T @ system.C @ vectors)
 
 
@@ -130,7 +130,7 @@ def changed(base: States, change: MatrixDerivatives, inputs: list[int], outputs:
     Returns rows of A that change (v, m, n), those of B (v, m, inputs), C (v, outputs, n) and D (v, outputs, inputs).
     """
     basis, k = base.basis, base.basis.massive
-    vectors, theta = basis.vectors, turning(basis, change)
+    vectors, theta = basis.vectors, basis_rotation(basis, change)
     back = theta.swapaxes(1, 2)
     stiffness, damping = (vectors.T @ slope @ vectors + back @ matrix + matrix @ theta
                           for slope, matrix in ((change.K, basis.stiffness), (change.C, basis.damping)))  # fmt: skip
@@ -144,7 +144,7 @@ def changed(base: States, change: MatrixDerivatives, inputs: list[int], outputs:
     return rows, force, c, d
 
 
-def turning(basis: StateBasis, change: MatrixDerivatives) -> Array:
+def basis_rotation(basis: StateBasis, change: MatrixDerivatives) -> Array:
     """Return how a basis goes along with parameters, T' = T Theta.
 
     Returns Theta (v, m, m).

@@ -36,13 +36,13 @@ def superelement_motion(
     """
     number = {body.name: i for i, body in enumerate(network.bodies)} | {"ground": -1}
     floats = {int(body): k for k, body in enumerate(network.floating)}
-    way = np.eye(3)[direction % 3]
+    axis = np.eye(3)[direction % 3]
     points = np.array([point for _, point in part.nodes])
-    shifts = np.tile(way, (len(points), 1)) if direction < 3 else np.cross(way, points - points[0])
-    turn = way if direction >= 3 else np.zeros(3)
+    shifts = np.tile(axis, (len(points), 1)) if direction < 3 else np.cross(axis, points - points[0])
+    turn = axis if direction >= 3 else np.zeros(3)
     shift_of = {part.body_of(i): shift for i, shift in enumerate(shifts)}
-    forms = [(power, *_form(pieces[0], turn, part)) for power, pieces in zip(_POWERS, _pieces(part), strict=True)
-             if pieces]  # fmt: skip
+    forms = [(power, *_form(terms[0], turn, part)) for power, terms in zip(_POWERS, _terms(part), strict=True)
+             if terms]  # fmt: skip
     part_of_root, weighed = elastic_part(part), weight_rows(part)
     root, nodes = part_of_root.root, part_of_root.row_nodes
     links = {joint.name: k for k, joint in enumerate(network.joints)}
@@ -95,19 +95,19 @@ def gravity_rule(network: Network) -> Rule:
     return rule
 
 
-def _pieces(part: Superelement) -> tuple[list[Any], list[Any], list[Any]]:
+def _terms(part: Superelement) -> tuple[list[Any], list[Any], list[Any]]:
     """The rows of mass, stiffness and damping."""
     every = elastic(part)
-    return masses(part), [piece for piece in every if piece.stiffness is not None], [
-        piece for piece in every if piece.damping is not None]  # fmt: skip
+    return masses(part), [shared for shared in every if shared.stiffness is not None], [
+        shared for shared in every if shared.damping is not None]  # fmt: skip
 
 
-def _form(piece: Any, turn: Array, part: Superelement) -> tuple[tuple[Node, ...], Array, Array]:
+def _form(shared: Any, turn: Array, part: Superelement) -> tuple[tuple[Node, ...], Array, Array]:
     """Nodes of rows, their form F (6 n, 6 n), and how it changes as the part turns."""
-    weights = piece.stiffness if piece.stiffness is not None else piece.damping
-    form = piece.matrix.T @ (piece.matrix if weights is None else weights[:, None] * piece.matrix)
-    spin = _spin(len(piece.nodes), turn, part)
-    return piece.nodes, form, spin @ form - form @ spin
+    weights = shared.stiffness if shared.stiffness is not None else shared.damping
+    form = shared.matrix.T @ (shared.matrix if weights is None else weights[:, None] * shared.matrix)
+    spin = _spin(len(shared.nodes), turn, part)
+    return shared.nodes, form, spin @ form - form @ spin
 
 
 def _spin(nodes: int, turn: Array, part: Superelement) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.time_response import checked_question
-from mbsvib.sensitivities.states import changed, states, turning
+from mbsvib.sensitivities.states import basis_rotation, changed, states
 from mbsvib.sensitivities.variables import variables
 
 if TYPE_CHECKING:
@@ -97,10 +97,10 @@ def _begun(base: States, system: Equations, change: MatrixDerivatives, start: Ar
     if not start.any():
         return np.zeros((len(change.M), len(base.A)))
     basis, k = base.basis, base.first
-    theta, heavy = turning(basis, change), basis.vectors[:, :k]
-    within = np.concatenate((heavy.T @ (system.M @ start[0]), basis.vectors[:, k:].T @ (system.C @ start[0])))
+    theta, massive_vectors = basis_rotation(basis, change), basis.vectors[:, :k]
+    within = np.concatenate((massive_vectors.T @ (system.M @ start[0]), basis.vectors[:, k:].T @ (system.C @ start[0])))
     displacement = -(theta @ within)
-    mass = heavy.T @ change.M @ start[1]
+    mass = massive_vectors.T @ change.M @ start[1]
     rate = mass + (theta[:, :, :k].swapaxes(1, 2) @ (basis.vectors.T @ (system.M @ start[1])))
     return np.concatenate((base.scale * displacement[:, :k], rate, displacement[:, k:]), axis=1)
 
@@ -150,19 +150,19 @@ def _march(
     n, i = len(begin), len(u)
     x = np.empty((n, u.shape[1]))
     x[:, 0] = begin
-    held, rise = u[:, :-1], np.diff(u) if first else np.zeros((i, u.shape[1] - 1))
+    constant, rise = u[:, :-1], np.diff(u) if first else np.zeros((i, u.shape[1] - 1))
     for k, step in enumerate(kind):
         exponential = matrices[step][0]
         at_once, by_input, by_rise = exponential[:, :n], exponential[:, n : n + i], exponential[:, n + i :]
-        x[:, k + 1] = at_once @ x[:, k] + by_input @ held[:, k] + by_rise @ rise[:, k]
-    drive = np.concatenate((x[:, :-1], held, rise))
+        x[:, k + 1] = at_once @ x[:, k] + by_input @ constant[:, k] + by_rise @ rise[:, k]
+    drive = np.concatenate((x[:, :-1], constant, rise))
     z = np.empty((len(begun), n, u.shape[1]))
     z[:, :, 0] = begun
-    pushed = np.empty((*z.shape[:2], len(kind)))
+    inputs = np.empty((*z.shape[:2], len(kind)))
     for step, (_, derivative) in enumerate(matrices):
-        pushed[:, :, kind == step] = derivative @ drive[:, kind == step]
+        inputs[:, :, kind == step] = derivative @ drive[:, kind == step]
     state = z[:, :, 0]
     for k, step in enumerate(kind):
-        state = state @ matrices[step][0][:, :n].T + pushed[:, :, k]
+        state = state @ matrices[step][0][:, :n].T + inputs[:, :, k]
         z[:, :, k + 1] = state
     return x, z

@@ -32,7 +32,7 @@ def transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> t
     load = moved_wrench(on_bodies, network.position - network.origin)
     if len(on_springs):
         at = network.point[len(network.joints) :] - network.origin
-        load += incidence_sum(network.acting, moved_wrench(on_springs, at))
+        load += incidence_sum(network.spring_incidence, moved_wrench(on_springs, at))
     behind = _behind(network, load)
     if network.constraints is None:
         in_joint, mu = _at_joints(network, behind), np.zeros((0, behind.shape[2]), dtype=behind.dtype)
@@ -122,6 +122,6 @@ def relative_twists(network: Network, body: Field) -> Field:
     """Return the relative motions of connections (j + s, 6, n) at their points, for those of bodies (b, 6, n)."""
     assert network.closing is not None
     at_origin = moved(body, network.origin - network.position)
-    incidences = network.closing, network.acting
+    incidences = network.closing, network.spring_incidence
     relative = np.concatenate([incidence_sum(incidence.T, at_origin) for incidence in incidences])
     return moved(relative, network.point - network.origin)

@@ -46,8 +46,8 @@ class VariantPoses:
     @staticmethod
     def of(model: Mechanism, cut: Sequence[str], names: Sequence[str] | None = None) -> VariantPoses:
         """Return the poses next to that of a mechanism whose loops are cut at some joints, along some coordinates."""
-        here = _posed_model(model, cut)
-        return VariantPoses(model, here, balance(here, names))
+        at = _posed_model(model, cut)
+        return VariantPoses(model, at, balance(at, names))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -65,10 +65,10 @@ class VariantPoses:
 
     def at(self, motion: Array) -> Mechanism:
         """Return the mechanism after a motion (m,) along its coordinates, with its loops closed."""
-        there = self.posed_model.moved(self.forces.all_joints(motion))
-        depends = np.ones(len(there.coordinates.names), dtype=bool)
+        moved = self.posed_model.moved(self.forces.all_joints(motion))
+        depends = np.ones(len(moved.coordinates.names), dtype=bool)
         depends[self.forces.reduction.independent] = False
-        return model_in_pose(self.model, close(there, depends)[0].pose)
+        return model_in_pose(self.model, close(moved, depends)[0].pose)
 
     @cached_property
     def tangent(self) -> Array:
@@ -101,12 +101,12 @@ class VariantPoses:
             Zero where the forces are rounding; None where they act on a motion that nothing holds.
         """
         forces, rounding = self.forces, self.forces.size / scale
-        pushed = np.where(np.abs(force) > ZERO_DIFFERENCE * rounding, force, 0.0)
-        if not pushed.any():
-            return pushed
+        unbalanced = np.where(np.abs(force) > ZERO_DIFFERENCE * rounding, force, 0.0)
+        if not unbalanced.any():
+            return unbalanced
         unit = inverse_root(np.abs(forces.tangent.diagonal()) + forces.balanced_forces / self.steps)
-        motions, lost = balancing_motion(self.tangent, unit, pushed[None], lambda: rounding[None])
-        if lost[0]:
+        motions, unresisted = balancing_motion(self.tangent, unit, unbalanced[None], lambda: rounding[None])
+        if unresisted[0]:
             return None
         motion = motions[0]
         share = np.abs(motion) / self.steps

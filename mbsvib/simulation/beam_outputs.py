@@ -40,8 +40,9 @@ def element_force(part: ForceOutput, beam: Beam, statement: FiniteMotion) -> Exp
     """Return the force in a beam element at its midpoint, along its axes; positive where it pulls its ends together."""
     block, (_, spring) = _block(beam, statement), elements(beam)[beam.element_names.index(part.element)]
     axes, ends = np.array(spring.orientation), (spring.first, spring.second)
-    ways = [(*axes[:, k], 0.0, 0.0, 0.0) for k in range(3)] + [(0.0, 0.0, 0.0, *axes[:, k]) for k in range(3)]
-    deformation = _along(np.array([_relative(block, ends, spring.position, way) for way in ways]), block, statement)
+    directions = [(*axes[:, k], 0.0, 0.0, 0.0) for k in range(3)] + [(0.0, 0.0, 0.0, *axes[:, k]) for k in range(3)]
+    rows = np.array([_relative(block, ends, spring.position, direction) for direction in directions])
+    deformation = _along(rows, block, statement)
     stiffness, damping = (ca.SX(np.array(part.wrench) * np.array(values)) for values in (spring.stiffness,
                                                                                          spring.damping))  # fmt: skip
     return ca.dot(stiffness, deformation) + ca.dot(damping, statement.motion.rate(deformation))
@@ -51,9 +52,11 @@ def _block(beam: Beam, statement: FiniteMotion) -> ElasticBlock:
     return next(block for block in statement.blocks if block.name == beam.name)
 
 
-def _relative(block: ElasticBlock, ends: tuple[str, str], point: tuple[float, ...], way: tuple[float, ...]) -> Array:
+def _relative(
+    block: ElasticBlock, ends: tuple[str, str], point: tuple[float, ...], direction: tuple[float, ...]
+) -> Array:
     """The row on x of the displacement of the second end against the first."""
-    first, second = (node_row(block, body, point, way) for body in ends)
+    first, second = (node_row(block, body, point, direction) for body in ends)
     return second - first
 
 

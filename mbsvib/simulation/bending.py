@@ -59,7 +59,7 @@ def _held_apart(run: Trace, name: str) -> bool:
     slope = ca.Function("stretch", [motion.q, motion.bases],
                         [ca.jacobian(session.statement.bends[name].stretch, motion.q)])  # fmt: skip
     q, bases = start.state.q, start.chart.bases
-    held = np.concatenate((start.chart.select, start.chart.rows @ np.asarray(loops.equations.closures(q, bases)[1])))
-    motions = np.linalg.solve(held, np.eye(len(q))[:, : len(start.chart.select)])
+    matrix = np.concatenate((start.chart.select, start.chart.rows @ np.asarray(loops.equations.closures(q, bases)[1])))
+    motions = np.linalg.solve(matrix, np.eye(len(q))[:, : len(start.chart.select)])
     change = np.asarray(slope(q, bases)) @ motions
     return not bool((np.abs(change) > MOVES * loops.coordinate_scale[start.chart.independent]).any())

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from mbsvib.simulation.equations import MotionEquations
 
 # Independent coordinates are chosen anew where the dependent ones follow worse than the best choice by this factor.
-WORN = 0.2
+POOR_IN_BLOCK = 0.2
 # A rotation vector is started anew from 0 beyond this angle [rad]; beyond LONGEST_TURN it must not go in one step.
 LONG_TURN, LONGEST_TURN = 1.0, 2.8
 # The smallest singular value of the closures, in units of like size, below which the pose is a singular one.
@@ -142,10 +142,10 @@ def chart_at(loops: Loops, q: Array, bases: Array) -> Chart:
     if rank:
         closures = left @ jacobian
         ratio = float(np.abs(np.linalg.solve(closures[:, dependent], closures[:, independent])).max(initial=1.0))
-    return Chart(independent, dependent, np.eye(n)[independent], rows, bases, ratio / WORN)
+    return Chart(independent, dependent, np.eye(n)[independent], rows, bases, ratio / POOR_IN_BLOCK)
 
 
-def wear(loops: Loops, chart: Chart, q: Array) -> tuple[float, float]:
+def conditioning(loops: Loops, chart: Chart, q: Array) -> tuple[float, float]:
     """Return how well the dependent coordinates of a choice follow, and how near the pose is to a singular one.
 
     Parameters

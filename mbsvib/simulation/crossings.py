@@ -79,10 +79,10 @@ def _refined(
         if rate == 0.0:
             return None
         correction = (value - level) / rate
-        there = time - correction
-        if not start - 1e-6 * step <= there <= start + 1.000001 * step:
+        newton_time = time - correction
+        if not start - 1e-6 * step <= newton_time <= start + 1.000001 * step:
             return None
-        time = max(there, start + 1e-12 * step)
+        time = max(newton_time, start + 1e-12 * step)
         if abs(correction) <= REACHED * max(abs(time), step):
             return time
     return time if abs(correction) < 1e-9 * step else None

@@ -46,34 +46,34 @@ class Events:
         self._values = {name: float(self._quantity(states, name)[0][0]) for name in levels}
         self._first = start.samples[0].state.time
 
-    def after(self, here: Sample, there: Sample, interval: int) -> Event | None:
+    def after(self, first: Sample, last: Sample, interval: int) -> Event | None:
         """Return the first event in an interval of the inputs, between its first and its last sample."""
         if not self._levels:
             return None
-        states = self._trace.values([here, there])
+        states = self._trace.values([first, last])
         passed: list[tuple[float, str]] = []
         for name, level in self._levels.items():
             values, rates = self._quantity(states, name)
             # a rotation vector counts whole turns from the first of these samples
             turns = self._values[name] - values[0]
             self._values[name] = float(values[1] + turns)
-            ends = np.array([here.state.time, there.state.time])
+            ends = np.array([first.state.time, last.state.time])
 
             def at(_: int, time: float, name: str = name, turns: float = turns) -> tuple[float, float]:
-                return self._at(here, interval, time, name, turns)
+                return self._at(first, interval, time, name, turns)
 
             times = crossings(ends, values + turns, rates, level, at)
             passed += [(time, name) for time in times.tolist() if time - self._first > SAME * (ends[1] - ends[0])]
         if not passed:
             return None
         time, name = min(passed)
-        return Event(name, there if time >= there.state.time else self._sample(here, interval, time))
+        return Event(name, last if time >= last.state.time else self._sample(first, interval, time))
 
-    def _sample(self, here: Sample, interval: int, time: float) -> Sample:
-        return Sample(reached(self._trace.session, here, interval, time), here.chart)
+    def _sample(self, first: Sample, interval: int, time: float) -> Sample:
+        return Sample(reached(self._trace.session, first, interval, time), first.chart)
 
-    def _at(self, here: Sample, interval: int, time: float, name: str, turns: float) -> tuple[float, float]:
-        values, rates = self._quantity(self._trace.values([here, self._sample(here, interval, time)]), name)
+    def _at(self, first: Sample, interval: int, time: float, name: str, turns: float) -> tuple[float, float]:
+        values, rates = self._quantity(self._trace.values([first, self._sample(first, interval, time)]), name)
         return float(values[1] + turns), float(rates[1])
 
     def _quantity(self, states: TraceValues, name: str) -> tuple[Array, Array]:

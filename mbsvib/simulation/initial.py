@@ -66,22 +66,22 @@ def initial_state(run: Session, displaced: Any, time: float) -> State:
 
 def _moved(run: Session, target: Array, fixed: Array, bases: Array) -> Array:
     """Coordinates with some at their values and loops closed, followed from the pose as described."""
-    here = run.loops.projected(np.zeros(len(target)), bases)[0]
+    reached = run.loops.projected(np.zeros(len(target)), bases)[0]
     others = np.setdiff1d(np.arange(len(target)), fixed)
-    way = target[fixed] - here[fixed]
-    longest = float(np.abs(way / run.loops.coordinate_scale[fixed]).max(initial=0.0))
+    change = target[fixed] - reached[fixed]
+    longest = float(np.abs(change / run.loops.coordinate_scale[fixed]).max(initial=0.0))
     steps = int(np.ceil(longest / LONGEST)) if len(run.loops.row_scale) else 1
-    start = here[fixed]
+    start = reached[fixed]
     for i in range(1, steps + 1):
-        trial = here.copy()
-        trial[fixed] = start + way * i / steps
-        there, opening = run.loops.projected(trial, bases, others)
-        if opening > OPEN or np.abs((there - trial) / run.loops.coordinate_scale).max(initial=0.0) > 1.0:
+        trial = reached.copy()
+        trial[fixed] = start + change * i / steps
+        projected, opening = run.loops.projected(trial, bases, others)
+        if opening > OPEN or np.abs((projected - trial) / run.loops.coordinate_scale).max(initial=0.0) > 1.0:
             names = ", ".join(f"{run.names[k]} = {trial[k]:.6g}" for k in fixed)
             raise ModelError(f"simulate: the loops cannot be closed with {names}; give fewer coordinates, or others.",
                              field="initial")  # fmt: skip
-        here = there
-    return here
+        reached = projected
+    return reached
 
 
 def _rates(run: Session, q: Array, qd: Array, fixed: list[int], bases: Array) -> Array:

@@ -82,12 +82,12 @@ class Integrator:
             solver = self.compiled[key] = self._compile(shares)
         starts = np.concatenate(([0.0], shares[:-1]))
         powers = coefficients.reshape(len(grid), -1)
-        held = np.concatenate((starts[:, None], (shares - starts)[:, None], powers), axis=1)
+        of_interval = np.concatenate((starts[:, None], (shares - starts)[:, None], powers), axis=1)
         independent_scale = self.scale[chart.independent]
         x0 = np.concatenate((start.q / self.scale, start.qd[chart.independent] / independent_scale, start.y))
         p = np.concatenate(([length, chart.limit], independent_scale, chart.select.reshape(-1, order="F"),
                             chart.rows.reshape(-1, order="F"), chart.bases))  # fmt: skip
-        result = solver(x0=x0, p=p, u=held.T)
+        result = solver(x0=x0, p=p, u=of_interval.T)
         x, work = np.asarray(result["xf"]), np.asarray(result["qf"])
         if not np.isfinite(x).all():
             raise RuntimeError("the state is not finite")
@@ -108,10 +108,10 @@ class Integrator:
         length, independent_scale, limit = ca.MX.sym("h"), ca.MX.sym("s", eq.dof), ca.MX.sym("l")
         select, closures = ca.MX.sym("Y", eq.dof, eq.n), ca.MX.sym("W", eq.rank, rows)
         bases, t = ca.MX.sym("b", eq.closures.size1_in(1)), ca.MX.sym("t")
-        held = ca.MX.sym("u", 2 + len(eq.inputs) * (self.degree + 1))
-        share = (t - held[0]) / held[1]
+        of_interval = ca.MX.sym("u", 2 + len(eq.inputs) * (self.degree + 1))
+        share = (t - of_interval[0]) / of_interval[1]
         powers = ca.vertcat(*(share**k for k in range(self.degree + 1)))
-        u = ca.reshape(held[2:], self.degree + 1, len(eq.inputs)).T @ powers
+        u = ca.reshape(of_interval[2:], self.degree + 1, len(eq.inputs)).T @ powers
         scale = ca.DM(self.scale)
         q, v, y = x[: eq.n] * scale, x[eq.n : eq.n + eq.dof] * independent_scale, x[eq.n + eq.dof :]
         flow = eq.smooth_flow if self.stiff else eq.flow
@@ -119,7 +119,7 @@ class Integrator:
         ode = length * ca.vertcat(qd / scale, vd / independent_scale, yd)
         p = ca.vertcat(length, limit, independent_scale, ca.vec(select), ca.vec(closures), bases)
         options: dict[str, Any] = STRONGLY_DAMPED if self.stiff else SMOOTH
-        dae = {"x": x, "p": p, "u": held, "t": t, "ode": ode, "quad": length * powers_taken}
+        dae = {"x": x, "p": p, "u": of_interval, "t": t, "ode": ode, "quad": length * powers_taken}
         return ca.integrator("run", "cvodes", dae, 0.0, shares.tolist(), {
             "reltol": RELATIVE * self.tolerance, "abstol": ABSOLUTE * self.tolerance, "max_num_steps": STEPS,
             "quad_err_con": True,

@@ -29,15 +29,15 @@ def frames(run: Trace) -> dict[str, tuple[Array, Array]]:
     """
     statement = run.session.statement
     motion = statement.motion
-    places = dict(motion.frames)
+    frames = dict(motion.frames)
     for block in statement.blocks:
         b, z = motion.elastic[block.name]
         for k, node in enumerate(block.nodes):
-            if node not in places:
-                places[node] = places[block.root].then(node_displacement(block, k, ca.vertcat(z, b)))
+            if node not in frames:
+                frames[node] = frames[block.root].then(node_displacement(block, k, ca.vertcat(z, b)))
     function = ca.Function("frames", [motion.q, motion.bases], [
-        ca.vertcat(*(ca.vec(frame.rotation) for frame in places.values())),
-        ca.vertcat(*(frame.shift for frame in places.values()))])  # fmt: skip
+        ca.vertcat(*(ca.vec(frame.rotation) for frame in frames.values())),
+        ca.vertcat(*(frame.shift for frame in frames.values()))])  # fmt: skip
     q = np.array([sample.state.q for sample in run.samples]).T
     bases = np.array([sample.chart.bases for sample in run.samples]).T
     rotations, shifts = (np.asarray(array) for array in function(q, bases))
@@ -45,5 +45,5 @@ def frames(run: Trace) -> dict[str, tuple[Array, Array]]:
     return {
         name: (rotations[9 * i : 9 * i + 9].reshape(3, 3, samples, order="F").transpose(2, 0, 1),
                shifts[3 * i : 3 * i + 3].T)
-        for i, name in enumerate(places)
+        for i, name in enumerate(frames)
     }  # fmt: skip

@@ -53,18 +53,18 @@ class ReactionOutputs:
 
     def values(self, arguments: Sequence[Array]) -> dict[str, Array]:
         """Return the outputs by name, (samples,) each; the arguments (k, samples) are those of the function."""
-        lacking, jacobian = matrices(self.function, *[np.atleast_2d(array).T for array in arguments])
-        values = self._wrenches(lacking[:, :, 0], jacobian) @ self.directions.T - self.at_rest
+        unbalanced, jacobian = matrices(self.function, *[np.atleast_2d(array).T for array in arguments])
+        values = self._wrenches(unbalanced[:, :, 0], jacobian) @ self.directions.T - self.at_rest
         return dict(zip(self.names, values.T, strict=True))
 
-    def _wrenches(self, lacking: Array, jacobian: Array) -> Array:
+    def _wrenches(self, unbalanced: Array, jacobian: Array) -> Array:
         """R (samples, 6 joints)."""
         n = len(self.scale)
         along, virtual = self._scaled(jacobian)
         left, sizes, right = np.linalg.svd(along, full_matrices=False)
         inverse = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=_retained(sizes))
-        multipliers = left @ (inverse[:, :, None] * (right @ (lacking[:, :n] * self.scale)[:, :, None]))
-        return np.asarray(lacking[:, n:] - (virtual.transpose(0, 2, 1) @ multipliers)[:, :, 0])
+        multipliers = left @ (inverse[:, :, None] * (right @ (unbalanced[:, :n] * self.scale)[:, :, None]))
+        return np.asarray(unbalanced[:, n:] - (virtual.transpose(0, 2, 1) @ multipliers)[:, :, 0])
 
     def _scaled(self, jacobian: Array) -> tuple[Array, Array]:
         """J (samples, rows, n) and J_s (samples, rows, 6 joints) with rows and coordinates of like size."""
@@ -123,9 +123,9 @@ def reaction_outputs(
     n = len(motion.names)
     at = [np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(statement.yields.shape[0]),
           np.tile(np.eye(3).reshape(-1), len(motion.based)), np.zeros(len(statement.inputs))]  # fmt: skip
-    here = [array[:, None] for array in at]
-    determined = np.flatnonzero(in_pose.undetermined_shares(here) <= DETERMINED)
-    at_rest = np.array(list(in_pose.values(here).values()))[:, 0]
+    arguments = [array[:, None] for array in at]
+    determined = np.flatnonzero(in_pose.undetermined_shares(arguments) <= DETERMINED)
+    at_rest = np.array(list(in_pose.values(arguments).values()))[:, 0]
     function = _function(model, statement, joints, without) if without else in_pose.function
     names = tuple([in_pose.names[i] for i in determined])
     result = ReactionOutputs(names, function, directions[determined], at_rest[determined], scale, rows)
@@ -135,13 +135,13 @@ def reaction_outputs(
 def _function(model: Mechanism, statement: FiniteMotion, joints: Sequence[str], without: Sequence[str]) -> Any:
     """What the equations lack and the derivative of the closures, with the released displacements at rest."""
     extended = with_virtual_displacements(model, statement, joints, without)
-    motion, n, more = extended.motion, len(statement.motion.names), 6 * len(joints)
+    motion, n, added = extended.motion, len(statement.motion.names), 6 * len(joints)
     q, qd, qdd = (ca.SX.sym(name, n) for name in ("q", "qd", "qdd"))
-    u, none = ca.SX.sym("u", len(extended.inputs)), ca.SX.zeros(more)
-    lacking = ca.jtimes(extended.momenta, motion.qd, ca.vertcat(qdd, none)) - extended.forces
+    u, none = ca.SX.sym("u", len(extended.inputs)), ca.SX.zeros(added)
+    unbalanced = ca.jtimes(extended.momenta, motion.qd, ca.vertcat(qdd, none)) - extended.forces
     if extended.inputs:
-        lacking -= extended.input_forces @ u
-    outputs = ca.substitute([ca.densify(lacking), ca.densify(extended.jacobian)], [motion.q, motion.qd],
+        unbalanced -= extended.input_forces @ u
+    outputs = ca.substitute([ca.densify(unbalanced), ca.densify(extended.jacobian)], [motion.q, motion.qd],
                             [ca.vertcat(q, none), ca.vertcat(qd, none)])  # fmt: skip
     return ca.Function("reactions", [q, qd, qdd, extended.yields, motion.bases, u], outputs, {"cse": True})
 

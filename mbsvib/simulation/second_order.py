@@ -121,13 +121,13 @@ def second_order(statement: FiniteMotion, measured: Measured, independent: Index
     outputs = values + ca.vertcat(*turned) if turned else ca.SX(0, 1)
     every = [ca.densify(balance), closures, ca.densify(outputs)]
     zero = np.zeros(x.shape[0])
-    a, b, ways = ca.SX.sym("a", x.shape[0]), ca.SX.sym("b", x.shape[0]), np.eye(x.shape[0])
+    a, b, identity = ca.SX.sym("a", x.shape[0]), ca.SX.sym("b", x.shape[0]), np.eye(x.shape[0])
     once = [ca.densify(ca.jtimes(part, x, a)) for part in every]
     slopes = ca.Function("slopes", [x, a], [every[0], *once])
-    unbalanced, _, opening, _ = map(np.asarray, slopes(zero, ways[:, :n]))
+    unbalanced, _, opening, _ = map(np.asarray, slopes(zero, identity[:, :n]))
     J = opening.reshape(-1, n)
     zero[3 * n :] = minimum_norm_solution(J.T, unbalanced[:, 0])
-    _, loop_slopes, _, output_slopes = map(np.asarray, slopes(zero, ways))
+    _, loop_slopes, _, output_slopes = map(np.asarray, slopes(zero, identity))
     twice = [ca.densify(ca.jtimes(part, x, b)) for part in once]
     full = ca.Function("curvature", [x, a, b], twice)
     dependent = np.setdiff1d(np.arange(n), independent)

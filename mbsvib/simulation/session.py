@@ -121,10 +121,10 @@ def _rank(model: Mechanism, statement: FiniteMotion, scale: Array, rows: Array, 
     motion = statement.motion
     closures = ca.Function("closures", [motion.q, motion.bases], [motion.closures, statement.jacobian])
     blank = MotionEquations(len(scale), 0, 0, (), closures, None, None, None, None)
-    loops, here = Loops(blank, scale, rows), np.zeros(len(scale))
-    rank = loops.rank(here, bases)
+    loops, origin = Loops(blank, scale, rows), np.zeros(len(scale))
+    rank = loops.rank(origin, bases)
     generator = np.random.default_rng(0)
-    step = loops.rates(here, bases, NEIGHBOUR * generator.standard_normal(len(scale)) * scale)
+    step = loops.rates(origin, bases, NEIGHBOUR * generator.standard_normal(len(scale)) * scale)
     next_to, opening = loops.projected(step, bases)
     if opening > NEIGHBOUR**2 or loops.rank(next_to, bases) != rank:
         raise SingularPoseError(
@@ -138,12 +138,12 @@ def _fastest_decay(statement: FiniteMotion, reduced: tuple[Array, Array], bases:
     """The largest rate [1/s] at which dampers alone would bring a motion to rest where a run starts."""
     to_all, mass = reduced
     motion = statement.motion
-    taken = sum(statement.dissipation.values(), ca.SX(0.0))
-    damping = ca.jacobian(ca.gradient(taken, motion.qd), motion.qd)
+    dissipation = sum(statement.dissipation.values(), ca.SX(0.0))
+    damping = ca.jacobian(ca.gradient(dissipation, motion.qd), motion.qd)
     yielding = ca.jacobian(statement.yield_rates, statement.yields)
     function = ca.Function("damping", [motion.q, motion.qd, statement.yields, motion.bases], [damping, yielding])
-    here = np.zeros(len(motion.names))
-    damping_matrix, yields = map(np.asarray, function(here, here, np.zeros(statement.yields.shape), bases))
+    origin = np.zeros(len(motion.names))
+    damping_matrix, yields = map(np.asarray, function(origin, origin, np.zeros(statement.yields.shape), bases))
     rates = [*np.abs(eigh(to_all.T @ damping_matrix @ to_all, mass, eigvals_only=True)), *np.abs(np.diag(yields))]
     return float(max(rates, default=0.0))
 
@@ -153,11 +153,11 @@ def _checked_mass(
 ) -> tuple[Array, Array]:
     """Motions (n, m) of the independent coordinates and their mass; refuse those without inertia by name."""
     n = loops.equations.n
-    here = np.zeros(n)
-    chart = chart_at(loops, here, bases)
-    jacobian = chart.rows @ np.asarray(loops.equations.closures(here, bases)[1])
+    origin = np.zeros(n)
+    chart = chart_at(loops, origin, bases)
+    jacobian = chart.rows @ np.asarray(loops.equations.closures(origin, bases)[1])
     to_all = np.linalg.solve(np.concatenate((chart.select, jacobian)), np.eye(n)[:, : loops.equations.dof])
-    mass = to_all.T @ np.asarray(loops.equations.mass(here, bases)) @ to_all
+    mass = to_all.T @ np.asarray(loops.equations.mass(origin, bases)) @ to_all
     diagonal = mass.diagonal()
     scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     values, vectors = np.linalg.eigh(mass / scale[:, None] / scale)

@@ -77,14 +77,14 @@ def simulate(
     driven = signals(inputs, tuple(statement.inputs), time)
     run = session(model, statement, driven, error)
     bases = np.tile(np.eye(3).reshape(-1), len(run.turning))
-    here = restarted_sample(run, initial_state(run, initial, float(time[0])), bases)
-    samples, intervals, requested = [here], [0], set(np.searchsorted(driven.breaks, time).tolist())
+    last = restarted_sample(run, initial_state(run, initial, float(time[0])), bases)
+    samples, intervals, requested = [last], [0], set(np.searchsorted(driven.breaks, time).tolist())
     start = trace(run, samples, intervals)
     ends, complete, event = events(start, until), True, None
     with counting(progress, len(time) - 1, "simulate") as tell, noticing_interrupts() as interrupted:
         try:
-            for k, sample in enumerate(march(run, here, interrupted), 1):
-                event, here = ends.after(here, sample, k - 1), sample
+            for k, sample in enumerate(march(run, last, interrupted), 1):
+                event, last = ends.after(last, sample, k - 1), sample
                 if event is not None:
                     samples.append(event.sample)
                     intervals.append(k - 1)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import SimulationError
-from mbsvib.simulation.charts import LONG_TURN, LONGEST_TURN, SINGULAR, WORN, chart_at, wear
+from mbsvib.simulation.charts import LONG_TURN, LONGEST_TURN, POOR_IN_BLOCK, SINGULAR, chart_at, conditioning
 from mbsvib.simulation.states import State, restarted
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ BLOCK, FIRST_BLOCK = 64, 8
 # An interval that cannot be taken is halved at most so often.
 HALVINGS = 12
 # Independent coordinates are chosen anew between blocks where they have become worse by this factor.
-TIRED = 0.5
+POOR_BETWEEN_BLOCKS = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,49 +69,49 @@ def march(run: Session, start: Sample, interrupted: Callable[[], bool]) -> Itera
         If there was an interrupt.
     """
     breaks, coefficients = run.signals.breaks, run.signals.coefficients
-    here, k, count = start, 0, FIRST_BLOCK
+    sample, k, count = start, 0, FIRST_BLOCK
     while k < len(coefficients):
         end = min(k + count, len(coefficients))
-        states = _taken(run, here, breaks[k + 1 : end + 1], coefficients[k:end])
+        states = _block(run, sample, breaks[k + 1 : end + 1], coefficients[k:end])
         if interrupted():
             raise KeyboardInterrupt
         if not states:
             if end - k > 1:
                 count = max(1, (end - k) // 4)
                 continue
-            here = _halved(run, here, float(breaks[k + 1]), coefficients[k], HALVINGS, interrupted)
+            sample = _halved(run, sample, float(breaks[k + 1]), coefficients[k], HALVINGS, interrupted)
             k += 1
-            yield here
+            yield sample
             continue
         for state in states[:-1]:
-            yield Sample(_closed(run, state, here.chart), here.chart)
-        here = _next(run, states[-1], here.chart)
-        yield here
+            yield Sample(_closed(run, state, sample.chart), sample.chart)
+        sample = _next(run, states[-1], sample.chart)
+        yield sample
         count = min(BLOCK, 2 * count) if k + len(states) == end else max(1, len(states))
         k += len(states)
 
 
-def reached(run: Session, here: Sample, interval: int, time: float) -> State:
+def reached(run: Session, sample: Sample, interval: int, time: float) -> State:
     """Return the state at a time within the interval of the inputs that starts at a sample."""
-    if time == here.state.time:
-        return here.state
+    if time == sample.state.time:
+        return sample.state
     start, end = run.signals.breaks[interval : interval + 2]
-    share = (time - here.state.time) / (end - start)
+    share = (time - sample.state.time) / (end - start)
     powers = run.signals.coefficients[interval] * share ** np.arange(run.signals.coefficients.shape[2])
-    states = run.integrator.block(here.state, here.chart, np.array([time]), powers[None])
-    return _closed(run, states[0], here.chart)
+    states = run.integrator.block(sample.state, sample.chart, np.array([time]), powers[None])
+    return _closed(run, states[0], sample.chart)
 
 
-def _taken(run: Session, here: Sample, grid: Array, coefficients: Array) -> list[State]:
+def _block(run: Session, sample: Sample, grid: Array, coefficients: Array) -> list[State]:
     """The states at the ends of intervals, as far as the choice of coordinates holds; none if it cannot be taken."""
     try:
-        states = run.integrator.block(here.state, here.chart, grid, coefficients)
+        states = run.integrator.block(sample.state, sample.chart, grid, coefficients)
     except RuntimeError:
         return []
-    fresh = wear(run.loops, here.chart, here.state.q)[0]
+    least = POOR_IN_BLOCK * conditioning(run.loops, sample.chart, sample.state.q)[0]
     good = 0
     for state in states:
-        if _angles(run, state.q) > LONGEST_TURN or wear(run.loops, here.chart, state.q)[0] < WORN * fresh:
+        if _angles(run, state.q) > LONGEST_TURN or conditioning(run.loops, sample.chart, state.q)[0] < least:
             break
         good += 1
     return states[:good]
@@ -122,27 +122,27 @@ def _angles(run: Session, q: Array) -> float:
 
 
 def _halved(
-    run: Session, here: Sample, end: float, coefficients: Array, halvings: int, interrupted: Callable[[], bool]
+    run: Session, sample: Sample, end: float, coefficients: Array, halvings: int, interrupted: Callable[[], bool]
 ) -> Sample:
     """The state at the end of an interval that has to be gone in parts."""
     if interrupted():
         raise KeyboardInterrupt
     if not halvings:
-        name = run.at_limit(here.state.q, here.chart.bases)
-        raise _stopped(run, here.state, "the integrator takes no step, however short" if name is None else
+        name = run.at_limit(sample.state.q, sample.chart.bases)
+        raise _stopped(run, sample.state, "the integrator takes no step, however short" if name is None else
                        f"'{name}' is turned so far that its moment is no longer defined")  # fmt: skip
-    middle = 0.5 * (here.state.time + end)
+    middle = 0.5 * (sample.state.time + end)
     degrees = range(coefficients.shape[1])
     first = coefficients * 0.5 ** np.array(degrees)
     # powers of 1/2 + s/2 in powers of s
     shift = np.array([[comb(p, j) * 0.5**p for p in degrees] for j in degrees])
     for time, powers in ((middle, first), (end, coefficients @ shift.T)):
-        states = _taken(run, here, np.array([time]), powers[None])
+        states = _block(run, sample, np.array([time]), powers[None])
         if states:
-            here = _next(run, states[0], here.chart)
+            sample = _next(run, states[0], sample.chart)
         else:
-            here = _halved(run, here, time, powers, halvings - 1, interrupted)
-    return here
+            sample = _halved(run, sample, time, powers, halvings - 1, interrupted)
+    return sample
 
 
 def _closed(run: Session, state: State, chart: Chart) -> State:
@@ -153,11 +153,11 @@ def _closed(run: Session, state: State, chart: Chart) -> State:
 
 def _next(run: Session, state: State, chart: Chart) -> Sample:
     """Where the next block starts: loops closed, and coordinates chosen anew if that pays."""
-    wear_of_chart, singular = wear(run.loops, chart, state.q)
+    current, singular = conditioning(run.loops, chart, state.q)
     if singular < SINGULAR:
         raise _stopped(run, state, "the loops come to a singular pose, from which they could go on in several ways")
     best = chart_at(run.loops, state.q, chart.bases)
-    if _angles(run, state.q) > LONG_TURN or wear_of_chart < TIRED * wear(run.loops, best, state.q)[0]:
+    if _angles(run, state.q) > LONG_TURN or current < POOR_BETWEEN_BLOCKS * conditioning(run.loops, best, state.q)[0]:
         return restarted_sample(run, state, chart.bases)
     return Sample(_closed(run, state, chart), chart)
 

@@ -92,11 +92,11 @@ class Trace:
         """Return the state at a time between the samples k and k + 1."""
         run, sample, interval = self.session, self.samples[k], self.intervals[k]
         breaks = run.signals.breaks
-        here = sample
+        last = sample
         while interval + 1 < len(breaks) - 1 and breaks[interval + 1] < time:
-            here = Sample(reached(run, here, interval, float(breaks[interval + 1])), here.chart)
+            last = Sample(reached(run, last, interval, float(breaks[interval + 1])), last.chart)
             interval += 1
-        return Sample(reached(run, here, interval, time), here.chart)
+        return Sample(reached(run, last, interval, time), last.chart)
 
 
 def trace(session: Session, samples: Sequence[Sample], intervals: Sequence[int]) -> Trace:

@@ -19,6 +19,7 @@ import numpy as np
 
 from mbsvib.common.tables import listed
 from mbsvib.elements.rows import Rows
+from mbsvib.equations.scene import cut_rows
 from mbsvib.errors import NearSingularWarning, SingularPoseError
 from mbsvib.kinematics.loop_group import LoopGroup, decided, measures
 from mbsvib.kinematics.relative_motion import arm
@@ -142,23 +143,17 @@ def constraints(
     SingularPoseError
         If the rank of a group is in doubt.
     """
-    tuples: list[tuple[float, ...]] = []
-    names: list[str] = []
-    loop: list[int] = []
+    cuts = cut_rows(topology, bodies, number)
+    rows = Rows.stack([]) if cuts is None else cuts.rows
+    names: list[str] = [] if cuts is None else [*cuts.names]
+    loop: list[int] = [] if cuts is None else cuts.joint.tolist()
+    row_of = {name: i for i, name in enumerate(names)}
     crossing = []
-    for count, k in enumerate(topology.cut):
-        joint = topology.joints[k]
-        a, b = number[joint.first], number[joint.second]
-        point = joint.point or bodies[min(a, b)].position
+    for joint in [topology.joints[k] for k in topology.cut]:
         if joint.successive:
-            row = next(i for i, (_, six) in enumerate(joint.locked) if any(six[3:]))
+            rotation = next(direction for direction, six in joint.locked if any(six[3:]))
             (_, first_twist), (_, second_twist) = joint.freedom[-2:]
-            crossing.append((len(names) + row, first_twist[3:], second_twist[3:]))
-        for direction, six in joint.locked:
-            tuples.append((a, b, *point, *six))
-            names.append(f"{joint.name}.{direction}")
-            loop.append(count)
-    rows = Rows.stack(tuples)
+            crossing.append((row_of[f"{joint.name}.{rotation}"], first_twist[3:], second_twist[3:]))
     cut = [topology.joints[k].name for k in topology.cut]
     rods = _rods(topology, number, tree, names)
     if couplers is not None:
@@ -249,8 +244,8 @@ def _decide_dense(
     columns, local_column = np.unique(column, return_inverse=True)
     phi = np.zeros((len(members), len(columns)))
     phi[row, local_column] = value
-    cut_rows = members[members < len(rows.first)]
-    points = np.concatenate((rows.point[:, cut_rows], tree.point[:, columns]), axis=1)
+    of_joints = members[members < len(rows.first)]
+    points = np.concatenate((rows.point[:, of_joints], tree.point[:, columns]), axis=1)
     length, noise = measures(points, max(len(members), len(columns)), tree.pitch, reach)
     scale = np.where(tree.turns[columns], 1.0, length)
     scale *= 1.0 - TIE_BREAK / max(1, len(columns)) * np.arange(len(columns))

@@ -58,7 +58,7 @@ def _long_loops(topology: Topology) -> int:
     parent, depth = [n] * (n + 1), [0] * (n + 1)
     for branch in topology.branches:
         parent[branch.body], depth[branch.body] = branch.parent, depth[branch.parent] + 1
-    number = {name: i for i, name in enumerate(topology.bodies)} | {"ground": n}
+    number = topology.body_numbers
     cut = [topology.joints[k] for k in topology.cut]
     a, b = (np.array([number[getattr(joint, side)] for joint in cut]) for side in ("first", "second"))
     up, level = np.array(parent), np.array(depth)
@@ -71,7 +71,7 @@ def _long_loops(topology: Topology) -> int:
 
 def _outside_stars(topology: Topology) -> list[int]:
     """Joints that are not in the tree of stars."""
-    number = {name: i for i, name in enumerate(topology.bodies)} | {"ground": len(topology.bodies)}
+    number = topology.body_numbers
     joints = topology.joints
     # joints with few freedoms first: cutting those with many gives fewer constraints
     order = sorted(range(len(joints)), key=lambda k: len(joints[k].freedom))

@@ -124,7 +124,7 @@ def _kinetic(t: Operator, force: NDArray[np.inexact]) -> tuple[NDArray[np.inexac
     return motion, rows
 
 
-def _extended(t: Operator, basis: Array, more: Array) -> Array:
+def _extended(t: Operator, basis: Array, added: Array) -> Array:
     """The basis extended by some motions, M-orthonormal.
 
     Corrections are mostly in the basis already. Their remainders are scaled to unit length before the SVD, which would
@@ -132,14 +132,14 @@ def _extended(t: Operator, basis: Array, more: Array) -> Array:
     """
     basis_rows = t.w @ basis
     for _ in range(2):
-        rows = t.w @ more
+        rows = t.w @ added
         length = np.linalg.norm(rows, axis=0)
         amplitudes = basis_rows.T @ rows
         rows -= basis_rows @ amplitudes
         remaining = np.linalg.norm(rows, axis=0)
         used = remaining > NEW * length
-        more, rows = (more - basis @ amplitudes)[:, used] / remaining[used], rows[:, used] / remaining[used]
+        added, rows = (added - basis @ amplitudes)[:, used] / remaining[used], rows[:, used] / remaining[used]
         _, singular, right = np.linalg.svd(rows, full_matrices=False)
         significant = singular > NEW * singular.max(initial=0.0)
-        more = more @ (right[significant].T / singular[significant])
-    return np.concatenate((basis, more), axis=1)
+        added = added @ (right[significant].T / singular[significant])
+    return np.concatenate((basis, added), axis=1)

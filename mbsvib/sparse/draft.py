@@ -127,8 +127,7 @@ def first_draft(model: Mechanism, nodes: Mechanism, topology: Topology, removed:
         The rows, without those of other parts.
     """
     bodies = list(nodes.bodies.values())
-    number = {name: i for i, name in enumerate(topology.bodies)}
-    number |= dict.fromkeys(("ground", *removed), len(bodies))
+    number = topology.body_numbers | dict.fromkeys(removed, len(bodies))
     structure = tree(topology, bodies)
     couplers = coupled(tuple(model.couplers.values()), topology, bodies, number, structure)
     closure = constraints(topology, bodies, number, structure, couplers)

@@ -71,7 +71,7 @@ class ForceSums:
     spin: SpinForces | None = None
 
     @cached_property
-    def release(self) -> Release:
+    def virtual_displacements(self) -> Release:
         """Virtual displacements that release cut joints."""
         return Release(self.tree, self.layout, self.closure)
 
@@ -200,7 +200,7 @@ class ForceSums:
             measured = couplers.terms.measured
             step = -motion.along(measured) if in_tree else motion.of_twist(measured) * (couplers.joint == number)
             np.add.at(target, len(locked) + row, coefficient * step)
-        return replace(motion, tree_motion=self.release.unknowns(target)) if target.any() else motion
+        return replace(motion, tree_motion=self.virtual_displacements.unknowns(target)) if target.any() else motion
 
     def _elastic(self, motion: Motion) -> Iterator[tuple[csr_matrix, Array, tuple[tuple[int, Array], ...]]]:
         """Elastic rows, the displacements of a motion along them, and their weights by derivative."""

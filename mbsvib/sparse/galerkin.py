@@ -92,7 +92,7 @@ def parts(z: NDArray[np.inexact]) -> Array:
     return np.concatenate((z.real, z.imag), axis=1) if np.iscomplexobj(z) else np.asarray(z, dtype=float)
 
 
-def extended(quadratic: Quadratic, basis: Array, more: Array, speed: float) -> Array:
+def extended(quadratic: Quadratic, basis: Array, added: Array, speed: float) -> Array:
     """Return a basis extended by some motions, orthonormal in kinetic energy, basis^T M basis = 1.
 
     Parameters
@@ -101,7 +101,7 @@ def extended(quadratic: Quadratic, basis: Array, more: Array, speed: float) -> A
         P(s).
     basis : array, shape (size, n)
         Orthonormal motions.
-    more : array, shape (size, k)
+    added : array, shape (size, k)
         Further motions.
     speed : float
         A frequency [rad/s] at which new directions are projected on motions that the joints allow: small remainders
@@ -112,24 +112,24 @@ def extended(quadratic: Quadratic, basis: Array, more: Array, speed: float) -> A
     array, shape (size, n + new)
         The motions.
     """
-    if not more.shape[1]:
+    if not added.shape[1]:
         return basis
     w = quadratic.w
     basis_rows = w @ basis
-    length = np.linalg.norm(w @ more, axis=0)
-    more = more[:, length > 0.0] / length[length > 0.0]
+    length = np.linalg.norm(w @ added, axis=0)
+    added = added[:, length > 0.0] / length[length > 0.0]
     factor = quadratic.system.tableau.factor(s=ABOVE * speed)
     for limit in (NEW, STILL_NEW):
         for _ in range(2):
-            rows = w @ more
+            rows = w @ added
             amplitudes = basis_rows.T @ rows
-            more, rows = more - basis @ amplitudes, rows - basis_rows @ amplitudes
+            added, rows = added - basis @ amplitudes, rows - basis_rows @ amplitudes
         _, singular, right = np.linalg.svd(rows, full_matrices=False)
         significant = singular > limit
-        more = more @ (right[significant].T / singular[significant])
+        added = added @ (right[significant].T / singular[significant])
         if limit == NEW:
-            more = quadratic.solve(factor, quadratic.force(ABOVE * speed, more))
-    return np.concatenate((basis, more), axis=1)
+            added = quadratic.solve(factor, quadratic.force(ABOVE * speed, added))
+    return np.concatenate((basis, added), axis=1)
 
 
 def truncation(right: Array, left: Array, distance: Array) -> Array:
@@ -203,10 +203,10 @@ class Galerkin:
         return result
 
     def extended(
-        self, mass: Array, massless: Array, more: NDArray[Any], vectors: Eigenvectors
+        self, mass: Array, massless: Array, added: NDArray[Any], vectors: Eigenvectors
     ) -> tuple[Array, Array]:
         """Return motions with mass and massless motions, both extended by parts of further motions."""
-        more_mass, more_massless = split_massless(self.quadratic.system, parts(more))
+        more_mass, more_massless = split_massless(self.quadratic.system, parts(added))
         speed = float(np.abs(vectors.values).max(initial=1.0))
         return (extended(self.quadratic, mass, more_mass, speed),
                 independent(self.quadratic.system, np.concatenate((massless, more_massless), axis=1)))  # fmt: skip

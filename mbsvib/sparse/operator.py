@@ -90,9 +90,9 @@ class Operator:
         count = factor.negative(self.system.layout)
         return self.system.dof if count is None else count
 
-    def deflating(self, more: Array) -> Operator:
+    def deflating(self, motions: Array) -> Operator:
         """Return the operator with more vectors (h, n) deflated."""
-        return replace(self, deflated=np.linalg.qr(np.concatenate((self.deflated, more), axis=1))[0])
+        return replace(self, deflated=np.linalg.qr(np.concatenate((self.deflated, motions), axis=1))[0])
 
 
 def operator(system: SparseEquations, sigma: float | None, requested: int) -> Operator:

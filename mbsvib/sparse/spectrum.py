@@ -142,7 +142,7 @@ class Search:
                 return None
             first_order = bool(self.quadratic.system.massless)
             if first.reach >= (1.0 + TIES) * (self.centre + self._nearest(first, rigid.shape[1], first_order) + sigma):
-                solution = self._solved(rigid, [first, *self._left(first, requested)])
+                solution = self._solved(rigid, [first, *self._neighbours(first, requested)])
                 if solution is None:
                     return None
                 if first.reach >= (1.0 + TIES) * (self.centre + self._distance(solution) + sigma):
@@ -166,7 +166,7 @@ class Search:
             requested += max(4, requested // 3)
         if width > WIDE * centre:
             return self.lowest()
-        discs = [first, *self._left(first, requested)]
+        discs = [first, *self._neighbours(first, requested)]
         if not self.quadratic.conservative:
             for side in (1.0,) if self.quadratic.stable else (1.0, -1.0):
                 discs += self._arc(centre, width, side, first)
@@ -189,7 +189,7 @@ class Search:
             angle += covered
         return result
 
-    def _left(self, first: Disc, requested: int) -> list[Disc]:
+    def _neighbours(self, first: Disc, requested: int) -> list[Disc]:
         """The disc of left eigenvectors, unless these are the right ones or their conjugates."""
         if self.quadratic.symmetric or self.quadratic.conservative:
             return []

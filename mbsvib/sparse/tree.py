@@ -96,7 +96,7 @@ def tree(topology: Topology, bodies: list[Body]) -> Tree:
     carrier: list[int] = []
     halfway: list[int] = []
     holder: list[int] = []
-    number = {name: i for i, name in enumerate(topology.bodies)} | {"ground": n}
+    number = topology.body_numbers
     parent, first, count = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp)
     joints = topology.joints
     branches = topology.branches

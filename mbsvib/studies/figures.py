@@ -189,8 +189,8 @@ def _lines(axes: Axes, x: NDArray[Any], flat: NDArray[Any], names: Sequence[str]
         dots: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 3.0} if samples else {}
         axes.plot(x[order], flat[order, i], label=names[i] if names else f"{i + 1}", **(style.line(i) | dots))
     if flat.shape[1] > 1:
-        one, many = ("mode", "modes") if names else ("entry", "entries")
-        axes.figure.legend(title=_counted(one, many, flat.shape[1]), loc="outside right upper")
+        singular, plural = ("mode", "modes") if names else ("entry", "entries")
+        axes.figure.legend(title=_counted(singular, plural, flat.shape[1]), loc="outside right upper")
 
 
 def _map(figure: Figure, axes: Axes, grid: Sequence[Array], values: Array, words: str) -> None:
@@ -203,9 +203,9 @@ def _map(figure: Figure, axes: Axes, grid: Sequence[Array], values: Array, words
     figure.colorbar(image, ax=axes, label=words)
 
 
-def _counted(one: str, many: str, count: int) -> str:
+def _counted(singular: str, plural: str, count: int) -> str:
     """Return what lines are; how many of them are shown, if not all."""
-    return one if count <= MOST_LINES else f"{MOST_LINES} of {count} {many}"
+    return singular if count <= MOST_LINES else f"{MOST_LINES} of {count} {plural}"
 
 
 def _with_unit(name: str, units: Mapping[str, str]) -> str:

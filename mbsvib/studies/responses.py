@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 SEEDS = 24  # points distributed over a band, in addition to those at the modes
 LOWER = 0.1  # local maxima below this share of the largest are not bounded yet
-POINTS = 12  # of Gauss' rule on panels no longer than the distance to the nearest pole: an error of 1e-14
 BEYOND = 8.0  # times the highest pole or break-point: from there to infinity in one panel over 1/f
 TAIL_POINTS = 16
 
@@ -50,16 +49,24 @@ class Ports:
         return (_known(system.outputs, self.outputs, "output", system.name),
                 _known(system.inputs, self.inputs, "input", system.name))  # fmt: skip
 
-    def magnitude(self, system: System, w: Array) -> Array:
-        """Return the norm at angular frequencies."""
+    def response(self, system: System, w: Array) -> Complex:
+        """Return the responses at angular frequencies, (outputs, inputs, n)."""
         outputs, inputs = self.of(system)
         o, i = [system.outputs.index(name) for name in outputs], [system.inputs.index(name) for name in inputs]
-        return np.asarray(np.sqrt((np.abs(system.frequency_response(w)[np.ix_(o, i)]) ** 2).sum(axis=(0, 1))))
+        return np.asarray(system.frequency_response(w)[np.ix_(o, i)])
+
+    def with_slopes(self, point: DesignPoint, w: Array) -> tuple[Complex, Complex]:
+        """Return the responses and their derivatives, (variables, outputs, inputs, n)."""
+        outputs, inputs = self.of(point.system)
+        return point.response(w, inputs, outputs)
+
+    def magnitude(self, system: System, w: Array) -> Array:
+        """Return the norm at angular frequencies."""
+        return np.asarray(np.sqrt((np.abs(self.response(system, w)) ** 2).sum(axis=(0, 1))))
 
     def size(self, point: DesignPoint, w: Array) -> Dual:
         """Return the norm at angular frequencies, with derivatives."""
-        outputs, inputs = self.of(point.system)
-        g, slope = point.response(w, inputs, outputs)
+        g, slope = self.with_slopes(point, w)
         value = np.sqrt((np.abs(g) ** 2).sum(axis=(0, 1)))
         change = (g.conj() * slope).real.sum(axis=(1, 2))
         return point.dual(value, np.divide(change, value, out=np.zeros_like(change), where=value > 0.0).T)
@@ -198,7 +205,7 @@ def quadrature(system: System, ports: Ports, noise: BaseNoise, band: Band | None
     poles = np.concatenate((system.poles(), noise.poles)) / (2.0 * np.pi)
     if (poles.real > 1e-13 * np.abs(poles).max(initial=0.0)).any():
         raise ResponseError(f"rms: '{system.name}' is not stable, so its rms value is unbounded.")
-    still = np.abs(poles.real) <= extrema.UNDAMPED * np.abs(poles)
+    undamped = np.abs(poles.real) <= extrema.UNDAMPED * np.abs(poles)
     tail = band is None and noise.unbounded
     breakpoints = np.concatenate((noise.breaks, np.abs(poles)))
     if band is None:
@@ -206,7 +213,7 @@ def quadrature(system: System, ports: Ports, noise: BaseNoise, band: Band | None
         high = BEYOND * float(breakpoints.max(initial=1.0)) if noise.unbounded else float(noise.breaks[-1])
     else:
         low, high = band
-    _refuse_undamped(system, poles[still] * 2.0 * np.pi, 2.0 * np.pi * low, 2.0 * np.pi * high,
+    _refuse_undamped(system, poles[undamped] * 2.0 * np.pi, 2.0 * np.pi * low, 2.0 * np.pi * high,
                      lambda w: ports.magnitude(system, w), "rms")  # fmt: skip
     if low == 0.0 and (poles == 0.0).any():
         least = 1e-3 * float(breakpoints[breakpoints > 0.0].min(initial=high))
@@ -215,11 +222,8 @@ def quadrature(system: System, ports: Ports, noise: BaseNoise, band: Band | None
             raise ResponseError(f"rms: noise drives a rigid-body mode of '{system.name}' away without bound; hold it, "
                                 f"or give a band that starts above 0 Hz.")  # fmt: skip
     # tables are powers of the frequency
-    ends = extrema.panels(np.append(poles[~still], [0.0] * bool(len(noise.breaks))), low, high, breakpoints)
-    node, weight = np.polynomial.legendre.leggauss(POINTS)
-    half = 0.5 * np.diff(ends)
-    f = ((0.5 * (ends[1:] + ends[:-1]))[:, None] + half[:, None] * node).reshape(-1)
-    w = (half[:, None] * weight).reshape(-1)
+    ends = extrema.panels(np.append(poles[~undamped], [0.0] * bool(len(noise.breaks))), low, high, breakpoints)
+    f, w = extrema.gauss_rule(ends)
     if tail:
         gain_beyond = ports.magnitude(system, 2.0 * np.pi * high * np.array([1.0, 1e3]))
         if gain_beyond[1] > 0.1 * gain_beyond[0] > 0.0:

@@ -42,9 +42,9 @@ def upper_eigenvalues(modes: Modes) -> Complex:
 
 @dataclass(frozen=True, slots=True)
 class SpeedSweep:
-    """A system at any speed: ``still`` at speed 0, with what speed 1 adds."""
+    """A system at any speed: ``standstill`` at speed 0, with what speed 1 adds."""
 
-    still: System
+    standstill: System
     gyroscopic: Array
     circulatory: Array
     stations: tuple[tuple[int, Array, float], ...]  # number of a body with a rotor, its axis, its ratio
@@ -52,7 +52,7 @@ class SpeedSweep:
 
     def at(self, speed: float) -> Modes:
         """Return the modes at a speed."""
-        system = self.still
+        system = self.standstill
         changes: dict[str, Any] = {}
         for name, letter, part in (("gyroscopic", "C", self.gyroscopic), ("circulatory", "K", self.circulatory)):
             if part.any() and speed != 0.0:
@@ -75,8 +75,9 @@ class SpeedSweep:
 
     def whirl(self, modes: Modes, speed: float) -> Array:
         """Return the area of the rotors' orbits as a part of that of circles, positive as they spin, (modes,)."""
-        motion = self.still.body_motion @ modes.shapes
-        factor = self.still.inertia_factor[: 6 * len(self.still.bodies)].reshape(len(self.still.bodies), 6, -1)
+        motion = self.standstill.body_motion @ modes.shapes
+        count = len(self.standstill.bodies)
+        factor = self.standstill.inertia_factor[: 6 * count].reshape(count, 6, -1)
         weigh = np.linalg.norm(factor, axis=2)
         area, size = np.zeros(motion.shape[2]), np.zeros(motion.shape[2])
         for body, axis, ratio in self.stations:

@@ -92,11 +92,11 @@ def sweep(
     todo = [i for i in range(len(sweep_points)) if i not in outcomes]
     with (record if file is not None else nullcontext()) as book, \
             counting(progress, len(sweep_points), f"sweep of {model.name}", len(outcomes)) as tell:  # fmt: skip
-        for some in run(work, sweep_points.columns, todo, workers):
-            outcomes.update(some)
+        for chunk in run(work, sweep_points.columns, todo, workers):
+            outcomes.update(chunk)
             if book is not None:
-                book.add(some)
-            tell(len(some))
+                book.add(chunk)
+            tell(len(chunk))
     by_point = {i: outcomes[i] for i in sorted(outcomes)}
     errors = {i: outcome for i, outcome in by_point.items() if isinstance(outcome, str)}
     if len(errors) == len(sweep_points):

@@ -234,9 +234,9 @@ def _titles(modes: Modes, names: Mapping[str, int] | None) -> tuple[str, ...]:
     result: list[str] = []
     for index, most in enumerate(modes.strongest()):
         plain = named.get(index, " ".join(most))
-        taken = [*result, *named.values()] if index not in named else []
+        used = [*result, *named.values()] if index not in named else []
         title, count = plain, 1
-        while title in taken:
+        while title in used:
             count += 1
             title = f"{plain} ({count})"
         result.append(title)

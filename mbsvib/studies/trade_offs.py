@@ -177,14 +177,14 @@ def trade_off(
     programming" (1983).
     """
     names = _checked(quantities)
-    held = tuple(constraints) if isinstance(constraints, Iterable) else (constraints,)
+    conditions = tuple(constraints) if isinstance(constraints, Iterable) else (constraints,)
     count = DIVISIONS.get(len(names), FEWEST) if divisions is None else divisions
     if not isinstance(count, (int, np.integer)) or isinstance(count, bool) or count < 1:
         raise check.refuse("trade_off", "divisions", divisions, "a whole number, at least 1")
     grid = _grid(len(names), int(count))
 
     def best(objective: Quantity, start: Mapping[str, float] | None) -> Optimum:
-        return optimize(model, variables, objective, held, ties=ties, start=start, method=method, options=options,
+        return optimize(model, variables, objective, conditions, ties=ties, start=start, method=method, options=options,
                         starts=starts, seed=seed, observed=quantities)  # fmt: skip
 
     with counting(progress, len(names) + len(grid), "trade-off") as tell:

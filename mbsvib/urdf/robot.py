@@ -73,23 +73,23 @@ def load_urdf(
     """
     robot = read(path)
     _known("pose", pose or {}, robot)
-    places = _placed(robot, _positions(robot, pose or {}))
+    frames = _placed(robot, _positions(robot, pose or {}))
     model = Model(robot.name if name is None else name, gravity)
-    groups = _groups(robot, places, floating)
+    groups = _groups(robot, frames, floating)
     for group in dict.fromkeys(groups.values()):
         if group.name != GROUND:
             group.add(model)
     labels = {name: f"{name}.joint" if name in model.bodies else name for name in robot.joints}
     for joint in robot.joints.values():
         if joint.kind != "fixed":
-            _add(model, labels[joint.name], joint, groups, places, _of(stiffness, joint, robot, "stiffness", 0.0),
+            _add(model, labels[joint.name], joint, groups, frames, _of(stiffness, joint, robot, "stiffness", 0.0),
                  _of(damping, joint, robot, "damping", joint.damping))  # fmt: skip
     for joint in robot.joints.values():
         if joint.mimic is not None and joint.kind in KINDS:
             follower, leader = labels[joint.name], labels[joint.mimic.joint]
             model.add_coupler(f"{follower}.mimic", {follower: 1.0, leader: -joint.mimic.factor})
     if tip is not None:
-        _add_tip(model, tip, groups, places)
+        _add_tip(model, tip, groups, frames)
     if rubbing := [name for name, joint in robot.joints.items() if joint.kind != "fixed" and joint.friction]:
         more = f" and {len(rubbing) - MOST_NAMES} more" if len(rubbing) > MOST_NAMES else ""
         warnings.warn(f"{path}: left out: dry friction in {', '.join(map(repr, rubbing[:MOST_NAMES]))}{more}.",
@@ -97,17 +97,17 @@ def load_urdf(
     return model
 
 
-def _groups(robot: Robot, places: dict[str, tuple[Array, Array]], floating: bool) -> dict[str, Group]:
-    """The group of each link, by the link's name; ``places`` has parents before children."""
+def _groups(robot: Robot, frames: dict[str, tuple[Array, Array]], floating: bool) -> dict[str, Group]:
+    """The group of each link, by the link's name; ``frames`` has parents before children."""
     joint_of = {joint.child: joint for joint in robot.joints.values()}
     groups: dict[str, Group] = {}
-    for link in places:
+    for link in frames:
         joint = joint_of.get(link)
         if joint is None:
             groups[link] = Group(link if floating else GROUND)
         else:
             groups[link] = groups[joint.parent] if joint.kind == "fixed" else Group(link)
-        groups[link].take(robot.links[link], *places[link])
+        groups[link].take(robot.links[link], *frames[link])
     return groups
 
 
@@ -132,11 +132,11 @@ def _placed(robot: Robot, positions: dict[str, float]) -> dict[str, tuple[Array,
     children: dict[str, list[Hinge]] = {}
     for joint in robot.joints.values():
         children.setdefault(joint.parent, []).append(joint)
-    places = {robot.root: (np.zeros(3), np.eye(3))}
+    frames = {robot.root: (np.zeros(3), np.eye(3))}
     stack = [robot.root]
     while stack:
         link = stack.pop()
-        origin, axes = places[link]
+        origin, axes = frames[link]
         for joint in reversed(children.get(link, [])):
             at, joint_axes, q = origin + axes @ joint.origin, axes @ joint.axes, positions[joint.name]
             if joint.kind in ("revolute", "continuous"):
@@ -146,23 +146,23 @@ def _placed(robot: Robot, positions: dict[str, float]) -> dict[str, tuple[Array,
             elif q:
                 raise ModelError(f"joint '{joint.name}': pose = {q:g}, but a {joint.kind} joint has no position of its "
                                  f"own.", element=joint.name, field="pose")  # fmt: skip
-            places[joint.child] = (at, joint_axes)
+            frames[joint.child] = (at, joint_axes)
             stack.append(joint.child)
-    return places
+    return frames
 
 
 def _add(
-    model: Model, name: str, joint: Hinge, groups: dict[str, Group], places: dict[str, tuple[Array, Array]],
+    model: Model, name: str, joint: Hinge, groups: dict[str, Group], frames: dict[str, tuple[Array, Array]],
     stiffness: Any, damping: Any,
 ) -> None:  # fmt: skip
     first, second = groups[joint.parent].name, groups[joint.child].name
-    at, axes = places[joint.child]
+    at, axes = frames[joint.child]
     z = axes @ joint.axis
     frame = np.array(check.frame_along(check.axis(tuple(z), joint.name, "axis")))
     k, c = np.ravel(stiffness).astype(float), np.ravel(damping).astype(float)
     kind, direction = KINDS.get(joint.kind, ("planar" if joint.kind == "planar" else "free", None))
-    held = max(len(k), len(c)) == 6
-    if held:
+    all_directions = max(len(k), len(c)) == 6
+    if all_directions:
         kind = "free"
     elif direction is None and (k.any() or c.any()):
         if not k.any():  # the file gives no direction for the damping of a joint with several freedoms
@@ -189,15 +189,15 @@ def _six(values: Array, direction: int | None) -> Array:
     return result
 
 
-def _add_tip(model: Model, tip: str, groups: dict[str, Group], places: dict[str, tuple[Array, Array]]) -> None:
-    if tip not in places:
-        raise ModelError(f"tip = {tip!r} is no link.{nearest(tip, places)}", element=tip, field="tip")
+def _add_tip(model: Model, tip: str, groups: dict[str, Group], frames: dict[str, tuple[Array, Array]]) -> None:
+    if tip not in frames:
+        raise ModelError(f"tip = {tip!r} is no link.{nearest(tip, frames)}", element=tip, field="tip")
     body = groups[tip].name
     if body == GROUND:
         raise ModelError(f"tip = {tip!r} is fixed to the ground; name a link that moves.", element=tip, field="tip")
     for direction, effort in zip(check.DIRECTIONS, ("Fx", "Fy", "Fz", "Mx", "My", "Mz"), strict=True):
-        model.add_input(f"{tip}.{effort}", body, direction, places[tip][0])
-        model.add_output(f"{tip}.{direction}", body, direction, places[tip][0])
+        model.add_input(f"{tip}.{effort}", body, direction, frames[tip][0])
+        model.add_output(f"{tip}.{direction}", body, direction, frames[tip][0])
 
 
 def _of(value: Any, joint: Hinge, robot: Robot, field: str, default: float) -> Any:

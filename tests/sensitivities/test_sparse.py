@@ -8,7 +8,7 @@ import pytest
 import mbsvib as mv
 from mbsvib import library
 from mbsvib.mechanism.changes import scale_of
-from mbsvib.sensitivities.sparse_modes import places
+from mbsvib.sensitivities.sparse_modes import nearest_indices
 from tests.hunt.generate import example
 from tests.hunt.sensitivities import is_place
 from tests.sparse import scenes
@@ -23,7 +23,7 @@ def assert_as_dense(model, count, names=None):
     assert result.variables == every.variables
     known = dense.modes().eigenvalues
     own = result.modes.eigenvalues
-    position = places(own, known)
+    position = nearest_indices(own, known)
     expected = every.eigenvalues[:, position]
     assert np.array_equal(np.isfinite(result.eigenvalues), np.isfinite(expected))
     scale = [LENGTH if is_place(name) else scale_of(dense.parameters, name) for name in result.variables]

@@ -171,9 +171,9 @@ def test_several_drives_are_summed():
 
 @pytest.mark.parametrize(
     ("ask", "said"),
-    [(lambda m: run().rms("forse"), r"what = 'forse'.*Did you mean 'force'"),
+    [(lambda m: run().rms("forse"), r"quantity = 'forse'.*Did you mean 'force'"),
      (lambda m: run().weighted(m, {}), "weights = {}"), (lambda m: run().weighted(m, {"force": -1.0}), "not negative"),
-     (lambda m: run().weighted(m, {"power": 1.0}), "what = 'power'"),
+     (lambda m: run().weighted(m, {"power": 1.0}), "quantity = 'power'"),
      (lambda m: studies.equimomental(m, "link9"), r"'link9' is no body of model 'hoeken'.*Did you mean 'link.'"),
      (lambda m: studies.equimomental(m, points=5), "points = 5; expected 4 or 7"),
      (lambda m: studies.equimomental(m, reach=0.5), "reach = 0.5"),

@@ -131,24 +131,26 @@ def _able(masters: str | Sequence[str] | None, units: list[UnitFile]) -> tuple[l
         if master not in MASTERS:
             raise ExportError(f"check_cosimulation: masters: '{master}' is not among {', '.join(MASTERS)}."
                               f"{nearest(str(master), MASTERS)}")  # fmt: skip
-    lacking: dict[str, str] = {}
+    unavailable: dict[str, str] = {}
     for unit in units:
         able = unit.description.coSimulation
         if able is None:
             raise ExportError(f"{unit.path}: does not support co-simulation; export it with to_fmu, which supports it.")
         sloped = able.providesIntermediateUpdate if unit.new else able.canInterpolateInputs
         if not sloped:
-            lacking |= dict.fromkeys(("slopes", "iteration"), f"'{unit.name}' takes no inputs that vary within a step")
+            reason = f"'{unit.name}' takes no inputs that vary within a step"
+            unavailable |= dict.fromkeys(("slopes", "iteration"), reason)
             continue
         if not able.maxOutputDerivativeOrder:
-            lacking["slopes"] = f"'{unit.name}' gives no derivatives of outputs"
+            unavailable["slopes"] = f"'{unit.name}' gives no derivatives of outputs"
         if not able.canGetAndSetFMUstate:
-            lacking["iteration"] = f"'{unit.name}' does not support repeated steps"
-    for method, why in lacking.items():
+            unavailable["iteration"] = f"'{unit.name}' does not support repeated steps"
+    for method, why in unavailable.items():
         if method in requested and masters is not None:
             raise ExportError(f"check_cosimulation: masters: '{method}' is not possible, as {why}.")
-    return ([master for master in requested if master not in lacking],
-            [f"Left out: {method}, as {why}." for method, why in lacking.items() if method in requested])  # fmt: skip
+    return ([master for master in requested if master not in unavailable],
+            [f"Left out: {method}, as {why}." for method, why in unavailable.items()
+             if method in requested])  # fmt: skip
 
 
 def _loops(

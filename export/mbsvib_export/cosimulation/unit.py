@@ -36,14 +36,14 @@ class Instance:
         self._du, self._dy = _Values(unit.inputs), _Values(unit.outputs)
         self._start = (0.0, np.zeros(len(unit.inputs)))
         self.slope = np.zeros(len(unit.inputs))
-        here = os.getcwd()
+        folder = os.getcwd()
         try:
             self.fmu = classes[kind][self.new](
                 guid=unit.description.guid, unzipDirectory=unit.folder, modelIdentifier=interface.modelIdentifier,
                 instanceName="unit",
             )  # fmt: skip
         except Exception as error:
-            os.chdir(here)  # fmpy goes to the binary, and does not come back from one that it cannot load
+            os.chdir(folder)  # fmpy goes to the binary, and does not come back from one that it cannot load
             raise ExportError(f"{unit.path}: its binary cannot be loaded: {error}") from error
         try:
             self._instantiate(fmi2, extrapolate)
@@ -189,12 +189,12 @@ def equations(unit: UnitFile) -> tuple[Array, Array, Array, Array]:
             rest = answer(np.zeros(n + m))
             columns = [answer(point) for point in np.eye(n + m)]
             z = np.random.default_rng(0).standard_normal(n + m)
-            there = answer(z)
+            outputs = answer(z)
         except Exception as error:
             raise ExportError(f"{unit.path}: {error} {'; '.join(instance.log)}".strip()) from error
     matrix = np.array(columns).T if columns else np.zeros((n + len(unit.outputs), 0))
     size = np.abs(matrix) @ np.abs(z)
-    if not np.isfinite(matrix).all() or rest.any() or (np.abs(there - matrix @ z) > _SAME * size).any():
+    if not np.isfinite(matrix).all() or rest.any() or (np.abs(outputs - matrix @ z) > _SAME * size).any():
         raise ExportError(f"{unit.path}: '{unit.name}' is not linear, or does not rest at zero states and inputs; "
                           f"expected x' = A x + B u, y = C x + D u.")  # fmt: skip
     return matrix[:n, :n], matrix[:n, n:], matrix[n:, :n], matrix[n:, n:]

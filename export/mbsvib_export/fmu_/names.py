@@ -47,17 +47,17 @@ def unique_names(groups: Mapping[str, Iterable[str]]) -> dict[str, list[str]]:
     dict of str to list of str
         The same groups.
     """
-    taken: set[str] = set()
+    used: set[str] = set()
     result: dict[str, list[str]] = {}
     for group, names in groups.items():
         result[group] = []
         for name in names:
             plain = _CONTROL.sub(" ", name).strip() or group
             unique, count = plain, 1
-            while unique in taken:
+            while unique in used:
                 unique = f"{plain} ({group})" if count == 1 else f"{plain} ({group} {count})"
                 count += 1
-            taken.add(unique)
+            used.add(unique)
             result[group].append(unique)
     return result
 

@@ -95,8 +95,8 @@ def state_space_in(path: str | os.PathLike[str]) -> tuple[StateSpace, tuple[str,
         raise ExportError(f"{file}: {error}. The file is damaged, or was changed after it was written; export it "
                           f"again.") from error  # fmt: skip
     inputs, outputs, states = (names[kind] for kind in ("input", "output", "state"))
-    taken = {name for name, _, _ in inputs}
-    plain = [short if (short := name.removesuffix(" (output)")) in taken else name for name, _, _ in outputs]
+    input_names = {name for name, _, _ in inputs}
+    plain = [short if (short := name.removesuffix(" (output)")) in input_names else name for name, _, _ in outputs]
     space = StateSpace(top.get("modelName", ""), "unit", a, b, c, d, np.eye(len(a)), *_columns(states),
                        *_columns(inputs), tuple(plain), _columns(outputs)[1])  # fmt: skip
     return space, platforms
@@ -194,7 +194,7 @@ def _matrices(
     real = np.frombuffer(body[8 * integers :], "<f8")
     if not np.isfinite(real).all():
         raise ContentError(f"{_NUMBERS} holds NaN or infinity")
-    edges, first, places = np.split(integer_table, [blocks + 1, blocks + p + 2])
+    edges, first, indices = np.split(integer_table, [blocks + 1, blocks + p + 2])
     if edges[0] != 0 or edges[-1] != n or (np.diff(edges) < 1).any():
         raise ContentError(f"the blocks of {_NUMBERS} do not fit {n} states")
     squares = (np.diff(edges) ** 2).tolist()
@@ -206,7 +206,7 @@ def _matrices(
         raise ContentError("start values of parameters differ between the two files")
     if len(first) != p + 1 or first[0] != 0 or first[-1] != k or (np.diff(first) < 0).any():
         raise ContentError(f"the parameters of {_NUMBERS} do not fit their entries")
-    if ((places < 0) | (places >= len(numbers))).any() or len(slopes) != k:
+    if ((indices < 0) | (indices >= len(numbers))).any() or len(slopes) != k:
         raise ContentError(f"entries of parameters lie outside of the matrices in {_NUMBERS}")
     a, at = np.zeros((n, n)), 0
     for start, end, square in zip(edges[:-1], edges[1:], squares, strict=True):

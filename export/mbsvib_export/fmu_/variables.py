@@ -82,13 +82,13 @@ def variables_of(plant: Plant) -> Variables:
     groups = {"input": plant.inputs, "output": plant.outputs, "parameter": tuple(item.name for item in plant.tunable),
               "state": plant.states}  # fmt: skip
     named = unique_names({**groups, "derivative": ()})
-    taken = {name for names in named.values() for name in names}
+    used = {name for names in named.values() for name in names}
     rates = []
     for name in named["state"]:
         rate = f"der({name})"
-        while rate in taken:
+        while rate in used:
             rate = f"der({rate})"
-        taken.add(rate)
+        used.add(rate)
         rates.append(rate)
     listed: list[Variable] = []
 
