@@ -14,6 +14,7 @@ from mbsvib.mechanism.unit_warnings import unit_warnings
 
 if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations, Removed, Separation, Truncation
+    from mbsvib.kinematics.loop_group import LoopGroup
     from mbsvib.responses.basis import Basis
 
 _ENOUGH = {
@@ -131,11 +132,17 @@ def _loops(system: Equations) -> list[str]:
     if idle:
         lines.append(f"  without constraint: {listed(idle)}")
     for group in groups:
-        pivots = f"smallest pivot kept {group.retained:.1e}, largest" if group.rank else "largest pivot"
-        lines.append(f"  {listed(group.joints)}: {group.rank} of {len(group.rows)} constraint rows independent; "
-                     f"{pivots} dropped {group.dropped:.1e} (loop size {group.length:.3g} m)")  # fmt: skip
-        if group.redundant:
-            lines.append(f"    redundant: {listed(group.redundant)}")
+        lines += loop_group(group)
+    return lines
+
+
+def loop_group(group: LoopGroup) -> list[str]:
+    """Return what was decided of the constraint rows of a group of loops."""
+    pivots = f"smallest pivot kept {group.retained:.1e}, largest" if group.rank else "largest pivot"
+    lines = [f"  {listed(group.joints)}: {group.rank} of {len(group.rows)} constraint rows independent; "
+             f"{pivots} dropped {group.dropped:.1e} (loop size {group.length:.3g} m)"]  # fmt: skip
+    if group.redundant:
+        lines.append(f"    redundant: {listed(group.redundant)}")
     return lines
 
 

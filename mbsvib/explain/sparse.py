@@ -9,7 +9,7 @@ import numpy as np
 from mbsvib.common.tables import listed
 from mbsvib.elements import ForceOutput
 from mbsvib.errors import counted
-from mbsvib.explain.dense import removed, separated
+from mbsvib.explain.dense import loop_group, removed, separated
 
 if TYPE_CHECKING:
     from mbsvib.sparse.equations import SparseEquations
@@ -63,11 +63,7 @@ def _loops(system: SparseEquations) -> list[str]:
         return ["  none"]
     lines = [f"  cut at {listed(system.cut_joints)}"] if system.cut_joints else ["  none but those of couplers"]
     for group in system.constraints.groups[:SHOWN]:
-        pivots = f"smallest pivot kept {group.retained:.1e}, largest" if group.rank else "largest pivot"
-        lines.append(f"  {listed(group.joints)}: {group.rank} of {len(group.rows)} constraint rows independent; "
-                     f"{pivots} dropped {group.dropped:.1e} (loop size {group.length:.3g} m)")  # fmt: skip
-        if group.redundant:
-            lines.append(f"    redundant: {listed(group.redundant)}")
+        lines += loop_group(group)
     remaining = len(system.constraints.groups) - SHOWN
     if remaining > 0:
         lines.append(f"  and {counted(remaining, 'more group')} of loops")
