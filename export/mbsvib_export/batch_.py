@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import content_of
 from mbsvib.errors import ExportError
-from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.neutral import SECOND_ORDER, SystemData, first_order
 from mbsvib_export.npz_ import KEYS, STATE_TEXTS, TEXTS, system_data_from
 from mbsvib_export.npz_reading import arrays_in

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_path, kind_of
 from mbsvib.errors import ExportError
 from mbsvib.feedback.controller import Controller
-from mbsvib_export.atomic_file import check_companion, write_atomic
 from mbsvib_export.c_text import MARK, Plan, ascii_text, header, source, test_program
+from mbsvib_export.companion import check_companion
 from mbsvib_export.fmu_.names import identifier
 from mbsvib_export.neutral import SystemData, state_space_of
 from mbsvib_export.sampling import discretised

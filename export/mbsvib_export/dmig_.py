@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.dmig_cards import read_dmig_cards
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.errors import ExportError
-from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.neutral import SystemData, system_data_of
 
 if TYPE_CHECKING:

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import check_shape, content_of
 from mbsvib.errors import ExportError
-from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.format_version import check_version
 from mbsvib_export.neutral import data_of
 from mbsvib_export.npz_ import KEYS, arrays_of, data_from

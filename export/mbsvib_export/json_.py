@@ -7,9 +7,9 @@ import os
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.file_content import content_of
 from mbsvib.errors import ExportError
-from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.format_version import FORMAT, SPACE_FORMAT, VERSION
 from mbsvib_export.json_reading import data_in
 from mbsvib_export.neutral import ERROR_BOUND, SECOND_ORDER, SystemData, data_of, first_order

@@ -25,11 +25,12 @@ import numpy as np
 
 from mbsvib.api.state_space import StateSpace
 from mbsvib.api.system import System
+from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import content_of
 from mbsvib.common.mat_file import read_mat_file
 from mbsvib.errors import ExportError
-from mbsvib_export.atomic_file import check_companion, write_atomic
+from mbsvib_export.companion import check_companion
 from mbsvib_export.format_version import FORMAT, SPACE_FORMAT, VERSION, check_version
 from mbsvib_export.mat_script import is_script_of, script
 from mbsvib_export.neutral import ERROR_BOUND, FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, checked, data_of

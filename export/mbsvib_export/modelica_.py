@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.atomic_file import write_atomic
 from mbsvib.errors import ExportError
 from mbsvib.version import __version__
-from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.fmu_.names import base_unit, identifier
 from mbsvib_export.neutral import state_space_of
 from mbsvib_export.selection import with_ports

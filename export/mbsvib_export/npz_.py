@@ -24,10 +24,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.api.state_space import StateSpace
+from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import content_of
 from mbsvib.errors import ExportError
-from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.format_version import FORMAT, SPACE_FORMAT, VERSION, check_version
 from mbsvib_export.neutral import (
     ERROR_BOUND,

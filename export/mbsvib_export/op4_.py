@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.common.op4_file import read_op4_file
 from mbsvib.errors import ExportError
-from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.neutral import SystemData, data_of
 from mbsvib_export.selection import with_ports
 

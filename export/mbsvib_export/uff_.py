@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.api.system import System
+from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path, kind_of
 from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.errors import ExportError
-from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.neutral import SystemData, linear_of, refuse_many
 from mbsvib_export.responses import second_order_response
 from mbsvib_export.selection import with_ports

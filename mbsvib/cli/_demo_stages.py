@@ -69,8 +69,8 @@ def model_and_modes(work: Work) -> None:
     """Build the platform, linearize it, and show its modes."""
     from mbsvib import library, plots
     from mbsvib.cli._records import csv_text
+    from mbsvib.common.atomic_file import write_atomic
     from mbsvib.files import save
-    from mbsvib_export.atomic_file import write_atomic
 
     model = library.stewart_isolator(ports=("platform", "base"))
     system = model.linearize()

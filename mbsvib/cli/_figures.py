@@ -35,7 +35,7 @@ def write_figure(figure: Figure, path: Path) -> Path:
     ExportError
         If the file cannot be written.
     """
-    from mbsvib_export.atomic_file import write_atomic
+    from mbsvib.common.atomic_file import write_atomic
 
     check_format(path)
     return write_atomic(path, lambda stream: figure.savefig(stream, format=path.suffix[1:].lower()))

@@ -10,6 +10,9 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 from uuid import uuid4
 
+from mbsvib.common.expected import a_path
+from mbsvib.errors import ExportError, MbsvibError
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -17,7 +20,10 @@ if TYPE_CHECKING:
 DRAFT = ".part"
 
 
-def write_atomic(path: str | os.PathLike[str], write: Callable[[IO[bytes]], object]) -> Path:
+def write_atomic(
+    path: str | os.PathLike[str], write: Callable[[IO[bytes]], object],
+    error: Callable[[str], MbsvibError] = ExportError,
+) -> Path:  # fmt: skip
     """Write a temporary file in the same folder, then rename it to the path.
 
     Parameters
@@ -26,12 +32,20 @@ def write_atomic(path: str | os.PathLike[str], write: Callable[[IO[bytes]], obje
         Path of the file; an existing file is replaced and keeps its permissions, a link stays a link.
     write : callable
         Writes the content to the binary stream it is given.
+    error : callable
+        Makes the error from its message.
 
     Returns
     -------
     Path
-        The path. If an OSError is raised, an existing file is unchanged.
+        The path.
+
+    Raises
+    ------
+    MbsvibError
+        If the file cannot be written; an existing file is then unchanged.
     """
+    a_path(path, "file", error)
     target = Path(os.path.realpath(path))
     start = f".{target.name[:60]}."
     _remove_abandoned(target.parent, start)
@@ -46,8 +60,14 @@ def write_atomic(path: str | os.PathLike[str], write: Callable[[IO[bytes]], obje
         if target.exists():
             shutil.copymode(target, draft)
         os.replace(draft, target)
+    except OSError as reason:
+        raise error(
+            f"{os.fspath(path)}: cannot be written: {reason.strerror or reason}. Give the path of a file in a folder "
+            f"that exists and that you may write to; nothing was changed there."
+        ) from reason
     finally:
-        draft.unlink(missing_ok=True)
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)
     return Path(path)
 
 

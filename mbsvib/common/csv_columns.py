@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.atomic_file import write_atomic
-from mbsvib.errors import ExportError
 
 if TYPE_CHECKING:
     import os
@@ -40,8 +39,4 @@ def write_columns(path: str | os.PathLike[str], names: Sequence[str], columns: S
         If the file cannot be written.
     """
     lines = [",".join(names), *(",".join(map(repr, row)) for row in np.stack(columns, axis=1).tolist())]
-    try:
-        return write_atomic(path, lambda stream: stream.write(("\n".join(lines) + "\n").encode()))
-    except OSError as error:
-        raise ExportError(f"{path}: cannot be written: {error.strerror or error}. Give the path of a file in a "
-                          f"folder that exists and that you may write to.") from error  # fmt: skip
+    return write_atomic(path, lambda stream: stream.write(("\n".join(lines) + "\n").encode()))

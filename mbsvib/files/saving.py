@@ -38,10 +38,7 @@ def save(model: Model, path: str | PathLike[str]) -> Path:
     """
     write = json_text if suffix_of(path) == ".json" else yaml_text
     text = write(described(a_model(model, "save")))
-    try:
-        return write_atomic(path, lambda stream: stream.write(text.encode()))
-    except OSError as error:
-        raise ModelError(f"{path}: cannot be written: {error.strerror}.") from error
+    return write_atomic(path, lambda stream: stream.write(text.encode()), ModelError)
 
 
 def described(model: Model) -> dict[str, Any]:

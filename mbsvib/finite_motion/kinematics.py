@@ -16,7 +16,7 @@ from mbsvib.finite_motion.frames import REST, Frame, angular_velocity, rate
 from mbsvib.finite_motion.joints import displacement, openings, small_displacement, virtual_displacement
 from mbsvib.finite_motion.rotations import Expression
 from mbsvib.mechanism.mechanism import GROUND
-from mbsvib.mechanism.topology import FLOATS, span
+from mbsvib.mechanism.topology import FLOATS, cut_elsewhere, span
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -232,33 +232,10 @@ def coupled_in_tree(model: Mechanism) -> tuple[str, ...]:
                 f"no angles in finite motion; couple joints with one or two successive free rotations.",
                 element=coupler, field="coefficients",
             )  # fmt: skip
-    cut: list[str] = []
-    for _ in requested:
-        topology = span(model, cut)
-        missing = [topology.joints[k] for k in topology.cut if topology.joints[k].name in requested]
-        if not missing:
-            break
-        name = missing[0].name
-        loop = [other for other in _loop(topology, missing[0]) if other not in requested]
-        if not loop:
-            raise ModelError(
-                f"coupler '{requested[name]}': all joints of the loop that '{name}' closes are coupled; leave one out.",
-                element=requested[name], field="coefficients",
-            )  # fmt: skip
-        cut.append(max(loop, key=lambda other: len(model.joints[other].freedom)))
-    return tuple(cut)
-
-
-def _loop(topology: Topology, joint: Joint) -> list[str]:
-    """Names of the joints of the tree that a cut joint closes a loop with."""
-    up = {topology.bodies[branch.body]: branch for branch in topology.branches}
-    paths: list[list[str]] = []
-    for end in (joint.first, joint.second):
-        body, path = end, []
-        while body in up:
-            branch = up[body]
-            if branch.joint != FLOATS:
-                path.append(topology.joints[branch.joint].name)
-            body = topology.bodies[branch.parent] if branch.parent < len(topology.bodies) else GROUND
-        paths.append(path)
-    return [name for name in (*paths[0], *paths[1]) if (name in paths[0]) != (name in paths[1])]
+    cut, closing = cut_elsewhere(model, requested)
+    if closing is not None:
+        raise ModelError(
+            f"coupler '{requested[closing]}': all joints of the loop that '{closing}' closes are coupled; leave one "
+            f"out.", element=requested[closing], field="coefficients",
+        )  # fmt: skip
+    return cut

@@ -76,12 +76,8 @@ class Linear(Protocol):
         """Return rise time, overshoot and settling time of step responses."""
 
 
-class System(Protocol):
-    """Linear equations with names, and the methods that figures use; ``mbsvib.System`` is one."""
-
-    @property
-    def name(self) -> str:
-        """Name of the model."""
+class System(Linear, Protocol):
+    """Linear equations of motion, and the methods that figures of modes use; ``mbsvib.System`` is one."""
 
     @property
     def dof(self) -> int:
@@ -94,22 +90,6 @@ class System(Protocol):
     @property
     def coordinate_units(self) -> tuple[str, ...]:
         """Units of the coordinates."""
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the inputs."""
-
-    @property
-    def input_units(self) -> tuple[str, ...]:
-        """Units of the inputs."""
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the outputs."""
-
-    @property
-    def output_units(self) -> tuple[str, ...]:
-        """Units of the outputs."""
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -133,21 +113,6 @@ class System(Protocol):
 
     def modes(self) -> Modes:
         """Return the modes."""
-
-    def poles(self) -> Complex:
-        """Return the poles [1/s]."""
-
-    def transmission_zeros(self, outputs: Any = None, inputs: Any = None) -> Complex:
-        """Return the zeros [1/s]."""
-
-    def frequency_response(self, omega: ArrayLike, outputs: Any = None, inputs: Any = None) -> Complex:
-        """Return the frequency response (outputs, inputs, n) at angular frequencies [rad/s]."""
-
-    def time_response(
-        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: Any = None, outputs: Any = None,
-        inputs: Any = None,
-    ) -> Array:  # fmt: skip
-        """Return the outputs (outputs, n) at times [s]."""
 
     def stiffness_shares(self, modes: Modes | None = None) -> StiffnessShares:
         """Return the strain energy of modes by element."""

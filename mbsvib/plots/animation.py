@@ -131,11 +131,7 @@ class Animation(Displayed):
         if kind not in SUFFIXES:
             raise ExportError(f"{path}: motions are written to files that end in {', '.join(SUFFIXES)}.")
         content = {".gif": self._gif, ".mp4": self._mp4, ".html": self._html}[kind]()
-        try:
-            return write_atomic(path, lambda stream: stream.write(content))
-        except OSError as error:
-            raise ExportError(f"{path}: cannot be written: {error.strerror or error}. Give the path of a file in a "
-                              f"folder that exists and that you may write to.") from error  # fmt: skip
+        return write_atomic(path, lambda stream: stream.write(content))
 
     def _gif(self) -> bytes:
         first, *others = [picture.quantize(COLOURS) for picture in self._pictures()]

@@ -109,11 +109,7 @@ def write(
     from mbsvib.common.atomic_file import write_atomic
 
     text = html(source, outputs, inputs, compare=compare, names=names).encode("utf-8")
-    try:
-        return write_atomic(path, lambda stream: stream.write(text))
-    except OSError as error:
-        raise ExportError(f"{path}: cannot be written: {error.strerror or error}. Give the path of a file in a folder "
-                          f"that exists and that you may write to.") from error  # fmt: skip
+    return write_atomic(path, lambda stream: stream.write(text))
 
 
 def embedded(data: Any) -> str:

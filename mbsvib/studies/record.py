@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from time import monotonic
@@ -52,10 +53,7 @@ class Record:
         self.known = dict(self._read(line, number) for number, line in enumerate(lines[1:], 2))
         if len(complete) < len(content) or not lines:
             start = complete or (json.dumps(head) + "\n").encode()
-            try:
-                write_atomic(self.path, lambda stream: stream.write(start))
-            except OSError as error:
-                raise ModelError(f"{path}: cannot be written: {error.strerror}.", field="file") from error
+            write_atomic(self.path, lambda stream: stream.write(start), partial(ModelError, field="file"))
 
     def _check(self, line: bytes, head: Mapping[str, Any]) -> None:
         try:

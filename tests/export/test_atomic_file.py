@@ -7,7 +7,7 @@ import pytest
 
 import mbsvib as mv
 import mbsvib_export as mx
-from mbsvib_export.atomic_file import write_atomic
+from mbsvib.common.atomic_file import write_atomic
 from tests.export.plants import slider
 
 WRITERS = {"json": mx.to_json, "npz": mx.to_npz, "mat": mx.to_mat, "pch": mx.to_dmig, "h5": mx.to_hdf5,

@@ -8,8 +8,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import IO, TYPE_CHECKING, Any
 
+from mbsvib.common.atomic_file import write_atomic
 from mbsvib.errors import ExportError
-from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.cosimulation.check import as_file
 from mbsvib_export.cosimulation.connections import CONTROLLER, PLANT, Connections, connect
 from mbsvib_export.cosimulation.unit_file import open_unit

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, TypeAlias, overload
 
 from mbsvib import __version__
+from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
-from mbsvib_export.atomic_file import check_companion, write_atomic
+from mbsvib_export.companion import check_companion
 from mbsvib_export.fmu_.binaries import PLATFORMS, binaries
 from mbsvib_export.fmu_.description_2 import description_2
 from mbsvib_export.fmu_.description_3 import description_3

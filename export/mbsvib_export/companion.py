@@ -1,0 +1,37 @@
+"""Further files that an export writes next to the requested one."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from mbsvib.errors import ExportError
+
+
+def check_companion(path: Path, is_own: Callable[[Path], bool], contents: str, instead: str) -> None:
+    """Refuse to replace a further file next to the requested one, unless the same export has written it before.
+
+    Parameters
+    ----------
+    path : Path
+        Path of the companion.
+    is_own : callable
+        Tells whether the existing file comes from the same export.
+    contents, instead : str
+        Description of the companion and advice, for the message.
+
+    Raises
+    ------
+    ExportError
+        If another file is there. Nothing has been written then.
+    """
+    if not os.path.lexists(path):
+        return
+    try:
+        is_same_export = path.is_file() and is_own(path)
+    except OSError:
+        is_same_export = False
+    if not is_same_export:
+        raise ExportError(f"{path}: this file is there already and is not {contents}, so that it is not replaced. "
+                          f"{instead} Nothing was written.")  # fmt: skip
