@@ -1,5 +1,7 @@
 """Beams that bend on the way to equilibrium: closed forms, rigid limits, and the same part by its matrices."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -236,3 +238,31 @@ def test_preloads_of_springs_with_a_free_length_beside_a_beam():
     assert there.springs["stay"].free_length is None
     assert there.springs["stay"].preload == pytest.approx(0.5 * weight, rel=1e-12)
     assert there.linearize().dof == 13
+
+
+def hanging_wire(beams, elements, side=1e-3):
+    """A wire of several beams under its weight, pushed aside at the tip; bodies between them weigh next to nothing."""
+    weight = STEEL["rho"] * side**2 * G
+    model = mv.Model("wire", gravity=(0, 0, -G))
+    section = {"type": "rectangle", "width": side, "height": side}
+    for i in range(beams):
+        top, bottom = -LENGTH * i / beams, -LENGTH * (i + 1) / beams
+        model.add_body(f"n{i}", 1e-9, (1e-12, 1e-12, 1e-12), position=(0, 0, bottom))
+        model.add_beam(f"c{i}", f"n{i - 1}" if i else "ground", f"n{i}", section, STEEL, start=(0, 0, top),
+                       end=(0, 0, bottom), elements=elements)  # fmt: skip
+    model.add_input("F", f"n{beams - 1}", "x")
+    model.add_output("x", f"n{beams - 1}", "x")
+    aside = model.linearize().frequency_response([0.0])[0, 0, 0].real  # with the tension, for small loads exact
+    model.add_load("push", f"n{beams - 1}", (1e-4 * weight * LENGTH, 0, 0))
+    return model, f"n{beams - 1}", aside * 1e-4 * weight * LENGTH
+
+
+def test_tension_that_bending_neglects_is_told_with_its_share():
+    """The share is what several beams, between which tension counts, make of it."""
+    model, tip, exact = hanging_wire(1, 8)
+    with pytest.warns(mv.LargeDisplacementWarning, match=r"beam 'c0': its tension .* by about (\d+)%") as told:
+        there = model.equilibrium().bodies[tip].position[0]
+    share = float(re.search(r"about (\d+)%", str(told[0].message))[1]) / 100.0
+    assert there / exact - 1.0 == pytest.approx(share, rel=0.1)
+    divided, tip, _ = hanging_wire(8, 1)
+    assert divided.equilibrium().bodies[tip].position[0] == pytest.approx(exact, rel=0.03)  # without a warning
