@@ -68,7 +68,7 @@ def _warn(message: str) -> None:
 
 
 def _tension_share(beam: Beam, displacement: Array) -> tuple[float, float]:
-    """Work of the tension on the slopes of a bent beam over twice the energy of its bending; the largest tension [N]."""
+    """Work of the tension on the slopes of a bent beam over twice the energy of bending; the largest tension [N]."""
     part, lengths = elastic_part(beam), np.array(beam.lengths())
     deformation = (part.rows @ part.state).reshape(len(lengths), 6)
     force = part.values.reshape(len(lengths), 6) * deformation
