@@ -80,9 +80,7 @@ def applied_forces(
     topology = scene.topology
     position = np.concatenate((scene.position, np.zeros((1, 3)))).T
     paths = force_paths(topology, position)
-    wrench, sizes = applied.pairs.on_bodies(position)
-    wrench[:3] += applied.weight
-    sizes[0] += np.sqrt(np.square(applied.weight).sum(axis=0))
+    wrench, sizes = applied.on_bodies(position)
     first = np.concatenate((applied.pairs.first, paths.first))
     second = np.concatenate((applied.pairs.second, paths.second))
     start = np.concatenate((applied.pairs.start, paths.start), axis=1)

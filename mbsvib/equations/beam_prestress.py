@@ -26,6 +26,8 @@ from mbsvib.elements import load as _load
 from mbsvib.elements.beam_expansion import elastic_part, middle, rotated
 from mbsvib.elements.shared_rows import Node, SharedRows
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
+from mbsvib.equations.scene import scene as scene_of
+from mbsvib.kinematics.body_motion import body_motion
 from mbsvib.linalg.rank import STRAINED, ZERO_PRESTRESS
 
 if TYPE_CHECKING:
@@ -36,6 +38,8 @@ if TYPE_CHECKING:
     from mbsvib.elements import Load
     from mbsvib.elements.beam import Beam
     from mbsvib.elements.elastic_part import ElasticPart
+    from mbsvib.equations.scene import Scene
+    from mbsvib.kinematics.loops import Reduction
     from mbsvib.mechanism.mechanism import Mechanism
 
 
@@ -90,42 +94,33 @@ def element_forces(
     list of array
         Forces in the rows of each superelement.
     """
-    from mbsvib.equations.draft import first_draft
-    from mbsvib.equations.loaded import with_loads
-    from mbsvib.equations.scene import scene as scene_of
-
     scene = scene_of(with_maxwell_nodes(model))
-    draft = first_draft(model, scene, checked=False)
-    relative, reduction = draft.relative, draft.reduction
     names = [name for beam in beams for name in beam.element_names]
     number = {name: i for i, name in enumerate(names)}
-    springs = np.array([row for row, owner in enumerate(scene.springs.owner.tolist())
-                        if scene.elements[owner].name in number], dtype=np.intp)  # fmt: skip
-    owners = scene.springs.owner[springs].tolist()
-    element = np.array([number[scene.elements[owner].name] for owner in owners], dtype=np.intp)
-    direction = scene.springs.unit[springs].argmax(axis=1)
-    joint_rows = relative.dense(scene.locked, relative.shape[0])
-    stiffness = scene.springs.stiffness[springs]
-    # of elements, then of each superelement: rows in joint coordinates, their stiffness, and forces of displacements
-    parts = [(joint_rows[springs], stiffness, _deformations(beams)[element, direction] * -stiffness)]
+    of_beams = np.array([element.name in number for element in scene.elements], dtype=bool)
+    springs = scene.springs.take(of_beams.take(scene.springs.owner).nonzero()[0])
+    element = np.array([number[scene.elements[owner].name] for owner in springs.owner.tolist()], dtype=np.intp)
     elastic = None if scene.shared is None else scene.shared.elastic
+    shared_base = [] if elastic is None else [elastic.composite.rows]
+    locked, deformed = scene.locked, scene.locked + len(springs.owner)
+    relative = scene.relative_of(springs.rows, *shared_base)
+    reduction = scene.reduced(scene.closure(relative))
+    # of elements, then of each superelement: rows in joint coordinates, their stiffness, and forces of displacements
+    deformations = _deformations(beams)[element, springs.unit.argmax(axis=1)]
+    parts = [(relative.dense(locked, deformed), springs.stiffness, deformations * -springs.stiffness)]
     if elastic is not None:
-        shared_rows = elastic.composite.of(joint_rows[len(joint_rows) - len(elastic.composite.rows.first) :])
+        shared_rows = elastic.composite.of(relative.dense(deformed, relative.shape[0]))
         for part in reduced:
             of_part = np.array([owner == part.owner for owner in elastic.owner]) & (elastic.stiffness != 0.0)
             parts.append((shared_rows[of_part], elastic.stiffness[of_part], part.row_forces))
     rows = np.concatenate([reduction.apply_exactly(part) for part, _, _ in parts])
     open_rows, stiffness, forces = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-    residual = np.zeros(rows.shape[1])
-    if scene.loads is not None:
-        statics = with_loads(draft).statics
-        assert statics is not None
-        residual = statics.residual
+    residual = _along_coordinates(scene, reduction)
     # rows of superelements in many coordinates lose digits; a second step restores them
     for _ in range(2 if reduced else 1):
         forces = forces + least_energy_forces(rows, open_rows, np.sqrt(stiffness), -residual - forces @ rows)
     preload = np.zeros((len(names), 6))
-    preload[element, direction] = forces[: len(springs)]
+    preload[element, springs.unit.argmax(axis=1)] = forces[: len(element)]
     result = {}
     for name, six in zip(names, preload.tolist(), strict=True):
         spring = model.springs[name]
@@ -133,6 +128,16 @@ def element_forces(
             result[name] = replace(spring, preload=tuple(six)) if any(six) else spring
     ends = np.cumsum([len(part) for part, _, _ in parts])
     return result, [forces[start:end] for start, end in pairwise(ends)] or [np.zeros(0) for _ in reduced]
+
+
+def _along_coordinates(scene: Scene, reduction: Reduction) -> Array:
+    """Weights, loads and preloads along the minimal coordinates [N or N m]."""
+    if scene.loads is None:
+        return np.zeros(len(reduction.independent))
+    motion = body_motion(scene.coordinates, scene.position)
+    wrench, _ = scene.loads[0].on_bodies(np.concatenate((scene.position, np.zeros((1, 3)))).T)
+    along = wrench[:, :-1].T.reshape(-1) @ motion.reshape(-1, motion.shape[2])
+    return reduction.apply(along)
 
 
 def _deformations(beams: Sequence[Beam]) -> Array:

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING
 
 from mbsvib.equations.matrices import matrices
-from mbsvib.kinematics.loops import reduce
-from mbsvib.kinematics.relative_motion import arm
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -77,7 +74,7 @@ def first_draft(
     """
     displacements = scene.relative()
     phi = scene.closure(displacements)
-    reduction = reduce(scene.coordinates, scene.cuts, phi, independent, partial(arm, scene.topology, scene.position))
+    reduction = scene.reduced(phi, independent)
     locked = scene.locked
     strained = displacements.nonzero_rows(locked, locked + len(scene.springs.owner))
     terms = matrices(scene, displacements, reduction, strained)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,8 +13,8 @@ from mbsvib.elements.rows import Rows, table
 from mbsvib.equations.inertia import spatial_inertia
 from mbsvib.equations.ports import Ports, ports
 from mbsvib.equations.wrenches import is_loaded
-from mbsvib.kinematics.loops import Cuts
-from mbsvib.kinematics.relative_motion import Triplets, Twists, relative_motion, twists
+from mbsvib.kinematics.loops import Cuts, reduce
+from mbsvib.kinematics.relative_motion import Triplets, Twists, arm, relative_motion, twists
 from mbsvib.kinematics.shared_rows import shared_rows
 from mbsvib.mechanism.topology import span
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from mbsvib.equations.inertia import SpatialInertia
     from mbsvib.equations.second_order_rows import SecondOrderRows
     from mbsvib.equations.wrenches import AppliedWrenches
+    from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.shared_rows import Shared
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology
@@ -66,10 +68,16 @@ class Scene:
 
     def relative(self) -> Triplets:
         """Return the relative displacements of cut joints, springs and ports, in this order."""
-        rows = [*([self.cuts.rows] if self.cuts else []), self.springs.rows, self.port.rows]
-        if self.shared is not None:
-            rows += self.shared.base
-        return relative_motion(self.coordinates, Rows.join(rows))
+        return self.relative_of(self.springs.rows, self.port.rows, *(() if self.shared is None else self.shared.base))
+
+    def relative_of(self, *rows: Rows) -> Triplets:
+        """Return the relative displacements of cut joints and of some rows, in this order."""
+        return relative_motion(self.coordinates, Rows.join([*([self.cuts.rows] if self.cuts else []), *rows]))
+
+    def reduced(self, phi: Array, independent: Sequence[str] | None = None) -> Reduction:
+        """Return the minimal coordinates for the locked rows ``phi``; those named ``independent`` are among them."""
+        arms = partial(arm, self.topology, self.position)
+        return reduce(self.coordinates, self.cuts, phi, independent, arms)
 
     def closure(self, relative: Triplets) -> Array:
         """Return Phi (..., locked rows, n): the locked rows of ``relative()``, then the rows of couplers."""

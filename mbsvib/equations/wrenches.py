@@ -37,6 +37,13 @@ class AppliedWrenches:
     lines: int
     follower: Mask
 
+    def on_bodies(self, position: Array) -> tuple[Array, Array]:
+        """Return the sums of weights and pairs on each body and their sizes, as ``WrenchPairs.on_bodies``."""
+        wrench, sizes = self.pairs.on_bodies(position)
+        wrench[:3] += self.weight
+        sizes[0] += np.sqrt(np.square(self.weight).sum(axis=0))
+        return wrench, sizes
+
     @property
     def tension(self) -> Index:
         """Numbers of the pairs that are tensions of line springs."""
