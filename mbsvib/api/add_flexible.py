@@ -33,7 +33,7 @@ class FlexibleMechanism(Mechanism):
         axis: ArrayLike | None = None, length: float | None = None, nodes: ArrayLike | None = None,
         elements: int | None = None, shear: bool = False,
         y_axis: ArrayLike | None = None, alpha: float = 0.0, beta: float = 0.0, damping_ratio: float = 0.0,
-        displacements: ArrayLike | None = None,
+        displacements: ArrayLike | None = None, second_order: bool = True,
     ) -> Beam:  # fmt: skip
         """Add a beam: straight elements that stretch, twist and bend in two planes, with consistent mass.
 
@@ -75,6 +75,10 @@ class FlexibleMechanism(Mechanism):
             How far its nodes and their rotation vectors are [m, rad], world axes, from where they would be without
             forces in the frame of the body that carries it: ground if that holds an end, else body a, b or the first
             node. ``equilibrium`` states it; default: the beam as described has its shape without forces.
+        second_order : bool
+            True: in ``equilibrium``, ``moved``, ``path`` and ``simulate`` slopes add to its strain as it bends, by half
+            their squares, so that tension resists bending and ends that are held apart stretch it. False: linear there.
+            ``linearize`` always has the stiffness of its tension.
 
         Returns
         -------
@@ -90,7 +94,7 @@ class FlexibleMechanism(Mechanism):
         first = None if a is None else self._body_name(a, "beam", name, "a")
         second = None if b is None else self._body_name(b, "beam", name, "b")
         part = _beam.make(name, first, second, section, material, start, end, axis, length, nodes, elements, shear,
-                          y_axis, alpha, beta, damping_ratio, displacements)  # fmt: skip
+                          y_axis, alpha, beta, damping_ratio, displacements, second_order)  # fmt: skip
         return self._compose(part)
 
     def add_superelement(

@@ -43,7 +43,8 @@ class Beam(Composed):
     An end without a body is free. ``points`` are its nodes. ``y_axis`` is the direction of the section's y axis, one
     for all elements or one for each. ``alpha`` [1/s] and ``beta`` [s] are the coefficients of Rayleigh damping,
     ``damping_ratio`` is that of all modes of the free beam. ``displacements`` (nodes, 6) [m, rad], world axes, are
-    those of its nodes relative to the beam without forces, in the frame of its ``root``.
+    those of its nodes relative to the beam without forces, in the frame of its ``root``. If ``second_order``, slopes
+    add to its strain as it bends.
     """
 
     a: str | None
@@ -62,6 +63,7 @@ class Beam(Composed):
     beta: float = 0.0
     damping_ratio: float = 0.0
     displacements: tuple[Six, ...] | None = None
+    second_order: bool = True
     points: tuple[Vector, ...] = derived(())
 
     def constructor_kwargs(self) -> dict[str, Any]:
@@ -70,7 +72,8 @@ class Beam(Composed):
                     "material": self.material.constructor_kwargs()}  # fmt: skip
         optional = ("start", "end", "axis", "length", "nodes", "elements", "shear", "y_axis", "alpha", "beta",
                     "damping_ratio", "displacements")  # fmt: skip
-        return required | {key: value for key in optional if (value := getattr(self, key)) not in (None, False, 0.0)}
+        given = {key: value for key in optional if (value := getattr(self, key)) not in (None, False, 0.0)}
+        return required | given | ({} if self.second_order else {"second_order": False})
 
     def parameter_fields(self) -> Iterator[ParameterField]:
         for part in (self.material, self.section):
@@ -225,12 +228,15 @@ def make(
     name: str, a: str | None, b: str | None, section: Any, material: Any, start: Any = None, end: Any = None,
     axis: Any = None, length: Any = None, nodes: Any = None, elements: Any = None, shear: Any = False,
     y_axis: Any = None, alpha: Any = 0.0, beta: Any = 0.0, damping_ratio: Any = 0.0, displacements: Any = None,
+    second_order: Any = True,
 ) -> Beam:  # fmt: skip
     """Check the values of a beam and build it."""
     who = f"beam '{name}'"
     shape, material = _sections.make(section, who), _material.make(material, who)
     if type(shear) is not bool:
         raise check.refuse(who, "shear", shear, "True (Timoshenko) or False (Euler-Bernoulli)")
+    if type(second_order) is not bool:
+        raise check.refuse(who, "second_order", second_order, "True (slopes add to the strain) or False (linear)")
     properties = shape.properties(material.poisson)
     if shear and (properties.ky is None or properties.kz is None):
         raise ModelError(f"{who}: shear=True needs the section's shear factors ky and kz; give them (5/6 for a "
@@ -247,7 +253,7 @@ def make(
     if displacements is not None:
         displacements = _displacements(who, displacements, len(points))
     beam = Beam(name, a, b, shape, material, start, end, axis, length, nodes, elements, shear, y_axis, *rayleigh, ratio,
-                displacements, points)  # fmt: skip
+                displacements, second_order, points)  # fmt: skip
     beam.frames()
     if a is not None and a == b and len(points) == 2:
         raise ModelError(f"{who}: both ends are on '{a}' and nothing between them can move; give it more elements, "

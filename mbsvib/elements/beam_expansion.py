@@ -17,7 +17,7 @@ from mbsvib.elements import bushing as _bushing
 from mbsvib.elements import joint as _joint
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.body import Body
-from mbsvib.elements.elastic_part import ElasticPart
+from mbsvib.elements.elastic_part import ElasticPart, Slopes
 from mbsvib.elements.shared_rows import ExpandedPart, Node, SharedRows
 from mbsvib.linalg.rotations import rigid_transport
 
@@ -71,22 +71,44 @@ def masses(beam: Beam) -> list[SharedRows]:
 
 
 def elastic_part(beam: Beam) -> ElasticPart:
-    """Return a beam as a linear elastic part in the frame of its root, in the displacements of its nodes."""
+    """Return a beam as an elastic part in the frame of its root, in the displacements of its nodes.
+
+    If ``second_order``, a bent element is longer than its projection by half the integral of its squared slope,
+
+    L psi^2 / 2 + s^2 d^2 / (10 L) + L r^2 / 24,  s = 1 / (1 + phi)
+
+    in either plane, with the slope psi of the chord, and the deflection d and rotation r of its end against its start,
+    about the midpoint.
+
+    Source: Przemieniecki, Theory of Matrix Structural Analysis (1968), section 15.3, for Euler-Bernoulli beams.
+    """
     unloaded, root, bodies = beam.without_forces(), beam.root, beam.node_bodies
     nodes = [i for i, (body, _) in enumerate(bodies) if body != root]
-    rows = np.zeros((6 * (len(beam.points) - 1), 6 * len(beam.points)))
+    count = len(beam.points) - 1
+    rows = np.zeros((6 * count, 6 * count + 6))
     values: list[float] = []
+    slopes: list[Array] = []
+    weights: list[float] = []
     for i, (length, axes) in enumerate(unloaded.frames()):
         to_local, midpoint = np.kron(np.eye(2), np.array(axes).T), np.array(middle(unloaded, i))
         for j, sign in ((i, -1.0), (i + 1, 1.0)):
             arm = midpoint - np.array(unloaded.points[j])
             rows[6 * i : 6 * i + 6, 6 * j : 6 * j + 6] = sign * to_local @ rigid_transport(arm)
         values += element.stiffness(length, beam.properties, beam.material, beam.shear)
+        chord = np.zeros((2, rows.shape[1]))
+        chord[:, 6 * i + 6 : 6 * i + 9] = np.array(axes)[:, 1:].T / length
+        chord[:, 6 * i : 6 * i + 3] = -chord[:, 6 * i + 6 : 6 * i + 9]
+        slopes += [*chord, *rows[[6 * i + 1, 6 * i + 2, 6 * i + 4, 6 * i + 5]]]
+        ratios = element.shear_ratios(length, beam.properties, beam.material, beam.shear)
+        across = [0.2 / (length * (1.0 + phi) ** 2) for phi in ratios]
+        weights += [length, length, *across, length / 12.0, length / 12.0]
     state = np.zeros((len(beam.points), 6)) if beam.displacements is None else np.array(beam.displacements)
     columns = [6 * i + j for i in nodes for j in range(6)]
     return ElasticPart(
         beam.name, root, tuple([f"{beam.name}.{i}" for i in nodes]), tuple([bodies[i] for i in nodes]), (),
         beam.points[0], rows[:, columns], np.array(values), state[nodes].reshape(-1),
+        slopes=Slopes(np.array(slopes)[:, columns], np.array(weights), np.repeat(6 * np.arange(count), 6))
+        if beam.second_order else None,
     )  # fmt: skip
 
 

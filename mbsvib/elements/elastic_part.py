@@ -1,10 +1,17 @@
-"""Beams and superelements in finite motion: linear elastic parts in the frame of one of their bodies.
+"""Beams and superelements in finite motion: elastic parts in the frame of one of their bodies.
 
 The frame of the body ``root`` has a finite motion, the coordinates x in it are small: the displacement d [m] and the
-rotation vector rho [rad] of each node relative to the part without forces, then internal coordinates. The potential
-is V = x^T K x / 2 - f . x with K = D^T diag(k) D and weights f. With F = f - K x the wrench on a node is
+rotation vector rho [rad] of each node relative to the part without forces, then internal coordinates. The potential is
+
+V = sum k_r e_r^2 / 2 - f . x,  e_r = D_r x + sum w_j (S_j x)^2 / 2
+
+with weights f. The squares, which only beams have, are what the slopes S_j of a bent line add to its strain: so tension
+acts on bending, and bending shortens the beam. With G = de / dx and F = f - G^T diag(k) e the wrench on a node is
 (F_d, J(rho)^T F_rho), J = d(rho) / d(rotation); its reaction acts on ``root`` at the same point. The second derivative
-of V is J^T K J - F_rho . d^2(rho), to which the stiffness of wrenches that rotate with the frame is added.
+of V is J^T (G^T diag(k) G + sum k_r e_r w_j S_j^T S_j) J - F_rho . d^2(rho), to which the stiffness of wrenches that
+rotate with the frame is added.
+
+Source: von Karman (1910), Festigkeitsprobleme im Maschinenbau, for e.
 """
 
 from __future__ import annotations
@@ -22,16 +29,40 @@ from mbsvib.linalg.rotations import inverse_jacobian, second_order
 
 if TYPE_CHECKING:
     from mbsvib.common.arguments import Vector
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
+
+
+@dataclass(frozen=True, slots=True)
+class Slopes:
+    """Slopes S (m, 6 n + internal) of a bent line, their weights w (m,) and the numbers of the ``rows`` (m,) to whose
+    strain they add.
+    """
+
+    matrix: Array
+    weights: Array
+    rows: Index
+
+    def strain(self, state: Array, count: int) -> Array:
+        """Return sum w_j (S_j x)^2 / 2 of ``count`` rows."""
+        result = np.zeros(count)
+        np.add.at(result, self.rows, 0.5 * self.weights * np.square(self.matrix @ state))
+        return result
+
+    def gradient(self, state: Array, count: int) -> Array:
+        """Return the derivative (count, 6 n + internal) of this strain."""
+        result = np.zeros((count, self.matrix.shape[1]))
+        np.add.at(result, self.rows, (self.weights * (self.matrix @ state))[:, None] * self.matrix)
+        return result
 
 
 @dataclass(frozen=True, slots=True)
 class ElasticPart:
-    """A part that is linear elastic in the frame of the body ``root``, world axes.
+    """A part that is elastic in the frame of the body ``root``, world axes.
 
     ``nodes`` (n) are pairs of a body and its point [m] in this pose, with the names ``names``. ``carriers`` are the
     bodies of internal coordinates, three each, at ``origin``. ``rows`` D (r, 6 n + internal) and ``values`` k (r,) are
-    its stiffness, ``state`` x (6 n + internal,) its displacements and ``force`` f its weight along them or None.
+    its stiffness, ``state`` x (6 n + internal,) its displacements and ``force`` f its weight along them or None;
+    ``slopes`` are those of a beam.
     ``loads`` are its weight on the root. ``weight_stiffness`` has the stiffness of the weight, whose direction is fixed
     in the world.
     """
@@ -46,18 +77,30 @@ class ElasticPart:
     values: Array
     state: Array
     force: Array | None = None
+    slopes: Slopes | None = None
     loads: tuple[Load, ...] = ()
     weight_stiffness: tuple[SharedRows, ...] = ()
 
     def forces(self, rows: Array | None = None) -> Array:
-        """Return the forces f - K x (6 n + internal,) along its coordinates, or f + D^T rows for given row forces."""
-        result: Array = (self.row_forces if rows is None else rows) @ self.rows
+        """Return the forces F (6 n + internal,) along its coordinates, or f + G^T rows for given row forces."""
+        result: Array = (self.row_forces if rows is None else rows) @ self.gradient
         return result if self.force is None else result + self.force
 
     @property
     def row_forces(self) -> Array:
-        """Forces -k D x (r,) in its rows."""
-        return np.asarray(-self.values * (self.rows @ self.state))
+        """Forces -k e (r,) in its rows."""
+        return np.asarray(-self.values * self.deformations)
+
+    @property
+    def deformations(self) -> Array:
+        """The deformations e (r,)."""
+        result: Array = self.rows @ self.state
+        return result if self.slopes is None else result + self.slopes.strain(self.state, len(result))
+
+    @property
+    def gradient(self) -> Array:
+        """Their derivative G (r, 6 n + internal)."""
+        return self.rows if self.slopes is None else self.rows + self.slopes.gradient(self.state, len(self.rows))
 
     @property
     def row_nodes(self) -> tuple[Node, ...]:
@@ -90,10 +133,15 @@ def on_carriers(rows: Array, internal: int) -> Array:
 
 
 def stiffness_rows(part: ElasticPart) -> SharedRows:
-    """Return the rows of K."""
+    """Return the rows of the stiffness G^T diag(k) G + sum k_r e_r w_j S_j^T S_j, with signed values."""
     internal = part.rows.shape[1] - 6 * len(part.nodes)
-    rows = on_carriers(part.per_rotation(part.rows), internal)
-    return SharedRows(part.owner, part.row_nodes, rows, stiffness=part.values)
+    rows, values = part.gradient, part.values
+    if part.slopes is not None:
+        tension = -part.row_forces[part.slopes.rows] * part.slopes.weights
+        used = tension.nonzero()[0]
+        rows = np.concatenate((rows, part.slopes.matrix[used]))
+        values = np.concatenate((values, tension[used]))
+    return SharedRows(part.owner, part.row_nodes, on_carriers(part.per_rotation(rows), internal), stiffness=values)
 
 
 def root_rotation_rows(part: ElasticPart, point: Vector, coupling: Array) -> tuple[SharedRows, ...]:

@@ -149,7 +149,7 @@ def _deformations(beams: Sequence[Beam]) -> Array:
             result.append(np.zeros((count, 6)))
         else:
             part = elastic_part(beam)
-            result.append((part.rows @ part.state).reshape(count, 6))
+            result.append(part.deformations.reshape(count, 6))
     return np.concatenate(result) if result else np.zeros((0, 6))
 
 

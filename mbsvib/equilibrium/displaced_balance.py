@@ -32,7 +32,7 @@ def check_displacements(model: Mechanism) -> None:
     Warns
     -----
     LargeDisplacementWarning
-        If these displacements are beyond the range of linear theory.
+        If these displacements are not small.
     """
     if all(part.displacements is None for part in flexible(model)):
         return
@@ -46,4 +46,4 @@ def check_displacements(model: Mechanism) -> None:
             f"displacements of its beams and superelements. Find the pose with model.equilibrium(), or leave "
             f"displacements out where the pose given is the loaded one.", **details,
         )  # fmt: skip
-    warn_beyond(model, at, forces.reduction)
+    warn_beyond(model)

@@ -108,7 +108,7 @@ def _bent_model(model: M, displacements: Mapping[str, float], cut: tuple[str, ..
     if reached is None:
         return None
     result = model_in_pose(model, reached[0].pose)
-    warn_beyond(result, reached[0], reached[1].reduction)
+    warn_beyond(result)
     return result
 
 

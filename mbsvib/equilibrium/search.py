@@ -51,7 +51,7 @@ def equilibrium(model: M, snap: bool = False, cut: Sequence[str] = ()) -> Equili
     if result.stopped:
         raise _unreachable(result)
     model_there = balanced_model(model, result.at.pose)
-    warn_beyond(model_there, result.at, result.balance.reduction)
+    warn_beyond(model_there)
     displaced = _displacements(model, result.at.pose)
     return Equilibrium(model_there, result.steps, result.residuals, result.shares, displaced)
 

@@ -1,4 +1,4 @@
-"""Linear blocks in the frame of a body that moves finitely: their energies.
+"""Elastic blocks in the frame of a body that moves finitely: their energies.
 
 Stations have the velocities V = (R^T v, R^T w + rho') in the axes of the root, and T = 1/2 V^T M V with the mass matrix
 of the part as described: M is that of small displacements, and exact for motions of the root.
@@ -20,7 +20,7 @@ from mbsvib.mechanism.mechanism import GROUND
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-    from mbsvib.finite_motion.elastic_block import ElasticBlock
+    from mbsvib.finite_motion.elastic_block import Bending, ElasticBlock
     from mbsvib.finite_motion.kinematics import Kinematics
 
 # Entries of products below this share of the largest are rounding of what is zero by symmetry.
@@ -29,23 +29,20 @@ ROUNDING = 1e-13
 
 @dataclass(frozen=True)
 class ElasticEnergies:
-    """What a linear block stores and dissipates [J, W], and its ``momentum`` (3,) [N s], world axes.
+    """What an elastic block stores and dissipates [J, W], and its ``momentum`` (3,) [N s], world axes.
 
-    ``angle`` [rad] is the largest rotation at its interface; of beams, ``sag`` is the largest one between the ends over
-    the thickness, and ``stretch`` [m] how much the ends move apart.
+    ``angle`` [rad] is the largest rotation at its interface.
     """
 
     kinetic: Expression
     potential: Expression
     dissipation: Expression
     angle: Expression
-    sag: Expression
-    stretch: Expression
     momentum: Expression
 
 
 def elastic_energies(block: ElasticBlock, b: Expression, z: Expression, motion: Kinematics) -> ElasticEnergies:
-    """Return the energies of a linear block.
+    """Return the energies of an elastic block.
 
     Parameters
     ----------
@@ -73,6 +70,9 @@ def elastic_energies(block: ElasticBlock, b: Expression, z: Expression, motion: 
     offset = 0.5 * block.state @ block.stiffness @ block.state
     potential = 0.5 * _form(stiffness, both) + ca.dot(ca.SX(_clean(linear_force)), both) + offset
     relative = 0.5 * _form(span.T @ block.relative_damping @ span, rates)
+    if block.bending is not None:
+        added = _of_slopes(block.bending, block, both, rates)
+        potential, relative = potential + added[0], relative + added[1]
     columns = [6 * i + j for i in block.elastic for j in range(6)] + list(range(6 * len(block.points), len(block.mass)))
     along = np.zeros((3, len(block.mass)))  # a translation of all stations
     along[:, : 6 * len(block.points)] = np.tile(np.eye(3, 6), len(block.points))
@@ -94,11 +94,45 @@ def elastic_energies(block: ElasticBlock, b: Expression, z: Expression, motion: 
     turns = [ca.norm_2(ca.SX(span[6 * s + 3 : 6 * s + 6]) @ both + ca.SX(block.state[6 * s + 3 : 6 * s + 6]))
              for s in block.interface]  # fmt: skip
     largest = ca.mmax(ca.vertcat(*turns)) if turns else ca.SX(0.0)
-    sag = ca.SX(0.0)
-    if len(block.sag):
-        sag = ca.mmax(ca.fabs(ca.SX(block.sag @ span) @ both + ca.SX(block.sag @ block.state)))
-    return ElasticEnergies(forms[0], potential, relative + forms[1], largest, sag,
-                           ca.dot(ca.SX(block.stretch @ span), both), momentum)  # fmt: skip
+    return ElasticEnergies(forms[0], potential, relative + forms[1], largest, momentum)
+
+
+def strain_of_slopes(bending: Bending, block: ElasticBlock, both: Expression) -> Expression:
+    """Return what slopes add to the strain of a beam's elements, sum w_j (S_j x)^2 / 2 (n,)."""
+    slopes = _along(bending.slopes, block, both)
+    return _by_element(bending) @ (0.5 * slopes * slopes)
+
+
+def _of_slopes(
+    bending: Bending, block: ElasticBlock, both: Expression, rates: Expression
+) -> tuple[Expression, Expression]:
+    """What slopes add to the potential and to the dissipation."""
+    strain, added = _along(bending.strain, block, both), strain_of_slopes(bending, block, both)
+    potential = ca.dot(ca.DM(bending.stiffness), added * (strain + 0.5 * added))
+    if not bending.damping.any():
+        return potential, ca.SX(0.0)
+    strain_rate, slope_rates = (_spanned(rows, block) @ rates for rows in (bending.strain, bending.slopes))
+    added = _by_element(bending) @ (_along(bending.slopes, block, both) * slope_rates)
+    return potential, ca.dot(ca.DM(bending.damping), added * (strain_rate + 0.5 * added))
+
+
+def _along(rows: Array, block: ElasticBlock, both: Expression) -> Expression:
+    """Rows on x."""
+    return _spanned(rows, block) @ both + ca.DM(rows @ block.state)
+
+
+def _spanned(rows: Array, block: ElasticBlock) -> Expression:
+    """Rows on (z, b), without what is rounding of zeros."""
+    matrix = rows @ block.span
+    size = np.abs(rows) @ np.abs(block.span)
+    return ca.sparsify(ca.DM(np.where(np.abs(matrix) > ROUNDING * size, matrix, 0.0)))
+
+
+def _by_element(bending: Bending) -> Expression:
+    """The matrix (n, m) that adds up what belongs to an element, with weights."""
+    matrix = np.zeros((len(bending.strain), len(bending.elements)))
+    matrix[bending.elements, range(len(bending.elements))] = bending.weights
+    return ca.sparsify(ca.DM(matrix))
 
 
 def _stations(

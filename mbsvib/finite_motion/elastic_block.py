@@ -1,11 +1,12 @@
-"""Beams and superelements as linear blocks: interface displacements and the modes of the part with its interface held.
+"""Beams and superelements as elastic blocks: interface displacements and the modes of the part with its interface held.
 
 In the frame of the body that carries it the part has small displacements x = x0 + P b + N z: b are those of interface
 nodes since the pose as described, z modes of the part with its interface held,
 
     K_ii N_i = M_ii N_i Lambda,  N_i^T M_ii N_i = 1,  P_i = -K_ii^-1 K_ib,  P_b = 1,  N_b = 0,
 
-i being all coordinates but those of the interface. So the potential has no term of b and z together, the mass has.
+i being all coordinates but those of the interface. So the linear part of the forces has no term of b and z together,
+the mass has. The slopes of beams add to their strain (``elements.elastic_part``).
 Motions of i without mass follow statically and are not among the modes.
 
 Source: Craig & Bampton (1968), Coupling of substructures for dynamic analyses, AIAA Journal 6.
@@ -22,7 +23,6 @@ from scipy.linalg import cho_factor, cho_solve, eigh
 from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.elements import beam_expansion, superelement_expansion
 from mbsvib.elements.beam import Beam
-from mbsvib.elements.beam_sag import sag_rows, stretch_row
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rank import MASSLESS
 from mbsvib.linalg.rotations import skew
@@ -30,8 +30,8 @@ from mbsvib.linalg.rotations import skew
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from mbsvib.common.arrays import Array
-    from mbsvib.elements.elastic_part import ElasticPart
+    from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements.elastic_part import ElasticPart, Slopes
     from mbsvib.elements.shared_rows import Node, SharedRows
     from mbsvib.elements.superelement import Superelement
     from mbsvib.mechanism.mechanism import Mechanism
@@ -41,8 +41,24 @@ ALL_SIX = (0, 1, 2, 3, 4, 5)
 
 
 @dataclass(frozen=True)
+class Bending:
+    """What slopes add to the strain of a beam: e = D x + sum w_j (S_j x)^2 / 2 in each element along its axis.
+
+    ``strain`` D (n, 6 e) is the linear part, with ``stiffness`` and ``damping`` (n,); ``slopes`` S (m, 6 e) have the
+    weights ``weights`` w (m,) and belong to the ``elements`` (m,).
+    """
+
+    strain: Array
+    stiffness: Array
+    damping: Array
+    slopes: Array
+    weights: Array
+    elements: Index
+
+
+@dataclass(frozen=True)
 class ElasticBlock:
-    """A beam or superelement as a linear block carried by body ``root``.
+    """A beam or superelement as an elastic block carried by body ``root``.
 
     Its stations (s,) are all nodes at ``points`` (s, 3) without forces [m]; ``elastic`` (e,) numbers those that
     move against the root, ``nodes`` names their bodies. Coordinates x (6 e + internal,) are their displacements and
@@ -51,10 +67,8 @@ class ElasticBlock:
     ``relative_damping`` (6 e + internal, 6 e + internal) and ``stiffness`` on those of x; ``weight`` (s, 3) are
     forces at the stations [N], at the ``arms`` (s, 3) from them [m], and ``force`` (6 e + internal,) forces along
     x. ``interface`` numbers the elastic stations at which something is attached, ``joints`` names their links to
-    the root, ``bodies`` the bodies there and ``held`` the directions (0 to 5) of each that belong to b. ``sag`` (2
-    s, 6 e + internal) makes of x the sag of a beam in units of its thickness, ``stretch`` (6 e + internal,) how
-    much its ends move apart [m]; both are 0 of superelements. ``modes`` N and ``static`` P (6 e + internal, ...)
-    span x.
+    the root, ``bodies`` the bodies there and ``held`` the directions (0 to 5) of each that belong to b. ``modes`` N
+    and ``static`` P (6 e + internal, ...) span x. ``bending`` has the slopes of a beam.
     """
 
     name: str
@@ -78,8 +92,7 @@ class ElasticBlock:
     static: Array
     eigenvalues: Array
     nodes: tuple[str, ...]
-    sag: Array
-    stretch: Array
+    bending: Bending | None = None
 
     @property
     def span(self) -> Array:
@@ -99,7 +112,7 @@ class ElasticBlock:
 
 
 def elastic_blocks(model: Mechanism) -> tuple[ElasticBlock, ...]:
-    """Return all beams and superelements of a mechanism as linear blocks.
+    """Return all beams and superelements of a mechanism as elastic blocks.
 
     Parameters
     ----------
@@ -172,9 +185,7 @@ def _of_beam(beam: Beam, model: Mechanism, used: set[str]) -> ElasticBlock:
     damping = _matrix(beam_expansion.dampers(rest), names, points, 0)
     masses, centres = beam.node_weights()
     weights = np.outer(masses, model.gravity or (0.0, 0.0, 0.0)), centres - np.array(beam.points)
-    columns = [6 * i + j for i in elastic for j in range(6)]
-    block = _block(flexible, points, elastic, 0, mass, damping, beam.beta, weights, used)
-    return replace(block, sag=sag_rows(beam)[:, columns], stretch=stretch_row(beam)[columns])
+    return _block(flexible, points, elastic, 0, mass, damping, beam.beta, weights, used)
 
 
 def _of_superelement(part: Superelement, model: Mechanism, used: set[str]) -> ElasticBlock:
@@ -216,8 +227,14 @@ def _block(
         part.owner, part.root, points, elastic, internal, state, mass, damping, beta * stiffness, stiffness, *weights,
         force, interface, tuple([nodes[k][0] for k in interface]), tuple([nodes[k][1] for k in interface]),
         (ALL_SIX,) * len(interface), modes, static, values, tuple([body for _, body in nodes]),
-        np.zeros((0, len(state))), np.zeros(len(state)),
+        None if part.slopes is None else _bending(part, part.slopes, moving_columns, beta),
     )  # fmt: skip
+
+
+def _bending(part: ElasticPart, slopes: Slopes, columns: list[int], beta: float) -> Bending:
+    axial, number = np.unique(slopes.rows, return_inverse=True)
+    return Bending(part.rows[axial][:, columns], part.values[axial], beta * part.values[axial],
+                   slopes.matrix[:, columns], slopes.weights, number)  # fmt: skip
 
 
 def _craig_bampton(mass: Array, stiffness: Array, interface: list[int]) -> tuple[Array, Array, Array]:

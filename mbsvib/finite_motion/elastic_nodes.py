@@ -1,4 +1,4 @@
-"""Nodes of linear blocks as frames: where their coordinates put them, and these coordinates where frames are known."""
+"""Nodes of elastic blocks as frames: where their coordinates put them, and these coordinates where frames are known."""
 
 from __future__ import annotations
 

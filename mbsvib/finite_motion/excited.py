@@ -112,28 +112,38 @@ def at_rest(statement: FiniteMotion, blocks: Sequence[ElasticBlock]) -> frozense
     motion = statement.motion
     names = motion.names
     modes = {name for block in blocks if block.root == GROUND for name in block.mode_names}
-    movable = [i for i, name in enumerate(names) if name in modes]
-    if not movable:
+    still = [i for i, name in enumerate(names) if name in modes]
+    if not still:
         return frozenset()
     bending = {name for block in blocks for name in (*block.interface_names, *block.mode_names)}
-    links, excited = _coupling(statement, movable, [i for i, name in enumerate(names) if name in bending])
-    part = part_numbers(links)
-    alive = set(part[excited].tolist())
-    return frozenset(names[i] for i in movable if part[i] not in alive)
+    function, moving = _terms(statement), len(names) + 1
+    while len(still) < moving:  # slopes of what moves may move others, though these have no linear part in it
+        moving = len(still)
+        links, excited = _coupling(function, statement, still, [i for i, name in enumerate(names) if name in bending])
+        part = part_numbers(links)
+        alive = set(part[excited].tolist())
+        still = [i for i in still if part[i] not in alive]
+    return frozenset(names[i] for i in still)
 
 
-def _coupling(statement: FiniteMotion, movable: list[int], bending: list[int]) -> tuple[Array, Index]:
+def _terms(statement: FiniteMotion) -> ca.Function:
+    """Mass matrix, derivatives of forces, Jacobian of closures, forces and inputs as a function of the state."""
+    motion = statement.motion
+    q, qd = motion.q, motion.qd
+    inputs = ca.sum2(ca.fabs(statement.input_forces)) if statement.inputs else ca.DM.zeros(len(motion.names))
+    requested = [statement.mass, ca.jacobian(statement.forces, q), ca.jacobian(statement.forces, qd),
+                 statement.jacobian, ca.densify(statement.forces), ca.densify(inputs)]  # fmt: skip
+    return ca.Function("coupling", [q, qd, statement.yields, motion.bases], requested)
+
+
+def _coupling(
+    function: ca.Function, statement: FiniteMotion, movable: list[int], bending: list[int]
+) -> tuple[Array, Index]:
     """Which coordinates (n, n) act on one another, and which (k,) are moved from outside of the movable ones.
 
     Forces on the movable ones are rounding beside the largest on all that are ``bending``.
     """
-    motion = statement.motion
-    q, qd, n = motion.q, motion.qd, len(motion.names)
-    forces = ca.densify(statement.forces)
-    inputs = ca.densify(ca.sum2(ca.fabs(statement.input_forces))) if statement.inputs else ca.DM.zeros(n)
-    requested = [statement.mass, ca.jacobian(statement.forces, q), ca.jacobian(statement.forces, qd),
-                 statement.jacobian, forces, inputs]  # fmt: skip
-    function = ca.Function("coupling", [q, qd, statement.yields, motion.bases], requested)
+    motion, n = statement.motion, len(statement.motion.names)
     generator = np.random.default_rng(0)
     yields, bases = np.zeros(statement.yields.shape), np.tile(np.eye(3).reshape(-1), len(motion.based))
     links, force = np.zeros((n, n)), np.zeros(n)

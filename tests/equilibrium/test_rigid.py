@@ -83,12 +83,11 @@ def test_bent_lines_of_nodes():
 
 
 def test_a_beam_that_would_have_to_bend():
-    model = arm()
+    model = arm(start=(0, 0, 0), end=(0.9, 0, 0), elements=4, second_order=False)
     model.add_joint("clamp", "fixed", "ground", "grip", (0.9, 0, 0))
     with pytest.raises(mv.ModelError, match="leave no choice"):
         model.moved({"motor.rz": 0.04}, relaxed=True)
-    with pytest.warns(mv.LargeDisplacementWarning, match="held apart"):
-        there = model.moved({"motor.rz": 0.04})
+    there = model.moved({"motor.rz": 0.04})
     np.testing.assert_allclose(there.bodies["hub"].orientation, turn(0.04), atol=1e-12)
     np.testing.assert_allclose(there.bodies["grip"].position, (0.9, 0, 0.02), atol=1e-12)
     # the cubic through one clamped end and another that is turned, in axes that turn with the hub

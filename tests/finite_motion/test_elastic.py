@@ -92,7 +92,7 @@ def test_weight_of_beams():
     model = all_moved(model.equilibrium(), "b.3")
     ours, _ = eigenvalues(model)  # at rest: forces are asserted to be zero
     straight = np.sort(np.abs(eigvals_of(mv.Model("s"), "b")))
-    np.testing.assert_allclose(np.sort(np.abs(ours)), straight, rtol=1e-9)
+    np.testing.assert_allclose(np.sort(np.abs(ours)), straight, rtol=1e-6)  # its slope of 7e-4 rad has a square of 5e-7
 
 
 def eigvals_of(model, name):
