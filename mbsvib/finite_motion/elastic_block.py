@@ -24,6 +24,7 @@ from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.elements import beam_expansion, superelement_expansion
 from mbsvib.elements.beam import Beam
 from mbsvib.errors import ModelError
+from mbsvib.linalg.groups import part_numbers
 from mbsvib.linalg.rank import MASSLESS
 from mbsvib.linalg.rotations import skew
 
@@ -245,13 +246,26 @@ def _craig_bampton(mass: Array, stiffness: Array, interface: list[int]) -> tuple
     if inner:
         inner_stiffness = stiffness[np.ix_(inner, inner)]
         static[inner] = -cho_solve(cho_factor(inner_stiffness), stiffness[np.ix_(inner, interface)])
-        # M phi = mu K phi: what has no mass has mu = 0
-        mu, vectors = eigh(mass[np.ix_(inner, inner)], inner_stiffness)
+        mu, vectors = _inverse_squares(mass[np.ix_(inner, inner)], inner_stiffness)
         retained = np.flatnonzero(mu > MASSLESS * mu[-1])[::-1]
         values = 1.0 / mu[retained]
         modes = np.zeros((len(mass), len(retained)))
         modes[inner] = vectors[:, retained] / np.sqrt(mu[retained])
     return modes, static, values
+
+
+def _inverse_squares(mass: Array, stiffness: Array) -> tuple[Array, Array]:
+    """Solve M phi = mu K phi, mu ascending; what has no mass has mu = 0.
+
+    Coordinates that do not act on one another are solved apart, so that rounding does not mix their modes.
+    """
+    mu, vectors = np.zeros(len(mass)), np.zeros(mass.shape)
+    part = part_numbers((mass != 0.0) | (stiffness != 0.0))
+    for number in range(part.max() + 1):
+        own = np.flatnonzero(part == number)
+        mu[own], vectors[np.ix_(own, own)] = eigh(mass[np.ix_(own, own)], stiffness[np.ix_(own, own)])
+    order = np.argsort(mu, kind="stable")
+    return mu[order], vectors[:, order]
 
 
 def _matrix(pieces: Sequence[SharedRows], names: dict[str, int], points: Array, internal: int) -> Array:
