@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import mbsvib as mv
 from mbsvib.equations import assembly, draft
+from mbsvib.equations import scene as scenes
 from mbsvib.kinematics import loops, mobility
 from mbsvib.modes import damped, undamped
 from mbsvib.modes import result as modal
@@ -54,7 +55,7 @@ def assert_same(first, second, rtol=0.0):
 def test_no_loop_no_second_transformation(monkeypatch):
     """B'' of an open tree is not formed; formed as the identity it changes no bit."""
     model = spatial(4, bodies=4)
-    reduced = draft.reduce
+    reduced = scenes.reduce
 
     def forced(*args):
         result = reduced(*args)
@@ -65,7 +66,7 @@ def test_no_loop_no_second_transformation(monkeypatch):
         never(patch, loops, "_solve", "pivoted_qr")
         plain = model.linearize()
     with monkeypatch.context() as patch:
-        patch.setattr(draft, "reduce", forced)
+        patch.setattr(scenes, "reduce", forced)
         full = model.linearize()
     for key in MATRICES:
         assert_array_equal(getattr(plain, key), getattr(full, key), err_msg=key)
@@ -146,7 +147,7 @@ def test_springs_that_nothing_moves_are_left_out():
     assert "as no motion of the mechanism strains them: idle" in system.explain()
     scene = assembly.scene(model)
     relative = scene.relative()
-    reduction = draft.reduce(scene.coordinates, scene.cuts, relative.dense(0, scene.locked))
+    reduction = scene.reduced(scene.closure(relative))
     full = draft.matrices(scene, relative, reduction)
     assert len(full.row_stiffness) == 12
     for key in MATRICES:

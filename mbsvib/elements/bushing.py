@@ -16,7 +16,10 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.elements.connection import Connection, check_ends
 from mbsvib.elements.part import ParameterField, Part, rotation_field, spatial_field, vector_field
+from mbsvib.elements.preload_form import PreloadForm
 from mbsvib.errors import ModelError
+from mbsvib.linalg.products import eigenrows
+from mbsvib.linalg.rank import EPS
 from mbsvib.linalg.rotations import inverse_jacobian, logarithm, second_order
 
 if TYPE_CHECKING:
@@ -69,6 +72,20 @@ class Bushing(Connection):
     def loaded(self) -> bool:
         """Whether it has a force in the reference pose."""
         return self.preload is not None and any(self.preload)
+
+    def preload_form(self, size: float) -> PreloadForm | None:
+        stiffness = np.array(self.stiffness)
+        values, units = (stiffness, _SIX) if stiffness.ndim == 1 else eigenrows(stiffness)
+        if not values.any():
+            return None
+        sizes, axes = np.array([1.0] * 3 + [1.0 / size] * 3), np.kron(np.eye(2), np.array(self.orientation))
+        wrenches = np.linalg.qr((units[values != 0.0] * sizes).T)[0].T / sizes
+        largest = np.abs(stiffness) if stiffness.ndim == 1 else np.abs(stiffness).max(axis=1)
+        resolution = EPS * float(max(largest[:3].max() * size, largest[3:].max() / size))
+        return PreloadForm(
+            self.position, wrenches @ axes.T, axes @ np.array(self.preload or ZERO), resolution,
+            lambda wrench: {"preload": None if wrench is None else (axes.T @ wrench).tolist()},
+        )  # fmt: skip
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         return self.all_in_pose([self], pose, relaxed)[0]

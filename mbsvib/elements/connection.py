@@ -12,6 +12,7 @@ from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from mbsvib.common.arguments import Vector
+    from mbsvib.elements.preload_form import PreloadForm
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +36,10 @@ class Connection(Part):
     def loaded(self) -> bool:
         """Whether it has a force in the reference pose."""
         return False
+
+    def preload_form(self, size: float) -> PreloadForm | None:
+        """Return how it can carry a preload in a mechanism of a size [m]; None without stiffness at rest."""
+        return None
 
 
 def check_ends(who: str, first: str, second: str) -> None:

@@ -14,12 +14,14 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements.connection import Connection, check_ends, line_between
 from mbsvib.elements.part import ParameterField, Part, derived, vector_field
+from mbsvib.elements.preload_form import along_line
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from mbsvib.elements.pose import Pose
+    from mbsvib.elements.preload_form import PreloadForm
 
 # Smaller changes of the length, relative to the length, are rounding errors.
 ROUNDING = 1.6e-14
@@ -61,6 +63,10 @@ class Maxwell(Connection):
     def loaded(self) -> bool:
         """Whether it has a force in the reference pose."""
         return bool(self.preload)
+
+    def preload_form(self, size: float) -> PreloadForm | None:
+        return along_line(self, self.static_stiffness, size, lambda tension: {"preload": tension}) \
+            if self.static_stiffness else None  # fmt: skip
 
     @property
     def node(self) -> str:

@@ -11,6 +11,7 @@ from mbsvib.common.arguments import Vector
 from mbsvib.elements.connection import Connection, check_ends, line_between
 from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.part import ParameterField, Part, derived, vector_field
+from mbsvib.elements.preload_form import along_line
 from mbsvib.elements.rows import columns
 from mbsvib.errors import ModelError
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from mbsvib.elements.pose import Pose
+    from mbsvib.elements.preload_form import PreloadForm
 
 # Forces below this fraction of stiffness times length are rounding errors of the length.
 ROUNDING = 1e-15
@@ -59,6 +61,11 @@ class Spring(Connection):
     def loaded(self) -> bool:
         """Whether it has a force in the reference pose."""
         return self.tension != 0.0
+
+    def preload_form(self, size: float) -> PreloadForm | None:
+        free: dict[str, Any] = {"free_length": None}
+        return along_line(self, self.stiffness, size, lambda tension: free | {"preload": tension}) \
+            if self.stiffness else None  # fmt: skip
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         if pose.is_unmoved(self.first) and pose.is_unmoved(self.second):

@@ -26,8 +26,10 @@ from mbsvib.common.arguments import Vector
 from mbsvib.elements import bushing
 from mbsvib.elements.connection import Connection, check_ends
 from mbsvib.elements.part import ParameterField, Part
+from mbsvib.elements.preload_form import PreloadForm
 from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.errors import ModelError
+from mbsvib.linalg.rank import EPS
 from mbsvib.linalg.rotations import quaternion
 
 if TYPE_CHECKING:
@@ -66,6 +68,13 @@ class TorsionSpring(Connection):
     def loaded(self) -> bool:
         """Whether it has a moment in the reference pose."""
         return bool(self.preload)
+
+    def preload_form(self, size: float) -> PreloadForm | None:
+        about = np.array((0.0, 0.0, 0.0, *self.axis))
+        return PreloadForm(
+            (0.0, 0.0, 0.0), size * about[None], (self.preload or 0.0) * about, EPS * abs(self.stiffness) / size,
+            lambda wrench: {"preload": None if wrench is None else float(wrench @ about)},
+        ) if self.stiffness else None  # fmt: skip
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         if pose.is_unmoved(self.first) and pose.is_unmoved(self.second):

@@ -1,0 +1,59 @@
+"""How an element between two bodies can carry a preload, from which ``equilibrium`` finds the preloads of a pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.linalg.rank import EPS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mbsvib.common.arguments import Vector
+    from mbsvib.common.arrays import Array
+
+
+@dataclass(frozen=True, slots=True)
+class PreloadForm:
+    """Wrenches on the second body that an element can carry as a preload, world axes.
+
+    ``wrenches`` (n, 6) at ``point`` [m] are orthonormal, with moments over the size of the mechanism; ``wrench`` (6,)
+    [N, N m] is the one in the reference pose. ``resolution`` [N] is the force of the smallest displacement that rounded
+    positions resolve. ``arguments`` returns the arguments of the element that change with a preload wrench (6,); None:
+    with no preload.
+    """
+
+    point: Vector
+    wrenches: Array
+    wrench: Array
+    resolution: float
+    arguments: Callable[[Array | None], dict[str, Any]]
+
+
+def along_line(
+    part: Any, stiffness: float, size: float, arguments: Callable[[float | None], dict[str, Any]]
+) -> PreloadForm:
+    """Return the form of a preload that is a tension.
+
+    Parameters
+    ----------
+    part : Connection
+        An element with ``start``, ``line`` and ``tension``.
+    stiffness : float
+        Its stiffness at rest [N/m].
+    size : float
+        Size of the mechanism [m].
+    arguments : callable
+        The changed arguments for a tension [N] or None.
+
+    Returns
+    -------
+    PreloadForm
+        One force along the line.
+    """
+    line = np.array((*part.line, 0.0, 0.0, 0.0))
+    return PreloadForm(part.start, line[None], -part.tension * line, EPS * abs(stiffness) * size,
+                       lambda wrench: arguments(None if wrench is None else -float(wrench @ line)))  # fmt: skip
