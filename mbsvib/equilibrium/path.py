@@ -1,9 +1,10 @@
 """Newton's method for the pose of equilibrium, along the path that the mechanism itself would take.
 
 Load steps, for a mechanism that its springs hold: the loads are applied in steps, and a step is accepted only if
-Newton's method contracts and the tangent K + K_g stays positive definite. Otherwise the branch ends there, and the
-mechanism would snap through. Descent, for other mechanisms: steps |K + K_g|^-1 r of limited length, which become Newton
-steps near the equilibrium.
+Newton's method contracts and the tangent K + K_g stays positive definite. Where the mechanism becomes stiffer, as a
+beam that is stretched, Newton's steps are shortened. Otherwise the branch ends there, and the mechanism would snap
+through. Descent, for other mechanisms: steps |K + K_g|^-1 r of limited length, which become Newton steps near the
+equilibrium.
 
 Source: Crisfield, Non-linear Finite Element Analysis of Solids and Structures (1991), chapter 9, for steps along a
 load; Dauphin et al., Advances in Neural Information Processing Systems 27 (2014), for steps with |K + K_g|.
@@ -30,6 +31,8 @@ BALANCED = 1e-10
 # Longest step of the descent [rad, mechanism sizes], and how often a step is halved.
 LONGEST, HALVINGS = 0.3, 30
 STEPS = 200
+# A step goes too far if the forces at its end do this share of the work back that they do at its start.
+OVERSHOOT = 0.5
 # Newton steps must become shorter by this factor from one to the next; at most so many are taken.
 CONTRACTION, NEWTON_STEPS = 0.5, 12
 SMALLEST_SHARE = 1e-3
@@ -155,21 +158,40 @@ def _newton_steps(at: PosedModel) -> tuple[SearchResult, bool]:
     """Newton's method with full steps until it does not contract or the pose is not stable; whether it converged."""
     forces = balance(at)
     residuals = [forces.share]
-    length = np.inf
-    stopped = ""
+    length, newton_steps, stopped = np.inf, 0, ""
     while is_stable(stiffness(forces)[0]) and forces.share > BALANCED:
         step = newton_step(forces)
         before, length = length, float(np.abs(step / at.scale).max(initial=0.0))
-        if length > CONTRACTION * before or length > LONGEST or len(residuals) > NEWTON_STEPS:
-            break
-        following = _after_step(at, step, forces)
-        if following is None:
-            stopped = "its loops cannot be closed any further"
-            break
+        if length > CONTRACTION * before or length > LONGEST or newton_steps > NEWTON_STEPS:
+            following = _shortened(at, forces, step * min(1.0, LONGEST / length)) if len(residuals) < STEPS else None
+            if following is None:
+                break
+            length, newton_steps = np.inf, 0
+        else:
+            following, newton_steps = _after_step(at, step, forces), newton_steps + 1
+            if following is None:
+                stopped = "its loops cannot be closed any further"
+                break
         at, forces = following
         residuals.append(forces.share)
     reached = forces.share <= BALANCED and is_stable(stiffness(forces)[0])
     return SearchResult(at, forces, tuple(residuals), 0, (), stopped), reached
+
+
+def _shortened(at: PosedModel, forces: Balance, step: Array) -> tuple[PosedModel, Balance] | None:
+    """A step that is halved while it goes too far as the mechanism becomes stiffer along it; None if it does not.
+
+    A mechanism that is softer along the step, or not stable on it, may snap through, which load steps decide.
+    """
+    for halvings in range(HALVINGS):
+        following, half = _after_step(at, step, forces), _after_step(at, 0.5 * step, forces)
+        if following is None or half is None:
+            return None
+        if _work(following[1], step) > -OVERSHOOT * _work(forces, step):
+            stable = all(is_stable(stiffness(there)[0]) for _, there in (following, half))
+            return following if halvings and stable else None
+        step = 0.5 * step
+    return None
 
 
 def _lost_stiffness(first: PosedModel, last: Balance) -> str:
