@@ -19,8 +19,9 @@ from mbsvib.linalg.rotations import rigid_transport
 Array = NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
 # Finite element programs print seven to sixteen digits. Limits relative to the size of terms:
-# of forces under a rigid-body motion of all nodes, of differences between entries across the diagonal,
+# of forces under a rigid-body motion of all nodes,
 RIGID = 1e-6
+# of differences between entries across the diagonal,
 SYMMETRIC = 1e-6
 # and of negative eigenvalues of matrices scaled to a unit diagonal.
 NEGATIVE = 1e-6

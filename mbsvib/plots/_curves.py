@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 MOST_LEAD = 0.75 * np.pi  # a response that starts near +-180 degrees is drawn as a lag
-NEGLIGIBLE = 1e-11
+NEGLIGIBLE = 1e-11  # share of responses of the same units below which one is zero
 
 
 @dataclass(frozen=True, slots=True, eq=False)
