@@ -34,7 +34,7 @@ class Inerter(Connection):
     """
 
     stiffness = damping = tension = 0.0
-    preload = free_length = None
+    preload = free_length = at_rest = None
 
     start: Vector
     end: Vector

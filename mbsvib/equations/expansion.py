@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from mbsvib.elements.beam import Beam
 from mbsvib.elements.families import FAMILIES
 from mbsvib.elements.shared_rows import Expansion, SharedRows
 from mbsvib.mechanism.mechanism import Mechanism
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
     from mbsvib.elements.elastic_part import ElasticPart
 
 EXPANSIONS = {family.part: family.expand for family in FAMILIES if family.expand is not None}
+_ORDER = {part: i for i, part in enumerate(reversed(EXPANSIONS))}
 _EXPANDED = ("bodies", "joints", "springs", "outputs")
 M = TypeVar("M", bound=Mechanism)
 
@@ -52,8 +52,8 @@ def expanded(model: M) -> M:
     mass: list[SharedRows] = []
     elastic: list[SharedRows] = []
     names = {part.name for part in owners}
-    # superelements first, then beams: the order of coordinates does not depend on the order of calls
-    for part in sorted(parts, key=lambda part: isinstance(part, Beam)):
+    # family by family, beams last: the order of coordinates does not depend on the order of calls
+    for part in sorted(parts, key=lambda part: _ORDER[type(part)]):
         replacement = EXPANSIONS[type(part)](part, model.composed)
         for key, group in groups.items():
             group.update(getattr(replacement, key))
@@ -64,8 +64,7 @@ def expanded(model: M) -> M:
     expansion = Expansion(tuple(mass), tuple(elastic), nodes, owners, frozenset(names),
                           tuple([part.name for part in model.declared_parts]))  # fmt: skip
     result = model.with_parts(**groups, composed={}, expansion=expansion)
-    displaced = any(beam.displacements is not None for beam in model.beams.values()) or any(
-        part.displacements is not None for part in model.superelements.values())  # fmt: skip
+    displaced = any(part.displacements is not None for part in model.composed.values())
     return _prestressed(result, model) if displaced or (model.composed and is_loaded(result)) else result
 
 

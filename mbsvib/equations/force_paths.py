@@ -119,7 +119,7 @@ def force_paths(topology: Topology, position: Array) -> ForcePaths:
     point = np.array([point_of(joint, number, position) for joint in topology.joints]).reshape(-1, 3).T
     start = point.copy()
     for k, joint in enumerate(topology.joints):
-        if joint.kind == "distance" and joint.position is not None:
+        if joint.is_rod:
             start[:, k] = joint.position
     carrier = np.array([carrier_of(joint, number) for joint in topology.joints], dtype=np.intp)
     joint_of: list[int] = []

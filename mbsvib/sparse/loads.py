@@ -128,7 +128,7 @@ def geometric(
     second = np.array([number[joint.second] for joint in joints], dtype=np.intp)
     start = point.copy()
     for k, joint in enumerate(joints):
-        if joint.kind == "distance" and joint.position is not None:
+        if joint.is_rod:
             start[:, k] = joint.position
     in_joints = WrenchPairs(first, second, start, point, joint_wrenches[:3], joint_wrenches[3:])
     pairs = WrenchPairs.join(applied.pairs, in_joints)
