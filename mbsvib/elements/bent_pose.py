@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 def is_unmoved(part: Composed, pose: Pose) -> bool:
     """Return whether all bodies of an elastic part are in the reference pose."""
-    bodies = [part.root, *(body for body, _ in part.node_bodies), *(name for name in part.carriers if name in pose.number)]
-    return all(map(pose.is_unmoved, bodies))
+    carriers = [name for name in part.carriers if name in pose.number]
+    return all(map(pose.is_unmoved, (part.root, *(body for body, _ in part.node_bodies), *carriers)))
 
 
 def bent_nodes(part: Composed, before: Array, pose: Pose) -> tuple[Array, Array, bool]:

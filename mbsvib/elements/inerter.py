@@ -8,7 +8,7 @@ Source: Smith (2002), Synthesis of mechanical networks: the inerter, IEEE Trans.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,7 +38,7 @@ class Inerter(Connection):
 
     start: Vector
     end: Vector
-    inertance: float
+    inertance: float = field()
     line: Vector = derived((0.0, 0.0, 1.0))
 
     def parameter_fields(self) -> Iterator[ParameterField]:

@@ -242,6 +242,11 @@ class Composed(Part):
 
     @property
     @abstractmethod
+    def displacements(self) -> tuple[Any, ...] | None:
+        """Displacements of its nodes and internal coordinates in its loaded pose; None if it carries no forces."""
+
+    @property
+    @abstractmethod
     def points(self) -> tuple[Vector, ...]:
         """Points of its nodes [m], world axes."""
 

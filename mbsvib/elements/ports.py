@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.common import arguments as check
@@ -20,16 +20,30 @@ _FORCE = ("N", "N m")
 _MOTION = (("m", "rad"), ("m/s", "rad/s"), ("m/s^2", "rad/s^2"))
 
 
+class Signal(Part):
+    """An input or output.
+
+    ``element`` is the name of the element in which an output is measured, else None. ``moves_ground`` is True for
+    inputs that are accelerations of the ground.
+    """
+
+    __slots__ = ()
+    element: Any = None
+    moves_ground = False
+
+    @property
+    def unit(self) -> str:
+        """Its unit."""
+        raise NotImplementedError
+
+
 @dataclass(frozen=True, slots=True)
-class Port(Part):
+class Port(Signal):
     """An input or output at the point ``position`` [m] of ``body`` along ``direction`` (``wrench``: its six-vector).
 
     ``position`` None is the body's centre of mass. ``relative_to`` is the body on which the reaction of an input acts,
     or relative to which an output is measured.
     """
-
-    element = None  # ports at elements have their name, inputs that are accelerations of the ground are told by a flag
-    moves_ground = False
 
     body: str
     direction: str | Six
@@ -80,10 +94,10 @@ class Output(Port):
 
 
 @dataclass(frozen=True, slots=True)
-class BaseMotion(Part):
+class BaseMotion(Signal):
     """Acceleration of the ground along (m/s^2) or about (rad/s^2, axes through ``position``) a direction."""
 
-    element, moves_ground = None, True
+    moves_ground = True
 
     direction: str | Six
     position: Vector = (0.0, 0.0, 0.0)
@@ -96,13 +110,11 @@ class BaseMotion(Part):
 
 
 @dataclass(frozen=True, slots=True)
-class ForceOutput(Part):
+class ForceOutput(Signal):
     """Force [N] or moment [N m] in a bushing or spring, positive where it pulls the first body to the second."""
 
-    moves_ground = False
-
-    element: str
-    direction: str | Six
+    element: str = field()
+    direction: str | Six = field()
     wrench: Six = derived(())
 
     @property

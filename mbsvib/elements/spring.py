@@ -81,9 +81,8 @@ class Spring(Connection):
             return True
         ends = [values.get(field, np.array(getattr(self, field))[:, None]) for field in ("start", "end")]
         line = np.abs(ends[1] - ends[0])
-        result: Mask = ~line.any(axis=0) | ~np.isfinite(line).all(axis=0)
         idle = [values.get(field, getattr(self, field)) == 0.0 for field in ("stiffness", "damping")]
-        return result | (idle[0] & idle[1])
+        return np.asarray(~line.any(axis=0) | ~np.isfinite(line).all(axis=0) | (idle[0] & idle[1]))
 
     def preload_form(self, size: float) -> PreloadForm | None:
         free: dict[str, Any] = {"free_length": None}

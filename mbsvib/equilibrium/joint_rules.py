@@ -2,10 +2,10 @@
 
 A and B are the rotations of the first and the second body from the reference pose, p_a and p_b the joint's point on
 each, and d = p_b - p_a. Locked translations require d = 0 along axes that turn with the first body. One free rotation:
-its axis is fixed in both bodies. Two successive free rotations (see ``elements.joint_kinds``): the first axis (``axis`` of a
-universal joint) is fixed in the first body, the other (``axis2``) in the second, and their angle is constant. Any other
-two, or three: components of the rotation vector log(A^T B); of two, the axes bisect the angle of both bodies. A
-distance joint: the length of d is constant.
+its axis is fixed in both bodies. Two successive free rotations (see ``elements.joint_kinds``): the first axis
+(``axis`` of a universal joint) is fixed in the first body, the other (``axis2``) in the second, and their angle is
+constant. Any other two, or three: components of the rotation vector log(A^T B); of two, the axes bisect the angle of
+both bodies. A distance joint: the length of d is constant.
 """
 
 from __future__ import annotations

@@ -135,7 +135,7 @@ def openings(joint: Joint, numbers: Numbers, relative: Frame) -> list[tuple[str,
         elif joint.successive:
             first, second = map(ca.SX, turns)
             change = ca.dot(first, second) - ca.dot(first, relative.rotation @ second)
-            value = change / float(np.linalg.norm(np.cross(*turns)))
+            value = change / float(np.linalg.norm(np.cross(turns[0], turns[1])))
         elif len(turns) == 1:
             value = ca.dot(axis, ca.cross(ca.SX(turns[0]), relative.rotation @ ca.SX(turns[0])))
         else:
