@@ -130,7 +130,7 @@ class Joint(Part):
         position = None if self.position is None else pose.point(self.second, self.position)
         if self.successive:
             axis, axis2 = map(pose.rotated_vector, (self.first, self.second), self.rotation_axes)
-            if self.free is None:
+            if self.free is None and len(self.freedom) == 2:
                 return moved_joint(self, position, axis=axis, axis2=axis2)
             axes = _as_matrix(_successive_axes(self, np.array(axis), np.array(axis2), pose))
         elif self.axis is not None and self.along_axis:
@@ -267,7 +267,7 @@ def _as_matrix(axes: Array) -> Matrix3:
 
 
 def _successive_axes(joint: Joint, first_axis: Array, second_axis: Array, pose: Pose) -> Array:
-    """Axes of a custom joint with two successive rotations, from the axes that are fixed in its bodies."""
+    """Axes of a joint with two successive rotations and others, from the axes that are fixed in its bodies."""
     free = [DIRECTIONS.index(name) - 3 for name, _ in joint.freedom if name[0] == "r"]
     columns = [np.zeros(3)] * 3
     columns[free[0]], columns[free[1]] = first_axis, second_axis
@@ -283,7 +283,7 @@ def _successive_axes(joint: Joint, first_axis: Array, second_axis: Array, pose: 
             who = f"joint '{joint.name}'"
             raise NoWordsError(
                 f"{who}: its free rotations have turned against its locked translations, which no joint with "
-                f"free = {joint.free} can say in this pose. Make it of two joints with a small body between them.",
+                f"free = {tuple([name for name, _ in joint.freedom])} can say in this pose. Make it of two joints with a small body between them.",
                 element=who, field="free",
             )  # fmt: skip
     return axes

@@ -9,6 +9,7 @@ import numpy as np
 
 from mbsvib.elements.families import FAMILIES
 from mbsvib.elements.shared_rows import Expansion, SharedRows
+from mbsvib.errors import ModelError
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from mbsvib.elements.elastic_part import ElasticPart
 
 EXPANSIONS = {family.part: family.expand for family in FAMILIES if family.expand is not None}
-_ORDER = {part: i for i, part in enumerate(reversed(EXPANSIONS))}
 _EXPANDED = ("bodies", "joints", "springs", "outputs")
 M = TypeVar("M", bound=Mechanism)
 
@@ -39,7 +39,8 @@ def expanded(model: M) -> M:
     Raises
     ------
     ModelError
-        If gravity acts on a superelement whose mass matrix does not determine its weight.
+        If gravity acts on a superelement whose mass matrix does not determine its weight, or a force is asked of a
+        part that several others replace.
     """
     parts = [part for group in (model.composed, model.springs, model.outputs) for part in group.values()
              if type(part) in EXPANSIONS]  # fmt: skip
@@ -52,14 +53,22 @@ def expanded(model: M) -> M:
     mass: list[SharedRows] = []
     elastic: list[SharedRows] = []
     names = {part.name for part in owners}
+    order = list(EXPANSIONS)
     # family by family, beams last: the order of coordinates does not depend on the order of calls
-    for part in sorted(parts, key=lambda part: _ORDER[type(part)]):
+    for part in sorted(parts, key=lambda part: -order.index(type(part))):
         replacement = EXPANSIONS[type(part)](part, model.composed)
         for key, group in groups.items():
+            if part.name not in getattr(replacement, key) and group.get(part.name) is part:
+                del group[part.name]
             group.update(getattr(replacement, key))
             names.update(getattr(replacement, key) if key != "outputs" else ())
         mass += replacement.mass
         elastic += replacement.elastic
+    for output in groups["outputs"].values():
+        if output.element in model.springs and output.element not in groups["springs"]:
+            family = model.springs[output.element].family
+            raise ModelError(f"output '{output.name}': the {family} '{output.element}' acts by several elements and "
+                             f"has no force of its own.", element=output.name, field="element")  # fmt: skip
     nodes = frozenset(groups["bodies"]) - frozenset(model.bodies)
     expansion = Expansion(tuple(mass), tuple(elastic), nodes, owners, frozenset(names),
                           tuple([part.name for part in model.declared_parts]))  # fmt: skip
