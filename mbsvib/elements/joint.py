@@ -283,7 +283,8 @@ def _successive_axes(joint: Joint, first_axis: Array, second_axis: Array, pose: 
             who = f"joint '{joint.name}'"
             raise NoWordsError(
                 f"{who}: its free rotations have turned against its locked translations, which no joint with "
-                f"free = {tuple([name for name, _ in joint.freedom])} can say in this pose. Make it of two joints with a small body between them.",
+                f"free = {tuple([name for name, _ in joint.freedom])} can say in this pose. Make it of two joints with "
+                f"a small body between them.",
                 element=who, field="free",
             )  # fmt: skip
     return axes
