@@ -13,7 +13,6 @@ from mbsvib.elements.beam import Beam
 from mbsvib.elements.load import Gravity
 from mbsvib.elements.superelement import Superelement
 from mbsvib.elements.superelement_expansion import elastic_part
-from mbsvib.equilibrium.joints import ALONG_AXIS
 from mbsvib.linalg.vectors import cross, moved, wide
 from mbsvib.sensitivities.beam_rules import middle_rates, motion_slopes, numbers, slopes
 from mbsvib.sensitivities.internal_parameters import AXIS, MOTION, internal_parameters
@@ -292,7 +291,7 @@ def _by_axis(joint: Joint, turn: Array) -> Array:
     """How the axes of a joint turn with its first body (3, c): where it is given by its axis, they are those that the
     axis gives in each pose.
     """
-    if joint.axis is None or joint.kind not in ALONG_AXIS:
+    if joint.axis is None or not joint.along_axis:
         return turn
     line = np.array(joint.axes)[:, 2]
     return np.asarray(line_turn_rates(line[None])[0].T @ np.cross(turn, line, axisa=0).T)
