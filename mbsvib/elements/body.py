@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import IDENTITY, Matrix3, Vector
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.part import ParameterField, Part, rotation_field, vector_field
 from mbsvib.errors import ModelError
 
@@ -22,6 +23,7 @@ TRIANGLE_SLACK = 1e-6
 CLEARLY_VALID = 1e-6
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Body(Part):
     """A rigid body.

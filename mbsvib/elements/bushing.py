@@ -14,6 +14,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.connection import Connection, check_ends
 from mbsvib.elements.part import ParameterField, Part, rotation_field, spatial_field, vector_field
 from mbsvib.elements.preload_form import PreloadForm
@@ -42,6 +43,7 @@ FINITE = "values that are finite in this pose"
 _SIX = np.eye(6)
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Bushing(Connection):
     """A spatial spring-damper between ``first`` and ``second`` at ``position`` [m], in the axes ``orientation``.

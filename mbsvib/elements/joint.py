@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import DIRECTIONS, UNIT6, Matrix3, Vector
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.connection import check_ends
 from mbsvib.elements.part import ParameterField, Part, derived, rotation_field, vector_field
 from mbsvib.errors import ModelError, nearest
@@ -91,6 +92,7 @@ _INDEX = {direction: i for i, direction in enumerate(DIRECTIONS)}
 _SUBSPACES = {name: subspaces(kind.free) for name, kind in KINDS.items()}
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Joint(Part):
     """An ideal joint between ``first`` and ``second`` at ``position`` [m], axes Q = ``axes`` (columns, world).

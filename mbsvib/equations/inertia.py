@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from mbsvib.common.arguments import IDENTITY
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.rows import table
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rank import EPS, MASSLESS
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 _TENSOR = np.array((0, 3, 4, 3, 1, 5, 4, 5, 2))  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class SpatialInertia:
     """Square roots of the bodies' inertia: ``linear`` (..., bodies) of the masses, ``angular`` (..., bodies, 3, 3) F of

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements import BaseMotion, ForceOutput, Input
 from mbsvib.elements.ports import QUANTITIES
 from mbsvib.elements.rows import Rows
@@ -30,6 +31,7 @@ _BASE = ("m/s^2", "rad/s^2")
 _MOTION = (("m", "rad"), ("m/s", "rad/s"), _BASE)
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Ports:
     """Inputs and outputs as arrays: ``rows`` are those of force inputs, then those of motion outputs.

@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.fast_init import fast_init
+
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
 
 
+@fast_init
 @dataclass(frozen=True, repr=False, eq=False)
 class Matrices:
     """Matrices and factors of M q'' + C q' + K q = B u, y = Cq q + Cv q' + Ca q'' + D u, described in ``Equations``.

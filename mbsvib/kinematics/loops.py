@@ -14,6 +14,7 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from mbsvib.common.expected import names
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.rows import Rows
 from mbsvib.errors import ModelError, nearest
 from mbsvib.kinematics.loop_group import LoopGroup, check_gap, decided, measures, preference, redundant_rows
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     Arms = Callable[[Iterable[str]], float]
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Reduction:
     """Minimal coordinates: ``independent`` (m,) picks them from the joint coordinates, ``matrix`` (..., n, m) is B''.
@@ -68,6 +70,7 @@ class Reduction:
         return result
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Cuts:
     """The locked rows of the cut joints: ``rows``, their ``names`` and the number of the cut ``joint`` of each.

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.rows import columns
 from mbsvib.linalg.rank import LARGEST_ROUNDING, ZERO_MOTION
 from mbsvib.linalg.rotations import CYCLE
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 _FREE = tuple((d, tuple(float(i == j) for j in range(6))) for i, d in enumerate(("x", "y", "z", "rx", "ry", "rz")))
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Twists:
     """The joint coordinates of the tree as twists in world axes.
@@ -55,6 +57,7 @@ class Twists:
     pitch: float = 0.0
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Triplets:
     """A matrix of ``shape`` by its entries: ``row`` (ascending) and ``column`` (entries,), ``value`` (..., entries)."""

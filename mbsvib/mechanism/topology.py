@@ -12,6 +12,7 @@ from heapq import heappop, heappush
 from typing import TYPE_CHECKING, NamedTuple
 
 from mbsvib.common.expected import names
+from mbsvib.common.fast_init import fast_init
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ class Branch(NamedTuple):
     sign: int
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Topology:
     """A spanning tree in numbers: bodies and joints are numbered in the model's order, ground is ``len(bodies)``.

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.linalg import lapack
 
+from mbsvib.common.fast_init import fast_init
 from mbsvib.equations.unresisted_motion import completed_basis, product_with_zeros
 from mbsvib.linalg.products import weighted_gram
 from mbsvib.linalg.rank import EPS
@@ -68,6 +69,7 @@ class _Forms:
         return result.reshape(3, m, -1)
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Damped:
     """Damped modes in the basis ``shapes`` (m, m): ``pairs`` (m, 2) of eigenvalues, ``errors`` (m, 2) relative.

@@ -11,6 +11,7 @@ import numpy as np
 
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import real
+from mbsvib.common.fast_init import fast_init
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
 from mbsvib.modes.classical import NO_DAMPER, proportional
 from mbsvib.modes.damped import Damped, damped
@@ -38,6 +39,7 @@ MOVES = 1e-8
 SHARED_RADIUS = 1e-3
 
 
+@fast_init
 @dataclass(frozen=True, repr=False, eq=False)
 class Modes(Displayed):
     """The modes of a system, one for each degree of freedom or a choice of them, in ascending natural frequency.
