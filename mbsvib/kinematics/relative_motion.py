@@ -12,6 +12,7 @@ it as their first axis, (variants, ...).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body, Joint
     from mbsvib.elements.rows import Rows
-    from mbsvib.mechanism.topology import Topology
+    from mbsvib.mechanism.topology import Branch, Topology
 
 
 _FREE = tuple((d, tuple(float(i == j) for j in range(6))) for i, d in enumerate(("x", "y", "z", "rx", "ry", "rz")))
@@ -97,34 +98,45 @@ def twists(topology: Topology, bodies: list[Body]) -> Twists:
     They are in the order in which their joints were added, those of floating bodies last.
     """
     joints = topology.joints
+    order, path = _paths(topology.branches, tuple([len(joint.freedom) for joint in joints]))
     names: list[str] = []
     twist: list[tuple[float, ...]] = []
     turns: list[bool] = []
-    columns_of: dict[int, slice] = {}
-    for branch in sorted([b for b in topology.branches if b.joint != FLOATS], key=attrgetter("joint")):
-        joint = joints[branch.joint]
-        at = joint.point or bodies[branch.body].position
-        start = len(names)
-        for direction, six in joint.freedom:
-            names.append(f"{joint.name}.{direction}")
+    for branch in order:
+        if branch.joint == FLOATS:
+            name, at, freedom = topology.bodies[branch.body], bodies[branch.body].position, _FREE
+        else:
+            joint = joints[branch.joint]
+            name, at, freedom = joint.name, joint.point or bodies[branch.body].position, joint.freedom
+        for direction, six in freedom:
+            names.append(f"{name}.{direction}")
             twist.append(six + at)
             turns.append(direction[0] == "r")
-        columns_of[branch.joint] = slice(start, len(names))
-    path = np.zeros((len(bodies) + 1, len(names) + 6 * len(topology.floating)), dtype=np.int8)
-    for branch in topology.branches:
-        if branch.joint == FLOATS:
-            body = bodies[branch.body]
-            start = len(names)
-            names += [f"{body.name}.{direction}" for direction, _ in _FREE]
-            twist += [six + body.position for _, six in _FREE]
-            turns += [False] * 3 + [True] * 3
-            path[branch.body, start : start + 6] = 1
-        else:
-            path[branch.body] = path[branch.parent]
-            path[branch.body, columns_of[branch.joint]] = branch.sign
     entries = columns(twist, 9)
     return Twists(tuple(names), entries[:3], entries[3:6], entries[6:], path, np.array(turns, dtype=bool),
                   largest_pitch(joints))  # fmt: skip
+
+
+@lru_cache(maxsize=16)
+def _paths(branches: tuple[Branch, ...], freedoms: tuple[int, ...]) -> tuple[tuple[Branch, ...], NDArray[np.int8]]:
+    """The branches in the order of their coordinates, and ``Twists.path``.
+
+    Both depend on nothing but the tree and the numbers of coordinates of its joints, and are cached for mechanisms that
+    are built again with other values.
+    """
+    order = sorted([b for b in branches if b.joint != FLOATS], key=attrgetter("joint"))
+    order += [b for b in branches if b.joint == FLOATS]
+    columns_of, n = {}, 0
+    for branch in order:
+        width = 6 if branch.joint == FLOATS else freedoms[branch.joint]
+        columns_of[branch.body] = slice(n, n + width)
+        n += width
+    path = np.zeros((len(branches) + 1, n), dtype=np.int8)
+    for branch in branches:
+        path[branch.body] = path[branch.parent]
+        path[branch.body, columns_of[branch.body]] = branch.sign
+    path.setflags(write=False)
+    return tuple(order), path
 
 
 def largest_pitch(joints: Sequence[Joint]) -> float:
