@@ -194,7 +194,7 @@ def _is_nonzero(value: Six | Matrix6) -> bool:
 def coefficients(value: Any, who: str, field: str) -> Six | Matrix6:
     """Return stiffness or damping as six finite floats, or as a symmetric 6x6 matrix of them."""
     expected = "6 values (x y z rx ry rz) or a symmetric 6x6 matrix"
-    items = value.tolist() if hasattr(value, "tolist") else value
+    items = value if type(value) is tuple else value.tolist() if hasattr(value, "tolist") else value
     if not (hasattr(items, "__len__") and len(items) == 6 and hasattr(items[0], "__len__")):
         return check.numbers(items, (6,), who, field, expected)
     rows = check.square(items, 6, who, field, expected)

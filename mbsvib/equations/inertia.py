@@ -71,7 +71,7 @@ def spatial_inertia(bodies: Sequence[Body]) -> SpatialInertia:
     else:
         root = np.zeros((len(bodies), 3, 3))
         root.reshape(-1, 9)[:, ::4] = np.sqrt(entries[:, 1:4])
-    if any(body.orientation is not IDENTITY for body in bodies):
+    if any([body.orientation is not IDENTITY for body in bodies]):
         root = np.matmul(root, np.array([body.orientation for body in bodies]).transpose(0, 2, 1))
     return SpatialInertia(np.sqrt(entries[:, 0]), root, regular)
 
