@@ -1,8 +1,9 @@
 """Constructors of frozen dataclasses that cost a quarter of what ``dataclasses`` generates.
 
 A frozen class refuses ``self.name = name`` in its constructor too, so that ``dataclasses`` assigns every field by a
-call of ``object.__setattr__``. With ten fields that takes longer than all the checks of a part of a model. Here an
-object is of a subclass that is not frozen, and has the same memory layout, until all fields are assigned.
+call of ``object.__setattr__``. With ten fields that takes longer than all the checks of a part of a model. Here all
+fields are assigned at once where they are in a dictionary. Where they are in slots, an object is of a subclass that is
+not frozen, and has the same memory layout, until they are assigned.
 """
 
 from __future__ import annotations
@@ -29,8 +30,6 @@ def fast_init(cls: type[T]) -> type[T]:
         The same class.
     """
     usual: Any = cls.__init__
-    unfrozen = type(cls.__name__, (cls,), {"__slots__": (), "__setattr__": object.__setattr__,
-                                           "__delattr__": object.__delattr__})  # fmt: skip
     items = [item for item in fields(cls) if item.init]  # type: ignore[arg-type]
     positional = [item.name for item in items if not item.kw_only]
     by_name = [item.name for item in items if item.kw_only]
@@ -39,14 +38,23 @@ def fast_init(cls: type[T]) -> type[T]:
         f"def __init__(self, {', '.join([*positional, *(['*'] if by_name else []), *by_name])}):",
         "    if self.__class__ is not cls:",
         f"        return usual(self, {passed})",
-        "    change_class(self, '__class__', unfrozen)",
-        *[f"    self.{item.name} = {item.name}" for item in items],
-        "    self.__class__ = cls",
+        *(_to_dictionary if cls.__dictoffset__ else _to_slots)([item.name for item in items]),
         *(["    self.__post_init__()"] if hasattr(cls, "__post_init__") else []),
     ]
-    names: dict[str, Any] = {"cls": cls, "usual": usual, "unfrozen": unfrozen, "change_class": object.__setattr__}
+    names: dict[str, Any] = {"cls": cls, "usual": usual, "assign": object.__setattr__}
+    names["unfrozen"] = type(cls.__name__, (cls,), {"__slots__": (), "__setattr__": object.__setattr__,
+                                                    "__delattr__": object.__delattr__})  # fmt: skip
     exec("\n".join(source), names)  # of names of fields alone, as dataclasses makes constructors
     made = names["__init__"]
     made.__defaults__, made.__kwdefaults__ = usual.__defaults__, usual.__kwdefaults__
     cls.__init__ = update_wrapper(made, usual)  # type: ignore[method-assign]
     return cls
+
+
+def _to_dictionary(names: list[str]) -> list[str]:
+    return [f"    assign(self, '__dict__', {{{', '.join(f'{name!r}: {name}' for name in names)}}})"]
+
+
+def _to_slots(names: list[str]) -> list[str]:
+    return ["    assign(self, '__class__', unfrozen)", *[f"    self.{name} = {name}" for name in names],
+            "    self.__class__ = cls"]  # fmt: skip

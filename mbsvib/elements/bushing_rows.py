@@ -82,7 +82,7 @@ def _in_world(parts: Numbered, number: Mapping[str, int], which: Index, unit: Ar
     ends = columns([(number[b.first], number[b.second], i, *b.position) for i, b in parts], 6).take(which, axis=1)
     first, second, owner = ends[:3].astype(np.intp)
     both = np.ascontiguousarray(unit.T).reshape(2, 3, -1)
-    if any([part.orientation is not IDENTITY for _, part in parts]):
+    if any(part.orientation is not IDENTITY for _, part in parts):
         axes = columns([x + y + z for x, y, z in [part.orientation for _, part in parts]], 9).take(which, axis=1)
         both = (axes.reshape(3, 3, -1) * both[:, None]).sum(axis=2)
     force, moment = both

@@ -183,7 +183,7 @@ class Equations(Matrices):
     def __post_init__(self) -> None:
         for array in _arrays(self):
             if array is not None:
-                array.setflags(write=False)
+                array.setflags(False)
 
     @property
     def dof(self) -> int:

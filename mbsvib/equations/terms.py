@@ -64,12 +64,14 @@ MATRICES = _NAMES[: _NAMES.index("inertia_factor")]
 OPTIONAL = ("gyroscopic", "circulatory", "null_inertia")
 
 
+@fast_init
+@dataclass(frozen=True, repr=False, eq=False)
 class Terms(Matrices):
     """Matrices and factors during the assembly."""
 
     def named(self) -> dict[str, Any]:
         """Return all terms by their names."""
-        return {name: getattr(self, name) for name in _NAMES}
+        return dict(vars(self))
 
     def with_rows(self, rows: Array, stiffness: Array, owner: Index) -> Terms:
         """Return the terms with more rows of stiffness without damping, K + D^T diag(k) D.

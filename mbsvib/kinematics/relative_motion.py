@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.topology import Branch, Topology
 
 
+# Paths of up to this number of rows times coordinates are cached: a few megabytes in all.
+REMEMBERED = 20_000
 _FREE = tuple((d, tuple(float(i == j) for j in range(6))) for i, d in enumerate(("x", "y", "z", "rx", "ry", "rz")))
 
 
@@ -176,17 +178,16 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
 
     Source: Jiang, Chen & Luo (2011), the linear transformation of displacements between ports.
     """
-    sign = coordinates.path.take(rows.second, axis=0) - coordinates.path.take(rows.first, axis=0)
-    flat: Index = (sign != 0).reshape(-1).nonzero()[0]
-    width = max(1, sign.shape[1])
-    row = flat // width
-    column = flat - width * row
-    signs = sign.reshape(-1).take(flat)
+    path, first, second = (np.asarray(array, kind) for array, kind in (
+        (coordinates.path, np.int8), (rows.first, np.intp), (rows.second, np.intp)))  # fmt: skip
+    shape = len(first), path.shape[1]
+    entries = _entries if shape[0] * shape[1] <= REMEMBERED else _entries.__wrapped__
+    row, column, signs = entries(path.tobytes(), path.shape, first.tobytes(), second.tobytes())
     vectors = (rows.force, rows.moment, coordinates.linear, coordinates.angular, rows.point, coordinates.point)
     if sum([array.ndim for array in vectors]) > 12:
         value = _of_variants(vectors, row, column)
         value *= signs[:, None]
-        return Triplets(row, column, value.T, sign.shape)
+        return Triplets(row, column, value.T, shape)
     force, moment, point = (array.take(row, axis=1) for array in (rows.force, rows.moment, rows.point))
     linear, angular = coordinates.linear.take(column, axis=1), coordinates.angular.take(column, axis=1)
     start = coordinates.point.take(column, axis=1)
@@ -198,7 +199,24 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
     turned += force * linear
     value = (turned[0] + turned[1] + turned[2]) * signs
     clear_rounding(value, force, moment, linear, angular, point, start)
-    return Triplets(row, column, value, sign.shape)
+    return Triplets(row, column, value, shape)
+
+
+@lru_cache(maxsize=32)
+def _entries(path: bytes, shape: tuple[int, ...], first: bytes, second: bytes) -> tuple[Index, Index, NDArray[np.int8]]:
+    """Row, column and sign of each joint coordinate on the way from ``first`` to ``second``, of arrays by their bytes.
+
+    They depend on nothing but the tree and are cached for mechanisms that are built again with other values.
+    """
+    of_body = np.frombuffer(path, np.int8).reshape(shape)
+    ends = [of_body.take(np.frombuffer(end, np.intp), axis=0) for end in (first, second)]
+    sign = ends[1] - ends[0]
+    flat: Index = (sign != 0).reshape(-1).nonzero()[0]
+    row = flat // max(1, shape[1])
+    column, signs = flat - shape[1] * row, sign.reshape(-1).take(flat)
+    for array in (row, column, signs):
+        array.setflags(write=False)
+    return row, column, signs
 
 
 def _of_variants(vectors: tuple[Array, ...], row: Index, column: Index) -> Array:

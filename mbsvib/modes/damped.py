@@ -89,13 +89,14 @@ class Damped:
     slopes: Complex | None
 
 
-def damped(system: Equations, basis: Undamped, rtol: float) -> Damped | None:
-    """Return the damped modes, (lambda^2 M + lambda C + K) phi = 0.
+def damped(system: Equations, basis: Undamped, rtol: float, follows_stiffness: bool) -> Damped | None:
+    """Return the damped modes, (lambda^2 M + lambda C + K) phi = 0; ``follows_stiffness`` is the result of
+    ``proportional``.
 
     Pairs of eigenvalues are in ascending order of their natural frequency. The result is None if the undamped modes are
     too inaccurate to decide whether damping couples them, or to bound the errors: then more accurate ones are needed.
     """
-    reason, gamma = classical_damping(system, basis)
+    reason, gamma = classical_damping(system, basis, follows_stiffness)
     if reason == IN_DOUBT:
         return None
     if reason:

@@ -338,15 +338,16 @@ def modes(system: Equations, rtol: float = RTOL, clean: bool = True, form: type[
     """
     if is_general(system):
         return _without_symmetry(system, rtol, form)
-    basis = undamped(system, rtol, clean, coupled=not proportional(system))
-    result = damped(system, basis, rtol)
+    follows_stiffness = proportional(system)
+    basis = undamped(system, rtol, clean, coupled=not follows_stiffness)
+    result = damped(system, basis, rtol, follows_stiffness)
     if result is None:
         basis = undamped(system, rtol)
-        result = damped(system, basis, rtol)
+        result = damped(system, basis, rtol, follows_stiffness)
     assert result is not None  # clean shapes always give a result
     if basis.uncertainty > max(TIGHTER * rtol, ROUNDING) and float(result.errors.max(initial=0.0)) > rtol:
         basis = undamped(system, TIGHTER * rtol)
-        result = damped(system, basis, rtol) or result
+        result = damped(system, basis, rtol, follows_stiffness) or result
     shapes = result.shapes if result.vectors is None else result.shapes @ result.vectors[:, :, 0]
     if result.vectors is not None:
         largest = shapes[np.abs(shapes).argmax(axis=0), np.arange(system.dof)]
