@@ -84,7 +84,7 @@ def _in_world(parts: Numbered, number: Mapping[str, int], which: Index, unit: Ar
     both = np.ascontiguousarray(unit.T).reshape(2, 3, -1)
     if any(part.orientation is not IDENTITY for _, part in parts):
         axes = columns([x + y + z for x, y, z in [part.orientation for _, part in parts]], 9).take(which, axis=1)
-        both = (axes.reshape(3, 3, -1) * both[:, None]).sum(axis=2)
+        both = np.einsum("abn,cbn->can", axes.reshape(3, 3, -1), both)
     force, moment = both
     return ElementRows(Rows(first, second, ends[3:], force, moment), k, c, owner, unit)
 

@@ -7,7 +7,8 @@ decides which rows are redundant and which joint coordinates are dependent; the 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -178,6 +179,17 @@ def _groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
     touched = coordinates.path.take(second, axis=0) != coordinates.path.take(first, axis=0)
     if cuts.couplings is not None:
         touched = np.concatenate((touched, cuts.couplings.touched))
+    ends = [*cuts.start.tolist(), *range(len(cuts.rows.first), len(cuts.names) + 1)]
+    return _connected(touched.tobytes(), touched.shape, tuple(ends))
+
+
+@lru_cache(maxsize=32)
+def _connected(touches: bytes, shape: tuple[int, int], ends: tuple[int, ...]) -> list[tuple[Index, Index]]:
+    """Rows and columns of groups of loops (loops, n) that touch the same coordinates; rows of a loop start at ``ends``.
+
+    They depend on nothing but the tree and are cached for mechanisms that are built again with other values.
+    """
+    touched = np.frombuffer(touches, bool).reshape(shape)
     groups: list[tuple[int, list[int]]] = []
     for loop, bits in enumerate(np.packbits(touched, axis=1)):
         # the coordinates that a loop touches as bits of one integer: an intersection is a single operation
@@ -189,15 +201,11 @@ def _groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
             else:
                 separate.append((known_mask, members))
         groups = [*separate, (mask, loops)]
-    row = np.arange(len(cuts.names))
-    if len(groups) == 1:
-        return [(row, touched.any(axis=0).nonzero()[0])]
-    ends = [*cuts.start.tolist(), *range(len(cuts.rows.first), len(row) + 1)]
-    return [
-        (row[ends[loops[0]] : ends[loops[0] + 1]], touched[loops[0]].nonzero()[0]) if len(loops) == 1 else
-        (np.concatenate([row[ends[loop] : ends[loop + 1]] for loop in loops]), touched[loops].any(axis=0).nonzero()[0])
-        for _, loops in groups
-    ]  # fmt: skip
+    result = [(np.concatenate([np.arange(ends[loop], ends[loop + 1]) for loop in sorted(loops)]),
+               touched[loops].any(axis=0).nonzero()[0]) for _, loops in groups]  # fmt: skip
+    for indices in chain.from_iterable(result):
+        indices.setflags(write=False)
+    return result
 
 
 @dataclass(frozen=True, slots=True)

@@ -275,7 +275,8 @@ def _rayleigh(
         brakes, r = forms.matrices[1].diagonal()[: basis.rigid, None], slice(basis.rigid)
         y[r] -= np.divide(residual[r], brakes * improved, out=np.zeros_like(y[r]), where=brakes * speed > 0.0)
     y *= 1.0 / _lengths(y)
-    exact_slope = np.einsum("ij,ij->j", y, 2.0 * improved * y + forms.of(y)[1])
+    damping = forms.matrices[1].dot(y.view(float)).view(complex)
+    exact_slope = np.einsum("ij,ij->j", y, 2.0 * improved * y + damping)
     return improved, y, exact_slope, bound, reducible
 
 
