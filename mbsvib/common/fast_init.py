@@ -8,7 +8,7 @@ not frozen, and has the same memory layout, until they are assigned.
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from functools import update_wrapper
 from typing import Any, TypeVar
 
@@ -21,8 +21,8 @@ def fast_init(cls: type[T]) -> type[T]:
     Parameters
     ----------
     cls : type
-        A frozen dataclass without factories of defaults. Classes derived from it keep its usual constructor, unless
-        they are decorated themselves.
+        A frozen dataclass; all fields are arguments, and no default is made by a factory. Classes derived from it
+        keep its usual constructor, unless they are decorated themselves.
 
     Returns
     -------
@@ -30,7 +30,10 @@ def fast_init(cls: type[T]) -> type[T]:
         The same class.
     """
     usual: Any = cls.__init__
-    items = [item for item in fields(cls) if item.init]  # type: ignore[arg-type]
+    plain = {"__slots__": (), "__setattr__": object.__setattr__, "__delattr__": object.__delattr__}
+    unfrozen = None if cls.__dictoffset__ else type(cls.__name__, (cls,), plain)
+    items = fields(cls)  # type: ignore[arg-type]
+    assert all(item.init and item.default_factory is MISSING for item in items)
     positional = [item.name for item in items if not item.kw_only]
     by_name = [item.name for item in items if item.kw_only]
     passed = ", ".join([*positional, *[f"{name}={name}" for name in by_name]])
@@ -38,14 +41,12 @@ def fast_init(cls: type[T]) -> type[T]:
         f"def __init__(self, {', '.join([*positional, *(['*'] if by_name else []), *by_name])}):",
         "    if self.__class__ is not cls:",
         f"        return usual(self, {passed})",
-        *(_to_dictionary if cls.__dictoffset__ else _to_slots)([item.name for item in items]),
+        *(_to_slots if unfrozen else _to_dictionary)([item.name for item in items]),
         *(["    self.__post_init__()"] if hasattr(cls, "__post_init__") else []),
     ]
-    names: dict[str, Any] = {"cls": cls, "usual": usual, "assign": object.__setattr__}
-    names["unfrozen"] = type(cls.__name__, (cls,), {"__slots__": (), "__setattr__": object.__setattr__,
-                                                    "__delattr__": object.__delattr__})  # fmt: skip
+    names = {"cls": cls, "unfrozen": unfrozen, "usual": usual, "assign": object.__setattr__}
     exec("\n".join(source), names)  # of names of fields alone, as dataclasses makes constructors
-    made = names["__init__"]
+    made: Any = names["__init__"]
     made.__defaults__, made.__kwdefaults__ = usual.__defaults__, usual.__kwdefaults__
     cls.__init__ = update_wrapper(made, usual)  # type: ignore[method-assign]
     return cls

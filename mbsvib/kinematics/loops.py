@@ -202,7 +202,7 @@ def _connected(touches: bytes, shape: tuple[int, int], ends: tuple[int, ...]) ->
                 separate.append((known_mask, members))
         groups = [*separate, (mask, loops)]
     result = [(np.concatenate([np.arange(ends[loop], ends[loop + 1]) for loop in sorted(loops)]),
-               touched[loops].any(axis=0).nonzero()[0]) for _, loops in groups]  # fmt: skip
+               np.asarray(touched[loops].any(axis=0)).nonzero()[0]) for _, loops in groups]  # fmt: skip
     for indices in chain.from_iterable(result):
         indices.setflags(write=False)
     return result
