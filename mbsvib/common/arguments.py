@@ -79,7 +79,8 @@ def numbers(value: Any, sizes: tuple[int, ...], who: str, field: str, expected: 
         result = tuple(map(float, items))
     except (TypeError, ValueError, OverflowError) as error:
         raise refuse(who, field, value, expected) from error
-    if not all(map(isfinite, result)):
+    # a finite sum has finite terms; where it is not finite, it may have overflowed
+    if not isfinite(sum(result)) and not all(map(isfinite, result)):
         hint = "NaN and infinity are not values a mechanism can have."
         raise refuse(who, field, value, expected, hint)
     return result

@@ -10,6 +10,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import IDENTITY, Matrix3, Vector
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.part import ParameterField, Part, rotation_field, vector_field
 from mbsvib.errors import ModelError
 
@@ -28,6 +29,7 @@ CLEARLY_VALID = 1e-6
 SAFETY = 0.9
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Body(Part):
     """A rigid body.

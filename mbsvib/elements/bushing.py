@@ -14,6 +14,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.connection import Connection, check_ends
 from mbsvib.elements.part import ParameterField, Part, rotation_field, spatial_field, vector_field
 from mbsvib.elements.preload_form import PreloadForm
@@ -42,6 +43,7 @@ FINITE = "values that are finite in this pose"
 _SIX = np.eye(6)
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Bushing(Connection):
     """A spatial spring-damper between ``first`` and ``second`` at ``position`` [m], in the axes ``orientation``.
@@ -209,7 +211,7 @@ def _is_nonzero(value: Six | Matrix6) -> bool:
 def coefficients(value: Any, who: str, field: str) -> Six | Matrix6:
     """Return stiffness or damping as six finite floats, or as a symmetric 6x6 matrix of them."""
     expected = "6 values (x y z rx ry rz) or a symmetric 6x6 matrix"
-    items = value.tolist() if hasattr(value, "tolist") else value
+    items = value if type(value) is tuple else value.tolist() if hasattr(value, "tolist") else value
     if not (hasattr(items, "__len__") and len(items) == 6 and hasattr(items[0], "__len__")):
         return check.numbers(items, (6,), who, field, expected)
     rows = check.square(items, 6, who, field, expected)

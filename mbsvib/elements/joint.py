@@ -10,6 +10,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import DIRECTIONS, UNIT6, Matrix3, Vector
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.connection import check_ends
 from mbsvib.elements.joint_kinds import KINDS, NEEDS_NO_POINT, SUBSPACES, Named, Six, subspaces
 from mbsvib.elements.part import ParameterField, Part, derived, rotation_field, vector_field
@@ -33,6 +34,7 @@ SKEWED = 1e-12
 _INDEX = {direction: i for i, direction in enumerate(DIRECTIONS)}
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Joint(Part):
     """An ideal joint between ``first`` and ``second`` at ``position`` [m], axes Q = ``axes`` (columns, world).

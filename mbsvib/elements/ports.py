@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.part import Part, derived
 from mbsvib.errors import ModelError, nearest
 
@@ -57,6 +58,7 @@ class Port(Signal):
         return replace(self, position=pose.point(self.body, self.position))
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Input(Port):
     """A force [N] or torque [N m] on ``body`` (and its reaction on ``relative_to``)."""
@@ -73,6 +75,7 @@ class Input(Port):
         return _unit(self.wrench, _FORCE)
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Output(Port):
     """A displacement, velocity or acceleration of ``body`` relative to ``relative_to``.

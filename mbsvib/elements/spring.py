@@ -10,6 +10,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.connection import Connection, check_ends, line_between, line_force
 from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.part import ParameterField, Part, derived, vector_field
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 ROUNDING = 1e-15
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Spring(Connection):
     """A spring-damper along the line from ``start`` on ``first`` to ``end`` on ``second`` [m, world axes].

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.base_motion import check_rotation, ground_motion, inertia_of_ground_motion
 from mbsvib.errors import ModelError
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.mechanism import Mechanism
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Ports:
     """Inputs and outputs as arrays: ``rows`` are those of force inputs, then those of motion outputs.

@@ -16,7 +16,6 @@ import numpy as np
 
 from mbsvib.errors import SingularPoseError
 from mbsvib.kinematics.body_motion import body_motion
-from mbsvib.kinematics.loops import scaled
 from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import NEIGHBOUR_PIVOT, NEIGHBOUR_STEP, PARALLEL_AXES, RANK_FACTOR
@@ -85,7 +84,8 @@ def check_mobility(
     phi = phi_nearby(topology, coordinates, cuts, reduction, position, crossing, rods)
     for group in groups:
         scale = np.where(coordinates.turns[group.columns], 1.0, group.length)
-        qr, _, _ = pivoted_qr(scaled(phi[group.rows[:, None], group.columns], cuts, group.rows, scale, group.length))
+        row_scale = cuts.row_scale(group.length).take(group.rows)[:, None]
+        qr, _, _ = pivoted_qr(phi[group.rows[:, None], group.columns] * row_scale * scale)
         pivots = np.abs(qr.diagonal())
         limit = max(NEIGHBOUR_PIVOT, RANK_FACTOR * group.noise)
         rank = int(np.count_nonzero(pivots > limit * max(1.0, float(pivots.max(initial=0.0)))))

@@ -11,6 +11,7 @@ import numpy as np
 
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import real
+from mbsvib.common.fast_init import fast_init
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
 from mbsvib.modes.classical import NO_DAMPER, proportional
 from mbsvib.modes.damped import Damped, damped
@@ -38,6 +39,7 @@ MOVES = 1e-8
 SHARED_RADIUS = 1e-3
 
 
+@fast_init
 @dataclass(frozen=True, repr=False, eq=False)
 class Modes(Displayed):
     """The modes of a system, one for each degree of freedom or a choice of them, in ascending natural frequency.
@@ -336,15 +338,16 @@ def modes(system: Equations, rtol: float = RTOL, clean: bool = True, form: type[
     """
     if is_general(system):
         return _without_symmetry(system, rtol, form)
-    basis = undamped(system, rtol, clean, coupled=not proportional(system))
-    result = damped(system, basis, rtol)
+    follows_stiffness = proportional(system)
+    basis = undamped(system, rtol, clean, coupled=not follows_stiffness)
+    result = damped(system, basis, rtol, follows_stiffness)
     if result is None:
         basis = undamped(system, rtol)
-        result = damped(system, basis, rtol)
+        result = damped(system, basis, rtol, follows_stiffness)
     assert result is not None  # clean shapes always give a result
     if basis.uncertainty > max(TIGHTER * rtol, ROUNDING) and float(result.errors.max(initial=0.0)) > rtol:
         basis = undamped(system, TIGHTER * rtol)
-        result = damped(system, basis, rtol) or result
+        result = damped(system, basis, rtol, follows_stiffness) or result
     shapes = result.shapes if result.vectors is None else result.shapes @ result.vectors[:, :, 0]
     if result.vectors is not None:
         largest = shapes[np.abs(shapes).argmax(axis=0), np.arange(system.dof)]
