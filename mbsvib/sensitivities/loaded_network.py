@@ -36,6 +36,7 @@ from mbsvib.sensitivities.transmitted_wrenches import joint_release_motion, tran
 from mbsvib.sensitivities.variables import FieldLayout
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
     from scipy.sparse import csr_array
 
     from mbsvib.common.arrays import Array, Index
@@ -78,6 +79,13 @@ class LoadedNetwork:
     def size(self) -> int:
         """Number of rows: all parameters, then the motions of the pose."""
         return self.changes.count + int(self.motions.shape[2])
+
+    @cached_property
+    def relaxing(self) -> NDArray[np.bool_]:
+        """Coordinates (m,) along which nothing moves but nodes between springs and dampers of Maxwell elements."""
+        nodes = {part.node for part in self.network.maxwell_elements.values()}
+        others = [body.name not in nodes for body in self.network.bodies]
+        return ~self.motions[others, :, : self.dof].any(axis=(0, 1))
 
     def add_forms(self, result: Field, left: Fields, right: Fields | None = None) -> None:
         """Add to x^T (dT/dp) y what the forces at the pose do to it, in place.

@@ -138,10 +138,15 @@ class Network:
         return {name: rows - len(names) + k for k, name in enumerate(names)}
 
     @cached_property
+    def maxwell_elements(self) -> dict[str, Maxwell]:
+        """The Maxwell elements by their names."""
+        return {part.name: part for part in self.parts if isinstance(part, Maxwell)}
+
+    @cached_property
     def maxwell_lines(self) -> dict[str, dict[str, int]]:
         """Numbers of the springs that coefficients of each Maxwell element make, by the fields of these."""
-        return {part.name: {field: self.spring_number[line_name(part, field)] for field in LINES}
-                for part in self.parts if isinstance(part, Maxwell)}  # fmt: skip
+        return {name: {field: self.spring_number[line_name(part, field)] for field in LINES}
+                for name, part in self.maxwell_elements.items()}  # fmt: skip
 
     @cached_property
     def carriers_of_force(self) -> list[tuple[Part, int]]:
