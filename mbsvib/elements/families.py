@@ -93,6 +93,11 @@ _MAKERS = {family.part: family.make for family in FAMILIES if family.make is not
 _ROWS = {family.part: family.rows for family in FAMILIES if family.rows is not None}
 
 
+def has_rows(part: Part) -> bool:
+    """Tell whether a part is a connection with rows of its own."""
+    return type(part) in _ROWS
+
+
 def connection_rows(parts: Iterable[Connection], number: Mapping[str, int]) -> ElementRows:
     """Return the rows of all connections.
 

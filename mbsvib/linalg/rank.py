@@ -118,3 +118,9 @@ FREE_PIVOT = 1e-13
 DAMPED_FREE_MOTION = 1e3 * EPS
 # A pole decays if its real part is below minus this share of its size.
 DECAYS = 1e-12
+
+# Sensitivities.
+# Slopes of the numbers that a part is made of below this share of the largest of their kind are what differences leave.
+ZERO_SLOPE = 1e-11
+# Slopes that differ by more than this share with the step are those of what jumps; extrapolated ones agree to 1e-12.
+AGREEING_SLOPES = 1e-8
