@@ -216,8 +216,7 @@ class Run(Displayed):
         """
         from mbsvib.common.csv_columns import write_columns
 
-        table = self.table()
-        return write_columns(path, list(table), list(table.values()))
+        return write_columns(path, self.table())
 
     def table(self) -> dict[str, Array]:
         """Return time, outputs, coordinates and energies as columns (n,) by name."""

@@ -90,8 +90,7 @@ class Cycle(CycleData):
         """
         from mbsvib.common.csv_columns import write_columns
 
-        columns = self.columns()
-        return write_columns(path, list(columns), list(columns.values()))
+        return write_columns(path, self.columns())
 
     def sensitivities(self, parameters: Any = None) -> CycleSensitivities:
         """Return exact derivatives of torques, reactions, shaking force and moment to parameters.
