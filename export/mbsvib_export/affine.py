@@ -47,25 +47,7 @@ class Affine:
 
 
 def origin_of(system: System, caller: str) -> Any:
-    """Return the model of a system whose equations depend on its parameters alone.
-
-    Parameters
-    ----------
-    system : System
-        The equations of motion.
-    caller : str
-        Function that the user called, for messages.
-
-    Returns
-    -------
-    Model
-        The model that was linearized.
-
-    Raises
-    ------
-    ExportError
-        If the system is not one that ``model.linearize`` returned.
-    """
+    """Return the model of a system whose equations depend on its parameters alone."""
     origin = system.provenance.origin
     if origin is None or system.provenance.removed is not None:
         raise ExportError(f"{caller}: '{system.name}' is not a system that model.linearize() returned, so that nothing "
@@ -76,26 +58,8 @@ def origin_of(system: System, caller: str) -> Any:
 def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
     """Return the derivatives of the equations to parameters on which they depend affinely.
 
-    Parameters
-    ----------
-    system : System
-        The equations of motion, as ``model.linearize()`` returned them.
-    parameters : sequence of str
-        Names or patterns (``"leg*.k.stiffness"``).
-    caller : str
-        Name of the exporter, for messages.
-
-    Returns
-    -------
-    Affine
-        Names, units, values and derivatives.
-
-    Raises
-    ------
-    ExportError
-        If the equations are not affine in a parameter, or the system is not one that a model gave.
-    ModelError
-        If a parameter is unknown.
+    ``system``: the equations of motion, as ``model.linearize()`` returned them. ``parameters``: names or patterns
+    (``"leg*.k.stiffness"``).
     """
     origin = origin_of(system, caller)
     known = origin.parameters

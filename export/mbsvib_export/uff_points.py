@@ -103,16 +103,9 @@ def _scalar_key(port: Part) -> Hashable:
 def geometry_of(linear: Any) -> Geometry:
     """Return nodes and directions of a system.
 
-    Parameters
-    ----------
-    linear : System, ClosedLoop, StateSpace or SystemData
-        The equations. A closed loop has the geometry of its plant; those from a file or from matrices alone know none,
-        and each port has a node of its own.
-
-    Returns
-    -------
-    Geometry
-        Nodes of the bodies first, in the order of ``system.bodies``, then those of the ports.
+    ``linear``: the equations. A closed loop has the geometry of its plant; those from a file or from matrices alone
+    know none, and each port has a node of its own. Nodes of the bodies come first, in the order of ``system.bodies``,
+    then those of the ports.
     """
     system = linear.plant.system if kind_of(linear) == "closed loop" else linear
     parts = system.provenance.parts if isinstance(system, System) else ()

@@ -313,22 +313,7 @@ class Run(Displayed):
 
 
 def run_of(name: str, trace: Trace, complete: bool) -> Run:
-    """Return a run by the trace of its states.
-
-    Parameters
-    ----------
-    name : str
-        Name of the model.
-    trace : Trace
-        Its states.
-    complete : bool
-        Whether it came to its end.
-
-    Returns
-    -------
-    Run
-        What can be asked of it.
-    """
+    """Return a run by the trace of its states."""
     at = trace.values()
     arrays = [trace.time, at.coordinates, at.rates, at.kinetic, at.potential, at.work, *at.outputs.values()]
     for array in arrays:

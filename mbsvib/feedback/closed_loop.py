@@ -233,27 +233,7 @@ class ClosedLoop(FeedbackLoop):
 
 
 def close(plant: LoopPlant, *controllers: Controller, form: type[ClosedLoop] = ClosedLoop) -> ClosedLoop:
-    """Return a plant with its loops closed.
-
-    Parameters
-    ----------
-    plant : LoopPlant
-        The plant with actuators and sensors.
-    *controllers : Controller
-        Controllers that act together.
-    form : type
-        The class of the loop.
-
-    Returns
-    -------
-    ClosedLoop
-        Poles, responses, margins.
-
-    Raises
-    ------
-    ResponseError
-        If there is no controller, or one names an unknown sensor or actuator.
-    """
+    """Return a plant with its loops closed."""
     if not controllers:
         raise ResponseError("closed loop: no controller is given; make one by force_feedback, skyhook, controller, ...")
     system = plant.system
@@ -275,26 +255,9 @@ def feedback(
 ) -> ClosedLoop:
     """Return a system or state space with a controller that feeds outputs back to inputs, u = w + K y.
 
-    Parameters
-    ----------
-    system : System or StateSpace
-        The plant.
-    controller : Controller, StateSpace, control.StateSpace, control.TransferFunction or array-like
-        From sensors to actuators; an array has the shape (actuators, sensors).
-    sensors, actuators : str or sequence of str, optional
-        Names or patterns of outputs and inputs; default: the names that the controller has.
-    name : str, optional
-        Name of the controller in tables.
-
-    Returns
-    -------
-    ClosedLoop
-        The closed loop.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown, shapes do not match, or the controller is discrete.
+    ``controller``: from sensors to actuators; an array has the shape (actuators, sensors). ``sensors``, ``actuators``:
+    names or patterns of outputs and inputs; default: the names that the controller has. ``name``: name of the
+    controller in tables.
     """
     return close(SystemPlant(system), as_controller(controller, system, sensors, actuators, name))
 

@@ -32,19 +32,9 @@ CROSSING = 1e-5  # share of a pole's magnitude; poles that pass each other at a 
 def matched(first: Spectrum, second: Spectrum, modes: NDArray[np.bool_]) -> tuple[Index, bool]:
     """Return which poles of the second gain continue those of the first, and whether this is certain.
 
-    Parameters
-    ----------
-    first, second : Spectrum
-        Poles at two gains.
-    modes : array of bool, shape (n,)
-        Poles of the first gain that were modes at the outset.
-
-    Returns
-    -------
-    order : array, shape (n,)
-        ``second.values[order]`` continue ``first.values``.
-    certain : bool
-        Whether place and slope tell this order from all others. If not, the step must be shorter.
+    ``modes`` (n,): poles of the first gain that were modes at the outset. Returns order (n,): ``second.values[order]``
+    continue ``first.values``; certain: whether place and slope tell this order from all others. If not, the step must
+    be shorter.
     """
     from scipy.optimize import linear_sum_assignment
 

@@ -92,25 +92,7 @@ class SampledLoop(StudyFigures, sampled.SampledLoop):
 
 
 def close(plant: Plant, *controllers: Controller) -> ClosedLoop:
-    """Return a plant of a study with its loops closed.
-
-    Parameters
-    ----------
-    plant : Plant
-        The mechanism with actuators and sensors.
-    *controllers : Controller
-        Controllers that act together.
-
-    Returns
-    -------
-    ClosedLoop
-        Poles, responses, margins, figures.
-
-    Raises
-    ------
-    ResponseError
-        If there is no controller, or one names an unknown sensor or actuator.
-    """
+    """Return a plant of a study with its loops closed."""
     loop = closed_loop.close(plant, *controllers, form=ClosedLoop)
     assert isinstance(loop, ClosedLoop)
     return loop

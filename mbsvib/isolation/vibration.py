@@ -189,24 +189,7 @@ class Vibration(Displayed):
 def vibration(study: Figures, noise: BaseNoise, band: tuple[float, float] | None) -> Vibration:
     """Return root mean squares of a study's body, strokes and forces.
 
-    Parameters
-    ----------
-    study : Figures
-        The mechanism, its loops open or closed.
-    noise : BaseNoise
-        What shakes the base.
-    band : (float, float) or None
-        First and last frequency [Hz]; None: all.
-
-    Returns
-    -------
-    Vibration
-        Root mean squares.
-
-    Raises
-    ------
-    ResponseError
-        If the system is unstable, or correlated noise has no last frequency and no band is given.
+    ``band``: first and last frequency [Hz]; None: all.
     """
     legs = study.scene.legs
     outputs = [*ACCELERATIONS, *(leg.stroke for leg in legs), *(leg.force for leg in legs)]

@@ -125,20 +125,8 @@ class BatchModes(Displayed):
 def batch_modes(batch: BatchEquations, rtol: float = RTOL, form: type[Modes] = Modes) -> BatchModes:
     """Return the modes of all variants, (lambda^2 M_i + lambda C_i + K_i) phi = 0.
 
-    Parameters
-    ----------
-    batch : BatchEquations
-        The variants.
-    rtol : float
-        Required relative accuracy of every eigenvalue; variants that the common solution does not solve to it are
-        solved separately.
-    form : type
-        The class of the modes of single variants.
-
-    Returns
-    -------
-    BatchModes
-        Eigenvalues, shapes and error estimates.
+    ``rtol``: required relative accuracy of every eigenvalue; variants that the common solution does not solve to it are
+    solved separately.
     """
     if not batch.symmetric:
         return _solved_separately(batch, rtol, form)

@@ -135,15 +135,7 @@ def _sorted(
 def rigid_shapes(state: EnergyState) -> tuple[Array, Array]:
     """Return the motions without stiffness: those that come to rest, and those in chains, which drift.
 
-    Parameters
-    ----------
-    state : EnergyState
-        The equations in energy coordinates.
-
-    Returns
-    -------
-    tuple of array, shape (m, r)
-        Both, as displacements.
+    Returns (m, r): both, as displacements.
     """
     if state.long:  # motions cannot be assigned to chains: take as many as there are pairs of zeros
         u = np.linalg.svd(state.show @ state.right)[0]

@@ -75,19 +75,7 @@ class StateModes(Modes):
 def state_modes(a: Array, name: str, states: tuple[str, ...]) -> StateModes:
     """Return the modes of a state matrix.
 
-    Parameters
-    ----------
-    a : array, shape (n, n)
-        State matrix.
-    name : str
-        Name for the table.
-    states : tuple of str
-        Names of the states.
-
-    Returns
-    -------
-    StateModes
-        Eigenvalues, shapes and error bounds.
+    ``a`` (n, n): state matrix.
     """
     from scipy.linalg import eig, matrix_balance
 

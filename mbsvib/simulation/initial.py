@@ -23,25 +23,8 @@ LONGEST, OPEN = 0.05, 1e-11
 def initial_state(run: Session, displaced: Any, time: float) -> State:
     """Return the state in which a run starts.
 
-    Parameters
-    ----------
-    run : Session
-        What to integrate.
-    displaced : mapping of str to number or (number, number), or None
-        Displacement [m, rad] of coordinates from the pose as described, or displacement and rate. Coordinates that are
-        not named are 0, or as near to it as loops allow.
-    time : float
-        When [s].
-
-    Returns
-    -------
-    State
-        With loops closed.
-
-    Raises
-    ------
-    ModelError
-        If a name is unknown or the loops cannot be closed with these values.
+    ``displaced``: displacement [m, rad] of coordinates from the pose as described, or displacement and rate.
+    Coordinates that are not named are 0, or as near to it as loops allow. ``time``: when [s].
     """
     q, qd = np.zeros(len(run.names)), np.zeros(len(run.names))
     displaced = {} if displaced is None else displaced

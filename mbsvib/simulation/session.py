@@ -68,31 +68,7 @@ class Session:
 
 
 def session(model: Mechanism, statement: FiniteMotion, signals: Signals, tolerance: float) -> Session:
-    """Return a mechanism that is ready to be integrated.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    statement : FiniteMotion
-        Its energies and forces, with bases.
-    signals : Signals
-        Its inputs.
-    tolerance : float
-        Error of results that is asked for.
-
-    Returns
-    -------
-    Session
-        Equations and integrator.
-
-    Raises
-    ------
-    SingularPoseError
-        If loops have another number of degrees of freedom in the pose as described than next to it.
-    ModelError
-        If a motion has no inertia.
-    """
+    """Return a mechanism that is ready to be integrated."""
     motion = statement.motion
     size = size_of(model)
     scale = np.where(motion.turns, 1.0, size)

@@ -40,28 +40,9 @@ def simulate(
 ) -> tuple[Trace, bool]:  # fmt: skip
     """Return the trace of a nonlinear time response; see ``Model.simulate``.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The model.
-    t, inputs, initial, without, tolerance, until, progress
-        As in ``Model.simulate``.
-    failed : callable
-        Makes the run that an error carries of the trace until then.
-
-    Returns
-    -------
-    Trace
-        States at the times.
-    bool
-        Whether it came to the last one, or to an event.
-
-    Raises
-    ------
-    ModelError
-        If what was given is refused.
-    SimulationError
-        If a step cannot be taken.
+    ``t``, ``inputs``, ``initial``, ``without``, ``tolerance``, ``until``, ``progress``: as in ``Model.simulate``.
+    ``failed``: makes the run that an error carries of the trace until then. Returns states at the times; whether it
+    came to the last one, or to an event.
     """
     time = _times(t)
     error = check.number(tolerance, "simulate", "tolerance", f"a number between {LEAST:g} and {MOST:g}")

@@ -101,21 +101,8 @@ def as_described(
 ) -> tuple[Array, Array]:
     """Return tree coordinates and rates (samples, n) as displacements from the pose as described.
 
-    Parameters
-    ----------
-    q, qd : array, shape (samples, n)
-        Coordinates on top of bases, and their rates.
-    time : array, shape (samples,)
-        When [s].
-    bases : sequence of array, shape (9 b,)
-        The bases of each sample.
-    turning : sequence of Turning
-        Joints that have one.
-
-    Returns
-    -------
-    tuple of two arrays, shape (samples, n)
-        The same with rotation vectors of whole rotations.
+    ``q``, ``qd`` (samples, n): coordinates on top of bases, and their rates. ``time`` (samples,): when [s]. ``bases``
+    (9 b,): the bases of each sample. Returns (samples, n): the same with rotation vectors of whole rotations.
     """
     result, rates = np.array(q), np.array(qd)
     for joint in turning:

@@ -47,26 +47,8 @@ def restarted_sample(run: Session, state: State, bases: Array) -> Sample:
 def march(run: Session, start: Sample, interrupted: Callable[[], bool]) -> Iterator[Sample]:
     """Go through the intervals of the inputs and yield the state at the end of each.
 
-    Parameters
-    ----------
-    run : Session
-        What to integrate.
-    start : Sample
-        Where to start.
-    interrupted : callable
-        Whether there was an interrupt from the keyboard, which the integrator turns into an error of its own.
-
-    Returns
-    -------
-    iterator of Sample
-        The state at each of the breaks but the first.
-
-    Raises
-    ------
-    SimulationError
-        If a step cannot be taken.
-    KeyboardInterrupt
-        If there was an interrupt.
+    ``interrupted``: whether there was an interrupt from the keyboard, which the integrator turns into an error of its
+    own.
     """
     breaks, coefficients = run.signals.breaks, run.signals.coefficients
     sample, k, count = start, 0, FIRST_BLOCK

@@ -100,22 +100,7 @@ class Trace:
 
 
 def trace(session: Session, samples: Sequence[Sample], intervals: Sequence[int]) -> Trace:
-    """Return the trace of a run.
-
-    Parameters
-    ----------
-    session : Session
-        What was integrated.
-    samples : sequence of Sample
-        States at the times asked for.
-    intervals : sequence of int
-        The intervals of the inputs that start at them.
-
-    Returns
-    -------
-    Trace
-        Their trace.
-    """
+    """Return the trace of a run."""
     statement = session.statement
     parts = tuple(dict.fromkeys((*statement.kinetic, *statement.potential)))
     none = ca.SX(0.0)

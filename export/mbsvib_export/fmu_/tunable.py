@@ -26,26 +26,7 @@ if TYPE_CHECKING:
 def tunable_plant(source: Any, realization: str, tunable: tuple[str, ...]) -> Plant:
     """Return a plant with tunable parameters, in physical states.
 
-    Parameters
-    ----------
-    source : System
-        The equations of motion.
-    realization : str
-        "physical": others would change with the parameters.
-    tunable : tuple of str
-        Names or patterns of parameters.
-
-    Returns
-    -------
-    Plant
-        Matrices, names and units.
-
-    Raises
-    ------
-    ExportError
-        If the source is not a System, has motions without mass, or is not affine in a parameter.
-    ModelError
-        If a parameter is unknown.
+    ``realization``: "physical": others would change with the parameters.
     """
     if not isinstance(source, System):
         refuse_many(source, "to_fmu")
@@ -94,15 +75,7 @@ def _first_order(
 def patterns(plant: Plant) -> dict[str, Mask]:
     """Return where E^-1 A, E^-1 B, C + F E^-1 A and D + F E^-1 B may differ from zero, whatever the parameters.
 
-    Parameters
-    ----------
-    plant : Plant
-        A plant with tunable parameters.
-
-    Returns
-    -------
-    dict of str to array of bool
-        By "A", "B", "C" and "D".
+    Arrays of bool by "A", "B", "C" and "D".
     """
     assert plant.E is not None
     assert plant.F is not None
