@@ -85,8 +85,8 @@ class LinearRange(Displayed):
         counts = np.isfinite(self.values) & (self.values > 0.0) & (self.frequencies > 0.0)[:, None]
         travel = np.where(counts, self.travel, np.inf)
         for together in np.split(np.arange(len(travel)), 1 + np.flatnonzero(~self._coincide())):
-            seen = np.where(np.isfinite(travel[together]), travel[together], -np.inf).max(axis=0, initial=-np.inf)
-            travel[together] = np.where(travel[together] < seen, np.inf, travel[together])
+            largest = np.where(np.isfinite(travel[together]), travel[together], -np.inf).max(axis=0, initial=-np.inf)
+            travel[together] = np.where(travel[together] < largest, np.inf, travel[together])
         for j, name in enumerate(self.outputs if len(travel) else ()):
             k = int(np.argmin(travel[:, j]))
             if travel[k, j] < below:

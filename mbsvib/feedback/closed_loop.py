@@ -10,7 +10,7 @@ import numpy as np
 
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.feedback.controller import Controller, as_controller
-from mbsvib.feedback.feedback_loop import FeedbackLoop
+from mbsvib.feedback.feedback_loop import FeedbackLoop, united
 from mbsvib.feedback.participation import eigen
 from mbsvib.feedback.plant import SystemPlant
 from mbsvib.feedback.regularity import regular
@@ -246,8 +246,7 @@ def close(plant: LoopPlant, *controllers: Controller, form: type[ClosedLoop] = C
                 if name not in known:
                     raise ResponseError(f"closed loop: {law.name} names the {kind} '{name}'; the plant has none."
                                         f"{nearest(name, known)} It has {', '.join(known)}.")  # fmt: skip
-    return form(plant, controllers, _united([c.inputs for c in controllers]),
-                _united([c.outputs for c in controllers]))  # fmt: skip
+    return form(plant, controllers, united(*(c.inputs for c in controllers)), united(*(c.outputs for c in controllers)))
 
 
 def feedback(
@@ -260,7 +259,3 @@ def feedback(
     controller in tables.
     """
     return close(SystemPlant(system), as_controller(controller, system, sensors, actuators, name))
-
-
-def _united(groups: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(name for group in groups for name in group))

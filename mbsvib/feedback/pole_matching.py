@@ -81,12 +81,12 @@ def _separated(residual: Array, turn: Array, closest: Array, crossing: Array) ->
     return np.asarray(nearer | by_slope)
 
 
-def _closest(start: Complex, end: Complex, bend: Complex) -> Array:
-    """Return a lower bound of the distances of poles along their paths, (n, n), with ``bend`` = h (b' - a') of each.
+def _closest(start: Complex, end: Complex, curvature: Complex) -> Array:
+    """Return a lower bound of the distances of poles along their paths, (n, n); ``curvature`` is h (b' - a') of each.
 
-    A path of constant second derivative leaves the straight line by an eighth of the bend.
+    A path of constant second derivative leaves the straight line by an eighth of that.
     """
-    first, last, relative = (values[:, None] - values for values in (start, end, bend))
+    first, last, relative = (values[:, None] - values for values in (start, end, curvature))
     along = last - first
     length = np.abs(along) ** 2
     share = np.divide(-(first * along.conj()).real, length, out=np.zeros_like(length), where=length > 0.0)

@@ -104,8 +104,8 @@ def kinematics(
     def values(names: Iterable[str]) -> Expression:
         return ca.vertcat(*(symbol.get(name, ca.SX(0.0)) for name in names))
 
-    turning = [joint.name for joint, _ in order if sum(d[0] == "r" for d, _ in joint.freedom) == 3]
-    based = tuple(turning) if bases else ()
+    three_rotations = [joint.name for joint, _ in order if sum(d[0] == "r" for d, _ in joint.freedom) == 3]
+    based = tuple(three_rotations) if bases else ()
     symbols = ca.SX.sym("base", 9 * len(based))
     extra = {name: values(f"{name}.virtual.{d}" for d in DIRECTIONS) for name in virtual}
     frames: dict[str, Frame] = {GROUND: REST}

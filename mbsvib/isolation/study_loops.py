@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +26,11 @@ class StudyFigures(FeedbackLoop):
     """What closed loops of a study answer, in continuous or discrete time."""
 
     plant: Plant
+
+    @property
+    @abstractmethod
+    def far(self) -> System | ClosedLoop:
+        """The loop or system with the same response at high frequency."""
 
     def direct(self) -> Array:
         """Return the feedthrough (outputs, inputs), with zeros where it is rounding."""

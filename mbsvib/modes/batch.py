@@ -13,7 +13,7 @@ from mbsvib.modes import RTOL, Modes, modes
 from mbsvib.modes.batch_damped import DampedBatch, damped_batch, joined
 from mbsvib.modes.batch_undamped import undamped_batch
 from mbsvib.modes.damped import Damped
-from mbsvib.modes.result import growing
+from mbsvib.modes.pairs import damping_ratios, growing, natural_frequencies
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -69,7 +69,7 @@ class BatchModes(Displayed):
     @cached_property
     def natural(self) -> Array:
         """Natural angular frequencies [rad/s], shape (n, m): |lambda|, of a real pair the geometric mean."""
-        return np.sqrt(np.abs(self.pairs[..., 0] * self.pairs[..., 1]))
+        return natural_frequencies(self.pairs)
 
     @cached_property
     def frequencies(self) -> Array:
@@ -84,10 +84,7 @@ class BatchModes(Displayed):
     @cached_property
     def damping_ratios(self) -> Array:
         """Damping ratios, shape (n, m), as of a single system's modes."""
-        first, second = self.pairs[..., 0], self.pairs[..., 1]
-        total, natural = 0.0 - (first + second).real, self.natural
-        ratio = np.divide(total, 2.0 * natural, out=np.where(total > 0.0, np.inf, 0.0), where=natural > 0.0)
-        return np.where((first * second).real < 0.0, -1.0, ratio)
+        return damping_ratios(self.pairs)
 
     @cached_property
     def body_shapes(self) -> dict[str, Array | Complex]:

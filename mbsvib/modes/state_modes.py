@@ -50,8 +50,8 @@ class StateModes(Modes):
         alike = size >= (1.0 - ALIKE) * size.max(axis=0)
         return tuple([(self.coordinates[i],) for i in alike.argmax(axis=0)])
 
-    def _chosen(self, modes: NDArray[np.intp]) -> Self:
-        return replace(super()._chosen(modes), participation=self.participation[:, modes])
+    def _selected(self, modes: NDArray[np.intp]) -> Self:
+        return replace(super()._selected(modes), participation=self.participation[:, modes])
 
     def remarks(self) -> tuple[str, ...]:
         """Return notes on the table.

@@ -17,7 +17,7 @@ from mbsvib.plots.energy import largest, shares
 from mbsvib.report.comparison import compared_modes, has_geometry
 from mbsvib.report.form import COMPARED, form_of
 from mbsvib.report.order import inputs_in_order, outputs_in_order
-from mbsvib.responses.frequency_grid import placed, span
+from mbsvib.responses.frequency_grid import resolving_frequencies, span
 from mbsvib.version import __version__
 
 if TYPE_CHECKING:
@@ -159,7 +159,7 @@ def responses(system: Any, outputs: Names, inputs: Names) -> dict[str, Any] | No
     sources = inputs_in_order(system, pick(system, "input", inputs))
     results = outputs_in_order(system, pick(system, "output", outputs))
     low, high = span(poles, None, None)
-    grid = _some(placed(poles, poles, low, high))
+    grid = _some(resolving_frequencies(poles, poles, low, high))
     pairs = [(result, source) for source in sources for result in results]
     drawn = curves(system, pairs, grid)
     values = np.array([curve.values for curve in drawn]).reshape(len(sources), len(results), -1).swapaxes(0, 1)

@@ -53,7 +53,7 @@ def frequency_grid(
     ``frequency_response`` takes them.
     """
     low, high = span(basis.poles, f_min, f_max)
-    return 2.0 * np.pi * placed(roots(basis, outputs, inputs), basis.poles, low, high, n)
+    return 2.0 * np.pi * resolving_frequencies(roots(basis, outputs, inputs), basis.poles, low, high, n)
 
 
 def roots(basis: Basis, outputs: str | Sequence[str] | None, inputs: str | Sequence[str] | None) -> Complex:
@@ -70,7 +70,7 @@ def roots(basis: Basis, outputs: str | Sequence[str] | None, inputs: str | Seque
     return np.concatenate([basis.poles, *zeros])
 
 
-def placed(roots: Complex, poles: Complex, low: float, high: float, n: int | None = None) -> Array:
+def resolving_frequencies(roots: Complex, poles: Complex, low: float, high: float, n: int | None = None) -> Array:
     """Return frequencies from ``low`` to ``high`` that follow each of some poles and zeros.
 
     ``roots`` (roots,): poles and zeros [1/s]. ``poles`` (poles,): those of them that points must avoid if they are

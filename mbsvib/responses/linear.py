@@ -125,12 +125,12 @@ class LinearVerbs(StepVerbs):
         ResponseError
             If a name is unknown, n is less than 2, or f_min and f_max are not positive and in ascending order.
         """
-        from mbsvib.responses.frequency_grid import placed, span
+        from mbsvib.responses.frequency_grid import resolving_frequencies, span
 
         part, poles = self.with_ports(outputs, inputs), self.poles()
         zeros = [part.transmission_zeros(y, u) for y in part.outputs for u in part.inputs]
         low, high = span(poles, f_min, f_max)
-        return 2.0 * np.pi * placed(np.concatenate([poles, *zeros]), poles, low, high, n)
+        return 2.0 * np.pi * resolving_frequencies(np.concatenate([poles, *zeros]), poles, low, high, n)
 
     def h2_norm(self, outputs: Ports = None, inputs: Ports = None, parameters: Any = None) -> Norm:
         """Return the H2 norm of the frequency response, the rms of all outputs under white noise.

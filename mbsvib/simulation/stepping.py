@@ -37,7 +37,7 @@ class Sample:
 
 def restarted_sample(run: Session, state: State, bases: Array) -> Sample:
     """Return a state with its loops closed, rotation vectors started anew and coordinates chosen."""
-    state, bases = restarted(state, bases, run.turning, LONG_TURN)
+    state, bases = restarted(state, bases, run.free_rotations, LONG_TURN)
     q, opening = run.loops.projected(state.q, bases)
     if not np.isfinite(opening) or opening > 1e-6:
         raise _stopped(run, state, f"the loops stay open by {opening:.1e} of the mechanism's size")
@@ -100,7 +100,7 @@ def _block(run: Session, sample: Sample, grid: Array, coefficients: Array) -> li
 
 
 def _angles(run: Session, q: Array) -> float:
-    return max((float(np.linalg.norm(q[joint.rotations])) for joint in run.turning), default=0.0)
+    return max((float(np.linalg.norm(q[joint.rotations])) for joint in run.free_rotations), default=0.0)
 
 
 def _halved(

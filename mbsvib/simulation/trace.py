@@ -73,7 +73,7 @@ class Trace:
         kinetic, potential = (np.asarray(array) for array in self.energies(q, qd, y, base))
         time = np.array([state.time for state in states])
         outputs, slopes = self.measured.values(time, (q, qd, qdd, y, base, run.signals.at(time)))
-        where, rates = (array.T for array in as_described(q.T, qd.T, time, bases, run.turning))
+        where, rates = (array.T for array in as_described(q.T, qd.T, time, bases, run.free_rotations))
         work = np.array([state.work for state in states]).T
         return TraceValues(where, rates, outputs, slopes, kinetic, potential, work)
 

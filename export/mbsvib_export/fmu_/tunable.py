@@ -6,14 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.api.system import System
 from mbsvib.equations.terms import MATRICES
-from mbsvib.errors import ExportError
 from mbsvib.linalg.groups import part_numbers
-from mbsvib_export.affine import affine
+from mbsvib_export.affine import physical_affine
 from mbsvib_export.fmu_.nominal import scales
 from mbsvib_export.fmu_.plant import Plant, Tunable
-from mbsvib_export.neutral import refuse_many
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,18 +25,10 @@ def tunable_plant(source: Any, realization: str, tunable: tuple[str, ...]) -> Pl
 
     ``realization``: "physical": others would change with the parameters.
     """
-    if not isinstance(source, System):
-        refuse_many(source, "to_fmu")
-        raise ExportError(f"to_fmu: tunable = {', '.join(tunable)}, but {type(source).__name__} knows no parameters; "
-                          f"give a System (model.linearize()).")  # fmt: skip
-    if realization != "physical":
-        raise ExportError(f"to_fmu: realization = {realization!r} with tunable parameters, which would change what the "
-                          f"states are; leave it out: they are physical.")  # fmt: skip
-    if source.massless:
-        raise ExportError(f"to_fmu: '{source.name}' has motions that move no mass (see system.explain()), whose rates "
-                          f"are affine in no parameter; give them a little mass, or leave tunable out.")  # fmt: skip
-    form, space = affine(source, tunable, "to_fmu"), source.state_space()
-    descriptor = _first_order(*(getattr(source, label) for label in MATRICES), unit=1.0)
+    form = physical_affine(source, tunable, realization, "to_fmu", "tunable")
+    system = form.nominal
+    space = system.state_space()
+    descriptor = _first_order(*(getattr(system, label) for label in MATRICES), unit=1.0)
     sizes = [matrix.size for matrix in descriptor]
     starts = np.cumsum([0, *sizes])
     entries = []
