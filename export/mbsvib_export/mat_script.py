@@ -87,19 +87,7 @@ end
 def script(function: str, file: str, system: str) -> str:
     """Return the text of the script.
 
-    Parameters
-    ----------
-    function : str
-        Name of its function, and of its file without ``.m``.
-    file : str
-        Name of the .mat file beside it.
-    system : str
-        Name of the system, for the help text.
-
-    Returns
-    -------
-    str
-        ASCII text.
+    ``function``: name of its function, and of its file without ``.m``.
     """
     return _TEXT.format(function=function, upper=function.upper(), system=ascii(system), file=_plain(file),
                         tolerance=f"{TOLERANCE:.0e}")  # fmt: skip

@@ -24,17 +24,7 @@ _ENOUGH = {
 def explain(system: Equations, basis: Basis | None = None) -> str:
     """Return a description of the equations of a system: topology, loops, rank decisions, and skipped steps.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    basis : Basis, optional
-        What has been computed of their modes.
-
-    Returns
-    -------
-    str
-        A few lines of text.
+    ``basis``: what has been computed of their modes.
     """
     if system.provenance.truncation is not None:
         return _reduced(system, system.provenance.truncation)
@@ -212,17 +202,7 @@ def separated(separation: Separation, states: int) -> list[str]:
 def skipped(system: Equations, basis: Basis | None = None) -> list[str]:
     """Return the steps of the computation that the model does not need, one sentence each.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    basis : Basis, optional
-        What has been computed of their modes.
-
-    Returns
-    -------
-    list of str
-        What was skipped and why.
+    ``basis``: what has been computed of their modes.
     """
     result = []
     if not system.provenance.reduction.groups:

@@ -19,16 +19,6 @@ SHOWN = 8  # groups of loops
 def explain(system: SparseEquations) -> str:
     """Return how the equations of a sparse system came about: topology, loops, rank decisions, the tableau, what was
     skipped.
-
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-
-    Returns
-    -------
-    str
-        A few lines of text.
     """
     topology = system.topology
     parts = ((topology.bodies, "body"), (topology.joints, "joint"), (system.springs, "spring-damper"))

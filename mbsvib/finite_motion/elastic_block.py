@@ -113,24 +113,7 @@ class ElasticBlock:
 
 
 def elastic_blocks(model: Mechanism) -> tuple[ElasticBlock, ...]:
-    """Return all beams and superelements of a mechanism as elastic blocks.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-
-    Returns
-    -------
-    tuple of ElasticBlock
-        One for each.
-
-    Raises
-    ------
-    ModelError
-        If one holds two moving bodies that other joints hold as well, so that no body carries it, or gravity acts on a
-        superelement on a moving body.
-    """
+    """Return all beams and superelements of a mechanism as elastic blocks."""
     used = _used(model)
     result = []
     for part in model.composed.values():
@@ -143,17 +126,7 @@ def elastic_blocks(model: Mechanism) -> tuple[ElasticBlock, ...]:
 def with_interface(block: ElasticBlock, touched: Mapping[str, tuple[int, ...]]) -> ElasticBlock:
     """Return a block in which only some directions of its interface nodes belong to b, and modes move the others.
 
-    Parameters
-    ----------
-    block : ElasticBlock
-        The block.
-    touched : mapping of str to tuple of int
-        These directions by the names of links; all of those that are not named.
-
-    Returns
-    -------
-    ElasticBlock
-        The same part in other coordinates.
+    ``touched``: these directions by the names of links; all of those that are not named.
     """
     held = tuple([touched.get(joint, ALL_SIX) for joint in block.joints])
     columns = [6 * i + j for i in block.elastic for j in range(6)] + list(range(6 * len(block.points), len(block.mass)))

@@ -32,21 +32,8 @@ def point_of(joint: Joint, numbers: Numbers) -> Expression:
 def displacement(joint: Joint, numbers: Numbers, q: Expression, base: Expression | None = None) -> Frame:
     """Return the displacement of the second body against the first by joint coordinates.
 
-    Parameters
-    ----------
-    joint : Joint
-        The joint.
-    numbers : Numbers
-        The numbers of the mechanism.
-    q : expression, shape (f,)
-        Its coordinates [m, rad].
-    base : expression, shape (3, 3), optional
-        Rotation on top of which those of a joint with three free rotations come; default: none.
-
-    Returns
-    -------
-    Frame
-        The displacement, in the axes of the first body as described.
+    ``q`` (f,): its coordinates [m, rad]. ``base`` (3, 3): rotation on top of which those of a joint with three free
+    rotations come; default: none.
     """
     shift, turns = ca.SX.zeros(3), []
     for k, (name, six) in enumerate(joint.freedom):
@@ -65,25 +52,10 @@ def virtual_displacement(
 ) -> Frame:
     """Return a virtual displacement of the second body of a joint, in the directions in which its forces are defined.
 
-    Parameters
-    ----------
-    joint : Joint
-        The joint.
-    numbers : Numbers
-        The numbers of the mechanism.
-    bodies : mapping of str to Body
-        Its bodies.
-    relative : Frame
-        Displacement of the second body against the first.
-    q : expression, shape (6,)
-        Displacement along the axes of the joint, which turn with the first body, and rotation about them at its point
-        on the second body [m, rad]; a joint without a point has it at the centre of mass of this body, or of the first
-        where the second is the ground. A rod has its z axis along itself, and no others.
-
-    Returns
-    -------
-    Frame
-        The displacement that comes after the relative one.
+    ``relative``: displacement of the second body against the first. ``q`` (6,): displacement along the axes of the
+    joint, which turn with the first body, and rotation about them at its point on the second body [m, rad]; a joint
+    without a point has it at the centre of mass of this body, or of the first where the second is the ground. A rod has
+    its z axis along itself, and no others.
     """
     if joint.is_rod:
         rod = relative.point(point_of(joint, numbers)) - ca.SX(np.array(joint.position))
@@ -106,19 +78,7 @@ def small_displacement(axes: Expression, point: Expression, q: Expression) -> Fr
 def openings(joint: Joint, numbers: Numbers, relative: Frame) -> list[tuple[str, Expression]]:
     """Return how far a joint is open along each of its locked directions, zero where it is assembled [m, rad].
 
-    Parameters
-    ----------
-    joint : Joint
-        The joint.
-    numbers : Numbers
-        The numbers of the mechanism.
-    relative : Frame
-        Displacement of the second body against the first.
-
-    Returns
-    -------
-    list of (str, expression)
-        Names of the locked directions, and expressions.
+    ``relative``: displacement of the second body against the first.
     """
     point = point_of(joint, numbers)
     if joint.is_rod:

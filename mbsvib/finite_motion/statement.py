@@ -75,21 +75,8 @@ def with_virtual_displacements(
 
     Where these are 0 it is that of the mechanism; along them, mass @ q'' - f - J^T lambda is what the joints carry.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    statement : FiniteMotion
-        Its finite motion.
-    joints : sequence of str
-        The joints, and ``"ground"`` for what holds the ground.
-    without : sequence of str
-        Names of loads to leave out.
-
-    Returns
-    -------
-    FiniteMotion
-        With six coordinates for each joint after those of the mechanism.
+    ``joints``: the joints, and ``"ground"`` for what holds the ground. Six coordinates for each joint follow those of
+    the mechanism.
     """
     topology, names = statement.motion.topology, set(statement.motion.names)
     cut = [topology.joints[k].name for k in topology.cut]
@@ -164,11 +151,6 @@ def body_energy(body: Body, motion: Kinematics) -> Expression:
 
 def rotor_term(rotor: Rotor, motion: Kinematics) -> Expression:
     """Return what a rotor of constant angular momentum h along an axis of its body adds to the Lagrangian [J], h . w.
-
-    Raises
-    ------
-    ModelError
-        If the body itself is the rotor: its spin is then a motion of its own.
     """
     if rotor.inertia is None:
         raise ModelError(

@@ -16,16 +16,6 @@ if TYPE_CHECKING:
 
 def positions(topology: Topology) -> list[tuple[float, int]]:
     """Return abscissa and level of each body, ground (level 0) last: leaves side by side, parents above their middle.
-
-    Parameters
-    ----------
-    topology : Topology
-        The spanning tree.
-
-    Returns
-    -------
-    list of (float, int)
-        One entry a body and one for the ground.
     """
     ground = len(topology.bodies)
     children: list[list[int]] = [[] for _ in range(ground + 1)]
@@ -52,17 +42,8 @@ def positions(topology: Topology) -> list[tuple[float, int]]:
 def graph(topology: Topology, parts: Iterable[Part]) -> dict[str, Any]:
     """Return bodies and their connections: nodes [name, x, level, floats], edges [kind, name, words, first, second].
 
-    Parameters
-    ----------
-    topology : Topology
-        The spanning tree.
-    parts : iterable of Part
-        What the mechanism is made of, for its springs and couplers.
-
-    Returns
-    -------
-    dict
-        ``nodes``, ground last, and ``edges`` of kind "tree", "cut", "floating", "spring" and "coupler".
+    ``parts``: what the mechanism is made of, for its springs and couplers. Returns ``nodes``, ground last, and
+    ``edges`` of kind "tree", "cut", "floating", "spring" and "coupler".
     """
     points = positions(topology)
     names = (*topology.bodies, "ground")

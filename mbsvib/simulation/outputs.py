@@ -81,20 +81,7 @@ class _Signal:
 
 
 def measured(model: Mechanism, statement: FiniteMotion) -> Measured:
-    """Return the outputs of a model.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The model.
-    statement : FiniteMotion
-        Its finite motion.
-
-    Returns
-    -------
-    Measured
-        What they are in any state.
-    """
+    """Return the outputs of a model."""
     motion = statement.motion
     state = _State(model, statement, ca.SX.sym("qdd", len(motion.names)), ca.SX.sym("u", len(statement.inputs)))
     signals: dict[str, _Signal] = {}
