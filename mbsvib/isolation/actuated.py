@@ -47,8 +47,8 @@ class Active(Plant, Displayed):
 
         Parameters
         ----------
-        controller : Controller, StateSpace, control.StateSpace or array-like, shape (actuators, sensors)
-            In continuous time; an array is a static gain.
+        controller : Controller, StateSpace, control.StateSpace, control.TransferFunction or array-like
+            In continuous time; an array, shape (actuators, sensors), is a static gain.
         sensors, actuators : str or sequence of str, optional
             Names or patterns of outputs and of inputs; default: the names that the controller has.
         name : str, optional
@@ -71,7 +71,7 @@ class Active(Plant, Displayed):
 
         Parameters
         ----------
-        *controllers : Controller, StateSpace or control.StateSpace
+        *controllers : Controller, StateSpace, control.StateSpace or control.TransferFunction
             Their signals have the names of sensors and actuators. Outputs on the same actuator add up.
 
         Returns
@@ -79,8 +79,8 @@ class Active(Plant, Displayed):
         ClosedLoop
             The mechanism with all loops closed.
         """
-        return close(self, *[law if isinstance(law, Controller) or not hasattr(law, "A")
-                             else as_controller(law, self.system) for law in controllers])  # fmt: skip
+        return close(self, *[law if isinstance(law, Controller) else as_controller(law, self.system)
+                             for law in controllers])  # fmt: skip
 
     def isolation(self, frequencies: ArrayLike | None = None) -> Isolation:
         """Return the figures with open loops.
