@@ -9,7 +9,7 @@ import numpy as np
 
 from mbsvib.common.display import Displayed
 from mbsvib.common.selection import port_numbers, selected
-from mbsvib.errors import ResponseError
+from mbsvib.errors import ResponseError, counted
 from mbsvib.responses.from_control import is_control, is_transfer_function, of_control
 from mbsvib.responses.linear import LinearVerbs
 from mbsvib.responses.state_space import StateSpace
@@ -190,8 +190,8 @@ class Controller(LinearVerbs, Displayed):
         return self.state_space().time_response(t, u, hold, initial, outputs, inputs)
 
     def __repr__(self) -> str:
-        return (f"Controller({self.name!r}: {len(self.inputs)} sensors, {len(self.outputs)} actuators, {len(self.A)} "
-                f"states)")  # fmt: skip
+        counts = (self.inputs, "sensor"), (self.outputs, "actuator"), (self.A, "state")
+        return f"Controller({self.name!r}: {', '.join(counted(len(part), noun) for part, noun in counts)})"
 
 
 def controller(law: Any, inputs: Sequence[str], outputs: Sequence[str], name: str = "controller") -> Controller:

@@ -9,7 +9,7 @@ import numpy as np
 
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_model
-from mbsvib.errors import ModelError
+from mbsvib.errors import ModelError, counted
 from mbsvib.feedback.controller import Controller, as_controller
 from mbsvib.isolation.active_legs import active_legs
 from mbsvib.isolation.isolation_study import figures
@@ -98,7 +98,7 @@ class Active(Plant, Displayed):
         return figures(self.scene, self.system, frequencies)
 
     def __repr__(self) -> str:
-        return f"Active({self.scene.model.name!r}: {len(self.legs)} actuators)"
+        return f"Active({self.scene.model.name!r}: {counted(len(self.legs), 'actuator')})"
 
 
 def actuated(

@@ -156,6 +156,9 @@ def _gains(plant: Plant, gain: ArrayLike, who: str, unit: str) -> Array:
     if not hasattr(plant, "legs"):
         raise ResponseError(f"{who}: plant = {type(plant).__name__}; expected a plant with actuators, "
                             f"isolation.actuated(model, body).")  # fmt: skip
+    if not plant.legs:
+        raise ResponseError(f"{who}: the plant has no legs with actuators; name some, isolation.actuated(model, body, "
+                            f"legs), or close a loop of your own signals by plant.feedback.")  # fmt: skip
     return _shared(gain, len(plant.legs), who, f"a gain [{unit}], or one for each of {len(plant.legs)} legs")
 
 
