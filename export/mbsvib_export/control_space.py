@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-control has no types
     """A control.StateSpace whose parts, sums, products and loops have names of states, inputs and outputs.
 
-    ``plant[outputs, inputs]`` takes the names of mbsvib as well, ``"leg1.force"``, and patterns. It, ``append``, ``feedback``, ``lft``, ``sample``, ``+``, ``-``, ``*`` and ``/``, and with
-    them ``control.append``, ``feedback``, ``series``, ``parallel``, ``negate`` and ``c2d``, call the method of
-    python-control and name its result: states as they were, with the names of their systems before them where two are
-    called alike; inputs and outputs those at which the signals enter and leave. Matrices are python-control's.
-    ``append``, ``feedback`` and ``lft`` are methods of the first system, which must be of this class:
-    ``NamedStateSpace.of(controller)`` where it is not.
+    ``plant[outputs, inputs]`` takes the names of mbsvib as well, ``"leg1.force"``, and patterns. It, ``append``,
+    ``feedback``, ``lft``, ``sample``, ``+``, ``-``, ``*`` and ``/``, and with them ``control.append``, ``feedback``,
+    ``series``, ``parallel``, ``negate`` and ``c2d``, call the method of python-control and name its result: states as
+    they were, with the names of their systems before them where two are called alike; inputs and outputs those at which
+    the signals enter and leave. Matrices are python-control's. ``append``, ``feedback`` and ``lft`` are methods of the
+    first system, which must be of this class: ``NamedStateSpace.of(controller)`` where it is not.
     """
 
     @classmethod

@@ -87,7 +87,7 @@ def panel_size(rows: int, columns: int, height: float, tall: float) -> tuple[flo
     return width, tall if rows == 1 else height * rows
 
 
-def legend(figure: Figure, handles: Sequence[Any], loc: str, columns: int, **look: Any) -> None:
+def legend(figure: Figure, handles: Sequence[Any], loc: Any, columns: int, **look: Any) -> None:
     """Explain the curves of a figure outside its panels, in as many columns as there is room for.
 
     Parameters
