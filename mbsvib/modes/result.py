@@ -140,6 +140,11 @@ class Modes(Displayed):
         """Whether each mode is unstable, shape (n,): its real part is positive by more than rounding."""
         return np.asarray(growing(self.pairs, self.pair_errors).any(axis=1))
 
+    @property
+    def _undamped(self) -> NDArray[np.bool_]:
+        """Whether each mode has real parts that are nothing but rounding, shape (n,)."""
+        return np.asarray(~(growing(self.pairs, self.pair_errors) | growing(-self.pairs, self.pair_errors)).any(axis=1))
+
     def nearest(self, count: int, frequency: float = 0.0) -> Modes:
         """Return the ``count`` modes whose natural frequencies are nearest to a frequency.
 
@@ -208,7 +213,8 @@ class Modes(Displayed):
         """
         headers = ("mode", "natural [Hz]", "damped [Hz]", "damping ratio [%]")
         columns = [*((header, "right") for header in headers), (self.MOST, "left")]
-        values = zip(self.frequencies, self.damped_frequencies, self.damping_ratios, self.strongest(), strict=True)
+        damping = np.where(self._undamped, 0.0, self.damping_ratios)
+        values = zip(self.frequencies, self.damped_frequencies, damping, self.strongest(), strict=True)
         rows = [(str(i + 1), digits(f), digits(d), digits(100.0 * z), " ".join(most))
                 for i, (f, d, z, most) in enumerate(values)]  # fmt: skip
         return {"title": f"Modes of {self.name}: {self._shown()}", "columns": columns, "rows": rows,
