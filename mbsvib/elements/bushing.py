@@ -75,6 +75,23 @@ class Bushing(Connection):
         """Whether it has a force in the reference pose."""
         return self.preload is not None and any(self.preload)
 
+    @property
+    def rest_wrench(self) -> tuple[float, ...]:
+        force, moment = (np.array(self.orientation) @ np.array(self.preload or ZERO).reshape(2, 3).T).T.tolist()
+        return (*force, *moment)
+
+    @property
+    def batched_fields(self) -> frozenset[str]:
+        # rows of a 6x6 matrix change with its values in ways of their own
+        matrix = isinstance(self.stiffness[0], tuple) or isinstance(self.damping[0], tuple)
+        return frozenset({"position", "orientation"} if matrix else {"position", "orientation", "stiffness", "damping"})
+
+    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
+        coefficients = [values.get(field, np.array(getattr(self, field))[..., None]) for field in
+                        ("stiffness", "damping")]  # fmt: skip
+        active = [array.reshape(-1, array.shape[-1]).any(axis=0) for array in coefficients]
+        return np.asarray(~(active[0] | active[1]))
+
     def preload_form(self, size: float) -> PreloadForm | None:
         stiffness = np.array(self.stiffness)
         values, units = (stiffness, _SIX) if stiffness.ndim == 1 else eigenrows(stiffness)
@@ -85,7 +102,7 @@ class Bushing(Connection):
         largest = np.abs(stiffness) if stiffness.ndim == 1 else np.abs(stiffness).max(axis=1)
         resolution = EPS * float(max(largest[:3].max() * size, largest[3:].max() / size))
         return PreloadForm(
-            self.position, wrenches @ axes.T, axes @ np.array(self.preload or ZERO), resolution,
+            self.position, wrenches @ axes.T, np.array(self.rest_wrench), resolution,
             lambda wrench: {"preload": None if wrench is None else (axes.T @ wrench).tolist()},
         )  # fmt: skip
 

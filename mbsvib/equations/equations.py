@@ -169,16 +169,26 @@ class Equations(Matrices):
     """
 
     kind: ClassVar[str] = "system"
+    """Tells second-order equations from other linear systems."""
 
     name: str
+    """Name of the model."""
     coordinates: tuple[str, ...]
+    """Names of the minimal coordinates, such as ``hinge.rz``."""
     coordinate_units: tuple[str, ...]
+    """Their units."""
     inputs: tuple[str, ...]
+    """Names of the inputs, columns of B and D."""
     input_units: tuple[str, ...]
+    """Units of the inputs."""
     outputs: tuple[str, ...]
+    """Names of the outputs, rows of Cq, Cv, Ca and D."""
     output_units: tuple[str, ...]
+    """Units of the outputs."""
     bodies: tuple[str, ...]
+    """Names of the bodies, in the order of ``body_motion``."""
     provenance: Provenance
+    """Where the equations come from: parts, spanning tree, decisions on rank."""
 
     def __post_init__(self) -> None:
         for array in _arrays(self):

@@ -22,23 +22,41 @@ class Matrices:
     """
 
     M: Array
+    """Mass matrix (m, m), symmetric [kg, kg m, kg m^2]."""
     C: Array
+    """Damping matrix (m, m) [N s/m, N s, N m s]; not the output matrix, which is ``state_space().C``."""
     K: Array
+    """Stiffness matrix (m, m) with the geometric stiffness of loads [N/m, N, N m]."""
     B: Array
+    """Generalized forces by a unit of each input (m, inputs)."""
     Cq: Array
+    """Outputs by the coordinates (outputs, m)."""
     Cv: Array
+    """Outputs by the rates of the coordinates (outputs, m)."""
     Ca: Array
+    """Outputs by the accelerations of the coordinates (outputs, m)."""
     D: Array
+    """Outputs by the inputs directly (outputs, inputs)."""
     inertia_factor: Array
+    """W (6 bodies, m) of M = W^T W."""
     elastic_rows: Array
+    """D (rows, m): relative displacements in springs and dampers by the coordinates, K = D^T diag(k) D."""
     row_stiffness: Array
+    """Stiffness k of each elastic row (rows,) [N/m, N m/rad]."""
     row_damping: Array
+    """Damping c of each elastic row (rows,) [N s/m, N m s/rad]."""
     row_owner: Index
+    """Number of the spring-damper of each elastic row (rows,)."""
     body_motion: Array
+    """Displacements of the bodies by the coordinates (bodies, 6, m), world axes."""
     gyroscopic: Array | None = None
+    """Antisymmetric part of C from spinning bodies (m, m), None without."""
     circulatory: Array | None = None
+    """Antisymmetric part of K from follower loads and rotating dampers (m, m), None without."""
     massless: int = 0
+    """Number of motions that move dampers but no mass: one state each in place of two."""
     null_inertia: Array | None = None
+    """These motions (m, massless), None without."""
 
     @property
     def mass(self) -> Array:

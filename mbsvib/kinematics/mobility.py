@@ -236,13 +236,13 @@ def _carriers(topology: Topology) -> tuple[Index, Index, Index]:
 
 def rods_in_loops(topology: Topology, coordinates: Twists, cuts: Cuts) -> list[Rod]:
     """Return the rods of distance joints, in the tree or cut."""
-    if not any(joint.kind == "distance" for joint in topology.joints):
+    if not any(joint.is_rod for joint in topology.joints):
         return []
     number = topology.body_numbers
     cut = {k: count for count, k in enumerate(topology.cut)}
     result = []
     for k, joint in enumerate(topology.joints):
-        if joint.kind == "distance":
+        if joint.is_rod:
             row = np.flatnonzero(cuts.joint == cut[k]) if k in cut else np.zeros(0, dtype=np.intp)
             column = 0 if k in cut else coordinates.names.index(f"{joint.name}.x")
             start, end = (np.array(value)[:, None] for value in (joint.position, joint.end))
