@@ -52,8 +52,8 @@ class StateModes(Modes):
         alike = size >= (1.0 - ALIKE) * size.max(axis=0)
         return tuple([(self.coordinates[i],) for i in alike.argmax(axis=0)])
 
-    def _chosen(self, modes: NDArray[np.intp]) -> Self:
-        return replace(super()._chosen(modes), participation=self.participation[:, modes])
+    def _selected(self, modes: NDArray[np.intp]) -> Self:
+        return replace(super()._selected(modes), participation=self.participation[:, modes])
 
     def remarks(self) -> tuple[str, ...]:
         """Return notes on the table.
@@ -77,22 +77,8 @@ class StateModes(Modes):
 def state_modes(a: Array, name: str, states: tuple[str, ...], rate: float | None = None) -> StateModes:
     """Return the modes of a state matrix, x' = A x, or of one from sample to sample, x+ = A x.
 
-    Parameters
-    ----------
-    a : array, shape (n, n)
-        State matrix.
-    name : str
-        Name for the table.
-    states : tuple of str
-        Names of the states.
-    rate : float, optional
-        Samples a second [Hz] of equations from sample to sample, whose eigenvalues are rate log z; those that are
-        forgotten within a few samples are left out.
-
-    Returns
-    -------
-    StateModes
-        Eigenvalues, shapes and error bounds.
+    ``a`` (n, n): state matrix. ``rate``: samples a second [Hz] of equations from sample to sample, whose eigenvalues
+    are rate log z; those that are forgotten within a few samples are left out.
     """
     from scipy.linalg import eig, matrix_balance
 

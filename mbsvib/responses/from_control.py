@@ -26,20 +26,8 @@ def is_transfer_function(value: Any) -> bool:
 def arguments(value: Any) -> dict[str, Any]:
     """Return matrices and names as arguments of ``StateSpace.from_arrays``.
 
-    Parameters
-    ----------
-    value : control.StateSpace or control.TransferFunction
-        In continuous time. A transfer function gets states as ``realized`` tells.
-
-    Returns
-    -------
-    dict
-        A, B, C, D, inputs, outputs, states, name.
-
-    Raises
-    ------
-    ResponseError
-        If it is discrete, or an improper transfer function.
+    ``value``: in continuous time; a transfer function gets states as ``realized`` tells. Returns A, B, C, D, inputs,
+    outputs, states, name. Raises ResponseError if it is discrete, or an improper transfer function.
     """
     if is_transfer_function(value):
         return _realized(value)
