@@ -394,7 +394,7 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
                 "rows": rows, "notes": notes}  # fmt: skip
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({self.plant.system.name!r} with {self.law.name})"
+        return f"{type(self).__name__}({self.plant.system.name!r} with {self.title})"
 
 
 def united(*groups: tuple[str, ...]) -> tuple[str, ...]:
