@@ -113,9 +113,9 @@ def to_c(
     for path in texts:
         check_companion(path, lambda file: mark in file.read_text("utf-8", "replace")[:400],
                         f"one that to_c has written for '{space.name}'", "Give another folder or another name.")
-    one, two, three = (write_atomic(path, lambda file, text=text: file.write(text.encode("ascii")))  # type: ignore[misc]
+    header_path, source_path, test_path = (write_atomic(path, lambda file, text=text: file.write(text.encode("ascii")))  # type: ignore[misc]
                        for path, text in texts.items())  # fmt: skip
-    return CFiles(one, two, three)
+    return CFiles(header_path, source_path, test_path)
 
 
 def _folder(folder: str | os.PathLike[str]) -> Path:

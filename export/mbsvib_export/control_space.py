@@ -179,18 +179,9 @@ def _names_of_states(parts: list[Any], count: int) -> list[str] | None:
 def unique_names(systems: Sequence[Any], kind: str) -> list[str]:
     """Return the names of signals of several systems, made different where they are not.
 
-    Parameters
-    ----------
-    systems : sequence of control.StateSpace
-        In the order of the signals.
-    kind : str
-        "state", "input" or "output".
-
-    Returns
-    -------
-    list of str
-        As they are; where two are equal, all with the name of their system before them, as ``control.interconnect``
-        does it, or if all systems have one name, ``_2`` and so on after them.
+    ``kind``: "state", "input" or "output". They stay as they are; where two are equal, all have the name of their
+    system before them, as ``control.interconnect`` does it, or if all systems have one name, ``_2`` and so on after
+    them.
     """
     names = [label for system in systems for label in getattr(system, f"{kind}_labels")]
     if len(set(names)) == len(names):

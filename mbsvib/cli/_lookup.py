@@ -21,22 +21,7 @@ SUFFIXES = (".yaml", ".yml", ".json", ".xml", ".urdf")
 def model_of(word: str) -> Model:
     """Return the model of a file or of a name in the library.
 
-    Parameters
-    ----------
-    word : str
-        A path that ends in .yaml, .yml or .json, in .xml (MJCF or URDF) or .urdf, or a built-in name.
-
-    Returns
-    -------
-    Model
-        The model.
-
-    Raises
-    ------
-    UsageProblem
-        If there is neither such a file nor such a name.
-    ModelError
-        If the file is faulty.
+    ``word``: a path that ends in .yaml, .yml or .json, in .xml (MJCF or URDF) or .urdf, or a built-in name.
     """
     path = Path(word)
     if path.suffix.lower() in SUFFIXES or path.is_file():
@@ -98,22 +83,8 @@ def ports(system: System, inputs: list[str] | None, outputs: list[str] | None) -
 
     Without any wish, all are drawn if they fit into one figure, and otherwise the first of each.
 
-    Parameters
-    ----------
-    system : System
-        The equations of motion.
-    inputs, outputs : list of str or None
-        Requested names.
-
-    Returns
-    -------
-    (list of str, list of str, str)
-        Names of inputs, of outputs, and the remark, empty if there is nothing to say.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown.
+    ``inputs``, ``outputs``: requested names. Returns the names of inputs, of outputs, and the remark, empty if there is
+    nothing to say.
     """
     from mbsvib.plots._choice import MOST_PANELS, pick
 

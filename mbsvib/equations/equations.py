@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from mbsvib.common.fast_init import fast_init
 from mbsvib.equations.terms import Matrices
 from mbsvib.errors import ModelError, ResponseError
 
@@ -78,6 +79,7 @@ class Truncation:
     error_bound: float
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Provenance:
     """The origin of a system, for ``explain`` and ``parameters``.
@@ -191,7 +193,7 @@ class Equations(Matrices):
     def __post_init__(self) -> None:
         for array in _arrays(self):
             if array is not None:
-                array.setflags(write=False)
+                array.setflags(False)
 
     @property
     def dof(self) -> int:

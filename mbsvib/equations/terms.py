@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.fast_init import fast_init
+
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
 
 
+@fast_init
 @dataclass(frozen=True, repr=False, eq=False)
 class Matrices:
     """Matrices and factors of M q'' + C q' + K q = B u, y = Cq q + Cv q' + Ca q'' + D u, described in ``Equations``.
@@ -79,12 +82,14 @@ MATRICES = _NAMES[: _NAMES.index("inertia_factor")]
 OPTIONAL = ("gyroscopic", "circulatory", "null_inertia")
 
 
+@fast_init
+@dataclass(frozen=True, repr=False, eq=False)
 class Terms(Matrices):
     """Matrices and factors during the assembly."""
 
     def named(self) -> dict[str, Any]:
         """Return all terms by their names."""
-        return {name: getattr(self, name) for name in _NAMES}
+        return dict(vars(self))
 
     def with_rows(self, rows: Array, stiffness: Array, owner: Index) -> Terms:
         """Return the terms with more rows of stiffness without damping, K + D^T diag(k) D.

@@ -120,26 +120,9 @@ def as_controller(value: Any, plant: Any, sensors: Any = None, actuators: Any = 
         Controller:  # fmt: skip
     """Return what was given as a controller from named sensors to named actuators of a plant.
 
-    Parameters
-    ----------
-    value : Controller, StateSpace, control.StateSpace, control.TransferFunction or array-like
-        The controller; an array, shape (actuators, sensors), is a static gain.
-    plant : System, StateSpace or ClosedLoop
-        Whose outputs are sensors and whose inputs are actuators.
-    sensors, actuators : str or sequence of str, optional
-        Names or patterns; default: the names that the controller has.
-    name : str, optional
-        Name for tables; default: its own.
-
-    Returns
-    -------
-    Controller
-        The controller.
-
-    Raises
-    ------
-    ResponseError
-        If names are missing or unknown, or shapes do not match.
+    ``value``: the controller; an array, shape (actuators, sensors), is a static gain. ``plant``: whose outputs are
+    sensors and whose inputs are actuators. ``sensors``, ``actuators``: names or patterns; default: the names that the
+    controller has. ``name``: name for tables; default: its own.
     """
     known = isinstance(value, Controller) or getattr(value, "kind", None) == "state space"
     foreign = is_control(value) or is_transfer_function(value)
@@ -173,26 +156,8 @@ def integrators(
 ) -> Controller:
     """Return u = gains / (s + leak) y.
 
-    Parameters
-    ----------
-    name : str
-        Name for tables.
-    gains : array-like, shape (outputs, inputs)
-        Matrix of gains.
-    inputs, outputs : sequence of str
-        Names of sensors and actuators.
-    leak : float
-        Corner of the integrators [rad/s]: below it they do not integrate.
-
-    Returns
-    -------
-    Controller
-        The controller, one integrator a sensor.
-
-    Raises
-    ------
-    ResponseError
-        If the leak is negative.
+    ``gains`` (outputs, inputs): matrix of gains. ``leak``: corner of the integrators [rad/s]: below it they do not
+    integrate.
     """
     matrix = np.array(gains, dtype=float, ndmin=2)
     if not 0.0 <= leak < np.inf:

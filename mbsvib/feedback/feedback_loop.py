@@ -132,8 +132,8 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
             If a name is unknown, shapes do not match, or the controller is discrete.
         """
         law = as_controller(controller, self.plant.system, sensors, actuators, name)
-        return replace(self, controllers=(*self.controllers, law), sensors=_united(self.sensors, law.inputs),
-                       actuators=_united(self.actuators, law.outputs))  # fmt: skip
+        return replace(self, controllers=(*self.controllers, law), sensors=united(self.sensors, law.inputs),
+                       actuators=united(self.actuators, law.outputs))  # fmt: skip
 
     @cached_property
     def law(self) -> Controller:
@@ -397,5 +397,6 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         return f"{type(self).__name__}({self.plant.system.name!r} with {self.law.name})"
 
 
-def _united(first: tuple[str, ...], second: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys((*first, *second)))
+def united(*groups: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names of all groups, each once."""
+    return tuple(dict.fromkeys(name for group in groups for name in group))

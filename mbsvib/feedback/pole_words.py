@@ -20,21 +20,8 @@ RESTS = 3e-8  # error of double poles at 0, in parts of the largest
 def origins(system: Any, states: Sequence[str], poles: Complex, participation: Array) -> tuple[str, ...]:
     """Return where each pole comes from: a mode of the plant, or the controller.
 
-    Parameters
-    ----------
-    system : System or StateSpace
-        The plant.
-    states : sequence of str
-        Names of its states, which come before those of controllers.
-    poles : array, shape (poles,)
-        Of the closed loop [1/s].
-    participation : array, shape (states, poles)
-        Of each state in each pole.
-
-    Returns
-    -------
-    tuple of str
-        One entry a pole.
+    ``states``: names of its states, which come before those of controllers. ``poles`` (poles,): of the closed loop
+    [1/s]. ``participation`` (states, poles): of each state in each pole.
     """
     if getattr(system, "basis", None) is None:  # given states belong to no mode of their own
         plant = participation[: len(states)].sum(axis=0)

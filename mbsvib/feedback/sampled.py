@@ -143,26 +143,7 @@ L = TypeVar("L", bound=SampledLoop)
 def sampled(loop: FeedbackLoop, rate: float, delay: float, form: type[L]) -> L:
     """Return a loop with discrete-time controllers.
 
-    Parameters
-    ----------
-    loop : FeedbackLoop
-        The mechanism and its controllers.
-    rate : float
-        Samples a second [Hz].
-    delay : float
-        Between measuring and acting [s].
-    form : type
-        The class of the loop.
-
-    Returns
-    -------
-    SampledLoop
-        The same loop with discrete controllers.
-
-    Raises
-    ------
-    ResponseError
-        If the rate is not positive or the delay negative.
+    ``rate``: samples a second [Hz]. ``delay``: between measuring and acting [s].
     """
     if not 0.0 < rate < np.inf or not 0.0 <= delay < np.inf:
         raise ResponseError(f"sampled: rate = {rate!r} Hz, delay = {delay!r} s; expected a positive rate, and a delay "

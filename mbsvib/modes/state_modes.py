@@ -50,8 +50,8 @@ class StateModes(Modes):
         alike = size >= (1.0 - ALIKE) * size.max(axis=0)
         return tuple([(self.coordinates[i],) for i in alike.argmax(axis=0)])
 
-    def _chosen(self, modes: NDArray[np.intp]) -> Self:
-        return replace(super()._chosen(modes), participation=self.participation[:, modes])
+    def _selected(self, modes: NDArray[np.intp]) -> Self:
+        return replace(super()._selected(modes), participation=self.participation[:, modes])
 
     def remarks(self) -> tuple[str, ...]:
         """Return notes on the table.
@@ -75,19 +75,7 @@ class StateModes(Modes):
 def state_modes(a: Array, name: str, states: tuple[str, ...]) -> StateModes:
     """Return the modes of a state matrix.
 
-    Parameters
-    ----------
-    a : array, shape (n, n)
-        State matrix.
-    name : str
-        Name for the table.
-    states : tuple of str
-        Names of the states.
-
-    Returns
-    -------
-    StateModes
-        Eigenvalues, shapes and error bounds.
+    ``a`` (n, n): state matrix.
     """
     from scipy.linalg import eig, matrix_balance
 

@@ -18,13 +18,7 @@ MOST_PANELS = 12
 
 
 def linear(value: Any) -> Linear:
-    """Return a system, closed loop or state space; controllers and systems of python-control become one.
-
-    Raises
-    ------
-    ResponseError
-        If it is nothing of these, or data without equations.
-    """
+    """Return a system, closed loop or state space; controllers and systems of python-control become one."""
     if kind_of(value) == "controller":
         return cast("Linear", value.state_space())
     if is_control(value) or is_transfer_function(value):
@@ -53,13 +47,7 @@ def listed(systems: Systems, labels: Sequence[str] | None) -> list[tuple[str, Li
 
 
 def pick(system: Linear, kind: str, names: Names) -> list[str]:
-    """Return the selected names of inputs or outputs; None selects all, a pattern those that it fits.
-
-    Raises
-    ------
-    ResponseError
-        If the system has none, or has no such name; the nearest one is suggested.
-    """
+    """Return the selected names of inputs or outputs; None selects all, a pattern those that it fits."""
     known, others = (system.inputs, system.outputs) if kind == "input" else (system.outputs, system.inputs)
     if not known:
         raise ResponseError(f"system '{system.name}' has no {kind}s, so there is no response to draw; "

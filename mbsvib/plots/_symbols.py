@@ -20,15 +20,7 @@ COLUMNS = 4
 
 
 def legend(figure: Figure, scene: Scene) -> None:
-    """Explain below the drawing what its symbols mean.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The drawing.
-    scene : Scene
-        What is drawn.
-    """
+    """Explain below the drawing what its symbols mean."""
     marks, lines = {mark.kind for mark in scene.marks}, {line.kind for line in scene.lines}
     meanings = MEANINGS
     if any(line.kind == "input" and line.last - line.first > 2 for line in scene.lines):

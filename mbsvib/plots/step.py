@@ -136,17 +136,7 @@ def _panel(axes: Axes, t: Array, drawn: list[Drawn], source: str, output: str) -
 def static(system: Linear, source: str, output: str) -> float | None:
     """Return the response that remains long after a unit step, or None where the system does not settle.
 
-    Parameters
-    ----------
-    system : System
-        The equations of motion.
-    source, output : str
-        Names of an input and an output.
-
-    Returns
-    -------
-    float or None
-        G(0) [output unit / input unit].
+    Returns G(0) [output unit / input unit].
     """
     modes = system.modes()
     if modes.rigid or not modes.stable:

@@ -113,18 +113,7 @@ def write(
 
 
 def embedded(data: Any) -> str:
-    """Return data as JSON that is safe inside a script element for any names.
-
-    Parameters
-    ----------
-    data : dict or list
-        Texts, finite numbers and lists.
-
-    Returns
-    -------
-    str
-        JSON in ASCII without < > &.
-    """
+    """Return data as JSON that is safe inside a script element for any names."""
     text = json.dumps(data, allow_nan=False, separators=(",", ":"))
     for sign, code in _UNSAFE.items():
         text = text.replace(sign, code)

@@ -25,21 +25,8 @@ def is_transfer_function(value: Any) -> bool:
 def arguments(value: Any) -> dict[str, Any]:
     """Return matrices and names as arguments of ``StateSpace.from_arrays``.
 
-    Parameters
-    ----------
-    value : control.StateSpace or control.TransferFunction
-        In continuous time; a transfer function from one input to one output, which gets the states of its controllable
-        canonical form.
-
-    Returns
-    -------
-    dict
-        A, B, C, D, inputs, outputs, states, name.
-
-    Raises
-    ------
-    ResponseError
-        If it is discrete, or a transfer function of several inputs or outputs, or an improper one.
+    ``value``: in continuous time; a transfer function from one input to one output, which gets the states of its
+    controllable canonical form. Returns A, B, C, D, inputs, outputs, states, name.
     """
     if is_transfer_function(value):
         return _realized(value)

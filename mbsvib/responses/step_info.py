@@ -89,23 +89,7 @@ class StepInfo(Displayed):
 def step_info(linear: Any, band: float = 0.02) -> StepInfo:
     """Return the figures of all step responses.
 
-    Parameters
-    ----------
-    linear : System, ClosedLoop or StateSpace
-        Linear equations in continuous time.
-    band : float
-        Share of the final value within which a response has settled.
-
-    Returns
-    -------
-    StepInfo
-        The figures.
-
-    Raises
-    ------
-    ResponseError
-        If a pole does not decay, poles coincide so that there is no such sum, or a vibration decays so slowly that too
-        many of its periods would have to be looked at.
+    ``band``: share of the final value within which a response has settled.
     """
     if not 0.0 < band < 1.0:
         raise ResponseError(f"step_info: band = {band!r}; expected a share between 0 and 1, such as 0.02.")

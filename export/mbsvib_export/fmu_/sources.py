@@ -20,29 +20,7 @@ if TYPE_CHECKING:
 
 
 def plant_of(source: Any, realization: str, tunable: tuple[str, ...]) -> Plant:
-    """Return what goes into an FMU.
-
-    Parameters
-    ----------
-    source : System, StateSpace, SystemData or control.StateSpace
-        Where it comes from.
-    realization : str
-        The states of a System.
-    tunable : tuple of str
-        Names of parameters, of a System only.
-
-    Returns
-    -------
-    Plant
-        Matrices, names and units.
-
-    Raises
-    ------
-    ExportError
-        If the source is none of these, is discrete in time, or holds what is not finite.
-    ModelError
-        If a parameter is unknown.
-    """
+    """Return what goes into an FMU."""
     if of_control(source):
         plant = _controller(source, tunable)
     elif tunable:
