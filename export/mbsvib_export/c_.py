@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     import os
 
     from mbsvib.api.system import System
+    from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.selection import Ports
 
@@ -43,9 +44,9 @@ class CFiles(Displayed):
 
 
 def to_c(
-    system: System | StateSpace | SystemData | Controller, folder: str | os.PathLike[str], step: float = 1e-4, *,
-    realization: str = "modal", method: str | None = None, precision: str = "double", name: str | None = None,
-    outputs: Ports = None, inputs: Ports = None,
+    system: System | ClosedLoop | Controller | StateSpace | SystemData, folder: str | os.PathLike[str],
+    step: float = 1e-4, *, realization: str = "modal", method: str | None = None, precision: str = "double",
+    name: str | None = None, outputs: Ports = None, inputs: Ports = None,
 ) -> CFiles:  # fmt: skip
     """Write a discrete-time state space as C source that depends on nothing: NAME.h, NAME.c and NAME_test.c.
 

@@ -152,7 +152,7 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
             d[np.ix_(out, into)] += controller.D
             start += size
         name = " + ".join(controller.name for controller in self.controllers)
-        return Controller(name, a, b, c, d, self.sensors, self.actuators)
+        return Controller(name, a, b, c, d, self.sensors, self.actuators).for_plant(self.plant.system)
 
     @property
     def ports(self) -> tuple[list[int], list[int]]:

@@ -127,7 +127,8 @@ class StateSpace(LinearVerbs, Displayed):
         Parameters
         ----------
         space : control.StateSpace or control.TransferFunction
-            In continuous time; a transfer function from one input to one output.
+            In continuous time. In a transfer function of several inputs and outputs, the entries of one input with
+            one denominator share their states.
 
         Returns
         -------
@@ -137,7 +138,7 @@ class StateSpace(LinearVerbs, Displayed):
         Raises
         ------
         ResponseError
-            If it is neither, or discrete, or a transfer function of several ports.
+            If it is neither, or discrete, or an improper transfer function.
         """
         from mbsvib.responses.from_control import arguments, is_control, is_transfer_function
 
