@@ -13,7 +13,7 @@ from mbsvib.feedback.feedback_loop import FeedbackLoop
 from mbsvib.feedback.participation import eigen
 from mbsvib.feedback.resolution import Resolution
 from mbsvib.linalg.discrete import tustin
-from mbsvib.responses.frequency_grid import placed, span
+from mbsvib.responses.frequency_grid import resolving_frequencies, span
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -226,7 +226,7 @@ class SampledLoop(FeedbackLoop):
         low, high = span(poles, f_min, f_max)
         if f_max is None:
             high = min(high, 0.5 * self.rate)
-        return 2.0 * np.pi * placed(np.concatenate((poles, *zeros)), poles, low, high, n)
+        return 2.0 * np.pi * resolving_frequencies(np.concatenate((poles, *zeros)), poles, low, high, n)
 
     def state_space(self, realization: str = "modal") -> NoReturn:
         """Refuse: samples have no continuous equations.
