@@ -17,7 +17,7 @@ from mbsvib.sensitivities.parameter_group import have_rules
 
 @dataclass(frozen=True, slots=True)
 class Strap(Connection):
-    """A strap of ``modulus`` [N/m^2] and ``width`` [m] from ``start`` to ``end``, stiffness modulus width^2 / length."""
+    """A square strap of ``modulus`` [N/m^2] and ``width`` [m]: its stiffness is modulus width^2 / length."""
 
     start: tuple
     end: tuple
