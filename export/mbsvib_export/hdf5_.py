@@ -38,18 +38,7 @@ HEAD = 512  # bytes before the file itself, which HDF5 leaves to others
 
 
 def head(content: bytes) -> bytes:
-    """Return a line with a checksum of what follows: the HDF5 library does not survive some damaged files.
-
-    Parameters
-    ----------
-    content : bytes
-        The file without its head.
-
-    Returns
-    -------
-    bytes
-        The head, which HDF5 skips.
-    """
+    """Return a line with a checksum of what follows: the HDF5 library does not survive some damaged files."""
     return f"mbsvib system in HDF5, crc32 {zlib.crc32(content):08x}\n".encode().ljust(HEAD, b"\0")
 
 

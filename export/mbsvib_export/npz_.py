@@ -98,15 +98,7 @@ def to_npz(
 def arrays_of(data: SystemData | FirstOrder) -> dict[str, Any]:
     """Return all that a file keeps of a system as arrays, by the keys of the file.
 
-    Parameters
-    ----------
-    data : SystemData or StateSpace
-        Matrices, names and units.
-
-    Returns
-    -------
-    dict
-        Texts and matrices; ``data_from`` leads back.
+    ``data_from`` leads back.
     """
     if not isinstance(data, SystemData):
         return {
@@ -159,23 +151,7 @@ def from_npz(path: str | os.PathLike[str]) -> SystemData | StateSpace:
 
 
 def data_from(arrays: dict[str, Any]) -> SystemData | StateSpace:
-    """Return the system, or the state space, that arrays, by the keys of the file, describe.
-
-    Parameters
-    ----------
-    arrays : dict
-        Texts and matrices.
-
-    Returns
-    -------
-    SystemData or StateSpace
-        Matrices, names and units.
-
-    Raises
-    ------
-    ExportError
-        If an array is missing or of another kind.
-    """
+    """Return the system, or the state space, that arrays, by the keys of the file, describe."""
     if str(arrays["format"]) != SPACE_FORMAT:
         return system_data_from(arrays)
     matrices = [f"state_space.{key}" for key in "ABCD"]
@@ -189,23 +165,7 @@ def data_from(arrays: dict[str, Any]) -> SystemData | StateSpace:
 
 
 def system_data_from(arrays: dict[str, Any]) -> SystemData:
-    """Return the system that arrays, by the keys of the file, describe.
-
-    Parameters
-    ----------
-    arrays : dict
-        Texts and matrices.
-
-    Returns
-    -------
-    SystemData
-        Matrices, names and units.
-
-    Raises
-    ------
-    ExportError
-        If an array is missing or of another kind.
-    """
+    """Return the system that arrays, by the keys of the file, describe."""
     expected = (*TEXTS, *STATE_TEXTS, *SECOND_ORDER, "name", "realization", "body_motion",
                 *(f"state_space.{key}" for key in FIRST_ORDER))  # fmt: skip
     _check_keys(arrays, expected)

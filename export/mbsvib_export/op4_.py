@@ -88,21 +88,8 @@ def to_op4(
 def read_op4(path: str | os.PathLike[str]) -> dict[str, Array]:
     """Return the matrices that ``to_op4`` wrote, by their names in mbsvib.
 
-    Parameters
-    ----------
-    path : str or path
-        The file, text or binary.
-
-    Returns
-    -------
-    dict of str to array
-        "M", "C", "K", "B", "Cq", "Cv", "Ca", "D", or "A", "B", "C", "D" of first-order equations; matrices without
-        entries are missing.
-
-    Raises
-    ------
-    ExportError
-        If the file cannot be read or is damaged.
+    Returns "M", "C", "K", "B", "Cq", "Cv", "Ca", "D", or "A", "B", "C", "D" of first-order equations; matrices without
+    entries are missing.
     """
     where = os.fspath(a_path(path, "read_op4", ExportError))
     raw = content_of(where, ExportError, "a file of to_op4")

@@ -16,22 +16,7 @@ Ports: TypeAlias = str | Sequence[str] | None
 def with_ports(source: Any, outputs: Ports, inputs: Ports) -> Any:
     """Return a system, loop, state space or what was read from a file with some of its outputs and inputs.
 
-    Parameters
-    ----------
-    source : object
-        What an exporter was given.
-    outputs, inputs : str, sequence of str or None
-        Names or patterns; None: all.
-
-    Returns
-    -------
-    object
-        The source itself where nothing is named.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown.
+    ``outputs``, ``inputs``: names or patterns; None: all.
     """
     if outputs is None and inputs is None:
         return source

@@ -9,8 +9,10 @@ from mbsvib.api.connecting import Connecting
 from mbsvib.api.reducing import ReducibleSystem
 from mbsvib.api.sensitivities import Sensitive
 from mbsvib.common.display import upper
+from mbsvib.common.fast_init import fast_init
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import counted
+from mbsvib.responses.linear import StepVerbs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,11 +25,11 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.explain.energy_shares import StiffnessShares
     from mbsvib.modes import result
-    from mbsvib.responses.step_info import StepInfo
 
 
+@fast_init
 @dataclass(frozen=True, repr=False, eq=False)
-class System(Connecting, ReducibleSystem, Sensitive, Equations):
+class System(Connecting, ReducibleSystem, StepVerbs, Sensitive, Equations):
     """M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u, in minimal coordinates q.
 
     Matrices, factors and names are those of ``Equations``; modes are computed once, and results are
@@ -171,32 +173,6 @@ class System(Connecting, ReducibleSystem, Sensitive, Equations):
         from mbsvib.responses.time_response import time_response
 
         return time_response(self.with_ports(outputs, inputs).basis, t, u, hold, initial)
-
-    def step_info(
-        self, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None, band: float = 0.02
-    ) -> StepInfo:
-        """Return rise time, settling time, overshoot and peak of the responses to unit steps, from rest.
-
-        Parameters
-        ----------
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all.
-        band : float
-            Share of the final value within which a response has settled.
-
-        Returns
-        -------
-        StepInfo
-            Arrays (outputs, inputs), printed as a table.
-
-        Raises
-        ------
-        ResponseError
-            If a name is unknown, or a pole does not decay.
-        """
-        from mbsvib.responses.step_info import step_info
-
-        return step_info(self.with_ports(outputs, inputs), band)
 
     def poles(self) -> Complex:
         """Return the poles: all 2m eigenvalues, (lambda^2 M + lambda C + K) phi = 0, as accurate as responses need.

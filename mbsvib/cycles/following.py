@@ -61,24 +61,7 @@ class Loops:
 def followed(loops: Loops, motion: Prescribed) -> Array:
     """Return the tree coordinates at every sample.
 
-    Parameters
-    ----------
-    loops : Loops
-        What the loops demand.
-    motion : Prescribed
-        The motion of the driven coordinates.
-
-    Returns
-    -------
-    array, shape (samples, n)
-        Coordinates [rad, m].
-
-    Raises
-    ------
-    SingularPoseError
-        If a pose of the cycle is singular.
-    ModelError
-        If the drives do not determine the motion, or not move.
+    Returns (samples, n): coordinates [rad, m].
     """
     pose, targets = np.zeros(len(loops.names)), motion.values / loops.units[loops.driven]
     _check_mobility(loops, motion)

@@ -121,25 +121,6 @@ def solved(plant: Machine, expressions: Statement) -> Solved:
     """Return coordinates, rates and accelerations at every sample.
 
     J_d q_d' = -J_i q_i',  J_d q_d'' = -J_i q_i'' - J' q'
-
-    Parameters
-    ----------
-    plant : Machine
-        The mechanism and its motion.
-    expressions : Statement
-        Its equations.
-
-    Returns
-    -------
-    Solved
-        The motion of all tree coordinates.
-
-    Raises
-    ------
-    SingularPoseError
-        If a pose of the cycle is singular.
-    ModelError
-        If the drives do not determine the motion, or do not move.
     """
     kinematics, motion = expressions.motion.motion, plant.motion
     driven = np.array([kinematics.names.index(name) for name in motion.names], dtype=np.intp)

@@ -10,7 +10,7 @@ import numpy as np
 
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.feedback.controller import Controller, as_controller
-from mbsvib.feedback.feedback_loop import FeedbackLoop
+from mbsvib.feedback.feedback_loop import FeedbackLoop, united
 from mbsvib.feedback.participation import eigen
 from mbsvib.feedback.plant import SystemPlant
 from mbsvib.feedback.regularity import regular
@@ -233,27 +233,7 @@ class ClosedLoop(FeedbackLoop):
 
 
 def close(plant: LoopPlant, *controllers: Controller, form: type[ClosedLoop] = ClosedLoop) -> ClosedLoop:
-    """Return a plant with its loops closed.
-
-    Parameters
-    ----------
-    plant : LoopPlant
-        The plant with actuators and sensors.
-    *controllers : Controller
-        Controllers that act together.
-    form : type
-        The class of the loop.
-
-    Returns
-    -------
-    ClosedLoop
-        Poles, responses, margins.
-
-    Raises
-    ------
-    ResponseError
-        If there is no controller, or one names an unknown sensor or actuator.
-    """
+    """Return a plant with its loops closed."""
     if not controllers:
         raise ResponseError("closed loop: no controller is given; make one by force_feedback, skyhook, controller, ...")
     system = plant.system
@@ -266,8 +246,7 @@ def close(plant: LoopPlant, *controllers: Controller, form: type[ClosedLoop] = C
                 if name not in known:
                     raise ResponseError(f"closed loop: {law.name} names the {kind} '{name}'; the plant has none."
                                         f"{nearest(name, known)} It has {', '.join(known)}.")  # fmt: skip
-    return form(plant, controllers, _united([c.inputs for c in controllers]),
-                _united([c.outputs for c in controllers]))  # fmt: skip
+    return form(plant, controllers, united(*(c.inputs for c in controllers)), united(*(c.outputs for c in controllers)))
 
 
 def feedback(
@@ -275,29 +254,8 @@ def feedback(
 ) -> ClosedLoop:
     """Return a system or state space with a controller that feeds outputs back to inputs, u = w + K y.
 
-    Parameters
-    ----------
-    system : System or StateSpace
-        The plant.
-    controller : Controller, StateSpace, control.StateSpace, control.TransferFunction or array-like
-        From sensors to actuators; an array has the shape (actuators, sensors).
-    sensors, actuators : str or sequence of str, optional
-        Names or patterns of outputs and inputs; default: the names that the controller has.
-    name : str, optional
-        Name of the controller in tables.
-
-    Returns
-    -------
-    ClosedLoop
-        The closed loop.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown, shapes do not match, or the controller is discrete.
+    ``controller``: from sensors to actuators; an array has the shape (actuators, sensors). ``sensors``, ``actuators``:
+    names or patterns of outputs and inputs; default: the names that the controller has. ``name``: name of the
+    controller in tables.
     """
     return close(SystemPlant(system), as_controller(controller, system, sensors, actuators, name))
-
-
-def _united(groups: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(name for group in groups for name in group))

@@ -17,7 +17,7 @@ from mbsvib.feedback.controller import Controller, as_controller
 from mbsvib.feedback.integrand import response
 from mbsvib.feedback.margins import margins
 from mbsvib.feedback.pole_track import vibrates
-from mbsvib.feedback.pole_words import described, origins, unstable
+from mbsvib.feedback.pole_words import described, origins, shown_damping, unstable
 from mbsvib.responses.linear import LinearVerbs
 
 if TYPE_CHECKING:
@@ -132,8 +132,8 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
             If a name is unknown, shapes do not match, or the controller is discrete.
         """
         law = as_controller(controller, self.plant.system, sensors, actuators, name)
-        return replace(self, controllers=(*self.controllers, law), sensors=_united(self.sensors, law.inputs),
-                       actuators=_united(self.actuators, law.outputs))  # fmt: skip
+        return replace(self, controllers=(*self.controllers, law), sensors=united(self.sensors, law.inputs),
+                       actuators=united(self.actuators, law.outputs))  # fmt: skip
 
     @cached_property
     def law(self) -> Controller:
@@ -152,7 +152,7 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
             d[np.ix_(out, into)] += controller.D
             start += size
         name = " + ".join(controller.name for controller in self.controllers)
-        return Controller(name, a, b, c, d, self.sensors, self.actuators)
+        return Controller(name, a, b, c, d, self.sensors, self.actuators).for_plant(self.plant.system)
 
     @property
     def ports(self) -> tuple[list[int], list[int]]:
@@ -383,8 +383,10 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         dict
             Title, columns, rows and notes.
         """
-        rows = [(i + 1, f"{abs(s) / (2 * np.pi):.6g}", f"{-100 * s.real / abs(s):.4g}", self.sources[at])
-                for i, (s, at) in enumerate(zip(self.vibrating, self._vibrating.tolist(), strict=True))]  # fmt: skip
+        damping = shown_damping(self.vibrating, np.abs(self._eigen[0]).max(initial=0.0))
+        values = zip(np.abs(self.vibrating), damping, self._vibrating.tolist(), strict=True)
+        rows = [(i + 1, f"{natural / (2 * np.pi):.6g}", f"{100.0 * ratio:.4g}", self.sources[at])
+                for i, (natural, ratio, at) in enumerate(values)]  # fmt: skip
         notes = [f"Unstable: {words}." for words in self.growing]
         return {"title": f"Closed loop of {self.plant.system.name}: {self.title}",
                 "columns": [("mode", "right"), ("natural [Hz]", "right"), ("damping ratio [%]", "right"),
@@ -395,5 +397,6 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         return f"{type(self).__name__}({self.plant.system.name!r} with {self.law.name})"
 
 
-def _united(first: tuple[str, ...], second: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys((*first, *second)))
+def united(*groups: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names of all groups, each once."""
+    return tuple(dict.fromkeys(name for group in groups for name in group))

@@ -32,19 +32,9 @@ CROSSING = 1e-5  # share of a pole's magnitude; poles that pass each other at a 
 def matched(first: Spectrum, second: Spectrum, modes: NDArray[np.bool_]) -> tuple[Index, bool]:
     """Return which poles of the second gain continue those of the first, and whether this is certain.
 
-    Parameters
-    ----------
-    first, second : Spectrum
-        Poles at two gains.
-    modes : array of bool, shape (n,)
-        Poles of the first gain that were modes at the outset.
-
-    Returns
-    -------
-    order : array, shape (n,)
-        ``second.values[order]`` continue ``first.values``.
-    certain : bool
-        Whether place and slope tell this order from all others. If not, the step must be shorter.
+    ``modes`` (n,): poles of the first gain that were modes at the outset. Returns order (n,): ``second.values[order]``
+    continue ``first.values``; certain: whether place and slope tell this order from all others. If not, the step must
+    be shorter.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -91,12 +81,12 @@ def _separated(residual: Array, turn: Array, closest: Array, crossing: Array) ->
     return np.asarray(nearer | by_slope)
 
 
-def _closest(start: Complex, end: Complex, bend: Complex) -> Array:
-    """Return a lower bound of the distances of poles along their paths, (n, n), with ``bend`` = h (b' - a') of each.
+def _closest(start: Complex, end: Complex, curvature: Complex) -> Array:
+    """Return a lower bound of the distances of poles along their paths, (n, n); ``curvature`` is h (b' - a') of each.
 
-    A path of constant second derivative leaves the straight line by an eighth of the bend.
+    A path of constant second derivative leaves the straight line by an eighth of that.
     """
-    first, last, relative = (values[:, None] - values for values in (start, end, bend))
+    first, last, relative = (values[:, None] - values for values in (start, end, curvature))
     along = last - first
     length = np.abs(along) ** 2
     share = np.divide(-(first * along.conj()).real, length, out=np.zeros_like(length), where=length > 0.0)

@@ -49,22 +49,7 @@ class Connected:
 def connected(part: Any, motion: Kinematics) -> Connected:
     """Return what a connection of any kind stores and dissipates.
 
-    Parameters
-    ----------
-    part : Connection
-        A spring, bushing, torsion spring, inerter or Maxwell element.
-    motion : Kinematics
-        The finite motion of its mechanism.
-
-    Returns
-    -------
-    Connected
-        Energies, states and forces.
-
-    Raises
-    ------
-    ModelError
-        If it is of another kind.
+    ``part``: a spring, bushing, torsion spring, inerter or Maxwell element.
     """
     law = LAWS.get(type(part))
     if law is None:

@@ -139,24 +139,7 @@ def study(
 def figures(study_scene: Scene, linear: Linear, frequencies: ArrayLike | None = None) -> Isolation:
     """Return the figures of a scene, with its loops open or closed.
 
-    Parameters
-    ----------
-    study_scene : Scene
-        The mechanism and its ports.
-    linear : Linear
-        Its system, or that with closed loops.
-    frequencies : array-like, shape (n,), optional
-        Ascending frequencies [Hz].
-
-    Returns
-    -------
-    Isolation
-        Transmissibility, compliance and figures.
-
-    Raises
-    ------
-    ResponseError
-        If frequencies do not ascend, or one is that of an undamped mode.
+    ``frequencies`` (n,): ascending frequencies [Hz].
     """
     f = default(linear) if frequencies is None else checked(frequencies)
     response = linear.frequency_response(2.0 * np.pi * f)

@@ -20,24 +20,8 @@ if TYPE_CHECKING:
 def legs_between(model: Model, body: str, base: str, patterns: Sequence[str] | None) -> tuple[Leg, ...]:
     """Return the legs between two bodies.
 
-    Parameters
-    ----------
-    model : Model
-        The mechanism.
-    body, base : str
-        The supported body, and the body that carries the legs.
-    patterns : sequence of str, optional
-        Names or patterns of parts, one or more of each leg. Default: every chain between both.
-
-    Returns
-    -------
-    tuple of Leg
-        In the order in which the model has their parts.
-
-    Raises
-    ------
-    ModelError
-        If there are none, or a selected part is no chain from base to body with ends that can be moved.
+    ``body``, ``base``: the supported body, and the body that carries the legs. ``patterns``: names or patterns of
+    parts, one or more of each leg. Default: every chain between both.
     """
     chains = chains_between(model, body, base)
     if patterns is None:

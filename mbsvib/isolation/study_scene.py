@@ -83,33 +83,11 @@ def scene(
 ) -> Scene:  # fmt: skip
     """Return a mechanism with the ports of an isolation study without changing the model.
 
-    Parameters
-    ----------
-    model : Model
-        The mechanism.
-    body : str
-        The isolated body.
-    base : str
-        What is shaken: the ground, or a body whose motion is prescribed, so that it takes the ground's place.
-    point : array-like, shape (3,), optional
-        Reference point of all motions and wrenches [m]; default: the body's centre of mass.
-    length : float, optional
-        Length [m] that makes rotations comparable; default: the root mean square distance of the body's mass from its
-        centre.
-    directions : sequence of str, optional
-        In which the base is shaken; default: all six, or x y z where weight or other loads do not turn with the base.
-    keep_ports : bool
-        Whether inputs and outputs of the model are kept; they come first.
-
-    Returns
-    -------
-    Scene
-        The system and the names of its ports.
-
-    Raises
-    ------
-    ModelError
-        If a body is unknown, is its own base, the length is not positive, or a direction is unknown.
+    ``base``: what is shaken: the ground, or a body whose motion is prescribed, so that it takes the ground's place.
+    ``point`` (3,): reference point of all motions and wrenches [m]; default: the body's centre of mass. ``length``:
+    length [m] that makes rotations comparable; default: the root mean square distance of the body's mass from its
+    centre. ``directions``: in which the base is shaken; default: all six, or x y z where weight or other loads do not
+    turn with the base. ``keep_ports``: whether inputs and outputs of the model are kept; they come first.
     """
     who = "isolation"
     a_model(model, who)

@@ -27,15 +27,7 @@ STATES = ("mjDYN_NONE", "mjDYN_INTEGRATOR", "mjDYN_FILTER", "mjDYN_FILTEREXACT")
 
 
 def add_actuators(scene: Scene, tendons: Mapping[int, Path | None]) -> None:
-    """Add all actuators that are not switched off.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is built.
-    tendons : mapping of int to Path
-        The tendons' paths by their numbers.
-    """
+    """Add all actuators that are not switched off."""
     file, m = scene.file, scene.file.m
     if file.off("ACTUATION"):
         return

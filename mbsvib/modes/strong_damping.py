@@ -88,19 +88,8 @@ class Forces:
 def forces(square: Array, dampers: Array, zeros: int) -> Forces:
     """Return the equations with no more damper rows than motions.
 
-    Parameters
-    ----------
-    square : array, shape (n,)
-        Squares of the undamped frequencies of the basis.
-    dampers : array, shape (rows, n)
-        L, one row per damper.
-    zeros : int
-        Multiplicity of the eigenvalue 0.
-
-    Returns
-    -------
-    Forces
-        With a triangle in place of L, by a QR that keeps the digits of small rows.
+    ``square`` (n,): squares of the undamped frequencies of the basis. ``dampers`` (rows, n): L, one row per damper. A
+    triangle takes the place of L, by a QR that keeps the digits of small rows.
     """
     qr, order, _ = pivoted_qr(dampers[np.argsort(-np.abs(dampers).max(axis=1), kind="stable")])
     root = np.triu(qr[: dampers.shape[1]])[:, np.argsort(order)]
@@ -112,22 +101,9 @@ def improved(
 ) -> tuple[Complex, Complex, Complex, Array]:
     """Improve the eigenvalues whose error may exceed ``rtol``.
 
-    Parameters
-    ----------
-    equations : Forces
-        The equations.
-    values : array, shape (k,)
-        All eigenvalues but 0, roughly.
-    uncertainty : array, shape (k,)
-        Their relative errors, at most.
-    rtol : float
-        Required relative accuracy.
-
-    Returns
-    -------
-    tuple of array
-        Eigenvalues; and of those which were improved, others being 0: modes y (n, k), slopes (k,) y^T (2 lambda +
-        Gamma) y and relative errors (k,), infinite for the others.
+    ``values`` (k,): all eigenvalues but 0, roughly. ``uncertainty`` (k,): their relative errors, at most. Returns
+    eigenvalues; and of those which were improved, others being 0: modes y (n, k), slopes (k,) y^T (2 lambda + Gamma) y
+    and relative errors (k,), infinite for the others.
 
     Source: Aberth, Math. Comp. 27 (1973), for the simultaneous steps.
     """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from mbsvib.plots import _style as style
 from mbsvib.plots._projection import LINES, MARKS
 
 if TYPE_CHECKING:
@@ -20,24 +21,14 @@ COLUMNS = 4
 
 
 def legend(figure: Figure, scene: Scene) -> None:
-    """Explain below the drawing what its symbols mean.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The drawing.
-    scene : Scene
-        What is drawn.
-    """
+    """Explain below the drawing what its symbols mean."""
     marks, lines = {mark.kind for mark in scene.marks}, {line.kind for line in scene.lines}
     meanings = MEANINGS
     if any(line.kind == "input" and line.last - line.first > 2 for line in scene.lines):
         meanings = MEANINGS | {"input": "input (», torque)"}
     handles = [_handle(kind, words, kind in marks, kind in lines) for kind, words in meanings.items()
                if kind in marks | lines]  # fmt: skip
-    if handles:
-        figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), COLUMNS), fontsize=8.0,
-                      handlelength=1.8, columnspacing=1.4)  # fmt: skip
+    style.legend(figure, handles, "outside lower center", COLUMNS, fontsize=8.0, handlelength=1.8, columnspacing=1.4)
 
 
 def _handle(kind: str, words: str, marked: bool, drawn: bool) -> Line2D:

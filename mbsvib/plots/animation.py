@@ -184,32 +184,8 @@ def animation(
 ) -> Animation:
     """Return a mode in motion.
 
-    Parameters
-    ----------
-    modes : Modes
-        The modes.
-    provenance : Provenance or None
-        What the system was made of.
-    mode : int
-        The mode's number, from 1.
-    amplitude : float
-        How far the farthest point goes, as a share of the mechanism's size.
-    view : str or sequence of 2 float
-        From where.
-    frames : int
-        Pictures in one period.
-    rate : float
-        Pictures in a second [Hz].
-
-    Returns
-    -------
-    Animation
-        One period.
-
-    Raises
-    ------
-    ResponseError
-        If there is no such mode or view, or the geometry of the mechanism is unknown.
+    ``provenance``: what the system was made of. ``amplitude``: how far the farthest point goes, as a share of the
+    mechanism's size. ``rate``: pictures in a second [Hz].
     """
     if provenance is None:
         raise ResponseError(f"modes of '{modes.name}': nothing is known of what it looks like, as it is sparse or a "

@@ -100,26 +100,8 @@ def mode_strips(
 def shapes_of(modes: Modes, which: Index, bodies: Names, radius: float | None) -> Shapes:
     """Return what is drawn of some modes, the largest displacement of each being 1.
 
-    Parameters
-    ----------
-    modes : Modes
-        All modes.
-    which : array of int, shape (n,)
-        Numbers from 0.
-    bodies : str or sequence of str, optional
-        Names or patterns.
-    radius : float, optional
-        Length [m] that multiplies rotations.
-
-    Returns
-    -------
-    Shapes
-        In phase with the motion as a whole; directions in which nothing moves are left out.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown, or the radius is not positive.
+    ``which`` (n,): numbers from 0. ``bodies``: names or patterns. ``radius``: length [m] that multiplies rotations.
+    They are in phase with the motion as a whole; directions in which nothing moves are left out.
     """
     if radius is not None and not 0.0 < real(radius, "plots.mode_strips", "radius", "a length [m] above 0") < np.inf:
         raise ResponseError(f"plots.mode_strips: radius = {radius!r}; expected a length [m] above 0.")

@@ -82,8 +82,8 @@ def topology(system: System) -> Figure:
     return figure
 
 
-def _bent(start: Array, end: Array, bend: float) -> Array:
+def _bent(start: Array, end: Array, curvature: float) -> Array:
     """A curved line from start to end."""
     s = np.linspace(0.0, 1.0, 41)[:, None]
-    aside = 0.5 * (start + end) + bend * np.array([end[1] - start[1] or 1.0, start[0] - end[0]])
+    aside = 0.5 * (start + end) + curvature * np.array([end[1] - start[1] or 1.0, start[0] - end[0]])
     return np.asarray((1.0 - s) ** 2 * start + 2.0 * s * (1.0 - s) * aside + s**2 * end)

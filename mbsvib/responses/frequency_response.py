@@ -49,22 +49,7 @@ def frequency_response(basis: Basis, omega: ArrayLike) -> Complex:
     are accurate relative to their largest term. Where this may leave less than six digits, responses are computed from
     the factors of the matrices in twice the working precision (``tiny_outputs``).
 
-    Parameters
-    ----------
-    basis : Basis
-        The equations of motion and their modes.
-    omega : array-like, shape (n,)
-        Angular frequencies [rad/s].
-
-    Returns
-    -------
-    array, shape (outputs, inputs, n)
-        Complex responses.
-
-    Raises
-    ------
-    ResponseError
-        If a frequency is not finite or is an undamped pole.
+    ``omega`` (n,): angular frequencies [rad/s]. Returns (outputs, inputs, n): complex responses.
     """
     w = angular(omega)
     system, modal, size = basis.equations, basis.modal, np.abs(w)
@@ -110,19 +95,7 @@ def _general(basis: Basis, modal: General, w: Array) -> Complex:
 def trusted(modal: Damped, b: Array, w: Array) -> bool:
     """Tell whether the sum over modes solves (Omega^2 - w^2 + i w Gamma) eta = b, at a few of the frequencies.
 
-    Parameters
-    ----------
-    modal : Damped
-        Modes that damping couples.
-    b : array, shape (m, inputs)
-        Inputs in the basis.
-    w : array, shape (n,)
-        Angular frequencies [rad/s], none negative.
-
-    Returns
-    -------
-    bool
-        Whether the residual is as small as rounding leaves it.
+    ``b`` (m, inputs): inputs in the basis. ``w`` (n,): angular frequencies [rad/s], none negative.
     """
     inside, size = w[w > 0.0], np.abs(modal.pairs)
     if not b.size or not size.any():
@@ -143,15 +116,7 @@ def trusted(modal: Damped, b: Array, w: Array) -> bool:
 def conditions(modal: Damped) -> Array:
     """Return the condition numbers (m, 2) of the eigenvalues in energy coordinates: 1 is best, infinite is defective.
 
-    Parameters
-    ----------
-    modal : Damped
-        Modes that damping couples.
-
-    Returns
-    -------
-    array, shape (m, 2)
-        (|lambda| + |Omega y|^2 / |lambda|) / |y^T (2 lambda + Gamma) y|; 1 for eigenvalues 0.
+    Returns (m, 2): (|lambda| + |Omega y|^2 / |lambda|) / |y^T (2 lambda + Gamma) y|; 1 for eigenvalues 0.
     """
     assert modal.vectors is not None
     assert modal.slopes is not None

@@ -21,16 +21,46 @@ if TYPE_CHECKING:
     Ports = str | Sequence[str] | None
 
 
-class LinearVerbs:
+class StepVerbs:
+    """Measures of step responses, of systems as of all other linear equations."""
+
+    if TYPE_CHECKING:
+
+        def with_ports(self, outputs: Ports = None, inputs: Ports = None) -> Self:
+            """Return the equations with some outputs and inputs."""
+
+    def step_info(self, outputs: Ports = None, inputs: Ports = None, band: float = 0.02) -> StepInfo:
+        """Return rise time, settling time, overshoot and peak of the responses to unit steps, from rest.
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all.
+        band : float
+            Share of the final value within which a response has settled.
+
+        Returns
+        -------
+        StepInfo
+            Arrays (outputs, inputs), printed as a table.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, or a pole does not decay.
+        """
+        from mbsvib.responses.step_info import step_info
+
+        return step_info(self.with_ports(outputs, inputs), band)
+
+
+class LinearVerbs(StepVerbs):
     """Methods of linear equations with named inputs and outputs."""
 
     if TYPE_CHECKING:
         name: Any
         inputs: Any
         outputs: Any
-
-        def with_ports(self, outputs: Ports = None, inputs: Ports = None) -> Self:
-            """Return the equations with some outputs and inputs."""
 
         def poles(self) -> Complex:
             """Return the poles [1/s]."""
@@ -95,36 +125,12 @@ class LinearVerbs:
         ResponseError
             If a name is unknown, n is less than 2, or f_min and f_max are not positive and in ascending order.
         """
-        from mbsvib.responses.frequency_grid import placed, span
+        from mbsvib.responses.frequency_grid import resolving_frequencies, span
 
         part, poles = self.with_ports(outputs, inputs), self.poles()
         zeros = [part.transmission_zeros(y, u) for y in part.outputs for u in part.inputs]
         low, high = span(poles, f_min, f_max)
-        return 2.0 * np.pi * placed(np.concatenate([poles, *zeros]), poles, low, high, n)
-
-    def step_info(self, outputs: Ports = None, inputs: Ports = None, band: float = 0.02) -> StepInfo:
-        """Return rise time, settling time, overshoot and peak of the responses to unit steps, from rest.
-
-        Parameters
-        ----------
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all.
-        band : float
-            Share of the final value within which a response has settled.
-
-        Returns
-        -------
-        StepInfo
-            Arrays (outputs, inputs), printed as a table.
-
-        Raises
-        ------
-        ResponseError
-            If a name is unknown, or a pole does not decay.
-        """
-        from mbsvib.responses.step_info import step_info
-
-        return step_info(self.with_ports(outputs, inputs), band)
+        return 2.0 * np.pi * resolving_frequencies(np.concatenate([poles, *zeros]), poles, low, high, n)
 
     def h2_norm(self, outputs: Ports = None, inputs: Ports = None, parameters: Any = None) -> Norm:
         """Return the H2 norm of the frequency response, the rms of all outputs under white noise.

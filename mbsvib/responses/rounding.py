@@ -63,17 +63,9 @@ class Noise:
     def at(self, w: Array, by_modes: bool) -> Array:
         """Return the bound at angular frequencies.
 
-        Parameters
-        ----------
-        w : array, shape (n,)
-            Angular frequencies [rad/s], none negative.
-        by_modes : bool
-            Whether responses are sums over modes, which avoid the cancellation above a mode; else they are solutions.
-
-        Returns
-        -------
-        array, shape (outputs, inputs, n)
-            In the outputs' units.
+        ``w`` (n,): angular frequencies [rad/s], none negative. ``by_modes``: whether responses are sums over modes,
+        which avoid the cancellation above a mode; else they are solutions. Returns (outputs, inputs, n): in the
+        outputs' units.
         """
         gain, fade = self.terms.gain(w)
         result = np.zeros((*self.direct.shape, len(w)))
@@ -188,19 +180,9 @@ class Changes:
     def at(self, w: Array, motion: Complex, relative_motion: Complex | None = None) -> Array:
         """Return the sum over all numbers.
 
-        Parameters
-        ----------
-        w : array, shape (n,)
-            Angular frequencies [rad/s], none negative.
-        motion : array, shape (m, inputs + outputs, n)
-            Forward and adjoint motions.
-        relative_motion : array, shape (rows, inputs + outputs, n), optional
-            Relative motions along the rows; default: from ``motion``, as accurate as its rounding allows.
-
-        Returns
-        -------
-        array, shape (outputs, inputs, n)
-            In the outputs' units.
+        ``w`` (n,): angular frequencies [rad/s], none negative. ``motion`` (m, inputs + outputs, n): forward and adjoint
+        motions. ``relative_motion`` (rows, inputs + outputs, n): relative motions along the rows; default: from
+        ``motion``, as accurate as its rounding allows. Returns (outputs, inputs, n): in the outputs' units.
         """
         outputs, inputs = self.direct.shape
         count, springs = len(self.rows), len(self.stiffness)

@@ -16,7 +16,7 @@ from mbsvib.linalg.rank import MASSLESS
 from mbsvib.simulation.charts import Loops, chart_at
 from mbsvib.simulation.equations import MotionEquations, motion_equations
 from mbsvib.simulation.integrator import Integrator
-from mbsvib.simulation.states import turnings
+from mbsvib.simulation.states import free_rotations
 
 if TYPE_CHECKING:
     from typing import Any
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mbsvib.finite_motion.lagrange import FiniteMotion
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.simulation.signals import Signals
-    from mbsvib.simulation.states import Turning
+    from mbsvib.simulation.states import FreeRotation
 
 # Poses this far off (rad, mechanism sizes), in which as many closures must be independent as where a run starts.
 NEIGHBOUR = 1e-3
@@ -47,7 +47,7 @@ class Session:
     statement: FiniteMotion
     equations: MotionEquations
     loops: Loops
-    turning: tuple[Turning, ...]
+    free_rotations: tuple[FreeRotation, ...]
     integrator: Integrator
     signals: Signals
     limited: tuple[str, ...]
@@ -68,31 +68,7 @@ class Session:
 
 
 def session(model: Mechanism, statement: FiniteMotion, signals: Signals, tolerance: float) -> Session:
-    """Return a mechanism that is ready to be integrated.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    statement : FiniteMotion
-        Its energies and forces, with bases.
-    signals : Signals
-        Its inputs.
-    tolerance : float
-        Error of results that is asked for.
-
-    Returns
-    -------
-    Session
-        Equations and integrator.
-
-    Raises
-    ------
-    SingularPoseError
-        If loops have another number of degrees of freedom in the pose as described than next to it.
-    ModelError
-        If a motion has no inertia.
-    """
+    """Return a mechanism that is ready to be integrated."""
     motion = statement.motion
     size = size_of(model)
     scale = np.where(motion.turns, 1.0, size)
@@ -108,7 +84,7 @@ def session(model: Mechanism, statement: FiniteMotion, signals: Signals, toleran
     stiff = _fastest_decay(statement, mass, bases) * float(np.ptp(signals.breaks)) > STIFF
     angles = {name: part.angle for name, part in statement.connections.items() if part.angle is not None}
     return Session(
-        model, statement, equations, loops, turnings(motion),
+        model, statement, equations, loops, free_rotations(motion),
         Integrator(equations, scale, signals.coefficients.shape[2] - 1, tolerance, stiff), signals, tuple(angles),
         ca.Function("limits", [motion.q, motion.bases], [ca.vertcat(*angles.values())]),
     )  # fmt: skip

@@ -82,26 +82,10 @@ class Design:
 def design(model: Model, names: Iterable[str], ties: Ties | None = None) -> Design:
     """Return the variables of a study.
 
-    Parameters
-    ----------
-    model : Model
-        The mechanism.
-    names : iterable of str
-        Names of the variables: parameters, patterns that pick several, or names that ``ties`` explains.
-    ties : mapping of str to mapping of str to float or Tie, optional
-        For each variable that is a linear map, the rate at which each parameter (by name or pattern) moves with it:
-        parameter = value of the model + rate x variable. For others an object with ``values`` and ``rates``, the same
-        for all variables that it takes.
-
-    Returns
-    -------
-    Design
-        The variables, checked.
-
-    Raises
-    ------
-    ModelError
-        If a parameter is unknown, a tie picks nothing, or two variables move one parameter in different ways.
+    ``names``: names of the variables: parameters, patterns that pick several, or names that ``ties`` explains.
+    ``ties``: for each variable that is a linear map, the rate at which each parameter (by name or pattern) moves with
+    it: parameter = value of the model + rate x variable. For others an object with ``values`` and ``rates``, the same
+    for all variables that it takes.
     """
     if ties is not None and not isinstance(ties, Mapping):
         raise check.refuse("study", "ties", ties, "a mapping of variables to the parameters that they move, "

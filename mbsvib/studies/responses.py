@@ -97,13 +97,7 @@ class Peak(Largest):
         return np.unique(np.concatenate((2.0 * np.pi * np.geomspace(low, high, SEEDS), inside, self.tops(point)[0])))
 
     def tops(self, point: DesignPoint) -> tuple[Array, Array]:
-        """Return angular frequencies of the significant local maxima, and the magnitudes there.
-
-        Raises
-        ------
-        ResponseError
-            If an undamped mode in the band is excited.
-        """
+        """Return angular frequencies of the significant local maxima, and the magnitudes there."""
         system = point.system
         low, high = (2.0 * np.pi * f for f in self._band(system))
         poles = system.poles()
@@ -181,26 +175,7 @@ def _rms(point: DesignPoint, ports: Ports, noise: BaseNoise, band: Band | None) 
 def quadrature(system: System, ports: Ports, noise: BaseNoise, band: Band | None) -> tuple[Array, Array]:
     """Return nodes and weights of the integral of responses to noise over a band, exact to rounding.
 
-    Parameters
-    ----------
-    system : System
-        The equations of motion.
-    ports : Ports
-        Inputs of the noise, and outputs.
-    noise : BaseNoise
-        Its densities.
-    band : (float, float) or None
-        First and last frequency [Hz]; None: all.
-
-    Returns
-    -------
-    frequencies, weights : array, shape (n,)
-        Both in Hz.
-
-    Raises
-    ------
-    ResponseError
-        If the integral has no bound: the system is not stable, or noise excites what is not damped.
+    ``band``: first and last frequency [Hz]; None: all. Returns frequencies, weights (n,): both in Hz.
     """
     poles = np.concatenate((system.poles(), noise.poles)) / (2.0 * np.pi)
     if (poles.real > 1e-13 * np.abs(poles).max(initial=0.0)).any():

@@ -73,7 +73,7 @@ def load_urdf(
     """
     robot = read(path)
     _known("pose", pose or {}, robot)
-    frames = _placed(robot, _positions(robot, pose or {}))
+    frames = _link_frames(robot, _positions(robot, pose or {}))
     model = Model(robot.name if name is None else name, gravity)
     groups = _groups(robot, frames, floating)
     for group in dict.fromkeys(groups.values()):
@@ -127,7 +127,7 @@ def _positions(robot: Robot, pose: Mapping[str, float]) -> dict[str, float]:
     return result
 
 
-def _placed(robot: Robot, positions: dict[str, float]) -> dict[str, tuple[Array, Array]]:
+def _link_frames(robot: Robot, positions: dict[str, float]) -> dict[str, tuple[Array, Array]]:
     """World position and axes of each link's frame, parents before children."""
     children: dict[str, list[Hinge]] = {}
     for joint in robot.joints.values():

@@ -17,7 +17,7 @@ from mbsvib.sensitivities.parameter_group import have_rules
 
 @dataclass(frozen=True, slots=True)
 class Strap(Connection):
-    """A square strap of ``modulus`` [N/m^2] and ``width`` [m]: its stiffness is modulus width^2 / length."""
+    """A strap from ``start`` to ``end`` of stiffness ``modulus`` [N/m^2] times ``width``^2 [m] over its length."""
 
     start: tuple
     end: tuple

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.equilibrium.joints import ALONG_AXIS
 from mbsvib.linalg.vectors import cross, wide
 from mbsvib.sensitivities.families.rules import PartRules
 from mbsvib.sensitivities.families.terms import along, line_turn_rates, moved_point, turned_axes
@@ -87,7 +86,7 @@ def _by_axis(joint: Joint, turn: Array) -> Array:
     """How the axes of a joint turn with its first body (3, c): where it is given by its axis, they are those that the
     axis gives in each pose.
     """
-    if joint.axis is None or joint.kind not in ALONG_AXIS:
+    if joint.axis is None or not joint.along_axis:
         return turn
     line = np.array(joint.axes)[:, 2]
     return np.asarray(line_turn_rates(line[None])[0].T @ np.cross(turn, line, axisa=0).T)
