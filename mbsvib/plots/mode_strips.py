@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from mbsvib.common.arrays import Complex, Index
+    from mbsvib.common.selection import Names
     from mbsvib.modes.result import Modes
-    from mbsvib.plots._choice import Names
     from mbsvib.plots._system import System
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")

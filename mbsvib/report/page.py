@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
     from mbsvib.api.model import Model
     from mbsvib.api.state_space import StateSpace
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
-    from mbsvib.plots._choice import Names
 
     Source = Model | System | StateSpace | ClosedLoop
 

@@ -80,7 +80,7 @@ def session(model: Mechanism, statement: FiniteMotion, signals: Signals, toleran
                          element=model.name)  # fmt: skip
     equations = motion_equations(statement, rank, scale)
     loops = Loops(equations, scale, rows)
-    mass = _checked_mass(model, loops, motion.names, bases)
+    mass = _checked_mass(loops, motion.names, bases)
     stiff = _fastest_decay(statement, mass, bases) * float(np.ptp(signals.breaks)) > STIFF
     angles = {name: part.angle for name, part in statement.connections.items() if part.angle is not None}
     return Session(
@@ -124,9 +124,7 @@ def _fastest_decay(statement: FiniteMotion, reduced: tuple[Array, Array], bases:
     return float(max(rates, default=0.0))
 
 
-def _checked_mass(
-    model: Mechanism, loops: Loops, names: tuple[str, ...], bases: Array
-) -> tuple[Array, Array]:
+def _checked_mass(loops: Loops, names: tuple[str, ...], bases: Array) -> tuple[Array, Array]:
     """Motions (n, m) of the independent coordinates and their mass; refuse those without inertia by name."""
     n = loops.equations.n
     origin = np.zeros(n)
