@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
+from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.common.expected import a_system, kind_of, mode_index, real
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from mbsvib.modes.result import Modes
     from mbsvib.plots._system import System
 
-DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 MOST_STRIPS = 12  # of a page
 MOST_BARS = 20  # bodies; more of them are drawn as lines
 MOST_NAMES = 40
