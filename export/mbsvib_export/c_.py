@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from mbsvib.api.system import System
     from mbsvib.common.selection import Names
+    from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.responses.state_space import StateSpace
 
 # Samples in the test vectors: enough to see each state several times, few enough to read.
@@ -43,9 +44,9 @@ class CFiles(Displayed):
 
 
 def to_c(
-    system: System | StateSpace | SystemData | Controller, folder: str | os.PathLike[str], step: float = 1e-4, *,
-    realization: str = "modal", method: str | None = None, precision: str = "double", name: str | None = None,
-    outputs: Names = None, inputs: Names = None,
+    system: System | ClosedLoop | Controller | StateSpace | SystemData, folder: str | os.PathLike[str],
+    step: float = 1e-4, *, realization: str = "modal", method: str | None = None, precision: str = "double",
+    name: str | None = None, outputs: Names = None, inputs: Names = None,
 ) -> CFiles:  # fmt: skip
     """Write a discrete-time state space as C source that depends on nothing: NAME.h, NAME.c and NAME_test.c.
 

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.common.selection import Names
+    from mbsvib.feedback.closed_loop import ClosedLoop
+    from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.affine import Affine
     from mbsvib_export.neutral import SystemData
@@ -61,7 +63,8 @@ class CasadiModel(Displayed):
 
 
 def to_casadi(
-    system: System | StateSpace | SystemData, step: float | None = None, parameters: Names = None,
+    system: System | ClosedLoop | Controller | StateSpace | SystemData, step: float | None = None,
+    parameters: Names = None,
     realization: str = "physical",
     *, outputs: Names = None, inputs: Names = None,
 ) -> CasadiModel:  # fmt: skip
@@ -73,7 +76,7 @@ def to_casadi(
 
     Parameters
     ----------
-    system : System, StateSpace or SystemData
+    system : System, ClosedLoop, Controller, StateSpace, control.StateSpace or SystemData
         The equations of motion, or a state space that is ready.
     step : float, optional
         Step [s] of the exactly discretised equations. With parameters, its matrix exponential is exact as long as they

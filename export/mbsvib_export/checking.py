@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     Model = System | SystemData | StateSpace
 
 
-LIMIT = 1e-6
+LIMIT = 1e-6  # relative difference of responses: files with seven digits and transfer functions keep it
 _ZERO = 1e-6  # poles below this share of the largest are taken for rigid-body modes
 SUFFIXES = (".json", ".npz", ".mat", ".h5", ".hdf5", ".uff", ".unv", ".op4", ".pch", ".fmu")
 

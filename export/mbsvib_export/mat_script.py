@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-TOLERANCE = 1e-6
+TOLERANCE = 1e-6  # relative difference of responses: state spaces of MATLAB are scaled by its own rules
 
 _TEXT = """\
 function [plant, mech, worst] = {function}(file)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
     from mbsvib.common.selection import Names
+    from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.neutral import SystemData
@@ -40,7 +41,7 @@ _RESERVED = frozenset((
 
 
 def to_modelica(
-    system: System | StateSpace | SystemData | Controller, path: str | os.PathLike[str], *,
+    system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str], *,
     realization: str = "physical", connectors: bool = False, name: str | None = None,
     outputs: Names = None, inputs: Names = None,
 ) -> Path:  # fmt: skip

@@ -11,7 +11,7 @@ from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
 from mbsvib.errors import ExportError, counted
-from mbsvib.responses.from_control import is_control
+from mbsvib.responses.from_control import is_control, is_transfer_function
 from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.arrays_and_names import check_arrays, check_names
 from mbsvib_export.names_ import SignalNames
@@ -170,7 +170,7 @@ def state_space_of(source: object, realization: str, caller: str) -> StateSpace:
 
 
 def space_of(source: object, realization: str) -> object:
-    """Return the state space of a closed loop, a controller or a state space of python-control; else the source.
+    """Return the state space of a closed loop, a controller or equations of python-control; else the source.
 
     ``realization``: the states wanted of a closed loop; those of a plant that is a state space stay as they are.
     """
@@ -180,7 +180,8 @@ def space_of(source: object, realization: str) -> object:
         return source.state_space(realization if kind_of(plant) == "system" else "modal")  # type: ignore[attr-defined]
     if kind == "controller":
         return source.state_space()  # type: ignore[attr-defined]
-    return _named_as_here(StateSpace.from_control(source)) if kind is None and is_control(source) else source
+    foreign = kind is None and (is_control(source) or is_transfer_function(source))
+    return _named_as_here(StateSpace.from_control(source)) if foreign else source
 
 
 def _named_as_here(space: StateSpace) -> StateSpace:

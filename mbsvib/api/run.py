@@ -329,7 +329,5 @@ def run_of(name: str, trace: Trace, complete: bool) -> Run:
 
 def units(trace: Trace) -> dict[str, str]:
     """Return the units of the outputs that a run tells."""
-    from mbsvib.equations.ports import output_unit
-
     outputs = trace.session.model.outputs
-    return {name: output_unit(outputs[name]) for name in trace.measured.all_names}
+    return {name: outputs[name].unit for name in trace.measured.all_names}

@@ -9,6 +9,7 @@ from mbsvib.api.connecting import Connecting
 from mbsvib.api.reducing import ReducibleSystem
 from mbsvib.api.sensitivities import Sensitive
 from mbsvib.common.display import upper
+from mbsvib.common.fast_init import fast_init
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import counted
 from mbsvib.responses.linear import StepVerbs
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from mbsvib.modes import result
 
 
+@fast_init
 @dataclass(frozen=True, repr=False, eq=False)
 class System(Connecting, ReducibleSystem, StepVerbs, Sensitive, Equations):
     """M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u, in minimal coordinates q.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,8 @@ from mbsvib.cli._shell import UsageProblem
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from mbsvib.api.model import Model
     from mbsvib.api.system import System
 
@@ -62,6 +65,17 @@ def _read(path: Path) -> Model:
 def system_of(word: str) -> System:
     """Return the linear system of a model; raises as ``model_of`` does, and if it cannot be linearized."""
     return model_of(word).linearize()
+
+
+@contextmanager
+def as_misuse(*words: str) -> Iterator[None]:
+    """Turn the refusal of a name that is one of the words of the command line into a UsageProblem."""
+    try:
+        yield
+    except ModelError as error:
+        if error.element not in words:
+            raise
+        raise UsageProblem(str(error)) from error
 
 
 def ports(system: System, inputs: list[str] | None, outputs: list[str] | None) -> tuple[list[str], list[str], str]:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.common.display import upper
 from mbsvib.common.tables import SHOWN, listed
-from mbsvib.elements.inerter import Inerter
-from mbsvib.elements.part import Composed
 from mbsvib.errors import counted
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.mechanism.unit_warnings import unit_warnings
@@ -86,7 +84,8 @@ def _of_matrices(system: Equations, basis: Basis | None) -> str:
 def _topology(system: Equations) -> list[str]:
     topology = system.provenance.topology
     jointed = {part for joint in topology.joints for part in (joint.first, joint.second)}
-    composed = [part for part in system.provenance.parts if isinstance(part, Composed)]
+    declared: dict[str, Any] = {part.name: part for part in system.provenance.parts}
+    composed = [part for part in declared.values() if part.symbol == "composed"]
     owners = {part.name for part in composed}
     springs = [name for name in system.provenance.springs if name not in owners]
     parts = ((topology.bodies, "body"), (topology.joints, "joint"), (springs, "spring-damper"))
@@ -103,7 +102,7 @@ def _topology(system: Equations) -> list[str]:
                      + listed([f"{name} {total[name]}" for name in topology.bodies]))  # fmt: skip
     straining = set(system.row_owner.tolist())
     forces = () if system.provenance.statics is None else system.provenance.statics.applied.names
-    inerters = {part.name for part in system.provenance.parts if isinstance(part, Inerter)}  # they are part of M
+    inerters = {name for name in springs if name in declared and declared[name].inertance}  # they are part of M
     idle = [name for i, name in enumerate(system.provenance.springs)
             if i not in straining and name not in forces and name not in inerters]  # fmt: skip
     if idle:

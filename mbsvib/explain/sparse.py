@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.tables import listed
-from mbsvib.elements import ForceOutput
 from mbsvib.errors import counted
 from mbsvib.explain.dense import rank_decision, removed, separated
 
@@ -73,7 +72,7 @@ def _tableau(system: SparseEquations) -> list[str]:
 
 def _forces(system: SparseEquations) -> list[str]:
     force_outputs = [output for output in system.model.outputs.values()
-              if isinstance(output, ForceOutput) and output.element not in system.model.springs]  # fmt: skip
+              if output.element is not None and output.element not in system.model.springs]  # fmt: skip
     if not force_outputs:
         return []
     count = counted(len(force_outputs), "output")

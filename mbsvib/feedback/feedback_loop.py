@@ -17,7 +17,7 @@ from mbsvib.feedback.controller import Controller, as_controller
 from mbsvib.feedback.integrand import response
 from mbsvib.feedback.margins import margins
 from mbsvib.feedback.pole_track import vibrates
-from mbsvib.feedback.pole_words import described, origins, unstable
+from mbsvib.feedback.pole_words import described, origins, shown_damping, unstable
 from mbsvib.responses.linear import LinearVerbs
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
             d[np.ix_(out, into)] += controller.D
             start += size
         name = " + ".join(controller.name for controller in self.controllers)
-        return Controller(name, a, b, c, d, self.sensors, self.actuators)
+        return Controller(name, a, b, c, d, self.sensors, self.actuators).for_plant(self.plant.system)
 
     @property
     def ports(self) -> tuple[list[int], list[int]]:
@@ -382,8 +382,10 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         dict
             Title, columns, rows and notes.
         """
-        rows = [(i + 1, f"{abs(s) / (2 * np.pi):.6g}", f"{-100 * s.real / abs(s):.4g}", self.sources[at])
-                for i, (s, at) in enumerate(zip(self.vibrating, self._vibrating.tolist(), strict=True))]  # fmt: skip
+        damping = shown_damping(self.vibrating, np.abs(self._eigen[0]).max(initial=0.0))
+        values = zip(np.abs(self.vibrating), damping, self._vibrating.tolist(), strict=True)
+        rows = [(i + 1, f"{natural / (2 * np.pi):.6g}", f"{100.0 * ratio:.4g}", self.sources[at])
+                for i, (natural, ratio, at) in enumerate(values)]  # fmt: skip
         notes = [f"Unstable: {words}." for words in self.growing]
         return {"title": f"Closed loop of {self.plant.system.name}: {self.title}",
                 "columns": [("mode", "right"), ("natural [Hz]", "right"), ("damping ratio [%]", "right"),

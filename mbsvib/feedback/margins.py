@@ -88,7 +88,8 @@ class Margins(Displayed):
     @property
     def all_gains(self) -> tuple[float, float]:
         """Factors between which all gains may change simultaneously."""
-        return 1.0 / (1.0 + self.modulus), 1.0 / (1.0 - self.modulus) if self.modulus < 1.0 else float("inf")
+        limited = self.modulus <= 1.0 - VANISHES
+        return 1.0 / (1.0 + self.modulus), 1.0 / (1.0 - self.modulus) if limited else float("inf")
 
     @property
     def all_phases(self) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 
 from mbsvib.feedback.pole_track import vibrates
 from mbsvib.linalg.balancing import scaled_matrix
+from mbsvib.modes.state_modes import FORGOTTEN
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
 
 
-FORGOTTEN = np.finfo(float).eps ** 0.5  # poles of delays, which decay within a few samples
 ALIKE = 1e-6  # poles that differ by less than this share are repeated: any basis of their eigenspace is valid
 
 LEAST = 0.1  # minimum participation of the mechanism in poles that are assigned to its modes

@@ -41,6 +41,25 @@ def unstable(poles: Complex) -> Index:
     return np.flatnonzero((poles.real > GROWS * largest) & (poles.imag >= 0.0) & (np.abs(poles) > RESTS * largest))
 
 
+def shown_damping(poles: Complex, largest: float) -> Array:
+    """Return damping ratios of poles other than 0, for tables: 0 where real parts are nothing but rounding.
+
+    Parameters
+    ----------
+    poles : array, shape (poles,)
+        Poles [1/s].
+    largest : float
+        The largest magnitude of all poles of the loop [1/s].
+
+    Returns
+    -------
+    array, shape (poles,)
+        -Re(pole)/|pole|, or 0.
+    """
+    rounding = np.minimum(GROWS * largest, RESTS * np.abs(poles))
+    return np.where(np.abs(poles.real) > rounding, -poles.real / np.abs(poles), 0.0)
+
+
 def described(poles: Complex, comes_from: Sequence[str], numbers: Index) -> tuple[str, ...]:
     """Return origin, frequency and damping ratio of poles with some numbers, in words."""
     return tuple([

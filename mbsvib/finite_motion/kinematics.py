@@ -104,7 +104,7 @@ def kinematics(
     def values(names: Iterable[str]) -> Expression:
         return ca.vertcat(*(symbol.get(name, ca.SX(0.0)) for name in names))
 
-    three_rotations = [joint.name for joint, _ in order if sum(d[0] == "r" for d, _ in joint.freedom) == 3]
+    three_rotations = [joint.name for joint, _ in order if len(joint.rotation_axes) == 3]
     based = tuple(three_rotations) if bases else ()
     symbols = ca.SX.sym("base", 9 * len(based))
     extra = {name: values(f"{name}.virtual.{d}" for d in DIRECTIONS) for name in virtual}
@@ -187,7 +187,7 @@ def coupled_in_tree(model: Mechanism) -> tuple[str, ...]:
     requested = {name.rpartition(".")[0]: part.name for part in model.couplers.values() for name, _ in part.terms}
     for name, coupler in requested.items():
         joint = model.joints[name]
-        if sum(d[0] == "r" for d, _ in joint.freedom) == 3 or joint.kind == "homokinetic":
+        if joint.turns_by_vector:
             raise ModelError(
                 f"coupler '{coupler}': joint '{name}' ({joint.kind}) turns by a rotation vector, whose components are "
                 f"no angles in finite motion; couple joints with one or two successive free rotations.",

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
-from mbsvib.elements.ports import BaseMotion, Input
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.connections import connected
 from mbsvib.finite_motion.elastic import elastic_energies
@@ -106,10 +105,11 @@ def _stated(
     yields = {name: part for name, part in parts.items() if part.yields.numel()}
     bends = {block.name: elastic_energies(block, *motion.elastic[block.name], motion) for block in blocks}
     bent = sum((part.momentum for part in bends.values()), ca.SX.zeros(3))
+    acting: dict[str, Any] = dict(model.inputs)
     inputs = {
-        name: input_power(part, model, motion) if isinstance(part, Input) else
-        base_power(part, massive.values(), bent, motion)
-        for name, part in model.inputs.items() if isinstance(part, Input) or _translates(part)
+        name: base_power(part, massive.values(), bent, motion) if part.moves_ground else
+        input_power(part, model, motion)
+        for name, part in acting.items() if not (part.moves_ground and any(part.wrench[3:]))
     }  # fmt: skip
     kinetic |= {name: part.kinetic for name, part in bends.items()}
     potential |= {name: part.potential for name, part in bends.items()}
@@ -136,10 +136,6 @@ def _flexible(
         statement = _stated(plain, blocks, (), parameters, cut, bases, without)
     inactive = at_rest(statement, blocks)
     return _stated(plain, blocks, inactive, parameters, cut, bases, without) if inactive else statement
-
-
-def _translates(part: BaseMotion) -> bool:
-    return not any(part.wrench[3:])
 
 
 def body_energy(body: Body, motion: Kinematics) -> Expression:

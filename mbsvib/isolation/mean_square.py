@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from mbsvib.responses.power_spectra import BaseNoise
 
 
-HIDDEN = 1e-9
-BATCH = 512
+HIDDEN = 1e-9  # share of the largest product of input and output below which a pole is not seen
+BATCH = 512  # frequencies at a time
 
 
 def moments(linear: Linear, inputs: Sequence[str], outputs: Sequence[str], filters: Sequence[Shaped],

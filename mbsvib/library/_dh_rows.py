@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
-from mbsvib.elements.joint import KINDS
+from mbsvib.elements.joint_kinds import KINDS
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:

@@ -25,8 +25,9 @@ TIE_BREAK = 1e-6
 # turned, are one point, told apart by rounding.
 SAME_POINT = 1e-13
 # Neighbouring poses are this far (rad, or loop sizes) to first order; loops then close to its square, and a constraint
-# that has become independent shows as a pivot of its size. The limit lies between the two.
+# that has become independent shows as a pivot of its size.
 NEIGHBOUR_STEP = 1e-4
+# The limit lies between the two.
 NEIGHBOUR_PIVOT = 1e-6
 # Axes of joints that differ by less are parallel: what they differ by shows in no pivot near that limit.
 PARALLEL_AXES = 1e-9
@@ -117,3 +118,9 @@ FREE_PIVOT = 1e-13
 DAMPED_FREE_MOTION = 1e3 * EPS
 # A pole decays if its real part is below minus this share of its size.
 DECAYS = 1e-12
+
+# Sensitivities.
+# Slopes of the numbers that a part is made of below this share of the largest of their kind are what differences leave.
+ZERO_SLOPE = 1e-11
+# Slopes that differ by more than this share with the step are those of what jumps; extrapolated ones agree to 1e-12.
+AGREEING_SLOPES = 1e-8

@@ -11,6 +11,7 @@ import numpy as np
 
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import real
+from mbsvib.common.fast_init import fast_init
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
 from mbsvib.modes.classical import NO_DAMPER, proportional
 from mbsvib.modes.damped import Damped, damped
@@ -37,6 +38,7 @@ MOVES = 1e-8
 SHARED_RADIUS = 1e-3
 
 
+@fast_init
 @dataclass(frozen=True, repr=False, eq=False)
 class Modes(Displayed):
     """The modes of a system, one for each degree of freedom or a choice of them, in ascending natural frequency.
@@ -138,6 +140,11 @@ class Modes(Displayed):
         """Whether each mode is unstable, shape (n,): its real part is positive by more than rounding."""
         return np.asarray(growing(self.pairs, self.pair_errors).any(axis=1))
 
+    @property
+    def _undamped(self) -> NDArray[np.bool_]:
+        """Whether each mode has real parts that are nothing but rounding, shape (n,)."""
+        return np.asarray(~(growing(self.pairs, self.pair_errors) | growing(-self.pairs, self.pair_errors)).any(axis=1))
+
     def nearest(self, count: int, frequency: float = 0.0) -> Modes:
         """Return the ``count`` modes whose natural frequencies are nearest to a frequency.
 
@@ -206,7 +213,8 @@ class Modes(Displayed):
         """
         headers = ("mode", "natural [Hz]", "damped [Hz]", "damping ratio [%]")
         columns = [*((header, "right") for header in headers), (self.MOST, "left")]
-        values = zip(self.frequencies, self.damped_frequencies, self.damping_ratios, self.strongest(), strict=True)
+        damping = np.where(self._undamped, 0.0, self.damping_ratios)
+        values = zip(self.frequencies, self.damped_frequencies, damping, self.strongest(), strict=True)
         rows = [(str(i + 1), digits(f), digits(d), digits(100.0 * z), " ".join(most))
                 for i, (f, d, z, most) in enumerate(values)]  # fmt: skip
         return {"title": f"Modes of {self.name}: {self._shown()}", "columns": columns, "rows": rows,
@@ -327,15 +335,16 @@ def modes(system: Equations, rtol: float = RTOL, clean: bool = True, form: type[
     """
     if is_general(system):
         return _without_symmetry(system, rtol, form)
-    basis = undamped(system, rtol, clean, coupled=not proportional(system))
-    result = damped(system, basis, rtol)
+    follows_stiffness = proportional(system)
+    basis = undamped(system, rtol, clean, coupled=not follows_stiffness)
+    result = damped(system, basis, rtol, follows_stiffness)
     if result is None:
         basis = undamped(system, rtol)
-        result = damped(system, basis, rtol)
+        result = damped(system, basis, rtol, follows_stiffness)
     assert result is not None  # clean shapes always give a result
     if basis.uncertainty > max(TIGHTER * rtol, ROUNDING) and float(result.errors.max(initial=0.0)) > rtol:
         basis = undamped(system, TIGHTER * rtol)
-        result = damped(system, basis, rtol) or result
+        result = damped(system, basis, rtol, follows_stiffness) or result
     shapes = result.shapes if result.vectors is None else result.shapes @ result.vectors[:, :, 0]
     if result.vectors is not None:
         largest = shapes[np.abs(shapes).argmax(axis=0), np.arange(system.dof)]

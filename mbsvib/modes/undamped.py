@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import lapack
 
+from mbsvib.common.fast_init import fast_init
 from mbsvib.common.memory import keep_freed_memory
 from mbsvib.equations.unresisted_motion import free_motions, orthonormal
 from mbsvib.linalg.rank import EPS
@@ -56,6 +57,7 @@ CLOSER = 1e-14
 WELL_CLOSED = 0.1
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Undamped:
     """Undamped modes: ``square`` (m,) holds omega^2 [rad^2/s^2], ascending, exactly 0 for the ``rigid`` first ones and

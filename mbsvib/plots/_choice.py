@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, TypeAlias, cast
 
-from mbsvib.common.expected import a_linear, kind_of
+from mbsvib.common.expected import a_linear
 from mbsvib.common.selection import Names, selected
 from mbsvib.errors import ResponseError
 from mbsvib.plots._system import Linear
@@ -17,9 +17,10 @@ MOST_PANELS = 12
 
 
 def linear(value: Any) -> Linear:
-    """Return a system, closed loop or state space; controllers and systems of python-control become one."""
-    if kind_of(value) == "controller":
-        return cast("Linear", value.state_space())
+    """Return a system, closed loop, state space or controller; systems of python-control become state spaces.
+
+    Raises ResponseError if it is nothing of these, or data without equations.
+    """
     if is_control(value) or is_transfer_function(value):
         from mbsvib.responses.state_space import StateSpace
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 MOST_LEAD = 0.75 * np.pi  # a response that starts near +-180 degrees is drawn as a lag
-NEGLIGIBLE = 1e-11
+NEGLIGIBLE = 1e-11  # share of responses of the same units below which one is zero
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,7 +75,9 @@ def shared_grid(
         for output, source in pairs:
             choice.pick(system, "output", output)
             choice.pick(system, "input", source)
-    values = [poles, *(system.transmission_zeros(*pair) for system in systems for pair in pairs)]
+    # zeros of a sampled loop are near those of its continuous one
+    alike = [getattr(system, "continuous", system) for system in systems]
+    values = [poles, *(system.transmission_zeros(*pair) for system in alike for pair in pairs)]
     return resolving_frequencies(np.concatenate(values), poles, low, high)
 
 

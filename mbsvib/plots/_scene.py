@@ -11,21 +11,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements import Body, Input, Joint
-from mbsvib.elements.connection import Connection
-from mbsvib.elements.part import Composed
 from mbsvib.equations.expansion import expanded
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.mechanism.topology import span
 from mbsvib.plots import _outline as outline
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.part import Part
+    from mbsvib.elements import Body, Input, Joint
+    from mbsvib.elements.connection import Connection
+    from mbsvib.elements.part import Composed, Part
     from mbsvib.equations.equations import Provenance
     from mbsvib.mechanism.mechanism import Mechanism
 
@@ -37,10 +36,6 @@ FEW_SPRINGS = 60  # more than these are drawn with fewer points
 # A pyramid below points on the ground, and a polyline along all of its edges.
 _FOOT = np.array([(0.0, 0.0, 0.0), (0.6, 0.6, -1.0), (-0.6, 0.6, -1.0), (-0.6, -0.6, -1.0), (0.6, -0.6, -1.0)])
 _FOOT_WAY = (0, 1, 2, 0, 3, 4, 0, 4, 1, 2, 3)
-# Axis lines of joints: the directions about or along which they are free; for a homokinetic joint the bisector of the
-# angle between its shafts.
-_AXES = {"revolute": (2,), "prismatic": (2,), "cylindrical": (2,), "screw": (2,), "universal": (0, 1),
-         "homokinetic": (2,), "planar": (2,), "point_on_line": (2,)}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,27 +108,22 @@ def of_system(name: str, provenance: Provenance) -> DrawnScene:
     return _scene(name, [*provenance.parts, *provenance.ports], cut, provenance.topology.bodies)
 
 
-def _scene(name: str, parts: Sequence[Part], cut: set[str], bodies: Sequence[str] | None = None) -> DrawnScene:
+def _scene(name: str, parts: Sequence[Any], cut: set[str], bodies: Sequence[str] | None = None) -> DrawnScene:
     positions = {body: position for part in parts for body, position in part.body_positions.items()}
     names = tuple(positions) if bodies is None else tuple(bodies)
     builder = _Builder({body: i for i, body in enumerate((*names, GROUND))}, positions, _extent(parts, positions))
-    springs = sum(isinstance(part, Connection) and part.acts_along_line for part in parts)
+    springs = sum(part.symbol == "spring" for part in parts)
     hinges = {frozenset((part.first, part.second)): part.position for part in parts
-              if type(part) is Joint and part.position is not None}  # fmt: skip
-    for part in parts:
-        if type(part) is Joint:
-            builder.joint(part, part.name in cut)
-        elif isinstance(part, Connection) and part.acts_along_line:
-            builder.spring(part, fine=springs <= FEW_SPRINGS)
-        elif isinstance(part, Connection):
-            builder.bushing(part, hinges.get(frozenset((part.first, part.second))))
-        elif isinstance(part, Composed):
-            builder.composed(part)
-        elif isinstance(part, Input):
-            builder.arrow(part)
-    for part in parts:
-        if type(part) is Body:  # not the node of a Maxwell element
-            builder.body(part)
+              if part.symbol == "joint" and part.position is not None}  # fmt: skip
+    draw: dict[str, Callable[[Any], None]] = {
+        "joint": lambda part: builder.joint(part, part.name in cut),
+        "spring": lambda part: builder.spring(part, fine=springs <= FEW_SPRINGS),
+        "bushing": lambda part: builder.bushing(part, hinges.get(frozenset((part.first, part.second)))),
+        "composed": builder.composed, "arrow": builder.arrow, "body": builder.body,
+    }  # fmt: skip
+    for part in sorted(parts, key=lambda part: part.symbol == "body"):  # bodies last, with all points that hold them
+        if part.symbol in draw:
+            draw[part.symbol](part)
     return builder.scene(name, names)
 
 
@@ -191,10 +181,10 @@ class _Builder:
         if part.end is not None:
             self.line("rod", part.name, [(part.first, at), (part.second, part.end)])
         axes = np.array(part.axes)
-        for i in _AXES.get(part.kind, ()):
+        for i in part.drawn:
             reach = AXIS * self.size * axes[:, i]
             self.line("axis", part.name, [(part.first, at - reach), (part.first, at + reach)])
-        if part.kind == "free":
+        if not part.locked:
             return
         words = f"{part.kind} joint between {part.first} and {part.second}"
         self.mark("cut" if cut else "joint", part.name, part.first, at, words + (", cut" if cut else ""))

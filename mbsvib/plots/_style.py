@@ -87,11 +87,33 @@ def panel_size(rows: int, columns: int, height: float, tall: float) -> tuple[flo
     return width, tall if rows == 1 else height * rows
 
 
+def legend(figure: Figure, handles: Sequence[Any], loc: Any, columns: int, **look: Any) -> None:
+    """Explain the curves of a figure outside its panels, in as many columns as there is room for.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure.
+    handles : sequence of matplotlib.artist.Artist
+        Curves or marks with labels.
+    loc : str
+        Where, such as "outside upper right".
+    columns : int
+        The most columns.
+    **look
+        Further arguments of ``figure.legend``.
+    """
+    for count in range(min(len(handles), columns), 0, -1):
+        words = figure.legend(handles=handles, loc=loc, ncols=count, **look)
+        if count == 1 or words.get_window_extent().width <= figure.bbox.width:
+            return
+        words.remove()
+
+
 def name_systems(figure: Figure, names: Sequence[str], axes: Axes) -> None:
     """Name a single system at the right end above ``axes`` if there is room, several in a legend above all."""
     if len(names) > 1:
-        handles, labels = figure.axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper right", ncols=min(len(names), 4))
+        legend(figure, figure.axes[0].get_legend_handles_labels()[0], "outside upper right", 4)
         return
     room = axes.get_position().width * figure.get_figwidth() * LETTERS_PER_INCH
     if len(axes.get_title(loc="left")) + len(names[0]) + 3 <= room:

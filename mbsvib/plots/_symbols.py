@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from mbsvib.plots import _style as style
 from mbsvib.plots._projection import LINES, MARKS
 
 if TYPE_CHECKING:
@@ -27,9 +28,7 @@ def legend(figure: Figure, scene: DrawnScene) -> None:
         meanings = MEANINGS | {"input": "input (», torque)"}
     handles = [_handle(kind, words, kind in marks, kind in lines) for kind, words in meanings.items()
                if kind in marks | lines]  # fmt: skip
-    if handles:
-        figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), COLUMNS), fontsize=8.0,
-                      handlelength=1.8, columnspacing=1.4)  # fmt: skip
+    style.legend(figure, handles, "outside lower center", COLUMNS, fontsize=8.0, handlelength=1.8, columnspacing=1.4)
 
 
 def _handle(kind: str, words: str, marked: bool, drawn: bool) -> Line2D:

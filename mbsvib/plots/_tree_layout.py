@@ -5,9 +5,6 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from mbsvib.elements.connection import Connection
-from mbsvib.elements.coupler import Coupling
-from mbsvib.elements.part import Composed
 from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
@@ -57,12 +54,12 @@ def graph(topology: Topology, parts: Iterable[Part]) -> dict[str, Any]:
               number[joint.second]] for k, joint in enumerate(topology.joints)]  # fmt: skip
     edges += [["floating", names[branch.body], "free: no joint holds it", branch.parent, branch.body]
               for branch in topology.branches if branch.joint == FLOATS]  # fmt: skip
-    elements = list(parts)
-    generated = {name for part in elements if isinstance(part, Composed) for name in part.generated_names}
+    elements: list[Any] = list(parts)
+    generated = {name for part in elements if part.symbol == "composed" for name in part.generated_names}
     for part in elements:
-        if isinstance(part, Connection) and part.name not in generated:
+        if part.symbol in ("spring", "bushing") and part.name not in generated:
             edges.append(["spring", part.name, part.family, number[part.first], number[part.second]])
-        elif isinstance(part, Coupling):
+        elif part.symbol == "coupler":
             coupled_bodies = list(dict.fromkeys(_moved(topology, coordinate) for coordinate, _ in part.terms))
             edges += [["coupler", part.name, part.family, number[a], number[b]]
                       for a, b in pairwise(coupled_bodies)]  # fmt: skip

@@ -101,5 +101,5 @@ def pole_zero_map(
         damping_rays(axes)
         axes.set_xlabel("real part / 2 pi [1/s]")
         axes.set_ylabel("imaginary part / 2 pi [Hz]")
-        figure.legend(loc="outside upper left", ncols=2)
+        style.legend(figure, axes.get_legend_handles_labels()[0], "outside upper left", 2)
     return figure

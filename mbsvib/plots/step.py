@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mbsvib.common import units
+from mbsvib.errors import ResponseError
 from mbsvib.plots import _choice as choice
 from mbsvib.plots import _step_marks as marks
 from mbsvib.plots import _style as style
@@ -143,4 +144,7 @@ def static(system: Linear, source: str, output: str) -> float | None:
     if modes.rigid or not modes.stable:
         return None
     i, j = system.inputs.index(source), system.outputs.index(output)
-    return float(system.frequency_response([0.0])[j, i, 0].real)
+    try:
+        return float(system.frequency_response([0.0])[j, i, 0].real)
+    except ResponseError:  # a pole at 0 Hz of what a loop is made of
+        return None

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations
     from mbsvib.modes.undamped import Undamped
 
+# Accuracy of the frequencies: that of rounding, as reduced models are compared with the whole one.
 RTOL = 1e-12
 
 

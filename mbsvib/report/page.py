@@ -13,17 +13,19 @@ from mbsvib.api.system import System
 from mbsvib.common.expected import a_model, kind_of
 from mbsvib.errors import ExportError, ModelError
 from mbsvib.report.data import LABELS, collect
+from mbsvib.responses.from_control import is_control, is_transfer_function
+from mbsvib.responses.state_space import StateSpace
 
 if TYPE_CHECKING:
     import os
     from pathlib import Path
 
     from mbsvib.api.model import Model
-    from mbsvib.api.state_space import StateSpace
     from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
+    from mbsvib.feedback.controller import Controller
 
-    Source = Model | System | StateSpace | ClosedLoop
+    Source = Model | System | StateSpace | ClosedLoop | Controller
 
 # Characters that could end a script element, open a comment in it, or end a line of JavaScript.
 _UNSAFE = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
@@ -37,11 +39,11 @@ def html(
 
     Parameters
     ----------
-    source : Model, System, StateSpace or ClosedLoop
+    source : Model, System, StateSpace, ClosedLoop, Controller, control.StateSpace or control.TransferFunction
         What to report on; what has no bodies has no picture of them.
     outputs, inputs : str or sequence of str, optional
         Names of those whose responses are shown; default: all.
-    compare : Model, System, StateSpace or ClosedLoop, optional
+    compare : Model, System, StateSpace, ClosedLoop, Controller, optional
         Another design: its modes in pairs with those of ``source``, and its curves over these.
     names : (str, str)
         What the page calls ``source`` and ``compare``.
@@ -85,13 +87,13 @@ def write(
 
     Parameters
     ----------
-    source : Model, System, StateSpace or ClosedLoop
+    source : Model, System, StateSpace, ClosedLoop, Controller, control.StateSpace or control.TransferFunction
         What to report on; what has no bodies has no picture of them.
     path : str or path-like
         Where the page goes.
     outputs, inputs : str or sequence of str, optional
         Names of those whose responses are shown; default: all.
-    compare : Model, System, StateSpace or ClosedLoop, optional
+    compare : Model, System, StateSpace, ClosedLoop, Controller, optional
         Another design: its modes in pairs with those of ``source``, and its curves over these.
     names : (str, str)
         What the page calls ``source`` and ``compare``.
@@ -122,6 +124,10 @@ def embedded(data: Any) -> str:
 
 def _linear(source: Any, field: str) -> Any:
     """A model's system, a loop of second order as its system, an unstable loop as its states, all else as it is."""
+    if is_control(source) or is_transfer_function(source):
+        return StateSpace.from_control(source)
+    if kind_of(source) == "controller":
+        return source.state_space()
     if kind_of(source) not in ("system", "closed loop", "state space"):
         return _linearized(a_model(source, "report", field))
     closed = getattr(source, "second_order", None)

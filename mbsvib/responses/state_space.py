@@ -34,22 +34,38 @@ class StateSpace(LinearVerbs, Displayed):
     """
 
     kind: ClassVar[str] = "state space"
+    """Tells first-order equations from other linear systems."""
 
     name: str
+    """Name of the system that it comes from."""
     realization: str
+    """Which states: physical, modal, balanced or others."""
     A: Array
+    """State matrix (n, n) [1/s]."""
     B: Array
+    """Input matrix (n, inputs)."""
     C: Array
+    """Output matrix (outputs, n); ``system.C`` is damping."""
     D: Array
+    """Direct response of outputs to inputs (outputs, inputs)."""
     transform: Array
+    """Coordinates and their rates by the states (2m, n)."""
     states: tuple[str, ...]
+    """Names of the states."""
     state_units: tuple[str, ...]
+    """Their units."""
     inputs: tuple[str, ...]
+    """Names of the inputs."""
     input_units: tuple[str, ...]
+    """Their units."""
     outputs: tuple[str, ...]
+    """Names of the outputs."""
     output_units: tuple[str, ...]
+    """Their units."""
     through: Array | None = None
+    """Coordinates and their rates by the inputs (2m, inputs), None without."""
     error_bound: float | None = None
+    """Largest error of the frequency response of a reduced model, None of others."""
 
     def __post_init__(self) -> None:
         for array in (self.A, self.B, self.C, self.D, self.transform, self.through):
@@ -112,7 +128,8 @@ class StateSpace(LinearVerbs, Displayed):
         Parameters
         ----------
         space : control.StateSpace or control.TransferFunction
-            In continuous time; a transfer function from one input to one output.
+            In continuous time. In a transfer function of several inputs and outputs, the entries of one input with
+            one denominator share their states.
 
         Returns
         -------
@@ -122,7 +139,7 @@ class StateSpace(LinearVerbs, Displayed):
         Raises
         ------
         ResponseError
-            If it is neither, or discrete, or a transfer function of several ports.
+            If it is neither, or discrete, or an improper transfer function.
         """
         from mbsvib.responses.from_control import arguments, is_control, is_transfer_function
 

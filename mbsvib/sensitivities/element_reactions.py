@@ -14,9 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import qr
 
-from mbsvib.elements.beam import Beam
-from mbsvib.elements.superelement import Superelement
-from mbsvib.elements.superelement_expansion import elastic_part
+from mbsvib.sensitivities.families import rules_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -61,16 +59,15 @@ def element_reactions(
     springs: list[int] = []
     internal: list[Array] = []
     for part in parts:
-        names = part.element_names if isinstance(part, Beam) else ()
-        if isinstance(part, Superelement):
-            stiff = elastic_part(part)
-            if len(stiff.values) < stiff.rows.shape[1]:
-                return None
-            names = stiff.names
-            motions = [body_motion[name][:3] for name in part.carriers]
-            internal += [np.concatenate(motions)[: part.internal]] if motions else []
-        if not all(name in number for name in names):
+        rules = rules_of(part)
+        if rules.kind != "composed":
+            continue
+        reactions = rules.reactions(part)
+        if reactions is None or not all(name in number for name in reactions[0]):
             return None
+        names, carriers, count = reactions
+        if carriers:
+            internal.append(np.concatenate([body_motion[name][:3] for name in carriers])[:count])
         springs += [number[name] for name in names]
     deformations = np.concatenate((moves[springs].reshape(6 * len(springs), moves.shape[2]), *internal))
     count, m = deformations.shape

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.linalg.vectors import Field
     from mbsvib.sensitivities.adjoint_fields import Fields
+    from mbsvib.sensitivities.families.terms import Terms
     from mbsvib.sensitivities.loaded_network import LoadedNetwork
     from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.part_rules import Terms
     from mbsvib.sensitivities.reference_pose import ReferencePose
     from mbsvib.sensitivities.variables import Variables
 

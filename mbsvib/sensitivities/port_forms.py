@@ -193,6 +193,6 @@ def _move_ports(
                 of_springs = rows >= 0
                 form[rows[of_springs]] += slope[of_springs]
         for group in groups.by_rule:
-            if group.kind == "beam":  # its nodes move
+            if group.kind == "composed":  # its nodes move
                 at = group.data[0][0] == port.centre[k]
                 form[group.rows[0, 0]] += np.tensordot(group.data[1][0, at].sum(axis=0), slope, axes=1)

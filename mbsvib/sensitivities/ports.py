@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements import BaseMotion, Bushing, ForceOutput, Input, Maxwell, Output
+from mbsvib.elements import BaseMotion, Bushing, ForceOutput, Input, Output
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.ports import QUANTITIES
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.kinematics.relative_motion import relative_motion
-from mbsvib.sensitivities.network import line_name
+from mbsvib.sensitivities.families import rules_of
 from mbsvib.sensitivities.transmitted_wrenches import in_joints, joint_release_motion, relative_twists
 
 if TYPE_CHECKING:
@@ -169,12 +169,10 @@ def _worked(system: Equations, network: Network, part: ForceOutput) -> tuple[Arr
 
 def _spring(network: Network, part: ForceOutput) -> tuple[list[int], Array] | None:
     """Numbers of springs and the direction of their force that is asked for, world axes; None for joints."""
-    maxwell = next((other for other in network.parts
-                    if isinstance(other, Maxwell) and other.name == part.element), None)  # fmt: skip
-    names = [part.element] if maxwell is None else [line_name(maxwell, field) for field in
-                                                    ("static_stiffness", "stiffness")]  # fmt: skip
-    numbers = [k for k, spring in enumerate(network.springs) if spring.name in names]
-    if not numbers:
+    lines = network.maxwell_lines.get(part.element)
+    numbers = [lines["static_stiffness"], lines["stiffness"]] if lines is not None else [
+        k for name, k in network.spring_number.items() if name == part.element]
+    if not numbers or rules_of(network.springs[numbers[0]]).kind == "element":
         return None
     spring, six = network.springs[numbers[0]], np.array(part.wrench)
     if not isinstance(spring, Bushing):

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.linalg.vectors import Field
     from mbsvib.sensitivities.adjoint_fields import Fields
+    from mbsvib.sensitivities.families.terms import Terms
     from mbsvib.sensitivities.parameter_group import ParameterGroup
-    from mbsvib.sensitivities.part_rules import Terms
 
 
 # What differences leave of a number that is zero, against the largest of a matrix.

@@ -133,4 +133,4 @@ def _function(model: Mechanism, statement: FiniteMotion, joints: Sequence[str], 
 
 def is_reaction(model: Mechanism, part: Any) -> bool:
     """Return whether an output is a force in a joint, or the sum of those on the ground."""
-    return isinstance(part, ForceOutput) and (part.element in model.joints or part.element == GROUND)
+    return part.element in model.joints or part.element == GROUND

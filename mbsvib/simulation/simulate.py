@@ -12,7 +12,6 @@ from mbsvib.common import arguments as check
 from mbsvib.common.expected import names as as_names
 from mbsvib.common.interrupts import noticing_interrupts
 from mbsvib.common.progress import counting
-from mbsvib.elements.ports import BaseMotion
 from mbsvib.errors import ModelError, SimulationError, nearest
 from mbsvib.finite_motion.statement import finite_motion
 from mbsvib.simulation.bending import warn_of_bending
@@ -51,7 +50,7 @@ def simulate(
     dropped = _dropped(model, without)
     statement = finite_motion(model, bases=True, without=dropped)
     for name in inputs if isinstance(inputs, Mapping) else ():
-        if isinstance(model.inputs.get(name), BaseMotion) and name not in statement.inputs:
+        if name in model.inputs and model.inputs[name].moves_ground and name not in statement.inputs:
             raise ModelError(f"simulate: base motion '{name}' turns the ground; only translations are simulated. Drive "
                              f"the model by forces.",
                              element=name, field="inputs")  # fmt: skip

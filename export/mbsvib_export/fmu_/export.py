@@ -30,11 +30,13 @@ if TYPE_CHECKING:
 
     from mbsvib.api.system import System
     from mbsvib.common.selection import Names
+    from mbsvib.feedback.closed_loop import ClosedLoop
+    from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.fmu_.plant import Plant
     from mbsvib_export.neutral import SystemData
 
-    Source: TypeAlias = System | StateSpace | SystemData | control.StateSpace
+    Source: TypeAlias = System | ClosedLoop | Controller | StateSpace | SystemData | control.StateSpace
 
 VERSIONS = {"2.0": description_2, "3.0": description_3}
 # Bytes of a description in which its attributes are looked for.
@@ -102,7 +104,7 @@ def to_fmu(
 
     Parameters
     ----------
-    system : System, StateSpace, SystemData or control.StateSpace
+    system : System, ClosedLoop, Controller, StateSpace, SystemData, control.StateSpace or control.TransferFunction
         The equations of motion, a state space that is ready, or a controller in continuous time.
     path : str or path
         The file, ``"plant.fmu"``. With several versions, ``"plant-fmi2.fmu"`` and ``"plant-fmi3.fmu"`` are written.

@@ -1,0 +1,52 @@
+"""What parameters as described do in a pose of equilibrium that was found elsewhere, collected part by part."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.sensitivities.displaced_bodies import Displaced
+from mbsvib.sensitivities.force_layout import RowTerms
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
+    from mbsvib.mechanism.mechanism import Mechanism
+    from mbsvib.sensitivities.force_layout import ForceChanges
+    from mbsvib.sensitivities.forces import Forces
+    from mbsvib.sensitivities.network import Network
+
+
+class ReferenceTerms:
+    """Terms of ``parameters``, of ``forces`` and of ``openings``, by how far joints come apart.
+
+    Parameters
+    ----------
+    network, forces, changes : Network, Forces, ForceChanges
+        The mechanism in the pose there.
+    origin : Mechanism
+        The model as described.
+    """
+
+    def __init__(self, network: Network, forces: Forces, changes: ForceChanges, origin: Mechanism) -> None:
+        self.network, self.origin, self.at, self._row = network, origin, changes.at, changes.row
+        self.pose = Displaced(origin, {body.name: body for body in network.bodies})
+        self.parameters, self.forces, self.openings = (RowTerms(changes.row, changes.at) for _ in range(3))
+        self._known: set[tuple[str, str, tuple[int, ...]]] = set()
+        away = np.zeros((len(forces.first), 6, 3))
+        for k, joint in enumerate(network.joints):
+            away[k, 3:] = self.pose.turn(joint.second) - self.pose.turn(joint.first)
+        self.turned_axes = forces.turned_axes(away)
+
+    def turns(self, part: str, field: str, turn: Array) -> None:
+        """Let the three entries of a field go with a turn (3, 3) of what carries them; parts without it have none."""
+        for i in range(3 if (part, field, (0,)) in self._row else 0):
+            self._known.add((part, field, (i,)))
+            for j in range(3):
+                self.parameters.put((part, field, (i,)), self._row[part, field, (j,)], (turn[j, i],))
+
+    def retain_others(self) -> None:
+        """Let all other parameters be what they are as described."""
+        for key, row in self._row.items():
+            if key not in self._known:
+                self.parameters.put(key, row, (1.0,))
