@@ -37,6 +37,7 @@ class Connection(Part):
 
     @property
     def symbol(self) -> str:
+        """Its symbol in pictures."""
         return "spring" if self.acts_along_line else "bushing"
 
     @property
@@ -70,7 +71,7 @@ class Connection(Part):
         Returns
         -------
         PreloadForm or None
-            None without stiffness at rest.
+            Its wrenches; None without stiffness at rest.
         """
         return None
 
