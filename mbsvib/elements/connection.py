@@ -60,7 +60,18 @@ class Connection(Part):
         return 0.0
 
     def preload_form(self, size: float) -> PreloadForm | None:
-        """Return how it can carry a preload in a mechanism of a size [m]; None without stiffness at rest."""
+        """Return how it can carry a preload.
+
+        Parameters
+        ----------
+        size : float
+            Size of the mechanism [m], by which moments are compared with forces.
+
+        Returns
+        -------
+        PreloadForm or None
+            None without stiffness at rest.
+        """
         return None
 
 
