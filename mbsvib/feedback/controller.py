@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from mbsvib.modes.state_modes import StateModes
 
 
-
 @dataclass(frozen=True, repr=False, eq=False)
 class Controller(LinearVerbs, Displayed):
     """z' = A z + B y,  u = C z + D y, from the sensors ``inputs`` to the actuators ``outputs``, signs included.

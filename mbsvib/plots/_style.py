@@ -90,18 +90,7 @@ def panel_size(rows: int, columns: int, height: float, tall: float) -> tuple[flo
 def legend(figure: Figure, handles: Sequence[Any], loc: Any, columns: int, **look: Any) -> None:
     """Explain the curves of a figure outside its panels, in as many columns as there is room for.
 
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure.
-    handles : sequence of matplotlib.artist.Artist
-        Curves or marks with labels.
-    loc : str
-        Where, such as "outside upper right".
-    columns : int
-        The most columns.
-    **look
-        Further arguments of ``figure.legend``.
+    ``loc``: where, such as "outside upper right". ``**look``: further arguments of ``figure.legend``.
     """
     for count in range(min(len(handles), columns), 0, -1):
         words = figure.legend(handles=handles, loc=loc, ncols=count, **look)
