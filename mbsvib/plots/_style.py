@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from textwrap import wrap
 from threading import RLock
 from typing import TYPE_CHECKING, Any
 
@@ -69,10 +70,10 @@ def context() -> Iterator[None]:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure [inch] that fits its labels by itself."""
-    from matplotlib.figure import Figure
+    """Return an empty figure [inch] that fits its labels by itself, in smaller sizes too."""
+    from mbsvib.plots._figure import ScaledFigure
 
-    return Figure(figsize=(width, height), layout="constrained")
+    return ScaledFigure(figsize=(width, height), layout="constrained")
 
 
 def line(number: int, faint: bool = False) -> dict[str, Any]:
@@ -90,12 +91,60 @@ def panel_size(rows: int, columns: int, height: float, tall: float) -> tuple[flo
 def name_systems(figure: Figure, names: Sequence[str], axes: Axes) -> None:
     """Name a single system at the right end above ``axes`` if there is room, several in a legend above all."""
     if len(names) > 1:
-        handles, labels = figure.axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper right", ncols=min(len(names), 4))
+        outside_legend(figure, *figure.axes[0].get_legend_handles_labels(), "outside upper right")
         return
-    room = axes.get_position().width * figure.get_figwidth() * LETTERS_PER_INCH
-    if len(axes.get_title(loc="left")) + len(names[0]) + 3 <= room:
-        axes.set_title(names[0], loc="right", color=MARK, fontsize=8.5)
+    name_aside(axes, names[0])
+
+
+def name_aside(axes: Axes, name: str) -> None:
+    """Write a name at the right end above a panel, if there is room beside its title."""
+    room = axes.get_position().width * axes.figure.get_size_inches()[0] * LETTERS_PER_INCH
+    if len(axes.get_title(loc="left")) + len(name) + 3 <= room:
+        axes.set_title(name, loc="right", color=MARK, fontsize=8.5)
+
+
+def frequency_axis(axes: Axes, low: float, high: float, label: str = "frequency [Hz]") -> None:
+    """Make the horizontal axis logarithmic, from ``low`` to ``high``, with plain numbers where they are short."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.set_xscale("log")
+    axes.set_xlabel(label)
+    if high > low:
+        axes.set_xlim(low, high)
+    if high < 50.0 * low:
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    if low >= 1e-3 and high <= 1e5:
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+
+
+def outside_legend(figure: Figure, handles: Sequence[Any], labels: Sequence[str], where: str, **look: Any) -> None:
+    """Draw a legend above or below all panels, in as many columns as the figure is wide.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure.
+    handles, labels : sequences, shape (n,)
+        Entries of the legend.
+    where : str
+        Its place, such as "outside lower center".
+    look
+        More settings of the legend.
+    """
+    room = 0.94 * figure.get_figwidth() * figure.dpi
+    for columns in range(len(handles), 0, -1):
+        legend = figure.legend(handles, labels, loc=where, ncols=columns, **look)
+        if columns == 1 or legend.get_window_extent().width <= room:
+            return
+        legend.remove()
+
+
+def head(figure: Figure, words: str) -> None:
+    """Write the title of a whole figure, in as many lines as it takes."""
+    width = int(figure.get_figwidth() * LETTERS_PER_INCH)
+    lines = [part for line in words.split("\n") for part in wrap(line, width) or [""]]
+    figure.suptitle("\n".join(lines), x=0.02, ha="left", fontsize=10.5)
 
 
 def tell_left_out(figure: Figure, shown: int, count: int, items: str, how: str = "") -> None:

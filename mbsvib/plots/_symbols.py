@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from mbsvib.plots import _style as style
 from mbsvib.plots._projection import LINES, MARKS
 
 if TYPE_CHECKING:
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 MEANINGS = {"body": "body, centre of mass", "beam": "beam or superelement", "rod": "rod", "joint": "joint",
             "cut": "joint at which a loop is cut", "axis": "axis of a joint", "bushing": "bushing or torsion spring",
             "spring": "spring", "damper": "damper", "input": "input", "ground": "ground"}  # fmt: skip
-COLUMNS = 4
 
 
 def legend(figure: Figure, scene: Scene) -> None:
@@ -36,8 +36,8 @@ def legend(figure: Figure, scene: Scene) -> None:
     handles = [_handle(kind, words, kind in marks, kind in lines) for kind, words in meanings.items()
                if kind in marks | lines]  # fmt: skip
     if handles:
-        figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), COLUMNS), fontsize=8.0,
-                      handlelength=1.8, columnspacing=1.4)  # fmt: skip
+        style.outside_legend(figure, handles, [str(handle.get_label()) for handle in handles], "outside lower center",
+                             fontsize=8.0, handlelength=1.8, columnspacing=1.4)  # fmt: skip
 
 
 def _handle(kind: str, words: str, marked: bool, drawn: bool) -> Line2D:

@@ -100,5 +100,5 @@ def pole_zero_map(
         damping_rays(axes)
         axes.set_xlabel("real part / 2 pi [1/s]")
         axes.set_ylabel("imaginary part / 2 pi [Hz]")
-        figure.legend(loc="outside upper left", ncols=2)
+        style.outside_legend(figure, *axes.get_legend_handles_labels(), "outside upper left")
     return figure
