@@ -1,7 +1,7 @@
 """A carpet scraper through one turn of its crank: its edge, the torque, what pins carry and what the floor feels.
 
 Hoeken's linkage draws a nearly straight line, a pantograph doubles it. Seven bars and ten pins make three loops, whose
-nine redundant constraints leave forces across the plane open: they are named. A counterweight on the crank and a
+nine redundant constraints leave forces across the plane open: they are named. A counterweight on the crank and
 another on the rocker are then searched for by the exact gradients of the cycle: that on the crank is of no use.
 """
 

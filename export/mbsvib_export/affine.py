@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.api.system import System
 from mbsvib.equations.assembly import linearized
 from mbsvib.equations.terms import MATRICES
 from mbsvib.errors import ExportError, MbsvibError
 from mbsvib.mechanism.changes import scale_of
+from mbsvib_export.neutral import refuse_many
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Equations
     from mbsvib.mechanism.parameters import Parameters
@@ -47,25 +48,7 @@ class Affine:
 
 
 def origin_of(system: System, caller: str) -> Any:
-    """Return the model of a system whose equations depend on its parameters alone.
-
-    Parameters
-    ----------
-    system : System
-        The equations of motion.
-    caller : str
-        Function that the user called, for messages.
-
-    Returns
-    -------
-    Model
-        The model that was linearized.
-
-    Raises
-    ------
-    ExportError
-        If the system is not one that ``model.linearize`` returned.
-    """
+    """Return the model of a system whose equations depend on its parameters alone."""
     origin = system.provenance.origin
     if origin is None or system.provenance.removed is not None:
         raise ExportError(f"{caller}: '{system.name}' is not a system that model.linearize() returned, so that nothing "
@@ -73,29 +56,31 @@ def origin_of(system: System, caller: str) -> Any:
     return origin
 
 
+def physical_affine(source: object, parameters: Sequence[str], realization: str, caller: str, argument: str) -> Affine:
+    """Return ``affine`` of what an exporter was given, whose states must be physical.
+
+    ``argument``: name of the exporter's argument for the parameters.
+    """
+    request = f"{argument} = {', '.join(parameters)}"
+    if not isinstance(source, System):
+        refuse_many(source, caller)
+        raise ExportError(f"{caller}: {request}, but {type(source).__name__} knows no parameters; give a System "
+                          f"(model.linearize()).")  # fmt: skip
+    if realization != "physical":
+        raise ExportError(f"{caller}: realization = {realization!r} with {request}, which would change what the states "
+                          f"are; leave it out: they are physical.")  # fmt: skip
+    if source.massless:
+        raise ExportError(f"{caller}: '{source.name}' has motions that move no mass (see system.explain()), whose "
+                          f"rates are affine in no parameter; give them a little mass, or leave {argument} "
+                          f"out.")  # fmt: skip
+    return affine(source, parameters, caller)
+
+
 def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
     """Return the derivatives of the equations to parameters on which they depend affinely.
 
-    Parameters
-    ----------
-    system : System
-        The equations of motion, as ``model.linearize()`` returned them.
-    parameters : sequence of str
-        Names or patterns (``"leg*.k.stiffness"``).
-    caller : str
-        Name of the exporter, for messages.
-
-    Returns
-    -------
-    Affine
-        Names, units, values and derivatives.
-
-    Raises
-    ------
-    ExportError
-        If the equations are not affine in a parameter, or the system is not one that a model gave.
-    ModelError
-        If a parameter is unknown.
+    ``system``: the equations of motion, as ``model.linearize()`` returned them. ``parameters``: names or patterns
+    (``"leg*.k.stiffness"``).
     """
     origin = origin_of(system, caller)
     known = origin.parameters

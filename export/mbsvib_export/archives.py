@@ -22,20 +22,7 @@ _END, _UNCOUNTED = b"PK\x05\x06", 0xFFFF
 def archive_of(raw: bytes) -> Iterator[zipfile.ZipFile]:
     """Open an archive for the time of a with statement, within which damage is a ``ContentError``.
 
-    Parameters
-    ----------
-    raw : bytes
-        The file.
-
-    Returns
-    -------
-    iterator of ZipFile
-        One: the archive, of which no entry is unpacked yet.
-
-    Raises
-    ------
-    ContentError
-        If it is no archive, has too many entries or a name twice, or is found to be damaged.
+    No entry is unpacked yet.
     """
     try:
         with zipfile.ZipFile(BytesIO(raw)) as archive:
@@ -59,25 +46,7 @@ def archive_of(raw: bytes) -> Iterator[zipfile.ZipFile]:
 
 
 def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
-    """Return the content of an entry, after comparing its checksum.
-
-    Parameters
-    ----------
-    archive : ZipFile
-        The archive.
-    name : str
-        The entry.
-
-    Returns
-    -------
-    bytes
-        The content, of the size that the archive says.
-
-    Raises
-    ------
-    ContentError
-        If it has another size.
-    """
+    """Return the content of an entry, after comparing its checksum."""
     entry = archive.getinfo(name)
     with archive.open(entry) as stream:
         content = stream.read(entry.file_size + 1)  # to its end, where the checksum is compared

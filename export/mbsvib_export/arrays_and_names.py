@@ -13,20 +13,7 @@ if TYPE_CHECKING:
 
 
 def check_arrays(name: str, arrays: list[tuple[str, Array, tuple[int, ...]]]) -> None:
-    """Refuse arrays (label, array, shape expected) of another shape or with numbers that are not finite.
-
-    Parameters
-    ----------
-    name : str
-        Of the system.
-    arrays : list
-        They become read-only.
-
-    Raises
-    ------
-    ExportError
-        If one does not fit.
-    """
+    """Refuse arrays (label, array, shape expected) of another shape or with numbers that are not finite."""
     for label, array, shape in arrays:
         if array.shape != shape:
             raise ExportError(f"{name}: {label} has shape {array.shape}; expected {shape}, one row and column "
@@ -37,20 +24,7 @@ def check_arrays(name: str, arrays: list[tuple[str, Array, tuple[int, ...]]]) ->
 
 
 def check_names(name: str, groups: list[tuple[str, tuple[str, ...], tuple[str, ...]]]) -> None:
-    """Refuse groups (label, names, units) in which names are empty or repeated, or units are missing.
-
-    Parameters
-    ----------
-    name : str
-        Of the system.
-    groups : list
-        Signals of each kind.
-
-    Raises
-    ------
-    ExportError
-        If one does not fit.
-    """
+    """Refuse groups (label, names, units) in which names are empty or repeated, or units are missing."""
     for label, names, units in groups:
         if len(set(names)) < len(names) or "" in names:
             wrong = next(name for name in names if not name or names.count(name) > 1)

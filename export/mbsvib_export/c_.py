@@ -25,8 +25,9 @@ if TYPE_CHECKING:
     import os
 
     from mbsvib.api.system import System
+    from mbsvib.common.selection import Names
+    from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.responses.state_space import StateSpace
-    from mbsvib_export.selection import Ports
 
 # Samples in the test vectors: enough to see each state several times, few enough to read.
 SAMPLES = 64
@@ -43,9 +44,9 @@ class CFiles(Displayed):
 
 
 def to_c(
-    system: System | StateSpace | SystemData | Controller, folder: str | os.PathLike[str], step: float = 1e-4, *,
-    realization: str = "modal", method: str | None = None, precision: str = "double", name: str | None = None,
-    outputs: Ports = None, inputs: Ports = None,
+    system: System | ClosedLoop | Controller | StateSpace | SystemData, folder: str | os.PathLike[str],
+    step: float = 1e-4, *, realization: str = "modal", method: str | None = None, precision: str = "double",
+    name: str | None = None, outputs: Names = None, inputs: Names = None,
 ) -> CFiles:  # fmt: skip
     """Write a discrete-time state space as C source that depends on nothing: NAME.h, NAME.c and NAME_test.c.
 
@@ -113,9 +114,9 @@ def to_c(
     for path in texts:
         check_companion(path, lambda file: mark in file.read_text("utf-8", "replace")[:400],
                         f"one that to_c has written for '{space.name}'", "Give another folder or another name.")
-    one, two, three = (write_atomic(path, lambda file, text=text: file.write(text.encode("ascii")))  # type: ignore[misc]
+    header_path, source_path, test_path = (write_atomic(path, lambda file, text=text: file.write(text.encode("ascii")))  # type: ignore[misc]
                        for path, text in texts.items())  # fmt: skip
-    return CFiles(one, two, three)
+    return CFiles(header_path, source_path, test_path)
 
 
 def _folder(folder: str | os.PathLike[str]) -> Path:

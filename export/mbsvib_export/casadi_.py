@@ -10,10 +10,10 @@ import numpy as np
 from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
 from mbsvib.equations.terms import MATRICES
-from mbsvib.errors import ExportError, counted
-from mbsvib_export.affine import affine
+from mbsvib.errors import counted
+from mbsvib_export.affine import physical_affine
 from mbsvib_export.casadi_exponential import exponential_step
-from mbsvib_export.neutral import refuse_many, state_space_of
+from mbsvib_export.neutral import state_space_of
 from mbsvib_export.packages import need
 from mbsvib_export.sampling import step_of
 from mbsvib_export.selection import with_ports
@@ -22,10 +22,12 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array
+    from mbsvib.common.selection import Names
+    from mbsvib.feedback.closed_loop import ClosedLoop
+    from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.affine import Affine
     from mbsvib_export.neutral import SystemData
-    from mbsvib_export.selection import Ports
 
 
 INSTALL = "mbsvib[casadi]"
@@ -61,9 +63,10 @@ class CasadiModel(Displayed):
 
 
 def to_casadi(
-    system: System | StateSpace | SystemData, step: float | None = None, parameters: str | Sequence[str] | None = None,
+    system: System | ClosedLoop | Controller | StateSpace | SystemData, step: float | None = None,
+    parameters: Names = None,
     realization: str = "physical",
-    *, outputs: Ports = None, inputs: Ports = None,
+    *, outputs: Names = None, inputs: Names = None,
 ) -> CasadiModel:  # fmt: skip
     """Return a system as functions of CasADi, for optimal control, estimation and design.
 
@@ -73,7 +76,7 @@ def to_casadi(
 
     Parameters
     ----------
-    system : System, StateSpace or SystemData
+    system : System, ClosedLoop, Controller, StateSpace, control.StateSpace or SystemData
         The equations of motion, or a state space that is ready.
     step : float, optional
         Step [s] of the exactly discretised equations. With parameters, its matrix exponential is exact as long as they
@@ -118,18 +121,9 @@ def _with_parameters(
     casadi: Any, system: object, step: float | None, parameters: str | Sequence[str], realization: str
 ) -> CasadiModel:
     names = (parameters,) if isinstance(parameters, str) else tuple(parameters)
-    if not isinstance(system, System):
-        refuse_many(system, "to_casadi")
-        raise ExportError(f"to_casadi: parameters = {', '.join(names)}, but {type(system).__name__} knows no "
-                          f"parameters; give a System (model.linearize()).")  # fmt: skip
-    if realization != "physical":
-        raise ExportError(f"to_casadi: realization = {realization!r} with parameters, which would change what the "
-                          f"states are; leave it out: they are physical.")  # fmt: skip
-    if system.massless:
-        raise ExportError(f"to_casadi: '{system.name}' has motions that move no mass (see system.explain()), whose "
-                          f"rates are affine in no parameter; give them a little mass, or leave parameters "
-                          f"out.")  # fmt: skip
-    form, space = affine(system, names, "to_casadi"), system.state_space()
+    form = physical_affine(system, names, realization, "to_casadi", "parameters")
+    system = form.nominal
+    space = system.state_space()
     if step is not None:
         step_of(space, step, "to_casadi")  # refuses invalid steps
     m = system.dof

@@ -22,21 +22,8 @@ _SPARE = 3  # more squarings than the nominal values need: parameters may make A
 def exponential_step(casadi: Any, a: Any, b: Any, space: StateSpace, dt: float) -> tuple[Any, Any]:
     """Return phi = e^(A dt) and gamma = int_0^dt e^(A s) ds B as expressions.
 
-    Parameters
-    ----------
-    casadi : module
-        The package.
-    a, b : MX, shape (n, n) and (n, inputs)
-        Expressions of the parameters.
-    space : StateSpace
-        The same with the parameters' own values: it tells the scales of states and the number of squarings.
-    dt : float
-        Step [s].
-
-    Returns
-    -------
-    (MX, MX)
-        phi (n, n) and gamma (n, inputs).
+    ``a``, ``b`` (n, n) and (n, inputs): expressions of the parameters. ``space``: the same with the parameters' own
+    values: it tells the scales of states and the number of squarings. ``dt``: step [s].
     """
     n, i = space.B.shape
     power = exponents(space.A, space.B, space.C)

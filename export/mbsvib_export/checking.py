@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     Model = System | SystemData | StateSpace
 
 
-LIMIT = 1e-6
+LIMIT = 1e-6  # relative difference of responses: files with seven digits and transfer functions keep it
 _ZERO = 1e-6  # poles below this share of the largest are taken for rigid-body modes
 SUFFIXES = (".json", ".npz", ".mat", ".h5", ".hdf5", ".uff", ".unv", ".op4", ".pch", ".fmu")
 
@@ -291,15 +291,8 @@ def _same_names(data: SystemData | StateSpace | Measurement, model: Model) -> No
 def pole_error(poles: Complex, truth: Complex) -> float:
     """Return the largest relative distance of poles, each taken with its own counterpart.
 
-    Parameters
-    ----------
-    poles, truth : array, shape (n,)
-        Poles [1/s]; those of rigid-body modes are compared by the size of the largest.
-
-    Returns
-    -------
-    float
-        Relative error [1]; infinity if the numbers differ.
+    ``poles``, ``truth`` (n,): poles [1/s]; those of rigid-body modes are compared by the size of the largest. Returns
+    relative error [1]; infinity if the numbers differ.
     """
     from scipy.optimize import linear_sum_assignment
 

@@ -12,19 +12,7 @@ from mbsvib.errors import ExportError
 def check_companion(path: Path, is_own: Callable[[Path], bool], contents: str, instead: str) -> None:
     """Refuse to replace a further file next to the requested one, unless the same export has written it before.
 
-    Parameters
-    ----------
-    path : Path
-        Path of the companion.
-    is_own : callable
-        Tells whether the existing file comes from the same export.
-    contents, instead : str
-        Description of the companion and advice, for the message.
-
-    Raises
-    ------
-    ExportError
-        If another file is there. Nothing has been written then.
+    ``is_own``: tells whether the existing file comes from the same export.
     """
     if not os.path.lexists(path):
         return

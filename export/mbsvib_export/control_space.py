@@ -6,6 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import control
 
+from mbsvib.common.selection import PATTERN, selected
+from mbsvib_export.names_ import SignalNames
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from typing import Self
@@ -14,12 +17,12 @@ if TYPE_CHECKING:
 class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-control has no types
     """A control.StateSpace whose parts, sums, products and loops have names of states, inputs and outputs.
 
-    ``plant[outputs, inputs]``, ``append``, ``feedback``, ``lft``, ``sample``, ``+``, ``-``, ``*`` and ``/``, and with
-    them ``control.append``, ``feedback``, ``series``, ``parallel``, ``negate`` and ``c2d``, call the method of
-    python-control and name its result: states as they were, with the names of their systems before them where two are
-    called alike; inputs and outputs those at which the signals enter and leave. Matrices are python-control's.
-    ``append``, ``feedback`` and ``lft`` are methods of the first system, which must be of this class:
-    ``NamedStateSpace.of(controller)`` where it is not.
+    ``plant[outputs, inputs]`` takes the names of mbsvib as well, ``"leg1.force"``, and patterns. It, ``append``,
+    ``feedback``, ``lft``, ``sample``, ``+``, ``-``, ``*`` and ``/``, and with them ``control.append``, ``feedback``,
+    ``series``, ``parallel``, ``negate`` and ``c2d``, call the method of python-control and name its result: states as
+    they were, with the names of their systems before them where two are called alike; inputs and outputs those at which
+    the signals enter and leave. Matrices are python-control's. ``append``, ``feedback`` and ``lft`` are methods of the
+    first system, which must be of this class: ``NamedStateSpace.of(controller)`` where it is not.
     """
 
     @classmethod
@@ -52,6 +55,9 @@ class NamedStateSpace(control.StateSpace):  # type: ignore[misc]  # python-contr
         return result  # type: ignore[no-any-return]
 
     def __getitem__(self, key: Any) -> Self:
+        if isinstance(key, tuple) and len(key) == 2:
+            key = (_numbers(key[0], self.output_labels, "output", self.name, self.input_labels),
+                   _numbers(key[1], self.input_labels, "input", self.name, self.output_labels))  # fmt: skip
         return self.of(super().__getitem__(key), states=self.state_labels)
 
     def __neg__(self) -> Any:
@@ -179,18 +185,9 @@ def _names_of_states(parts: list[Any], count: int) -> list[str] | None:
 def unique_names(systems: Sequence[Any], kind: str) -> list[str]:
     """Return the names of signals of several systems, made different where they are not.
 
-    Parameters
-    ----------
-    systems : sequence of control.StateSpace
-        In the order of the signals.
-    kind : str
-        "state", "input" or "output".
-
-    Returns
-    -------
-    list of str
-        As they are; where two are equal, all with the name of their system before them, as ``control.interconnect``
-        does it, or if all systems have one name, ``_2`` and so on after them.
+    ``kind``: "state", "input" or "output". They stay as they are; where two are equal, all have the name of their
+    system before them, as ``control.interconnect`` does it, or if all systems have one name, ``_2`` and so on after
+    them.
     """
     names = [label for system in systems for label in getattr(system, f"{kind}_labels")]
     if len(set(names)) == len(names):
@@ -213,3 +210,15 @@ def _joined(systems: Sequence[Any]) -> str:
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float, complex)) or getattr(value, "ndim", None) == 0
+
+
+def _numbers(key: Any, labels: Sequence[str], kind: str, owner: str, others: Sequence[str]) -> Any:
+    """The numbers of signals that are named here or in mbsvib, or by patterns; what is no name stays as it is."""
+    names = [key] if isinstance(key, str) else key
+    if not isinstance(names, (list, tuple)) or not names or not all(isinstance(name, str) for name in names):
+        return key
+    here = [name if name in labels or not name else
+            name.replace(".", ":") if PATTERN.intersection(name) else SignalNames.to_control(name)
+            for name in names]  # fmt: skip
+    return selected([new if new in labels or PATTERN.intersection(new) else old
+                     for new, old in zip(here, names, strict=True)], labels, kind, owner, others)  # fmt: skip

@@ -82,20 +82,7 @@ def _comment(text: str) -> str:
 def read_dmig(path: str | os.PathLike[str]) -> dict[str, Array]:
     """Return M, C and K that ``to_dmig`` wrote, of ten digits.
 
-    Parameters
-    ----------
-    path : str or path
-        The file.
-
-    Returns
-    -------
-    dict of str to array
-        "M", "C", "K", each of shape (m, m); a matrix without cards is zero.
-
-    Raises
-    ------
-    ExportError
-        If the file cannot be read or is damaged.
+    Returns "M", "C", "K", each of shape (m, m); a matrix without cards is zero.
     """
     where = os.fspath(a_path(path, "read_dmig", ExportError))
     raw = content_of(where, ExportError, "a file of to_dmig")

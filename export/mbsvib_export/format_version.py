@@ -12,18 +12,7 @@ VERSION = 1  # counts up when a key changes its meaning or goes; readers skip ke
 
 
 def check_version(name: Any, version: Any) -> None:
-    """Refuse a file of another format, or of a version this release does not know.
-
-    Parameters
-    ----------
-    name, version : object
-        What the file says of itself.
-
-    Raises
-    ------
-    ExportError
-        If the format is another one or the version is not known.
-    """
+    """Refuse a file of another format, or of a version this release does not know."""
     if name not in (FORMAT, SPACE_FORMAT):
         raise ExportError(f"format = {name!r}; expected {FORMAT!r} or {SPACE_FORMAT!r}. This is not a system written "
                           f"by mbsvib.")  # fmt: skip

@@ -27,36 +27,25 @@ from mbsvib_export.selection import with_ports
 
 if TYPE_CHECKING:
     from mbsvib.api.system import System
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.neutral import SystemData
-    from mbsvib_export.selection import Ports
 
 _INSTALL = "mbsvib[hdf5]"
 HEAD = 512  # bytes before the file itself, which HDF5 leaves to others
 
 
 def head(content: bytes) -> bytes:
-    """Return a line with a checksum of what follows: the HDF5 library does not survive some damaged files.
-
-    Parameters
-    ----------
-    content : bytes
-        The file without its head.
-
-    Returns
-    -------
-    bytes
-        The head, which HDF5 skips.
-    """
+    """Return a line with a checksum of what follows: the HDF5 library does not survive some damaged files."""
     return f"mbsvib system in HDF5, crc32 {zlib.crc32(content):08x}\n".encode().ljust(HEAD, b"\0")
 
 
 def to_hdf5(
     system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
     realization: str = "physical",
-    *, outputs: Ports = None, inputs: Ports = None,
+    *, outputs: Names = None, inputs: Names = None,
 ) -> Path:  # fmt: skip
     """Write a system to an HDF5 file, completely or not at all.
 

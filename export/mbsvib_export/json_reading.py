@@ -21,20 +21,7 @@ if TYPE_CHECKING:
 def data_in(document: Any) -> SystemData | StateSpace:
     """Return the neutral object that a document describes, or the state space if that is all.
 
-    Parameters
-    ----------
-    document : mapping
-        What a JSON reader made of the text.
-
-    Returns
-    -------
-    SystemData or StateSpace
-        Matrices, names and units.
-
-    Raises
-    ------
-    ExportError
-        If a key is missing or holds something else than expected.
+    ``document``: what a JSON reader made of the text.
     """
     top = _mapping(document, "the document")
     check_version(top.get("format"), top.get("version"))

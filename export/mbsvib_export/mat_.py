@@ -47,11 +47,11 @@ from mbsvib_export.selection import with_ports
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace as FirstOrder
-    from mbsvib_export.selection import Ports
 
 
 # Accelerations are taken into F, G and D by M^-1; where M is singular, a row that M^-1 would not reach is left over.
@@ -63,7 +63,7 @@ TITLE = 116  # bytes of free text that a .mat file begins with
 def to_mat(
     system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
     realization: str = "physical", loader: bool = True,
-    *, outputs: Ports = None, inputs: Ports = None,
+    *, outputs: Names = None, inputs: Names = None,
 ) -> Path:  # fmt: skip
     """Write a system to a .mat file of MATLAB, and beside it a script that rebuilds it there with all its names.
 
@@ -164,58 +164,52 @@ def title(content: bytes) -> bytes:
 
 
 def _content(data: SystemData, system: System | None) -> dict[str, Any]:
-    space = data.state_space
+    space, words = data.state_space, _Words()
     omega = check_points(poles(space.A) if system is None else system.poles())
     response = second_order_response(data, omega) if system is None else system.frequency_response(omega)
     first, rate, through = _mechss(data)
+    mech = {"M": data.M, "C": data.C, "K": data.K, "B": data.B, "F": first, "G": rate, "D": through,
+            "CoordinateName": words.cells(data.coordinates),
+            "CoordinateUnit": words.cells(data.coordinate_units)}  # fmt: skip
+    extra = {"transform": space.transform, "bodies": words.cells(data.bodies),
+             "body_motion": data.body_motion, **{key: getattr(data, key) for key in ("Cq", "Cv", "Ca", "D")},
+             **({} if space.through is None else {THROUGH: space.through})}  # fmt: skip
+    return _variables(data, space, words, mech, (omega, response, response_scale(response, data, omega)), extra)
+
+
+def _space_content(space: FirstOrder) -> dict[str, Any]:
+    """First-order equations alone: what belongs to the equations of motion is empty."""
     words = _Words()
-    extra = {"format": FORMAT, "version": float(VERSION), "realization": space.realization,
-           "transform": space.transform, "bodies": words.cells(data.bodies), "body_motion": data.body_motion,
-           **{key: getattr(data, key) for key in ("Cq", "Cv", "Ca", "D")}}  # fmt: skip
-    if space.through is not None:
-        extra[THROUGH] = space.through
-    result = {
+    omega = check_points(poles(space.A))
+    response = state_space_response(space, omega)
+    size = np.abs(response).max(axis=2, initial=0.0)[:, :, None]
+    scale = np.broadcast_to(np.where(size > 0.0, size, 1.0), response.shape)
+    mech = {**dict.fromkeys(("M", "C", "K", "B", "F", "G", "D"), np.zeros((0, 0))),
+            **dict.fromkeys(("CoordinateName", "CoordinateUnit"), words.cells(()))}  # fmt: skip
+    extra = {} if space.error_bound is None else {ERROR_BOUND: space.error_bound}
+    return _variables(space, space, words, mech, (omega, response, scale), extra)
+
+
+def _variables(
+    data: SystemData | FirstOrder, space: FirstOrder, words: _Words, mech: dict[str, Any],
+    check: tuple[Array, Complex, Array], extra: dict[str, Any],
+) -> dict[str, Any]:  # fmt: skip
+    """All variables of the file; ``check`` are frequencies (n,), responses and their scale (outputs, inputs, n)."""
+    omega, response, scale = check
+    result: dict[str, Any] = {
         **{key: getattr(space, key) for key in "ABCD"}, "E": np.zeros((0, 0)), "Ts": 0.0,
         "Name": words.plain(data.name),
         "InputName": words.cells(data.inputs), "InputUnit": words.cells(data.input_units),
         "OutputName": words.cells(data.outputs), "OutputUnit": words.cells(data.output_units),
         "StateName": words.cells(space.states), "StateUnit": words.cells(space.state_units),
-        "mech": {"M": data.M, "C": data.C, "K": data.K, "B": data.B, "F": first, "G": rate, "D": through,
-                 "CoordinateName": words.cells(data.coordinates), "CoordinateUnit": words.cells(data.coordinate_units)},
-        "check": {"omega": omega[:, None], "response": response,
-                  "scale": response_scale(response, data, omega)},
-        "mbsvib": extra,
+        "mech": mech, "check": {"omega": omega[:, None], "response": response, "scale": scale},
+        "mbsvib": {"format": FORMAT if isinstance(data, SystemData) else SPACE_FORMAT, "version": float(VERSION),
+                   "realization": space.realization, **extra},
     }  # fmt: skip
     if words.changed:
-        extra["mapped"] = _cells(tuple(words.changed.values()))
-        extra["original"] = _cells(tuple(np.frombuffer(name.encode(), dtype=np.uint8) for name in words.changed))
-    return result
-
-
-def _space_content(space: FirstOrder) -> dict[str, Any]:
-    """First-order equations alone: what belongs to the equations of motion is empty."""
-    omega = check_points(poles(space.A))
-    words = _Words()
-    none, names = np.zeros((0, 0)), words.cells(())
-    response = state_space_response(space, omega)
-    size = np.abs(response).max(axis=2, initial=0.0)[:, :, None]
-    extra: dict[str, Any] = {"format": SPACE_FORMAT, "version": float(VERSION), "realization": space.realization}
-    if space.error_bound is not None:
-        extra[ERROR_BOUND] = space.error_bound
-    result = {
-        **{key: getattr(space, key) for key in "ABCD"}, "E": none, "Ts": 0.0, "Name": words.plain(space.name),
-        "InputName": words.cells(space.inputs), "InputUnit": words.cells(space.input_units),
-        "OutputName": words.cells(space.outputs), "OutputUnit": words.cells(space.output_units),
-        "StateName": words.cells(space.states), "StateUnit": words.cells(space.state_units),
-        "mech": {**dict.fromkeys(("M", "C", "K", "B", "F", "G", "D"), none), "CoordinateName": names,
-                 "CoordinateUnit": names},
-        "check": {"omega": omega[:, None], "response": response,
-                  "scale": np.broadcast_to(np.where(size > 0.0, size, 1.0), response.shape)},
-        "mbsvib": extra,
-    }  # fmt: skip
-    if words.changed:
-        extra["mapped"] = _cells(tuple(words.changed.values()))
-        extra["original"] = _cells(tuple(np.frombuffer(name.encode(), dtype=np.uint8) for name in words.changed))
+        result["mbsvib"]["mapped"] = _cells(tuple(words.changed.values()))
+        result["mbsvib"]["original"] = _cells(tuple(np.frombuffer(name.encode(), dtype=np.uint8)
+                                                    for name in words.changed))  # fmt: skip
     return result
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-TOLERANCE = 1e-6
+TOLERANCE = 1e-6  # relative difference of responses: state spaces of MATLAB are scaled by its own rules
 
 _TEXT = """\
 function [plant, mech, worst] = {function}(file)
@@ -87,19 +87,7 @@ end
 def script(function: str, file: str, system: str) -> str:
     """Return the text of the script.
 
-    Parameters
-    ----------
-    function : str
-        Name of its function, and of its file without ``.m``.
-    file : str
-        Name of the .mat file beside it.
-    system : str
-        Name of the system, for the help text.
-
-    Returns
-    -------
-    str
-        ASCII text.
+    ``function``: name of its function, and of its file without ``.m``.
     """
     return _TEXT.format(function=function, upper=function.upper(), system=ascii(system), file=_plain(file),
                         tolerance=f"{TOLERANCE:.0e}")  # fmt: skip

@@ -11,7 +11,7 @@ from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import kind_of
 from mbsvib.errors import ExportError, counted
-from mbsvib.responses.from_control import is_control
+from mbsvib.responses.from_control import is_control, is_transfer_function
 from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.arrays_and_names import check_arrays, check_names
 from mbsvib_export.names_ import SignalNames
@@ -153,26 +153,8 @@ class SystemData(Displayed):
 def state_space_of(source: object, realization: str, caller: str) -> StateSpace:
     """Return the state space of what an exporter was given.
 
-    Parameters
-    ----------
-    source : System, ClosedLoop, Controller, StateSpace, control.StateSpace or SystemData
-        A system or closed loop, or a state space that is ready and taken as it is.
-    realization : str
-        The states wanted of a system; of a ready state space, "physical" (the default) asks for nothing.
-    caller : str
-        Name of the exporter, for messages.
-
-    Returns
-    -------
-    StateSpace
-        Matrices, names and units.
-
-    Raises
-    ------
-    ExportError
-        If the source is none of the three, or is ready in another realization.
-    ResponseError
-        If the realization is unknown.
+    ``source``: a system or closed loop, or a state space that is ready and taken as it is. ``realization``: the states
+    wanted of a system; of a ready state space, "physical" (the default) asks for nothing.
     """
     if isinstance(source, System):
         return source.state_space(realization)
@@ -188,19 +170,9 @@ def state_space_of(source: object, realization: str, caller: str) -> StateSpace:
 
 
 def space_of(source: object, realization: str) -> object:
-    """Return the state space of a closed loop, a controller or a state space of python-control; else the source.
+    """Return the state space of a closed loop, a controller or equations of python-control; else the source.
 
-    Parameters
-    ----------
-    source : object
-        What an exporter was given.
-    realization : str
-        The states wanted of a closed loop; those of a plant that is a state space stay as they are.
-
-    Returns
-    -------
-    object
-        A StateSpace where there is one.
+    ``realization``: the states wanted of a closed loop; those of a plant that is a state space stay as they are.
     """
     kind = kind_of(source)
     if kind == "closed loop":
@@ -208,7 +180,8 @@ def space_of(source: object, realization: str) -> object:
         return source.state_space(realization if kind_of(plant) == "system" else "modal")  # type: ignore[attr-defined]
     if kind == "controller":
         return source.state_space()  # type: ignore[attr-defined]
-    return _named_as_here(StateSpace.from_control(source)) if kind is None and is_control(source) else source
+    foreign = kind is None and (is_control(source) or is_transfer_function(source))
+    return _named_as_here(StateSpace.from_control(source)) if foreign else source
 
 
 def _named_as_here(space: StateSpace) -> StateSpace:
@@ -221,15 +194,7 @@ def _named_as_here(space: StateSpace) -> StateSpace:
 def linear_of(source: object) -> Any:
     """Return what answers with responses, poles and zeros: systems, closed loops, state spaces.
 
-    Parameters
-    ----------
-    source : object
-        What an exporter was given.
-
-    Returns
-    -------
-    object
-        None if it is nothing of this kind.
+    Returns None if it is nothing of this kind.
     """
     if kind_of(source) in ("system", "sparse system", "closed loop", "state space"):
         return source
@@ -238,20 +203,7 @@ def linear_of(source: object) -> Any:
 
 
 def refuse_many(source: object, caller: str) -> None:
-    """Refuse objects other than a dense system, with advice.
-
-    Parameters
-    ----------
-    source : object
-        What an exporter was given.
-    caller : str
-        Name of the exporter, for messages.
-
-    Raises
-    ------
-    ExportError
-        If it is a batch or held sparse.
-    """
+    """Refuse objects other than a dense system, with advice."""
     kind = type(source).__name__
     if kind == "SparseSystem":
         name, dof = getattr(source, "name", ""), getattr(source, "dof", 0)
@@ -267,26 +219,7 @@ def refuse_many(source: object, caller: str) -> None:
 def data_of(source: object, realization: str, caller: str) -> SystemData | StateSpace:
     """Return what a file keeps: second-order equations where there are any, else first-order equations alone.
 
-    Parameters
-    ----------
-    source : System, ClosedLoop, Controller, StateSpace, control.StateSpace or SystemData
-        What an exporter was given.
-    realization : str
-        As in ``state_space_of``.
-    caller : str
-        Name of the exporter, for messages.
-
-    Returns
-    -------
-    SystemData or StateSpace
-        Matrices, names and units.
-
-    Raises
-    ------
-    ExportError
-        If the source is none of these, is ready in another realization, or holds numbers that are not finite.
-    ResponseError
-        If the realization is unknown.
+    ``realization``: as in ``state_space_of``.
     """
     second = source if isinstance(source, System) else \
         getattr(source, "second_order", None) if kind_of(source) == "closed loop" else None  # fmt: skip
@@ -297,23 +230,7 @@ def data_of(source: object, realization: str, caller: str) -> SystemData | State
 
 
 def checked(space: Space) -> Space:
-    """Return a state space whose shapes, numbers and names are those that a file can keep.
-
-    Parameters
-    ----------
-    space : StateSpace
-        First-order equations.
-
-    Returns
-    -------
-    StateSpace
-        The same.
-
-    Raises
-    ------
-    ExportError
-        If they are not.
-    """
+    """Return a state space whose shapes, numbers and names are those that a file can keep."""
     n, i, o = len(space.states), len(space.inputs), len(space.outputs)
     shapes = ((n, n), (n, i), (o, n), (o, i))
     check_arrays(space.name, [(label, getattr(space, label), shape)
@@ -328,28 +245,8 @@ def checked(space: Space) -> Space:
 def system_data_of(source: object, realization: str, caller: str, why: str) -> SystemData:
     """Return the second-order equations of what an exporter was given.
 
-    Parameters
-    ----------
-    source : System, ClosedLoop or SystemData
-        A system, a loop with static gains, or what was read back from a file.
-    realization : str
-        As in ``state_space_of``.
-    caller : str
-        Name of the exporter, for messages.
-    why : str
-        Why there must be such equations, and what to do without.
-
-    Returns
-    -------
-    SystemData
-        Matrices, names and units.
-
-    Raises
-    ------
-    ExportError
-        If there are first-order equations only.
-    ResponseError
-        If the realization is unknown.
+    ``source``: a system, a loop with static gains, or what was read back from a file. ``realization``: as in
+    ``state_space_of``. ``why``: why there must be such equations, and what to do without.
     """
     data = data_of(source, realization, caller)
     if isinstance(data, SystemData):

@@ -47,10 +47,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from mbsvib.api.system import System
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace as FirstOrder
-    from mbsvib_export.selection import Ports
 
 PORT_TEXTS = ("inputs", "input_units", "outputs", "output_units")
 TEXTS = ("coordinates", "coordinate_units", *PORT_TEXTS, "bodies")
@@ -63,7 +63,7 @@ KEYS = ("format", "version", "name", "realization", *TEXTS, *STATE_TEXTS, *SECON
 def to_npz(
     system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
     realization: str = "physical",
-    *, outputs: Ports = None, inputs: Ports = None,
+    *, outputs: Names = None, inputs: Names = None,
 ) -> Path:  # fmt: skip
     """Write a system to a .npz file of numpy, completely or not at all.
 
@@ -98,15 +98,7 @@ def to_npz(
 def arrays_of(data: SystemData | FirstOrder) -> dict[str, Any]:
     """Return all that a file keeps of a system as arrays, by the keys of the file.
 
-    Parameters
-    ----------
-    data : SystemData or StateSpace
-        Matrices, names and units.
-
-    Returns
-    -------
-    dict
-        Texts and matrices; ``data_from`` leads back.
+    ``data_from`` leads back.
     """
     if not isinstance(data, SystemData):
         return {
@@ -159,23 +151,7 @@ def from_npz(path: str | os.PathLike[str]) -> SystemData | StateSpace:
 
 
 def data_from(arrays: dict[str, Any]) -> SystemData | StateSpace:
-    """Return the system, or the state space, that arrays, by the keys of the file, describe.
-
-    Parameters
-    ----------
-    arrays : dict
-        Texts and matrices.
-
-    Returns
-    -------
-    SystemData or StateSpace
-        Matrices, names and units.
-
-    Raises
-    ------
-    ExportError
-        If an array is missing or of another kind.
-    """
+    """Return the system, or the state space, that arrays, by the keys of the file, describe."""
     if str(arrays["format"]) != SPACE_FORMAT:
         return system_data_from(arrays)
     matrices = [f"state_space.{key}" for key in "ABCD"]
@@ -189,23 +165,7 @@ def data_from(arrays: dict[str, Any]) -> SystemData | StateSpace:
 
 
 def system_data_from(arrays: dict[str, Any]) -> SystemData:
-    """Return the system that arrays, by the keys of the file, describe.
-
-    Parameters
-    ----------
-    arrays : dict
-        Texts and matrices.
-
-    Returns
-    -------
-    SystemData
-        Matrices, names and units.
-
-    Raises
-    ------
-    ExportError
-        If an array is missing or of another kind.
-    """
+    """Return the system that arrays, by the keys of the file, describe."""
     expected = (*TEXTS, *STATE_TEXTS, *SECOND_ORDER, "name", "realization", "body_motion",
                 *(f"state_space.{key}" for key in FIRST_ORDER))  # fmt: skip
     _check_keys(arrays, expected)

@@ -25,22 +25,7 @@ _HEADER = re.compile(rb"\{'descr': '([<>=|]?(?:[iu][1248]|f[248]|U[0-9]{1,9}))',
 def arrays_in(content: bytes, requested: Collection[str]) -> dict[str, Any]:
     """Return arrays of a .npz file by their names.
 
-    Parameters
-    ----------
-    content : bytes
-        The file.
-    requested : collection of str
-        Names of arrays to read, those that are there; others are left packed.
-
-    Returns
-    -------
-    dict of str to array
-        Numbers and texts, each array writable.
-
-    Raises
-    ------
-    ContentError
-        If it is no archive of arrays, or a damaged one.
+    ``requested``: names of arrays to read, those that are there; others are left packed.
     """
     with archive_of(content) as archive:
         entries = [entry for entry in archive.infolist() if entry.filename.removesuffix(_SUFFIX) in requested]

@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
-    from mbsvib_export.selection import Ports
 
 
 NAMES = {"MAA": "M", "BAA": "C", "KAA": "K", "BU": "B", "CQ": "Cq", "CV": "Cv", "CA": "Ca", "DU": "D"}
@@ -46,7 +46,7 @@ _PER_LINE, _FORMAT = 3, "1P,3E24.16"
 def to_op4(
     system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
     binary: bool = False,
-    *, outputs: Ports = None, inputs: Ports = None,
+    *, outputs: Names = None, inputs: Names = None,
 ) -> Path:  # fmt: skip
     """Write the second-order matrices of a system to an OP4 file of Nastran, every number to the last bit.
 
@@ -88,21 +88,8 @@ def to_op4(
 def read_op4(path: str | os.PathLike[str]) -> dict[str, Array]:
     """Return the matrices that ``to_op4`` wrote, by their names in mbsvib.
 
-    Parameters
-    ----------
-    path : str or path
-        The file, text or binary.
-
-    Returns
-    -------
-    dict of str to array
-        "M", "C", "K", "B", "Cq", "Cv", "Ca", "D", or "A", "B", "C", "D" of first-order equations; matrices without
-        entries are missing.
-
-    Raises
-    ------
-    ExportError
-        If the file cannot be read or is damaged.
+    Returns "M", "C", "K", "B", "Cq", "Cv", "Ca", "D", or "A", "B", "C", "D" of first-order equations; matrices without
+    entries are missing.
     """
     where = os.fspath(a_path(path, "read_op4", ExportError))
     raw = content_of(where, ExportError, "a file of to_op4")

@@ -11,24 +11,8 @@ from mbsvib.errors import ExportError
 def need(package: str, caller: str, install: str) -> Any:
     """Import a package that an exporter cannot do without.
 
-    Parameters
-    ----------
-    package : str
-        Import name, such as ``"control"`` or ``"scipy.signal"``.
-    caller : str
-        Name of the public function that needs it.
-    install : str
-        What pip is told to install: a requirement, or an extra such as ``"mbsvib[casadi]"``.
-
-    Returns
-    -------
-    module
-        The package.
-
-    Raises
-    ------
-    ExportError
-        If the package is not installed. Other failures of its import are not touched.
+    ``package``: import name, such as ``"control"`` or ``"scipy.signal"``. ``install``: what pip is told to install: a
+    requirement, or an extra such as ``"mbsvib[casadi]"``.
     """
     try:
         return import_module(package)

@@ -17,24 +17,7 @@ if TYPE_CHECKING:
 def read_errors(path: str | os.PathLike[str], kind: str, writer: str) -> Iterator[None]:
     """Return a context in which all errors of a reader become ``ExportError``.
 
-    Parameters
-    ----------
-    path : str or path
-        The file.
-    kind : str
-        Kind of the file, for the message.
-    writer : str
-        Name of the function that writes such files.
-
-    Returns
-    -------
-    context manager
-        For the statements that read the file.
-
-    Raises
-    ------
-    ExportError
-        With the name of the file, and whether it cannot be read or is damaged.
+    ``writer``: name of the function that writes such files.
     """
     name = os.fspath(path)
     try:

@@ -23,15 +23,8 @@ CANCELLED = 1e-4  # of the size of terms that cancel each other, which their sum
 def check_points(eigenvalues: Complex) -> Array:
     """Return angular frequencies that distinguish systems: near resonances, below and above all of them.
 
-    Parameters
-    ----------
-    eigenvalues : array, shape (n,)
-        Poles [1/s].
-
-    Returns
-    -------
-    array, shape (points,)
-        Ascending angular frequencies [rad/s], none of them an undamped pole.
+    ``eigenvalues`` (n,): poles [1/s]. Returns (points,): ascending angular frequencies [rad/s], none of them an
+    undamped pole.
     """
     size = np.unique(np.abs(eigenvalues[np.abs(eigenvalues) > 1e-9 * np.abs(eigenvalues).max(initial=0.0)]))
     if not len(size):
@@ -44,15 +37,7 @@ def check_points(eigenvalues: Complex) -> Array:
 def poles(a: Array) -> Complex:
     """Return the eigenvalues of A, computed from balanced states.
 
-    Parameters
-    ----------
-    a : array, shape (n, n)
-        Matrix A.
-
-    Returns
-    -------
-    array, shape (n,)
-        Complex poles [1/s].
+    ``a`` (n, n): matrix A. Returns (n,): complex poles [1/s].
     """
     none = np.zeros((len(a), 0))
     power = exponents(a, none, none.T)
@@ -62,17 +47,7 @@ def poles(a: Array) -> Complex:
 def state_space_response(space: StateSpace, omega: Array) -> Complex:
     """Return C (i w - A)^-1 B + D of a state space.
 
-    Parameters
-    ----------
-    space : StateSpace
-        First-order equations.
-    omega : array, shape (n,)
-        Angular frequencies [rad/s].
-
-    Returns
-    -------
-    array, shape (outputs, inputs, n)
-        Complex responses.
+    ``omega`` (n,): angular frequencies [rad/s]. Returns (outputs, inputs, n): complex responses.
     """
     power = exponents(space.A, space.B, space.C)
     a = np.ldexp(space.A, power[None, :] - power[:, None])
@@ -87,17 +62,7 @@ def state_space_response(space: StateSpace, omega: Array) -> Complex:
 def second_order_response(data: SystemData, omega: Array) -> Complex:
     """Return (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D of the second-order equations.
 
-    Parameters
-    ----------
-    data : SystemData
-        Matrices as a file keeps them.
-    omega : array, shape (n,)
-        Angular frequencies [rad/s].
-
-    Returns
-    -------
-    array, shape (outputs, inputs, n)
-        Complex responses.
+    ``omega`` (n,): angular frequencies [rad/s]. Returns (outputs, inputs, n): complex responses.
     """
     result = np.empty((*data.D.shape, len(omega)), dtype=complex)
     for k, w in enumerate(omega):
@@ -112,19 +77,8 @@ def response_scale(response: Complex, model: System | SystemData | StateSpace, o
     An output may see next to nothing of large motions: by symmetry, or above all resonances. Where the terms that
     cancel there are larger than that entry by ten thousand, rounding of these is what it is measured by.
 
-    Parameters
-    ----------
-    response : array, shape (outputs, inputs, n)
-        Complex responses.
-    model : System, SystemData or StateSpace
-        Whose responses they are.
-    omega : array, shape (n,)
-        Angular frequencies [rad/s].
-
-    Returns
-    -------
-    array, shape (outputs, inputs, n)
-        Positive numbers; 1 where all is zero.
+    ``response`` (outputs, inputs, n): complex responses. ``omega`` (n,): angular frequencies [rad/s]. Returns (outputs,
+    inputs, n): positive numbers; 1 where all is zero.
     """
     result = CANCELLED * _terms(model, omega)
     size = np.abs(response)
@@ -166,24 +120,8 @@ def _terms_of_coordinates(model: System | SystemData, omega: Array) -> Array:
 def response_error(actual: Complex, truth: Complex, model: System | SystemData | StateSpace, omega: Array) -> float:
     """Return the largest difference of two responses, relative to their ``response_scale``.
 
-    Parameters
-    ----------
-    actual, truth : array, shape (outputs, inputs, n)
-        Complex responses.
-    model : System, SystemData or StateSpace
-        Whose responses they should be.
-    omega : array, shape (n,)
-        Angular frequencies [rad/s].
-
-    Returns
-    -------
-    float
-        Relative error [1]; infinity where a response is not finite.
-
-    Raises
-    ------
-    ExportError
-        If the responses differ in shape.
+    ``actual``, ``truth`` (outputs, inputs, n): complex responses. ``model``: whose responses they should be. ``omega``
+    (n,): angular frequencies [rad/s]. Returns relative error [1]; infinity where a response is not finite.
     """
     if actual.shape != truth.shape:
         raise ExportError(f"responses have shapes {actual.shape} and {truth.shape}; expected the same inputs, outputs "

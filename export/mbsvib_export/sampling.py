@@ -39,24 +39,7 @@ def step_of(space: StateSpace, dt: float, caller: str = "step_of") -> Step:
 
     phi = e^(A dt),  gamma = int_0^dt e^(A s) ds B,  slope = int_0^dt e^(A s) (dt - s)/dt ds B
 
-    Parameters
-    ----------
-    space : StateSpace
-        Continuous equations.
-    dt : float
-        Step [s].
-    caller : str
-        Name of the public function, for messages.
-
-    Returns
-    -------
-    Step
-        Matrices in the states that were given.
-
-    Raises
-    ------
-    ExportError
-        If the step is not a positive number.
+    ``dt``: step [s].
     """
     check_step(dt, caller)
     n, i = space.B.shape
@@ -115,26 +98,7 @@ def discretised(space: StateSpace, dt: float, method: str, caller: str) -> tuple
     zoh: exact for inputs that are held over each step;  foh: exact for inputs that are linear over each step, its
     states are x - slope u;  tustin: s = 2/h (z - 1)/(z + 1), as for a controller whose frequency response counts
 
-    Parameters
-    ----------
-    space : StateSpace
-        Continuous equations.
-    dt : float
-        Time between samples h [s].
-    method : str
-        "zoh", "foh" or "tustin".
-    caller : str
-        Name of the public function, for messages.
-
-    Returns
-    -------
-    tuple of array
-        A, B, C, D.
-
-    Raises
-    ------
-    ExportError
-        If the step is no positive number, the method is unknown, or Tustin's rule has a pole at 2/h.
+    ``dt``: time between samples h [s]. ``method``: "zoh", "foh" or "tustin".
     """
     check_step(dt, caller)
     if method not in METHODS:

@@ -12,14 +12,16 @@ if TYPE_CHECKING:
     from scipy import signal
 
     from mbsvib.api.system import System
+    from mbsvib.common.selection import Names
+    from mbsvib.feedback.closed_loop import ClosedLoop
+    from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.neutral import SystemData
-    from mbsvib_export.selection import Ports
 
 
 def to_scipy(
-    system: System | StateSpace | SystemData, realization: str = "physical",
-    *, outputs: Ports = None, inputs: Ports = None,
+    system: System | ClosedLoop | Controller | StateSpace | SystemData, realization: str = "physical",
+    *, outputs: Names = None, inputs: Names = None,
 ) -> signal.StateSpace:
     """Return a system as a state space of scipy.signal.
 
@@ -29,7 +31,7 @@ def to_scipy(
 
     Parameters
     ----------
-    system : System, StateSpace or SystemData
+    system : System, ClosedLoop, Controller, StateSpace, control.StateSpace or SystemData
         The equations of motion, or a state space that is ready.
     realization : str
         The states of a System: "physical" (q and q'), "modal" or "balanced".

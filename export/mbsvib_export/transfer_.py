@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mbsvib.responses.state_space import StateSpace
 
 
-WORST = 1e-6
+WORST = 1e-6  # relative error of a response by polynomials, above which they are refused
 # Poles and zeros closer than this, relative to their size, are one motion that the input does not reach or the output
 # does not see; the error that is stated counts what that leaves.
 SAME = 1e-9

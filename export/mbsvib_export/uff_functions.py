@@ -51,22 +51,7 @@ class Function:
 def function_of(data: DataSet, length: float, force: float) -> Function | str:
     """Return the frequency response of a data set 58 in SI units, or what it is instead.
 
-    Parameters
-    ----------
-    data : DataSet
-        The set.
-    length, force : float
-        Units of the file in a metre and in a newton, as data set 164 says.
-
-    Returns
-    -------
-    Function, or str
-        The response, or the kind of another function.
-
-    Raises
-    ------
-    ContentError
-        If its numbers cannot be read, or it has units that cannot be converted.
+    ``length``, ``force``: units of the file in a metre and in a newton, as data set 164 says.
     """
     function, *_ = data.integers(5, 5)
     response_node, response_direction, reference_node, reference_direction = data.integers(

@@ -20,18 +20,7 @@ _LONGEST_NAME = 80
 
 
 def geometry_sets(geometry: Geometry) -> Iterator[str]:
-    """Yield the data sets that say units, nodes, bodies and lines.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        Nodes of a system.
-
-    Returns
-    -------
-    iterator of str
-        One text for each data set.
-    """
+    """Yield the data sets that say units, nodes, bodies and lines."""
     yield _set(164, [f"{1:10}{'SI: metre (newton)':<20}{2:10}", _reals(1.0, 1.0, 1.0), _reals(273.15)])
     if not geometry.nodes:
         return
@@ -68,18 +57,6 @@ def mode_sets(system: System, geometry: Geometry) -> Iterator[str]:
     """Yield the modes as data sets 55, at each node of a body: u + theta x r, of normal modes theta as well.
 
     Modes that creep or diverge without oscillating have no place in the format and are left out.
-
-    Parameters
-    ----------
-    system : System
-        The equations of motion.
-    geometry : Geometry
-        Its nodes.
-
-    Returns
-    -------
-    iterator of str
-        One text for each mode.
     """
     modes = system.modes()
     rows = dict(zip(system.bodies, system.body_motion, strict=True))

@@ -64,7 +64,7 @@ class _Numbering:
     def number(self, key: Hashable) -> int:
         return self.numbers.setdefault(key, len(self.numbers) + 1)
 
-    def placed(self, body: str, position: tuple[float, float, float], axes: Array | None = None) -> int:
+    def node_number(self, body: str, position: tuple[float, float, float], axes: Array | None = None) -> int:
         key = (body, position, None if axes is None else tuple(axes[:, 0].tolist()))
         is_new = key not in self.numbers
         number = self.number(key)
@@ -81,16 +81,16 @@ class _Numbering:
         wrench = np.array(getattr(port, "wrench", ()), dtype=float)
         if not body or position is None or relative != GROUND or wrench.shape != (6,):
             return Point(self.number(_scalar_key(port)), 0)
-        turning = 3 if wrench[3:].any() else 0
-        along = wrench[turning : turning + 3]
-        if wrench[3 - turning : 6 - turning].any() or abs(np.linalg.norm(along) - 1.0) > _UNIT:
+        first_entry = 3 if wrench[3:].any() else 0
+        along = wrench[first_entry : first_entry + 3]
+        if wrench[3 - first_entry : 6 - first_entry].any() or abs(np.linalg.norm(along) - 1.0) > _UNIT:
             return Point(self.number(_scalar_key(port)), 0)
         sign = 1 if along[np.flatnonzero(along)[0]] > 0.0 else -1
         if np.count_nonzero(along) == 1:
-            return Point(self.placed(body, position), sign * (turning + int(np.flatnonzero(along)[0]) + 1))
+            return Point(self.node_number(body, position), sign * (first_entry + int(np.flatnonzero(along)[0]) + 1))
         z_along = np.array(check.frame_along(tuple((sign * along).tolist())))
         axes = np.column_stack((sign * along, z_along[:, 0], z_along[:, 1]))
-        return Point(self.placed(body, position, axes), sign * (turning + 1))
+        return Point(self.node_number(body, position, axes), sign * (first_entry + 1))
 
 
 def _scalar_key(port: Part) -> Hashable:
@@ -103,16 +103,9 @@ def _scalar_key(port: Part) -> Hashable:
 def geometry_of(linear: Any) -> Geometry:
     """Return nodes and directions of a system.
 
-    Parameters
-    ----------
-    linear : System, ClosedLoop, StateSpace or SystemData
-        The equations. A closed loop has the geometry of its plant; those from a file or from matrices alone know none,
-        and each port has a node of its own.
-
-    Returns
-    -------
-    Geometry
-        Nodes of the bodies first, in the order of ``system.bodies``, then those of the ports.
+    ``linear``: the equations. A closed loop has the geometry of its plant; those from a file or from matrices alone
+    know none, and each port has a node of its own. Nodes of the bodies come first, in the order of ``system.bodies``,
+    then those of the ports.
     """
     system = linear.plant.system if kind_of(linear) == "closed loop" else linear
     parts = system.provenance.parts if isinstance(system, System) else ()
@@ -124,7 +117,7 @@ def geometry_of(linear: Any) -> Geometry:
     numbering = _Numbering(positions)
     for body in getattr(system, "bodies", ()):
         if body in positions:
-            numbering.placed(body, positions[body])
+            numbering.node_number(body, positions[body])
     entries = {port.name: port for port in ports if isinstance(port, (Input, BaseMotion))}
     exits = {port.name: port for port in ports if not isinstance(port, (Input, BaseMotion))}
     if not (entries.keys() >= set(linear.inputs) and exits.keys() >= set(linear.outputs)):

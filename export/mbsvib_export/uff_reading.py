@@ -43,20 +43,7 @@ class _Content:
 def measurement_of(raw: bytes) -> Measurement:
     """Return what a universal file holds.
 
-    Parameters
-    ----------
-    raw : bytes
-        The file.
-
-    Returns
-    -------
-    Measurement
-        Responses, points, nodes, modes and lines, in SI units.
-
-    Raises
-    ------
-    ContentError
-        If the file is damaged, or holds neither responses nor modes nor nodes.
+    Returns responses, points, nodes, modes and lines, in SI units.
     """
     content = _Content()
     sets = list(data_sets(raw))

@@ -78,23 +78,7 @@ def _columns(line: str, widths: Sequence[int]) -> Iterator[str]:
 
 
 def data_sets(raw: bytes) -> Iterator[DataSet]:
-    """Yield the data sets of a universal file one after the other.
-
-    Parameters
-    ----------
-    raw : bytes
-        The file.
-
-    Returns
-    -------
-    iterator of DataSet
-        All sets, known or not.
-
-    Raises
-    ------
-    ContentError
-        If the file is no universal file, or ends within a set.
-    """
+    """Yield the data sets of a universal file one after the other."""
     source = _Source(raw)
     while (line := source.next_filled()) is not None:
         if line.strip() != _END:

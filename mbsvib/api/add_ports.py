@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mbsvib.common import arguments as check
-from mbsvib.elements import Maxwell, Spring
 from mbsvib.elements import ports as _ports
 from mbsvib.elements import strain_output as _strain
 from mbsvib.errors import nearest
@@ -14,7 +13,7 @@ from mbsvib.mechanism.mechanism import GROUND, Mechanism, check_name
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from mbsvib.elements import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Output
+    from mbsvib.elements import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Maxwell, Output, Spring
     from mbsvib.elements.strain_output import StrainOutput
 
 
@@ -172,7 +171,8 @@ class PortedMechanism(Mechanism):
             hint = nearest(key, [*self._springs, *self._elements, *self._joints, *self._bodies, GROUND]).strip()
             raise check.refuse(who, "element", key, "a joint, bushing, spring or body of this model", hint)
         output = _ports.make_force_output(name, key, direction)
-        if isinstance(part, (Spring, Maxwell)) and any(w for i, w in enumerate(output.wrench) if i != 2):
+        spring = self._springs.get(key)
+        if spring is not None and spring.acts_along_line and any(w for i, w in enumerate(output.wrench) if i != 2):
             raise check.refuse(who, "direction", direction, "'z', the line of a spring")
         return self._keep(self._outputs, output)
 

@@ -19,23 +19,7 @@ def in_equilibrium(
 ) -> tuple[Model, System | SparseSystem]:
     """Return a model in equilibrium with its system; a model that is in equilibrium is returned as it is.
 
-    Parameters
-    ----------
-    model : Model
-        A model that was in equilibrium before its values changed.
-    independent, cut : sequence of str, optional
-        Requested minimal coordinates and cut joints.
-
-    Returns
-    -------
-    Model
-        In its pose of equilibrium.
-    System or SparseSystem
-        Its equations.
-
-    Raises
-    ------
-    EquilibriumError
-        If no equilibrium can be reached.
+    ``model``: a model that was in equilibrium before its values changed. ``independent``, ``cut``: requested minimal
+    coordinates and cut joints.
     """
     return at_equilibrium(model, independent, cut, dense=System, sparse=SparseSystem)

@@ -85,8 +85,8 @@ class LinearRange(Displayed):
         counts = np.isfinite(self.values) & (self.values > 0.0) & (self.frequencies > 0.0)[:, None]
         travel = np.where(counts, self.travel, np.inf)
         for together in np.split(np.arange(len(travel)), 1 + np.flatnonzero(~self._coincide())):
-            seen = np.where(np.isfinite(travel[together]), travel[together], -np.inf).max(axis=0, initial=-np.inf)
-            travel[together] = np.where(travel[together] < seen, np.inf, travel[together])
+            largest = np.where(np.isfinite(travel[together]), travel[together], -np.inf).max(axis=0, initial=-np.inf)
+            travel[together] = np.where(travel[together] < largest, np.inf, travel[together])
         for j, name in enumerate(self.outputs if len(travel) else ()):
             k = int(np.argmin(travel[:, j]))
             if travel[k, j] < below:
@@ -105,28 +105,7 @@ class LinearRange(Displayed):
 def linear_range(system: Equations, modes: Modes, share: float, conservative: bool = False) -> LinearRange:
     """Return how far the linear equations of a mechanism hold; see ``System.linear_range``.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations.
-    modes : Modes
-        Their modes.
-    share : float
-        Share of the second-order part.
-    conservative : bool
-        Whether to leave a margin for terms of higher order.
-
-    Returns
-    -------
-    LinearRange
-        Amplitudes by mode and output.
-
-    Raises
-    ------
-    ResponseError
-        If the share is not positive.
-    ModelError
-        If the equations are not those of a mechanism as described, or CasADi is not installed.
+    ``conservative``: whether to leave a margin for terms of higher order.
     """
     number = real(share, "linear_range", "share", "a positive share such as 0.1")
     if not 0.0 < number < np.inf:
@@ -147,17 +126,7 @@ def linear_range(system: Equations, modes: Modes, share: float, conservative: bo
 def with_modes(modes: Modes, provenance: Provenance | None) -> tuple[str, ...]:
     """Return sentences on outputs whose range is small, for the table of the modes of a small mechanism.
 
-    Parameters
-    ----------
-    modes : Modes
-        All modes of a system.
-    provenance : Provenance, optional
-        Where its equations come from.
-
-    Returns
-    -------
-    tuple of str
-        A sentence for each output, or nothing.
+    ``provenance``: where its equations come from.
     """
     from mbsvib.equations.assembly import linearized
 
@@ -177,18 +146,7 @@ def with_modes(modes: Modes, provenance: Provenance | None) -> tuple[str, ...]:
 
 
 def explained(system: Equations) -> list[str]:
-    """Return lines on outputs whose range is small; none of larger systems, and of those that have no range.
-
-    Parameters
-    ----------
-    system : Equations
-        The equations.
-
-    Returns
-    -------
-    list of str
-        A title and a sentence for each output, or nothing.
-    """
+    """Return lines on outputs whose range is small; none of larger systems, and of those that have no range."""
     if not 0 < system.dof <= FEW or not system.outputs or find_spec("casadi") is None:
         return []
     try:

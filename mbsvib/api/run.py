@@ -216,8 +216,7 @@ class Run(Displayed):
         """
         from mbsvib.common.csv_columns import write_columns
 
-        table = self.table()
-        return write_columns(path, list(table), list(table.values()))
+        return write_columns(path, self.table())
 
     def table(self) -> dict[str, Array]:
         """Return time, outputs, coordinates and energies as columns (n,) by name."""
@@ -314,22 +313,7 @@ class Run(Displayed):
 
 
 def run_of(name: str, trace: Trace, complete: bool) -> Run:
-    """Return a run by the trace of its states.
-
-    Parameters
-    ----------
-    name : str
-        Name of the model.
-    trace : Trace
-        Its states.
-    complete : bool
-        Whether it came to its end.
-
-    Returns
-    -------
-    Run
-        What can be asked of it.
-    """
+    """Return a run by the trace of its states."""
     at = trace.values()
     arrays = [trace.time, at.coordinates, at.rates, at.kinetic, at.potential, at.work, *at.outputs.values()]
     for array in arrays:
@@ -345,7 +329,5 @@ def run_of(name: str, trace: Trace, complete: bool) -> Run:
 
 def units(trace: Trace) -> dict[str, str]:
     """Return the units of the outputs that a run tells."""
-    from mbsvib.equations.ports import output_unit
-
     outputs = trace.session.model.outputs
-    return {name: output_unit(outputs[name]) for name in trace.measured.all_names}
+    return {name: outputs[name].unit for name in trace.measured.all_names}

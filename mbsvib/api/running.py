@@ -90,8 +90,7 @@ class Cycle(CycleData):
         """
         from mbsvib.common.csv_columns import write_columns
 
-        columns = self.columns()
-        return write_columns(path, list(columns), list(columns.values()))
+        return write_columns(path, self.columns())
 
     def sensitivities(self, parameters: Any = None) -> CycleSensitivities:
         """Return exact derivatives of torques, reactions, shaking force and moment to parameters.
@@ -212,24 +211,8 @@ class Running(Mechanism):
 def cycle_of(model: Mechanism, kwargs: Mapping[str, Any], like: Machine | None = None) -> Cycle:
     """Return the cycle of a model.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The machine.
-    kwargs : mapping
-        The arguments of ``Model.cycle``.
-    like : Machine, optional
-        A machine that differs by values of symbols only: its equations are used, and its motion if it is the same.
-
-    Returns
-    -------
-    Cycle
-        As ``Model.cycle`` returns it.
-
-    Raises
-    ------
-    MbsvibError
-        As ``Model.cycle`` does.
+    ``kwargs``: the arguments of ``Model.cycle``. ``like``: a machine that differs by values of symbols only: its
+    equations are used, and its motion if it is the same.
     """
     _check_casadi()
     from mbsvib.cycles.inverse_dynamics import inverse_dynamics
@@ -241,24 +224,7 @@ def cycle_of(model: Mechanism, kwargs: Mapping[str, Any], like: Machine | None =
 def compiled_for(model: Mechanism, kwargs: Mapping[str, Any], parameters: tuple[str, ...]) -> Machine:
     """Return a machine in motion whose equations have some of its numbers as symbols.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The machine.
-    kwargs : mapping
-        The arguments of ``Model.cycle``.
-    parameters : tuple of str
-        Names of parameters.
-
-    Returns
-    -------
-    Machine
-        The machine with its equations.
-
-    Raises
-    ------
-    MbsvibError
-        As ``Model.cycle`` does.
+    ``kwargs``: the arguments of ``Model.cycle``.
     """
     _check_casadi()
     from mbsvib.cycles.machine import machine

@@ -9,8 +9,10 @@ from mbsvib.api.connecting import Connecting
 from mbsvib.api.reducing import ReducibleSystem
 from mbsvib.api.sensitivities import Sensitive
 from mbsvib.common.display import upper
+from mbsvib.common.fast_init import fast_init
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import counted
+from mbsvib.responses.linear import StepVerbs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,13 +23,14 @@ if TYPE_CHECKING:
     from mbsvib.api.modes import Modes
     from mbsvib.api.state_space import StateSpace
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.explain.energy_shares import StiffnessShares
     from mbsvib.modes import result
-    from mbsvib.responses.step_info import StepInfo
 
 
+@fast_init
 @dataclass(frozen=True, repr=False, eq=False)
-class System(Connecting, ReducibleSystem, Sensitive, Equations):
+class System(Connecting, ReducibleSystem, StepVerbs, Sensitive, Equations):
     """M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u, in minimal coordinates q.
 
     Matrices, factors and names are those of ``Equations``; modes are computed once, and results are
@@ -111,9 +114,7 @@ class System(Connecting, ReducibleSystem, Sensitive, Equations):
             result.check_accuracy(rtol)
         return cast("Modes", result)
 
-    def frequency_response(
-        self, omega: ArrayLike, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
-    ) -> Complex:
+    def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
         """Return the frequency response from inputs to outputs.
 
         G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D
@@ -141,7 +142,7 @@ class System(Connecting, ReducibleSystem, Sensitive, Equations):
 
     def time_response(
         self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: tuple[ArrayLike, ArrayLike] | None = None,
-        outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None,
+        outputs: Names = None, inputs: Names = None,
     ) -> Array:  # fmt: skip
         """Return the time response to inputs that are held or vary linearly between the samples; exact for these.
 
@@ -172,32 +173,6 @@ class System(Connecting, ReducibleSystem, Sensitive, Equations):
 
         return time_response(self.with_ports(outputs, inputs).basis, t, u, hold, initial)
 
-    def step_info(
-        self, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None, band: float = 0.02
-    ) -> StepInfo:
-        """Return rise time, settling time, overshoot and peak of the responses to unit steps, from rest.
-
-        Parameters
-        ----------
-        outputs, inputs : str or sequence of str, optional
-            Names or patterns; default: all.
-        band : float
-            Share of the final value within which a response has settled.
-
-        Returns
-        -------
-        StepInfo
-            Arrays (outputs, inputs), printed as a table.
-
-        Raises
-        ------
-        ResponseError
-            If a name is unknown, or a pole does not decay.
-        """
-        from mbsvib.responses.step_info import step_info
-
-        return step_info(self.with_ports(outputs, inputs), band)
-
     def poles(self) -> Complex:
         """Return the poles: all 2m eigenvalues, (lambda^2 M + lambda C + K) phi = 0, as accurate as responses need.
 
@@ -209,9 +184,7 @@ class System(Connecting, ReducibleSystem, Sensitive, Equations):
         """
         return self.basis.poles.copy()
 
-    def transmission_zeros(
-        self, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
-    ) -> Complex:
+    def transmission_zeros(self, outputs: Names = None, inputs: Names = None) -> Complex:
         """Return the invariant zeros from some inputs to some outputs.
 
         The finite s at which [[K + s C + s^2 M, -B], [Cq + s Cv + s^2 Ca, D]] has less than its normal rank.
@@ -237,7 +210,7 @@ class System(Connecting, ReducibleSystem, Sensitive, Equations):
         return transmission_zeros(self.basis, outputs, inputs)
 
     def frequency_grid(
-        self, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None,
+        self, outputs: Names = None, inputs: Names = None,
         n: int | None = None, *, f_min: float | None = None, f_max: float | None = None,
     ) -> Array:  # fmt: skip
         """Return angular frequencies that resolve every resonance and antiresonance from inputs to outputs.
@@ -267,9 +240,7 @@ class System(Connecting, ReducibleSystem, Sensitive, Equations):
 
         return frequency_grid(self.basis, outputs, inputs, n, f_min=f_min, f_max=f_max)
 
-    def reachable(
-        self, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
-    ) -> System:
+    def reachable(self, outputs: Names = None, inputs: Names = None) -> System:
         """Return the controllable and observable part for the given inputs and outputs, with these ports only.
 
         Coordinates that no entry of M, C or K couples to the others move independently. Such a part is left out if no

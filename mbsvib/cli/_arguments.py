@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    Candidates: TypeAlias = Literal["", "model", "file", "input", "output", "body", "parameter"]
+    # names in the model on the line
+    Named: TypeAlias = Literal["input", "output", "body", "parameter", "coordinate", "spring"]
+    Candidates: TypeAlias = Named | Literal["", "model", "file"] | tuple[str, ...]  # or these words
 
 
 class Argument(NamedTuple):

@@ -30,23 +30,7 @@ OPTIONS = {
 
 
 def command_of(name: str) -> Command:
-    """Return a command by its name.
-
-    Parameters
-    ----------
-    name : str
-        Its name.
-
-    Returns
-    -------
-    Command
-        The command.
-
-    Raises
-    ------
-    UsageProblem
-        If there is none of this name.
-    """
+    """Return a command by its name."""
     if name not in HOMES:
         kind = "option" if name.startswith("-") else "command"
         known = [word.split()[0].rstrip(",") for word in OPTIONS] if kind == "option" else list(HOMES)

@@ -13,7 +13,7 @@ from mbsvib.errors import MbsvibError, nearest
 
 if TYPE_CHECKING:
     from mbsvib.api.model import Model
-    from mbsvib.cli._arguments import Argument, Candidates
+    from mbsvib.cli._arguments import Argument, Named
 
 # each asks "mbsvib --complete WORDS", the last of which is being typed
 SCRIPTS = {
@@ -65,15 +65,7 @@ def install(name: str | None = None) -> None:
 def candidates(words: list[str]) -> list[str]:
     """Return what the last word of a command line may become.
 
-    Parameters
-    ----------
-    words : list of str
-        What is typed after the program's name; the last word is incomplete, or empty.
-
-    Returns
-    -------
-    list of str
-        Whole words.
+    ``words``: what is typed after the program's name; the last word is incomplete, or empty.
     """
     typed = words[-1] if words else ""
     before = [word for word in words[:-1] if word != shell.DEBUG]
@@ -100,7 +92,9 @@ def candidates(words: list[str]) -> list[str]:
 
 def _values(argument: Argument, before: list[str], typed: str, by_name: dict[str, Argument]) -> list[str]:
     if "choices" in argument.settings:
-        return _fitting(list(argument.settings["choices"]), typed)
+        return _fitting([str(choice) for choice in argument.settings["choices"]], typed)
+    if isinstance(argument.completes, tuple):
+        return _fitting(list(argument.completes), typed)
     if argument.completes == "file":
         return _files(typed, ())
     if argument.completes == "model":
@@ -116,9 +110,13 @@ def _values(argument: Argument, before: list[str], typed: str, by_name: dict[str
         return []
 
 
-def _names(model: Model, kind: Candidates) -> list[str]:
+def _names(model: Model, kind: Named) -> list[str]:
     if kind == "parameter":
         return list(model.parameters)
+    if kind == "coordinate":
+        return [f"{joint.name}.{direction}" for joint in model.joints.values() for direction, _ in joint.freedom]
+    if kind == "spring":
+        return list(model.springs)
     if kind == "body":
         return [*model.bodies, "ground"]
     system = model.linearize()

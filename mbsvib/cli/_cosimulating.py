@@ -42,10 +42,10 @@ def cosim(
 
 
 def _record(result: CosimulationCheck) -> dict[str, Any]:
-    masters = [{"master": one.method, "steps": one.steps, "errors": one.errors, "worst_output": one.worst,
-                "order": one.order, "fmu_against_reference": one.difference, "stable": one.stable,
-                "largest_stable_step": one.largest_stable_step, "passed": one.passed}
-               for one in result.masters]  # fmt: skip
+    masters = [{"master": master.method, "steps": master.steps, "errors": master.errors, "worst_output": master.worst,
+                "order": master.order, "fmu_against_reference": master.difference, "stable": master.stable,
+                "largest_stable_step": master.largest_stable_step, "passed": master.passed}
+               for master in result.masters]  # fmt: skip
     return {"plant": result.plant, "controller": result.controller, "step": result.step, "duration": result.duration,
             "connections": result.connections, "growth": result.growth, "passed": result.passed, "masters": masters,
             "remarks": result.remarks}  # fmt: skip

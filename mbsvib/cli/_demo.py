@@ -41,17 +41,7 @@ def demo(folder: Path = FOLDER, as_json: bool = False) -> None:
 def command_line(extra: str, command: str) -> str:
     """Return what to type for a command that needs an extra, or none: by uv where uv has run this one.
 
-    Parameters
-    ----------
-    extra : str
-        Name of the extra; empty for none.
-    command : str
-        Words after ``mbsvib``.
-
-    Returns
-    -------
-    str
-        A line for a shell.
+    ``command``: words after ``mbsvib``.
     """
     if "UV" in os.environ:
         needed = f"--extra {extra} " if extra else ""

@@ -213,6 +213,6 @@ STAGES = (
     Stage("Bode plot and step response in python-control", responses),
     Stage("Isolation of the platform from the floor", passive_isolation),
     Stage("Integral force feedback in the legs: damping, margins, open against closed loop", active_damping),
-    Stage("The controller on a computer: sampled, as C, as FMU beside the plant", sampled_controller),
+    Stage("Discrete-time control: the controller sampled, as C, as FMU beside the plant", sampled_controller),
     Stage("Report", page),
 )

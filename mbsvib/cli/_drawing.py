@@ -182,7 +182,8 @@ def _deliver(figure: Figure, file: Path | None, default: Path, remark: str, as_j
     shell.say(f"Written: {shell.shown(path)}")
 
 
-VIEW = option("--view", to="view", metavar="VIEW", default="3-D", words="From where: 3-D, x, y or z. Default: 3-D.")
+VIEW = option("--view", to="view", metavar="VIEW", default="3-D", completes=("3-D", "x", "y", "z"),
+              words="From where: 3-D, x, y or z. Default: 3-D.")
 PICTURE = file_argument(f"Where to: {', '.join(FORMATS)}.")
 DECIBELS = flag("--decibels", "decibels", "Magnitude in dB, 20 log10 of the value in SI units.")
 CURVES = (MODEL, INPUTS, OUTPUTS, FIRST, LAST, PICTURE, JSON)

@@ -28,6 +28,7 @@ KINDS = {
     ".c": "the discrete-time state space as C source, with header and test program beside it",
     ".yaml": "the model itself, to be edited",
 }
+STEP = 1e-4  # s between samples of .c
 # options that some formats have: the argument of the exporter, and which formats
 CHOICES = {
     "--realization": ("realization", (".json", ".npz", ".mat", ".h5", ".mo", ".fmu", ".c")),
@@ -84,7 +85,9 @@ def _write(system: System, file: Path, choices: dict[str, Any]) -> str:
 
     suffix = file.suffix.lower()
     if suffix == ".c":
-        mx.to_c(system, file.parent, name=file.stem, **choices)
+        step = choices.pop("step", STEP)
+        mx.to_c(system, file.parent, step, name=file.stem, **choices)
+        return f"{KINDS[suffix]}; a step every {step:g} s"
     elif suffix == ".fmu":
         written = mx.to_fmu(system, file, **choices)
         more = "; others by --platforms all" if written.other_platforms else ""
@@ -104,12 +107,15 @@ COMMANDS = {"export": Command(export, (
     INPUTS,
     OUTPUTS,
     option("--realization", to="realization", metavar="KIND",
-           words="States: physical (of .c: modal), modal or balanced."),
-    option("--step", "--dt", to="step", metavar="SECONDS", type=number, words="Time between samples, for .c."),
-    option("--method", to="method", metavar="KIND", words="Discretization, for .c: zoh, foh or tustin."),
-    option("--fmi", to="version", metavar="VERSION", words="Of an FMU: 2.0 or 3.0. Default: 3.0."),
+           completes=("physical", "modal", "balanced"), words="States: physical (of .c: modal), modal or balanced."),
+    option("--step", "--dt", to="step", metavar="SECONDS", type=number,
+           words=f"Time between samples, for .c. Default: {STEP:g}."),
+    option("--method", to="method", metavar="KIND", completes=("zoh", "foh", "tustin"),
+           words="Discretization, for .c: zoh, foh or tustin."),
+    option("--fmi", to="version", metavar="VERSION", choices=("2.0", "3.0"),
+           words="Of an FMU: 2.0 or 3.0. Default: 3.0."),
     option("--platforms", to="platforms", metavar="NAMES", words="Of an FMU: all, or names with commas between."),
-    option("--tunable", to="tunable", metavar="PARAMETER", action="append",
+    option("--tunable", to="tunable", metavar="PARAMETER", action="append", completes="parameter",
            words="Parameter that the user of an FMU may change, such as 'leg*.k.stiffness'; may be given several "
                  "times."),
     JSON,

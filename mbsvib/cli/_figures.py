@@ -14,27 +14,7 @@ FORMATS = (".png", ".pdf", ".svg")
 
 
 def write_figure(figure: Figure, path: Path) -> Path:
-    """Write a figure in the format of the path's suffix, completely or not at all.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        What to write.
-    path : Path
-        Where to.
-
-    Returns
-    -------
-    Path
-        The path.
-
-    Raises
-    ------
-    UsageProblem
-        If the suffix is unknown.
-    ExportError
-        If the file cannot be written.
-    """
+    """Write a figure in the format of the path's suffix, completely or not at all."""
     from mbsvib.common.atomic_file import write_atomic
 
     check_format(path)
@@ -44,15 +24,7 @@ def write_figure(figure: Figure, path: Path) -> Path:
 def check_format(path: Path | None) -> None:
     """Refuse a suffix that figures do not have.
 
-    Parameters
-    ----------
-    path : Path or None
-        Where a figure shall go; None passes.
-
-    Raises
-    ------
-    UsageProblem
-        If the suffix is unknown.
+    ``path``: where a figure shall go; None passes.
     """
     if path is not None and path.suffix.lower() not in FORMATS:
         raise shell.UsageProblem(f"'{path}': figures end in {', '.join(FORMATS)}.")

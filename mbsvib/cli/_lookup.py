@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,8 @@ from mbsvib.cli._shell import UsageProblem
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from mbsvib.api.model import Model
     from mbsvib.api.system import System
 
@@ -18,22 +21,7 @@ SUFFIXES = (".yaml", ".yml", ".json", ".xml", ".urdf")
 def model_of(word: str) -> Model:
     """Return the model of a file or of a name in the library.
 
-    Parameters
-    ----------
-    word : str
-        A path that ends in .yaml, .yml or .json, in .xml (MJCF or URDF) or .urdf, or a built-in name.
-
-    Returns
-    -------
-    Model
-        The model.
-
-    Raises
-    ------
-    UsageProblem
-        If there is neither such a file nor such a name.
-    ModelError
-        If the file is faulty.
+    ``word``: a path that ends in .yaml, .yml or .json, in .xml (MJCF or URDF) or .urdf, or a built-in name.
     """
     path = Path(word)
     if path.suffix.lower() in SUFFIXES or path.is_file():
@@ -79,27 +67,24 @@ def system_of(word: str) -> System:
     return model_of(word).linearize()
 
 
+@contextmanager
+def as_misuse(*words: str) -> Iterator[None]:
+    """Turn the refusal of a name that is one of the words of the command line into a UsageProblem."""
+    try:
+        yield
+    except ModelError as error:
+        if error.element not in words:
+            raise
+        raise UsageProblem(str(error)) from error
+
+
 def ports(system: System, inputs: list[str] | None, outputs: list[str] | None) -> tuple[list[str], list[str], str]:
     """Return the inputs and outputs to draw, and a remark on those that were left out.
 
     Without any wish, all are drawn if they fit into one figure, and otherwise the first of each.
 
-    Parameters
-    ----------
-    system : System
-        The equations of motion.
-    inputs, outputs : list of str or None
-        Requested names.
-
-    Returns
-    -------
-    (list of str, list of str, str)
-        Names of inputs, of outputs, and the remark, empty if there is nothing to say.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown.
+    ``inputs``, ``outputs``: requested names. Returns the names of inputs, of outputs, and the remark, empty if there is
+    nothing to say.
     """
     from mbsvib.plots._choice import MOST_PANELS, pick
 

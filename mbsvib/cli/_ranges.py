@@ -14,28 +14,7 @@ if TYPE_CHECKING:
 def range_of(text: str, option: str, example: str, log: bool = False) -> tuple[str, NDArray[np.float64]]:
     """Return the name and the values of NAME=FROM:TO[:COUNT].
 
-    Parameters
-    ----------
-    text : str
-        What was given.
-    option : str
-        What the name is that of, in capitals.
-    example : str
-        An example.
-    log : bool
-        Values in equal ratios.
-
-    Returns
-    -------
-    str
-        The name.
-    array, shape (COUNT,)
-        The values; 11 of them by default.
-
-    Raises
-    ------
-    UsageProblem
-        If it is of another form.
+    Returns the name; (COUNT,): the values; 11 of them by default.
     """
     import numpy as np
 

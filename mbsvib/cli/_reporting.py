@@ -37,5 +37,5 @@ def report(
 
 
 PAGE = file_argument("Where to. Default: NAME-report.html.")
-OTHER = option("--compare", to="compare", metavar="MODEL", words="Another model to compare with.", completes="model")
-COMMANDS = {"report": Command(report, (MODEL, INPUTS, OUTPUTS, PAGE, OTHER, JSON))}
+COMPARED = option("--compare", to="compare", metavar="MODEL", words="Another model to compare with.", completes="model")
+COMMANDS = {"report": Command(report, (MODEL, INPUTS, OUTPUTS, PAGE, COMPARED, JSON))}

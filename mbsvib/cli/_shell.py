@@ -45,18 +45,7 @@ class Status:
 
 @contextmanager
 def as_messages(debug: bool) -> Iterator[Status]:
-    """Print errors that mbsvib raises on purpose, and its warnings, as lines on standard error.
-
-    Parameters
-    ----------
-    debug : bool
-        Let errors through.
-
-    Returns
-    -------
-    context manager
-        Of the exit status.
-    """
+    """Print errors that mbsvib raises on purpose, and its warnings, as lines on standard error."""
     status = Status()
     with warnings.catch_warnings():
         for category in (NearSingularWarning, AccuracyWarning, LargeDisplacementWarning, LeftOutWarning,

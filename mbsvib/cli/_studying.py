@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import JSON, MODEL, Command, file_argument, number, option, positional
 from mbsvib.cli._figures import check_format, write_figure
-from mbsvib.cli._lookup import model_of
+from mbsvib.cli._lookup import as_misuse, model_of
 from mbsvib.cli._ranges import range_of
 
 if TYPE_CHECKING:
@@ -45,7 +45,9 @@ def path(
     """Follow the equilibria while a joint coordinate is led along values, with their stability."""
     check_format(file)
     coordinate, requested = range_of(values, "COORDINATE", "elbow.rz=0:1.2:25")
-    result = model_of(model).path(coordinate, requested, switch)
+    source = model_of(model)
+    with as_misuse(coordinate):
+        result = source.path(coordinate, requested, switch)
     if as_json:
         shell.say_json({
             "coordinate": coordinate, "unit": result.unit, "values": result.values.tolist(),
@@ -77,7 +79,8 @@ def isolation(
     from mbsvib.common import tables
 
     source = model_of(model)
-    results = [isolating.study(source, body, base)]
+    with as_misuse(body, base):
+        results = [isolating.study(source, body, base)]
     loop = None if feedback is None or gain is None else _closed(source, body, base, feedback, gain, leak)
     if loop is not None:
         results.append(loop.isolation())
@@ -122,7 +125,7 @@ def _record(result: Isolation) -> dict[str, Any]:
 COMMANDS = {
     "equilibrium": Command(equilibrium, (
         MODEL,
-        option("--preload", to="preload", metavar="NAME", action="append",
+        option("--preload", to="preload", metavar="NAME", action="append", completes="spring",
                words="Springs or patterns whose preloads hold the pose as described."),
         file_argument("Model file (.yaml, .json) of the mechanism there."),
         JSON,
@@ -130,7 +133,7 @@ COMMANDS = {
     "path": Command(path, (
         MODEL,
         positional("values", "COORDINATE=FROM:TO[:COUNT]",
-                   "A joint coordinate, such as elbow.rz, and its displacements [m, rad]."),
+                   "A joint coordinate, such as elbow.rz, and its displacements [m, rad].", completes="coordinate"),
         option("--switch", to="switch", metavar="WAY", type=int, choices=(-1, 0, 1), default=0,
                words="1 or -1: go on along the path that crosses at the first branch point. Default: 0."),
         file_argument("Force and frequencies over the coordinate, as .png, .pdf or .svg."),

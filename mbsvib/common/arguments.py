@@ -25,6 +25,7 @@ ROTATION_TOLERANCE = 1e-9
 # Columns off by more than rounding give a joint's free directions components along its locked ones, by which a second
 # joint on the same axes would lock it.
 ROUNDED = 1e-14
+# Squares of lengths below this lose digits, or are 0.
 TINY = 1e-150
 # The length of a normalised vector differs from 1 by at most this; it is not normalised again, so that files restore it
 # exactly.
@@ -78,7 +79,8 @@ def numbers(value: Any, sizes: tuple[int, ...], who: str, field: str, expected: 
         result = tuple(map(float, items))
     except (TypeError, ValueError, OverflowError) as error:
         raise refuse(who, field, value, expected) from error
-    if not all(map(isfinite, result)):
+    # a finite sum has finite terms; where it is not finite, it may have overflowed
+    if not isfinite(sum(result)) and not all(map(isfinite, result)):
         hint = "NaN and infinity are not values a mechanism can have."
         raise refuse(who, field, value, expected, hint)
     return result

@@ -26,24 +26,8 @@ def write_atomic(
 ) -> Path:  # fmt: skip
     """Write a temporary file in the same folder, then rename it to the path.
 
-    Parameters
-    ----------
-    path : str or path-like
-        Path of the file; an existing file is replaced and keeps its permissions, a link stays a link.
-    write : callable
-        Writes the content to the binary stream it is given.
-    error : callable
-        Makes the error from its message.
-
-    Returns
-    -------
-    Path
-        The path.
-
-    Raises
-    ------
-    MbsvibError
-        If the file cannot be written; an existing file is then unchanged.
+    ``path``: path of the file; an existing file is replaced and keeps its permissions, a link stays a link. ``write``:
+    writes the content to the binary stream it is given.
     """
     a_path(path, "file", error)
     target = Path(os.path.realpath(path))

@@ -48,18 +48,7 @@ class Displayed:
 
 
 def brief(value: Any) -> str:
-    """Return a value in few characters: numbers to six digits, long sequences and arrays by their size.
-
-    Parameters
-    ----------
-    value : object
-        Anything.
-
-    Returns
-    -------
-    str
-        At most some 60 characters.
-    """
+    """Return a value in few characters: numbers to six digits, long sequences and arrays by their size."""
     if isinstance(value, (bool, int, np.integer)) or value is None:
         return str(value)
     if isinstance(value, (float, complex, np.number)):
@@ -81,18 +70,7 @@ def brief(value: Any) -> str:
 
 
 def upper(bound: float) -> str:
-    """Return a bound in three digits, rounded up.
-
-    Parameters
-    ----------
-    bound : float
-        Not negative.
-
-    Returns
-    -------
-    str
-        A number that is no less.
-    """
+    """Return a bound in three digits, rounded up."""
     return f"{float(Context(prec=3, rounding=ROUND_CEILING).create_decimal_from_float(bound)):.3g}"
 
 

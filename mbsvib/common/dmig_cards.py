@@ -55,20 +55,7 @@ class _Reading:
 def read_dmig_cards(raw: bytes) -> Cards:
     """Return the real square matrices of DMIG cards; cards of other kinds and comments are passed over.
 
-    Parameters
-    ----------
-    raw : bytes
-        The file.
-
-    Returns
-    -------
-    Cards
-        Matrices on all points that occur: grid points in ascending order, then scalar points.
-
-    Raises
-    ------
-    ContentError
-        If a card is not understood, an entry is there twice, or the points are too many.
+    Returns matrices on all points that occur: grid points in ascending order, then scalar points.
     """
     reading = _Reading()
     for number, line in enumerate(raw.decode("latin-1").splitlines(), 1):

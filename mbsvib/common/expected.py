@@ -40,8 +40,8 @@ def a_system(value: T, caller: str, field: str = "system") -> T:
 
 
 def a_linear(value: T, caller: str, field: str = "system") -> T:
-    """Return ``value`` if it is a system, a closed loop or a state space, which all have responses."""
-    if kind_of(value) in ("system", "closed loop", "state space"):
+    """Return ``value`` if it is a system, a closed loop, a state space or a controller, which all have responses."""
+    if kind_of(value) in ("system", "closed loop", "state space", "controller"):
         return value
     hint = f"{way_to_system(value)} Closed loops and state spaces will do as well."
     raise _refuse(ResponseError, value, caller, field, "a System", hint)
@@ -53,6 +53,8 @@ def way_to_system(value: Any) -> str:
         return "Give model.linearize()."
     if kind_of(value) == "batch":
         return "Give one of the variants, batch[0]."
+    if kind_of(value) == "sparse system":
+        return "It is held sparse: give some of its modes, system.reduced(20, correction=True)."
     return "It is what model.linearize() returns."
 
 

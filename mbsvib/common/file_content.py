@@ -30,24 +30,7 @@ class ContentError(ValueError):
 def content_of(path: str | os.PathLike[str], error: Callable[[str], MbsvibError], expected: str) -> bytes:
     """Return the bytes of a regular file; folders, devices and pipes, which may never end, are refused.
 
-    Parameters
-    ----------
-    path : str or path-like
-        The file.
-    error : callable
-        Builds the error from a message.
-    expected : str
-        What the file should be, for the message: "a file of to_npz".
-
-    Returns
-    -------
-    bytes
-        The content.
-
-    Raises
-    ------
-    MbsvibError
-        If there is no such file, or it cannot be read.
+    ``expected``: what the file should be, for the message: "a file of to_npz".
     """
     name = os.fspath(path)
     try:
@@ -67,26 +50,7 @@ def content_of(path: str | os.PathLike[str], error: Callable[[str], MbsvibError]
 def check_shape(shape: Sequence[int], itemsize: int, available: int, subject: str) -> int:
     """Return the number of bytes of an array after comparing it with what the file holds.
 
-    Parameters
-    ----------
-    shape : sequence of int
-        Rows, columns and so on, as a header says.
-    itemsize : int
-        Bytes of one entry in the file.
-    available : int
-        Bytes that the file has for it.
-    subject : str
-        The array, for messages.
-
-    Returns
-    -------
-    int
-        Bytes of the array.
-
-    Raises
-    ------
-    ContentError
-        If a number is negative, or the array needs more bytes than there are.
+    ``shape``: rows, columns and so on, as a header says.
     """
     size = itemsize
     for number in shape:
@@ -101,22 +65,7 @@ def check_shape(shape: Sequence[int], itemsize: int, available: int, subject: st
 
 
 def check_dense(rows: int, columns: int, available: int, subject: str) -> None:
-    """Refuse a sparse matrix that would be too large as a dense one.
-
-    Parameters
-    ----------
-    rows, columns : int
-        Its size.
-    available : int
-        Bytes of its file.
-    subject : str
-        The matrix, for messages.
-
-    Raises
-    ------
-    ContentError
-        If a number is negative, or the dense matrix exceeds both the file and ``LARGEST_DENSE``.
-    """
+    """Refuse a sparse matrix that would be too large as a dense one."""
     if rows < 0 or columns < 0 or 8 * rows * columns > max(LARGEST_DENSE, available):
         raise ContentError(f"{subject}: {rows} x {columns} entries; expected a reduced matrix, of at most "
                            f"{max(LARGEST_DENSE, available) / 1e9:.3g} GB")  # fmt: skip

@@ -16,10 +16,7 @@ if TYPE_CHECKING:
 def noticing_interrupts() -> Iterator[Callable[[], bool]]:
     """Notice interrupts from the keyboard, also those that code in C turns into errors of its own.
 
-    Returns
-    -------
-    context manager
-        Of a function that tells whether there was one. In threads other than the main one there are none.
+    The context gives a function that tells whether there was one. In threads other than the main one there are none.
     """
     noticed = False
     before = signal.getsignal(signal.SIGINT)

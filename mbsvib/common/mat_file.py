@@ -38,23 +38,9 @@ _HEAD = 1024
 def read_mat_file(raw: bytes, names: Collection[str] | None = None) -> dict[str, Any]:
     """Return variables of a .mat file of level 5.
 
-    Parameters
-    ----------
-    raw : bytes
-        The file.
-    names : collection of str, optional
-        Variables to read; others are only counted. Default: all.
-
-    Returns
-    -------
-    dict
-        Numbers as arrays, sparse ones dense; texts as str (tuples of str for several rows), cells as arrays of
-        objects, structs of one element as dicts. A variable that was not asked for is None.
-
-    Raises
-    ------
-    ContentError
-        If the file is of another kind or damaged, or a variable is of a kind that is not read.
+    ``names``: variables to read; others are only counted. Default: all. Returns numbers as arrays, sparse ones dense;
+    texts as str (tuples of str for several rows), cells as arrays of objects, structs of one element as dicts. A
+    variable that was not asked for is None.
     """
     if len(raw) < HEADER or raw[126:128] not in (b"IM", b"MI"):
         raise ContentError("no MATLAB file of level 5")

@@ -10,23 +10,7 @@ _REAL = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[EDed]?([+-]\d{1,4})|[EDed](\d
 
 
 def nastran_integer(text: str) -> int:
-    """Return an integer; a blank field is 0.
-
-    Parameters
-    ----------
-    text : str
-        A field.
-
-    Returns
-    -------
-    int
-        The number.
-
-    Raises
-    ------
-    ValueError
-        If it is none.
-    """
+    """Return an integer; a blank field is 0."""
     word = text.strip()
     if word and not _INTEGER.fullmatch(word):
         raise ValueError(f"{word[:40]!r} is no integer")
@@ -34,23 +18,7 @@ def nastran_integer(text: str) -> int:
 
 
 def nastran_real(text: str) -> float:
-    """Return a real number.
-
-    Parameters
-    ----------
-    text : str
-        A field.
-
-    Returns
-    -------
-    float
-        The number, finite.
-
-    Raises
-    ------
-    ValueError
-        If it is none, or exceeds 1e308.
-    """
+    """Return a real number."""
     match = _REAL.fullmatch(text.strip())
     if not match:
         raise ValueError(f"{text.strip()[:40]!r} is no number")

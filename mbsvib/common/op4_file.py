@@ -33,22 +33,7 @@ _SHORT_HEADER, _LONG_HEADER = 24, 48  # bytes of the first record, by which byte
 def read_op4_file(raw: bytes, names: Collection[str] | None = None) -> dict[str, NDArray[Any]]:
     """Return the matrices of an OP4 file, dense, by their names in capitals.
 
-    Parameters
-    ----------
-    raw : bytes
-        The file.
-    names : collection of str, optional
-        Matrices to read; others are only counted and None. Default: all.
-
-    Returns
-    -------
-    dict of str to array
-        Real or complex matrices.
-
-    Raises
-    ------
-    ContentError
-        If the file is of another kind or damaged.
+    ``names``: matrices to read; others are only counted and None. Default: all.
     """
     if len(raw) < _SHORT_HEADER:
         raise ContentError(f"{len(raw)} bytes; expected a matrix")

@@ -19,22 +19,8 @@ PAUSE = 0.1  # s between two states of the bar
 def counting(progress: Progress, total: int, label: str, done: int = 0) -> Iterator[Callable[[int], None]]:
     """Count points that are done.
 
-    Parameters
-    ----------
-    progress : bool, callable or None
-        True: a bar on standard error; None: if that is a terminal; a function is called with how many are done, and
-        how many there are.
-    total : int
-        How many there are.
-    label : str
-        Label of the bar.
-    done : int
-        How many are done before.
-
-    Returns
-    -------
-    context manager
-        Of a function of the number of further items that are done.
+    ``progress``: True: a bar on standard error; None: if that is a terminal; a function is called with how many are
+    done, and how many there are.
     """
     if callable(progress):
         count = [done]

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fnmatch import fnmatchcase
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from mbsvib.common.arguments import shown
 from mbsvib.errors import ResponseError, counted, nearest
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
+# Names or patterns of signals; None: all.
+Names: TypeAlias = str | Sequence[str] | None
 
 PATTERN = frozenset("*?[")  # a name with one of these that is no name of a signal is a pattern
 
@@ -22,29 +22,9 @@ def selected(
 ) -> list[int]:
     """Return the numbers of the signals that are named, each once, in the order of the names.
 
-    Parameters
-    ----------
-    requested : str, part, pattern, sequence of these, slice or None
-        ``"tilt"``, ``"leg*.F"`` (``*`` any letters, ``?`` one letter), ``["x", "leg*.F"]``; what a pattern picks is in
-        the order of the system. None and ``:`` pick all.
-    known : sequence of str
-        The names that there are.
-    kind : str
-        "output", "input" or "state".
-    owner : str
-        Name of the system, for messages.
-    others : sequence of str
-        Names of the signals of the other kind, to recognize exchanged arguments.
-
-    Returns
-    -------
-    list of int
-        Numbers from 0.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown, a pattern picks nothing, or a number is given; the nearest name is suggested.
+    ``requested``: ``"tilt"``, ``"leg*.F"`` (``*`` any letters, ``?`` one letter), ``["x", "leg*.F"]``; what a pattern
+    picks is in the order of the system. None and ``:`` pick all. ``kind``: "output", "input" or "state". ``others``:
+    names of the signals of the other kind, to recognize exchanged arguments.
     """
     if requested is None or (isinstance(requested, slice) and requested == slice(None)):
         return list(range(len(known)))
@@ -65,24 +45,8 @@ def port_numbers(
 ) -> tuple[list[int], list[int]]:
     """Return the numbers of outputs and inputs that are selected by name.
 
-    Parameters
-    ----------
-    outputs, inputs : str, sequence of str or None
-        Names or patterns; None: all.
-    known : pair of sequences of str
-        Names of all outputs and of all inputs.
-    name : str
-        Name of the system, for messages.
-
-    Returns
-    -------
-    outputs, inputs : list of int
-        Numbers from 0, in the order of the names.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown.
+    ``outputs``, ``inputs``: names or patterns; None: all. ``known``: names of all outputs and of all inputs. Returns
+    outputs, inputs: numbers from 0, in the order of the names.
     """
     rows, columns = known
     return selected(outputs, rows, "output", name, columns), selected(inputs, columns, "input", name, rows)
@@ -93,24 +57,8 @@ def needed_ports(
 ) -> tuple[list[int], list[int]]:
     """Return the numbers of outputs and inputs that are selected by name, at least one of each.
 
-    Parameters
-    ----------
-    outputs, inputs : str, sequence of str or None
-        Names or patterns; None: all.
-    known : pair of sequences of str
-        Names of all outputs and of all inputs.
-    name : str
-        Name of the system, for messages.
-
-    Returns
-    -------
-    outputs, inputs : list of int
-        Numbers from 0, in the order of the names.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown, or there is no output or no input.
+    ``outputs``, ``inputs``: names or patterns; None: all. ``known``: names of all outputs and of all inputs. Returns
+    outputs, inputs: numbers from 0, in the order of the names.
     """
     numbers = port_numbers(outputs, inputs, known, name)
     for kind, indices, names in zip(("outputs", "inputs"), numbers, known, strict=True):
@@ -121,25 +69,7 @@ def needed_ports(
 
 
 def key_ports(key: Any, name: str) -> tuple[Any, Any]:
-    """Return outputs and inputs of ``system[outputs, inputs]``.
-
-    Parameters
-    ----------
-    key : tuple
-        What stands in the brackets.
-    name : str
-        Name of the system, for messages.
-
-    Returns
-    -------
-    outputs, inputs : object
-        Both as they were given.
-
-    Raises
-    ------
-    ResponseError
-        If there are not two.
-    """
+    """Return outputs and inputs of ``system[outputs, inputs]``."""
     if not isinstance(key, tuple) or len(key) != 2:
         raise ResponseError(f"system '{name}': [{key!r}] selects signals; expected outputs and inputs, "
                             f'system["tilt", "motor"], or system["tilt", :] for all inputs.')  # fmt: skip
@@ -176,26 +106,8 @@ def _unknown(name: str, known: Sequence[str], kind: str, owner: str, others: Seq
 def signal_names(requested: Any, count: int, label: str, owner: str) -> tuple[str, ...]:
     """Return names for the rows or columns of matrices, u1, u2, ... if none are given.
 
-    Parameters
-    ----------
-    requested : str, sequence of str or None
-        The names.
-    count : int
-        How many there must be.
-    label : str
-        "inputs", "outputs", "states" or "coordinates".
-    owner : str
-        What has them, for messages.
-
-    Returns
-    -------
-    tuple of str
-        Names that differ.
-
-    Raises
-    ------
-    ResponseError
-        If there are more or fewer, or two are the same.
+    ``requested``: the names. ``count``: how many there must be. ``label``: "inputs", "outputs", "states" or
+    "coordinates".
     """
     if requested is None:
         letter = {"inputs": "u", "outputs": "y", "states": "x", "coordinates": "q"}[label]

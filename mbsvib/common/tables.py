@@ -30,28 +30,10 @@ def text(
 ) -> str:
     """Return a table as plain text that is as wide as its content.
 
-    Parameters
-    ----------
-    title : str
-        A line above the table; empty for none.
-    columns : sequence of (str, str)
-        Header of each column, and ``left``, ``center`` or ``right``.
-    rows : iterable of sequences
-        One entry a column; other types are shown by ``str``.
-    notes : sequence of str
-        Lines below the table.
-    ascii_only : bool, optional
-        Keep to ASCII. Default: only if standard output cannot encode the rules or the content.
-
-    Returns
-    -------
-    str
-        Lines without escape codes, trailing blanks or a final newline.
-
-    Raises
-    ------
-    ValueError
-        If a row has more or fewer entries than there are columns.
+    ``title``: a line above the table; empty for none. ``columns``: header of each column, and ``left``, ``center`` or
+    ``right``. ``rows``: one entry a column; other types are shown by ``str``. ``ascii_only``: keep to ASCII. Default:
+    only if standard output cannot encode the rules or the content. Returns lines without escape codes, trailing blanks
+    or a final newline.
     """
     body = [[str(cell) for cell in row] for row in rows]
     if ascii_only is None:
@@ -70,18 +52,8 @@ def show(
 ) -> None:
     """Print a table: with bold headers on a terminal, unless ``NO_COLOR`` is set, and as plain text anywhere else.
 
-    Parameters
-    ----------
-    title : str
-        As for ``text``, like the three that follow.
-    columns : sequence of (str, str)
-        Header and justification.
-    rows : iterable of sequences
-        One entry a column.
-    notes : sequence of str
-        Lines below the table.
-    stream : text file, optional
-        Where it goes. Default: standard output.
+    ``title``: as for ``text``, like the three that follow. ``columns``: header and justification. ``stream``: where it
+    goes. Default: standard output.
     """
     to = sys.stdout if stream is None else stream
     body = [[str(cell) for cell in row] for row in rows]
@@ -158,21 +130,7 @@ def html(
 ) -> str:
     """Return a table as HTML; arguments as those of ``text``.
 
-    Parameters
-    ----------
-    title : str
-        A line above the table; empty for none.
-    columns : sequence of (str, str)
-        Header of each column, and ``left`` or ``right``.
-    rows : iterable of sequences
-        One entry a column.
-    notes : sequence of str
-        Lines below the table.
-
-    Returns
-    -------
-    str
-        HTML.
+    ``title``: a line above the table; empty for none. ``columns``: header of each column, and ``left`` or ``right``.
     """
     from html import escape
 

@@ -16,21 +16,6 @@ def read_xml(content: bytes) -> ElementTree.Element:
     """Return the root element of an XML text.
 
     Document types are refused: their entities can unfold to any size, or name other files.
-
-    Parameters
-    ----------
-    content : bytes
-        The file.
-
-    Returns
-    -------
-    Element
-        The root, with all that it holds.
-
-    Raises
-    ------
-    ContentError
-        If it is no XML, has a document type, or is nested too deep.
     """
     parser, builder, depth = expat.ParserCreate(), ElementTree.TreeBuilder(), 0
 

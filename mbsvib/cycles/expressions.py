@@ -73,26 +73,8 @@ def statement(
 
     F = -d/dt sum of m v,  M_O = -d/dt sum of (r - O) x m v + R I w + h
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    cut : sequence of str, optional
-        Joints at which loops are to be cut.
-    parameters : sequence of str
-        Names of numbers that become symbols p.
-    bases : bool
-        As for ``finite_motion``.
-
-    Returns
-    -------
-    Statement
-        The expressions.
-
-    Raises
-    ------
-    ModelError
-        If a part has no statement in finite motion, or a state of its own.
+    ``cut``: joints at which loops are to be cut. ``parameters``: names of numbers that become symbols p. ``bases``: as
+    for ``finite_motion``.
     """
     for part in model.composed.values():
         raise ModelError(f"{part.family} '{part.name}': bends, which a prescribed motion does not "

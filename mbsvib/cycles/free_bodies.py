@@ -43,22 +43,7 @@ class FreeBodies:
 
 
 def free_bodies(model: Mechanism, expressions: Statement, drives: Sequence[str]) -> FreeBodies:
-    """Return the equations of bodies on their own.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    expressions : Statement
-        Its equations, with parameters as symbols.
-    drives : sequence of str
-        Driven joint coordinates.
-
-    Returns
-    -------
-    FreeBodies
-        Expressions of the same symbols.
-    """
+    """Return the equations of bodies on their own."""
     tree = expressions.motion.motion
     selected = [i for i, name in enumerate(expressions.names) if model.parameters.entry(name).part not in model.joints]
     without_joints = model.with_parts(joints={}, couplers={}, inputs={}, outputs={})

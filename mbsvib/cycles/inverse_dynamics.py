@@ -25,18 +25,6 @@ def inverse_dynamics(plant: Machine, kind: type[C]) -> C:
     """Return the inverse dynamics over the motion of a machine.
 
     tau = (dq/dq_i)^T (M q'' - f),  F = -sum of m a,  M_O = -sum of (r - O) x m a + I alpha + w x I w
-
-    Parameters
-    ----------
-    plant : Machine
-        The mechanism and its motion.
-    kind : type
-        Class of the result.
-
-    Returns
-    -------
-    CycleData
-        Motion, drive torques, shaking force and moment.
     """
     motion, expressions = plant.solved, plant.statement
     names, kinematics = list(plant.model.bodies), expressions.motion.motion

@@ -11,7 +11,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.cycles.expressions import Statement, statement
-from mbsvib.cycles.following import Loops, followed
+from mbsvib.cycles.following import TreeClosures, followed
 from mbsvib.cycles.prescribed import Prescribed, prescribed
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.evaluation import Called, evaluated, matrices
@@ -121,25 +121,6 @@ def solved(plant: Machine, expressions: Statement) -> Solved:
     """Return coordinates, rates and accelerations at every sample.
 
     J_d q_d' = -J_i q_i',  J_d q_d'' = -J_i q_i'' - J' q'
-
-    Parameters
-    ----------
-    plant : Machine
-        The mechanism and its motion.
-    expressions : Statement
-        Its equations.
-
-    Returns
-    -------
-    Solved
-        The motion of all tree coordinates.
-
-    Raises
-    ------
-    SingularPoseError
-        If a pose of the cycle is singular.
-    ModelError
-        If the drives do not determine the motion, or do not move.
     """
     kinematics, motion = expressions.motion.motion, plant.motion
     driven = np.array([kinematics.names.index(name) for name in motion.names], dtype=np.intp)
@@ -156,7 +137,7 @@ def solved(plant: Machine, expressions: Statement) -> Solved:
         value, matrix = at(q * units)
         return value[:, 0] / row_units, matrix * units / row_units[:, None]
 
-    loops = Loops(kinematics.names, driven, units, plant.rounding, openings)
+    loops = TreeClosures(kinematics.names, driven, units, plant.rounding, openings)
     q = followed(loops, motion)
     matrix = matrices(position, q, zero, zero, p, plant.about)[1] * units / row_units[:, None]
     depends = loops.dependent

@@ -132,24 +132,7 @@ class Periodic(Displayed):
 def periodic(cycle: CycleData, released: Any = None, period: float | None = None) -> Periodic:
     """Return the linear periodic equations of small motions about a cycle; see ``Cycle.periodic``.
 
-    Parameters
-    ----------
-    cycle : CycleData
-        The cycle.
-    released : mapping of str to (stiffness, damping), optional
-        Drives that may deviate.
-    period : float, optional
-        Period [s].
-
-    Returns
-    -------
-    Periodic
-        The equations.
-
-    Raises
-    ------
-    ModelError
-        If a name is no drive, or the samples are not evenly spread over a period.
+    ``released``: drives that may deviate. ``period``: period [s].
     """
     impedances = _released(cycle, released)
     drives, m = list(cycle.drives), len(cycle.drives)

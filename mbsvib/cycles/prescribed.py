@@ -13,7 +13,6 @@ from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-    from mbsvib.elements import Joint
     from mbsvib.mechanism.mechanism import Mechanism
 
 WHO = "cycle"
@@ -101,11 +100,7 @@ def _check_drive(model: Mechanism, name: Any) -> None:
                          f"It has {', '.join(known[:8])}{', ...' if len(known) > 8 else ''}.",
                          element=str(name), field="drive")  # fmt: skip
     joint = model.joints[name.rpartition(".")[0]]
-    if turns(name) and _turns_by_a_vector(joint):
+    if turns(name) and joint.turns_by_vector:
         raise ModelError(f"cycle: '{name}' is a component of the rotation vector of joint '{joint.name}' "
                          f"({joint.kind}), which is no angle in finite motion; drive a joint with one free rotation, "
                          f"or two successive ones.", element=name, field="drive")  # fmt: skip
-
-
-def _turns_by_a_vector(joint: Joint) -> bool:
-    return joint.kind == "homokinetic" or sum(direction[0] == "r" for direction, _ in joint.freedom) == 3

@@ -36,22 +36,7 @@ if TYPE_CHECKING:
 def reaction_sensitivities(cycle: CycleData, names: tuple[str, ...]) -> dict[str, Array]:
     """Return the derivatives of the reactions of all joints.
 
-    Parameters
-    ----------
-    cycle : CycleData
-        The cycle.
-    names : tuple of str
-        Names of parameters.
-
-    Returns
-    -------
-    dict of str to array, shape (parameters, samples, 6)
-        By joint; not a number for directions that redundant constraints leave open.
-
-    Raises
-    ------
-    ModelError
-        If a parameter has no derivative here.
+    Returns (parameters, samples, 6): by joint; not a number for directions that redundant constraints leave open.
     """
     plant, motion = cycle.machine, cycle.machine.solved
     model, expressions = plant.model, plant.with_symbols(names)

@@ -41,15 +41,7 @@ class Reactions:
 def reactions(cycle: CycleData) -> Reactions:
     """Return the wrenches that joints carry over a cycle.
 
-    Parameters
-    ----------
-    cycle : Cycle
-        The cycle.
-
-    Returns
-    -------
-    Reactions
-        What the first body does to the second, at the joint's point, world axes.
+    Returns what the first body does to the second, at the joint's point, world axes.
     """
     model, size = cycle.machine.model, cycle.machine.size
     bodies, (unbalanced, rows, drive_wrenches, points, origins) = _evaluated(cycle)

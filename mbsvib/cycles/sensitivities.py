@@ -110,22 +110,7 @@ class CycleSensitivities(Displayed):
 def sensitivities(cycle: CycleData, parameters: Any = None) -> CycleSensitivities:
     """Return exact derivatives of a cycle; see ``Cycle.sensitivities``.
 
-    Parameters
-    ----------
-    cycle : Cycle
-        The cycle.
-    parameters : str or sequence of str, optional
-        Names or patterns.
-
-    Returns
-    -------
-    CycleSensitivities
-        The derivatives.
-
-    Raises
-    ------
-    ModelError
-        If a parameter is unknown or has no derivative here, or takes the loops apart.
+    ``parameters``: names or patterns.
     """
     names = _names(cycle, parameters)
     expressions = cycle.machine.with_symbols(names)

@@ -34,26 +34,8 @@ ASSEMBLED = 1e-8
 def total_derivatives(cycle: CycleData, expressions: Statement, to: str, names: Sequence[str]) -> Array:
     """Return the derivatives of torques, shaking force and moment.
 
-    Parameters
-    ----------
-    cycle : CycleData
-        The cycle.
-    expressions : Statement
-        Its equations, with parameters as symbols.
-    to : str
-        "parameters" of the equations, or "drives": values, rates and accelerations of the driven coordinates.
-    names : sequence of str
-        Names of these, for messages.
-
-    Returns
-    -------
-    array, shape (samples, drives + 6, p)
-        The derivatives.
-
-    Raises
-    ------
-    ModelError
-        If a parameter takes the loops apart.
+    ``to``: "parameters" of the equations, or "drives": values, rates and accelerations of the driven coordinates.
+    Returns (samples, drives + 6, p): the derivatives.
     """
     d_dependent, y_z, y_p = _derivatives(cycle, expressions, to, names)
     return np.array(y_p + y_z @ d_dependent)

@@ -13,6 +13,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.elements import material as _material
 from mbsvib.elements import sections as _sections
+from mbsvib.elements.bent_pose import bent_nodes, is_unmoved
 from mbsvib.elements.material import Material
 from mbsvib.elements.part import Composed, ParameterField, derived, vector_field
 from mbsvib.elements.sections import Properties, Shape
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.bushing import Six
+    from mbsvib.elements.part import Part
+    from mbsvib.elements.pose import Pose
 
 ELEMENTS = 8
 # A chain of this many bodies is solved in seconds; a larger number is most probably an error in the input.
@@ -218,6 +221,29 @@ class Beam(Composed):
         return replace(self, start=None, end=None, axis=None, length=None, elements=None, nodes=nodes, points=nodes,
                        y_axis=_tuples(y_axes), displacements=None if displacements is None else _tuples(displacements),
                        )  # fmt: skip
+
+    def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
+        if is_unmoved(self, pose):
+            return self
+        before = np.zeros((len(self.points), 6)) if self.displacements is None else np.array(self.displacements)
+        points, after, bends = bent_nodes(self, before, pose)
+        if not bends and self.displacements is None:
+            return self._as_rigid_body(pose)
+        turn = exponential(0.5 * (after[1:, 3:] + after[:-1, 3:])) @ pose.rotations[pose.number[self.root]]
+        return self.through(points, np.einsum("eij,ej->ei", turn, self.without_forces().y_axes()), after)
+
+    def _as_rigid_body(self, pose: Pose) -> dict[str, Any]:
+        kwargs = self.constructor_kwargs()
+        for key in ("start", "end"):
+            if kwargs.get(key) is not None:
+                kwargs[key] = pose.point(self.root, kwargs[key])
+        if kwargs.get("nodes") is not None:
+            kwargs["nodes"] = [pose.point(self.root, point) for point in kwargs["nodes"]]
+        if kwargs.get("axis") is not None:
+            kwargs["axis"] = pose.rotated(self.root, kwargs["axis"])
+        sideways = self.y_axes() @ pose.rotations[pose.number[self.root]].T
+        kwargs["y_axis"] = sideways[0] if np.abs(self.y_axes() - self.y_axes()[0]).max() == 0.0 else sideways
+        return kwargs
 
 
 def _tuples(array: Array) -> tuple[Any, ...]:

@@ -6,22 +6,30 @@ from dataclasses import dataclass
 from math import acos, cos, pi, sqrt
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import IDENTITY, Matrix3, Vector
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.part import ParameterField, Part, rotation_field, vector_field
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements.part import Mask
     from mbsvib.elements.pose import Pose
 
 # CAD programs print inertia tensors with six or seven digits; a thin plate then violates Ixx + Iyy = Izz by this much.
 TRIANGLE_SLACK = 1e-6
 # A tensor is certainly valid if the leading minors of E, relative to those of a sphere of equal trace, are above this.
 CLEARLY_VALID = 1e-6
+# Limits for many variants at once are tightened by this factor, so that rounding lets none pass unchecked.
+SAFETY = 0.9
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Body(Part):
     """A rigid body.
@@ -39,6 +47,26 @@ class Body(Part):
     def body_positions(self) -> Mapping[str, Vector]:
         """Names and positions [m] of the bodies that it adds to the mechanism."""
         return {self.name: self.position}
+
+    @property
+    def symbol(self) -> str:
+        return "body"
+
+    @property
+    def batched_fields(self) -> frozenset[str]:
+        return frozenset({"mass", "inertia", "position", "orientation"})
+
+    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
+        result: Mask | bool = False
+        if "mass" in values:
+            result = ~(values["mass"] > 0.0)
+        if "inertia" in values:
+            tensor = values["inertia"][[0, 3, 4, 3, 1, 5, 4, 5, 2]].T.reshape(-1, 3, 3)
+            low, middle, high = np.linalg.eigvalsh(tensor).T
+            slack = SAFETY * TRIANGLE_SLACK * np.maximum(high, -low)
+            # diagonal entries must not be negative, even by rounding
+            result |= (low < -slack) | (low + middle < high - slack) | (values["inertia"][:3] < 0.0).any(axis=0)
+        return result
 
     def parameter_fields(self) -> Iterator[ParameterField]:
         yield ParameterField("mass", self.mass, "kg")

@@ -14,6 +14,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.connection import Connection, check_ends
 from mbsvib.elements.part import ParameterField, Part, rotation_field, spatial_field, vector_field
 from mbsvib.elements.preload_form import PreloadForm
@@ -42,6 +43,7 @@ FINITE = "values that are finite in this pose"
 _SIX = np.eye(6)
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Bushing(Connection):
     """A spatial spring-damper between ``first`` and ``second`` at ``position`` [m], in the axes ``orientation``.
@@ -73,6 +75,23 @@ class Bushing(Connection):
         """Whether it has a force in the reference pose."""
         return self.preload is not None and any(self.preload)
 
+    @property
+    def rest_wrench(self) -> tuple[float, ...]:
+        force, moment = (np.array(self.orientation) @ np.array(self.preload or ZERO).reshape(2, 3).T).T.tolist()
+        return (*force, *moment)
+
+    @property
+    def batched_fields(self) -> frozenset[str]:
+        # rows of a 6x6 matrix change with its values in ways of their own
+        matrix = isinstance(self.stiffness[0], tuple) or isinstance(self.damping[0], tuple)
+        return frozenset({"position", "orientation"} if matrix else {"position", "orientation", "stiffness", "damping"})
+
+    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
+        coefficients = [values.get(field, np.array(getattr(self, field))[..., None]) for field in
+                        ("stiffness", "damping")]  # fmt: skip
+        active = [array.reshape(-1, array.shape[-1]).any(axis=0) for array in coefficients]
+        return np.asarray(~(active[0] | active[1]))
+
     def preload_form(self, size: float) -> PreloadForm | None:
         stiffness = np.array(self.stiffness)
         values, units = (stiffness, _SIX) if stiffness.ndim == 1 else eigenrows(stiffness)
@@ -83,7 +102,7 @@ class Bushing(Connection):
         largest = np.abs(stiffness) if stiffness.ndim == 1 else np.abs(stiffness).max(axis=1)
         resolution = EPS * float(max(largest[:3].max() * size, largest[3:].max() / size))
         return PreloadForm(
-            self.position, wrenches @ axes.T, axes @ np.array(self.preload or ZERO), resolution,
+            self.position, wrenches @ axes.T, np.array(self.rest_wrench), resolution,
             lambda wrench: {"preload": None if wrench is None else (axes.T @ wrench).tolist()},
         )  # fmt: skip
 
@@ -192,7 +211,7 @@ def _is_nonzero(value: Six | Matrix6) -> bool:
 def coefficients(value: Any, who: str, field: str) -> Six | Matrix6:
     """Return stiffness or damping as six finite floats, or as a symmetric 6x6 matrix of them."""
     expected = "6 values (x y z rx ry rz) or a symmetric 6x6 matrix"
-    items = value.tolist() if hasattr(value, "tolist") else value
+    items = value if type(value) is tuple else value.tolist() if hasattr(value, "tolist") else value
     if not (hasattr(items, "__len__") and len(items) == 6 and hasattr(items[0], "__len__")):
         return check.numbers(items, (6,), who, field, expected)
     rows = check.square(items, 6, who, field, expected)

@@ -48,12 +48,10 @@ def rows(parts: Numbered, number: Mapping[str, int]) -> ElementRows:
 
 
 def _rows_of_values(parts: Numbered, number: Mapping[str, int]) -> ElementRows:
-    k = table([part.stiffness for _, part in parts], 6).reshape(-1)
-    c = table([part.damping for _, part in parts], 6).reshape(-1)
+    k, c = table([part.stiffness for _, part in parts] + [part.damping for _, part in parts], 6).reshape(2, -1)
     used: Index = ((k != 0.0) | (c != 0.0)).nonzero()[0]
     which = used // 6
-    unit = _SIX.take(used - 6 * which, axis=1).T
-    return _in_world(parts, number, which, unit, k.take(used), c.take(used))
+    return _in_world(parts, number, which, _SIX.take(used - 6 * which, axis=0), k.take(used), c.take(used))
 
 
 def _rows_of_matrices(parts: Numbered, number: Mapping[str, int]) -> ElementRows:
@@ -86,7 +84,7 @@ def _in_world(parts: Numbered, number: Mapping[str, int], which: Index, unit: Ar
     both = np.ascontiguousarray(unit.T).reshape(2, 3, -1)
     if any(part.orientation is not IDENTITY for _, part in parts):
         axes = columns([x + y + z for x, y, z in [part.orientation for _, part in parts]], 9).take(which, axis=1)
-        both = (axes.reshape(3, 3, -1) * both[:, None]).sum(axis=2)
+        both = np.einsum("abn,cbn->can", axes.reshape(3, 3, -1), both)
     force, moment = both
     return ElementRows(Rows(first, second, ends[3:], force, moment), k, c, owner, unit)
 

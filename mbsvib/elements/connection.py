@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from mbsvib.elements.preload_form import PreloadForm
 
 
+ZERO = (0.0,) * 6
+
+
 @dataclass(frozen=True, slots=True)
 class Connection(Part):
     """An element between the bodies ``first`` and ``second``."""
@@ -33,12 +36,42 @@ class Connection(Part):
         return len(self.point_fields) == 2
 
     @property
+    def symbol(self) -> str:
+        return "spring" if self.acts_along_line else "bushing"
+
+    @property
     def loaded(self) -> bool:
         """Whether it has a force in the reference pose."""
         return False
 
+    @property
+    def rest_wrench(self) -> tuple[float, ...]:
+        """Wrench (6,) [N, N m] on the second body in the reference pose, at the last of its points, world axes."""
+        return ZERO
+
+    @property
+    def at_rest(self) -> Connection | None:
+        """The element that has the same forces at rest; None if it has none in any pose."""
+        return self
+
+    @property
+    def inertance(self) -> float:
+        """Force per relative acceleration of its ends [kg]."""
+        return 0.0
+
     def preload_form(self, size: float) -> PreloadForm | None:
-        """Return how it can carry a preload in a mechanism of a size [m]; None without stiffness at rest."""
+        """Return how it can carry a preload.
+
+        Parameters
+        ----------
+        size : float
+            Size of the mechanism [m], by which moments are compared with forces.
+
+        Returns
+        -------
+        PreloadForm or None
+            None without stiffness at rest.
+        """
         return None
 
 
@@ -77,3 +110,9 @@ def line_between(who: str, start: Any, end: Any, hint: str) -> tuple[Vector, Vec
     if not 0.0 < length < inf:
         raise check.refuse(who, "end", end, "a point other than start", hint)
     return a, b, (x / length, y / length, z / length), length
+
+
+def line_force(tension: float, line: Vector) -> tuple[float, ...]:
+    """Return the wrench (6,) [N] of a tension along a unit vector from the first to the second body, on the second."""
+    x, y, z = line
+    return (-tension * x, -tension * y, -tension * z, 0.0, 0.0, 0.0)

@@ -43,6 +43,10 @@ class Coupling(Part):
 
     terms: Terms = derived(())
 
+    @property
+    def symbol(self) -> str:
+        return "coupler"
+
 
 @dataclass(frozen=True, slots=True)
 class Coupler(Coupling):

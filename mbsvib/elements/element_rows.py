@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.rows import Rows
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class ElementRows:
     """Relative displacements ``rows`` with ``stiffness``, ``damping`` (..., n) and ``inertance`` (n,), None: all zero.

@@ -45,8 +45,9 @@ class Family:
     """A family of parts.
 
     ``word`` is the name of its call, ``add_WORD``, and its type in the ``section`` of model files. ``make`` checks the
-    arguments of the call and returns the part. ``rows`` returns the relative displacements on which connections act;
-    ``expand`` returns the parts that replace a part in the equations.
+    arguments of the call and returns the part. ``rows`` returns the relative displacements on which connections act,
+    ``nodes`` the bodies and joints that a connection needs for its rows; ``expand`` returns the parts that replace a
+    part in the equations.
     """
 
     part: type[Part]
@@ -55,6 +56,7 @@ class Family:
     make: Callable[..., Part] | None
     rows: Callable[..., ElementRows] | None = None
     expand: Callable[..., ExpandedPart] | None = None
+    nodes: Callable[..., ExpandedPart] | None = None
 
 
 def _superelement(M: Any, C: Any, K: Any, **kwargs: Any) -> superelement.Superelement:
@@ -70,7 +72,8 @@ FAMILIES = (
     Family(joint.Joint, "joint", "joints", joint.make),
     Family(spring.Spring, "spring", "springs", spring.make, rows=spring.rows),
     Family(bushing.Bushing, "bushing", "springs", bushing.make, rows=bushing_rows.rows),
-    Family(maxwell.Maxwell, "maxwell", "springs", maxwell.make, rows=maxwell_rows.rows),
+    Family(maxwell.Maxwell, "maxwell", "springs", maxwell.make, rows=maxwell_rows.rows,
+           nodes=maxwell_rows.nodes),
     Family(inerter.Inerter, "inerter", "springs", inerter.make, rows=inerter.rows),
     Family(torsion_spring.TorsionSpring, "torsion_spring", "springs", torsion_spring.make,
            expand=torsion_spring.expand),
@@ -88,6 +91,11 @@ FAMILIES = (
 )  # fmt: skip
 _MAKERS = {family.part: family.make for family in FAMILIES if family.make is not None}
 _ROWS = {family.part: family.rows for family in FAMILIES if family.rows is not None}
+
+
+def has_rows(part: Part) -> bool:
+    """Tell whether a part is a connection with rows of its own."""
+    return type(part) in _ROWS
 
 
 def connection_rows(parts: Iterable[Connection], number: Mapping[str, int]) -> ElementRows:

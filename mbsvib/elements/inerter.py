@@ -8,7 +8,7 @@ Source: Smith (2002), Synthesis of mechanical networks: the inerter, IEEE Trans.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,11 +34,11 @@ class Inerter(Connection):
     """
 
     stiffness = damping = tension = 0.0
-    preload = free_length = None
+    preload = free_length = at_rest = None
 
     start: Vector
     end: Vector
-    inertance: float
+    inertance: float = field()
     line: Vector = derived((0.0, 0.0, 1.0))
 
     def parameter_fields(self) -> Iterator[ParameterField]:

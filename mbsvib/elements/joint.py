@@ -1,28 +1,4 @@
-"""Ideal joints: free and locked relative displacements of two bodies.
-
-A joint's axes Q have the kind's axis along local z (universal: first axis along x, second in the x-y plane).
-In these axes the free displacements are the columns of S (6 x f) and the locked ones the rows of L (6-f x 6),
-with L S = 0. Displacements are those of the second body relative to the first, at the joint's point. ``Joint`` has
-diag(Q, Q) S and L diag(Q, Q)^T, in world axes.
-
-Three kinds lock translations of a point only and leave all rotations free. In any pose, with the point p_a and the axes
-x, y, z fixed in the first body and the point p_b fixed in the second body, their constraints are:
-
-- point_on_line: x . (p_b - p_a) = 0 and y . (p_b - p_a) = 0; the line through p_a along z is fixed in the first body;
-- point_on_plane: z . (p_b - p_a) = 0; the plane through p_a normal to z is fixed in the first body;
-- distance: |p_b - p_a| = L, with p_a = ``position`` on the first, p_b = ``end`` on the second and L from the reference
-  pose: a massless rod between two ball joints. Its z is along the rod and fixed in neither body; its free directions
-  are x, y (p_b normal to the rod) and rx, ry, rz (the second body about p_b).
-
-Free rotations by q of a kind are either the components of one rotation vector, exp(sum of q e), or two successive
-rotations exp(q e) exp(q' e'), the first about an axis fixed in the first body, the second about an axis fixed in the
-second. The rotation vector of the latter is q e + q' e' + 1/2 q q' e x e' to second order: it has a component along
-the locked axis, which adds the term 1/2 tau . (e x e') q q' of the moment tau. The former has no such term.
-
-A homokinetic (constant-velocity) joint has a rotation vector normal to its z: both shafts rotate at the same rate at
-any angle. Displaced by a rotation vector v, it is the same joint with its z rotated by v / 2, which bisects the angle
-of the shafts: the product of exp(v') and exp(v) has a rotation vector normal to z if v' is normal to exp(v / 2) z.
-"""
+"""Ideal joints between two bodies, of the kinds in ``joint_kinds``, and joints in another pose."""
 
 from __future__ import annotations
 
@@ -30,67 +6,35 @@ from dataclasses import dataclass
 from math import hypot, inf
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import DIRECTIONS, UNIT6, Matrix3, Vector
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.connection import check_ends
+from mbsvib.elements.joint_kinds import KINDS, NEEDS_NO_POINT, SUBSPACES, Named, Six, subspaces
 from mbsvib.elements.part import ParameterField, Part, derived, rotation_field, vector_field
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError, NoWordsError, nearest
+from mbsvib.linalg.rotations import exponential, logarithm
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements.part import Mask
+    from mbsvib.elements.pose import Pose
+
 # What is said of kinds that no linear equations have.
 OPENS = ("Joints do not open or stick; mbsvib_export.to_exudyn(model) takes the scene to exudyn, which has contact and "
          "friction.")  # fmt: skip
-
-Six = tuple[float, ...]
-Named = tuple[tuple[str, Six], ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Kind:
-    """A kind of joint: its ``free`` directions, and whether its two free rotations are ``successive``.
-
-    Otherwise they are components of one rotation vector.
-    """
-
-    free: tuple[str, ...]
-    successive: bool = False
-
-
-KINDS: dict[str, Kind] = {
-    "revolute": Kind(("rz",)),
-    "prismatic": Kind(("z",)),
-    "cylindrical": Kind(("z", "rz")),
-    "screw": Kind(("rz",)),
-    "universal": Kind(("rx", "ry"), successive=True),
-    "homokinetic": Kind(("rx", "ry")),
-    "spherical": Kind(("rx", "ry", "rz")),
-    "planar": Kind(("x", "y", "rz")),
-    "fixed": Kind(()),
-    "free": Kind(DIRECTIONS),
-    "point_on_line": Kind(("z", "rx", "ry", "rz")),
-    "point_on_plane": Kind(("x", "y", "rx", "ry", "rz")),
-    "distance": Kind(("x", "y", "rx", "ry", "rz")),
-}
-# Without a free rotation the relative displacement is the same at every point.
-NEEDS_NO_POINT = frozenset({"prismatic", "fixed"})
 # Smallest sine of the angle between the axes of a universal joint
 PARALLEL = 1e-6
-
-
-def subspaces(free: tuple[str, ...]) -> tuple[Named, Named]:
-    """Return the free and the locked directions of a joint that frees some of x y z rx ry rz."""
-    return (
-        tuple((d, UNIT6[DIRECTIONS.index(d)]) for d in free),
-        tuple((d, unit) for d, unit in zip(DIRECTIONS, UNIT6, strict=True) if d not in free),
-    )
-
-
+# Sine of the largest angle between the frame of a custom joint and the one that its locked translations need.
+SKEWED = 1e-12
 _INDEX = {direction: i for i, direction in enumerate(DIRECTIONS)}
-_SUBSPACES = {name: subspaces(kind.free) for name, kind in KINDS.items()}
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Joint(Part):
     """An ideal joint between ``first`` and ``second`` at ``position`` [m], axes Q = ``axes`` (columns, world).
@@ -116,6 +60,89 @@ class Joint(Part):
     locked: Named = derived(())
     point: Vector | None = derived()
     successive: bool = derived(False)
+
+    @property
+    def symbol(self) -> str:
+        return "joint"
+
+    @property
+    def drawn(self) -> tuple[int, ...]:
+        """Numbers of the axes that pictures show."""
+        return () if self.free is not None else KINDS[self.kind].drawn
+
+    @property
+    def is_rod(self) -> bool:
+        """Whether it is a massless rod between two points, with axes that are fixed in neither body."""
+        return self.end is not None
+
+    @property
+    def along_axis(self) -> bool:
+        """Whether it was given by its axis, along and about which all its free directions are."""
+        return self.axis is not None and self.free is None and bool(self.freedom) and all(
+            name in ("z", "rz") for name, _ in self.freedom)  # fmt: skip
+
+    @property
+    def rotation_axes(self) -> tuple[Six, ...]:
+        """Axes of its free rotations (3,), world axes; of two successive ones that in the first body comes first."""
+        return tuple([six[3:] for name, six in self.freedom if name[0] == "r"])
+
+    @property
+    def turns_by_vector(self) -> bool:
+        """Whether its free rotations are components of one rotation vector, which are no angles in finite motion."""
+        return not self.successive and len(self.rotation_axes) > 1
+
+    @property
+    def bisects(self) -> bool:
+        """Whether its axes bisect the angle of its bodies, as those of a homokinetic joint."""
+        return self.turns_by_vector and len(self.rotation_axes) == 2
+
+    @property
+    def batched_fields(self) -> frozenset[str]:
+        # the axes of a rod change with its points in ways of their own
+        return frozenset() if self.is_rod else frozenset({"position", "orientation", "pitch"})
+
+    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
+        return "end" in values or (self.is_rod and "position" in values)
+
+    def in_pose(self, pose: Pose, relaxed: bool) -> Joint:
+        """Return the joint in another pose, with the same free relative motions of its bodies.
+
+        Parameters
+        ----------
+        pose : Pose
+            The pose.
+        relaxed : bool
+            Without effect.
+
+        Returns
+        -------
+        Joint
+            The joint in this pose.
+
+        Raises
+        ------
+        ModelError
+            If it has two successive rotations, and its locked translations are no longer along axes of one frame with
+            them.
+        """
+        if pose.is_unmoved(self.first) and pose.is_unmoved(self.second):
+            return self
+        if self.position is not None and self.end is not None:
+            return moved_joint(self, pose.point(self.first, self.position), pose.point(self.second, self.end))
+        position = None if self.position is None else pose.point(self.second, self.position)
+        if self.successive:
+            axis, axis2 = map(pose.rotated_vector, (self.first, self.second), self.rotation_axes)
+            if self.free is None and len(self.freedom) == 2:
+                return moved_joint(self, position, axis=axis, axis2=axis2)
+            axes = _as_matrix(_successive_axes(self, np.array(axis), np.array(axis2), pose))
+        elif self.axis is not None and self.along_axis:
+            return moved_joint(self, position, axis=pose.rotated_vector(self.first, self.axis))
+        elif self.bisects:
+            first, second = pose.rotated(self.first, self.axes), pose.rotated(self.second, self.axes)
+            axes = _as_matrix(first @ exponential(0.5 * logarithm(first.T @ second)))
+        else:
+            axes = pose.rotated_axes(self.first, self.axes)
+        return moved_joint(self, position, axes=axes)
 
     def parameter_fields(self) -> Iterator[ParameterField]:
         if self.position is not None:
@@ -187,7 +214,7 @@ def _built(arguments: tuple[Any, ...], axes: Matrix3, freedom: Named | None) -> 
     """A joint with its directions in world axes; ``freedom`` None: the free directions of its kind."""
     _, kind, _, _, position, _, _, _, pitch, free, end = arguments
     if free is None:
-        (of_kind, locked), successive = _SUBSPACES[kind], KINDS[kind].successive
+        (of_kind, locked), successive = SUBSPACES[kind], KINDS[kind].successive
     else:
         (of_kind, locked), successive = subspaces(free), len(_rotations(free)) == 2
     if kind == "screw":
@@ -234,6 +261,35 @@ def moved_joint(
         axes = check.frame_along(_rod_direction(position, end, who))
     return _built((joint.name, joint.kind, joint.first, joint.second, position, orientation, axis, axis2, joint.pitch,
                    joint.free, end), axes or joint.axes, freedom)  # fmt: skip
+
+
+def _as_matrix(axes: Array) -> Matrix3:
+    x, y, z = axes.tolist()
+    return tuple(x), tuple(y), tuple(z)
+
+
+def _successive_axes(joint: Joint, first_axis: Array, second_axis: Array, pose: Pose) -> Array:
+    """Axes of a joint with two successive rotations and others, from the axes that are fixed in its bodies."""
+    free = [DIRECTIONS.index(name) - 3 for name, _ in joint.freedom if name[0] == "r"]
+    columns = [np.zeros(3)] * 3
+    columns[free[0]], columns[free[1]] = first_axis, second_axis
+    third = 3 - sum(free)
+    columns[third] = np.cross(columns[(third + 1) % 3], columns[(third + 2) % 3])
+    axes = np.array(columns).T
+    axes /= np.linalg.norm(axes, axis=0)
+    axes[:, free[1]] = np.cross(axes[:, (free[1] + 1) % 3], axes[:, (free[1] + 2) % 3])
+    locked = [k for k in range(3) if DIRECTIONS[k] in dict(joint.locked)]
+    if locked and len(locked) < 3:
+        before = pose.rotated(joint.first, joint.axes)[:, locked]
+        if np.abs(before - axes[:, locked] @ (axes[:, locked].T @ before)).max() > SKEWED:
+            who = f"joint '{joint.name}'"
+            raise NoWordsError(
+                f"{who}: its free rotations have turned against its locked translations, which no joint with "
+                f"free = {tuple([name for name, _ in joint.freedom])} can say in this pose. Make it of two joints with "
+                f"a small body between them.",
+                element=who, field="free",
+            )  # fmt: skip
+    return axes
 
 
 def _in_world(axes: Matrix3, *directions: Named) -> list[Named]:
@@ -301,7 +357,7 @@ def _universal(axis: Vector | None, axis2: Vector | None, orientation: Any, who:
     if axis is None:
         if axis2 is not None:
             raise check.refuse(who, "axis", None, "the axis in the first body, to go with axis2")
-        return check.orthonormal(check.orientation(orientation, who)), _SUBSPACES["universal"][0]
+        return check.orthonormal(check.orientation(orientation, who)), SUBSPACES["universal"][0]
     a = check.axis(axis, who, "axis")
     if axis2 is None:
         raise check.refuse(who, "axis2", None, "the axis in the second body, to go with axis")

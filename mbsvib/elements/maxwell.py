@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
-from mbsvib.elements.connection import Connection, check_ends, line_between
+from mbsvib.elements import spring
+from mbsvib.elements.connection import Connection, check_ends, line_between, line_force
 from mbsvib.elements.part import ParameterField, Part, derived, vector_field
 from mbsvib.elements.preload_form import along_line
 from mbsvib.errors import ModelError
@@ -63,6 +64,15 @@ class Maxwell(Connection):
     def loaded(self) -> bool:
         """Whether it has a force in the reference pose."""
         return bool(self.preload)
+
+    @property
+    def rest_wrench(self) -> tuple[float, ...]:
+        return line_force(self.tension, self.line)
+
+    @property
+    def at_rest(self) -> Connection | None:
+        return spring.make(self.name, self.first, self.second, self.start, self.end, self.static_stiffness, 0.0,
+                           self.preload) if self.static_stiffness else None  # fmt: skip
 
     def preload_form(self, size: float) -> PreloadForm | None:
         return along_line(self, self.static_stiffness, size, lambda tension: {"preload": tension}) \

@@ -9,6 +9,7 @@ from mbsvib.elements import Body, Joint, Maxwell
 from mbsvib.elements import joint as _joint
 from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.rows import columns
+from mbsvib.elements.shared_rows import ExpandedPart
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -18,23 +19,21 @@ class Node(Body):
     """The massless node between the spring and the damper of a Maxwell element."""
 
     __slots__ = ()
+    symbol = ""
 
 
 class NodeJoint(Joint):
     """The joint whose coordinate is the deformation of a Maxwell element's damper."""
 
     __slots__ = ()
+    symbol = ""
 
 
-def node_body(part: Maxwell) -> Node:
-    """Return the massless body between the spring and the damper of a Maxwell element."""
-    return Node(part.node, 0.0, (0.0,) * 6, part.end)
-
-
-def node_joint(part: Maxwell) -> NodeJoint:
-    """Return the joint in which the node of a Maxwell element slides along its line."""
+def nodes(part: Maxwell) -> ExpandedPart:
+    """Return the massless body between spring and damper, and the joint in which it slides along the line."""
     joint = _joint.make(part.name, "prismatic", part.second, part.node, part.end, None, part.line, None, None, None)
-    return NodeJoint(*(getattr(joint, item.name) for item in fields(joint)))
+    return ExpandedPart(bodies={part.node: Node(part.node, 0.0, (0.0,) * 6, part.end)},
+                        joints={part.name: NodeJoint(*(getattr(joint, item.name) for item in fields(joint)))})
 
 
 def rows(parts: Sequence[tuple[int, Maxwell]], number: Mapping[str, int]) -> ElementRows:

@@ -12,8 +12,14 @@ from typing import TYPE_CHECKING, Any, Self
 from mbsvib.common.arguments import DIRECTIONS, rotated
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from mbsvib.common.arguments import Vector
+    from mbsvib.common.arrays import Array
     from mbsvib.elements.pose import Pose
+
+    Mask = NDArray[np.bool_]
 
 Index = tuple[int, ...]
 
@@ -101,6 +107,31 @@ class Part:
     def body_positions(self) -> Mapping[str, Vector]:
         """Names and positions [m] of the bodies that it adds to the mechanism."""
         return {}
+
+    @property
+    def symbol(self) -> str:
+        """Its symbol in pictures: body, joint, spring (along a line), bushing, coupler, composed, arrow, or none."""
+        return ""
+
+    @property
+    def batched_fields(self) -> frozenset[str]:
+        """Fields whose values many variants can have at once; with others they are linearized one by one."""
+        return frozenset()
+
+    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
+        """Return which variants have values that such a part might refuse, so that it is to be built with them.
+
+        Parameters
+        ----------
+        values : mapping of str to array
+            New values by field, with the variants on the last axis.
+
+        Returns
+        -------
+        array of bool, shape (variants,), or bool
+            Variants to check, or whether all are.
+        """
+        return True
 
     def constructor_kwargs(self) -> dict[str, Any]:
         """Return the arguments of the ``add_...`` call that makes this part, except those at their default."""
@@ -204,6 +235,15 @@ def defaults(kind: type[Part]) -> dict[str, Any]:
 @dataclass(frozen=True, slots=True)
 class Composed(Part):
     """A part that bodies, joints and springs replace in the equations, such as a beam."""
+
+    @property
+    def symbol(self) -> str:
+        return "composed"
+
+    @property
+    @abstractmethod
+    def displacements(self) -> tuple[Any, ...] | None:
+        """Displacements of its nodes and internal coordinates in its loaded pose; None if it carries no forces."""
 
     @property
     @abstractmethod

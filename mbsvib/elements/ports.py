@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.part import Part, derived
 from mbsvib.errors import ModelError, nearest
 
@@ -15,10 +16,30 @@ if TYPE_CHECKING:
 
 Six = tuple[float, ...]
 QUANTITIES = ("displacement", "velocity", "acceleration")
+# Units of forces and moments, and those along and about a direction by the number of time derivatives
+_FORCE = ("N", "N m")
+_MOTION = (("m", "rad"), ("m/s", "rad/s"), ("m/s^2", "rad/s^2"))
+
+
+class Signal(Part):
+    """An input or output.
+
+    ``element`` is the name of the element in which an output is measured, else None. ``moves_ground`` is True for
+    inputs that are accelerations of the ground.
+    """
+
+    __slots__ = ()
+    element: Any = None
+    moves_ground = False
+
+    @property
+    def unit(self) -> str:
+        """Its unit."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True)
-class Port(Part):
+class Port(Signal):
     """An input or output at the point ``position`` [m] of ``body`` along ``direction`` (``wrench``: its six-vector).
 
     ``position`` None is the body's centre of mass. ``relative_to`` is the body on which the reaction of an input acts,
@@ -37,44 +58,72 @@ class Port(Part):
         return replace(self, position=pose.point(self.body, self.position))
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Input(Port):
     """A force [N] or torque [N m] on ``body`` (and its reaction on ``relative_to``)."""
 
     wrench: Six = derived(())
 
+    @property
+    def symbol(self) -> str:
+        return "arrow"
 
+    @property
+    def unit(self) -> str:
+        """Its unit."""
+        return _unit(self.wrench, _FORCE)
+
+
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Output(Port):
     """A displacement, velocity or acceleration of ``body`` relative to ``relative_to``.
 
     With base motion, ``inertial`` outputs are relative to inertial space, others relative to the moving ground;
-    ``absolute`` is the user's choice or None. ``unit`` is None if it follows from direction and quantity.
+    ``absolute`` is the user's choice or None.
     """
 
     quantity: str = "displacement"
     absolute: bool | None = None
     inertial: bool = derived(False)
     wrench: Six = derived(())
-    unit: str | None = derived()
+    unit: str = derived("")
+
+    @property
+    def order(self) -> int:
+        """Number of its time derivatives."""
+        return QUANTITIES.index(self.quantity)
 
 
 @dataclass(frozen=True, slots=True)
-class BaseMotion(Part):
+class BaseMotion(Signal):
     """Acceleration of the ground along (m/s^2) or about (rad/s^2, axes through ``position``) a direction."""
+
+    moves_ground = True
 
     direction: str | Six
     position: Vector = (0.0, 0.0, 0.0)
     wrench: Six = derived(())
 
+    @property
+    def unit(self) -> str:
+        """Its unit."""
+        return _unit(self.wrench, _MOTION[-1])
+
 
 @dataclass(frozen=True, slots=True)
-class ForceOutput(Part):
+class ForceOutput(Signal):
     """Force [N] or moment [N m] in a bushing or spring, positive where it pulls the first body to the second."""
 
-    element: str
-    direction: str | Six
+    element: str = field()
+    direction: str | Six = field()
     wrench: Six = derived(())
+
+    @property
+    def unit(self) -> str:
+        """Its unit."""
+        return _unit(self.wrench, _FORCE)
 
 
 def _checked(who: str, body: str, direction: Any, position: Any, relative_to: str) -> tuple[Any, ...]:
@@ -86,6 +135,12 @@ def _checked(who: str, body: str, direction: Any, position: Any, relative_to: st
     if position is not None:
         position = check.vector(position, who, "position")
     return body, direction, position, relative_to, wrench
+
+
+def _unit(wrench: Six, units: tuple[str, str]) -> str:
+    """The unit of a direction with translations, rotations or both."""
+    translates, rotates = any(wrench[:3]), any(wrench[3:])
+    return units[0] if not rotates else units[1] if not translates else " + ".join(units)
 
 
 def _direction(direction: Any, who: str) -> tuple[str | Six, Six]:
@@ -115,6 +170,7 @@ def make_output(
         raise ModelError(f"{who}: absolute=True, yet measured relative to body '{relative_to}'; leave one out.",
                          element=who, field="absolute")  # fmt: skip
     inertial = quantity == "acceleration" and relative_to == "ground" if absolute is None else bool(absolute)
+    unit = unit or _unit(wrench, _MOTION[QUANTITIES.index(quantity)])
     return Output(name, body, direction, position, relative_to, quantity, absolute, inertial, wrench, unit)
 
 

@@ -19,6 +19,14 @@ class Pose(Protocol):
         """The number of each body by name."""
 
     @property
+    def origin(self) -> Array:
+        """Centres of mass in the reference pose [m], (bodies, 3)."""
+
+    @property
+    def centre(self) -> Array:
+        """Centres of mass in this pose [m], (bodies, 3)."""
+
+    @property
     def rotations(self) -> Array:
         """Rotations of the bodies from the reference pose, (bodies, 3, 3)."""
 

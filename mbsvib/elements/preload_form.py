@@ -41,7 +41,7 @@ def along_line(
     Parameters
     ----------
     part : Connection
-        An element with ``start``, ``line`` and ``tension``.
+        An element with ``start`` and ``line``.
     stiffness : float
         Its stiffness at rest [N/m].
     size : float
@@ -55,5 +55,5 @@ def along_line(
         One force along the line.
     """
     line = np.array((*part.line, 0.0, 0.0, 0.0))
-    return PreloadForm(part.start, line[None], -part.tension * line, EPS * abs(stiffness) * size,
+    return PreloadForm(part.start, line[None], np.array(part.rest_wrench), EPS * abs(stiffness) * size,
                        lambda wrench: arguments(None if wrench is None else -float(wrench @ line)))  # fmt: skip

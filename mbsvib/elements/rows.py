@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.fast_init import fast_init
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array, Index
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Rows:
     """Scalar relative displacements d = force . u + moment . theta of ``second`` relative to ``first`` at ``point``.

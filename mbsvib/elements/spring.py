@@ -6,9 +6,12 @@ from dataclasses import dataclass
 from math import dist
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
-from mbsvib.elements.connection import Connection, check_ends, line_between
+from mbsvib.common.fast_init import fast_init
+from mbsvib.elements.connection import Connection, check_ends, line_between, line_force
 from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.part import ParameterField, Part, derived, vector_field
 from mbsvib.elements.preload_form import along_line
@@ -18,6 +21,8 @@ from mbsvib.errors import ModelError
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements.part import Mask
     from mbsvib.elements.pose import Pose
     from mbsvib.elements.preload_form import PreloadForm
 
@@ -25,6 +30,7 @@ if TYPE_CHECKING:
 ROUNDING = 1e-15
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Spring(Connection):
     """A spring-damper along the line from ``start`` on ``first`` to ``end`` on ``second`` [m, world axes].
@@ -61,6 +67,24 @@ class Spring(Connection):
     def loaded(self) -> bool:
         """Whether it has a force in the reference pose."""
         return self.tension != 0.0
+
+    @property
+    def rest_wrench(self) -> tuple[float, ...]:
+        return line_force(self.tension, self.line)
+
+    @property
+    def batched_fields(self) -> frozenset[str]:
+        # the tension follows from the ends if there is a free length
+        ends = frozenset({"start", "end"} if self.free_length is None else ())
+        return ends | {"stiffness", "damping"}
+
+    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
+        if not values.keys() <= self.batched_fields:
+            return True
+        ends = [values.get(field, np.array(getattr(self, field))[:, None]) for field in ("start", "end")]
+        line = np.abs(ends[1] - ends[0])
+        idle = [values.get(field, getattr(self, field)) == 0.0 for field in ("stiffness", "damping")]
+        return np.asarray(~line.any(axis=0) | ~np.isfinite(line).all(axis=0) | (idle[0] & idle[1]))
 
     def preload_form(self, size: float) -> PreloadForm | None:
         free: dict[str, Any] = {"free_length": None}

@@ -9,7 +9,7 @@ Source: Przemieniecki, Theory of Matrix Structural Analysis (1968), section 5.6 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.common import arguments as check
@@ -32,13 +32,13 @@ UNIT = "m/m"
 
 
 @dataclass(frozen=True, slots=True)
-class StrainOutput(Part):
+class StrainOutput(ports.Signal):
     """The axial strain of the beam element ``element`` ``at`` its start, middle or end, on the ``side`` of the section.
 
     ``distance`` [m] from the centre line; None: the surface of the section.
     """
 
-    element: str
+    element: str = field()
     at: str = "start"
     side: str = "z"
     distance: float | None = None

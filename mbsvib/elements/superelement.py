@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
+from mbsvib.elements.bent_pose import bent_nodes, is_unmoved
 from mbsvib.elements.part import Composed, derived
 from mbsvib.errors import ModelError, counted
 from mbsvib.linalg.products import eigenrows
 from mbsvib.linalg.rotations import rigid_transport
 
+if TYPE_CHECKING:
+    from mbsvib.elements.pose import Pose
+
 Array = NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
 # Finite element programs print seven to sixteen digits. Limits relative to the size of terms:
-# of forces under a rigid-body motion of all nodes, of differences between entries across the diagonal,
+# of forces under a rigid-body motion of all nodes,
 RIGID = 1e-6
+# of differences between entries across the diagonal,
 SYMMETRIC = 1e-6
 # and of negative eigenvalues of matrices scaled to a unit diagonal.
 NEGATIVE = 1e-6
@@ -125,6 +130,28 @@ class Superelement(Composed):
     def body_of(self, i: int) -> str:
         name = self.nodes[i][0]
         return dict(self.bodies).get(name, f"{self.name}.{name}")
+
+    def in_pose(self, pose: Pose, relaxed: bool) -> Superelement:
+        if is_unmoved(self, pose):
+            return self
+        axes, root, count = np.array(self.orientation), self.root, len(self.nodes)
+        before = np.zeros(len(self.M)) if self.displacements is None else np.array(self.displacements)
+        world = (before[: 6 * count].reshape(-1, 3) @ axes.T).reshape(-1, 6)
+        points, after, bends = bent_nodes(self, world, pose)
+        turned = pose.rotated(root, self.orientation)
+        internal = before[6 * count :].copy()
+        for i, name in enumerate(self.carriers):
+            k = pose.number.get(name)
+            if k is not None:  # otherwise the part moves as a rigid body
+                displacement = internal[3 * i : 3 * i + 3]
+                displacement += (pose.centre[k] - pose.origin[k])[: len(displacement)]
+        state = np.concatenate(((after.reshape(-1, 3) @ turned).reshape(-1), internal))
+        bends = bends or self.displacements is not None or bool((internal != before[6 * count :]).any())
+        names = [name for name, _ in self.nodes]
+        return replace(
+            self, nodes=tuple(zip(names, [(x, y, z) for x, y, z in points.tolist()], strict=True)),
+            orientation=check.orientation(turned, self.name), displacements=tuple(state.tolist()) if bends else None,
+        )  # fmt: skip
 
 
 def make(

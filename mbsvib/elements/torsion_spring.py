@@ -69,10 +69,14 @@ class TorsionSpring(Connection):
         """Whether it has a moment in the reference pose."""
         return bool(self.preload)
 
+    @property
+    def rest_wrench(self) -> tuple[float, ...]:
+        return (0.0, 0.0, 0.0, *((self.preload or 0.0) * entry for entry in self.axis))
+
     def preload_form(self, size: float) -> PreloadForm | None:
         about = np.array((0.0, 0.0, 0.0, *self.axis))
         return PreloadForm(
-            (0.0, 0.0, 0.0), size * about[None], (self.preload or 0.0) * about, EPS * abs(self.stiffness) / size,
+            (0.0, 0.0, 0.0), size * about[None], np.array(self.rest_wrench), EPS * abs(self.stiffness) / size,
             lambda wrench: {"preload": None if wrench is None else float(wrench @ about)},
         ) if self.stiffness else None  # fmt: skip
 

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from mbsvib.common.memory import MANY, keep_freed_memory
-from mbsvib.elements import Body, Bushing, Joint
 from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
-from mbsvib.equations.batch_geometry import moves_geometry, scene_of_variants
+from mbsvib.equations.batch_geometry import scene_of_variants
 from mbsvib.equations.batch_loops import LoopPivots, loop_pivots, reduce_batch
 from mbsvib.equations.batch_one_by_one import one_by_one
 from mbsvib.equations.batch_values import checked
@@ -108,20 +107,12 @@ def _adds_by_variant(model: Mechanism, scene: Scene, nominal: Equations) -> bool
 
 
 def _varies_otherwise(scene: Scene, values: Values) -> bool:
-    """Return whether couplers or their joints, lines of distance joints, or 6x6 matrices vary."""
+    """Return whether couplers or their joints vary, or fields of parts that many variants cannot have at once."""
     cut = {scene.topology.joints[k].name for k in scene.topology.cut}
     of_couplers = {part.name for part in scene.couplers} | cut & {
         name.rpartition(".")[0] for part in scene.couplers for name, _ in part.terms}  # fmt: skip
-    for name, fields in values.fields.items():
-        part = values.parameters.parts[name]
-        if name in of_couplers or (isinstance(part, Joint) and part.kind == "distance"):
-            return True
-        if isinstance(part, Bushing) and any(
-            field in fields and isinstance(value[0], tuple)
-            for value in (part.stiffness, part.damping) for field in ("stiffness", "damping")
-        ):
-            return True
-    return False
+    return any(name in of_couplers or not fields.keys() <= values.parameters.parts[name].batched_fields
+               for name, fields in values.fields.items())  # fmt: skip
 
 
 def _axes_without_variants(key: str) -> int:
@@ -131,7 +122,7 @@ def _axes_without_variants(key: str) -> int:
 
 def _chunk_size(scene: Scene, values: Values) -> int:
     """Number of variants to compute at once."""
-    if not moves_geometry(values) and not values.varies((Body,)):
+    if all(fields.keys() <= {"stiffness", "damping"} for fields in values.fields.values()):
         return values.count
     return max(16, CHUNK // max(1, scene.coordinates.path.size * 6))
 

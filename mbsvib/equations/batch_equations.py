@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
-from mbsvib.elements import Joint
 from mbsvib.equations.equations import Equations, Provenance
 from mbsvib.equations.terms import MATRICES, OPTIONAL, Matrices
 from mbsvib.errors import ResponseError
@@ -173,9 +172,8 @@ class BatchEquations(Matrices):
         nominal, values = self.nominal.provenance, self.values
         parts = tuple(values.part(part.name, k) if part.name in values.fields else part for part in nominal.parts)
         topology, reduction = nominal.topology, nominal.reduction
-        if values.varies((Joint,)):
-            joints = [part for part in parts if isinstance(part, Joint)]
-            topology = replace(topology, joints=tuple(joints))
+        joints = tuple([values.part(joint.name, k) for joint in topology.joints])
+        topology = replace(topology, joints=joints)  # type: ignore[arg-type]  # of the same names
         if self.closure is not None:
             reduction = replace(reduction, matrix=self.closure[k])
         return replace(nominal, topology=topology, reduction=reduction, parts=parts)

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements import Bushing, Input, Joint, Output, Spring
 from mbsvib.elements.families import connection_rows
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.inertia import SpatialInertia, tensor_factors
@@ -62,13 +61,6 @@ def scene_of_variants(model: Mechanism, scene: Scene, values: Values) -> Scene:
         springs=_springs(scene, values, number), port=_ports(model, scene.port, positions, number),
         inertia=_inertia(scene, values, number),
     )  # fmt: skip
-
-
-def moves_geometry(values: Values) -> bool:
-    """Return whether other values than masses, inertia, stiffness and damping vary."""
-    return values.varies((Joint,)) or any(
-        field in fields for fields in values.fields.values() for field in ("position", "start", "end")
-    ) or values.varies((Bushing,), "orientation")
 
 
 def _with_values_at(array: Array, at: Any, value: Array, count: int) -> Array:
@@ -164,7 +156,7 @@ def _springs(scene: Scene, values: Values, number: Mapping[str, int]) -> Element
     for i in varying:
         active: dict[str, Any] = {field: tuple((array != 0.0).any(axis=1).astype(float).tolist())
                                 for field, array in values.fields[parts[i].name].items()
-                                if field in ("stiffness", "damping") and isinstance(parts[i], Bushing)}  # fmt: skip
+                                if field in ("stiffness", "damping") and array.ndim == 2}  # fmt: skip
         if active:
             parts[i] = replace(parts[i], **active)
     springs = scene.springs if parts == list(scene.elements) else connection_rows(parts, number)
@@ -176,7 +168,7 @@ def _springs(scene: Scene, values: Values, number: Mapping[str, int]) -> Element
         for field in weights.keys() & values.fields[part.name].keys():
             array, new = weights[field], values.fields[part.name][field]
             array = array if array.ndim == 2 else np.repeat(array[None], values.count, axis=0)
-            new = new[None] if isinstance(part, Spring) else new[springs.unit[columns].argmax(axis=1)]
+            new = new[None] if new.ndim == 1 else new[springs.unit[columns].argmax(axis=1)]
             array[:, columns] = new.T
             weights[field] = array
     return replace(springs, rows=Rows(rows.first, rows.second, point, force, moment),
@@ -187,7 +179,8 @@ def _ports(model: Mechanism, port: Ports, positions: Mapping[int, Array], number
     """Ports; without a position they are at the centre of mass of their body, or of the body relative to ground."""
     if not positions:
         return port
-    parts = [part for part in (*model.inputs.values(), *model.outputs.values()) if isinstance(part, Input | Output)]
+    parts: list[Any] = [*(part for part in model.inputs.values() if not part.moves_ground),
+                        *(part for part in model.outputs.values() if part.element is None)]  # fmt: skip
     at_centre, centres = [], {}
     for row, part in enumerate(parts):
         a, b = number[part.relative_to], number[part.body]

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.elements import Joint
 from mbsvib.equations.batch_geometry import scene_of_variant
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, counted
 from mbsvib.kinematics.loops import Reduction, reduce
@@ -246,8 +245,8 @@ def _single_decision(
     assert cuts is not None
     names = [coordinates.names[k] for k in nominal.independent]
     reduction = replace(nominal, matrix=matrix)
-    joints = [values.part(joint.name, i) for joint in scene.topology.joints]
-    topology = replace(scene.topology, joints=tuple(joint for joint in joints if isinstance(joint, Joint)))
+    joints = tuple([values.part(joint.name, i) for joint in scene.topology.joints])
+    topology = replace(scene.topology, joints=joints)  # type: ignore[arg-type]  # of the same names
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", NearSingularWarning)
         try:

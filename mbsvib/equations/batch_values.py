@@ -10,9 +10,6 @@ import numpy as np
 
 from mbsvib.common.arguments import shown
 from mbsvib.common.expected import reals
-from mbsvib.elements import Body, Bushing, Spring
-from mbsvib.elements.body import TRIANGLE_SLACK
-from mbsvib.elements.coupler import Coupling
 from mbsvib.errors import ModelError
 from mbsvib.mechanism.changes import changed_fields, resolved, variant
 
@@ -26,9 +23,6 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.parameters import Parameters
 
     Mask = NDArray[np.bool_]
-
-# Limits for variants that are checked one by one are tightened by this factor, so that rounding lets none pass.
-SAFETY = 0.9
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,12 +50,10 @@ class Values:
         by_name = {name: array[start:stop] for name, array in self.by_name.items()}
         return Values(min(stop, self.count) - start, by_name, fields, self.parameters)
 
-    def varies(self, kinds: tuple[type, ...], *fields: str) -> bool:
-        """Return whether a part of one of the kinds varies in one of the fields, or in any field if none is named."""
-        return any(
-            isinstance(self.parameters.parts[name], kinds) and (not fields or any(field in varying for field in fields))
-            for name, varying in self.fields.items()
-        )
+    def suspects(self, name: str) -> list[int]:
+        """Return the variants whose values a part might refuse."""
+        mask = self.parameters.parts[name].suspects(self.fields[name])
+        return np.flatnonzero(np.broadcast_to(mask, (self.count,))).tolist()
 
 
 def checked(parameters: Parameters, values: Mapping[str, Any]) -> Values:
@@ -106,8 +98,8 @@ def checked(parameters: Parameters, values: Mapping[str, Any]) -> Values:
             )  # fmt: skip
     by_name = {name: np.broadcast_to(array, (count,)) for name, array in arrays_by_name.items()}
     result = Values(count, by_name, changed_fields(parameters, by_name), parameters)
-    for part, arrays_of_part in result.fields.items():
-        _check_part(result, part, arrays_of_part)
+    for part in result.fields:
+        _check_part(result, part)
     return result
 
 
@@ -128,12 +120,12 @@ def refused(parameters: Parameters, values: Mapping[str, Any]) -> Mask:
     """
     arrays_by_name = {name: np.asarray(value, dtype=float) for name, value in resolved(parameters, values).items()}
     result = np.zeros(len(next(iter(arrays_by_name.values()))), dtype=bool)
-    for name, arrays_of_part in changed_fields(parameters, arrays_by_name).items():
-        part = parameters.parts[name]
-        for i in np.flatnonzero(_suspects(part, arrays_of_part) & ~result).tolist():
+    variants = Values(len(result), arrays_by_name, changed_fields(parameters, arrays_by_name), parameters)
+    for name, fields in variants.fields.items():
+        result |= fields.get("mass", np.ones(1)) == 0.0
+        for i in variants.suspects(name):
             try:
-                changed = variant(part, arrays_of_part, i)
-                result[i] = isinstance(changed, Body) and changed.mass == 0.0
+                variants.part(name, i)
             except ModelError:
                 result[i] = True
     return result
@@ -157,9 +149,9 @@ def _array(name: str, value: Any, unit: str) -> Array:
     return array
 
 
-def _check_part(values: Values, name: str, arrays: Mapping[str, Array]) -> None:
+def _check_part(values: Values, name: str) -> None:
     """Check every suspect variant of a part by building the part."""
-    for i in np.flatnonzero(_suspects(values.parameters.parts[name], arrays)).tolist():
+    for i in values.suspects(name):
         try:
             values.part(name, i)
         except ModelError as error:
@@ -167,32 +159,3 @@ def _check_part(values: Values, name: str, arrays: Mapping[str, Array]) -> None:
             causes = [p for p in own_parameters if values.parameters.entry(p).field == error.field] or own_parameters
             assignments = ", ".join(f"values['{p}'][{i}] = {values.by_name[p][i]:.6g}" for p in causes)
             raise ModelError(f"variant {i}: {assignments}. {error}", element=causes[0], field="values") from error
-
-
-def _suspects(part: Part, arrays: Mapping[str, Array]) -> Mask:
-    count = next(iter(arrays.values())).shape[-1]
-    result = np.zeros(count, dtype=bool)
-    if isinstance(part, Body):
-        if "mass" in arrays:
-            result |= ~(arrays["mass"] > 0.0)
-        if "inertia" in arrays:
-            tensor = arrays["inertia"][[0, 3, 4, 3, 1, 5, 4, 5, 2]].T.reshape(-1, 3, 3)
-            low, middle, high = np.linalg.eigvalsh(tensor).T
-            slack = SAFETY * TRIANGLE_SLACK * np.maximum(high, -low)
-            # diagonal entries must not be negative, even by rounding
-            result |= (low < -slack) | (low + middle < high - slack) | (arrays["inertia"][:3] < 0.0).any(axis=0)
-    elif isinstance(part, Spring):
-        ends = [arrays.get(field, np.array(getattr(part, field))[:, None]) for field in ("start", "end")]
-        line = np.abs(ends[1] - ends[0])
-        result |= ~line.any(axis=0) | ~np.isfinite(line).all(axis=0)
-        result |= (arrays.get("stiffness", part.stiffness) == 0.0) & (arrays.get("damping", part.damping) == 0.0)
-    elif isinstance(part, Coupling):
-        for array in arrays.values():
-            result |= (array.reshape(-1, count) == 0.0).any(axis=0)
-    elif isinstance(part, Bushing):
-        active = np.zeros(count, dtype=bool)
-        for field in ("stiffness", "damping"):
-            value = arrays.get(field, np.array(getattr(part, field))[..., None])
-            active |= value.reshape(-1, value.shape[-1]).any(axis=0)
-        result |= ~active
-    return result

@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.elements import Bushing
 from mbsvib.elements import beam_element as element
 from mbsvib.elements import load as _load
 from mbsvib.elements.beam_expansion import elastic_part, middle, rotated
@@ -35,7 +34,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
-    from mbsvib.elements import Load
+    from mbsvib.elements import Bushing, Load
     from mbsvib.elements.beam import Beam
     from mbsvib.elements.elastic_part import ElasticPart
     from mbsvib.equations.scene import Scene
@@ -124,8 +123,7 @@ def element_forces(
     result = {}
     for name, six in zip(names, preload.tolist(), strict=True):
         spring = model.springs[name]
-        if isinstance(spring, Bushing):
-            result[name] = replace(spring, preload=tuple(six)) if any(six) else spring
+        result[name] = replace(spring, preload=tuple(six)) if any(six) else spring
     ends = np.cumsum([len(part) for part, _, _ in parts])
     return result, [forces[start:end] for start, end in pairwise(ends)] or [np.zeros(0) for _ in reduced]
 

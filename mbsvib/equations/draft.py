@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from mbsvib.common.fast_init import fast_init
 from mbsvib.equations.matrices import matrices
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.mechanism import Mechanism
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Draft:
     """Incomplete equations of motion: each step of the assembly returns a draft with the contribution of its parts.

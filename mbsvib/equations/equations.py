@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from mbsvib.common.fast_init import fast_init
 from mbsvib.equations.terms import Matrices
 from mbsvib.errors import ModelError, ResponseError
 
@@ -78,6 +79,7 @@ class Truncation:
     error_bound: float
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Provenance:
     """The origin of a system, for ``explain`` and ``parameters``.
@@ -167,21 +169,31 @@ class Equations(Matrices):
     """
 
     kind: ClassVar[str] = "system"
+    """Tells second-order equations from other linear systems."""
 
     name: str
+    """Name of the model."""
     coordinates: tuple[str, ...]
+    """Names of the minimal coordinates, such as ``hinge.rz``."""
     coordinate_units: tuple[str, ...]
+    """Their units."""
     inputs: tuple[str, ...]
+    """Names of the inputs, columns of B and D."""
     input_units: tuple[str, ...]
+    """Units of the inputs."""
     outputs: tuple[str, ...]
+    """Names of the outputs, rows of Cq, Cv, Ca and D."""
     output_units: tuple[str, ...]
+    """Units of the outputs."""
     bodies: tuple[str, ...]
+    """Names of the bodies, in the order of ``body_motion``."""
     provenance: Provenance
+    """Where the equations come from: parts, spanning tree, decisions on rank."""
 
     def __post_init__(self) -> None:
         for array in _arrays(self):
             if array is not None:
-                array.setflags(write=False)
+                array.setflags(False)
 
     @property
     def dof(self) -> int:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from mbsvib.elements.beam import Beam
 from mbsvib.elements.families import FAMILIES
 from mbsvib.elements.shared_rows import Expansion, SharedRows
+from mbsvib.errors import ModelError
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -39,7 +39,8 @@ def expanded(model: M) -> M:
     Raises
     ------
     ModelError
-        If gravity acts on a superelement whose mass matrix does not determine its weight.
+        If gravity acts on a superelement whose mass matrix does not determine its weight, or a force is asked of a
+        part that several others replace.
     """
     parts = [part for group in (model.composed, model.springs, model.outputs) for part in group.values()
              if type(part) in EXPANSIONS]  # fmt: skip
@@ -52,20 +53,27 @@ def expanded(model: M) -> M:
     mass: list[SharedRows] = []
     elastic: list[SharedRows] = []
     names = {part.name for part in owners}
-    # superelements first, then beams: the order of coordinates does not depend on the order of calls
-    for part in sorted(parts, key=lambda part: isinstance(part, Beam)):
+    order = list(EXPANSIONS)
+    # family by family, beams last: the order of coordinates does not depend on the order of calls
+    for part in sorted(parts, key=lambda part: -order.index(type(part))):
         replacement = EXPANSIONS[type(part)](part, model.composed)
         for key, group in groups.items():
+            if part.name not in getattr(replacement, key) and group.get(part.name) is part:
+                del group[part.name]
             group.update(getattr(replacement, key))
             names.update(getattr(replacement, key) if key != "outputs" else ())
         mass += replacement.mass
         elastic += replacement.elastic
+    for output in groups["outputs"].values():
+        if output.element in model.springs and output.element not in groups["springs"]:
+            family = model.springs[output.element].family
+            raise ModelError(f"output '{output.name}': the {family} '{output.element}' acts by several elements and "
+                             f"has no force of its own.", element=output.name, field="element")  # fmt: skip
     nodes = frozenset(groups["bodies"]) - frozenset(model.bodies)
     expansion = Expansion(tuple(mass), tuple(elastic), nodes, owners, frozenset(names),
                           tuple([part.name for part in model.declared_parts]))  # fmt: skip
     result = model.with_parts(**groups, composed={}, expansion=expansion)
-    displaced = any(beam.displacements is not None for beam in model.beams.values()) or any(
-        part.displacements is not None for part in model.superelements.values())  # fmt: skip
+    displaced = any(part.displacements is not None for part in model.composed.values())
     return _prestressed(result, model) if displaced or (model.composed and is_loaded(result)) else result
 
 

@@ -108,26 +108,49 @@ def force_paths(topology: Topology, position: Array) -> ForcePaths:
     ForcePaths
         Points, bodies and path signs of the joints.
     """
-    number = topology.body_numbers
-    first = np.array([number[joint.first] for joint in topology.joints], dtype=np.intp)
-    second = np.array([number[joint.second] for joint in topology.joints], dtype=np.intp)
-    path_sign = np.zeros((len(number), len(topology.joints)))
+    first, second, start, point, carrier = joint_ends(topology, position)
+    path_sign = np.zeros((position.shape[1], len(topology.joints)))
     for branch in topology.branches:
         path_sign[branch.body] = path_sign[branch.parent]
         if branch.joint != FLOATS:
             path_sign[branch.body, branch.joint] = branch.sign
-    point = np.array([point_of(joint, number, position) for joint in topology.joints]).reshape(-1, 3).T
-    start = point.copy()
-    for k, joint in enumerate(topology.joints):
-        if joint.kind == "distance" and joint.position is not None:
-            start[:, k] = joint.position
-    carrier = np.array([carrier_of(joint, number) for joint in topology.joints], dtype=np.intp)
     joint_of: list[int] = []
     for k in sorted(branch.joint for branch in topology.branches if branch.joint != FLOATS):
         joint_of += [k] * len(topology.joints[k].freedom)
     joint_of += [FLOATS] * (6 * len(topology.floating))
     joints = np.array(joint_of, dtype=np.intp)
     return ForcePaths(topology, position, point, start, first, second, carrier, path_sign, joints)
+
+
+def joint_ends(topology: Topology, position: Array) -> tuple[Index, Index, Array, Array, Index]:
+    """Return the bodies and points of joints.
+
+    Parameters
+    ----------
+    topology : Topology
+        The joints.
+    position : array, shape (3, bodies + 1)
+        Centres of mass [m], the origin for ground.
+
+    Returns
+    -------
+    first, second : array, shape (joints,)
+        Numbers of their bodies.
+    start, point : array, shape (3, joints)
+        Points of the first and of the second body [m], which differ for rods.
+    carrier : array, shape (joints,)
+        Numbers of the bodies with which these points move.
+    """
+    number, joints = topology.body_numbers, topology.joints
+    first, second, carrier = (np.array(bodies, dtype=np.intp) for bodies in (
+        [number[joint.first] for joint in joints], [number[joint.second] for joint in joints],
+        [carrier_of(joint, number) for joint in joints]))  # fmt: skip
+    point = np.array([point_of(joint, number, position) for joint in joints]).reshape(-1, 3).T
+    start = point.copy()
+    for k, joint in enumerate(joints):
+        if joint.is_rod:
+            start[:, k] = joint.position
+    return first, second, start, point, carrier
 
 
 def carrier_of(joint: Joint, number: Mapping[str, int]) -> int:

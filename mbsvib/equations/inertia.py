@@ -9,7 +9,8 @@ import numpy as np
 from scipy.linalg import lapack
 
 from mbsvib.common.arguments import IDENTITY
-from mbsvib.elements.rows import table
+from mbsvib.common.fast_init import fast_init
+from mbsvib.elements.rows import columns
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rank import EPS, MASSLESS
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 _TENSOR = np.array((0, 3, 4, 3, 1, 5, 4, 5, 2))  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class SpatialInertia:
     """Square roots of the bodies' inertia: ``linear`` (..., bodies) of the masses, ``angular`` (..., bodies, 3, 3) F of
@@ -61,17 +63,17 @@ def spatial_inertia(bodies: Sequence[Body]) -> SpatialInertia:
     SpatialInertia
         Factors of the masses and tensors.
     """
-    entries = table([(body.mass, *body.inertia) for body in bodies], 7)
-    regular = np.count_nonzero(entries[:, :4] > 0.0) == 4 * len(bodies)
-    if np.count_nonzero(entries[:, 4:]):
-        root = tensor_factors(entries[:, 1:])
+    entries = columns([(body.mass, *body.inertia) for body in bodies], 7)
+    regular = np.count_nonzero(entries[:4] > 0.0) == 4 * len(bodies)
+    if np.count_nonzero(entries[4:]):
+        root = tensor_factors(entries[1:].T)
         regular = regular and np.count_nonzero(root.reshape(-1, 9)[:, ::4]) == 3 * len(bodies)
     else:
         root = np.zeros((len(bodies), 3, 3))
-        root.reshape(-1, 9)[:, ::4] = np.sqrt(entries[:, 1:4])
+        root.reshape(-1, 9)[:, ::4] = np.sqrt(entries[1:4]).T
     if any(body.orientation is not IDENTITY for body in bodies):
         root = np.matmul(root, np.array([body.orientation for body in bodies]).transpose(0, 2, 1))
-    return SpatialInertia(np.sqrt(entries[:, 0]), root, regular)
+    return SpatialInertia(np.sqrt(entries[0]), root, regular)
 
 
 def tensor_factors(inertia: Array) -> Array:

@@ -52,15 +52,18 @@ def matrices(
     all_rows = reduction.apply_exactly(relative.dense(locked, locked + end, mask), count)
     ports_end = count + len(scene.port.rows.first)
     elastic, port_rows = all_rows[..., :count, :], all_rows[..., count:ports_end, :]
+    rows, k, c, owner, inertance = elastic, springs.stiffness, springs.damping, springs.owner, springs.inertance
     if used is not None:
         which = used.nonzero()[0]
         if reduction.matrix is not None:
             nonzero = np.asarray(elastic.any(axis=1)).nonzero()[0]
             which, elastic = which.take(nonzero), elastic.take(nonzero, axis=0)
-        springs = springs.take(which)
-    rows, k, c, owner = elastic, springs.stiffness, springs.damping, springs.owner
-    if springs.inertance is not None:
-        others = (springs.inertance == 0.0).nonzero()[0]
+        rows, k, c, owner = elastic, k.take(which, axis=-1), c.take(which, axis=-1), owner.take(which)
+        inertance = None if inertance is None else inertance.take(which)
+        if scene.port.force_outputs:  # nothing else needs more of the elements
+            springs = springs.take(which)
+    if inertance is not None:
+        others = (inertance == 0.0).nonzero()[0]
         rows, k, c, owner = rows[others], k[others], c[others], owner[others]
     if scene.shared is not None:
         base = all_rows[..., ports_end:, :]
@@ -68,9 +71,9 @@ def matrices(
         rows, k, c, owner = scene.shared.elastic_rows(base, rows, k, c, owner)
     of_ports: Any = port_matrices(scene.port, port_rows, springs, elastic, scene.inertia, factor, scene.position,
                                   scene.shared)  # fmt: skip
-    if springs.inertance is not None:  # these rows are zero in a motion with the ground
-        inertial = springs.inertance.nonzero()[0]
-        factor = np.concatenate((factor, np.sqrt(springs.inertance[inertial])[:, None] * elastic[inertial]))
+    if inertance is not None:  # these rows are zero in a motion with the ground
+        inertial = inertance.nonzero()[0]
+        factor = np.concatenate((factor, np.sqrt(inertance[inertial])[:, None] * elastic[inertial]))
     return Terms(
         gram_matrix(factor), weighted_gram(rows, c), weighted_gram(rows, k), **of_ports,
         inertia_factor=factor, elastic_rows=rows, row_stiffness=k, row_damping=c, row_owner=owner, body_motion=motion,

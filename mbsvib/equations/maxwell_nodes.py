@@ -1,22 +1,18 @@
-"""Mechanisms with the massless nodes of their Maxwell elements."""
+"""Mechanisms with the nodes of their connections, such as those between spring and damper of Maxwell elements."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TypeVar
 
-from mbsvib.elements import Maxwell
+from mbsvib.elements.families import FAMILIES
 from mbsvib.mechanism.mechanism import Mechanism
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from mbsvib.elements.part import Part
-
+NODES = {family.part: family.nodes for family in FAMILIES if family.nodes is not None}
 M = TypeVar("M", bound=Mechanism)
 
 
 def with_maxwell_nodes(model: M) -> M:
-    """Return a mechanism with the nodes of its Maxwell elements as bodies, and the joints in which they slide.
+    """Return a mechanism with the nodes of its connections as bodies, and the joints in which they slide.
 
     Parameters
     ----------
@@ -26,14 +22,13 @@ def with_maxwell_nodes(model: M) -> M:
     Returns
     -------
     Mechanism
-        The same mechanism if it has no Maxwell element.
+        The same mechanism if no connection has nodes.
     """
-    springs: Iterable[Part] = model.springs.values()
-    elements = [part for part in springs if isinstance(part, Maxwell)]
-    if not elements:
+    added = [NODES[type(part)](part) for part in model.springs.values() if type(part) in NODES]
+    if not added:
         return model
-    from mbsvib.elements.maxwell_rows import node_body, node_joint
-
-    bodies: dict[str, Any] = dict(model.bodies) | {part.node: node_body(part) for part in elements}
-    joints: dict[str, Any] = dict(model.joints) | {part.name: node_joint(part) for part in elements}
+    bodies, joints = dict(model.bodies), dict(model.joints)
+    for part in added:
+        bodies.update(part.bodies)
+        joints.update(part.joints)
     return model.with_parts(bodies=bodies, joints=joints)

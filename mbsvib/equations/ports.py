@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements import BaseMotion, ForceOutput, Input
-from mbsvib.elements.ports import QUANTITIES
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.base_motion import check_rotation, ground_motion, inertia_of_ground_motion
 from mbsvib.errors import ModelError
@@ -19,17 +17,14 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements import Body, Output
+    from mbsvib.elements import BaseMotion, Body, Input, Output
     from mbsvib.elements.element_rows import ElementRows
     from mbsvib.equations.inertia import SpatialInertia
     from mbsvib.kinematics.shared_rows import Shared
     from mbsvib.mechanism.mechanism import Mechanism
 
-_FORCE = ("N", "N m")
-_BASE = ("m/s^2", "rad/s^2")
-_MOTION = (("m", "rad"), ("m/s", "rad/s"), _BASE)
 
-
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Ports:
     """Inputs and outputs as arrays: ``rows`` are those of force inputs, then those of motion outputs.
@@ -85,18 +80,17 @@ def ports(model: Mechanism, bodies: list[Body], number: Mapping[str, int]) -> Po
     rows: list[tuple[float, ...]] = []
     force_inputs, motion_outputs, derivative = [], [], []
     base_motions, inertial, force_outputs, wrench_outputs = [], [], [], []
-    input_units, output_units = [], []
-    for i, source in enumerate(model.inputs.values()):
-        if isinstance(source, BaseMotion):
+    inputs: list[Any] = list(model.inputs.values())
+    outputs: list[Any] = list(model.outputs.values())
+    for i, source in enumerate(inputs):
+        if source.moves_ground:
             check_rotation(model, source)
             base_motions.append((i, source))
-            input_units.append(unit(source.wrench, _BASE))
         else:
             force_inputs.append(i)
             rows.append(row(source))
-            input_units.append(unit(source.wrench, _FORCE))
-    for i, output in enumerate(model.outputs.values()):
-        if isinstance(output, ForceOutput):
+    for i, output in enumerate(outputs):
+        if output.element is not None:
             wrench = np.array(output.wrench)
             if output.element in model.springs:
                 force_outputs.append((i, list(model.springs).index(output.element), wrench))
@@ -105,15 +99,12 @@ def ports(model: Mechanism, bodies: list[Body], number: Mapping[str, int]) -> Po
             elif output.element == "ground" or output.element in model.bodies:
                 wrench_outputs.append((i, "body", number[output.element], wrench))
             # otherwise the element was removed from a sparse system, and its output is zero
-            output_units.append(unit(output.wrench, _FORCE))
             continue
         motion_outputs.append(i)
         rows.append(row(output))
-        order = QUANTITIES.index(output.quantity)
-        derivative.append(order)
-        output_units.append(output.unit or unit(output.wrench, _MOTION[order]))
+        derivative.append(output.order)
         if output.inertial and base_motions:
-            if order < 2:
+            if output.order < 2:
                 raise ModelError(
                     f"output '{output.name}': an absolute {output.quantity} would integrate the base motion "
                     f"'{base_motions[0][1].name}', which is an acceleration. Ask for quantity='acceleration', or for "
@@ -124,22 +115,8 @@ def ports(model: Mechanism, bodies: list[Body], number: Mapping[str, int]) -> Po
     return Ports(
         Rows.stack(rows), np.array(force_inputs, dtype=np.intp), np.array(motion_outputs, dtype=np.intp),
         np.array(derivative, dtype=np.intp), tuple(base_motions), tuple(inertial), tuple(force_outputs),
-        tuple(input_units), tuple(output_units), tuple(wrench_outputs),
+        tuple([source.unit for source in inputs]), tuple([output.unit for output in outputs]), tuple(wrench_outputs),
     )  # fmt: skip
-
-
-@lru_cache
-def output_unit(output: Any) -> str:
-    """Return the unit of an output of any kind."""
-    if isinstance(output, ForceOutput):
-        return unit(output.wrench, _FORCE)
-    return output.unit or unit(output.wrench, _MOTION[QUANTITIES.index(output.quantity)])
-
-
-def unit(wrench: tuple[float, ...], units: tuple[str, str]) -> str:
-    """Return the unit of a direction with translations, rotations or both."""
-    translates, rotates = any(wrench[:3]), any(wrench[3:])
-    return units[0] if not rotates else units[1] if not translates else " + ".join(units)
 
 
 def port_matrices(

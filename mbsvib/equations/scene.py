@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.families import connection_rows
 from mbsvib.elements.rows import Rows, table
 from mbsvib.equations.inertia import spatial_inertia
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.topology import Topology
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Scene:
     """The arrays of a mechanism from which its matrices are computed.

@@ -73,7 +73,7 @@ def second_order_rows(
     successive: list[tuple[int, int, int]] = []
     cross: list[tuple[float, ...]] = []
     for k, joint in enumerate(joints, len(applied.names)):
-        if joint.kind == "distance" or not joint.freedom:
+        if joint.is_rod or not joint.freedom:
             continue
         translations = [twist for name, twist in joint.freedom if name[0] != "r"]
         rotations = [twist for name, twist in joint.freedom if name[0] == "r"]
@@ -119,7 +119,7 @@ def _lines(
     """Two rows across each line spring with tension and each rod; their owners, lines, lengths and swings."""
     pairs, owner = applied.pairs, applied.tension
     first, second, start, end = pairs.first[owner], pairs.second[owner], pairs.start[:, owner], pairs.end[:, owner]
-    rods = [(k, joint) for k, joint in enumerate(joints, len(applied.names)) if joint.kind == "distance"]
+    rods = [(k, joint) for k, joint in enumerate(joints, len(applied.names)) if joint.is_rod]
     if rods:
         owner, first, second = (np.concatenate((array, np.array(of_rods, dtype=np.intp))) for array, of_rods in (
             (owner, [k for k, _ in rods]), (first, [number[rod.first] for _, rod in rods]),

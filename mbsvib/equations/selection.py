@@ -41,12 +41,16 @@ def with_ports(system: E, outputs: Any = None, inputs: Any = None) -> E:
 
 def with_port_numbers(system: E, o: Sequence[int], i: Sequence[int]) -> E:
     """Return a system with the outputs and inputs of some numbers; the coordinates stay."""
-    selected = {system.outputs[k] for k in o}
-    undetermined = tuple([replace(forces, outputs=tuple([name for name in forces.outputs if name in selected]))
-                          for forces in system.provenance.undetermined])  # fmt: skip
-    return replace(
-        system, outputs=tuple([system.outputs[k] for k in o]), inputs=tuple([system.inputs[k] for k in i]),
-        output_units=tuple([system.output_units[k] for k in o]), input_units=tuple([system.input_units[k] for k in i]),
-        B=system.B[:, i], Cq=system.Cq[o], Cv=system.Cv[o], Ca=system.Ca[o], D=system.D[np.ix_(o, i)],
-        provenance=replace(system.provenance, undetermined=undetermined),
-    )  # fmt: skip
+    ports = port_fields(system, o, i)
+    undetermined = tuple([forces.among(ports["outputs"]) for forces in system.provenance.undetermined])
+    return replace(system, B=system.B[:, i], Cq=system.Cq[o], Cv=system.Cv[o], Ca=system.Ca[o], **ports,
+                   provenance=replace(system.provenance, undetermined=undetermined))  # fmt: skip
+
+
+def port_fields(system: Any, o: Sequence[int], i: Sequence[int]) -> dict[str, Any]:
+    """Return names and units of some outputs and inputs of dense or sparse equations, and D, by their fields."""
+    return {
+        "outputs": tuple([system.outputs[k] for k in o]), "inputs": tuple([system.inputs[k] for k in i]),
+        "output_units": tuple([system.output_units[k] for k in o]),
+        "input_units": tuple([system.input_units[k] for k in i]), "D": system.D[np.ix_(o, i)],
+    }  # fmt: skip

@@ -16,7 +16,7 @@ Source: Pellegrino & Calladine, Int. J. Solids Struct. 22 (1986) 409, for states
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,7 +27,7 @@ from mbsvib.linalg.groups import connected_parts
 from mbsvib.linalg.rank import DETERMINED, STRESS_IN_COUPLERS, ZERO_FORM
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -47,6 +47,10 @@ class Undetermined:
     joints: tuple[str, ...]
     length: float
     outputs: tuple[str, ...] = ()
+
+    def among(self, outputs: Collection[str]) -> Undetermined:
+        """Return them with those of their outputs that are among some."""
+        return replace(self, outputs=tuple([name for name in self.outputs if name in outputs]))
 
     def explained(self) -> list[str]:
         """Return lines that describe the solution."""

@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.elements import BaseMotion, Bushing
 from mbsvib.elements.contribution import Contribution, Weights, rotation_rows
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.inertia import inertia_tensor
 from mbsvib.equations.statement import antisymmetric, minimal_rows
-from mbsvib.equations.steady_spin import check_steady, in_world_axes, spin_together, spin_velocities
+from mbsvib.equations.steady_spin import check_steady, point_of, rows_at_point, spin_together, spin_velocities
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.linalg.rotations import skew
@@ -28,7 +27,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements import Body, Spring
+    from mbsvib.elements import Body
+    from mbsvib.elements.connection import Connection
     from mbsvib.equations.draft import Draft
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Reduction
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 def spin_contribution(
-    model: Mechanism, bodies: Sequence[Body], elements: Sequence[Bushing | Spring]
+    model: Mechanism, bodies: Sequence[Body], elements: Sequence[Connection]
 ) -> Contribution:
     """Return the contribution of rotors to C and of rotating dampers to K.
 
@@ -105,9 +105,10 @@ def with_spin(draft: Draft) -> Draft:
 
 @dataclass(frozen=True, slots=True)
 class RotatingDamper:
-    """A bushing at ``point`` between bodies with the numbers ``first`` and ``second`` that spin together.
+    """An element at ``point`` between bodies with the numbers ``first`` and ``second`` that spin together.
 
-    ``matrix`` C_d [W]x (6, 6), world axes, times its relative displacement is the wrench on the second body.
+    ``matrix`` C_d [W]x (6, 6), world axes, times its relative displacement is the wrench on the second body. ``axes``
+    (6, 6) times a wrench in the axes of the element is the same wrench in world axes, along the rows of the element.
     """
 
     name: str
@@ -115,6 +116,7 @@ class RotatingDamper:
     second: int
     point: Array
     matrix: Array
+    axes: Array
 
     @property
     def rows(self) -> Rows:
@@ -153,9 +155,9 @@ def momenta(model: Mechanism, bodies: Sequence[Body]) -> list[tuple[int, Array]]
 
 
 def rotating_dampers(
-    model: Mechanism, bodies: Sequence[Body], elements: Sequence[Bushing | Spring]
+    model: Mechanism, bodies: Sequence[Body], elements: Sequence[Connection]
 ) -> list[RotatingDamper]:
-    """Return the bushings between bodies that spin together.
+    """Return the elements between bodies that spin together; those along lines are on the axis and do not rotate.
 
     Parameters
     ----------
@@ -167,17 +169,18 @@ def rotating_dampers(
     Returns
     -------
     list of RotatingDamper
-        One for each such bushing with damping.
+        One for each such element with damping.
     """
     number, spins, result = {body.name: i for i, body in enumerate(bodies)}, spin_velocities(model), []
     for spring in elements:
-        if isinstance(spring, Bushing) and spin_together(model, spins, spring.first, spring.second):
-            damping = in_world_axes(spring, spring.damping)
-            if not damping.any():
+        if not spring.acts_along_line and spin_together(model, spins, spring.first, spring.second):
+            wrenches, rows = rows_at_point(spring)
+            if not rows.damping.any():
                 continue
             spin = np.kron(np.eye(2), skew(spins[spring.first]))
-            ends = number[spring.first], number[spring.second]
-            result.append(RotatingDamper(spring.name, *ends, np.array(spring.position), damping @ spin))
+            ends, damping = (number[spring.first], number[spring.second]), (wrenches * rows.damping) @ wrenches.T
+            result.append(RotatingDamper(spring.name, *ends, np.array(point_of(spring)), damping @ spin,
+                                         wrenches @ rows.unit))  # fmt: skip
     return result
 
 
@@ -186,11 +189,8 @@ def _with_forces(model: Mechanism, scene: Scene, reduction: Reduction, outputs: 
     result = outputs.copy() if scene.port.force_outputs else outputs
     for damper in rotating_dampers(model, scene.bodies, scene.elements) if scene.port.force_outputs else ():
         for row, owner, wrench in scene.port.force_outputs:
-            spring = scene.elements[owner]
-            if spring.name == damper.name and isinstance(spring, Bushing):
-                axes = np.array(spring.orientation)
-                result[row] -= np.concatenate((axes @ wrench[:3], axes @ wrench[3:])) @ damper.wrench(
-                    scene.coordinates, reduction)  # fmt: skip
+            if scene.elements[owner].name == damper.name:
+                result[row] -= (damper.axes @ wrench) @ damper.wrench(scene.coordinates, reduction)
     return result
 
 
@@ -198,7 +198,7 @@ def _check_base_motion(model: Mechanism) -> None:
     """Refuse rotation of the ground, whose gyroscopic effect on rotors is not computed."""
     rotor = next(iter(model.rotors))
     for name, part in model.inputs.items():
-        if isinstance(part, BaseMotion) and any(part.wrench[3:]):
+        if part.moves_ground and any(part.wrench[3:]):
             raise ModelError(f"base motion '{name}' turns the ground, whose speed (not only its acceleration) acts on "
                              f"rotor '{rotor}'; this is not supported: let the ground only shift, or turn a body by "
                              f"a torque.", element=name, field="direction")  # fmt: skip

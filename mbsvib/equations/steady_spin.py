@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.elements import Body, Bushing, Spring
-from mbsvib.elements.bushing import matrix6
+from mbsvib.elements.families import connection_rows
 from mbsvib.equations.inertia import inertia_tensor
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import exponential
@@ -15,8 +14,11 @@ from mbsvib.linalg.rotations import exponential
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
-    from mbsvib.elements import Joint
+    from mbsvib.elements import Body, Joint
+    from mbsvib.elements.connection import Connection
+    from mbsvib.elements.element_rows import ElementRows
     from mbsvib.mechanism.mechanism import Mechanism
 
 
@@ -24,12 +26,20 @@ if TYPE_CHECKING:
 SLACK = 1e-6
 # Angle [rad] of the test for symmetry: it is no fraction of a full turn, so that no discrete symmetry passes.
 TURN = 1.0
+ORIGIN = (0.0, 0.0, 0.0)
 
 
-def in_world_axes(bushing: Bushing, value: Any) -> Array:
-    """Return a bushing's 6 or 6x6 coefficients as a matrix in world axes."""
-    axes = np.kron(np.eye(2), np.array(bushing.orientation))
-    return np.asarray(axes @ matrix6(value) @ axes.T)
+def rows_at_point(spring: Connection) -> tuple[Array, ElementRows]:
+    """Return the rows of an element on two bodies, and these as wrenches (6, rows) at its point, world axes."""
+    result = connection_rows([spring], {spring.first: 0, spring.second: 1})
+    rows = result.rows
+    arm = rows.point - np.array(point_of(spring))[:, None]
+    return np.concatenate((rows.force, rows.moment + np.cross(arm, rows.force, axis=0))), result
+
+
+def point_of(spring: Connection) -> Vector:
+    """Return the point of an element on its second body [m]; the origin if it has none."""
+    return (ORIGIN, *spring.points)[-1]
 
 
 def spin_velocities(model: Mechanism) -> dict[str, Array]:
@@ -56,7 +66,7 @@ def spin_together(model: Mechanism, spins: Mapping[str, Array], first: str, seco
                 and np.linalg.norm(np.cross(a, distance)) <= SLACK * size * np.linalg.norm(distance))  # fmt: skip
 
 
-def check_steady(model: Mechanism, bodies: Sequence[Body], elements: Sequence[Bushing | Spring]) -> None:
+def check_steady(model: Mechanism, bodies: Sequence[Body], elements: Sequence[Connection]) -> None:
     """Refuse spins that are not steady, by the names of the rotor and of the part that prevents it.
 
     Parameters
@@ -173,7 +183,7 @@ def _blocks(matrix: Array) -> Array:
 
 
 def _check_spring(
-    model: Mechanism, spring: Bushing | Spring, bodies: Mapping[str, Body], spins: Mapping[str, Array],
+    model: Mechanism, spring: Connection, bodies: Mapping[str, Body], spins: Mapping[str, Array],
     rotor_of: Mapping[str, str],
 ) -> None:  # fmt: skip
     """Refuse an element that resists the spin of a body, rotates off the axis or is not axisymmetric."""
@@ -183,29 +193,29 @@ def _check_spring(
         return
     rotor, center, axis = rotor_of[spinning], np.array(bodies[spinning].position), spins[spinning]
     subject = f"rotor '{rotor}': '{spring.name}', which acts on the spinning body '{spinning}', "
-    if not isinstance(spring, (Spring, Bushing)):
-        raise ModelError(f"{subject}is of the kind '{spring.family}', which is not supported on a spinning body.",
+    if spring.body_positions:
+        raise ModelError(f"{subject}is a {spring.family}, whose node does not spin; this is not supported.",
                          element=rotor, field="body")  # fmt: skip
-    points = {spring.first: spring.start, spring.second: spring.end} if isinstance(spring, Spring) else dict.fromkeys(
-        pair, spring.position)  # fmt: skip
-    for name in pair:
+    points = dict(zip(pair, 2 * spring.points, strict=False))
+    for name in points:
         if name in spins:
             arm = np.array(points[name]) - np.array(bodies[name].position)
             distance = float(np.linalg.norm(np.cross(spins[name], arm))) / float(np.linalg.norm(axis))
             if distance > SLACK * _reference_length(bodies[name], np.array(points[name])):
-                swap = name == spring.first and spring.second not in spins and not isinstance(spring, Spring)
+                swap = name == spring.first and spring.second not in spins and not spring.acts_along_line
                 advice = f" If an equilibrium moved it, give '{name}' as its second body, with which its point moves."
                 raise ModelError(f"{subject}does so off its axis, by {distance:.3g} m: its point would move around the "
                                  f"axis; put it on the axis.{advice if swap else ''}",
                                  element=rotor, field="axis")  # fmt: skip
     both_spin = spring.first in spins and spring.second in spins
-    if isinstance(spring, Spring):
+    wrenches, coefficients = rows_at_point(spring)
+    if spring.acts_along_line:
         if both_spin:
-            _check_axisymmetric(np.array([[*spring.line, 0.0, 0.0, 0.0]]), (center, axis), subject, rotor)
+            _check_axisymmetric(wrenches.T, (center, axis), subject, rotor)
         return
-    stiffness, damping = in_world_axes(spring, spring.stiffness), in_world_axes(spring, spring.damping)
+    stiffness, damping = ((wrenches * values) @ wrenches.T for values in (coefficients.stiffness, coefficients.damping))
     if not spin_together(model, spins, *pair):
-        point = np.array(spring.position)
+        point = np.array(point_of(spring))
         force_rates = _blocks(stiffness @ _relative_velocity(point, pair, bodies, spins)[:, None])
         size = _blocks(stiffness) @ (_reference_length(bodies[spinning], point), 1.0)
         if (force_rates[:, 0] > SLACK * float(np.linalg.norm(axis)) * size).any():

@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.fast_init import fast_init
+
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
 
 
+@fast_init
 @dataclass(frozen=True, repr=False, eq=False)
 class Matrices:
     """Matrices and factors of M q'' + C q' + K q = B u, y = Cq q + Cv q' + Ca q'' + D u, described in ``Equations``.
@@ -19,23 +22,41 @@ class Matrices:
     """
 
     M: Array
+    """Mass matrix (m, m), symmetric [kg, kg m, kg m^2]."""
     C: Array
+    """Damping matrix (m, m) [N s/m, N s, N m s]; not the output matrix, which is ``state_space().C``."""
     K: Array
+    """Stiffness matrix (m, m) with the geometric stiffness of loads [N/m, N, N m]."""
     B: Array
+    """Generalized forces by a unit of each input (m, inputs)."""
     Cq: Array
+    """Outputs by the coordinates (outputs, m)."""
     Cv: Array
+    """Outputs by the rates of the coordinates (outputs, m)."""
     Ca: Array
+    """Outputs by the accelerations of the coordinates (outputs, m)."""
     D: Array
+    """Outputs by the inputs directly (outputs, inputs)."""
     inertia_factor: Array
+    """W (6 bodies, m) of M = W^T W."""
     elastic_rows: Array
+    """D (rows, m): relative displacements in springs and dampers by the coordinates, K = D^T diag(k) D."""
     row_stiffness: Array
+    """Stiffness k of each elastic row (rows,) [N/m, N m/rad]."""
     row_damping: Array
+    """Damping c of each elastic row (rows,) [N s/m, N m s/rad]."""
     row_owner: Index
+    """Number of the spring-damper of each elastic row (rows,)."""
     body_motion: Array
+    """Displacements of the bodies by the coordinates (bodies, 6, m), world axes."""
     gyroscopic: Array | None = None
+    """Antisymmetric part of C from spinning bodies (m, m), None without."""
     circulatory: Array | None = None
+    """Antisymmetric part of K from follower loads and rotating dampers (m, m), None without."""
     massless: int = 0
+    """Number of motions that move dampers but no mass: one state each in place of two."""
     null_inertia: Array | None = None
+    """These motions (m, massless), None without."""
 
     @property
     def mass(self) -> Array:
@@ -61,12 +82,14 @@ MATRICES = _NAMES[: _NAMES.index("inertia_factor")]
 OPTIONAL = ("gyroscopic", "circulatory", "null_inertia")
 
 
+@fast_init
+@dataclass(frozen=True, repr=False, eq=False)
 class Terms(Matrices):
     """Matrices and factors during the assembly."""
 
     def named(self) -> dict[str, Any]:
         """Return all terms by their names."""
-        return {name: getattr(self, name) for name in _NAMES}
+        return dict(vars(self))
 
     def with_rows(self, rows: Array, stiffness: Array, owner: Index) -> Terms:
         """Return the terms with more rows of stiffness without damping, K + D^T diag(k) D.

@@ -69,8 +69,6 @@ class WrenchPairs:
             Sums of the lengths of the forces, and of those of torques and moments of forces.
         """
         body, n = np.concatenate((self.first, self.second)), len(self.first)
-        incidence = np.zeros((2 * n, position.shape[1]))
-        incidence[np.arange(2 * n), body] = 1.0
         parts = np.empty((9, 2 * n))
         np.negative(self.force, out=parts[:3, :n])
         np.negative(self.torque, out=parts[6:, :n])
@@ -80,7 +78,7 @@ class WrenchPairs:
         parts[3:6] += parts[6:]
         parts[6] = lengths[0]
         np.add(lengths[1], lengths[2], out=parts[7])
-        sums = parts[:8] @ incidence
+        sums = np.array([np.bincount(body, part, position.shape[1]) for part in parts[:8]], dtype=float)
         return sums[:6], sums[6:]
 
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.elements import Bushing, Maxwell, Spring
 from mbsvib.equations.wrench_pairs import WrenchPairs
 
 if TYPE_CHECKING:
@@ -20,14 +19,16 @@ if TYPE_CHECKING:
 
     Mask = NDArray[np.bool_]
 
+ORIGIN = (0.0, 0.0, 0.0)
+
 
 @dataclass(frozen=True, slots=True)
 class AppliedWrenches:
     """Wrenches on the bodies: ``weight`` (3, bodies + 1) [N] at the centres of mass, and ``pairs``.
 
     ``names`` are the elements of the pairs: the loads (with ground as first body, where they have no effect), then the
-    line springs, then the bushings; ``loads`` and ``lines`` are numbers of pairs, ``follower`` (loads,) is true for
-    loads that turn with their body.
+    elements along lines, then the others; ``loads`` and ``lines`` are numbers of pairs, ``follower`` (loads,) is true
+    for loads that turn with their body.
     """
 
     weight: Array
@@ -46,12 +47,12 @@ class AppliedWrenches:
 
     @property
     def tension(self) -> Index:
-        """Numbers of the pairs that are tensions of line springs."""
+        """Numbers of the pairs that are tensions along lines."""
         return np.arange(self.loads, self.loads + self.lines)
 
     @property
     def bushings(self) -> Index:
-        """Numbers of the pairs that are preloads of bushings."""
+        """Numbers of the pairs that are preloads of other elements, which turn with the first body."""
         return np.arange(self.loads + self.lines, len(self.names))
 
 
@@ -87,17 +88,11 @@ def applied_wrenches(model: Mechanism, number: Mapping[str, int]) -> AppliedWren
         tuples.append((ground, number[load.body], *point, *point, *load.force, *load.torque))
         names.append(load.name)
     springs = [spring for spring in model.springs.values() if spring.loaded]
-    line_springs = [spring for spring in springs if isinstance(spring, (Spring, Maxwell))]
-    for spring in line_springs:
-        force = [-spring.tension * e for e in spring.line]
-        tuples.append((number[spring.first], number[spring.second], *spring.start, *spring.end, *force, 0.0, 0.0, 0.0))
+    lines = [spring for spring in springs if spring.acts_along_line]
+    for spring in (*lines, *(spring for spring in springs if not spring.acts_along_line)):
+        points = spring.points or (ORIGIN,)
+        tuples.append((number[spring.first], number[spring.second], *points[0], *points[-1], *spring.rest_wrench))
         names.append(spring.name)
-    for spring in springs:
-        if isinstance(spring, Bushing) and spring.preload is not None:
-            wrench = np.array(spring.orientation) @ np.array(spring.preload).reshape(2, 3).T
-            tuples.append((number[spring.first], number[spring.second], *spring.position, *spring.position,
-                           *wrench[:, 0].tolist(), *wrench[:, 1].tolist()))  # fmt: skip
-            names.append(spring.name)
     follower = np.array([load.follower for load in model.loads.values()], dtype=bool)
     pairs = WrenchPairs.stack(tuples)
-    return AppliedWrenches(weight, pairs, tuple(names), len(model.loads), len(line_springs), follower)
+    return AppliedWrenches(weight, pairs, tuple(names), len(model.loads), len(lines), follower)

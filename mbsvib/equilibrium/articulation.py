@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from mbsvib.elements import beam_expansion, superelement_expansion
 from mbsvib.elements import body as _body
 from mbsvib.elements import joint as _joint
-from mbsvib.elements.beam import Beam
 from mbsvib.elements.elastic_part import second_order_rotation_rows, stiffness_rows, wrenches
 from mbsvib.elements.shared_rows import Expansion
 from mbsvib.equations.beam_prestress import beam_weights
@@ -94,19 +93,14 @@ def elastic_scale(model: Mechanism, names: Sequence[str], energy: Array) -> Arra
     """
     if not model.composed:
         return np.ones(len(names))
-    owners = {name for part in model.composed.values() for name in (part.name, *part.generated_names, *_joints(part))}
-    elastic = np.array([name.rpartition(".")[0] in owners for name in names], dtype=bool) & (energy > 0.0)
+    # names of the user have no dots, so that these parts own all names that begin with theirs
+    elastic = np.array([name.partition(".")[0] in model.composed for name in names], dtype=bool) & (energy > 0.0)
     result = np.ones(len(names))
     if elastic.any():
         others = energy[~elastic & (energy > 0.0)]
         least = min(float(energy[elastic].min()), float(others.max()) if len(others) else np.inf)
         result[elastic] = np.minimum(1.0, np.sqrt(least / energy[elastic]))
     return result
-
-
-def _joints(part: Any) -> list[str]:
-    """Names of the joints between root and nodes of a beam."""
-    return [f"{part.name}.{i}" for i in range(len(part.points))] if isinstance(part, Beam) else []
 
 
 def _reduced(model: Mechanism) -> list[ElasticPart]:

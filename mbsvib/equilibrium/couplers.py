@@ -8,7 +8,6 @@ import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.equations.expansion import expanded
-from mbsvib.equilibrium.joints import rotations, two_axes
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.linalg.rotations import logarithm
@@ -73,7 +72,7 @@ def coupler_travel(model: Mechanism, pose: Pose, near: Array | None) -> Array:
 
 
 def check_couplers(model: Mechanism, moved: Mechanism) -> None:
-    """Refuse a pose in which couplers on homokinetic joints are no longer linear relations of joint coordinates.
+    """Refuse a pose in which couplers on rotation vectors are no longer linear relations of joint coordinates.
 
     ``moved`` is the model in the new pose. The components of a rotation vector w from the reference pose change by
     e . J(w) omega, with J of ``rotations.inverse_jacobian``; after a finite w that differs from the coordinates of the
@@ -82,23 +81,23 @@ def check_couplers(model: Mechanism, moved: Mechanism) -> None:
     Raises
     ------
     ModelError
-        If a coupled homokinetic joint has turned.
+        If a joint with a coupled component of its rotation vector, as of a homokinetic joint, has turned.
     """
     if not model.couplers:
         return
     before, after = (expanded(mechanism).bodies for mechanism in (model, moved))
     for part in model.couplers.values():
         for name, _ in part.terms:
-            owner = name.rpartition(".")[0]
+            owner, _, direction = name.rpartition(".")
             joint = model.joints[owner]
-            if joint.kind != "homokinetic":
+            if direction[0] != "r" or not joint.turns_by_vector:
                 continue
             first, second = (np.eye(3) if body == "ground" else np.array(after[body].orientation) @
                              np.array(before[body].orientation).T for body in (joint.first, joint.second))  # fmt: skip
             angle = float(np.linalg.norm(logarithm(first.T @ second)))
             if angle > TURNED:
                 raise ModelError(
-                    f"coupler '{part.name}': '{name}' is a component of the rotation vector of the homokinetic joint "
+                    f"coupler '{part.name}': '{name}' is a component of the rotation vector of the {joint.kind} joint "
                     f"'{owner}', which has turned by {angle:.3g} rad; the coupler is not a linear relation of its "
                     f"coordinates in another pose. Couple joints with one free rotation, or universal ones.",
                     element=part.name,
@@ -111,14 +110,14 @@ def joint_travel(joint: Joint, direction: str, pose: Pose, at: tuple[float, floa
     first, second = pose.rotated(joint.first, joint.axes), pose.rotated(joint.second, joint.axes)
     if k < 3:
         return float(first[:, k] @ np.subtract(pose.point(joint.second, at), pose.point(joint.first, at)))
-    relative, free = first.T @ second, rotations(joint)
-    if len(free) == 1:
+    relative, axes = first.T @ second, joint.rotation_axes
+    if len(axes) == 1:
         i, j = (k - 2) % 3, (k - 1) % 3
         return float(np.arctan2(relative[j, i] - relative[i, j], relative[i, i] + relative[j, j]))
     if joint.successive:
-        e1, e2 = (np.array(joint.axes).T @ axis for axis in two_axes(joint))
+        e1, e2 = (np.array(joint.axes).T @ axis for axis in axes)
         # relative = exp(a e1) exp(b e2): the angle a turns e2 about e1, the angle -b turns e1 about e2
-        about_first = k == free[0] + 3
+        about_first = direction == next(name for name, _ in joint.freedom if name[0] == "r")
         axis, arm, turned = (e1, e2, relative @ e2) if about_first else (e2, e1, relative.T @ e1)
         angle = np.arctan2(axis @ np.cross(arm, turned), arm @ turned - (axis @ arm) * (axis @ turned))
         return float(angle if about_first else -angle)

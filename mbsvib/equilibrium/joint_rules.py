@@ -2,9 +2,10 @@
 
 A and B are the rotations of the first and the second body from the reference pose, p_a and p_b the joint's point on
 each, and d = p_b - p_a. Locked translations require d = 0 along axes that turn with the first body. One free rotation:
-its axis is fixed in both bodies. Two successive free rotations (see ``elements.joint``): the first axis (``axis`` of a
-universal joint) is fixed in the first body, the other (``axis2``) in the second, and their angle is constant. Any other
-two, or three: components of the rotation vector log(A^T B). A distance joint: the length of d is constant.
+its axis is fixed in both bodies. Two successive free rotations (see ``elements.joint_kinds``): the first axis
+(``axis`` of a universal joint) is fixed in the first body, the other (``axis2``) in the second, and their angle is
+constant. Any other two, or three: components of the rotation vector log(A^T B); of two, the axes bisect the angle of
+both bodies. A distance joint: the length of d is constant.
 """
 
 from __future__ import annotations
@@ -136,20 +137,15 @@ def _stretched(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
     return ((length - described) / length)[:, None] * gap, np.zeros(gap.shape)
 
 
-SUCCESSIVE = Rule(_between_axes, _off_angle)
-BY_KIND = {
-    "screw": Rule(opening=_off_thread),
-    "homokinetic": Rule(_halfway, _bent),
-    "distance": Rule(_along_rod, _stretched),
-}
-BY_ROTATIONS = {0: Rule(opening=_relative_rotation), 1: Rule(opening=_tilted), 3: Rule()}
+SUCCESSIVE, SCREW, ROD = Rule(_between_axes, _off_angle), Rule(opening=_off_thread), Rule(_along_rod, _stretched)
+BY_ROTATIONS = (Rule(opening=_relative_rotation), Rule(opening=_tilted), Rule(_halfway, _bent), Rule())
 
 
 def rule_of(joint: Joint) -> Rule:
     """Return the rule that a joint follows in finite motion."""
-    if joint.kind in BY_KIND:
-        return BY_KIND[joint.kind]
-    return SUCCESSIVE if joint.successive else BY_ROTATIONS[sum(name[0] == "r" for name, _ in joint.freedom)]
+    if joint.is_rod or joint.pitch is not None:
+        return ROD if joint.is_rod else SCREW
+    return SUCCESSIVE if joint.successive else BY_ROTATIONS[len(joint.rotation_axes)]
 
 
 def in_groups(joints: Sequence[Joint], number: Mapping[str, int], origin: Array) -> list[tuple[Rule, Index, Joints]]:
@@ -184,7 +180,7 @@ def _stack(joints: Sequence[Joint], number: Mapping[str, int], origin: Array) ->
     end = np.array([origin[k] if joint.point is None else joint.point for k, joint in zip(inner, joints, strict=True)])
     start = np.array([point if joint.end is None else joint.position or (0.0, 0.0, 0.0)
                       for point, joint in zip(end, joints, strict=True)])  # fmt: skip
-    turns = [[six[3:] for name, six in joint.freedom if name[0] == "r"] or [(0.0,) * 3] for joint in joints]
+    turns = [joint.rotation_axes or ((0.0,) * 3,) for joint in joints]
     first_axis, last_axis = np.array([axes[0] for axes in turns]), np.array([axes[-1] for axes in turns])
     return Joints(first, second, start, end, first_axis, last_axis,
                   np.array([joint.pitch or 0.0 for joint in joints]))  # fmt: skip

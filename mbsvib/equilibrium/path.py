@@ -35,6 +35,7 @@ STEPS = 200
 OVERSHOOT = 0.5
 # Newton steps must become shorter by this factor from one to the next; at most so many are taken.
 CONTRACTION, NEWTON_STEPS = 0.5, 12
+# Shares of the load that are closer than this are not divided any more: the branch ends between them.
 SMALLEST_SHARE = 1e-3
 # Loops are closed when they are open by less than this share of the mechanism's size, or by rounding.
 CLOSED = 1e-11

@@ -58,7 +58,7 @@ def equilibrium(model: M, snap: bool = False, cut: Sequence[str] = ()) -> Equili
 
 def _displacements(model: Mechanism, pose: Pose) -> dict[str, Array]:
     """Displacements of bodies and nodes from the reference pose, without those of internal coordinates."""
-    carriers = {name for part in model.superelements.values() for name in part.carriers}
+    carriers = {name for part in model.composed.values() for name in part.carriers}
     return {name: six for name, six in displacements(pose).items() if name not in carriers}
 
 

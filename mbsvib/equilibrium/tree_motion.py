@@ -123,7 +123,7 @@ def tree_of(topology: Topology) -> Tree:
         if joint is not None and joint.successive:
             then.append((len(group) - 1, len(start)))
             start.append(column + count - 1)
-        if joint is not None and joint.kind == "distance":
+        if joint is not None and joint.is_rod:
             rods.append((len(group) - 1, math.dist(joint.position or ORIGIN, joint.end or ORIGIN)))
         column += count
     return Tree(

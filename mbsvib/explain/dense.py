@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.common.display import upper
 from mbsvib.common.tables import SHOWN, listed
-from mbsvib.elements.inerter import Inerter
-from mbsvib.elements.part import Composed
 from mbsvib.errors import counted
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.mechanism.unit_warnings import unit_warnings
@@ -26,17 +24,7 @@ _ENOUGH = {
 def explain(system: Equations, basis: Basis | None = None) -> str:
     """Return a description of the equations of a system: topology, loops, rank decisions, and skipped steps.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    basis : Basis, optional
-        What has been computed of their modes.
-
-    Returns
-    -------
-    str
-        A few lines of text.
+    ``basis``: what has been computed of their modes.
     """
     if system.provenance.truncation is not None:
         return _reduced(system, system.provenance.truncation)
@@ -96,7 +84,8 @@ def _of_matrices(system: Equations, basis: Basis | None) -> str:
 def _topology(system: Equations) -> list[str]:
     topology = system.provenance.topology
     jointed = {part for joint in topology.joints for part in (joint.first, joint.second)}
-    composed = [part for part in system.provenance.parts if isinstance(part, Composed)]
+    declared: dict[str, Any] = {part.name: part for part in system.provenance.parts}
+    composed = [part for part in declared.values() if part.symbol == "composed"]
     owners = {part.name for part in composed}
     springs = [name for name in system.provenance.springs if name not in owners]
     parts = ((topology.bodies, "body"), (topology.joints, "joint"), (springs, "spring-damper"))
@@ -113,7 +102,7 @@ def _topology(system: Equations) -> list[str]:
                      + listed([f"{name} {total[name]}" for name in topology.bodies]))  # fmt: skip
     straining = set(system.row_owner.tolist())
     forces = () if system.provenance.statics is None else system.provenance.statics.applied.names
-    inerters = {part.name for part in system.provenance.parts if isinstance(part, Inerter)}  # they are part of M
+    inerters = {name for name in springs if name in declared and declared[name].inertance}  # they are part of M
     idle = [name for i, name in enumerate(system.provenance.springs)
             if i not in straining and name not in forces and name not in inerters]  # fmt: skip
     if idle:
@@ -213,17 +202,7 @@ def separated(separation: Separation, states: int) -> list[str]:
 def skipped(system: Equations, basis: Basis | None = None) -> list[str]:
     """Return the steps of the computation that the model does not need, one sentence each.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    basis : Basis, optional
-        What has been computed of their modes.
-
-    Returns
-    -------
-    list of str
-        What was skipped and why.
+    ``basis``: what has been computed of their modes.
     """
     result = []
     if not system.provenance.reduction.groups:

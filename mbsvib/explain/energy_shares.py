@@ -92,17 +92,7 @@ class StiffnessShares(Displayed):
 def stiffness_shares(basis: Basis, modes: Modes | None = None) -> StiffnessShares:
     """Return the shares of all elements in the strain energy of modes.
 
-    Parameters
-    ----------
-    basis : Basis
-        The equations of motion and their modes.
-    modes : Modes, optional
-        Some of its modes; default: all.
-
-    Returns
-    -------
-    StiffnessShares
-        Signed shares, with a table as text.
+    ``modes``: some of its modes; default: all.
     """
     system, modes = basis.equations, basis.modes if modes is None else modes
     system.provenance.check_mechanism(system.name, "stiffness_shares")
@@ -116,19 +106,8 @@ def stiffness_shares(basis: Basis, modes: Modes | None = None) -> StiffnessShare
 def energies(system: Equations, shapes: Array | Complex) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
     """Return twice the strain energy of each element in each of some shapes, phi^H K_e phi.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    shapes : array, shape (m, n)
-        Shapes in minimal coordinates, real or complex.
-
-    Returns
-    -------
-    names, kinds : tuple of str
-        The elements, and what of each.
-    energy : array, shape (elements, n)
-        Energies [J].
+    ``shapes`` (m, n): shapes in minimal coordinates, real or complex. Returns names, kinds: the elements, and what of
+    each; energy (elements, n): energies [J].
     """
     springs, statics = system.provenance.springs, system.provenance.statics
     rows = system.row_stiffness[:, None] * np.square(np.abs(system.elastic_rows @ shapes))

@@ -17,18 +17,7 @@ SHOWN = 12
 
 
 def explain_loads(system: Equations) -> list[str]:
-    """Return the loads of a system, their balance, and their effect on stiffness.
-
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-
-    Returns
-    -------
-    list of str
-        Lines of text; none where nothing loads it.
-    """
+    """Return the loads of a system, their balance, and their effect on stiffness."""
     statics = system.provenance.statics
     if statics is None:
         return []

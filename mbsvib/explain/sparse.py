@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.tables import listed
-from mbsvib.elements import ForceOutput
 from mbsvib.errors import counted
 from mbsvib.explain.dense import rank_decision, removed, separated
 
@@ -20,16 +19,6 @@ SHOWN = 8  # groups of loops
 def explain(system: SparseEquations) -> str:
     """Return how the equations of a sparse system came about: topology, loops, rank decisions, the tableau, what was
     skipped.
-
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-
-    Returns
-    -------
-    str
-        A few lines of text.
     """
     topology = system.topology
     parts = ((topology.bodies, "body"), (topology.joints, "joint"), (system.springs, "spring-damper"))
@@ -83,7 +72,7 @@ def _tableau(system: SparseEquations) -> list[str]:
 
 def _forces(system: SparseEquations) -> list[str]:
     force_outputs = [output for output in system.model.outputs.values()
-              if isinstance(output, ForceOutput) and output.element not in system.model.springs]  # fmt: skip
+              if output.element is not None and output.element not in system.model.springs]  # fmt: skip
     if not force_outputs:
         return []
     count = counted(len(force_outputs), "output")

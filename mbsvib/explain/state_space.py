@@ -13,18 +13,7 @@ if TYPE_CHECKING:
 
 
 def explain(space: StateSpace) -> str:
-    """Return a description of a state space: its realization, and how far a reduced model is off.
-
-    Parameters
-    ----------
-    space : StateSpace
-        The equations.
-
-    Returns
-    -------
-    str
-        A few lines of text.
-    """
+    """Return a description of a state space: its realization, and how far a reduced model is off."""
     lines = [f"{space.name}: {counted(len(space.states), 'state')}, realization {space.realization!r}"]
     if space.error_bound is not None:
         lines.append(f"  the frequency response differs by {upper(space.error_bound)} at most from that of the full "

@@ -10,7 +10,7 @@ import numpy as np
 
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.feedback.controller import Controller, as_controller
-from mbsvib.feedback.feedback_loop import FeedbackLoop
+from mbsvib.feedback.feedback_loop import FeedbackLoop, united
 from mbsvib.feedback.participation import eigen
 from mbsvib.feedback.plant import SystemPlant
 from mbsvib.feedback.regularity import regular
@@ -18,15 +18,14 @@ from mbsvib.feedback.resolution import Resolution
 from mbsvib.feedback.sampled import SampledLoop, sampled
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.plant import LoopPlant
     from mbsvib.responses.state_space import StateSpace
 
-    Ports = str | Sequence[str] | None
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -147,8 +146,8 @@ class ClosedLoop(FeedbackLoop):
             return self.state_space().frequency_response(w)
 
     def time_response(
-        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: Any = None, outputs: Ports = None,
-        inputs: Ports = None,
+        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: Any = None, outputs: Names = None,
+        inputs: Names = None,
     ) -> Array:  # fmt: skip
         """Return the time response to inputs that are held or vary linearly between the samples; exact for these.
 
@@ -233,27 +232,7 @@ class ClosedLoop(FeedbackLoop):
 
 
 def close(plant: LoopPlant, *controllers: Controller, form: type[ClosedLoop] = ClosedLoop) -> ClosedLoop:
-    """Return a plant with its loops closed.
-
-    Parameters
-    ----------
-    plant : LoopPlant
-        The plant with actuators and sensors.
-    *controllers : Controller
-        Controllers that act together.
-    form : type
-        The class of the loop.
-
-    Returns
-    -------
-    ClosedLoop
-        Poles, responses, margins.
-
-    Raises
-    ------
-    ResponseError
-        If there is no controller, or one names an unknown sensor or actuator.
-    """
+    """Return a plant with its loops closed."""
     if not controllers:
         raise ResponseError("closed loop: no controller is given; make one by force_feedback, skyhook, controller, ...")
     system = plant.system
@@ -266,38 +245,16 @@ def close(plant: LoopPlant, *controllers: Controller, form: type[ClosedLoop] = C
                 if name not in known:
                     raise ResponseError(f"closed loop: {law.name} names the {kind} '{name}'; the plant has none."
                                         f"{nearest(name, known)} It has {', '.join(known)}.")  # fmt: skip
-    return form(plant, controllers, _united([c.inputs for c in controllers]),
-                _united([c.outputs for c in controllers]))  # fmt: skip
+    return form(plant, controllers, united(*(c.inputs for c in controllers)), united(*(c.outputs for c in controllers)))
 
 
 def feedback(
-    system: Any, controller: Any, sensors: Ports = None, actuators: Ports = None, name: str | None = None
+    system: Any, controller: Any, sensors: Names = None, actuators: Names = None, name: str | None = None
 ) -> ClosedLoop:
     """Return a system or state space with a controller that feeds outputs back to inputs, u = w + K y.
 
-    Parameters
-    ----------
-    system : System or StateSpace
-        The plant.
-    controller : Controller, StateSpace, control.StateSpace, control.TransferFunction or array-like
-        From sensors to actuators; an array has the shape (actuators, sensors).
-    sensors, actuators : str or sequence of str, optional
-        Names or patterns of outputs and inputs; default: the names that the controller has.
-    name : str, optional
-        Name of the controller in tables.
-
-    Returns
-    -------
-    ClosedLoop
-        The closed loop.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown, shapes do not match, or the controller is discrete.
+    ``controller``: from sensors to actuators; an array has the shape (actuators, sensors). ``sensors``, ``actuators``:
+    names or patterns of outputs and inputs; default: the names that the controller has. ``name``: name of the
+    controller in tables.
     """
     return close(SystemPlant(system), as_controller(controller, system, sensors, actuators, name))
-
-
-def _united(groups: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(name for group in groups for name in group))

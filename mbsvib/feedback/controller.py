@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
 from mbsvib.common.display import Displayed
-from mbsvib.common.selection import selected
-from mbsvib.errors import ResponseError
+from mbsvib.common.selection import port_numbers, selected
+from mbsvib.errors import ResponseError, counted
 from mbsvib.responses.from_control import is_control, is_transfer_function, of_control
+from mbsvib.responses.linear import LinearVerbs
 from mbsvib.responses.state_space import StateSpace
 
 if TYPE_CHECKING:
@@ -19,11 +20,18 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
+    from mbsvib.modes.state_modes import StateModes
+
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Controller(Displayed):
-    """z' = A z + B y,  u = C z + D y, from the sensors ``inputs`` to the actuators ``outputs``, signs included."""
+class Controller(LinearVerbs, Displayed):
+    """z' = A z + B y,  u = C z + D y, from the sensors ``inputs`` to the actuators ``outputs``, signs included.
+
+    It has the responses, norms and plots of a system. ``units`` are those of sensors and of actuators, where the plant
+    is known.
+    """
 
     name: str
     A: Array
@@ -34,6 +42,42 @@ class Controller(Displayed):
     outputs: tuple[str, ...]
 
     kind: ClassVar[str] = "controller"
+
+    units: tuple[tuple[str, ...], tuple[str, ...]] | None = None
+
+    def __post_init__(self) -> None:
+        for label in "ABCD":
+            if not np.isfinite(getattr(self, label)).all():
+                raise ResponseError(f"controller '{self.name}': {label} has entries that are not finite; expected real "
+                                    f"numbers.")  # fmt: skip
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Units of the sensors, "" where they are unknown."""
+        return self.units[0] if self.units else ("",) * len(self.inputs)
+
+    @property
+    def output_units(self) -> tuple[str, ...]:
+        """Units of the actuators, "" where they are unknown."""
+        return self.units[1] if self.units else ("",) * len(self.outputs)
+
+    def for_plant(self, plant: Any) -> Self:
+        """Return the controller with the units of a plant.
+
+        Parameters
+        ----------
+        plant : System, StateSpace or ClosedLoop
+            Whose outputs are the sensors and whose inputs the actuators.
+
+        Returns
+        -------
+        Controller
+            The same equations.
+        """
+        sensors, actuators = (dict(zip(*signals, strict=True)) for signals in
+                              ((plant.outputs, plant.output_units), (plant.inputs, plant.input_units)))  # fmt: skip
+        units = tuple([sensors.get(n, "") for n in self.inputs]), tuple([actuators.get(n, "") for n in self.outputs])
+        return replace(self, units=units)
 
     def at(self, s: Complex) -> Complex:
         """Return K(s).
@@ -53,18 +97,101 @@ class Controller(Displayed):
             k = k + self.C @ np.linalg.solve(s[:, None, None] * np.eye(len(self.A)) - self.A, self.B)
         return np.asarray(k)
 
+    def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
+        """Return the controller with some of its actuators and sensors, as ``controller[actuators, sensors]`` does.
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns of actuators and of sensors; default: all.
+
+        Returns
+        -------
+        Controller
+            With the same states.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, or a pattern picks nothing.
+        """
+        o, i = port_numbers(outputs, inputs, (self.outputs, self.inputs), self.name)
+        units = self.input_units, self.output_units
+        return replace(self, B=self.B[:, i], C=self.C[o], D=self.D[np.ix_(o, i)],
+                       inputs=tuple([self.inputs[k] for k in i]), outputs=tuple([self.outputs[k] for k in o]),
+                       units=(tuple([units[0][k] for k in i]), tuple([units[1][k] for k in o])))  # fmt: skip
+
     def state_space(self) -> StateSpace:
         """Return the controller as a state space with names, ready for ``mbsvib_export.to_control``."""
-        from mbsvib.responses.state_space import StateSpace
-
         n = len(self.A)
         return StateSpace(self.name, "controller", self.A.copy(), self.B.copy(), self.C.copy(), self.D.copy(),
                           np.zeros((0, n)), tuple([f"{self.name}{i + 1}" for i in range(n)]), ("",) * n, self.inputs,
-                          ("",) * len(self.inputs), self.outputs, ("N",) * len(self.outputs))  # fmt: skip
+                          self.input_units, self.outputs, self.output_units)  # fmt: skip
+
+    def modes(self) -> StateModes:
+        """Return the eigenvalues of A mode by mode, printed as a table."""
+        return self.state_space().modes()
+
+    def poles(self) -> Complex:
+        """Return the eigenvalues of A [1/s], shape (states,), in ascending magnitude."""
+        return self.state_space().poles()
+
+    def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
+        """Return K(i w) from sensors to actuators.
+
+        Parameters
+        ----------
+        omega : array-like, shape (n,)
+            Angular frequencies [rad/s].
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all.
+
+        Returns
+        -------
+        array, shape (outputs, inputs, n)
+            Complex responses.
+
+        Raises
+        ------
+        ResponseError
+            If a frequency is not finite or is a pole, or a name is unknown.
+        """
+        return self.state_space().frequency_response(omega, outputs, inputs)
+
+    def time_response(
+        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: ArrayLike | None = None, outputs: Names = None,
+        inputs: Names = None,
+    ) -> Array:  # fmt: skip
+        """Return what it demands of its actuators when its sensors measure a record.
+
+        Parameters
+        ----------
+        t : array-like, shape (n,)
+            Ascending times [s].
+        u : array-like, shape (inputs, n), or (n,) for a single input
+            What the sensors measure at these times.
+        hold : str
+            "first": linear between samples; "zero": constant from each sample to the next.
+        initial : array-like, shape (states,), optional
+            States at t[0]; default: 0.
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all. Rows of ``u`` are those of ``inputs``, other sensors measure 0.
+
+        Returns
+        -------
+        array, shape (outputs, n)
+            Outputs at these times.
+
+        Raises
+        ------
+        ResponseError
+            If times do not ascend, shapes do not match, or the hold or a name is unknown.
+        """
+        return self.state_space().time_response(t, u, hold, initial, outputs, inputs)
 
     def __repr__(self) -> str:
-        return (f"Controller({self.name!r}: {len(self.inputs)} sensors, {len(self.outputs)} actuators, {len(self.A)} "
-                f"states)")  # fmt: skip
+        counts = (self.inputs, "sensor"), (self.outputs, "actuator"), (self.A, "state")
+        return f"Controller({self.name!r}: {', '.join(counted(len(part), noun) for part, noun in counts)})"
 
 
 def controller(law: Any, inputs: Sequence[str], outputs: Sequence[str], name: str = "controller") -> Controller:
@@ -113,33 +240,16 @@ def _gains(law: Any, name: str) -> Array:
         except (TypeError, ValueError):
             pass
     raise ResponseError(f"controller '{name}': it is a {type(law).__name__}; expected a Controller, a state space or "
-                        f"transfer function, or a matrix of gains.")  # fmt: skip
+                        f"transfer function of python-control, or a matrix of gains.")  # fmt: skip
 
 
 def as_controller(value: Any, plant: Any, sensors: Any = None, actuators: Any = None, name: str | None = None) -> \
         Controller:  # fmt: skip
     """Return what was given as a controller from named sensors to named actuators of a plant.
 
-    Parameters
-    ----------
-    value : Controller, StateSpace, control.StateSpace, control.TransferFunction or array-like
-        The controller; an array, shape (actuators, sensors), is a static gain.
-    plant : System, StateSpace or ClosedLoop
-        Whose outputs are sensors and whose inputs are actuators.
-    sensors, actuators : str or sequence of str, optional
-        Names or patterns; default: the names that the controller has.
-    name : str, optional
-        Name for tables; default: its own.
-
-    Returns
-    -------
-    Controller
-        The controller.
-
-    Raises
-    ------
-    ResponseError
-        If names are missing or unknown, or shapes do not match.
+    ``value``: the controller; an array, shape (actuators, sensors), is a static gain. ``plant``: whose outputs are
+    sensors and whose inputs are actuators. ``sensors``, ``actuators``: names or patterns; default: the names that the
+    controller has. ``name``: name for tables; default: its own.
     """
     known = isinstance(value, Controller) or getattr(value, "kind", None) == "state space"
     foreign = is_control(value) or is_transfer_function(value)
@@ -158,8 +268,9 @@ def as_controller(value: Any, plant: Any, sensors: Any = None, actuators: Any = 
         if value.D.shape != (len(out), len(into)):
             raise ResponseError(f"feedback: {value!r}; expected {len(into)} sensors and {len(out)} actuators: "
                                 f"{', '.join(into)}; {', '.join(out)}.")  # fmt: skip
-        return replace(value, name=called, inputs=into, outputs=out)
-    return controller(StateSpace.from_control(value) if is_transfer_function(value) else value, into, out, called)
+        return replace(value, name=called, inputs=into, outputs=out).for_plant(plant)
+    equations = StateSpace.from_control(value) if is_transfer_function(value) else value
+    return controller(equations, into, out, called).for_plant(plant)
 
 
 def _labels(labels: Sequence[str], known: Sequence[str]) -> list[str] | None:
@@ -173,26 +284,8 @@ def integrators(
 ) -> Controller:
     """Return u = gains / (s + leak) y.
 
-    Parameters
-    ----------
-    name : str
-        Name for tables.
-    gains : array-like, shape (outputs, inputs)
-        Matrix of gains.
-    inputs, outputs : sequence of str
-        Names of sensors and actuators.
-    leak : float
-        Corner of the integrators [rad/s]: below it they do not integrate.
-
-    Returns
-    -------
-    Controller
-        The controller, one integrator a sensor.
-
-    Raises
-    ------
-    ResponseError
-        If the leak is negative.
+    ``gains`` (outputs, inputs): matrix of gains. ``leak``: corner of the integrators [rad/s]: below it they do not
+    integrate.
     """
     matrix = np.array(gains, dtype=float, ndmin=2)
     if not 0.0 <= leak < np.inf:

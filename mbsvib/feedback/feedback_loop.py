@@ -17,21 +17,20 @@ from mbsvib.feedback.controller import Controller, as_controller
 from mbsvib.feedback.integrand import response
 from mbsvib.feedback.margins import margins
 from mbsvib.feedback.pole_track import vibrates
-from mbsvib.feedback.pole_words import described, origins, unstable
+from mbsvib.feedback.pole_words import described, origins, shown_damping, unstable
 from mbsvib.responses.linear import LinearVerbs
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.margins import Margins
     from mbsvib.feedback.plant import LoopPlant
     from mbsvib.feedback.resolution import Resolution
     from mbsvib.responses.state_space import StateSpace
 
-    Ports = str | Sequence[str] | None
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -83,7 +82,7 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         system = self.plant.system
         return tuple([system.input_units[system.inputs.index(name)] for name in self.inputs])
 
-    def with_ports(self, outputs: Ports = None, inputs: Ports = None) -> Self:
+    def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
         """Return the loop with some of its outputs and inputs, as ``loop[outputs, inputs]`` does.
 
         Parameters
@@ -108,7 +107,7 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         return replace(self, selection=(tuple([self.outputs[k] for k in o]), tuple([self.inputs[k] for k in i])))
 
     def feedback(
-        self, controller: Any, sensors: Ports = None, actuators: Ports = None, name: str | None = None
+        self, controller: Any, sensors: Names = None, actuators: Names = None, name: str | None = None
     ) -> Self:  # fmt: skip
         """Return the loop with a further controller, which acts together with the others: u = w + K y is added.
 
@@ -132,8 +131,8 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
             If a name is unknown, shapes do not match, or the controller is discrete.
         """
         law = as_controller(controller, self.plant.system, sensors, actuators, name)
-        return replace(self, controllers=(*self.controllers, law), sensors=_united(self.sensors, law.inputs),
-                       actuators=_united(self.actuators, law.outputs))  # fmt: skip
+        return replace(self, controllers=(*self.controllers, law), sensors=united(self.sensors, law.inputs),
+                       actuators=united(self.actuators, law.outputs))  # fmt: skip
 
     @cached_property
     def law(self) -> Controller:
@@ -152,7 +151,7 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
             d[np.ix_(out, into)] += controller.D
             start += size
         name = " + ".join(controller.name for controller in self.controllers)
-        return Controller(name, a, b, c, d, self.sensors, self.actuators)
+        return Controller(name, a, b, c, d, self.sensors, self.actuators).for_plant(self.plant.system)
 
     @property
     def ports(self) -> tuple[list[int], list[int]]:
@@ -263,7 +262,7 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         returned = self.returned(omega)
         return np.asarray(np.linalg.inv(np.eye(len(self.actuators)) - returned).transpose(1, 2, 0))
 
-    def frequency_response(self, omega: ArrayLike, outputs: Ports = None, inputs: Ports = None) -> Complex:
+    def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
         """Return the response of the closed loop, G + G_u (1 - K G_yu)^-1 K G_y.
 
         Parameters
@@ -383,8 +382,10 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         dict
             Title, columns, rows and notes.
         """
-        rows = [(i + 1, f"{abs(s) / (2 * np.pi):.6g}", f"{-100 * s.real / abs(s):.4g}", self.sources[at])
-                for i, (s, at) in enumerate(zip(self.vibrating, self._vibrating.tolist(), strict=True))]  # fmt: skip
+        damping = shown_damping(self.vibrating, np.abs(self._eigen[0]).max(initial=0.0))
+        values = zip(np.abs(self.vibrating), damping, self._vibrating.tolist(), strict=True)
+        rows = [(i + 1, f"{natural / (2 * np.pi):.6g}", f"{100.0 * ratio:.4g}", self.sources[at])
+                for i, (natural, ratio, at) in enumerate(values)]  # fmt: skip
         notes = [f"Unstable: {words}." for words in self.growing]
         return {"title": f"Closed loop of {self.plant.system.name}: {self.title}",
                 "columns": [("mode", "right"), ("natural [Hz]", "right"), ("damping ratio [%]", "right"),
@@ -392,8 +393,9 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
                 "rows": rows, "notes": notes}  # fmt: skip
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({self.plant.system.name!r} with {self.law.name})"
+        return f"{type(self).__name__}({self.plant.system.name!r} with {self.title})"
 
 
-def _united(first: tuple[str, ...], second: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys((*first, *second)))
+def united(*groups: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names of all groups, each once."""
+    return tuple(dict.fromkeys(name for group in groups for name in group))

@@ -17,20 +17,7 @@ if TYPE_CHECKING:
 def checked(frequencies: ArrayLike) -> Array:
     """Return frequencies [Hz] as an array.
 
-    Parameters
-    ----------
-    frequencies : array-like, shape (n,)
-        From 0 Hz on, ascending.
-
-    Returns
-    -------
-    array, shape (n,)
-        A copy.
-
-    Raises
-    ------
-    ResponseError
-        If there are none, or they do not ascend.
+    ``frequencies`` (n,): from 0 Hz on, ascending. Returns (n,): a copy.
     """
     try:
         f = np.array(frequencies, dtype=float, ndmin=1)

@@ -20,7 +20,7 @@ SEPARATE = 1e-12  # reciprocal condition of the products of left and right vecto
 
 
 @dataclass(frozen=True)
-class Spectrum:
+class GainSpectrum:
     """Eigenvalues ``poles`` (n,) of the state ``matrix`` (n, n) at a ``gain``, in ascending order of magnitude."""
 
     gain: float
@@ -55,18 +55,9 @@ class Spectrum:
         For a simple eigenvalue lambda' = y^H A' x / (y^H x); for one of multiplicity m, the m eigenvalues of
         (Y^H X)^-1 Y^H A' X with its left and right vectors Y and X, in ascending order of real plus imaginary part.
 
-        Parameters
-        ----------
-        change : array, shape (n, n)
-            Derivative A' of the state matrix.
+        ``change`` (n, n): derivative A' of the state matrix. Returns (n,): derivatives in the order of ``values``; zero
+        where an eigenvalue is defective and has none.
 
-        Returns
-        -------
-        array, shape (n,)
-            Derivatives in the order of ``values``; zero where an eigenvalue is defective and has none.
-
-        Source
-        ------
         Lancaster, P. (1964), On eigenvalues of matrices dependent on a parameter, Numer. Math. 6, theorem 7.
         """
         _, left, right, scale = self._decomposition

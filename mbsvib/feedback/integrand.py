@@ -21,19 +21,7 @@ DENSE = 60  # degrees of freedom up to which the dense equations are solved at e
 def response(system: Any, w: Array, outputs: Sequence[str], inputs: Sequence[str]) -> Complex:
     """Return responses for norms, in which entries that are zero by symmetry need not be accurate.
 
-    Parameters
-    ----------
-    system : System
-        The equations of motion.
-    w : array, shape (n,)
-        Angular frequencies [rad/s].
-    outputs, inputs : sequence of str
-        Names.
-
-    Returns
-    -------
-    array, shape (outputs, inputs, n)
-        G(i w), accurate in its norm.
+    ``w`` (n,): angular frequencies [rad/s]. Returns (outputs, inputs, n): G(i w), accurate in its norm.
     """
     o, i = [system.outputs.index(name) for name in outputs], [system.inputs.index(name) for name in inputs]
     entries = np.ix_(o, i)
@@ -54,19 +42,8 @@ def response(system: Any, w: Array, outputs: Sequence[str], inputs: Sequence[str
 def solved(system: Any, w: Array, o: list[int], i: list[int]) -> tuple[Complex, Complex, Complex]:
     """Return responses (outputs, inputs, n), motions (n, m, inputs) and adjoint motions (n, outputs, m).
 
-    Parameters
-    ----------
-    system : System
-        The equations of motion, of few degrees of freedom.
-    w : array, shape (n,)
-        Angular frequencies [rad/s].
-    o, i : list of int
-        Numbers of outputs and inputs.
-
-    Returns
-    -------
-    tuple of array
-        G = H R + D, R = Z^-1 B and L = H Z^-1 with Z = K + i w C - w^2 M, H = Cq + i w Cv - w^2 Ca.
+    ``system``: the equations of motion, of few degrees of freedom. ``w`` (n,): angular frequencies [rad/s]. Returns G =
+    H R + D, R = Z^-1 B and L = H Z^-1 with Z = K + i w C - w^2 M, H = Cq + i w Cv - w^2 Ca.
     """
     s = np.asarray(1j * w[:, None, None], dtype=complex)
     z = system.K + s * system.C + s * s * system.M

@@ -88,7 +88,8 @@ class Margins(Displayed):
     @property
     def all_gains(self) -> tuple[float, float]:
         """Factors between which all gains may change simultaneously."""
-        return 1.0 / (1.0 + self.modulus), 1.0 / (1.0 - self.modulus) if self.modulus < 1.0 else float("inf")
+        limited = self.modulus <= 1.0 - VANISHES
+        return 1.0 / (1.0 + self.modulus), 1.0 / (1.0 - self.modulus) if limited else float("inf")
 
     @property
     def all_phases(self) -> float:
@@ -125,23 +126,8 @@ class Margins(Displayed):
 def margins(loop: OpenedLoops, frequencies: ArrayLike | None = None) -> Margins:
     """Return the margins of a closed loop.
 
-    Parameters
-    ----------
-    loop : OpenedLoops
-        The mechanism and its controllers.
-    frequencies : array-like, shape (n,), optional
-        The first and the last are the limits of the band [Hz]; default: all frequencies, of a sampled loop
-        up to half its rate.
-
-    Returns
-    -------
-    Margins
-        Of all loops, and of each.
-
-    Raises
-    ------
-    ResponseError
-        If frequencies do not ascend, or are fewer than two.
+    ``frequencies`` (n,): the first and the last are the limits of the band [Hz]; default: all frequencies, of a sampled
+    loop up to half its rate.
 
     Source: N. A. Lehtomaki, N. R. Sandell and M. Athans, IEEE Trans. Autom. Control 26 (1981) 75, for the disk margin.
     """

@@ -8,6 +8,7 @@ import numpy as np
 
 from mbsvib.feedback.pole_track import vibrates
 from mbsvib.linalg.balancing import scaled_matrix
+from mbsvib.modes.state_modes import FORGOTTEN
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
 
 
-FORGOTTEN = np.finfo(float).eps ** 0.5  # poles of delays, which decay within a few samples
 ALIKE = 1e-6  # poles that differ by less than this share are repeated: any basis of their eigenspace is valid
 
 LEAST = 0.1  # minimum participation of the mechanism in poles that are assigned to its modes
@@ -27,19 +27,8 @@ def eigen(a: Array, rate: float | None = None) -> tuple[Complex, Array]:
     p_ik = |v_ik w_ik| / sum over i, with the right and left eigenvectors v_k and w_k, w_k^H v_k = 1: the diagonal of
     the projection on the eigenvectors, which does not depend on units
 
-    Parameters
-    ----------
-    a : array, shape (n, n)
-        The matrix.
-    rate : float, optional
-        Samples a second [Hz].
-
-    Returns
-    -------
-    poles : array, shape (poles,)
-        In ascending magnitude [1/s], without those that are forgotten within a few samples.
-    participation : array, shape (n, poles)
-        Columns have the sum 1.
+    ``a`` (n, n): the matrix. ``rate``: samples a second [Hz]. Returns poles (poles,): in ascending magnitude [1/s],
+    without those that are forgotten within a few samples; participation (n, poles): columns have the sum 1.
 
     Source: I. J. Perez-Arriaga, G. C. Verghese and F. C. Schweppe, IEEE Trans. Power Appar. Syst. 101 (1982) 3117.
     """
@@ -70,19 +59,8 @@ def sources(poles: Complex, participation: Array, states: Sequence[str]) -> list
 
     Oscillating poles are assigned to different modes so that the total participation is maximal.
 
-    Parameters
-    ----------
-    poles : array, shape (poles,)
-        Poles [1/s].
-    participation : array, shape (states, poles)
-        Participation of states; those of the mechanism are the first.
-    states : sequence of str
-        Names of these: "mode1", "mode1'", ...
-
-    Returns
-    -------
-    list of int or None
-        One for each pole.
+    ``poles`` (poles,): poles [1/s]. ``participation`` (states, poles): participation of states; those of the mechanism
+    are the first. ``states``: names of these: "mode1", "mode1'", ...
     """
     from scipy.optimize import linear_sum_assignment
 

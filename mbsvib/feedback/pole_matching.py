@@ -23,28 +23,18 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.feedback.gain_spectrum import Spectrum
+    from mbsvib.feedback.gain_spectrum import GainSpectrum
 
 SHORT = 0.3  # share of the differences with two poles exchanged, and of their distance, below which a match is certain
 CROSSING = 1e-5  # share of a pole's magnitude; poles that pass each other at a larger distance do not cross
 
 
-def matched(first: Spectrum, second: Spectrum, modes: NDArray[np.bool_]) -> tuple[Index, bool]:
+def matched(first: GainSpectrum, second: GainSpectrum, modes: NDArray[np.bool_]) -> tuple[Index, bool]:
     """Return which poles of the second gain continue those of the first, and whether this is certain.
 
-    Parameters
-    ----------
-    first, second : Spectrum
-        Poles at two gains.
-    modes : array of bool, shape (n,)
-        Poles of the first gain that were modes at the outset.
-
-    Returns
-    -------
-    order : array, shape (n,)
-        ``second.values[order]`` continue ``first.values``.
-    certain : bool
-        Whether place and slope tell this order from all others. If not, the step must be shorter.
+    ``modes`` (n,): poles of the first gain that were modes at the outset. Returns order (n,): ``second.values[order]``
+    continue ``first.values``; certain: whether place and slope tell this order from all others. If not, the step must
+    be shorter.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -91,12 +81,12 @@ def _separated(residual: Array, turn: Array, closest: Array, crossing: Array) ->
     return np.asarray(nearer | by_slope)
 
 
-def _closest(start: Complex, end: Complex, bend: Complex) -> Array:
-    """Return a lower bound of the distances of poles along their paths, (n, n), with ``bend`` = h (b' - a') of each.
+def _closest(start: Complex, end: Complex, curvature: Complex) -> Array:
+    """Return a lower bound of the distances of poles along their paths, (n, n); ``curvature`` is h (b' - a') of each.
 
-    A path of constant second derivative leaves the straight line by an eighth of the bend.
+    A path of constant second derivative leaves the straight line by an eighth of that.
     """
-    first, last, relative = (values[:, None] - values for values in (start, end, bend))
+    first, last, relative = (values[:, None] - values for values in (start, end, curvature))
     along = last - first
     length = np.abs(along) ** 2
     share = np.divide(-(first * along.conj()).real, length, out=np.zeros_like(length), where=length > 0.0)
@@ -115,13 +105,13 @@ def _ascending(values: Complex) -> Index:
     return np.argsort(values.real + values.imag, kind="stable")
 
 
-def _equal(spectrum: Spectrum, columns: Index) -> NDArray[np.bool_]:
+def _equal(spectrum: GainSpectrum, columns: Index) -> NDArray[np.bool_]:
     """Return which poles of some columns are equal but for rounding, (columns, columns)."""
     values, tolerance = spectrum.values[columns], spectrum.tolerance[columns]
     return np.asarray(np.abs(values[:, None] - values) <= np.maximum(tolerance[:, None], tolerance))
 
 
-def _coincide(spectrum: Spectrum, columns: Index) -> bool:
+def _coincide(spectrum: GainSpectrum, columns: Index) -> bool:
     """Return whether poles are equal but for rounding."""
     values = spectrum.values[columns]
     return bool((np.abs(values - values[0]) <= spectrum.tolerance[columns].max()).all())
@@ -133,7 +123,7 @@ def _conjugate(values: Complex) -> bool:
     return bool((values[:half].imag < 0.0).all() and (values[half:].imag > 0.0).all())
 
 
-def _same_kind(spectrum: Spectrum, columns: Index) -> bool:
+def _same_kind(spectrum: GainSpectrum, columns: Index) -> bool:
     """Return whether poles in ascending order are copies of one, or of two: a pair, or two real ones."""
     half, odd = divmod(len(columns), 2)
     return _coincide(spectrum, columns) or (

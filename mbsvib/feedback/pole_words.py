@@ -20,21 +20,8 @@ RESTS = 3e-8  # error of double poles at 0, in parts of the largest
 def origins(system: Any, states: Sequence[str], poles: Complex, participation: Array) -> tuple[str, ...]:
     """Return where each pole comes from: a mode of the plant, or the controller.
 
-    Parameters
-    ----------
-    system : System or StateSpace
-        The plant.
-    states : sequence of str
-        Names of its states, which come before those of controllers.
-    poles : array, shape (poles,)
-        Of the closed loop [1/s].
-    participation : array, shape (states, poles)
-        Of each state in each pole.
-
-    Returns
-    -------
-    tuple of str
-        One entry a pole.
+    ``states``: names of its states, which come before those of controllers. ``poles`` (poles,): of the closed loop
+    [1/s]. ``participation`` (states, poles): of each state in each pole.
     """
     if getattr(system, "basis", None) is None:  # given states belong to no mode of their own
         plant = participation[: len(states)].sum(axis=0)
@@ -52,6 +39,25 @@ def unstable(poles: Complex) -> Index:
     """Return the numbers of unstable poles (poles,) [1/s], one of each pair; those at 0 but for rounding are stable."""
     largest = np.abs(poles).max(initial=0.0)
     return np.flatnonzero((poles.real > GROWS * largest) & (poles.imag >= 0.0) & (np.abs(poles) > RESTS * largest))
+
+
+def shown_damping(poles: Complex, largest: float) -> Array:
+    """Return damping ratios of poles other than 0, for tables: 0 where real parts are nothing but rounding.
+
+    Parameters
+    ----------
+    poles : array, shape (poles,)
+        Poles [1/s].
+    largest : float
+        The largest magnitude of all poles of the loop [1/s].
+
+    Returns
+    -------
+    array, shape (poles,)
+        -Re(pole)/|pole|, or 0.
+    """
+    rounding = np.minimum(GROWS * largest, RESTS * np.abs(poles))
+    return np.where(np.abs(poles.real) > rounding, -poles.real / np.abs(poles), 0.0)
 
 
 def described(poles: Complex, comes_from: Sequence[str], numbers: Index) -> tuple[str, ...]:

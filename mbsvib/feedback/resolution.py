@@ -21,17 +21,6 @@ class Resolution(NamedTuple):
 
 
 def resolution(linear: Any) -> Resolution:
-    """Return poles and panels of the responses of a system or a closed loop.
-
-    Parameters
-    ----------
-    linear : System or closed loop
-        A system or a closed loop.
-
-    Returns
-    -------
-    Resolution
-        Poles and panels.
-    """
+    """Return poles and panels of the responses of a system or a closed loop."""
     known = getattr(linear, "resolution", None)
     return known if isinstance(known, Resolution) else Resolution(linear.poles())

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import numpy as np
 
@@ -13,9 +13,16 @@ from mbsvib.feedback.feedback_loop import FeedbackLoop
 from mbsvib.feedback.participation import eigen
 from mbsvib.feedback.resolution import Resolution
 from mbsvib.linalg.discrete import tustin
+from mbsvib.responses.frequency_grid import resolving_frequencies, span
 
 if TYPE_CHECKING:
+
+    from numpy.typing import ArrayLike
+
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
+    from mbsvib.modes.state_modes import StateModes
+
 
 
 TURN = 2.0  # maximum phase change [rad] of delay and hold in a panel, which its twelve nodes resolve
@@ -27,11 +34,13 @@ class SampledLoop(FeedbackLoop):
 
     Sensors are read before forces change. Poles, margins and stability are exact, those of the mechanism from sample to
     sample; poles as 1/s. Frequency responses are the components at the frequency of the excitation, exact as
-    well; what sampling folds from there to other frequencies is not in them.
+    well; what sampling folds from there to other frequencies is not in them. ``continuous`` is the loop with the
+    controllers in continuous time.
     """
 
     rate: float = 1.0
     delay: float = 0.0
+    continuous_form: type[Any] | None = field(default=None, repr=False, kw_only=True)
 
     @cached_property
     def discrete(self) -> tuple[Array, Array, Array, Array]:
@@ -82,10 +91,97 @@ class SampledLoop(FeedbackLoop):
         return k, k @ (pc @ _resolved(pa, pb, z)), hold
 
     @cached_property
-    def _eigen(self) -> tuple[Complex, Array]:
+    def _transition(self) -> Array:
+        """From sample to sample: states of the mechanism, delayed forces, states of the controllers."""
         a, b, c, d = self.discrete
         pa, pb, pc = self._mechanism
-        return eigen(np.block([[pa + pb @ d @ pc, pb @ c], [b @ pc, a]]), self.rate)
+        return np.asarray(np.block([[pa + pb @ d @ pc, pb @ c], [b @ pc, a]]))
+
+    @cached_property
+    def _eigen(self) -> tuple[Complex, Array]:
+        return eigen(self._transition, self.rate)
+
+    @cached_property
+    def continuous(self) -> Any:
+        """The loop with the same controllers in continuous time, a ClosedLoop."""
+        assert self.continuous_form is not None
+        return self.continuous_form(self.plant, self.controllers, self.sensors, self.actuators,
+                                    selection=self.selection)  # fmt: skip
+
+    def modes(self) -> StateModes:
+        """Return the modes of the loop from sample to sample, as those of continuous equations: s = rate log z.
+
+        Returns
+        -------
+        StateModes
+            Printed as a table.
+        """
+        from mbsvib.modes.state_modes import state_modes
+
+        space, count = self.plant.space, len(self._transition) - len(self.law.A) - len(self.plant.space.A)
+        names = (*space.states, *[f"force{i + 1}" for i in range(count)],
+                 *[f"controller{i + 1}" for i in range(len(self.law.A))])  # fmt: skip
+        return state_modes(self._transition, self.name, names, self.rate)
+
+    def demanded(self, measured: Array) -> Array:
+        """Return the forces that the controllers demand at each sample, from rest.
+
+        Parameters
+        ----------
+        measured : array, shape (sensors, samples)
+            What the sensors would measure with open loops.
+
+        Returns
+        -------
+        array, shape (actuators, samples)
+            Forces.
+        """
+        a, b, c, d = self.discrete
+        pa, pb, pc = self._mechanism
+        x, z, forces = np.zeros(len(pa)), np.zeros(len(a)), np.empty((len(d), measured.shape[1]))
+        for k, passive in enumerate(measured.T):
+            y = passive + pc @ x
+            forces[:, k] = c @ z + d @ y
+            z = a @ z + b @ y
+            x = pa @ x + pb @ forces[:, k]
+        return forces
+
+    def time_response(
+        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: None = None, outputs: Names = None,
+        inputs: Names = None,
+    ) -> Array:  # fmt: skip
+        """Return the time response from rest, between samples as well; the first sample is taken at t[0].
+
+        Parameters
+        ----------
+        t : array-like, shape (n,)
+            Ascending times [s], which need not be those of the samples.
+        u : array-like, shape (inputs, n), or (n,) for a single input
+            Inputs w at these times, which add to what the controllers demand.
+        hold : str
+            "first": linear between these times; "zero": constant from each to the next.
+        initial : None
+            A sampled loop starts at rest.
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all. Rows of ``u`` are those of ``inputs``, other inputs are 0.
+
+        Returns
+        -------
+        array, shape (outputs, n)
+            Outputs at these times.
+
+        Raises
+        ------
+        ResponseError
+            If times do not ascend, shapes do not match, the hold or a name is unknown, initial states are given, or an
+            unstable plant would leave no digits.
+        """
+        from mbsvib.feedback.sampled_time import time_response
+
+        if initial is not None:
+            raise ResponseError("time_response: initial: a sampled loop starts at rest; expected None. Initial states "
+                                "are those of loop.continuous.")  # fmt: skip
+        return time_response(self.with_ports(outputs, inputs), t, u, hold)
 
     @property
     def title(self) -> str:
@@ -97,6 +193,39 @@ class SampledLoop(FeedbackLoop):
     def resolution(self) -> Resolution:
         """Poles and panels of the responses: sampling repeats poles; a delay has none but rotates the phase."""
         return Resolution(self.poles(), TURN / (2.0 * np.pi * (self.delay + 2.0 / self.rate)), self.rate)
+
+    def frequency_grid(
+        self, outputs: Names = None, inputs: Names = None, n: int | None = None, *, f_min: float | None = None,
+        f_max: float | None = None,
+    ) -> Array:  # fmt: skip
+        """Return angular frequencies that resolve resonances and antiresonances from inputs to outputs.
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all. The zeros of each pair under continuous controllers count.
+        n : int, optional
+            Number of points on an even logarithmic spacing, to which the others are added; default: 150 a decade.
+        f_min, f_max : float, optional
+            First and last frequency [Hz]; default: a tenth of the lowest and three times the highest natural frequency,
+            but at most half the rate.
+
+        Returns
+        -------
+        array, shape (points,)
+            Ascending angular frequencies [rad/s].
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, n is less than 2, or f_min and f_max are not positive and in ascending order.
+        """
+        part, poles = self.continuous.with_ports(outputs, inputs), self.poles()
+        zeros = [part.transmission_zeros(y, u) for y in part.outputs for u in part.inputs]
+        low, high = span(poles, f_min, f_max)
+        if f_max is None:
+            high = min(high, 0.5 * self.rate)
+        return 2.0 * np.pi * resolving_frequencies(np.concatenate((poles, *zeros)), poles, low, high, n)
 
     def state_space(self, realization: str = "modal") -> NoReturn:
         """Refuse: samples have no continuous equations.
@@ -116,8 +245,9 @@ class SampledLoop(FeedbackLoop):
         ResponseError
             Always.
         """
-        raise ResponseError("state_space: a sampled loop has no continuous equations, and white noise no mean square "
-                            "in closed form there: give a band, or a table of densities.")  # fmt: skip
+        raise ResponseError("state_space: a sampled loop has no continuous equations, so that norms, zeros, step_info "
+                            "and exports are refused: ask loop.continuous. For mean squares give a band, or a table of "
+                            "densities.")  # fmt: skip
 
     def sampled(self, rate: float, delay: float = 0.0) -> SampledLoop:
         """Return the loop with its controllers at another rate.
@@ -143,34 +273,20 @@ L = TypeVar("L", bound=SampledLoop)
 def sampled(loop: FeedbackLoop, rate: float, delay: float, form: type[L]) -> L:
     """Return a loop with discrete-time controllers.
 
-    Parameters
-    ----------
-    loop : FeedbackLoop
-        The mechanism and its controllers.
-    rate : float
-        Samples a second [Hz].
-    delay : float
-        Between measuring and acting [s].
-    form : type
-        The class of the loop.
-
-    Returns
-    -------
-    SampledLoop
-        The same loop with discrete controllers.
-
-    Raises
-    ------
-    ResponseError
-        If the rate is not positive or the delay negative.
+    ``rate``: samples a second [Hz]. ``delay``: between measuring and acting [s].
     """
     if not 0.0 < rate < np.inf or not 0.0 <= delay < np.inf:
         raise ResponseError(f"sampled: rate = {rate!r} Hz, delay = {delay!r} s; expected a positive rate, and a delay "
                             f"that is not negative.")  # fmt: skip
+    continuous = loop.continuous_form if isinstance(loop, SampledLoop) else type(loop)
     return form(loop.plant, loop.controllers, loop.sensors, loop.actuators, float(rate), float(delay),
-                selection=loop.selection)  # fmt: skip
+                selection=loop.selection, continuous_form=continuous)  # fmt: skip
 
 
 def _resolved(a: Array, b: Array, z: Complex) -> Complex:
     """(z - A)^-1 B, shape (n, states, columns)."""
-    return np.asarray(np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, b))
+    try:
+        return np.asarray(np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, b))
+    except np.linalg.LinAlgError as error:
+        raise ResponseError("closed loop: the plant or a controller has a pole at one of the frequencies (a pure "
+                            "integrator at 0 Hz?); leave this frequency out.") from error  # fmt: skip

@@ -25,21 +25,8 @@ def closed_system(system: E, gain: Array, sensors: list[int], actuators: list[in
     the outputs; symmetric parts of the changes become rows with weights, antisymmetric ones gyroscopic and circulatory
     terms
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion with open loops.
-    gain : array, shape (actuators, sensors)
-        Static gains.
-    sensors, actuators : list of int
-        Numbers of outputs and inputs.
-    name : str
-        Name of the closed loop.
-
-    Returns
-    -------
-    Equations or None
-        None if a sensor of acceleration would change M, there are motions without mass, or the loop is algebraic.
+    ``gain`` (actuators, sensors): static gains. Returns None if a sensor of acceleration would change M, there are
+    motions without mass, or the loop is algebraic.
     """
     product = gain @ system.D[np.ix_(sensors, actuators)]
     if system.massless or (gain @ system.Ca[sensors]).any() or not regular(product):

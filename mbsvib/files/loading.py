@@ -103,7 +103,7 @@ def _model(document: Document, head: dict[str, Any], stem: str) -> Model:
         return Model(**{"name": stem, **head})
     except ModelError as error:
         key_path = (error.field,) if error.field in head else ()
-        raise _placed(document, key_path, error) from error
+        raise _with_line(document, key_path, error) from error
 
 
 def _entries(document: Document, section: str, entries: Any) -> Iterable[tuple[str, Any]]:
@@ -136,7 +136,7 @@ def _add(document: Document, model: Model, section: str, name: str, entry: Any) 
         getattr(model, f"add_{kind}")(name, **absent, **entry)
     except ModelError as error:
         field = error.field
-        raise _placed(document, (*path, field) if field in known and field is not None else path, error) from error
+        raise _with_line(document, (*path, field) if field in known and field is not None else path, error) from error
 
 
 def _wrong(model: Model, section: str, kind: str, key: str, value: Any) -> str | None:
@@ -169,7 +169,7 @@ def _kind(document: Document, key_path: KeyPath, entry: dict[str, Any]) -> str:
     return str(kind)
 
 
-def _placed(document: Document, key_path: KeyPath, error: ModelError) -> ModelError:
+def _with_line(document: Document, key_path: KeyPath, error: ModelError) -> ModelError:
     message = str(error).removeprefix(f"{error.element}: ")
     return document.error(key_path, message, element=error.element, field=error.field)
 

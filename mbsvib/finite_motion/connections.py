@@ -49,22 +49,7 @@ class Connected:
 def connected(part: Any, motion: Kinematics) -> Connected:
     """Return what a connection of any kind stores and dissipates.
 
-    Parameters
-    ----------
-    part : Connection
-        A spring, bushing, torsion spring, inerter or Maxwell element.
-    motion : Kinematics
-        The finite motion of its mechanism.
-
-    Returns
-    -------
-    Connected
-        Energies, states and forces.
-
-    Raises
-    ------
-    ModelError
-        If it is of another kind.
+    ``part``: a spring, bushing, torsion spring, inerter or Maxwell element.
     """
     law = LAWS.get(type(part))
     if law is None:
@@ -125,7 +110,7 @@ def _coefficients(part: Bushing, field: str, motion: Kinematics) -> Expression:
 def _torsion_spring(part: TorsionSpring, motion: Kinematics) -> Connected:
     axes = np.array(frame_along(part.axis))
     relative = motion.relative(part.first, part.second).rotation
-    angle = twist_angle(relative, ca.SX(axes[:, 2]), ca.SX(axes[:, 0]), ca.SX(axes[:, 1]))
+    angle = twist_angle(relative, ca.SX(axes[:, 0]), ca.SX(axes[:, 1]))
     k, c = (motion.numbers.scalar(part, field) for field in ("stiffness", "damping"))
     preload = ca.SX(0.0) if part.preload is None else -motion.numbers.scalar(part, "preload")
     return _spring_damper(motion, angle, k, c, preload, ca.fabs(angle))

@@ -44,21 +44,8 @@ class ElasticEnergies:
 def elastic_energies(block: ElasticBlock, b: Expression, z: Expression, motion: Kinematics) -> ElasticEnergies:
     """Return the energies of an elastic block.
 
-    Parameters
-    ----------
-    block : ElasticBlock
-        The block.
-    b : expression, shape (6 interface nodes,)
-        Displacements of the interface since as described.
-    z : expression, shape (modes,)
-        Modes of the part with its interface held.
-    motion : Kinematics
-        The finite motion.
-
-    Returns
-    -------
-    ElasticEnergies
-        T, V and R.
+    ``b`` (6 interface nodes,): displacements of the interface since as described. ``z`` (modes,): modes of the part
+    with its interface held.
     """
     both, span = ca.vertcat(z, b), block.span
     rates = motion.rate(both)

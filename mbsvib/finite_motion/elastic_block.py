@@ -15,7 +15,7 @@ Source: Craig & Bampton (1968), Coupling of substructures for dynamic analyses, 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, eigh
@@ -23,18 +23,18 @@ from scipy.linalg import cho_factor, cho_solve, eigh
 from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.elements import beam_expansion, superelement_expansion
 from mbsvib.elements.beam import Beam
+from mbsvib.elements.superelement import Superelement
 from mbsvib.errors import ModelError
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.linalg.rank import MASSLESS
 from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.elastic_part import ElasticPart, Slopes
     from mbsvib.elements.shared_rows import Node, SharedRows
-    from mbsvib.elements.superelement import Superelement
     from mbsvib.mechanism.mechanism import Mechanism
 
 
@@ -113,29 +113,11 @@ class ElasticBlock:
 
 
 def elastic_blocks(model: Mechanism) -> tuple[ElasticBlock, ...]:
-    """Return all beams and superelements of a mechanism as elastic blocks.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-
-    Returns
-    -------
-    tuple of ElasticBlock
-        One for each.
-
-    Raises
-    ------
-    ModelError
-        If one holds two moving bodies that other joints hold as well, so that no body carries it, or gravity acts on a
-        superelement on a moving body.
-    """
+    """Return all beams and superelements of a mechanism as elastic blocks."""
     used = _used(model)
     result = []
     for part in model.composed.values():
-        block = _of_beam(part, model, used) if isinstance(part, Beam) else \
-            _of_superelement(part, model, used)  # type: ignore[arg-type]  # fmt: skip
+        block = _BLOCKS[type(part)](part, model, used)
         _check_carrier(model, block)
         result.append(block)
     return tuple(result)
@@ -144,17 +126,7 @@ def elastic_blocks(model: Mechanism) -> tuple[ElasticBlock, ...]:
 def with_interface(block: ElasticBlock, touched: Mapping[str, tuple[int, ...]]) -> ElasticBlock:
     """Return a block in which only some directions of its interface nodes belong to b, and modes move the others.
 
-    Parameters
-    ----------
-    block : ElasticBlock
-        The block.
-    touched : mapping of str to tuple of int
-        These directions by the names of links; all of those that are not named.
-
-    Returns
-    -------
-    ElasticBlock
-        The same part in other coordinates.
+    ``touched``: these directions by the names of links; all of those that are not named.
     """
     held = tuple([touched.get(joint, ALL_SIX) for joint in block.joints])
     columns = [6 * i + j for i in block.elastic for j in range(6)] + list(range(6 * len(block.points), len(block.mass)))
@@ -172,8 +144,7 @@ def _used(model: Mechanism) -> set[str]:
         for part in group.values():
             result |= {body for key in ("body", "relative_to") if (body := getattr(part, key, None)) is not None}
     for flexible in model.composed.values():
-        result |= {body for key in ("a", "b") if (body := getattr(flexible, key, None)) is not None}
-        result |= {body for _, body in getattr(flexible, "bodies", ())}
+        result |= {body for body, _ in flexible.node_bodies} - flexible.node_names.keys()
     return result
 
 
@@ -206,6 +177,11 @@ def _of_superelement(part: Superelement, model: Mechanism, used: set[str]) -> El
     damped = [piece for piece in superelement_expansion.elastic(part) if piece.damping is not None]
     damping = _matrix(damped, names, points, part.internal)
     return _block(flexible, points, elastic, part.internal, mass, damping, 0.0, (np.zeros((count, 3)),) * 2, used)
+
+
+_BLOCKS: dict[type, Callable[[Any, Mechanism, set[str]], ElasticBlock]] = {
+    Beam: _of_beam, Superelement: _of_superelement,
+}  # fmt: skip
 
 
 def _block(
@@ -304,8 +280,7 @@ def _check_carrier(model: Mechanism, block: ElasticBlock) -> None:
     links = [(joint.first, joint.second) for joint in model.joints.values()]
     for part in model.composed.values():
         if part.name != block.name:
-            ends = [body for body in (getattr(part, "a", None), getattr(part, "b", None), *part.node_names,
-                                      *[body for _, body in getattr(part, "bodies", ())]) if body is not None]
+            ends = [body for body, _ in part.node_bodies]
             links += [(ends[0], end) for end in ends[1:]]
     reached, queue = {"ground"}, ["ground"]
     while queue:

@@ -44,17 +44,8 @@ class Called:
 def evaluated(function: ca.Function, *arguments: Array) -> list[Array]:
     """Return the outputs of a function at every sample, columns without their second axis.
 
-    Parameters
-    ----------
-    function : casadi.Function
-        Any function.
-    *arguments : array, shape (samples, k) or (k,)
-        Its arguments; those of one axis are the same at every sample.
-
-    Returns
-    -------
-    list of array, shape (samples, rows, columns) or (samples, rows)
-        Its outputs.
+    ``*arguments`` (samples, k) or (k,): its arguments; those of one axis are the same at every sample. Returns
+    (samples, rows, columns) or (samples, rows): its outputs.
     """
     return [array[:, :, 0] if array.shape[2] == 1 else array for array in matrices(function, *arguments)]
 
@@ -62,17 +53,8 @@ def evaluated(function: ca.Function, *arguments: Array) -> list[Array]:
 def matrices(function: ca.Function, *arguments: Array) -> list[Array]:
     """Return the outputs of a function at every sample, all as matrices.
 
-    Parameters
-    ----------
-    function : casadi.Function
-        Any function.
-    *arguments : array, shape (samples, k) or (k,)
-        Its arguments; those of one axis are the same at every sample.
-
-    Returns
-    -------
-    list of array, shape (samples, rows, columns)
-        Its outputs.
+    ``*arguments`` (samples, k) or (k,): its arguments; those of one axis are the same at every sample. Returns
+    (samples, rows, columns): its outputs.
     """
     samples = max(len(array) for array in arguments if array.ndim == 2)
     columns: list[Any] = [array.T if array.ndim == 2 else np.repeat(array[:, None], samples, axis=1)

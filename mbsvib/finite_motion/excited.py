@@ -30,17 +30,7 @@ SIZE, STATES = 0.05, 3
 def with_interfaces(model: Mechanism, blocks: Sequence[ElasticBlock]) -> Mechanism:
     """Return a mechanism in which fixed joints stand for beams and superelements, from their root to their interface.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    blocks : sequence of ElasticBlock
-        Its beams and superelements.
-
-    Returns
-    -------
-    Mechanism
-        With interface nodes among its bodies, without mass of their own.
+    Interface nodes are among its bodies, without mass of their own.
     """
     bodies, joints = dict(model.bodies), dict(model.joints)
     for block in blocks:
@@ -60,17 +50,8 @@ def with_interfaces(model: Mechanism, blocks: Sequence[ElasticBlock]) -> Mechani
 def touched(statement: FiniteMotion, blocks: Sequence[ElasticBlock]) -> dict[str, tuple[int, ...]]:
     """Return the directions of interface nodes that the rest of the mechanism acts on, by the names of their links.
 
-    Parameters
-    ----------
-    statement : FiniteMotion
-        The statement with all directions of all interface nodes as coordinates.
-    blocks : sequence of ElasticBlock
-        The beams and superelements.
-
-    Returns
-    -------
-    dict of str to tuple of int
-        Directions; links that are no coordinates of the tree are not among them.
+    ``statement``: the statement with all directions of all interface nodes as coordinates. Returns directions; links
+    that are no coordinates of the tree are not among them.
     """
     motion = statement.motion
     q, qd, names = motion.q, motion.qd, motion.names
@@ -95,20 +76,7 @@ def touched(statement: FiniteMotion, blocks: Sequence[ElasticBlock]) -> dict[str
 
 
 def at_rest(statement: FiniteMotion, blocks: Sequence[ElasticBlock]) -> frozenset[str]:
-    """Return modes of blocks on the ground that nothing moves, neither forces nor other coordinates.
-
-    Parameters
-    ----------
-    statement : FiniteMotion
-        The statement with all coordinates.
-    blocks : sequence of ElasticBlock
-        The beams and superelements.
-
-    Returns
-    -------
-    frozenset of str
-        Names of modes that stay 0.
-    """
+    """Return modes of blocks on the ground that nothing moves, neither forces nor other coordinates."""
     motion = statement.motion
     names = motion.names
     modes = {name for block in blocks if block.root == GROUND for name in block.mode_names}

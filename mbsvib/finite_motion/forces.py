@@ -37,19 +37,7 @@ def generalized(motion: Kinematics, power: Expression) -> Expression:
 def load_power(part: Load, model: Mechanism, motion: Kinematics) -> Expression:
     """Return the power [W] of a load.
 
-    Parameters
-    ----------
-    part : Load
-        The load.
-    model : Mechanism
-        Its mechanism.
-    motion : Kinematics
-        The finite motion.
-
-    Returns
-    -------
-    expression
-        Force times velocity and torque times angular velocity.
+    Returns force times velocity and torque times angular velocity.
     """
     numbers = motion.numbers
     point = numbers.vector(model.bodies[part.body], "position") if part.position is None else \
@@ -65,20 +53,6 @@ def input_power(part: Input, model: Mechanism, motion: Kinematics) -> Expression
     """Return the power [W] of a force input of 1 N or 1 N m; its direction is fixed in the world.
 
     The reaction acts on the body ``relative_to`` at the same point of the pose as described.
-
-    Parameters
-    ----------
-    part : Input
-        The input.
-    model : Mechanism
-        Its mechanism.
-    motion : Kinematics
-        The finite motion.
-
-    Returns
-    -------
-    expression
-        Wrench times twist.
     """
     point = model.bodies[part.body].position if part.position is None else part.position
     at = ca.SX(np.array(point))
@@ -92,21 +66,7 @@ def base_power(part: BaseMotion, bodies: Iterable[Body], bent: Expression, motio
 
     P = -d . (sum m v + p), with velocities v of the centres relative to the ground
 
-    Parameters
-    ----------
-    part : BaseMotion
-        The base motion, a translation.
-    bodies : iterable of Body
-        All bodies with mass.
-    bent : expression, shape (3,)
-        Momentum p of beams and superelements relative to the ground.
-    motion : Kinematics
-        The finite motion relative to the ground.
-
-    Returns
-    -------
-    expression
-        The power.
+    ``bent`` (3,): momentum p of beams and superelements relative to the ground.
     """
     numbers = motion.numbers
     momentum = sum((numbers.scalar(body, "mass") * velocity(motion, body.name, numbers.vector(body, "position"))[0]

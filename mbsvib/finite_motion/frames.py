@@ -55,5 +55,5 @@ def angular_velocity(frame: Frame, q: Expression, qd: Expression) -> Expression:
 
     [w]x = R^T dR/dt
     """
-    turning = ca.reshape(rate(ca.vec(frame.rotation), q, qd), 3, 3)
-    return axial(frame.rotation.T @ turning)
+    spin_rate = ca.reshape(rate(ca.vec(frame.rotation), q, qd), 3, 3)
+    return axial(frame.rotation.T @ spin_rate)

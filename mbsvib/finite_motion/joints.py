@@ -7,7 +7,7 @@ the same rules for numbers.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -22,14 +22,9 @@ if TYPE_CHECKING:
     from mbsvib.finite_motion.numbers import Numbers
 
 
-def free_rotations(joint: Joint) -> list[Any]:
-    """Return the axes (3,) of the free rotations of a joint, world axes."""
-    return [np.array(six[3:]) for name, six in joint.freedom if name[0] == "r"]
-
-
 def point_of(joint: Joint, numbers: Numbers) -> Expression:
     """Return the point (3,) of a joint as described [m]; the origin where any will do."""
-    if joint.kind == "distance":
+    if joint.is_rod:
         return ca.SX(np.array(joint.end))
     return ca.SX.zeros(3) if joint.position is None else numbers.vector(joint, "position")
 
@@ -37,21 +32,8 @@ def point_of(joint: Joint, numbers: Numbers) -> Expression:
 def displacement(joint: Joint, numbers: Numbers, q: Expression, base: Expression | None = None) -> Frame:
     """Return the displacement of the second body against the first by joint coordinates.
 
-    Parameters
-    ----------
-    joint : Joint
-        The joint.
-    numbers : Numbers
-        The numbers of the mechanism.
-    q : expression, shape (f,)
-        Its coordinates [m, rad].
-    base : expression, shape (3, 3), optional
-        Rotation on top of which those of a joint with three free rotations come; default: none.
-
-    Returns
-    -------
-    Frame
-        The displacement, in the axes of the first body as described.
+    ``q`` (f,): its coordinates [m, rad]. ``base`` (3, 3): rotation on top of which those of a joint with three free
+    rotations come; default: none.
     """
     shift, turns = ca.SX.zeros(3), []
     for k, (name, six) in enumerate(joint.freedom):
@@ -59,7 +41,7 @@ def displacement(joint: Joint, numbers: Numbers, q: Expression, base: Expression
         if name[0] == "r":
             turns.append((ca.SX(np.array(six[3:])), q[k]))
     rotation = _rotation(joint, turns, base)
-    if joint.kind == "distance":
+    if joint.is_rod:
         shift = _swing(joint, shift)
     point = point_of(joint, numbers)
     return Frame(rotation, point + shift - rotation @ point)
@@ -70,27 +52,12 @@ def virtual_displacement(
 ) -> Frame:
     """Return a virtual displacement of the second body of a joint, in the directions in which its forces are defined.
 
-    Parameters
-    ----------
-    joint : Joint
-        The joint.
-    numbers : Numbers
-        The numbers of the mechanism.
-    bodies : mapping of str to Body
-        Its bodies.
-    relative : Frame
-        Displacement of the second body against the first.
-    q : expression, shape (6,)
-        Displacement along the axes of the joint, which turn with the first body, and rotation about them at its point
-        on the second body [m, rad]; a joint without a point has it at the centre of mass of this body, or of the first
-        where the second is the ground. A rod has its z axis along itself, and no others.
-
-    Returns
-    -------
-    Frame
-        The displacement that comes after the relative one.
+    ``relative``: displacement of the second body against the first. ``q`` (6,): displacement along the axes of the
+    joint, which turn with the first body, and rotation about them at its point on the second body [m, rad]; a joint
+    without a point has it at the centre of mass of this body, or of the first where the second is the ground. A rod has
+    its z axis along itself, and no others.
     """
-    if joint.kind == "distance":
+    if joint.is_rod:
         rod = relative.point(point_of(joint, numbers)) - ca.SX(np.array(joint.position))
         return Frame(ca.SX.eye(3), q[2] * rod / ca.norm_2(rod))
     if joint.position is not None:
@@ -111,36 +78,24 @@ def small_displacement(axes: Expression, point: Expression, q: Expression) -> Fr
 def openings(joint: Joint, numbers: Numbers, relative: Frame) -> list[tuple[str, Expression]]:
     """Return how far a joint is open along each of its locked directions, zero where it is assembled [m, rad].
 
-    Parameters
-    ----------
-    joint : Joint
-        The joint.
-    numbers : Numbers
-        The numbers of the mechanism.
-    relative : Frame
-        Displacement of the second body against the first.
-
-    Returns
-    -------
-    list of (str, expression)
-        Names of the locked directions, and expressions.
+    ``relative``: displacement of the second body against the first.
     """
     point = point_of(joint, numbers)
-    if joint.kind == "distance":
+    if joint.is_rod:
         rod = relative.point(point) - ca.SX(np.array(joint.position))
         length = math.dist(joint.position or (0.0, 0.0, 0.0), joint.end or (0.0, 0.0, 0.0))
         return [("z", 0.5 * (ca.dot(rod, rod) - length**2) / length)]
-    gap, turns, result = relative.point(point) - point, free_rotations(joint), []
+    gap, turns, result = relative.point(point) - point, [np.array(axis) for axis in joint.rotation_axes], []
     for name, six in joint.locked:
         along, axis = ca.SX(np.array(six[:3])), ca.SX(np.array(six[3:]))
-        if joint.kind == "screw" and name == "z":
+        if joint.pitch is not None and name == "z":
             value = _off_thread(joint, relative.rotation, gap)
         elif name[0] != "r":
             value = ca.dot(along, gap)
         elif joint.successive:
             first, second = map(ca.SX, turns)
             change = ca.dot(first, second) - ca.dot(first, relative.rotation @ second)
-            value = change / float(np.linalg.norm(np.cross(*turns)))
+            value = change / float(np.linalg.norm(np.cross(turns[0], turns[1])))
         elif len(turns) == 1:
             value = ca.dot(axis, ca.cross(ca.SX(turns[0]), relative.rotation @ ca.SX(turns[0])))
         else:
@@ -170,7 +125,7 @@ def _swing(joint: Joint, across: Expression) -> Expression:
 
 def _off_thread(joint: Joint, rotation: Expression, gap: Expression) -> Expression:
     """How far a screw is off its thread: pitch times the sine of the angle that its advance is ahead."""
-    axis = free_rotations(joint)[0]
+    axis = np.array(joint.rotation_axes[0])
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     first /= np.linalg.norm(first)
     x, y = ca.SX(first), ca.SX(np.cross(axis, first))

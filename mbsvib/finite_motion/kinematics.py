@@ -80,35 +80,12 @@ def kinematics(
 ) -> Kinematics:  # fmt: skip
     """Return the finite motion of a mechanism along its spanning tree.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism; its beams and superelements are fixed joints between root and interface.
-    numbers : Numbers
-        Its numbers, some of them symbols.
-    cut : sequence of str, optional
-        Joints at which loops are to be cut; default: as ``linearize`` does, but for joints whose coordinates couplers
-        couple.
-    bases : bool
-        Whether joints with three free rotations get a rotation on top of which theirs come, so that no rotation vector
-        needs to be long.
-    blocks : sequence of ElasticBlock
-        Its beams and superelements.
-    inactive : collection of str
-        Coordinates of these that stay 0 and are left out.
-    virtual : sequence of str
-        Joints, and the ground, that get six virtual displacements each, ``"JOINT.virtual.x"`` to ``rz``, the last
-        coordinates of all: of the second body against the first, and of the ground itself.
-
-    Returns
-    -------
-    Kinematics
-        Coordinates, frames and closures.
-
-    Raises
-    ------
-    ModelError
-        If all joints of a loop are coupled, or a joint of a coupler is cut.
+    ``model``: the mechanism; its beams and superelements are fixed joints between root and interface. ``cut``: joints
+    at which loops are to be cut; default: as ``linearize`` does, but for joints whose coordinates couplers couple.
+    ``bases``: whether joints with three free rotations get a rotation on top of which theirs come, so that no rotation
+    vector needs to be long. ``inactive``: coordinates of these that stay 0 and are left out. ``virtual``: joints, and
+    the ground, that get six virtual displacements each, ``"JOINT.virtual.x"`` to ``rz``, the last coordinates of all:
+    of the second body against the first, and of the ground itself.
     """
     topology = span(model, coupled_in_tree(model) if cut is None else cut)
     ways = {branch.joint: branch for branch in topology.branches if branch.joint != FLOATS}
@@ -127,8 +104,8 @@ def kinematics(
     def values(names: Iterable[str]) -> Expression:
         return ca.vertcat(*(symbol.get(name, ca.SX(0.0)) for name in names))
 
-    turning = [joint.name for joint, _ in order if sum(d[0] == "r" for d, _ in joint.freedom) == 3]
-    based = tuple(turning) if bases else ()
+    three_rotations = [joint.name for joint, _ in order if len(joint.rotation_axes) == 3]
+    based = tuple(three_rotations) if bases else ()
     symbols = ca.SX.sym("base", 9 * len(based))
     extra = {name: values(f"{name}.virtual.{d}" for d in DIRECTIONS) for name in virtual}
     frames: dict[str, Frame] = {GROUND: REST}
@@ -206,27 +183,11 @@ def _floating(topology: Topology, model: Mechanism, branch: Branch) -> Joint:
 
 
 def coupled_in_tree(model: Mechanism) -> tuple[str, ...]:
-    """Return joints to cut so that those whose coordinates couplers couple are in the tree.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-
-    Returns
-    -------
-    tuple of str
-        Names of joints; none where nothing is coupled.
-
-    Raises
-    ------
-    ModelError
-        If all joints of a loop are coupled, or a coupled coordinate is a component of a rotation vector.
-    """
+    """Return joints to cut so that those whose coordinates couplers couple are in the tree."""
     requested = {name.rpartition(".")[0]: part.name for part in model.couplers.values() for name, _ in part.terms}
     for name, coupler in requested.items():
         joint = model.joints[name]
-        if sum(d[0] == "r" for d, _ in joint.freedom) == 3 or joint.kind == "homokinetic":
+        if joint.turns_by_vector:
             raise ModelError(
                 f"coupler '{coupler}': joint '{name}' ({joint.kind}) turns by a rotation vector, whose components are "
                 f"no angles in finite motion; couple joints with one or two successive free rotations.",

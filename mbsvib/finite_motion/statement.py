@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
-from mbsvib.elements.ports import BaseMotion, Input
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.connections import connected
 from mbsvib.finite_motion.elastic import elastic_energies
@@ -76,21 +75,8 @@ def with_virtual_displacements(
 
     Where these are 0 it is that of the mechanism; along them, mass @ q'' - f - J^T lambda is what the joints carry.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    statement : FiniteMotion
-        Its finite motion.
-    joints : sequence of str
-        The joints, and ``"ground"`` for what holds the ground.
-    without : sequence of str
-        Names of loads to leave out.
-
-    Returns
-    -------
-    FiniteMotion
-        With six coordinates for each joint after those of the mechanism.
+    ``joints``: the joints, and ``"ground"`` for what holds the ground. Six coordinates for each joint follow those of
+    the mechanism.
     """
     topology, names = statement.motion.topology, set(statement.motion.names)
     cut = [topology.joints[k].name for k in topology.cut]
@@ -119,10 +105,11 @@ def _stated(
     yields = {name: part for name, part in parts.items() if part.yields.numel()}
     bends = {block.name: elastic_energies(block, *motion.elastic[block.name], motion) for block in blocks}
     bent = sum((part.momentum for part in bends.values()), ca.SX.zeros(3))
+    acting: dict[str, Any] = dict(model.inputs)
     inputs = {
-        name: input_power(part, model, motion) if isinstance(part, Input) else
-        base_power(part, massive.values(), bent, motion)
-        for name, part in model.inputs.items() if isinstance(part, Input) or _translates(part)
+        name: base_power(part, massive.values(), bent, motion) if part.moves_ground else
+        input_power(part, model, motion)
+        for name, part in acting.items() if not (part.moves_ground and any(part.wrench[3:]))
     }  # fmt: skip
     kinetic |= {name: part.kinetic for name, part in bends.items()}
     potential |= {name: part.potential for name, part in bends.items()}
@@ -151,10 +138,6 @@ def _flexible(
     return _stated(plain, blocks, inactive, parameters, cut, bases, without) if inactive else statement
 
 
-def _translates(part: BaseMotion) -> bool:
-    return not any(part.wrench[3:])
-
-
 def body_energy(body: Body, motion: Kinematics) -> Expression:
     """Return the kinetic energy [J] of a body.
 
@@ -168,11 +151,6 @@ def body_energy(body: Body, motion: Kinematics) -> Expression:
 
 def rotor_term(rotor: Rotor, motion: Kinematics) -> Expression:
     """Return what a rotor of constant angular momentum h along an axis of its body adds to the Lagrangian [J], h . w.
-
-    Raises
-    ------
-    ModelError
-        If the body itself is the rotor: its spin is then a motion of its own.
     """
     if rotor.inertia is None:
         raise ModelError(

@@ -51,24 +51,9 @@ def line_springs(model: Model) -> list[str]:
 def active_legs(model: Model, legs: Sequence[str] | None) -> tuple[ActiveLeg, ...]:
     """Return the legs that are named.
 
-    Parameters
-    ----------
-    model : Model
-        The mechanism.
-    legs : sequence of str, optional
-        Names or patterns of line springs, Maxwell elements and prismatic or cylindrical joints, and directions of
-        bushings (``"mount1.z"``); default: all line springs and Maxwell elements, without any of these all prismatic
-        joints.
-
-    Returns
-    -------
-    tuple of ActiveLeg
-        In the order of the names.
-
-    Raises
-    ------
-    ModelError
-        If a name is unknown, or there is no leg and the model has no inputs of its own.
+    ``legs``: names or patterns of line springs, Maxwell elements and prismatic or cylindrical joints, and directions of
+    bushings (``"mount1.z"``); default: all line springs and Maxwell elements, without any of these all prismatic
+    joints.
     """
     lines = line_springs(model)
     slides = [name for name, joint in model.joints.items() if joint.kind in SLIDES]

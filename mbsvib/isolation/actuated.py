@@ -9,7 +9,7 @@ import numpy as np
 
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_model
-from mbsvib.errors import ModelError
+from mbsvib.errors import ModelError, counted
 from mbsvib.feedback.controller import Controller, as_controller
 from mbsvib.isolation.active_legs import active_legs
 from mbsvib.isolation.isolation_study import figures
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from mbsvib.api.model import Model
     from mbsvib.api.system import System
+    from mbsvib.common.selection import Names
     from mbsvib.isolation.active_legs import ActiveLeg
     from mbsvib.isolation.isolation_study import Isolation
     from mbsvib.isolation.study_loops import ClosedLoop
@@ -40,15 +41,15 @@ class Active(Plant, Displayed):
     """
 
     def feedback(
-        self, controller: Any, sensors: str | Sequence[str] | None = None, actuators: str | Sequence[str] | None = None,
+        self, controller: Any, sensors: Names = None, actuators: Names = None,
         name: str | None = None,
     ) -> ClosedLoop:  # fmt: skip
         """Return the closed loop with a controller from any sensors to any actuators, u = w + K y.
 
         Parameters
         ----------
-        controller : Controller, StateSpace, control.StateSpace or array-like, shape (actuators, sensors)
-            In continuous time; an array is a static gain.
+        controller : Controller, StateSpace, control.StateSpace, control.TransferFunction or array-like
+            In continuous time; an array, shape (actuators, sensors), is a static gain.
         sensors, actuators : str or sequence of str, optional
             Names or patterns of outputs and of inputs; default: the names that the controller has.
         name : str, optional
@@ -71,7 +72,7 @@ class Active(Plant, Displayed):
 
         Parameters
         ----------
-        *controllers : Controller, StateSpace or control.StateSpace
+        *controllers : Controller, StateSpace, control.StateSpace or control.TransferFunction
             Their signals have the names of sensors and actuators. Outputs on the same actuator add up.
 
         Returns
@@ -79,8 +80,8 @@ class Active(Plant, Displayed):
         ClosedLoop
             The mechanism with all loops closed.
         """
-        return close(self, *[law if isinstance(law, Controller) or not hasattr(law, "A")
-                             else as_controller(law, self.system) for law in controllers])  # fmt: skip
+        return close(self, *[law if isinstance(law, Controller) else as_controller(law, self.system)
+                             for law in controllers])  # fmt: skip
 
     def isolation(self, frequencies: ArrayLike | None = None) -> Isolation:
         """Return the figures with open loops.
@@ -98,7 +99,7 @@ class Active(Plant, Displayed):
         return figures(self.scene, self.system, frequencies)
 
     def __repr__(self) -> str:
-        return f"Active({self.scene.model.name!r}: {len(self.legs)} actuators)"
+        return f"Active({self.scene.model.name!r}: {counted(len(self.legs), 'actuator')})"
 
 
 def actuated(

@@ -38,19 +38,8 @@ def asymptote(linear: Linear, into: list[int], out: list[int], left: Array, righ
 
     T(s) = H0 + H1 / s + H2 / s^2 + ...
 
-    Parameters
-    ----------
-    linear : Linear
-        A system or a closed loop.
-    into, out : list of int
-        Numbers of inputs and outputs.
-    left, right : array, shape (outputs,), (inputs,)
-        Weights.
-
-    Returns
-    -------
-    Asymptote or None
-        None where T is 0, or falls with more than the twelfth power of the frequency.
+    ``left``, ``right`` (outputs,), (inputs,): weights. Returns None where T is 0, or falls with more than the twelfth
+    power of the frequency.
     """
     unit = float(np.abs(linear.poles()).max(initial=0.0)) or 1.0  # [1/s], so that powers stay of one size
     if isinstance(linear, System) and not linear.massless:
@@ -75,15 +64,7 @@ def asymptote(linear: Linear, into: list[int], out: list[int], left: Array, righ
 def direct(linear: Linear) -> Array:
     """Return the feedthrough H0 from inputs to outputs, with zeros where it is rounding.
 
-    Parameters
-    ----------
-    linear : Linear
-        A system or a closed loop.
-
-    Returns
-    -------
-    array, shape (outputs, inputs)
-        D of the first-order equations.
+    Returns (outputs, inputs): D of the first-order equations.
     """
     return _direct(linear) if isinstance(linear, System) else linear.direct()
 

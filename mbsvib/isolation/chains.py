@@ -70,23 +70,7 @@ class Chain:
         return [end for end in (self.base, self.platform) if end not in reached]
 
     def leg(self, model: Model) -> Leg:
-        """Return the leg, with the parts that move with each end.
-
-        Parameters
-        ----------
-        model : Model
-            The mechanism.
-
-        Returns
-        -------
-        Leg
-            Its ends, points and orientations.
-
-        Raises
-        ------
-        ModelError
-            If it has not two ends, is not straight, has no sliding joint, or has parts that cannot follow.
-        """
+        """Return the leg, with the parts that move with each end."""
         who = f"platform: leg '{self.name}'"
         self._refuse_odd(model, who)
         start, end = self._end(self.base, who), self._end(self.platform, who)

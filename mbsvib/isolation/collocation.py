@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from mbsvib.isolation.plant import Plant
 
 
-PARALLEL = 1e-9
+PARALLEL = 1e-9  # difference of the directions of actuator and sensor below which they are dual
 SAME = 1e-6  # a pole and a zero within this relative distance cancel: the mode is not visible to the pair
 LIGHT = 1e-3  # damping ratio of the highest mode
 ROUNDING = 1e-8  # share of the response by which a real part may be negative

@@ -46,8 +46,9 @@ def force_feedback(plant: Plant, gain: ArrayLike, leak: float = 0.0) -> Controll
 
     Source: A. Preumont, Vibration control of active structures, chapter on integral force feedback.
     """
-    return integrators("IFF", np.diag(_gains(plant, gain, "force_feedback", "rad/s")), plant.names("tension"),
-                       plant.names("actuator"), leak)  # fmt: skip
+    gains = np.diag(_gains(plant, gain, "force_feedback", "rad/s"))
+    law = integrators("IFF", gains, plant.names("tension"), plant.names("actuator"), leak)
+    return law.for_plant(plant.system)
 
 
 def velocity_feedback(plant: Plant, gain: ArrayLike) -> Controller:
@@ -70,8 +71,8 @@ def velocity_feedback(plant: Plant, gain: ArrayLike) -> Controller:
     ResponseError
         If the gains are refused.
     """
-    return controller(-np.diag(_gains(plant, gain, "velocity_feedback", "N s/m")), plant.names("rate"),
-                      plant.names("actuator"), "DVF")  # fmt: skip
+    gains = np.diag(_gains(plant, gain, "velocity_feedback", "N s/m"))
+    return controller(-gains, plant.names("rate"), plant.names("actuator"), "DVF").for_plant(plant.system)
 
 
 def skyhook(plant: Plant, gain: ArrayLike, coordinates: str = "legs", leak: float = 0.0) -> Controller:
@@ -108,15 +109,17 @@ def skyhook(plant: Plant, gain: ArrayLike, coordinates: str = "legs", leak: floa
         raise ResponseError(f"skyhook: coordinates = {coordinates!r}; expected 'legs' or 'modal'.")
     if coordinates == "legs":
         gains = np.diag(_gains(plant, gain, "skyhook", "N s/m"))
-        return integrators("skyhook", -gains, plant.names("acceleration"), plant.names("actuator"), leak)
+        law = integrators("skyhook", -gains, plant.names("acceleration"), plant.names("actuator"), leak)
+        return law.for_plant(plant.system)
     ratios = _shared(gain, 6, "skyhook", "damping ratios of the six suspension modes")
     from scipy.linalg import eigh
 
     mass = plant.mass
     square, shapes = eigh(plant.stiffness, mass)
     damper = mass @ (shapes * (2.0 * ratios * np.sqrt(np.maximum(square, 0.0)))) @ shapes.T @ mass
-    law = -np.linalg.pinv(plant.wrenches) @ damper
-    return integrators("modal skyhook", law, ACCELERATIONS, plant.names("actuator"), leak)
+    forces = -np.linalg.pinv(plant.wrenches) @ damper
+    law = integrators("modal skyhook", forces, ACCELERATIONS, plant.names("actuator"), leak)
+    return law.for_plant(plant.system)
 
 
 def force_feedback_optimum(pole: float, zero: float) -> tuple[float, float]:
@@ -153,6 +156,9 @@ def _gains(plant: Plant, gain: ArrayLike, who: str, unit: str) -> Array:
     if not hasattr(plant, "legs"):
         raise ResponseError(f"{who}: plant = {type(plant).__name__}; expected a plant with actuators, "
                             f"isolation.actuated(model, body).")  # fmt: skip
+    if not plant.legs:
+        raise ResponseError(f"{who}: the plant has no legs with actuators; name some, isolation.actuated(model, body, "
+                            f"legs), or close a loop of your own signals by plant.feedback.")  # fmt: skip
     return _shared(gain, len(plant.legs), who, f"a gain [{unit}], or one for each of {len(plant.legs)} legs")
 
 

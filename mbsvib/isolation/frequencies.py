@@ -24,20 +24,7 @@ BELOW, ABOVE = 0.02, 20.0  # default band, in parts of the lowest and highest na
 def default(linear: Linear) -> Array:
     """Return frequencies around all poles, of a closed loop also those of the mechanism with open loops.
 
-    Parameters
-    ----------
-    linear : Linear
-        A system or a closed loop.
-
-    Returns
-    -------
-    array, shape (n,)
-        Ascending frequencies [Hz], evenly spaced on a logarithmic axis, and more of them about resonances.
-
-    Raises
-    ------
-    ResponseError
-        If there are no poles but those at rest.
+    Returns (n,): ascending frequencies [Hz], evenly spaced on a logarithmic axis, and more of them about resonances.
     """
     system = linear if isinstance(linear, System) else linear.open_loop
     size = np.abs(system.poles()) / (2.0 * np.pi)

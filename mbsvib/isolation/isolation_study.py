@@ -11,7 +11,7 @@ from mbsvib.common.display import Displayed
 from mbsvib.feedback.frequencies import checked
 from mbsvib.isolation.figures import Figures
 from mbsvib.isolation.frequencies import default
-from mbsvib.isolation.study_scene import ACCELERATIONS, DISPLACEMENTS, LOADS, Scene, scene
+from mbsvib.isolation.study_scene import ACCELERATIONS, DISPLACEMENTS, LOADS, StudyScene, scene
 from mbsvib.isolation.tables import isolation_csv, isolation_table
 from mbsvib.isolation.vibration import vibration
 from mbsvib.mechanism.mechanism import GROUND
@@ -136,27 +136,10 @@ def study(
     return figures(study_scene, study_scene.system, frequencies)
 
 
-def figures(study_scene: Scene, linear: Linear, frequencies: ArrayLike | None = None) -> Isolation:
+def figures(study_scene: StudyScene, linear: Linear, frequencies: ArrayLike | None = None) -> Isolation:
     """Return the figures of a scene, with its loops open or closed.
 
-    Parameters
-    ----------
-    study_scene : Scene
-        The mechanism and its ports.
-    linear : Linear
-        Its system, or that with closed loops.
-    frequencies : array-like, shape (n,), optional
-        Ascending frequencies [Hz].
-
-    Returns
-    -------
-    Isolation
-        Transmissibility, compliance and figures.
-
-    Raises
-    ------
-    ResponseError
-        If frequencies do not ascend, or one is that of an undamped mode.
+    ``frequencies`` (n,): ascending frequencies [Hz].
     """
     f = default(linear) if frequencies is None else checked(frequencies)
     response = linear.frequency_response(2.0 * np.pi * f)

@@ -71,22 +71,8 @@ class Following:
     def values(self, low: Array, high: Array, variables: Mapping[str, Any]) -> dict[str, Any]:
         """Return the parameters for shifted ends.
 
-        Parameters
-        ----------
-        low, high : array, shape (..., l, 3)
-            Displacements of the starts and ends of the legs [m].
-        variables : mapping
-            Variables, for messages.
-
-        Returns
-        -------
-        dict of str to float or array, shape (...)
-            Positions [m] and rotation vectors [rad].
-
-        Raises
-        ------
-        ModelError
-            If a leg has no length, or is turned upside down.
+        ``low``, ``high`` (..., l, 3): displacements of the starts and ends of the legs [m]. Returns (...): positions
+        [m] and rotation vectors [rad].
         """
         lines, leg = self._lines(low, high, variables), self.owner
         arm = self.points - self.start[leg]
@@ -104,24 +90,8 @@ class Following:
     def rates(self, low: Array, high: Array, slopes: Array, variables: Mapping[str, Any]) -> list[dict[str, float]]:
         """Return the derivatives of these parameters.
 
-        Parameters
-        ----------
-        low, high : array, shape (l, 3)
-            Displacements of the starts and ends of the legs [m].
-        slopes : array, shape (k, 2, l, 3)
-            Derivatives of both to each variable.
-        variables : mapping
-            Variables, for messages.
-
-        Returns
-        -------
-        list of dict of str to float
-            For each variable, those that are not zero.
-
-        Raises
-        ------
-        ModelError
-            As ``values`` does.
+        ``low``, ``high`` (l, 3): displacements of the starts and ends of the legs [m]. ``slopes`` (k, 2, l, 3):
+        derivatives of both to each variable.
         """
         lines, leg = self._lines(low, high, variables), self.owner
         u, k, c = lines.along, lines.cross, lines.cosine[..., None]

@@ -20,30 +20,14 @@ if TYPE_CHECKING:
 def legs_between(model: Model, body: str, base: str, patterns: Sequence[str] | None) -> tuple[Leg, ...]:
     """Return the legs between two bodies.
 
-    Parameters
-    ----------
-    model : Model
-        The mechanism.
-    body, base : str
-        The supported body, and the body that carries the legs.
-    patterns : sequence of str, optional
-        Names or patterns of parts, one or more of each leg. Default: every chain between both.
-
-    Returns
-    -------
-    tuple of Leg
-        In the order in which the model has their parts.
-
-    Raises
-    ------
-    ModelError
-        If there are none, or a selected part is no chain from base to body with ends that can be moved.
+    ``body``, ``base``: the supported body, and the body that carries the legs. ``patterns``: names or patterns of
+    parts, one or more of each leg. Default: every chain between both.
     """
     chains = chains_between(model, body, base)
     if patterns is None:
         selected = [chain for chain in chains if chain.complete]
     else:
-        selected = _picked(model, chains, [patterns] if isinstance(patterns, str) else patterns)
+        selected = _picked(chains, [patterns] if isinstance(patterns, str) else patterns)
     if not selected:
         raise ModelError(f"platform: no leg leads from '{base}' to '{body}': expected line springs or chains of rigid "
                          f"bodies and joints between both.", element=body, field="body")  # fmt: skip
@@ -58,7 +42,7 @@ def legs_between(model: Model, body: str, base: str, patterns: Sequence[str] | N
     return tuple(result)
 
 
-def _picked(model: Model, chains: list[Chain], patterns: Iterable[str]) -> list[Chain]:
+def _picked(chains: list[Chain], patterns: Iterable[str]) -> list[Chain]:
     picked: list[Chain] = []
     for pattern in patterns:
         these = [chain for chain in chains if any(fnmatchcase(name, pattern) for name in chain.parts)]

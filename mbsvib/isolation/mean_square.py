@@ -27,34 +27,16 @@ if TYPE_CHECKING:
     from mbsvib.responses.power_spectra import BaseNoise
 
 
-HIDDEN = 1e-9
-BATCH = 512
+HIDDEN = 1e-9  # share of the largest product of input and output below which a pole is not seen
+BATCH = 512  # frequencies at a time
 
 
 def moments(linear: Linear, inputs: Sequence[str], outputs: Sequence[str], filters: Sequence[Shaped],
             correlation: Array) -> Array:  # fmt: skip
     """Return the mean squares of outputs under filtered white noise, from A P + P A^T + B W B^T = 0.
 
-    Parameters
-    ----------
-    linear : Linear
-        A system or a closed loop.
-    inputs, outputs : sequence of str
-        Inputs of the noise, and outputs.
-    filters : sequence of Shaped
-        The filter of each input.
-    correlation : array, shape (inputs, inputs)
-        Of the white noise before the filters.
-
-    Returns
-    -------
-    array, shape (outputs,)
-        Mean squares; infinite where noise comes through at once, or where an integrator sums it up.
-
-    Raises
-    ------
-    ResponseError
-        If the system is not stable.
+    ``correlation`` (inputs, inputs): of the white noise before the filters. Returns (outputs,): mean squares; infinite
+    where noise comes through at once, or where an integrator sums it up.
     """
     from scipy.linalg import block_diag
 
@@ -109,26 +91,8 @@ def _lyapunov(name: str, a: Array, b: Array, c: Array, strength: Array) -> Array
 def panels(linear: Linear, noise: BaseNoise, band: tuple[float, float], more: ArrayLike = ()) -> Array:
     """Return the ends of panels over a band, short enough for Gauss' rule.
 
-    Parameters
-    ----------
-    linear : Linear
-        A system or a closed loop.
-    noise : BaseNoise
-        The excitation.
-    band : (float, float)
-        First and last frequency [Hz].
-    more : array-like
-        Frequencies [Hz] that are to be among the ends.
-
-    Returns
-    -------
-    array, shape (panels + 1,)
-        Ascending frequencies [Hz].
-
-    Raises
-    ------
-    ResponseError
-        If the band is empty, or an undamped mode in it is excited.
+    ``band``: first and last frequency [Hz]. ``more``: frequencies [Hz] that are to be among the ends. Returns (panels +
+    1,): ascending frequencies [Hz].
     """
     low, high = band
     if not 0.0 <= low < high < np.inf:
@@ -150,23 +114,8 @@ def integrals(linear: Linear, inputs: Sequence[str], outputs: Sequence[str], noi
               power: int = 0) -> Array:  # fmt: skip
     """Return the mean square of outputs in each panel, the integral of w^power (G S G^H).
 
-    Parameters
-    ----------
-    linear : Linear
-        A system or a closed loop.
-    inputs, outputs : sequence of str
-        Inputs of the noise, and outputs.
-    noise : BaseNoise
-        Its density, one direction an input.
-    ends : array, shape (panels + 1,)
-        Ends of the panels [Hz].
-    power : int
-        Of the angular frequency [rad/s]: -2 makes velocities of accelerations.
-
-    Returns
-    -------
-    array, shape (outputs, panels)
-        Mean squares.
+    ``ends`` (panels + 1,): ends of the panels [Hz]. ``power``: of the angular frequency [rad/s]: -2 makes velocities of
+    accelerations. Returns (outputs, panels): mean squares.
     """
     into = [linear.inputs.index(name) for name in inputs]
     out = [linear.outputs.index(name) for name in outputs]

@@ -24,15 +24,8 @@ LOWEST, HIGHEST = 1.0, 80.0
 def centres(low: float = LOWEST, high: float = HIGHEST) -> Array:
     """Return the exact middle frequencies 10^(n/10) of the one-third octaves from ``low`` to ``high`` [Hz], as nominal.
 
-    Parameters
-    ----------
-    low, high : float
-        Nominal middle frequencies of the first and the last band [Hz].
-
-    Returns
-    -------
-    array, shape (bands,)
-        Ascending frequencies [Hz].
+    ``low``, ``high``: nominal middle frequencies of the first and the last band [Hz]. Returns (bands,): ascending
+    frequencies [Hz].
 
     Source: IEC 61260-1, base-ten octaves.
     """
@@ -43,15 +36,7 @@ def centres(low: float = LOWEST, high: float = HIGHEST) -> Array:
 def edges(middle: ArrayLike) -> Array:
     """Return the ends of adjacent one-third octaves, one more than there are bands [Hz].
 
-    Parameters
-    ----------
-    middle : array-like, shape (bands,)
-        Their middle frequencies [Hz].
-
-    Returns
-    -------
-    array, shape (bands + 1,)
-        Ascending frequencies [Hz].
+    ``middle`` (bands,): their middle frequencies [Hz]. Returns (bands + 1,): ascending frequencies [Hz].
     """
     middle = np.asarray(middle, dtype=float)
     return np.concatenate((middle * 10.0**-0.05, middle[-1:] * 10.0**0.05))

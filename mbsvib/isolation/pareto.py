@@ -54,28 +54,9 @@ def front(
 ) -> Front:  # fmt: skip
     """Return the front: one search for each bound, starting at the previous result.
 
-    Parameters
-    ----------
-    designed : callable
-        Returns the best design under an additional constraint and other arguments of ``studies.optimize``.
-    labels : (str, str)
-        Labels of the objective and of the bounded quantity.
-    against : Quantity
-        The bounded quantity; one number.
-    bounds : sequence of float
-        Largest values of it.
-    kwargs : mapping
-        Other arguments of ``studies.optimize``.
-
-    Returns
-    -------
-    Front
-        Designs, in the order of the bounds.
-
-    Raises
-    ------
-    ModelError
-        If there are no bounds.
+    ``designed``: returns the best design under an additional constraint and other arguments of ``studies.optimize``.
+    ``labels``: labels of the objective and of the bounded quantity. ``kwargs``: other arguments of
+    ``studies.optimize``.
     """
     limits = np.asarray(bounds, dtype=float)
     if limits.ndim != 1 or not len(limits) or not np.isfinite(limits).all():

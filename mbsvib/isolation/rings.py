@@ -65,24 +65,7 @@ class Ring:
 def ring_of(ends: Array, others: Array, legs: Sequence[str], which: str) -> Ring:
     """Return the ring that the ends of legs make, its axis along z.
 
-    Parameters
-    ----------
-    ends, others : array, shape (legs, 3)
-        Ends on this ring and on the other one [m].
-    legs : sequence of str
-        Names of the legs.
-    which : str
-        Name of the ring.
-
-    Returns
-    -------
-    Ring
-        The ends as neighbours in pairs, where their number is even.
-
-    Raises
-    ------
-    ModelError
-        If an end is on the axis.
+    ``ends``, ``others`` (legs, 3): ends on this ring and on the other one [m].
     """
     radius, angle = np.hypot(ends[:, 0], ends[:, 1]), np.arctan2(ends[:, 1], ends[:, 0])
     for leg, r in zip(legs, radius.tolist(), strict=True):

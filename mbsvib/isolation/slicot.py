@@ -40,25 +40,7 @@ class Synthesis:
 
 
 def need_ctrlsys(caller: str, without: str = "") -> Any:
-    """Return the package ctrlsys.
-
-    Parameters
-    ----------
-    caller : str
-        Who needs it, for the message.
-    without : str
-        What to do without it.
-
-    Returns
-    -------
-    module
-        The package.
-
-    Raises
-    ------
-    ExportError
-        If it is not installed.
-    """
+    """Return the package ctrlsys."""
     try:
         import ctrlsys
     except ImportError as error:
@@ -74,30 +56,11 @@ def hinf_synthesis(
 
     (z, y) = P (w, u):  minimise over stabilising K the norm of P11 + P12 K (1 - P22 K)^-1 P21
 
-    Parameters
-    ----------
-    plant : tuple of array
-        A, B, C, D of P, in continuous time.
-    measurements, controls : int
-        Number of outputs y, the last ones, and of inputs u, the last ones.
-    caller : str
-        For messages.
-    relaxation : float
-        Norm that is allowed, in parts of the smallest, 1 or more.
-
-    Returns
-    -------
-    Synthesis
-        The controller, of as many states as the plant, and the norm of its loop: within 1 % of the smallest for which
-        rounding leaves one whose loop keeps it, which is checked. Towards the least norm of all, poles of controllers
-        may go to infinity.
-
-    Raises
-    ------
-    ExportError
-        If ctrlsys is not installed.
-    ResponseError
-        If no controller is found.
+    ``plant``: A, B, C, D of P, in continuous time. ``measurements``, ``controls``: number of outputs y, the last ones,
+    and of inputs u, the last ones. ``relaxation``: norm that is allowed, in parts of the smallest, 1 or more. Returns
+    the controller, of as many states as the plant, and the norm of its loop: within 1 % of the smallest for which
+    rounding leaves one whose loop keeps it, which is checked. Towards the least norm of all, poles of controllers may
+    go to infinity.
 
     Source: Glover & Doyle, State-space formulae for all stabilizing controllers that satisfy an H-infinity norm bound,
     Systems & Control Letters 11 (1988); SLICOT's SB10FD, in a bisection. SLICOT's own, SB10AD, ends early.
@@ -150,20 +113,7 @@ def _attempt(
 def linf_norm(space: tuple[Array, Array, Array, Array]) -> float:
     """Return the largest singular value of a frequency response over all frequencies.
 
-    Parameters
-    ----------
-    space : tuple of array
-        A, B, C, D, in continuous time.
-
-    Returns
-    -------
-    float
-        The norm to 1e-9, infinite if SLICOT finds none.
-
-    Raises
-    ------
-    ExportError
-        If ctrlsys is not installed.
+    ``space``: A, B, C, D, in continuous time. Returns the norm to 1e-9, infinite if SLICOT finds none.
 
     Source: Bruinsma & Steinbuch, A fast algorithm to compute the H-infinity norm of a transfer function matrix,
     Systems & Control Letters 14 (1990); SLICOT's AB13DD.
@@ -182,17 +132,8 @@ def closed_loop(
 ) -> tuple[Array, Array, Array, Array]:  # fmt: skip
     """Return the lower linear fractional transformation of a plant and a controller.
 
-    Parameters
-    ----------
-    plant, controller : tuple of array
-        A, B, C, D of (z, y) = P (w, u) and of u = K y.
-    measurements, controls : int
-        Number of outputs y and of inputs u, the last ones of P.
-
-    Returns
-    -------
-    tuple of array
-        A, B, C, D from w to z; the states of the plant come first.
+    ``plant``, ``controller``: A, B, C, D of (z, y) = P (w, u) and of u = K y. ``measurements``, ``controls``: number of
+    outputs y and of inputs u, the last ones of P. Returns A, B, C, D from w to z; the states of the plant come first.
     """
     (a, b, c, d), (ak, bk, ck, dk) = plant, controller
     o, i = len(c) - measurements, b.shape[1] - controls
@@ -212,26 +153,8 @@ def closed_loop(
 def h2_synthesis(plant: tuple[Array, Array, Array, Array], measurements: int, controls: int, caller: str) -> Synthesis:
     """Return the controller u = K y that keeps the H2 norm from w to z least.
 
-    Parameters
-    ----------
-    plant : tuple of array
-        A, B, C, D of (z, y) = P (w, u), in continuous time, without feedthrough from w to z.
-    measurements, controls : int
-        Number of outputs y, the last ones, and of inputs u, the last ones.
-    caller : str
-        For messages.
-
-    Returns
-    -------
-    Synthesis
-        The controller, of as many states as the plant.
-
-    Raises
-    ------
-    ExportError
-        If ctrlsys is not installed.
-    ResponseError
-        If no controller is found.
+    ``plant``: A, B, C, D of (z, y) = P (w, u), in continuous time, without feedthrough from w to z. ``measurements``,
+    ``controls``: number of outputs y, the last ones, and of inputs u, the last ones.
 
     Source: Zhou, Doyle & Glover, Robust and Optimal Control (1996), section 14.5; SLICOT's SB10HD.
     """

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbsvib.feedback import closed_loop, sampled
+from mbsvib.feedback.feedback_loop import FeedbackLoop
 from mbsvib.isolation.asymptote import direct, without_rounding
 from mbsvib.isolation.isolation_study import figures
 
@@ -20,19 +22,23 @@ if TYPE_CHECKING:
     from mbsvib.isolation.plant import Plant
 
 
-class ClosedLoop(closed_loop.ClosedLoop):
-    """A mechanism with controllers; has the inputs and outputs of ``plant.system``, actuators take further forces."""
+class StudyFigures(FeedbackLoop):
+    """What closed loops of a study answer, in continuous or discrete time."""
 
     plant: Plant
 
     @property
-    def far(self) -> ClosedLoop:
+    @abstractmethod
+    def far(self) -> System | ClosedLoop:
         """The loop or system with the same response at high frequency."""
-        return self
 
     def direct(self) -> Array:
         """Return the feedthrough (outputs, inputs), with zeros where it is rounding."""
-        return _direct(self)
+        plant, (y, u) = direct(self.plant.system), self.ports
+        back = np.linalg.inv(np.eye(len(u)) - self.law.D @ plant[np.ix_(y, u)]) @ self.law.D
+        value = plant + plant[:, u] @ back @ plant[y]
+        terms = np.abs(plant) + np.abs(plant[:, u]) @ np.abs(back) @ np.abs(plant[y])
+        return without_rounding(value, terms)
 
     def isolation(self, frequencies: ArrayLike | None = None) -> Isolation:
         """Return the figures of the closed loop.
@@ -55,6 +61,15 @@ class ClosedLoop(closed_loop.ClosedLoop):
         """
         return figures(self.plant.scene, self, frequencies)
 
+
+class ClosedLoop(StudyFigures, closed_loop.ClosedLoop):
+    """A mechanism with controllers; has the inputs and outputs of ``plant.system``, actuators take further forces."""
+
+    @property
+    def far(self) -> ClosedLoop:
+        """The loop or system with the same response at high frequency."""
+        return self
+
     def sampled(self, rate: float, delay: float = 0.0) -> SampledLoop:
         """Return the loop with discrete-time controllers.
 
@@ -73,69 +88,17 @@ class ClosedLoop(closed_loop.ClosedLoop):
         return sampled.sampled(self, rate, delay, SampledLoop)
 
 
-class SampledLoop(sampled.SampledLoop):
+class SampledLoop(StudyFigures, sampled.SampledLoop):
     """A closed loop of a study whose controllers run in discrete time."""
-
-    plant: Plant
 
     @property
     def far(self) -> System:
         """The mechanism: a hold blocks high frequencies."""
         return self.plant.system
 
-    def direct(self) -> Array:
-        """Return the feedthrough (outputs, inputs), with zeros where it is rounding."""
-        return _direct(self)
-
-    def isolation(self, frequencies: ArrayLike | None = None) -> Isolation:
-        """Return the figures of the closed loop.
-
-        Parameters
-        ----------
-        frequencies : array-like, shape (n,), optional
-            Ascending frequencies [Hz]; default: as for a loop in continuous time.
-
-        Returns
-        -------
-        Isolation
-            Transmissibility, compliance and figures.
-
-        Raises
-        ------
-        ResponseError
-            If the loop is not stable.
-        """
-        return figures(self.plant.scene, self, frequencies)
-
 
 def close(plant: Plant, *controllers: Controller) -> ClosedLoop:
-    """Return a plant of a study with its loops closed.
-
-    Parameters
-    ----------
-    plant : Plant
-        The mechanism with actuators and sensors.
-    *controllers : Controller
-        Controllers that act together.
-
-    Returns
-    -------
-    ClosedLoop
-        Poles, responses, margins, figures.
-
-    Raises
-    ------
-    ResponseError
-        If there is no controller, or one names an unknown sensor or actuator.
-    """
+    """Return a plant of a study with its loops closed."""
     loop = closed_loop.close(plant, *controllers, form=ClosedLoop)
     assert isinstance(loop, ClosedLoop)
     return loop
-
-
-def _direct(loop: ClosedLoop | SampledLoop) -> Array:
-    plant, (y, u) = direct(loop.plant.system), loop.ports
-    back = np.linalg.inv(np.eye(len(u)) - loop.law.D @ plant[np.ix_(y, u)]) @ loop.law.D
-    value = plant + plant[:, u] @ back @ plant[y]
-    terms = np.abs(plant) + np.abs(plant[:, u]) @ np.abs(back) @ np.abs(plant[y])
-    return without_rounding(value, terms)

@@ -48,7 +48,7 @@ class Leg:
 
 
 @dataclass(frozen=True, slots=True)
-class Scene:
+class StudyScene:
     """A mechanism ready to be studied: ``system`` has the inputs ``base.x`` ... ``base.rz`` (accelerations of the base)
     and ``load.x`` ... ``load.rz`` (wrench on the payload), the outputs ``acceleration.x`` ... ``acceleration.rz``
     (absolute) and ``displacement.x`` ... (against the base) of the payload, and those of ``legs``.
@@ -80,36 +80,14 @@ class Scene:
 def scene(
     model: Model, body: str, base: str = GROUND, point: ArrayLike | None = None, length: float | None = None,
     directions: Sequence[str] | None = None, *, keep_ports: bool = False,
-) -> Scene:  # fmt: skip
+) -> StudyScene:  # fmt: skip
     """Return a mechanism with the ports of an isolation study without changing the model.
 
-    Parameters
-    ----------
-    model : Model
-        The mechanism.
-    body : str
-        The isolated body.
-    base : str
-        What is shaken: the ground, or a body whose motion is prescribed, so that it takes the ground's place.
-    point : array-like, shape (3,), optional
-        Reference point of all motions and wrenches [m]; default: the body's centre of mass.
-    length : float, optional
-        Length [m] that makes rotations comparable; default: the root mean square distance of the body's mass from its
-        centre.
-    directions : sequence of str, optional
-        In which the base is shaken; default: all six, or x y z where weight or other loads do not turn with the base.
-    keep_ports : bool
-        Whether inputs and outputs of the model are kept; they come first.
-
-    Returns
-    -------
-    Scene
-        The system and the names of its ports.
-
-    Raises
-    ------
-    ModelError
-        If a body is unknown, is its own base, the length is not positive, or a direction is unknown.
+    ``base``: what is shaken: the ground, or a body whose motion is prescribed, so that it takes the ground's place.
+    ``point`` (3,): reference point of all motions and wrenches [m]; default: the body's centre of mass. ``length``:
+    length [m] that makes rotations comparable; default: the root mean square distance of the body's mass from its
+    centre. ``directions``: in which the base is shaken; default: all six, or x y z where weight or other loads do not
+    turn with the base. ``keep_ports``: whether inputs and outputs of the model are kept; they come first.
     """
     who = "isolation"
     a_model(model, who)
@@ -139,7 +117,7 @@ def scene(
             copy.add_output(f"{quantity}.{direction}", body, direction, at, quantity=quantity)
     legs = _measured(copy)
     system = copy.linearize(method="dense")
-    return Scene(copy, system, body, base, at, float(size), base_directions, legs, notes)
+    return StudyScene(copy, system, body, base, at, float(size), base_directions, legs, notes)
 
 
 def _size(body: Body) -> float:

@@ -63,7 +63,7 @@ def lqg(
     inject = _feedback(a.T, c.T, base * bw @ bw.T, base * dw @ dw.T + noise * np.eye(n), base * bw @ dw.T).T
     law = a - b @ back - inject @ c + inject @ d @ back
     return Controller("LQG", law * scale, inject * scale, -back, np.zeros((m, n)), tuple(sensors),
-                      plant.names("actuator"))  # fmt: skip
+                      plant.names("actuator")).for_plant(plant.system)  # fmt: skip
 
 
 def hinf(
@@ -121,7 +121,7 @@ def hinf(
     )  # fmt: skip
     synthesis = hinf_synthesis(generalized_plant, n, m, "hinf", relaxation)
     law = Controller("Hinf", synthesis.A * scale, synthesis.B * scale, synthesis.C, synthesis.D, tuple(sensors),
-                     plant.names("actuator"))  # fmt: skip
+                     plant.names("actuator")).for_plant(plant.system)  # fmt: skip
     return law, float(synthesis.norm or 0.0)
 
 

@@ -45,17 +45,15 @@ def isolation_table(study: Figures) -> dict[str, Any]:
 def isolation_csv(study: Figures, path: str | os.PathLike[str]) -> Path:
     """Write the figures over frequency; returns the path."""
     scene = study.scene
-    names, columns = ["frequency_hz", "index"], [study.frequencies, study.index]
-    for i, values in enumerate(study.singular_values):
-        names.append(f"singular_value_{i + 1}")
-        columns.append(values)
+    columns = {"frequency_hz": study.frequencies, "index": study.index}
+    columns |= {f"singular_value_{i}": values for i, values in enumerate(study.singular_values, 1)}
     for symbol, table, sources in (("T", study.transmissibility, scene.base_directions),
                                  ("C", study.compliance, DIRECTIONS)):  # fmt: skip
         for i, direction in enumerate(DIRECTIONS):
             for j, source in enumerate(sources):
-                names += [f"{symbol}_{direction}_{source}_re", f"{symbol}_{direction}_{source}_im"]
-                columns += [table[i, j].real, table[i, j].imag]
-    return write_columns(path, names, columns)
+                columns[f"{symbol}_{direction}_{source}_re"] = table[i, j].real
+                columns[f"{symbol}_{direction}_{source}_im"] = table[i, j].imag
+    return write_columns(path, columns)
 
 
 def _roll_off(study: Figures) -> str:

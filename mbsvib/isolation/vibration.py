@@ -177,9 +177,10 @@ class Vibration(Displayed):
         """
         f = self.study.frequencies
         units = ["m/s2" if len(direction) == 1 else "rad/s2" for direction in DIRECTIONS]
-        names = ["frequency_hz", *(f"density_{d}_({u})2/hz" for d, u in zip(DIRECTIONS, units, strict=True)),
-                 *(f"cumulative_rms_{d}_{u}" for d, u in zip(DIRECTIONS, units, strict=True))]  # fmt: skip
-        return write_columns(path, names, [f, *self.density(f), *self.cumulative(f)])
+        columns = {"frequency_hz": f}
+        for form, values in (("density_{}_({})2/hz", self.density(f)), ("cumulative_rms_{}_{}", self.cumulative(f))):
+            columns |= {form.format(d, u): row for d, u, row in zip(DIRECTIONS, units, values, strict=True)}
+        return write_columns(path, columns)
 
     def __repr__(self) -> str:
         return f"Vibration({self.study.name!r}: base shaken along {' '.join(self.noise.directions)})"
@@ -188,24 +189,7 @@ class Vibration(Displayed):
 def vibration(study: Figures, noise: BaseNoise, band: tuple[float, float] | None) -> Vibration:
     """Return root mean squares of a study's body, strokes and forces.
 
-    Parameters
-    ----------
-    study : Figures
-        The mechanism, its loops open or closed.
-    noise : BaseNoise
-        What shakes the base.
-    band : (float, float) or None
-        First and last frequency [Hz]; None: all.
-
-    Returns
-    -------
-    Vibration
-        Root mean squares.
-
-    Raises
-    ------
-    ResponseError
-        If the system is unstable, or correlated noise has no last frequency and no band is given.
+    ``band``: first and last frequency [Hz]; None: all.
     """
     legs = study.scene.legs
     outputs = [*ACCELERATIONS, *(leg.stroke for leg in legs), *(leg.force for leg in legs)]

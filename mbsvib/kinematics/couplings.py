@@ -51,9 +51,11 @@ class Couplings:
                 number += 1
         return result
 
-    def row_scale(self, length: float) -> Array:
-        """Return factors that scale each row to entries of at most one, with ``length`` [m] as the unit of length."""
-        size = np.abs(self.value) * np.where(self.turns, 1.0, length)
+    def row_scale(self, length: Array) -> Array:
+        """Return factors that scale each row to entries of at most one, with ``length`` (couplers,) [m] as the unit of
+        length of each.
+        """
+        size = np.abs(self.value) * np.where(self.turns, 1.0, length[self.row])
         largest = np.zeros((*size.shape[:-1], len(self.touched)))
         for k, row in enumerate(self.row.tolist()):
             largest[..., row] = np.maximum(largest[..., row], size[..., k])

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.fast_init import fast_init
 from mbsvib.errors import NearSingularWarning, SingularPoseError
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, RANK_FACTOR, RANK_GAP, TIE_BREAK
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
 
 
+@fast_init
 @dataclass(frozen=True)
 class LoopGroup:
     """The rank decision of one independent group of loops.

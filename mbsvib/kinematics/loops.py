@@ -7,13 +7,15 @@ decides which rows are redundant and which joint coordinates are dependent; the 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import blas, lapack
 
 from mbsvib.common.expected import names
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.rows import Rows
 from mbsvib.errors import ModelError, nearest
 from mbsvib.kinematics.loop_group import LoopGroup, check_gap, decided, measures, preference, redundant_rows
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
     Arms = Callable[[Iterable[str]], float]
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Reduction:
     """Minimal coordinates: ``independent`` (m,) picks them from the joint coordinates, ``matrix`` (..., n, m) is B''.
@@ -68,6 +71,7 @@ class Reduction:
         return result
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Cuts:
     """The locked rows of the cut joints: ``rows``, their ``names`` and the number of the cut ``joint`` of each.
@@ -85,13 +89,16 @@ class Cuts:
     translates: Mask
     couplings: Couplings | None = None
 
-    def row_scale(self, length: float) -> Array:
-        """Return factors (..., rows) that make the rows dimensionless, with ``length`` [m] as the unit of length."""
+    def row_scale(self, length: float | Array) -> Array:
+        """Return factors (..., rows) that make the rows dimensionless, with ``length`` [m] as the unit of length: one
+        for all, or one for each row (rows,).
+        """
+        scale = np.where(self.translates, 1.0 / length, 1.0)
         if self.couplings is None:
-            return np.where(self.translates, 1.0 / length, 1.0)
-        translating, coupled = self.translates[: len(self.rows.first)], self.couplings.row_scale(length)
-        scale = np.broadcast_to(np.where(translating, 1.0 / length, 1.0), (*coupled.shape[:-1], len(translating)))
-        return np.concatenate((scale, coupled), axis=-1)
+            return scale
+        count = len(self.rows.first)
+        coupled = self.couplings.row_scale(np.broadcast_to(length, len(scale))[count:])
+        return np.concatenate((np.broadcast_to(scale[:count], (*coupled.shape[:-1], count)), coupled), axis=-1)
 
 
 def reduce(
@@ -132,11 +139,13 @@ def reduce(
     n = len(coordinates.names)
     if cuts is None:
         return Reduction(np.arange(n), None, ())
+    blocks = _groups(coordinates, cuts)
+    scaled = _scaled(coordinates, cuts, phi, blocks)
     depends = np.zeros(n, dtype=bool)
     solved = []
     groups = []
-    for rows, columns in _groups(coordinates, cuts):
-        group, dependent, others, block = _solve(coordinates, cuts, phi, rows, columns, pinned, arms)
+    for i in range(len(blocks)):
+        group, dependent, others, block = _solve(coordinates, cuts, phi, blocks[i], scaled, i, pinned, arms)
         depends[dependent] = True
         solved.append((dependent, others, block))
         groups.append(group)
@@ -146,7 +155,8 @@ def reduce(
     matrix = np.zeros((n, len(free)))
     matrix[free, np.arange(len(free))] = 1.0
     for dependent, others, block in solved:
-        matrix[dependent[:, None], position[others]] = block
+        matrix[dependent[:, None], position.take(others)] = block
+    matrix *= np.divide.outer(scaled.columns, scaled.columns.take(free))
     return Reduction(free, matrix, tuple(groups))
 
 
@@ -169,6 +179,17 @@ def _groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
     touched = coordinates.path.take(second, axis=0) != coordinates.path.take(first, axis=0)
     if cuts.couplings is not None:
         touched = np.concatenate((touched, cuts.couplings.touched))
+    ends = [*cuts.start.tolist(), *range(len(cuts.rows.first), len(cuts.names) + 1)]
+    return _connected(touched.tobytes(), touched.shape, tuple(ends))
+
+
+@lru_cache(maxsize=32)
+def _connected(touches: bytes, shape: tuple[int, int], ends: tuple[int, ...]) -> list[tuple[Index, Index]]:
+    """Rows and columns of groups of loops (loops, n) that touch the same coordinates; rows of a loop start at ``ends``.
+
+    They depend on nothing but the tree and are cached for mechanisms that are built again with other values.
+    """
+    touched = np.frombuffer(touches, bool).reshape(shape)
     groups: list[tuple[int, list[int]]] = []
     for loop, bits in enumerate(np.packbits(touched, axis=1)):
         # the coordinates that a loop touches as bits of one integer: an intersection is a single operation
@@ -180,28 +201,52 @@ def _groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
             else:
                 separate.append((known_mask, members))
         groups = [*separate, (mask, loops)]
-    row = np.arange(len(cuts.names))
-    if len(groups) == 1:
-        return [(row, touched.any(axis=0).nonzero()[0])]
-    ends = [*cuts.start.tolist(), *range(len(cuts.rows.first), len(row) + 1)]
-    return [
-        (row[ends[loops[0]] : ends[loops[0] + 1]], touched[loops[0]].nonzero()[0]) if len(loops) == 1 else
-        (np.concatenate([row[ends[loop] : ends[loop + 1]] for loop in loops]), touched[loops].any(axis=0).nonzero()[0])
-        for _, loops in groups
-    ]  # fmt: skip
+    result = [(np.concatenate([np.arange(ends[loop], ends[loop + 1]) for loop in sorted(loops)]),
+               np.asarray(touched[loops].any(axis=0)).nonzero()[0]) for _, loops in groups]  # fmt: skip
+    for indices in chain.from_iterable(result):
+        indices.setflags(write=False)
+    return result
+
+
+@dataclass(frozen=True, slots=True)
+class _Scaled:
+    """The locked rows in units of each group: ``matrix`` (rows, n) is Phi times ``columns`` (n,), with translations
+    divided by the group's unit of ``length`` [m], so that ranks do not depend on units. ``noise`` is the rounding of an
+    entry of each group.
+    """
+
+    matrix: Array
+    columns: Array
+    length: list[float]
+    noise: list[float]
+
+
+def _scaled(
+    coordinates: Twists, cuts: Cuts, phi: Array, groups: list[tuple[Index, Index]], arm: float = 0.0
+) -> _Scaled:
+    """Scale the rows and columns of groups of loops, each by its own unit of length."""
+    count, points = len(cuts.rows.first), np.concatenate((cuts.rows.point, coordinates.point), axis=1)
+    row_length, column_length, preferred = np.ones(len(phi)), np.ones(phi.shape[1]), np.ones(phi.shape[1])
+    lengths, noises = [], []
+    for rows, columns in groups:
+        cut = rows if cuts.couplings is None else rows[rows < count]
+        group_points = points.take(np.concatenate((cut, columns + count)), axis=1)
+        length, noise = measures(group_points, max(len(rows), len(columns)), coordinates.pitch, arm)
+        row_length[rows], column_length[columns], preferred[columns] = length, length, preference(len(columns))
+        lengths.append(length)
+        noises.append(noise)
+    scale = np.where(coordinates.turns, 1.0, column_length)
+    scale *= preferred
+    return _Scaled(phi * cuts.row_scale(row_length)[:, None] * scale, scale, lengths, noises)
 
 
 def _solve(
-    coordinates: Twists, cuts: Cuts, phi: Array, rows: Index, columns: Index, pinned: Mask | None, arms: Arms | None,
-    arm: float = 0.0,
+    coordinates: Twists, cuts: Cuts, phi: Array, block: tuple[Index, Index], scaled: _Scaled, number: int,
+    pinned: Mask | None, arms: Arms | None,
 ) -> tuple[LoopGroup, Index, Index, Array]:  # fmt: skip
-    """Solve one group: its rank decision, dependent and other columns, and the block of B'' between them."""
-    cut = rows if cuts.couplings is None else rows[rows < len(cuts.rows.first)]
-    points = np.concatenate((cuts.rows.point.take(cut, axis=1), coordinates.point.take(columns, axis=1)), axis=1)
-    length, noise = measures(points, max(len(rows), len(columns)), coordinates.pitch, arm)
-    scale = np.where(coordinates.turns.take(columns), 1.0, length)
-    scale *= preference(len(columns))
-    a = scaled(phi.take(rows, axis=0).take(columns, axis=1), cuts, rows, scale, length)
+    """Solve one group: its rank decision, dependent and other columns, and the scaled block of B'' between them."""
+    (rows, columns), length, noise = block, scaled.length[number], scaled.noise[number]
+    a = scaled.matrix.take(rows, axis=0).take(columns, axis=1)
     pinned_columns = candidate = None
     if pinned is not None and pinned[columns].any():
         pinned_columns, candidate = np.nonzero(pinned[columns])[0], np.nonzero(~pinned[columns])[0]
@@ -215,11 +260,12 @@ def _solve(
         tied = bool(np.abs(product[rank:]).max(initial=0.0) > limit)
         right = np.concatenate((right, product[:rank]), axis=1)
     joints = tuple([cuts.joints[k] for k in dict.fromkeys(cuts.joint.take(rows).tolist())])
-    doubtful = tied or retained < NEAR_SINGULAR or limit > NEAR_SINGULAR
-    if doubtful and arms is not None and not arm:
+    if arms is not None and (tied or retained < NEAR_SINGULAR or limit > NEAR_SINGULAR):
         arm = arms([*joints, *(coordinates.names[k].rpartition(".")[0] for k in columns.tolist())])
         if arm:
-            return _solve(coordinates, cuts, phi, rows, columns, pinned, arms, arm)
+            again = _scaled(coordinates, cuts, phi, [block], arm)
+            scaled.columns[columns] = again.columns[columns]
+            return _solve(coordinates, cuts, phi, block, again, 0, pinned, None)
     if tied and pinned_columns is not None:
         raise _tied(coordinates, columns[pinned_columns])
     group = LoopGroup(joints, rows, columns, rank, retained, dropped, length, noise,
@@ -229,15 +275,9 @@ def _solve(
     if candidate is not None and pinned_columns is not None:
         dependent, others = candidate[dependent], np.concatenate((candidate[others], pinned_columns))
     # dtrtrs starts a second thread even for small matrices
-    block = blas.dtrsm(-1.0, qr[:rank, :rank], right) if rank and len(others) else np.zeros((rank, len(others)))
-    block[np.abs(block) <= noise / retained] = 0.0  # rounding here would resist free motions
-    block *= np.divide.outer(scale.take(dependent), scale.take(others))
-    return group, columns.take(dependent), columns.take(others), block
-
-
-def scaled(phi: Array, cuts: Cuts, rows: Index, column_scale: Array, length: float) -> Array:
-    """Return Phi with translations divided by ``length``, so that the rank does not depend on units."""
-    return phi * cuts.row_scale(length).take(rows)[:, None] * column_scale
+    solution = blas.dtrsm(-1.0, qr[:rank, :rank], right) if rank and len(others) else np.zeros((rank, len(others)))
+    solution[np.abs(solution) <= noise / retained] = 0.0  # rounding here would resist free motions
+    return group, columns.take(dependent), columns.take(others), solution
 
 
 def _tied(coordinates: Twists, pinned: Index) -> ModelError:

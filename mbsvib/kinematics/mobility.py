@@ -16,7 +16,6 @@ import numpy as np
 
 from mbsvib.errors import SingularPoseError
 from mbsvib.kinematics.body_motion import body_motion
-from mbsvib.kinematics.loops import scaled
 from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import NEIGHBOUR_PIVOT, NEIGHBOUR_STEP, PARALLEL_AXES, RANK_FACTOR
@@ -85,7 +84,8 @@ def check_mobility(
     phi = phi_nearby(topology, coordinates, cuts, reduction, position, crossing, rods)
     for group in groups:
         scale = np.where(coordinates.turns[group.columns], 1.0, group.length)
-        qr, _, _ = pivoted_qr(scaled(phi[group.rows[:, None], group.columns], cuts, group.rows, scale, group.length))
+        row_scale = cuts.row_scale(group.length).take(group.rows)[:, None]
+        qr, _, _ = pivoted_qr(phi[group.rows[:, None], group.columns] * row_scale * scale)
         pivots = np.abs(qr.diagonal())
         limit = max(NEIGHBOUR_PIVOT, RANK_FACTOR * group.noise)
         rank = int(np.count_nonzero(pivots > limit * max(1.0, float(pivots.max(initial=0.0)))))
@@ -236,13 +236,13 @@ def _carriers(topology: Topology) -> tuple[Index, Index, Index]:
 
 def rods_in_loops(topology: Topology, coordinates: Twists, cuts: Cuts) -> list[Rod]:
     """Return the rods of distance joints, in the tree or cut."""
-    if not any(joint.kind == "distance" for joint in topology.joints):
+    if not any(joint.is_rod for joint in topology.joints):
         return []
     number = topology.body_numbers
     cut = {k: count for count, k in enumerate(topology.cut)}
     result = []
     for k, joint in enumerate(topology.joints):
-        if joint.kind == "distance":
+        if joint.is_rod:
             row = np.flatnonzero(cuts.joint == cut[k]) if k in cut else np.zeros(0, dtype=np.intp)
             column = 0 if k in cut else coordinates.names.index(f"{joint.name}.x")
             start, end = (np.array(value)[:, None] for value in (joint.position, joint.end))

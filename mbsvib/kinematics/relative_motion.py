@@ -12,11 +12,13 @@ it as their first axis, (variants, ...).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.rows import columns
 from mbsvib.linalg.rank import LARGEST_ROUNDING, ZERO_MOTION
 from mbsvib.linalg.rotations import CYCLE
@@ -30,12 +32,15 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body, Joint
     from mbsvib.elements.rows import Rows
-    from mbsvib.mechanism.topology import Topology
+    from mbsvib.mechanism.topology import Branch, Topology
 
 
+# Paths of up to this number of rows times coordinates are cached: a few megabytes in all.
+REMEMBERED = 20_000
 _FREE = tuple((d, tuple(float(i == j) for j in range(6))) for i, d in enumerate(("x", "y", "z", "rx", "ry", "rz")))
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Twists:
     """The joint coordinates of the tree as twists in world axes.
@@ -55,6 +60,7 @@ class Twists:
     pitch: float = 0.0
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Triplets:
     """A matrix of ``shape`` by its entries: ``row`` (ascending) and ``column`` (entries,), ``value`` (..., entries)."""
@@ -94,34 +100,45 @@ def twists(topology: Topology, bodies: list[Body]) -> Twists:
     They are in the order in which their joints were added, those of floating bodies last.
     """
     joints = topology.joints
+    order, path = _paths(topology.branches, tuple([len(joint.freedom) for joint in joints]))
     names: list[str] = []
     twist: list[tuple[float, ...]] = []
     turns: list[bool] = []
-    columns_of: dict[int, slice] = {}
-    for branch in sorted([b for b in topology.branches if b.joint != FLOATS], key=attrgetter("joint")):
-        joint = joints[branch.joint]
-        at = joint.point or bodies[branch.body].position
-        start = len(names)
-        for direction, six in joint.freedom:
-            names.append(f"{joint.name}.{direction}")
+    for branch in order:
+        if branch.joint == FLOATS:
+            name, at, freedom = topology.bodies[branch.body], bodies[branch.body].position, _FREE
+        else:
+            joint = joints[branch.joint]
+            name, at, freedom = joint.name, joint.point or bodies[branch.body].position, joint.freedom
+        for direction, six in freedom:
+            names.append(f"{name}.{direction}")
             twist.append(six + at)
             turns.append(direction[0] == "r")
-        columns_of[branch.joint] = slice(start, len(names))
-    path = np.zeros((len(bodies) + 1, len(names) + 6 * len(topology.floating)), dtype=np.int8)
-    for branch in topology.branches:
-        if branch.joint == FLOATS:
-            body = bodies[branch.body]
-            start = len(names)
-            names += [f"{body.name}.{direction}" for direction, _ in _FREE]
-            twist += [six + body.position for _, six in _FREE]
-            turns += [False] * 3 + [True] * 3
-            path[branch.body, start : start + 6] = 1
-        else:
-            path[branch.body] = path[branch.parent]
-            path[branch.body, columns_of[branch.joint]] = branch.sign
     entries = columns(twist, 9)
     return Twists(tuple(names), entries[:3], entries[3:6], entries[6:], path, np.array(turns, dtype=bool),
                   largest_pitch(joints))  # fmt: skip
+
+
+@lru_cache(maxsize=16)
+def _paths(branches: tuple[Branch, ...], freedoms: tuple[int, ...]) -> tuple[tuple[Branch, ...], NDArray[np.int8]]:
+    """The branches in the order of their coordinates, and ``Twists.path``.
+
+    Both depend on nothing but the tree and the numbers of coordinates of its joints, and are cached for mechanisms that
+    are built again with other values.
+    """
+    order = sorted([b for b in branches if b.joint != FLOATS], key=attrgetter("joint"))
+    order += [b for b in branches if b.joint == FLOATS]
+    columns_of, n = {}, 0
+    for branch in order:
+        width = 6 if branch.joint == FLOATS else freedoms[branch.joint]
+        columns_of[branch.body] = slice(n, n + width)
+        n += width
+    path = np.zeros((len(branches) + 1, n), dtype=np.int8)
+    for branch in branches:
+        path[branch.body] = path[branch.parent]
+        path[branch.body, columns_of[branch.body]] = branch.sign
+    path.setflags(write=False)
+    return tuple(order), path
 
 
 def largest_pitch(joints: Sequence[Joint]) -> float:
@@ -161,17 +178,16 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
 
     Source: Jiang, Chen & Luo (2011), the linear transformation of displacements between ports.
     """
-    sign = coordinates.path.take(rows.second, axis=0) - coordinates.path.take(rows.first, axis=0)
-    flat: Index = (sign != 0).reshape(-1).nonzero()[0]
-    width = max(1, sign.shape[1])
-    row = flat // width
-    column = flat - width * row
-    signs = sign.reshape(-1).take(flat)
+    path, first, second = (np.asarray(array, kind) for array, kind in (
+        (coordinates.path, np.int8), (rows.first, np.intp), (rows.second, np.intp)))  # fmt: skip
+    shape = len(first), path.shape[1]
+    entries = _entries if shape[0] * shape[1] <= REMEMBERED else _entries.__wrapped__
+    row, column, signs = entries(path.tobytes(), path.shape, first.tobytes(), second.tobytes())
     vectors = (rows.force, rows.moment, coordinates.linear, coordinates.angular, rows.point, coordinates.point)
     if sum([array.ndim for array in vectors]) > 12:
         value = _of_variants(vectors, row, column)
         value *= signs[:, None]
-        return Triplets(row, column, value.T, sign.shape)
+        return Triplets(row, column, value.T, shape)
     force, moment, point = (array.take(row, axis=1) for array in (rows.force, rows.moment, rows.point))
     linear, angular = coordinates.linear.take(column, axis=1), coordinates.angular.take(column, axis=1)
     start = coordinates.point.take(column, axis=1)
@@ -183,7 +199,24 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
     turned += force * linear
     value = (turned[0] + turned[1] + turned[2]) * signs
     clear_rounding(value, force, moment, linear, angular, point, start)
-    return Triplets(row, column, value, sign.shape)
+    return Triplets(row, column, value, shape)
+
+
+@lru_cache(maxsize=32)
+def _entries(path: bytes, shape: tuple[int, ...], first: bytes, second: bytes) -> tuple[Index, Index, NDArray[np.int8]]:
+    """Row, column and sign of each joint coordinate on the way from ``first`` to ``second``, of arrays by their bytes.
+
+    They depend on nothing but the tree and are cached for mechanisms that are built again with other values.
+    """
+    of_body = np.frombuffer(path, np.int8).reshape(shape)
+    ends = [of_body.take(np.frombuffer(end, np.intp), axis=0) for end in (first, second)]
+    sign = ends[1] - ends[0]
+    flat: Index = (sign != 0).reshape(-1).nonzero()[0]
+    row = flat // max(1, shape[1])
+    column, signs = flat - shape[1] * row, sign.reshape(-1).take(flat)
+    for array in (row, column, signs):
+        array.setflags(write=False)
+    return row, column, signs
 
 
 def _of_variants(vectors: tuple[Array, ...], row: Index, column: Index) -> Array:
@@ -235,7 +268,8 @@ def clear_rounding(value: Array, *vectors: Array) -> None:
         return
     if value.ndim == 1:
         at = small.nonzero()[0]
-        sizes = np.abs(np.array([array.take(at, axis=1) for array in vectors])).max(axis=1)
+        sizes = np.maximum.reduce(np.abs(np.concatenate([array.take(at, axis=1) for array in vectors]))
+                                  .reshape(len(vectors), 3, -1), axis=1)  # fmt: skip
         value[at[size.take(at) <= _noise(*sizes)]] = 0.0
         return
     at = small.any(axis=1).nonzero()[0]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
-from mbsvib.elements.joint import KINDS
+from mbsvib.elements.joint_kinds import KINDS
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def checked_row(description: Any, i: int, links: Iterable[str]) -> dict[str, Any
     about = description.get("about", "cm")
     if about not in ABOUT:
         raise check.refuse(who, "about", about, "'cm' or 'origin', the point about which the inertia is taken")
-    return row | _placed(description, who) | {
+    return row | _offset_and_turn(description, who) | {
         "joint": JOINTS[joint], "mass": description["mass"], "inertia": description["inertia"], "about": about,
         "cm": np.array(check.vector(description.get("cm", (0.0, 0.0, 0.0)), who, "cm")),
         "name": description.get("name", f"link{i}"),
@@ -62,7 +62,7 @@ def checked_closing(description: Any, i: int, links: Iterable[str]) -> dict[str,
                            "Add any other with add_joint.")  # fmt: skip
     if "first" not in description:
         raise check.refuse(who, "first", None, "the link whose last frame the joint is in")
-    return _placed(description, who) | {
+    return _offset_and_turn(description, who) | {
         "joint": word, "name": description.get("name", f"closing{i}"),
         "first": _link(description["first"], who, "first", known),
         "second": _link(description.get("second", "ground"), who, "second", known),
@@ -112,7 +112,7 @@ def _check_words(description: Any, who: str, words: tuple[str, ...]) -> None:
                              f"{', '.join(words)}.", element=who, field=str(word))  # fmt: skip
 
 
-def _placed(description: Mapping[str, Any], who: str) -> dict[str, Array]:
+def _offset_and_turn(description: Mapping[str, Any], who: str) -> dict[str, Array]:
     return {"offset": np.array(check.vector(description.get("offset", (0.0, 0.0, 0.0)), who, "offset")),
             "turn": np.array(check.orientation(description.get("turn"), who))}  # fmt: skip
 

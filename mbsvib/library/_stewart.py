@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 BASE_ANGLES = tuple(map(radians, (-10.0, 10.0, 110.0, 130.0, 230.0, 250.0)))
 PLATFORM_ANGLES = tuple(map(radians, (-50.0, 50.0, 70.0, 170.0, 190.0, 290.0)))
-PAYLOAD_RADIUS, PAYLOAD_THICKNESS = 0.1, 0.01
+PAYLOAD_RADIUS, PAYLOAD_THICKNESS = 0.1, 0.01  # [m]
 
 
 def stewart(

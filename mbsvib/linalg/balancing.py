@@ -31,17 +31,8 @@ def balanced(a: Array, b: Array, c: Array, transform: Array) -> tuple[Array, Arr
 
     x = T z,  z' = T^-1 A T z + T^-1 B u,  y = C T z + D u,  T = diag(2^k)
 
-    Parameters
-    ----------
-    a, b, c : array, shape (n, n), (n, inputs), (outputs, n)
-        First-order equations.
-    transform : array, shape (rows, n)
-        Matrix from the states to other coordinates.
-
-    Returns
-    -------
-    tuple of array
-        A, B, C and the transform of the scaled states, and k (n,).
+    ``a``, ``b``, ``c`` (n, n), (n, inputs), (outputs, n): first-order equations. ``transform`` (rows, n): matrix from
+    the states to other coordinates. Returns A, B, C and the transform of the scaled states, and k (n,).
     """
     power = exponents(a, b, c)
     while True:
@@ -57,15 +48,7 @@ def balanced(a: Array, b: Array, c: Array, transform: Array) -> tuple[Array, Arr
 def scaled(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
     """Return A, B, C with their states scaled as by ``balanced``.
 
-    Parameters
-    ----------
-    a, b, c : array, shape (n, n), (n, inputs), (outputs, n)
-        First-order equations.
-
-    Returns
-    -------
-    tuple of array
-        T^-1 A T, T^-1 B, C T.
+    ``a``, ``b``, ``c`` (n, n), (n, inputs), (outputs, n): first-order equations. Returns T^-1 A T, T^-1 B, C T.
     """
     return balanced(a, b, c, np.empty((0, len(a))))[:3]
 
@@ -76,15 +59,8 @@ def scaled_matrix(a: Array) -> Array:
     Parts whose states act on each other both ways are balanced each for itself. Between parts that act one way, any
     scaling is possible: entries there are made small.
 
-    Parameters
-    ----------
-    a : array, shape (n, n)
-        Square matrix.
-
-    Returns
-    -------
-    array, shape (n, n)
-        The scaled matrix; no entry is rounded, and some between parts may underflow.
+    ``a`` (n, n): square matrix. Returns (n, n): the scaled matrix; no entry is rounded, and some between parts may
+    underflow.
     """
     part = part_numbers(a != 0.0, strong=True)
     inside, none = part[:, None] == part, np.empty((len(a), 0))
@@ -107,19 +83,8 @@ def scaled_matrix(a: Array) -> Array:
 def exponents(a: Array, b: Array, c: Array) -> Exponents:
     """Return k, so that with T = diag(2^k) the rows and columns of [[T^-1 A T, T^-1 B], [C T, 0]] are of like size.
 
-    Parameters
-    ----------
-    a : array, shape (n, n)
-        Matrix A.
-    b : array, shape (n, inputs)
-        Matrix B; the unit of an input does not matter.
-    c : array, shape (outputs, n)
-        Matrix C; the unit of an output does not matter.
-
-    Returns
-    -------
-    array of int, shape (n,)
-        Exponents of two.
+    ``a`` (n, n): matrix A. ``b`` (n, inputs): matrix B; the unit of an input does not matter. ``c`` (outputs, n):
+    matrix C; the unit of an output does not matter. Returns (n,): exponents of two.
 
     Source: E. E. Osborne, J. ACM 7 (1960) 338; the stopping rule of LAPACK's gebal.
     """

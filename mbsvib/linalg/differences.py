@@ -23,19 +23,8 @@ LEVELS, ONE_SIDED = 4, 7
 def slope(of: Callable[[float], Array], step: float, sides: int = 0) -> tuple[Array, Array]:
     """Return the slope of a function at 0.
 
-    Parameters
-    ----------
-    of : callable
-        Array of an argument.
-    step : float
-        The largest argument that is tried.
-    sides : int
-        0: both sides; 1 or -1: arguments of this sign only.
-
-    Returns
-    -------
-    pair of array
-        Slopes, and the change that the last extrapolation made, an estimate of their error.
+    ``sides``: 0: both sides; 1 or -1: arguments of this sign only. Returns slopes, and the change that the last
+    extrapolation made, an estimate of their error.
     """
     if sides:
         start = of(0.0)

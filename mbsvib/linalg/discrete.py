@@ -16,17 +16,8 @@ def tustin(a: Array, b: Array, c: Array, d: Array, step: float) -> tuple[Array, 
     z+ = Ad z + Bd u,  y = Cd z + Dd u  with  L = (1 - h/2 A)^-1,  Ad = L (1 + h/2 A),  Bd = h L B,  Cd = C L,
     Dd = D + h/2 C L B
 
-    Parameters
-    ----------
-    a, b, c, d : array, shape (n, n), (n, i), (o, n), (o, i)
-        Continuous equations.
-    step : float
-        Time between samples h [s].
-
-    Returns
-    -------
-    tuple of array
-        Ad, Bd, Cd, Dd.
+    ``a``, ``b``, ``c``, ``d`` (n, n), (n, i), (o, n), (o, i): continuous equations. ``step``: time between samples h
+    [s].
 
     Source: Franklin, Powell & Workman, Digital Control of Dynamic Systems (1998), section 6.1.
     """

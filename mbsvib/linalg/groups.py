@@ -22,17 +22,8 @@ def items_of_groups(count: Index) -> tuple[Index, Index]:
 def part_numbers(links: NDArray[np.bool_] | spmatrix | sparray, strong: bool = False) -> Index:
     """Return the number, from 0 on, of the connected part of each item.
 
-    Parameters
-    ----------
-    links : array or sparse matrix, shape (n, n)
-        Its nonzero entries link items, in both directions.
-    strong : bool
-        Take each link in one direction only; items of one part then reach each other (strongly connected parts).
-
-    Returns
-    -------
-    array of int, shape (n,)
-        Numbers of parts.
+    ``links`` (n, n): its nonzero entries link items, in both directions. ``strong``: take each link in one direction
+    only; items of one part then reach each other (strongly connected parts). Returns (n,): numbers of parts.
     """
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components
@@ -53,15 +44,7 @@ def connected_parts(row: Index, column: Index, shape: tuple[int, int]) -> tuple[
 def linked_items(links: NDArray[np.bool_]) -> list[Index]:
     """Return the groups of two or more items that are linked, directly or through others, each in ascending order.
 
-    Parameters
-    ----------
-    links : array of bool, shape (n, n)
-        Which items are linked, symmetric.
-
-    Returns
-    -------
-    list of array
-        Numbers of the items of each group.
+    ``links`` (n, n): which items are linked, symmetric.
     """
     if not (links & ~np.eye(len(links), dtype=bool)).any():  # the most frequent case
         return []

@@ -49,15 +49,7 @@ class Reference:
 def upper(pairs: Complex) -> Complex:
     """Return one eigenvalue for each mode: the one with positive imaginary part, or the larger of two real ones.
 
-    Parameters
-    ----------
-    pairs : array, shape (..., modes, 2)
-        Pairs of eigenvalues.
-
-    Returns
-    -------
-    array, shape (..., modes)
-        Eigenvalues without negative imaginary parts.
+    ``pairs`` (..., modes, 2): pairs of eigenvalues. Returns (..., modes): eigenvalues without negative imaginary parts.
     """
     first, second = pairs[..., 0], pairs[..., 1]
     nearer = np.where(second.real > first.real, second, first)
@@ -77,15 +69,8 @@ def is_simple(values: Complex) -> Mask:
 def mac(first: NDArray[Any], second: NDArray[Any]) -> Array:
     """Return the modal assurance criterion of shapes, 1 for equal ones.
 
-    Parameters
-    ----------
-    first, second : array, shape (rows, modes)
-        Weighted shapes.
-
-    Returns
-    -------
-    array, shape (modes of first, modes of second)
-        Modal assurance criterion; 0 for a vector that is zero.
+    ``first``, ``second`` (rows, modes): weighted shapes. Returns (modes of first, modes of second): modal assurance
+    criterion; 0 for a vector that is zero.
     """
     return np.asarray(np.abs(_unit(first).conj().T @ _unit(second)) ** 2)
 
@@ -100,23 +85,9 @@ def match_next(
 ) -> tuple[Index, Reference]:
     """Match tracks with the modes of the next station, by stations in between where shapes change much.
 
-    Parameters
-    ----------
-    before : Reference
-        The tracks so far.
-    at : float
-        Value of the parameter there.
-    after : Station
-        The next station.
-    between : callable, optional
-        Returns the station at a value in between; default: there are none.
-    halvings : int
-        How often the interval may be halved.
-
-    Returns
-    -------
-    tuple
-        The number of each track's mode at the station, and the reference for the next station.
+    ``between``: returns the station at a value in between; default: there are none. ``halvings``: how often the
+    interval may be halved. Returns the number of each track's mode at the station, and the reference for the next
+    station.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -145,17 +116,8 @@ def match_next(
 def track_modes(stations: Sequence[Station], between: Callable[[float], Station] | None = None) -> list[Index]:
     """Track all modes of the first station.
 
-    Parameters
-    ----------
-    stations : sequence of Station
-        The stations in their order.
-    between : callable, optional
-        Returns the station at a value between two.
-
-    Returns
-    -------
-    list of array, shape (modes,)
-        For each station the numbers of the modes that the tracks have there.
+    ``between``: returns the station at a value between two. Returns (modes,): for each station the numbers of the modes
+    that the tracks have there.
     """
     order = [np.arange(len(stations[0].values))]
     tracks = reference(stations[0])

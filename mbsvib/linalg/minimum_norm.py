@@ -17,20 +17,10 @@ if TYPE_CHECKING:
 def minimum_norm_solution(a: Array, right: Any, limit: float = REDUNDANT_LOOPS) -> Any:
     """Return the least-squares solution of a x = right of least norm.
 
-    Parameters
-    ----------
-    a : array, shape (k, n)
-        Equations with rows and unknowns of like size, of which the largest entries are about 1.
-    right : array, shape (k,) or (k, r)
-        Their right-hand sides, real or complex.
-    limit : float
-        Singular values up to this limit, or this share of the largest, belong to redundant rows. As a share alone it
-        would take rounding for equations where all rows are redundant.
-
-    Returns
-    -------
-    array, shape (n,) or (n, r)
-        The solution.
+    ``a`` (k, n): equations with rows and unknowns of like size, of which the largest entries are about 1. ``right``
+    (k,) or (k, r): their right-hand sides, real or complex. ``limit``: singular values up to this limit, or this share
+    of the largest, belong to redundant rows. As a share alone it would take rounding for equations where all rows are
+    redundant. Returns (n,) or (n, r): the solution.
     """
     if right.ndim == 1 and not np.iscomplexobj(right):
         packed, order, tau = pivoted_qr(a)

@@ -70,17 +70,7 @@ def incidence_sum(incidence: csr_array, wrench: Field) -> Field:
 def entries_matrix(value: Any, row: Any, column: Any, shape: tuple[int, int]) -> Any:
     """Return the matrix with some entries, summed where indices coincide: dense if small, else sparse.
 
-    Parameters
-    ----------
-    value, row, column : array, shape (n,)
-        Entries with their rows and columns.
-    shape : tuple of int
-        Rows and columns.
-
-    Returns
-    -------
-    array or csr_array
-        The matrix.
+    ``value``, ``row``, ``column`` (n,): entries with their rows and columns.
     """
     if shape[0] * shape[1] > DENSE:
         return csr_array((value, (row, column)), shape=shape)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from operator import attrgetter
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 GROUND = "ground"
 # The groups of parts in the order of model files; those before the ports have parameters.
 GROUPS = ("bodies", "composed", "joints", "springs", "couplers", "rotors", "loads", "inputs", "outputs")
+_with_parameters = attrgetter(*[f"_{key}" for key in GROUPS[:-2]])
 _GRAVITY = "None, or the acceleration of free fall (x, y, z) [m/s^2], such as (0, 0, -9.81)"
 _SAME: Any = object()
 
@@ -150,7 +152,7 @@ class Mechanism:
     @property
     def gravity_parts(self) -> tuple[Gravity, ...]:
         """Gravity as a part with parameters, if there is gravity and no other part has its name."""
-        if self._gravity is None or any("gravity" in self._group(key) for key in GROUPS[:-2]):
+        if self._gravity is None or any("gravity" in group for group in _with_parameters(self)):
             return ()
         return (Gravity("gravity", self._gravity),)
 
@@ -164,7 +166,7 @@ class Mechanism:
     @property
     def declared_parts(self) -> tuple[Part, ...]:
         """Gravity and all parts but inputs and outputs, as the user knows them, in the order of their parameters."""
-        parts = (*self.gravity_parts, *[part for key in GROUPS[:-2] for part in self._group(key).values()])
+        parts = (*self.gravity_parts, *[part for group in _with_parameters(self) for part in group.values()])
         return parts if self._expansion is None else self._expansion.declared(parts)
 
     def groups(self) -> dict[str, Mapping[str, Any]]:
@@ -251,7 +253,7 @@ class Mechanism:
     def __copy__(self) -> Self:
         """Return a copy, which later additions do not change."""
         result = object.__new__(type(self))
-        result.__dict__ = {name: dict(item) if type(item) is dict else item for name, item in vars(self).items()}
+        result.__dict__ = {name: item.copy() if type(item) is dict else item for name, item in vars(self).items()}
         return result
 
     def __getstate__(self) -> dict[str, Any]:

@@ -8,10 +8,12 @@ on both sides (CDOF; Chaudhary & Saha, Dynamics and Balancing of Multibody Syste
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from heapq import heappop, heappush
 from typing import TYPE_CHECKING, NamedTuple
 
 from mbsvib.common.expected import names
+from mbsvib.common.fast_init import fast_init
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
@@ -21,6 +23,13 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.mechanism import Mechanism
 
 FLOATS = -1  # number of the free joint by which a floating body is connected to ground
+# Trees of mechanisms with up to this number of joints are cached: those of larger ones take a small share of the time
+# of their equations, and their memory.
+REMEMBERED = 200
+
+
+NONE: frozenset[int] = frozenset()
+Edge = tuple[int, int, int]
 
 
 class Branch(NamedTuple):
@@ -32,6 +41,10 @@ class Branch(NamedTuple):
     sign: int
 
 
+Tree = tuple[tuple[Branch, ...], tuple[int, ...], tuple[int, ...]]  # branches, cut joints, floating bodies
+
+
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Topology:
     """A spanning tree in numbers: bodies and joints are numbered in the model's order, ground is ``len(bodies)``.
@@ -151,33 +164,27 @@ def _spanned(model: Mechanism, excluded: tuple[str, ...] = ()) -> Topology:
     bodies, joints = tuple(model.bodies), tuple(model.joints.values())
     number = {name: i for i, name in enumerate(bodies)}
     number["ground"] = len(bodies)
-    edges = _edges(joints, number, set(excluded))
-    branches, floating = _shortest_paths(len(bodies), edges)
+    edges = [(len(joint.freedom), number[joint.first], number[joint.second]) for joint in joints]
+    tree = _tree if len(joints) <= REMEMBERED else _tree.__wrapped__
+    omitted = frozenset([k for k, joint in enumerate(joints) if joint.name in excluded]) if excluded else NONE
+    branches, cut, floating = tree(len(bodies), tuple(edges), omitted)
     if excluded:
-        _check_nothing_hangs(model, bodies, _edges(joints, number, set()), floating, sorted(excluded))
-    used = {branch.joint for branch in branches}
-    cut = tuple([k for k in range(len(joints)) if k not in used])
-    return Topology(bodies, joints, tuple(branches), cut, tuple(floating))
+        _check_nothing_hangs(model, bodies, tree(len(bodies), tuple(edges))[2], floating, sorted(excluded))
+    return Topology(bodies, joints, branches, cut, floating)
 
 
-def _edges(
-    joints: Iterable[Joint], number: dict[str, int], excluded: set[str]
-) -> list[list[tuple[int, int, int, int]]]:
-    """For every body (ground last): its joints as (weight, joint, other body, sign towards the other body)."""
-    edges: list[list[tuple[int, int, int, int]]] = [[] for _ in number]
-    for k, joint in enumerate(joints):
-        if joint.name not in excluded:
-            a, b = number[joint.first], number[joint.second]
-            weight = len(joint.freedom)
+@lru_cache
+def _tree(ground: int, joints: tuple[Edge, ...], omitted: frozenset[int] = NONE) -> Tree:
+    """The tree of joints (weight, first body, second body) without the ``omitted`` ones, by Dijkstra's algorithm from
+    ground; in each component without ground the first body is floating.
+
+    It depends on nothing but these numbers and is cached, for mechanisms that are built again with other values.
+    """
+    edges: list[list[tuple[int, int, int, int]]] = [[] for _ in range(ground + 1)]
+    for k, (weight, a, b) in enumerate(joints):
+        if k not in omitted:
             edges[a].append((weight, k, b, 1))
             edges[b].append((weight, k, a, -1))
-    return edges
-
-
-def _shortest_paths(
-    ground: int, edges: list[list[tuple[int, int, int, int]]]
-) -> tuple[list[Branch], list[int]]:
-    """Dijkstra's algorithm from ground; in each component without ground the first body is floating."""
     branches: list[Branch] = []
     floating: list[int] = []
     reached = [False] * (ground + 1)
@@ -199,7 +206,8 @@ def _shortest_paths(
         while start < ground and reached[start]:
             start += 1
         if start == ground:
-            return branches, floating
+            used = {branch.joint for branch in branches}
+            return tuple(branches), tuple([k for k in range(len(joints)) if k not in used]), tuple(floating)
         floating.append(start)
         heap = [(6, 1, FLOATS, start, ground, 1)]
 
@@ -215,11 +223,10 @@ def _excluded(cut: str | Sequence[str], model: Mechanism) -> tuple[str, ...]:
 
 
 def _check_nothing_hangs(
-    model: Mechanism, bodies: tuple[str, ...], edges: list[list[tuple[int, int, int, int]]], floating: list[int],
+    model: Mechanism, bodies: tuple[str, ...], floating_before: tuple[int, ...], floating: tuple[int, ...],
     cut: list[str],
 ) -> None:  # fmt: skip
     """Refuse a cut that opens more than loops, so that it disconnects bodies."""
-    floating_before = set(_shortest_paths(len(bodies), edges)[1])
     hanging = [bodies[i] for i in floating if i not in floating_before]
     if hanging:
         raise ModelError(

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from math import dist, sqrt
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from mbsvib.elements import Body
 from mbsvib.elements.body import principal
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.elements.part import Part
-
 # Radius of gyration over the size of the mechanism, beyond which inertia is likely to be in g mm^2 or kg cm^2
 FAR = 10.0
 
 
-def unit_warnings(parts: Sequence[Part]) -> list[str]:
+def unit_warnings(parts: Sequence[Any]) -> list[str]:
     """Return the warnings, one sentence each.
 
     They are about bodies whose radius of gyration is far larger than the mechanism.
@@ -29,7 +26,7 @@ def unit_warnings(parts: Sequence[Part]) -> list[str]:
     size = dist([min(axis) for axis in zip(*known, strict=True)], [max(axis) for axis in zip(*known, strict=True)])
     result = []
     for part in parts:
-        if isinstance(part, Body) and part.mass > 0.0 and size > 0.0:
+        if part.symbol == "body" and part.mass > 0.0 and size > 0.0:
             radius = sqrt(max(principal(*part.inertia)[2], 0.0) / part.mass)
             if radius > FAR * size:
                 result.append(f"body '{part.name}': a radius of gyration of {radius:.3g} m in a mechanism of "

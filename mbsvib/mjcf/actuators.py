@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.mjcf.bodies import GROUND, matrix_of
+from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.mjcf.bodies import matrix_of
 from mbsvib.mjcf.compiled import BALL, FREE
 from mbsvib.mjcf.scene import Scene
 from mbsvib.mjcf.tendons import Path, attach, drive, joint_path
@@ -27,15 +28,7 @@ STATES = ("mjDYN_NONE", "mjDYN_INTEGRATOR", "mjDYN_FILTER", "mjDYN_FILTEREXACT")
 
 
 def add_actuators(scene: Scene, tendons: Mapping[int, Path | None]) -> None:
-    """Add all actuators that are not switched off.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is built.
-    tendons : mapping of int to Path
-        The tendons' paths by their numbers.
-    """
+    """Add all actuators that are not switched off."""
     file, m = scene.file, scene.file.m
     if file.off("ACTUATION"):
         return

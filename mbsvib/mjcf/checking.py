@@ -16,18 +16,7 @@ LIMIT = "limit that touches in this pose of"
 
 
 def refuse_unknown(file: Compiled) -> None:
-    """Refuse features that a model of rigid bodies and linear springs does not support.
-
-    Parameters
-    ----------
-    file : Compiled
-        The file.
-
-    Raises
-    ------
-    ModelError
-        If there is such an element, by its name.
-    """
+    """Refuse features that a model of rigid bodies and linear springs does not support."""
     m = file.m
     if int(getattr(m, "nflex", 0)):
         raise ModelError(f"{file.path}: <flex>: deformable bodies have no place here; take them out, or add a "
@@ -46,18 +35,7 @@ def refuse_unknown(file: Compiled) -> None:
 
 
 def compare(scene: Scene) -> None:
-    """Refuse a file if the forces of springs and actuators at rest differ from those of the model.
-
-    Parameters
-    ----------
-    scene : Scene
-        The model, complete.
-
-    Raises
-    ------
-    ModelError
-        If they differ, by the joint.
-    """
+    """Refuse a file if the forces of springs and actuators at rest differ from those of the model."""
     file, d = scene.file, scene.file.d
     # one of the two contains gravity compensation, which loads replace in the model
     theirs = np.array(d.qfrc_passive) + np.array(d.qfrc_actuator) - np.array(d.qfrc_gravcomp)
@@ -72,13 +50,7 @@ def compare(scene: Scene) -> None:
 
 
 def look_for_left(scene: Scene) -> None:
-    """Note friction, drag, and the limits and contacts that touch in the pose.
-
-    Parameters
-    ----------
-    scene : Scene
-        The model; its remarks grow.
-    """
+    """Note friction, drag, and the limits and contacts that touch in the pose."""
     file, m, d, kinds = scene.file, scene.file.m, scene.file.d, scene.file.api.mjtConstraint
     if float(m.opt.viscosity):
         scene.remark("drag of the medium of", f"viscosity {float(m.opt.viscosity):g}")

@@ -91,28 +91,9 @@ def compiled(
 ) -> Compiled:  # fmt: skip
     """Have MuJoCo read a file and place it in a pose.
 
-    Parameters
-    ----------
-    path : str or path-like
-        The file.
-    pose : mapping of str to float or array-like
-        Positions of joints; others are the keyframe's or the file's.
-    keyframe : str, int or None
-        Name or number of a keyframe.
-    control : mapping of str to float
-        Controls of actuators; others are the keyframe's or 0.
-    leave : iterable of str
-        Names or patterns of actuators, tendons and equality constraints to be left out.
-
-    Returns
-    -------
-    Compiled
-        Its model and data.
-
-    Raises
-    ------
-    ModelError
-        If MuJoCo is not installed or refuses the file, or a name or value is refused.
+    ``pose``: positions of joints; others are the keyframe's or the file's. ``keyframe``: name or number of a keyframe.
+    ``control``: controls of actuators; others are the keyframe's or 0. ``leave``: names or patterns of actuators,
+    tendons and equality constraints to be left out.
     """
     try:
         import mujoco as api
@@ -221,13 +202,7 @@ def _command(file: Compiled, control: Mapping[str, float]) -> None:
 
 
 def known(name: str, numbers: Mapping[str, int], field: str, kind: str) -> int:
-    """Return the number of an element by name.
-
-    Raises
-    ------
-    ModelError
-        If there is none of this name.
-    """
+    """Return the number of an element by name."""
     if name not in numbers:
         hint = f"There are {', '.join(numbers)}." if numbers else "The file has none."
         raise ModelError(f"{field}: {name!r} is no {kind}.{nearest(str(name), numbers)} {hint}",

@@ -27,20 +27,7 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40, "P": 2**50, "E"
 def root_of(path: str | PathLike[str]) -> str:
     """Return the name of an XML file's root element.
 
-    Parameters
-    ----------
-    path : str or path-like
-        The file.
-
-    Returns
-    -------
-    str
-        Its name, such as "mujoco" or "robot".
-
-    Raises
-    ------
-    ModelError
-        If the file cannot be read or is no XML.
+    Such as "mujoco" or "robot".
     """
     return _read(path).tag
 
@@ -56,16 +43,6 @@ def check_kind(path: str | PathLike[str]) -> None:
     """Refuse files other than MJCF, and those that ask for more memory than a mechanism needs.
 
     Files that it includes are left to MuJoCo.
-
-    Parameters
-    ----------
-    path : str or path-like
-        The file.
-
-    Raises
-    ------
-    ModelError
-        If it cannot be read, is something else, or is too large.
     """
     top = _read(path)
     tag = top.tag

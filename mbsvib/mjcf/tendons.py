@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.mjcf.bodies import GROUND, added, along
+from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.mjcf.bodies import added, along
 from mbsvib.mjcf.scene import Scene
 from mbsvib.mjcf.wheels import add_wheel
 
@@ -35,15 +36,7 @@ class Path:
 def add_tendons(scene: Scene) -> dict[int, Path | None]:
     """Add the springs, dampers and armature of tendons.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is built.
-
-    Returns
-    -------
-    dict
-        The path of each tendon by its number; None where it wraps or has pulleys.
+    Returns the path of each tendon by its number; None where it wraps or has pulleys.
     """
     file, paths = scene.file, {}
     for i in range(scene.file.m.ntendon):
@@ -108,18 +101,7 @@ def _spring(scene: Scene, i: int) -> tuple[float, float]:
 def attach(scene: Scene, name: str, path: Path, gear: float, k: float, c: float, force: float) -> None:
     """Add a spring-damper along a path.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is built.
-    name : str
-        Name of the spring.
-    path : Path
-        Along what.
-    gear : float
-        Its length counts times this.
-    k, c, force : float
-        Stiffness, damping, and the force towards longer in the pose.
+    ``k``, ``c``, ``force``: stiffness, damping, and the force towards longer in the pose.
     """
     k, c, force = k * gear**2, c * gear**2, force * gear
     if not (k or c or force):
@@ -144,16 +126,7 @@ def attach(scene: Scene, name: str, path: Path, gear: float, k: float, c: float,
 def drive(scene: Scene, name: str, path: Path, gain: float) -> None:
     """Add a force along a path, towards longer, as an input.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is built.
-    name : str
-        Name of the input.
-    path : Path
-        Along what.
-    gain : float
-        Force [N] or torque [N m] by one unit of the input.
+    ``gain``: force [N] or torque [N m] by one unit of the input.
     """
     model = scene.model
     if path.ends:
@@ -172,19 +145,7 @@ def drive(scene: Scene, name: str, path: Path, gain: float) -> None:
 def sums(scene: Scene, path: Path, factor: float = 1.0) -> dict[str, float]:
     """Return the coefficients of joint coordinates in a path's length, times a factor.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is built.
-    path : Path
-        A joint or fixed tendon.
-    factor : float
-        The factor.
-
-    Returns
-    -------
-    dict
-        Coefficients by coordinate, "JOINT.rz".
+    Returns coefficients by coordinate, "JOINT.rz".
     """
     return {scene.links[joint].coordinate: factor * value for joint, value in path.terms}
 

@@ -18,15 +18,7 @@ CLOSED, OPEN = 1e-9, 1e-3
 
 
 def add_ties(scene: Scene, tendons: Mapping[int, Path | None]) -> None:
-    """Add all active equality constraints.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is built.
-    tendons : mapping of int to Path
-        The tendons' paths by their numbers.
-    """
+    """Add all active equality constraints."""
     file, m = scene.file, scene.file.m
     if file.off("CONSTRAINT", "EQUALITY"):
         return

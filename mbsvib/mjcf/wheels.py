@@ -21,23 +21,9 @@ RADIUS = 10.0
 def add_wheel(scene: Scene, name: str, terms: Mapping[str, float], inertia: float, link: Link) -> tuple[str, float]:
     """Add a wheel on the ground that turns with a sum of coordinates.
 
-    Parameters
-    ----------
-    scene : Scene
-        What is built.
-    name : str
-        Name of the wheel.
-    terms : mapping of str to float
-        Coefficients of joint coordinates, "JOINT.rz".
-    inertia : float
-        What moves with the sum [kg m^2, kg].
-    link : Link
-        The joint at which it is drawn, its axis along the joint's.
-
-    Returns
-    -------
-    (str, float)
-        Name of its body, and its radius R: it turns by the sum over R about the axis.
+    ``terms``: coefficients of joint coordinates, "JOINT.rz". ``inertia``: what moves with the sum [kg m^2, kg].
+    ``link``: the joint at which it is drawn, its axis along the joint's. Returns the name of its body, and its radius
+    R: it turns by the sum over R about the axis.
     """
     radius = RADIUS * max(abs(value) * _size(scene, coordinate) for coordinate, value in terms.items())
     moment = inertia * radius**2

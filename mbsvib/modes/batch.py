@@ -13,7 +13,7 @@ from mbsvib.modes import RTOL, Modes, modes
 from mbsvib.modes.batch_damped import DampedBatch, damped_batch, joined
 from mbsvib.modes.batch_undamped import undamped_batch
 from mbsvib.modes.damped import Damped
-from mbsvib.modes.result import growing
+from mbsvib.modes.pairs import damping_ratios, growing, natural_frequencies
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -69,7 +69,7 @@ class BatchModes(Displayed):
     @cached_property
     def natural(self) -> Array:
         """Natural angular frequencies [rad/s], shape (n, m): |lambda|, of a real pair the geometric mean."""
-        return np.sqrt(np.abs(self.pairs[..., 0] * self.pairs[..., 1]))
+        return natural_frequencies(self.pairs)
 
     @cached_property
     def frequencies(self) -> Array:
@@ -84,10 +84,7 @@ class BatchModes(Displayed):
     @cached_property
     def damping_ratios(self) -> Array:
         """Damping ratios, shape (n, m), as of a single system's modes."""
-        first, second = self.pairs[..., 0], self.pairs[..., 1]
-        total, natural = 0.0 - (first + second).real, self.natural
-        ratio = np.divide(total, 2.0 * natural, out=np.where(total > 0.0, np.inf, 0.0), where=natural > 0.0)
-        return np.where((first * second).real < 0.0, -1.0, ratio)
+        return damping_ratios(self.pairs)
 
     @cached_property
     def body_shapes(self) -> dict[str, Array | Complex]:
@@ -125,20 +122,8 @@ class BatchModes(Displayed):
 def batch_modes(batch: BatchEquations, rtol: float = RTOL, form: type[Modes] = Modes) -> BatchModes:
     """Return the modes of all variants, (lambda^2 M_i + lambda C_i + K_i) phi = 0.
 
-    Parameters
-    ----------
-    batch : BatchEquations
-        The variants.
-    rtol : float
-        Required relative accuracy of every eigenvalue; variants that the common solution does not solve to it are
-        solved separately.
-    form : type
-        The class of the modes of single variants.
-
-    Returns
-    -------
-    BatchModes
-        Eigenvalues, shapes and error estimates.
+    ``rtol``: required relative accuracy of every eigenvalue; variants that the common solution does not solve to it are
+    solved separately.
     """
     if not batch.symmetric:
         return _solved_separately(batch, rtol, form)

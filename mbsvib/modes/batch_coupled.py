@@ -62,17 +62,8 @@ class Start:
 def starts(gamma: Array, square: Array) -> list[Start]:
     """Return eigenvalues and vectors of (lambda^2 + lambda Gamma + Omega^2) y = 0.
 
-    Parameters
-    ----------
-    gamma : array, shape (n, m, m)
-        Damping in the basis of undamped modes.
-    square : array, shape (n, m)
-        Squares of their frequencies, positive.
-
-    Returns
-    -------
-    list of Start
-        Variants, grouped by the number of oscillating modes.
+    ``gamma`` (n, m, m): damping in the basis of undamped modes. ``square`` (n, m): squares of their frequencies,
+    positive.
     """
     m = square.shape[1]
     values, y, converged = _from_unit_vectors(gamma, square)
@@ -166,25 +157,11 @@ def refined(
 ) -> tuple[Complex, Complex, Complex, Array, Array]:
     """Improve eigenvalues by their two-sided Rayleigh quadratics, and vectors by the projections of the residual.
 
-    Parameters
-    ----------
-    forms : Forms
-        The matrices in the basis of undamped modes.
-    values, y : array, shape (n, h) and (n, m, h)
-        Eigenvalues and vectors as in ``Start``.
-    square, errors : array, shape (n, m)
-        Undamped modes and the relative errors of their frequencies.
-    complex_count : int
-        Number of eigenvalues that also represent their conjugates.
-
-    Returns
-    -------
-    values, y, slopes : array
-        Eigenvalues, vectors of unit length, and y^T (2 lambda + Gamma) y.
-    bound : array, shape (n, h)
-        Relative errors of the eigenvalues.
-    reducible : array, shape (n,)
-        The largest of them, without the contribution of the errors of the undamped modes.
+    ``values``, ``y`` (n, h) and (n, m, h): eigenvalues and vectors as in ``Start``. ``square``, ``errors`` (n, m):
+    undamped modes and the relative errors of their frequencies. ``complex_count``: number of eigenvalues that also
+    represent their conjugates. Returns values, y, slopes: eigenvalues, vectors of unit length, and y^T (2 lambda +
+    Gamma) y; bound (n, h): relative errors of the eigenvalues; reducible (n,): the largest of them, without the
+    contribution of the errors of the undamped modes.
     """
     y = y / _lengths(y)
     inertia, damping, elastic = _times(forms.mass, y), _times(forms.damping, y), _times(forms.stiffness, y)

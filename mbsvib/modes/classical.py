@@ -23,14 +23,14 @@ IN_DOUBT = "in doubt"
 COMMUTES = "damping commutes with mass and stiffness"
 
 
-def classical_damping(system: Equations, basis: Undamped) -> tuple[str, Array]:
+def classical_damping(system: Equations, basis: Undamped, follows_stiffness: bool) -> tuple[str, Array]:
     """Return why damping is classical ("" if it is not, ``IN_DOUBT`` if the basis mixes too much to decide), and Gamma
-    as its diagonal (m,) or the full matrix (m, m).
+    as its diagonal (m,) or the full matrix (m, m); ``follows_stiffness`` is the result of ``proportional``.
     """
     c, k = system.row_damping, system.row_stiffness
     if not np.count_nonzero(c):
         return NO_DAMPER, np.zeros(system.dof)
-    if proportional(system):
+    if follows_stiffness:
         return "damping proportional to stiffness", float(np.add.reduce(c / k) / len(c)) * basis.square
     half = system.elastic_rows.dot(basis.shapes) * np.sqrt(np.abs(c))[:, None]
     negative = np.count_nonzero(c < 0.0)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.linalg import lapack
 
+from mbsvib.common.fast_init import fast_init
 from mbsvib.equations.unresisted_motion import completed_basis, product_with_zeros
 from mbsvib.linalg.products import weighted_gram
 from mbsvib.linalg.rank import EPS
@@ -68,6 +69,7 @@ class _Forms:
         return result.reshape(3, m, -1)
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Damped:
     """Damped modes in the basis ``shapes`` (m, m): ``pairs`` (m, 2) of eigenvalues, ``errors`` (m, 2) relative.
@@ -87,13 +89,14 @@ class Damped:
     slopes: Complex | None
 
 
-def damped(system: Equations, basis: Undamped, rtol: float) -> Damped | None:
-    """Return the damped modes, (lambda^2 M + lambda C + K) phi = 0.
+def damped(system: Equations, basis: Undamped, rtol: float, follows_stiffness: bool) -> Damped | None:
+    """Return the damped modes, (lambda^2 M + lambda C + K) phi = 0; ``follows_stiffness`` is the result of
+    ``proportional``.
 
     Pairs of eigenvalues are in ascending order of their natural frequency. The result is None if the undamped modes are
     too inaccurate to decide whether damping couples them, or to bound the errors: then more accurate ones are needed.
     """
-    reason, gamma = classical_damping(system, basis)
+    reason, gamma = classical_damping(system, basis, follows_stiffness)
     if reason == IN_DOUBT:
         return None
     if reason:
@@ -272,7 +275,8 @@ def _rayleigh(
         brakes, r = forms.matrices[1].diagonal()[: basis.rigid, None], slice(basis.rigid)
         y[r] -= np.divide(residual[r], brakes * improved, out=np.zeros_like(y[r]), where=brakes * speed > 0.0)
     y *= 1.0 / _lengths(y)
-    exact_slope = np.einsum("ij,ij->j", y, 2.0 * improved * y + forms.of(y)[1])
+    damping = forms.matrices[1].dot(y.view(float)).view(complex)
+    exact_slope = np.einsum("ij,ij->j", y, 2.0 * improved * y + damping)
     return improved, y, exact_slope, bound, reducible
 
 

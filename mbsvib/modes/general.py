@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.modes.pairs import natural_frequencies
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -122,7 +124,7 @@ def _sorted(
     conjugate, single = second == CONJUGATE, second == UNPAIRED
     second = np.where(conjugate | single, first, second)
     pairs = np.stack((values[first], np.where(conjugate, values[first].conj(), values[second])), axis=1)
-    order = np.argsort(np.sqrt(np.abs(pairs[:, 0] * pairs[:, 1])), kind="stable")
+    order = np.argsort(natural_frequencies(pairs), kind="stable")
     columns = np.array(shapes, dtype=complex).reshape(len(numbers), system.dof).T
     mode = np.zeros(len(values), dtype=np.intp)
     position_of = np.argsort(order)
@@ -135,15 +137,7 @@ def _sorted(
 def rigid_shapes(state: EnergyState) -> tuple[Array, Array]:
     """Return the motions without stiffness: those that come to rest, and those in chains, which drift.
 
-    Parameters
-    ----------
-    state : EnergyState
-        The equations in energy coordinates.
-
-    Returns
-    -------
-    tuple of array, shape (m, r)
-        Both, as displacements.
+    Returns (m, r): both, as displacements.
     """
     if state.long:  # motions cannot be assigned to chains: take as many as there are pairs of zeros
         u = np.linalg.svd(state.show @ state.right)[0]

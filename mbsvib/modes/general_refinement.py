@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 ROUNDS = 3
 # Refinement stops after a correction smaller than this: the remaining error is its square.
 CONVERGED = 1e-9
-# Vectors are not corrected by each other if the quotient of residual and distance is larger than the first number: they
-# belong to a cluster. The third number applies to eigenvalues closer than the second, a share of the eigenvalue.
+# Vectors are not corrected by each other if the quotient of residual and distance is larger than this: they belong to a
+# cluster.
 MIXED = 0.1
-NEIGHBOUR = 1e-3
-MERGING = 1e-4
+# The same for eigenvalues that are closer than the first number, a share of the eigenvalue.
+NEIGHBOUR, MERGING = 1e-3, 1e-4
 # Projected residuals of vectors of unit energy that are rounding. Near a defective pair they would be amplified;
 # elsewhere they are negligible.
 NOISE = 16.0 * EPS

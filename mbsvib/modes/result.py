@@ -11,10 +11,12 @@ import numpy as np
 
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import real
+from mbsvib.common.fast_init import fast_init
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
 from mbsvib.modes.classical import NO_DAMPER, proportional
 from mbsvib.modes.damped import Damped, damped
 from mbsvib.modes.general import General, general, is_general
+from mbsvib.modes.pairs import damping_ratios, growing, natural_frequencies
 from mbsvib.modes.undamped import undamped
 
 if TYPE_CHECKING:
@@ -30,14 +32,13 @@ RTOL = 1e-12
 TIGHTER = 1e-2
 # Errors that no more accurate solver reduces.
 ROUNDING = 1e-15
-# A real part below the estimated error of its eigenvalue is rounding, but never one above this share of the eigenvalue.
-ROUNDED = 1e-9
 # A shape of a massless system whose bodies move less than this is not normalised by their motion.
 MOVES = 1e-8
 # Radius [m] at which rotations of nodes count as motions: small, so that they do where nothing shifts.
 SHARED_RADIUS = 1e-3
 
 
+@fast_init
 @dataclass(frozen=True, repr=False, eq=False)
 class Modes(Displayed):
     """The modes of a system, one for each degree of freedom or a choice of them, in ascending natural frequency.
@@ -99,7 +100,7 @@ class Modes(Displayed):
     @cached_property
     def natural(self) -> Array:
         """Natural angular frequencies [rad/s], shape (m,): |lambda|, of a real pair the geometric mean."""
-        return np.sqrt(np.abs(self.pairs[:, 0] * self.pairs[:, 1]))
+        return natural_frequencies(self.pairs)
 
     @cached_property
     def frequencies(self) -> Array:
@@ -117,10 +118,7 @@ class Modes(Displayed):
 
         A rigid-body mode has 0, or infinity if a damper acts on it.
         """
-        first, second = self.pairs.T
-        total = 0.0 - (first + second).real
-        ratio = np.divide(total, 2.0 * self.natural, out=np.where(total > 0.0, np.inf, 0.0), where=self.natural > 0.0)
-        return np.where((first * second).real < 0.0, -1.0, ratio)
+        return damping_ratios(self.pairs)
 
     @cached_property
     def body_shapes(self) -> dict[str, Array | Complex]:
@@ -141,6 +139,11 @@ class Modes(Displayed):
     def growing(self) -> NDArray[np.bool_]:
         """Whether each mode is unstable, shape (n,): its real part is positive by more than rounding."""
         return np.asarray(growing(self.pairs, self.pair_errors).any(axis=1))
+
+    @property
+    def _undamped(self) -> NDArray[np.bool_]:
+        """Whether each mode has real parts that are nothing but rounding, shape (n,)."""
+        return np.asarray(~(growing(self.pairs, self.pair_errors) | growing(-self.pairs, self.pair_errors)).any(axis=1))
 
     def nearest(self, count: int, frequency: float = 0.0) -> Modes:
         """Return the ``count`` modes whose natural frequencies are nearest to a frequency.
@@ -165,9 +168,9 @@ class Modes(Displayed):
         if not isinstance(count, (int, np.integer)) or isinstance(count, bool) or count < 1:
             raise ResponseError(f"modes: count = {count!r}; expected how many modes are wanted, 1 or more.")
         frequency = real(frequency, "modes", "near", "a frequency [Hz]")
-        return self._chosen(np.sort(np.argsort(np.abs(self.frequencies - frequency), kind="stable")[:count]))
+        return self._selected(np.sort(np.argsort(np.abs(self.frequencies - frequency), kind="stable")[:count]))
 
-    def _chosen(self, modes: NDArray[np.intp]) -> Self:
+    def _selected(self, modes: NDArray[np.intp]) -> Self:
         which = np.concatenate([np.arange(0), *(np.arange(*self.starts[i : i + 2]) for i in modes)])
         return replace(
             self, eigenvalues=self.eigenvalues[which], errors=self.errors[which], shapes=self.shapes[:, modes],
@@ -210,7 +213,8 @@ class Modes(Displayed):
         """
         headers = ("mode", "natural [Hz]", "damped [Hz]", "damping ratio [%]")
         columns = [*((header, "right") for header in headers), (self.MOST, "left")]
-        values = zip(self.frequencies, self.damped_frequencies, self.damping_ratios, self.strongest(), strict=True)
+        damping = np.where(self._undamped, 0.0, self.damping_ratios)
+        values = zip(self.frequencies, self.damped_frequencies, damping, self.strongest(), strict=True)
         rows = [(str(i + 1), digits(f), digits(d), digits(100.0 * z), " ".join(most))
                 for i, (f, d, z, most) in enumerate(values)]  # fmt: skip
         return {"title": f"Modes of {self.name}: {self._shown()}", "columns": columns, "rows": rows,
@@ -310,11 +314,6 @@ class Modes(Displayed):
 Form = TypeVar("Form", bound=Modes)
 
 
-def growing(values: Complex, errors: Array) -> NDArray[np.bool_]:
-    """Tell which eigenvalues have real parts that are positive by more than rounding, for their relative errors."""
-    return np.asarray(values.real > np.minimum(errors, ROUNDED) * np.abs(values))
-
-
 def modes(system: Equations, rtol: float = RTOL, clean: bool = True, form: type[Form] = Modes) -> Form:  # type: ignore[assignment]
     """Return all modes of a system, (lambda^2 M + lambda C + K) phi = 0.
 
@@ -336,15 +335,16 @@ def modes(system: Equations, rtol: float = RTOL, clean: bool = True, form: type[
     """
     if is_general(system):
         return _without_symmetry(system, rtol, form)
-    basis = undamped(system, rtol, clean, coupled=not proportional(system))
-    result = damped(system, basis, rtol)
+    follows_stiffness = proportional(system)
+    basis = undamped(system, rtol, clean, coupled=not follows_stiffness)
+    result = damped(system, basis, rtol, follows_stiffness)
     if result is None:
         basis = undamped(system, rtol)
-        result = damped(system, basis, rtol)
+        result = damped(system, basis, rtol, follows_stiffness)
     assert result is not None  # clean shapes always give a result
     if basis.uncertainty > max(TIGHTER * rtol, ROUNDING) and float(result.errors.max(initial=0.0)) > rtol:
         basis = undamped(system, TIGHTER * rtol)
-        result = damped(system, basis, rtol) or result
+        result = damped(system, basis, rtol, follows_stiffness) or result
     shapes = result.shapes if result.vectors is None else result.shapes @ result.vectors[:, :, 0]
     if result.vectors is not None:
         largest = shapes[np.abs(shapes).argmax(axis=0), np.arange(system.dof)]

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex
 
+# Eigenvalues from sample to sample below this size belong to delays, which are forgotten within a few samples.
+FORGOTTEN = EPS**0.5
 # States whose participations differ by less than this share are named by the first of them.
 ALIKE = 1e-2
 
@@ -50,8 +52,8 @@ class StateModes(Modes):
         alike = size >= (1.0 - ALIKE) * size.max(axis=0)
         return tuple([(self.coordinates[i],) for i in alike.argmax(axis=0)])
 
-    def _chosen(self, modes: NDArray[np.intp]) -> Self:
-        return replace(super()._chosen(modes), participation=self.participation[:, modes])
+    def _selected(self, modes: NDArray[np.intp]) -> Self:
+        return replace(super()._selected(modes), participation=self.participation[:, modes])
 
     def remarks(self) -> tuple[str, ...]:
         """Return notes on the table.
@@ -72,22 +74,11 @@ class StateModes(Modes):
         return f"{len(self.coordinates)} states"
 
 
-def state_modes(a: Array, name: str, states: tuple[str, ...]) -> StateModes:
-    """Return the modes of a state matrix.
+def state_modes(a: Array, name: str, states: tuple[str, ...], rate: float | None = None) -> StateModes:
+    """Return the modes of a state matrix, x' = A x, or of one from sample to sample, x+ = A x.
 
-    Parameters
-    ----------
-    a : array, shape (n, n)
-        State matrix.
-    name : str
-        Name for the table.
-    states : tuple of str
-        Names of the states.
-
-    Returns
-    -------
-    StateModes
-        Eigenvalues, shapes and error bounds.
+    ``a`` (n, n): state matrix. ``rate``: samples a second [Hz] of equations from sample to sample, whose eigenvalues
+    are rate log z; those that are forgotten within a few samples are left out.
     """
     from scipy.linalg import eig, matrix_balance
 
@@ -95,8 +86,13 @@ def state_modes(a: Array, name: str, states: tuple[str, ...]) -> StateModes:
     values, left, right = eig(scaled, left=True) if len(a) else (np.zeros(0, complex), a, a)
     product = np.abs(np.einsum("ij,ij->j", left.conj(), right))
     with np.errstate(divide="ignore", invalid="ignore"):
-        errors = EPS * np.linalg.norm(scaled) / (product * np.abs(values))
+        change = EPS * np.linalg.norm(scaled) / product
         participation = np.abs(left * right) / product
+        if rate is not None:
+            kept = np.abs(values) > FORGOTTEN
+            change, values = rate * change[kept] / np.abs(values[kept]), rate * np.log(values[kept])
+            right, participation = right[:, kept], participation[:, kept]
+        errors = change / np.abs(values)
     errors = np.where(values == 0.0, 0.0, np.minimum(np.nan_to_num(errors, nan=1.0), 1.0))
     order = np.lexsort((-values.imag, np.abs(values)))
     values, errors, right = values[order], errors[order], right[:, order] * scale[:, None]

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import lapack
 
+from mbsvib.common.fast_init import fast_init
 from mbsvib.common.memory import keep_freed_memory
 from mbsvib.equations.unresisted_motion import free_motions, orthonormal
 from mbsvib.linalg.rank import EPS
@@ -56,6 +57,7 @@ CLOSER = 1e-14
 WELL_CLOSED = 0.1
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class Undamped:
     """Undamped modes: ``square`` (m,) holds omega^2 [rad^2/s^2], ascending, exactly 0 for the ``rigid`` first ones and
@@ -83,24 +85,11 @@ def undamped(
 ) -> Undamped:
     """Return the undamped modes, K phi = omega^2 M phi.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    rtol : float
-        Required relative accuracy of every frequency.
-    clean : bool
-        Whether the shapes must be as accurate as the frequencies, as responses require.
-    null : array, shape (m, r), optional
-        Motions without stiffness, M-orthonormal, if they are known.
-    coupled : bool
-        Whether the shapes are only a basis in which the factors are used again, as for modes coupled by damping: they
-        may then mix up to ``MIXED``, and errors are those of the factors in this basis.
-
-    Returns
-    -------
-    Undamped
-        Squares of the frequencies, mass-normalised shapes and error estimates, which may exceed rtol.
+    ``rtol``: required relative accuracy of every frequency. ``clean``: whether the shapes must be as accurate as the
+    frequencies, as responses require. ``null`` (m, r): motions without stiffness, M-orthonormal, if they are known.
+    ``coupled``: whether the shapes are only a basis in which the factors are used again, as for modes coupled by
+    damping: they may then mix up to ``MIXED``, and errors are those of the factors in this basis. Returns squares of
+    the frequencies, mass-normalised shapes and error estimates, which may exceed rtol.
     """
     m = system.dof
     if m == 0:
@@ -190,21 +179,8 @@ def _crossed(perturbation: Array, square: Array) -> Array:
 def refined(scene: Factors, shapes: Array, method: str, rtol: float) -> Undamped:
     """Return frequencies from the factors, orthonormalized shapes, and error estimates.
 
-    Parameters
-    ----------
-    scene : Factors
-        Mass and factors.
-    shapes : array, shape (m, m)
-        Approximate modes.
-    method : str
-        Name of the solver that computed them.
-    rtol : float
-        Required relative accuracy of every frequency; decides how closely rounding is bounded.
-
-    Returns
-    -------
-    Undamped
-        Modes in ascending order.
+    ``shapes`` (m, m): approximate modes. ``rtol``: required relative accuracy of every frequency; decides how closely
+    rounding is bounded.
 
     Source: second-order perturbation theory; Ogita & Aishima, Japan J. Indust. Appl. Math. 35 (2018), for the shapes.
     """

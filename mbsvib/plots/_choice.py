@@ -5,28 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, TypeAlias, cast
 
-from mbsvib.common.expected import a_linear, kind_of
-from mbsvib.common.selection import selected
+from mbsvib.common.expected import a_linear
+from mbsvib.common.selection import Names, selected
 from mbsvib.errors import ResponseError
 from mbsvib.plots._system import Linear
 from mbsvib.responses.from_control import is_control, is_transfer_function, of_control
 
-Names: TypeAlias = str | Sequence[str] | None
 Systems: TypeAlias = Linear | Sequence[Linear]
 
 MOST_PANELS = 12
 
 
 def linear(value: Any) -> Linear:
-    """Return a system, closed loop or state space; controllers and systems of python-control become one.
+    """Return a system, closed loop, state space or controller; systems of python-control become state spaces.
 
-    Raises
-    ------
-    ResponseError
-        If it is nothing of these, or data without equations.
+    Raises ResponseError if it is nothing of these, or data without equations.
     """
-    if kind_of(value) == "controller":
-        return cast("Linear", value.state_space())
     if is_control(value) or is_transfer_function(value):
         from mbsvib.responses.state_space import StateSpace
 
@@ -53,13 +47,7 @@ def listed(systems: Systems, labels: Sequence[str] | None) -> list[tuple[str, Li
 
 
 def pick(system: Linear, kind: str, names: Names) -> list[str]:
-    """Return the selected names of inputs or outputs; None selects all, a pattern those that it fits.
-
-    Raises
-    ------
-    ResponseError
-        If the system has none, or has no such name; the nearest one is suggested.
-    """
+    """Return the selected names of inputs or outputs; None selects all, a pattern those that it fits."""
     known, others = (system.inputs, system.outputs) if kind == "input" else (system.outputs, system.inputs)
     if not known:
         raise ResponseError(f"system '{system.name}' has no {kind}s, so there is no response to draw; "

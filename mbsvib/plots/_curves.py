@@ -10,7 +10,7 @@ import numpy as np
 from mbsvib.common.expected import reals
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _choice as choice
-from mbsvib.responses.frequency_grid import placed
+from mbsvib.responses.frequency_grid import resolving_frequencies
 from mbsvib.responses.frequency_grid import span as range_of
 
 if TYPE_CHECKING:
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.plots._choice import Names
+    from mbsvib.common.selection import Names
     from mbsvib.plots._system import Linear
 
 
 MOST_LEAD = 0.75 * np.pi  # a response that starts near +-180 degrees is drawn as a lag
-NEGLIGIBLE = 1e-11
+NEGLIGIBLE = 1e-11  # share of responses of the same units below which one is zero
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,63 +65,42 @@ def shared_grid(
 ) -> Array:  # fmt: skip
     """Return the frequencies [Hz] for curves of several systems: as given, or such that none misses a peak or a dip.
 
-    Parameters
-    ----------
-    systems : sequence of System
-        Whose poles and zeros decide.
-    pairs : sequence of (str, str) or of (sequence of str, sequence of str)
-        Names of outputs and inputs, whose zeros decide.
-    frequencies : array-like, shape (n,), optional
-        Frequencies [Hz] to use as they are.
-    span : (float or None, float or None)
-        First and last frequency [Hz] otherwise.
-
-    Returns
-    -------
-    array, shape (points,)
-        Ascending frequencies.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown or the frequencies are not positive.
+    ``pairs``: names of outputs and inputs. ``frequencies`` (n,): frequencies [Hz] to use as they are. ``span``: first
+    and last frequency [Hz] otherwise. Returns (points,): ascending frequencies.
     """
     if frequencies is not None:
-        grid = np.unique(reals(frequencies, "plots", "frequencies", "frequencies above 0 [Hz]"))
-        if not grid.size or not (np.isfinite(grid).all() and grid[0] > 0.0):
-            raise ResponseError("frequencies: expected at least one, each finite and above 0 Hz (log axis).")
-        return grid
+        return positive_frequencies(frequencies, "plots")
     poles = np.concatenate([system.poles() for system in systems])
     low, high = range_of(poles, *span)
     for system in systems:
         for output, source in pairs:
             choice.pick(system, "output", output)
             choice.pick(system, "input", source)
-    values = [poles, *(system.transmission_zeros(*pair) for system in systems for pair in pairs)]
-    return placed(np.concatenate(values), poles, low, high)
+    # zeros of a sampled loop are near those of its continuous one
+    alike = [getattr(system, "continuous", system) for system in systems]
+    values = [poles, *(system.transmission_zeros(*pair) for system in alike for pair in pairs)]
+    return resolving_frequencies(np.concatenate(values), poles, low, high)
+
+
+def positive_frequencies(frequencies: ArrayLike, who: str) -> Array:
+    """Return frequencies [Hz] in ascending order, each once; refuse those that a logarithmic axis does not have."""
+    grid = np.unique(reals(frequencies, who, "frequencies", "frequencies above 0 [Hz]"))
+    if not grid.size or not (np.isfinite(grid).all() and grid[0] > 0.0):
+        raise ResponseError("frequencies: expected at least one, each finite and above 0 Hz (log axis).")
+    return grid
+
+
+def finer(grid: Array) -> Array:
+    """Return frequencies (n,) with three more between neighbours, for curves that are circles and not polygons."""
+    for _ in range(2):
+        grid = np.sort(np.concatenate((grid, np.sqrt(grid[1:] * grid[:-1]))))
+    return grid
 
 
 def curves(system: Linear, pairs: Sequence[tuple[str, str]], grid: Array) -> list[Curve]:
     """Return the curves of a system for pairs of (output, input).
 
-    Parameters
-    ----------
-    system : System
-        Whose responses.
-    pairs : sequence of (str, str)
-        Names of outputs and inputs.
-    grid : array, shape (n,)
-        Frequencies [Hz].
-
-    Returns
-    -------
-    list of Curve
-        One for each pair.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown or a frequency is an undamped pole.
+    ``pairs``: names of outputs and inputs. ``grid`` (n,): frequencies [Hz].
     """
     results = [system.outputs.index(choice.pick(system, "output", name)[0]) for name, _ in pairs]
     sources = [system.inputs.index(choice.pick(system, "input", name)[0]) for _, name in pairs]

@@ -8,13 +8,7 @@ from mbsvib.errors import ExportError
 
 
 def program() -> str:
-    """Return the path of ffmpeg: of matplotlib's setting and the path first, then that of imageio-ffmpeg.
-
-    Raises
-    ------
-    ExportError
-        If there is none.
-    """
+    """Return the path of ffmpeg: of matplotlib's setting and the path first, then that of imageio-ffmpeg."""
     from matplotlib import rcParams
 
     path = which(rcParams["animation.ffmpeg_path"])

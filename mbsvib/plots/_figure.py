@@ -36,7 +36,7 @@ class ScaledFigure(Figure):
 
     def _resize_texts(self, scale: float) -> None:
         for text in self.findobj(Text):
-            size = self._sizes.setdefault(text, text.get_fontsize() / self._scale)
+            size = self._sizes.setdefault(text, float(text.get_fontsize()) / self._scale)
             text.set_fontsize(scale * size)
         for axes in self.axes:
             for axis in (axes.xaxis, axes.yaxis):  # ticks that are made later

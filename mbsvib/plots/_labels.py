@@ -35,28 +35,15 @@ OVERLAP, HIDDEN, LINE, CROSSED, FAR = 1e4, 60.0, 3.0, 200.0, 0.6
 ASIDE, END = 6.0, 0.8
 
 
-def place(
+def write_names(
     axes: Axes, names: Sequence[str], anchors: Array, marks: Array, curves: Sequence[Array], bounds: Boxes,
     blocked: Boxes,
 ) -> None:  # fmt: skip
-    """Write names beside points of axes.
+    """Write names at points of axes.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Laid out, with its limits.
-    names : sequence of str
-        One for each point.
-    anchors : array, shape (n, 2)
-        The points, in data of the axes.
-    marks : array, shape (m, 2)
-        Where marks are, which should remain visible.
-    curves : sequence of array, shape (m, 2)
-        Polylines that should remain visible.
-    bounds : array, shape (4,)
-        Where names may be: left, bottom, right, top [pixel].
-    blocked : array, shape (b, 4)
-        Boxes [pixel] where they may not be.
+    ``anchors`` (n, 2): the points, in data of the axes. ``marks`` (m, 2): where marks are, which should remain visible.
+    ``curves`` (m, 2): polylines that should remain visible. ``bounds`` (4,): where names may be: left, bottom, right,
+    top [pixel]. ``blocked`` (b, 4): boxes [pixel] where they may not be.
     """
     if not names:
         return
@@ -77,27 +64,21 @@ def place(
         boxes, axes.transData.transform(marks), MARK * pixel)
     cost = cost + LINE * _inside(boxes, lines, 0.0)
     cost += OVERLAP * np.array([_overlaps(group, blocked).sum(axis=1) for group in boxes])
-    chosen = _chosen(boxes, cost, np.stack((np.broadcast_to(points[:, None], centres.shape), centres), axis=2))
+    leaders = np.stack((np.broadcast_to(points[:, None], centres.shape), centres), axis=2)
+    candidate = _best_candidates(boxes, cost, leaders)
     for k, text in enumerate(texts):
-        text.set_position(tuple((offsets[k, chosen[k]] / pixel).tolist()))
+        text.set_position(tuple((offsets[k, candidate[k]] / pixel).tolist()))
         if text.arrow_patch is not None:
-            text.arrow_patch.set_visible(bool(distances[chosen[k]] > LEADER))
+            text.arrow_patch.set_visible(bool(distances[candidate[k]] > LEADER))
         text.set_in_layout(False)
 
 
 def slide(axes: Axes, texts: Sequence[Annotation], curves: Sequence[Array], blocked: Boxes) -> None:
     """Move names along their lines until they overlap as little as possible.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Laid out, with its limits.
-    texts : sequence of Annotation
-        Names, centred at points of ``axes``.
-    curves : sequence of array, shape (n, 2)
-        The line of each name, in data, all with as many points; places are its inner points, those in the middle first.
-    blocked : array, shape (b, 4)
-        Boxes [pixel] where names may not be.
+    ``texts``: names, centred at points of ``axes``. ``curves`` (n, 2): the line of each name, in data, all with as many
+    points; places are its inner points, those in the middle first. ``blocked`` (b, 4): boxes [pixel] where names may
+    not be.
     """
     if not texts:
         return
@@ -109,8 +90,8 @@ def slide(axes: Axes, texts: Sequence[Annotation], curves: Sequence[Array], bloc
     cost = cost + OVERLAP * np.array([_overlaps(group, blocked).sum(axis=1) for group in boxes])
     for k, other in enumerate(centres):  # lines of others that a name hides
         cost = cost + LINE * np.where(np.arange(len(centres)) == k, 0.0, 1.0)[:, None] * _inside(boxes, other, 0.0)
-    for text, curve, place in zip(texts, curves, _chosen(boxes, cost), strict=True):
-        text.xy = (float(curve[place, 0]), float(curve[place, 1]))
+    for text, curve, k in zip(texts, curves, _best_candidates(boxes, cost), strict=True):
+        text.xy = (float(curve[k, 0]), float(curve[k, 1]))
         text.set_position(text.xy)
 
 
@@ -152,32 +133,32 @@ def _inside(boxes: Boxes, points: Array, room: float) -> Array:
     return count
 
 
-def _chosen(boxes: Boxes, cost: Array, leaders: Array | None = None) -> NDArray[np.intp]:
+def _best_candidates(boxes: Boxes, cost: Array, leaders: Array | None = None) -> NDArray[np.intp]:
     """Return the candidate of each name, by sweeps in which each takes the cheapest place beside the others.
 
     ``boxes`` (n, candidates, 4) and ``cost`` (n, candidates) are theirs, ``leaders`` (n, candidates, 2 ends, 2) the
     lines that lead to them.
     """
     count = len(boxes)
-    chosen = cost.argmin(axis=1)
-    middle = 0.5 * (boxes[np.arange(count), chosen, :2] + boxes[np.arange(count), chosen, 2:])
+    candidate = cost.argmin(axis=1)
+    middle = 0.5 * (boxes[np.arange(count), candidate, :2] + boxes[np.arange(count), candidate, 2:])
     near = np.hypot(*(middle[:, None] - middle).T)
     order = np.argsort(np.sort(near, axis=1)[:, : min(4, count)].sum(axis=1), kind="stable")  # the most crowded first
-    best, least = chosen.copy(), np.inf
+    best, least = candidate.copy(), np.inf
     for _ in range(SWEEPS):
-        total, before = 0.0, chosen.copy()
+        total, before = 0.0, candidate.copy()
         for k in order:
             others = np.delete(np.arange(count), k)
-            occupied = boxes[others, chosen[others]]
+            occupied = boxes[others, candidate[others]]
             sum_of = cost[k] + OVERLAP * _overlaps(boxes[k], occupied).sum(axis=1)
             if leaders is not None:
                 sum_of += CROSSED * _crossed(leaders[k], occupied).sum(axis=1)
-                sum_of += CROSSED * _crossed(leaders[others, chosen[others]], boxes[k]).sum(axis=0)
-            chosen[k] = int(sum_of.argmin())
-            total += float(sum_of[chosen[k]])
+                sum_of += CROSSED * _crossed(leaders[others, candidate[others]], boxes[k]).sum(axis=0)
+            candidate[k] = int(sum_of.argmin())
+            total += float(sum_of[candidate[k]])
         if total < least:
-            best, least = chosen.copy(), total
-        if (chosen == before).all():
+            best, least = candidate.copy(), total
+        if (candidate == before).all():
             break
     return np.asarray(best)
 

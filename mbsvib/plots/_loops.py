@@ -6,21 +6,22 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from mbsvib.common.expected import kind_of, reals
+from mbsvib.common.expected import kind_of
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
 from mbsvib.plots._choice import MOST_PANELS
-from mbsvib.responses.frequency_grid import placed
+from mbsvib.plots._curves import positive_frequencies
+from mbsvib.responses.frequency_grid import resolving_frequencies
 from mbsvib.responses.frequency_grid import span as range_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.controller import Controller
     from mbsvib.feedback.margins import Margins
     from mbsvib.feedback.resolution import Resolution
-    from mbsvib.plots._choice import Names
 
 
 class Loop(Protocol):
@@ -54,13 +55,7 @@ class Loop(Protocol):
 
 
 def closed(loop: Any, who: str) -> Loop:
-    """Return a closed loop; refuse anything else.
-
-    Raises
-    ------
-    ResponseError
-        If it is none.
-    """
+    """Return a closed loop; refuse anything else."""
     if kind_of(loop) not in ("closed loop", "sampled loop") or not hasattr(loop, "sensitivity"):
         raise ResponseError(f"{who}: loop = {type(loop).__name__}; expected a closed loop, as system.feedback(...) "
                             f"returns it.")  # fmt: skip
@@ -69,13 +64,7 @@ def closed(loop: Any, who: str) -> Loop:
 
 
 def numbers(loop: Loop, actuators: Names) -> list[int]:
-    """Return the numbers of the actuators to draw, a panel each.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown, or they are more than a figure holds.
-    """
+    """Return the numbers of the actuators to draw, a panel each."""
     which = selected(actuators, loop.actuators, "actuator", loop.name, ())
     if not 0 < len(which) <= MOST_PANELS:
         raise ResponseError(f"{len(which)} actuators; a figure holds 1 to {MOST_PANELS} panels: choose some by "
@@ -86,21 +75,12 @@ def numbers(loop: Loop, actuators: Names) -> list[int]:
 def grid(
     loop: Loop, frequencies: ArrayLike | None, span: tuple[float | None, float | None], who: str
 ) -> Array:
-    """Return frequencies [Hz]: as given, or such that no pole of the plant, the controllers or the loop is missed.
-
-    Raises
-    ------
-    ResponseError
-        If the frequencies are not positive.
-    """
+    """Return frequencies [Hz]: as given, or such that no pole of the plant, the controllers or the loop is missed."""
     if frequencies is not None:
-        result = np.unique(reals(frequencies, who, "frequencies", "frequencies above 0 [Hz]"))
-        if not result.size or not (np.isfinite(result).all() and result[0] > 0.0):
-            raise ResponseError("frequencies: expected at least one, each finite and above 0 Hz (log axis).")
-        return result
+        return positive_frequencies(frequencies, who)
     poles = np.concatenate((loop.resolution.poles, loop.open_loop.poles()))
     low, high = range_of(poles, *span)
-    return placed(np.concatenate((poles, np.linalg.eigvals(loop.law.A))), poles, low,
+    return resolving_frequencies(np.concatenate((poles, np.linalg.eigvals(loop.law.A))), poles, low,
                   min(high, 0.499 * loop.resolution.period))  # fmt: skip
 
 

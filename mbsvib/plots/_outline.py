@@ -27,19 +27,8 @@ class Outline:
 def outline(centre: Array, attachments: Array, size: float) -> Outline:
     """Return the outline of a body: a bar, a plate or a hull between its connection points.
 
-    Parameters
-    ----------
-    centre : array, shape (3,)
-        Its centre of mass.
-    attachments : array, shape (n, 3)
-        Where joints and springs hold it, each point once.
-    size : float
-        Extent of the mechanism [m].
-
-    Returns
-    -------
-    Outline
-        Its lines and faces; none where it is held at its centre only.
+    ``centre`` (3,): its centre of mass. ``attachments`` (n, 3): where joints and springs hold it, each point once.
+    ``size``: extent of the mechanism [m]. Returns its lines and faces; none where it is held at its centre only.
     """
     points = np.concatenate((attachments, centre[None]))
     if not len(attachments):

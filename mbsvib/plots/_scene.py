@@ -11,25 +11,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements import Body, Input, Joint
-from mbsvib.elements.connection import Connection
-from mbsvib.elements.part import Composed
 from mbsvib.equations.expansion import expanded
+from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.mechanism.topology import span
 from mbsvib.plots import _outline as outline
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.part import Part
+    from mbsvib.elements import Body, Input, Joint
+    from mbsvib.elements.connection import Connection
+    from mbsvib.elements.part import Composed, Part
     from mbsvib.equations.equations import Provenance
     from mbsvib.mechanism.mechanism import Mechanism
 
 
-GROUND = "ground"
 AXIS, ARROW, FOOT = 0.045, 0.13, 0.032  # sizes of joint axes, of input arrows and of feet, as shares of the size
 SECOND_HEAD = 0.25  # distance of the two heads of a torque, as a share of its arrow
 COIL, TURNS = 0.016, 6  # radius of a spring, as a share of the size, and its turns
@@ -37,10 +36,6 @@ FEW_SPRINGS = 60  # more than these are drawn with fewer points
 # A pyramid below points on the ground, and a polyline along all of its edges.
 _FOOT = np.array([(0.0, 0.0, 0.0), (0.6, 0.6, -1.0), (-0.6, 0.6, -1.0), (-0.6, -0.6, -1.0), (0.6, -0.6, -1.0)])
 _FOOT_WAY = (0, 1, 2, 0, 3, 4, 0, 4, 1, 2, 3)
-# Axis lines of joints: the directions about or along which they are free; for a homokinetic joint the bisector of the
-# angle between its shafts.
-_AXES = {"revolute": (2,), "prismatic": (2,), "cylindrical": (2,), "screw": (2,), "universal": (0, 1),
-         "homokinetic": (2,), "planar": (2,), "point_on_line": (2,)}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +61,7 @@ class Mark:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scene:
+class DrawnScene:
     """A mechanism as points, lines, marks and triangles.
 
     Points (n,) ride on body ``first`` at ``start`` and on body ``second`` at ``end`` (n, 3), with ``share`` of the
@@ -99,7 +94,7 @@ class Scene:
         return np.asarray((1.0 - share) * ends[0] + share * ends[1])
 
 
-def of_model(model: Mechanism) -> Scene:
+def of_model(model: Mechanism) -> DrawnScene:
     """Return the scene of a model, also for open loops and singular poses."""
     plain = expanded(model)
     cut = set(span(plain).cut_joints) if plain.bodies else set()
@@ -107,33 +102,28 @@ def of_model(model: Mechanism) -> Scene:
     return _scene(model.name, [part for group in groups for part in group.values()], cut)
 
 
-def of_system(name: str, provenance: Provenance) -> Scene:
+def of_system(name: str, provenance: Provenance) -> DrawnScene:
     """Return the scene of the linearized model of a system."""
     cut = set(provenance.topology.cut_joints)
     return _scene(name, [*provenance.parts, *provenance.ports], cut, provenance.topology.bodies)
 
 
-def _scene(name: str, parts: Sequence[Part], cut: set[str], bodies: Sequence[str] | None = None) -> Scene:
+def _scene(name: str, parts: Sequence[Any], cut: set[str], bodies: Sequence[str] | None = None) -> DrawnScene:
     positions = {body: position for part in parts for body, position in part.body_positions.items()}
     names = tuple(positions) if bodies is None else tuple(bodies)
     builder = _Builder({body: i for i, body in enumerate((*names, GROUND))}, positions, _extent(parts, positions))
-    springs = sum(isinstance(part, Connection) and part.acts_along_line for part in parts)
+    springs = sum(part.symbol == "spring" for part in parts)
     hinges = {frozenset((part.first, part.second)): part.position for part in parts
-              if type(part) is Joint and part.position is not None}  # fmt: skip
-    for part in parts:
-        if type(part) is Joint:
-            builder.joint(part, part.name in cut)
-        elif isinstance(part, Connection) and part.acts_along_line:
-            builder.spring(part, fine=springs <= FEW_SPRINGS)
-        elif isinstance(part, Connection):
-            builder.bushing(part, hinges.get(frozenset((part.first, part.second))))
-        elif isinstance(part, Composed):
-            builder.composed(part)
-        elif isinstance(part, Input):
-            builder.arrow(part)
-    for part in parts:
-        if type(part) is Body:  # not the node of a Maxwell element
-            builder.body(part)
+              if part.symbol == "joint" and part.position is not None}  # fmt: skip
+    draw: dict[str, Callable[[Any], None]] = {
+        "joint": lambda part: builder.joint(part, part.name in cut),
+        "spring": lambda part: builder.spring(part, fine=springs <= FEW_SPRINGS),
+        "bushing": lambda part: builder.bushing(part, hinges.get(frozenset((part.first, part.second)))),
+        "composed": builder.composed, "arrow": builder.arrow, "body": builder.body,
+    }  # fmt: skip
+    for part in sorted(parts, key=lambda part: part.symbol == "body"):  # bodies last, with all points that hold them
+        if part.symbol in draw:
+            draw[part.symbol](part)
     return builder.scene(name, names)
 
 
@@ -191,10 +181,10 @@ class _Builder:
         if part.end is not None:
             self.line("rod", part.name, [(part.first, at), (part.second, part.end)])
         axes = np.array(part.axes)
-        for i in _AXES.get(part.kind, ()):
+        for i in part.drawn:
             reach = AXIS * self.size * axes[:, i]
             self.line("axis", part.name, [(part.first, at - reach), (part.first, at + reach)])
-        if part.kind == "free":
+        if not part.locked:
             return
         words = f"{part.kind} joint between {part.first} and {part.second}"
         self.mark("cut" if cut else "joint", part.name, part.first, at, words + (", cut" if cut else ""))
@@ -252,10 +242,10 @@ class _Builder:
         self.face_body += [self.number[part.name]] * len(shape.faces)
         self.mark("body", part.name, part.name, centre, f"body of {part.mass:.6g} kg")
 
-    def scene(self, name: str, bodies: tuple[str, ...]) -> Scene:
+    def scene(self, name: str, bodies: tuple[str, ...]) -> DrawnScene:
         position = np.array([self.positions[body] for body in bodies] + [(0.0, 0.0, 0.0)])
         columns = list(zip(*self.rides, strict=True)) if self.rides else [()] * 5
-        return Scene(
+        return DrawnScene(
             name, bodies, position, _vectors(self.rest), np.array(columns[0], dtype=np.intp),
             np.array(columns[1], dtype=np.intp), np.array(columns[2], dtype=float), _vectors(columns[3]),
             _vectors(columns[4]), tuple(self.lines), tuple(self.marks),

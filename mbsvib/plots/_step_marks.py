@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 LONGER = 1.2  # time shown, in settling times
 NEGLIGIBLE = 1e-11  # share of responses of the same units below which one is zero
-BESIDE = 0.97  # times natural frequencies: at undamped ones there is no response
+NEAR_POLE = 0.97  # times natural frequencies: at undamped ones there is no response
 PERIODS = 400.0  # of the slowest vibration; more of them make a solid band
 RISE = (0.1, 0.9)  # shares of the final value
 NO_OVERSHOOT = 1e-6  # per cent: rounding
@@ -56,7 +56,7 @@ def rounding(system: Linear) -> NDArray[np.bool_]:
     They are next to nothing beside others of the same units, at all natural frequencies.
     """
     poles = np.abs(system.poles())
-    omega = np.unique(BESIDE * poles[poles > 0.0])
+    omega = np.unique(NEAR_POLE * poles[poles > 0.0])
     height = np.abs(system.frequency_response(omega if omega.size else np.ones(1))).max(axis=2)
     result = np.zeros(height.shape, dtype=bool)
     for output in set(system.output_units):
@@ -90,16 +90,7 @@ def until_settled(
 def mark(axes: Axes, info: StepInfo, pair: tuple[str, str], response: Response) -> None:
     """Mark rise, peak and settling of one response, and write them into a corner of its panel.
 
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    info : StepInfo
-        Figures of the response.
-    pair : (str, str)
-        Output and input.
-    response : Response
-        What is drawn.
+    ``pair``: output and input.
     """
     i, j = info.outputs.index(pair[0]), info.inputs.index(pair[1])
     final, settling = float(info.final[i, j]), float(info.settling_time[i, j])

@@ -20,6 +20,7 @@ INK, FAINT, MARK = "#333333", "#E4E4E4", "#9A9A9A"
 PANEL_WIDTH, WIDEST = 3.6, 10.8
 DPI = 150
 LETTERS_PER_INCH = 12.0
+ROOM = 0.94  # of the width of a figure for its legend
 
 RC: Any = {
     "figure.dpi": DPI,
@@ -88,17 +89,40 @@ def panel_size(rows: int, columns: int, height: float, tall: float) -> tuple[flo
     return width, tall if rows == 1 else height * rows
 
 
+def legend(figure: Figure, handles: Sequence[Any], loc: Any, columns: int, **look: Any) -> None:
+    """Explain the curves of a figure outside its panels, in as many columns as there is room for.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure.
+    handles : sequence of matplotlib.artist.Artist
+        Curves or marks with labels.
+    loc : str
+        Where, such as "outside upper right".
+    columns : int
+        The most columns.
+    **look
+        Further arguments of ``figure.legend``.
+    """
+    for count in range(min(len(handles), columns), 0, -1):
+        words = figure.legend(handles=handles, loc=loc, ncols=count, **look)
+        if count == 1 or words.get_window_extent().width <= ROOM * figure.bbox.width:
+            return
+        words.remove()
+
+
 def name_systems(figure: Figure, names: Sequence[str], axes: Axes) -> None:
     """Name a single system at the right end above ``axes`` if there is room, several in a legend above all."""
     if len(names) > 1:
-        outside_legend(figure, *figure.axes[0].get_legend_handles_labels(), "outside upper right")
+        legend(figure, figure.axes[0].get_legend_handles_labels()[0], "outside upper right", 4)
         return
     name_aside(axes, names[0])
 
 
 def name_aside(axes: Axes, name: str) -> None:
     """Write a name at the right end above a panel, if there is room beside its title."""
-    room = axes.get_position().width * axes.figure.get_size_inches()[0] * LETTERS_PER_INCH
+    room = axes.get_position().width * axes.figure.bbox.width / axes.figure.dpi * LETTERS_PER_INCH
     if len(axes.get_title(loc="left")) + len(name) + 3 <= room:
         axes.set_title(name, loc="right", color=MARK, fontsize=8.5)
 
@@ -116,28 +140,6 @@ def frequency_axis(axes: Axes, low: float, high: float, label: str = "frequency 
     axes.xaxis.set_minor_formatter(NullFormatter())
     if low >= 1e-3 and high <= 1e5:
         axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-
-
-def outside_legend(figure: Figure, handles: Sequence[Any], labels: Sequence[str], where: str, **look: Any) -> None:
-    """Draw a legend above or below all panels, in as many columns as the figure is wide.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure.
-    handles, labels : sequences, shape (n,)
-        Entries of the legend.
-    where : str
-        Its place, such as "outside lower center".
-    look
-        More settings of the legend.
-    """
-    room = 0.94 * figure.get_figwidth() * figure.dpi
-    for columns in range(len(handles), 0, -1):
-        legend = figure.legend(handles, labels, loc=where, ncols=columns, **look)
-        if columns == 1 or legend.get_window_extent().width <= room:
-            return
-        legend.remove()
 
 
 def head(figure: Figure, words: str) -> None:

@@ -11,33 +11,24 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-    from mbsvib.plots._scene import Scene
+    from mbsvib.plots._scene import DrawnScene
 
 # What a symbol means, by the kind of marks and lines, in the order of the legend.
 MEANINGS = {"body": "body, centre of mass", "beam": "beam or superelement", "rod": "rod", "joint": "joint",
             "cut": "joint at which a loop is cut", "axis": "axis of a joint", "bushing": "bushing or torsion spring",
             "spring": "spring", "damper": "damper", "input": "input", "ground": "ground"}  # fmt: skip
+COLUMNS = 4
 
 
-def legend(figure: Figure, scene: Scene) -> None:
-    """Explain below the drawing what its symbols mean.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The drawing.
-    scene : Scene
-        What is drawn.
-    """
+def legend(figure: Figure, scene: DrawnScene) -> None:
+    """Explain below the drawing what its symbols mean."""
     marks, lines = {mark.kind for mark in scene.marks}, {line.kind for line in scene.lines}
     meanings = MEANINGS
     if any(line.kind == "input" and line.last - line.first > 2 for line in scene.lines):
         meanings = MEANINGS | {"input": "input (», torque)"}
     handles = [_handle(kind, words, kind in marks, kind in lines) for kind, words in meanings.items()
                if kind in marks | lines]  # fmt: skip
-    if handles:
-        style.outside_legend(figure, handles, [str(handle.get_label()) for handle in handles], "outside lower center",
-                             fontsize=8.0, handlelength=1.8, columnspacing=1.4)  # fmt: skip
+    style.legend(figure, handles, "outside lower center", COLUMNS, fontsize=8.0, handlelength=1.8, columnspacing=1.4)
 
 
 def _handle(kind: str, words: str, marked: bool, drawn: bool) -> Line2D:

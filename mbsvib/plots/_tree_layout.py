@@ -5,9 +5,6 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from mbsvib.elements.connection import Connection
-from mbsvib.elements.coupler import Coupling
-from mbsvib.elements.part import Composed
 from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
@@ -19,16 +16,6 @@ if TYPE_CHECKING:
 
 def positions(topology: Topology) -> list[tuple[float, int]]:
     """Return abscissa and level of each body, ground (level 0) last: leaves side by side, parents above their middle.
-
-    Parameters
-    ----------
-    topology : Topology
-        The spanning tree.
-
-    Returns
-    -------
-    list of (float, int)
-        One entry a body and one for the ground.
     """
     ground = len(topology.bodies)
     children: list[list[int]] = [[] for _ in range(ground + 1)]
@@ -55,17 +42,8 @@ def positions(topology: Topology) -> list[tuple[float, int]]:
 def graph(topology: Topology, parts: Iterable[Part]) -> dict[str, Any]:
     """Return bodies and their connections: nodes [name, x, level, floats], edges [kind, name, words, first, second].
 
-    Parameters
-    ----------
-    topology : Topology
-        The spanning tree.
-    parts : iterable of Part
-        What the mechanism is made of, for its springs and couplers.
-
-    Returns
-    -------
-    dict
-        ``nodes``, ground last, and ``edges`` of kind "tree", "cut", "floating", "spring" and "coupler".
+    ``parts``: what the mechanism is made of, for its springs and couplers. Returns ``nodes``, ground last, and
+    ``edges`` of kind "tree", "cut", "floating", "spring" and "coupler".
     """
     points = positions(topology)
     names = (*topology.bodies, "ground")
@@ -76,12 +54,12 @@ def graph(topology: Topology, parts: Iterable[Part]) -> dict[str, Any]:
               number[joint.second]] for k, joint in enumerate(topology.joints)]  # fmt: skip
     edges += [["floating", names[branch.body], "free: no joint holds it", branch.parent, branch.body]
               for branch in topology.branches if branch.joint == FLOATS]  # fmt: skip
-    elements = list(parts)
-    generated = {name for part in elements if isinstance(part, Composed) for name in part.generated_names}
+    elements: list[Any] = list(parts)
+    generated = {name for part in elements if part.symbol == "composed" for name in part.generated_names}
     for part in elements:
-        if isinstance(part, Connection) and part.name not in generated:
+        if part.symbol in ("spring", "bushing") and part.name not in generated:
             edges.append(["spring", part.name, part.family, number[part.first], number[part.second]])
-        elif isinstance(part, Coupling):
+        elif part.symbol == "coupler":
             coupled_bodies = list(dict.fromkeys(_moved(topology, coordinate) for coordinate, _ in part.terms))
             edges += [["coupler", part.name, part.family, number[a], number[b]]
                       for a, b in pairwise(coupled_bodies)]  # fmt: skip

@@ -16,7 +16,7 @@ from mbsvib.common.expected import mode_index
 from mbsvib.errors import ExportError, ResponseError
 from mbsvib.plots import _style as style
 from mbsvib.plots._projection import Picture, View, axes_of, triad
-from mbsvib.plots._scene import Scene, of_system
+from mbsvib.plots._scene import DrawnScene, of_system
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -40,7 +40,7 @@ class Animation(Displayed):
     of the mechanism's size. In Jupyter it shows itself.
     """
 
-    scene: Scene = field(repr=False)
+    scene: DrawnScene = field(repr=False)
     shape: NDArray[Any] = field(repr=False)
     title: str
     view: View = "3-D"
@@ -184,32 +184,8 @@ def animation(
 ) -> Animation:
     """Return a mode in motion.
 
-    Parameters
-    ----------
-    modes : Modes
-        The modes.
-    provenance : Provenance or None
-        What the system was made of.
-    mode : int
-        The mode's number, from 1.
-    amplitude : float
-        How far the farthest point goes, as a share of the mechanism's size.
-    view : str or sequence of 2 float
-        From where.
-    frames : int
-        Pictures in one period.
-    rate : float
-        Pictures in a second [Hz].
-
-    Returns
-    -------
-    Animation
-        One period.
-
-    Raises
-    ------
-    ResponseError
-        If there is no such mode or view, or the geometry of the mechanism is unknown.
+    ``provenance``: what the system was made of. ``amplitude``: how far the farthest point goes, as a share of the
+    mechanism's size. ``rate``: pictures in a second [Hz].
     """
     if provenance is None:
         raise ResponseError(f"modes of '{modes.name}': nothing is known of what it looks like, as it is sparse or a "

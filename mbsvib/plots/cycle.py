@@ -107,9 +107,9 @@ def _named(first: CycleData, panels: Sequence[Axes], hodograph: Axes, plane: Seq
     from matplotlib.ticker import MaxNLocator
 
     drives = first.drives
-    turning = all(map(_turns, drives))
     over = f"{drives[0]} [{'deg' if _turns(drives[0]) else 'm'}]" if len(drives) == 1 else "sample"
-    panels[0].set_ylabel("torque [N m]" if turning else "force of drive [N]" if len(drives) == 1 else "torque [N m, N]")
+    mixed = "force of drive [N]" if len(drives) == 1 else "torque [N m, N]"
+    panels[0].set_ylabel("torque [N m]" if all(map(_turns, drives)) else mixed)
     panels[1].set_ylabel("shaking force [N]")
     panels[2].set_ylabel("shaking moment [N m]")
     panels[2].set_xlabel(over)

@@ -103,19 +103,7 @@ def _colours(lowest: float, highest: float) -> Colormap:
 def shares(system: System, modes: Modes, kind: str) -> tuple[list[str], Array]:
     """Return the names of elements and their shares in the energy of each mode, (elements, modes).
 
-    Parameters
-    ----------
-    system : System
-        The equations of motion.
-    modes : Modes
-        Its modes.
-    kind : str
-        "strain" or "kinetic".
-
-    Returns
-    -------
-    tuple of list of str and array
-        Names and shares.
+    ``kind``: "strain" or "kinetic".
     """
     if kind == "kinetic":
         by_body = modes.kinetic_energy
@@ -129,17 +117,7 @@ def shares(system: System, modes: Modes, kind: str) -> tuple[list[str], Array]:
 def largest(names: Sequence[str], values: Array) -> list[tuple[str, Array]]:
     """Return the elements with significant shares, in their order, and the sum of all others.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Elements.
-    values : array, shape (elements, modes)
-        Their shares in each mode.
-
-    Returns
-    -------
-    list of (str, array)
-        Names and shares.
+    ``values`` (elements, modes): their shares in each mode.
     """
     size = np.nanmax(np.abs(values), axis=1, initial=0.0)
     selected = [i for i in np.argsort(-size, kind="stable") if size[i] >= LEAST_SHARE][:MOST_ELEMENTS]

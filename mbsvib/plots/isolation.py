@@ -100,7 +100,7 @@ def isolation(studies: Isolation | Sequence[Isolation], labels: Sequence[str] | 
         top.axhline(1.0, color=style.MARK, linewidth=0.8)
         top.set_ylabel("index of transmissibility [1]")
         below.set_ylabel("largest compliance [m/N]")
-        style.frequency_axis(below, *ends)
+        style.frequency_axis(below, ends[0], ends[1])
         top.set_title(f"Isolation of {listed[0].scene.body} from {listed[0].scene.base}")
         style.name_systems(figure, names, top)
     return figure

@@ -8,12 +8,13 @@ import numpy as np
 
 from mbsvib.plots import _loops as loops
 from mbsvib.plots import _style as style
+from mbsvib.plots._curves import finer
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
-    from mbsvib.plots._choice import Names
+    from mbsvib.common.selection import Names
     from mbsvib.plots._loops import Loop
 
 # What is shown of a loop gain that grows beyond all bounds, around the critical point.
@@ -51,9 +52,8 @@ def loop_nyquist(
     """
     loop = loops.closed(loop, "plots.loop_nyquist")
     which, grid = loops.numbers(loop, actuators), loops.grid(loop, frequencies, span, "plots.loop_nyquist")
-    if frequencies is None:  # circles, not polygons
-        for _ in range(2):
-            grid = np.sort(np.concatenate((grid, np.sqrt(grid[1:] * grid[:-1]))))
+    if frequencies is None:
+        grid = finer(grid)
     values, margins = loops.gains(loop, which, grid), loop.margins()
     rows, columns = loops.shape(len(which))
     around = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 200))

@@ -73,5 +73,5 @@ def mechanism(source: Mechanism | System, view: View = "3-D", names: bool = True
             corner = figure.transFigure.transform((inner.x0, inner.y0))
             blocked = np.concatenate((corner, corner + CORNER * figure.dpi / 72.0))[None]
             anchors, marks = (flat[[mark.point for mark in group]] for group in (bodies, scene.marks))
-            labels.place(axes, [mark.name for mark in bodies], anchors, marks, curves, corners.ravel(), blocked)
+            labels.write_names(axes, [mark.name for mark in bodies], anchors, marks, curves, corners.ravel(), blocked)
     return figure

@@ -92,7 +92,7 @@ def mode_comparison(reference: ModeSet, other: ModeSet, labels: Sequence[str] | 
         panels[1, 0].xaxis.get_major_locator().set_params(integer=True)
         if most <= MOST_TICKS:
             panels[1, 0].set_xticks(np.arange(1.0, most + 1.0))
-        style.outside_legend(figure, *panels[0, 0].get_legend_handles_labels(), "outside lower center")
+        style.legend(figure, panels[0, 0].get_legend_handles_labels()[0], "outside lower center", 2)
         style.head(figure, "Modes compared")
     return figure
 

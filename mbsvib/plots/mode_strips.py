@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
+from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.common.expected import a_system, kind_of, mode_index, real
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
@@ -18,11 +19,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from mbsvib.common.arrays import Complex, Index
+    from mbsvib.common.selection import Names
     from mbsvib.modes.result import Modes
-    from mbsvib.plots._choice import Names
     from mbsvib.plots._system import System
 
-DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 MOST_STRIPS = 12  # of a page
 MOST_BARS = 20  # bodies; more of them are drawn as lines
 MOST_NAMES = 40
@@ -100,26 +100,8 @@ def mode_strips(
 def shapes_of(modes: Modes, which: Index, bodies: Names, radius: float | None) -> Shapes:
     """Return what is drawn of some modes, the largest displacement of each being 1.
 
-    Parameters
-    ----------
-    modes : Modes
-        All modes.
-    which : array of int, shape (n,)
-        Numbers from 0.
-    bodies : str or sequence of str, optional
-        Names or patterns.
-    radius : float, optional
-        Length [m] that multiplies rotations.
-
-    Returns
-    -------
-    Shapes
-        In phase with the motion as a whole; directions in which nothing moves are left out.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown, or the radius is not positive.
+    ``which`` (n,): numbers from 0. ``bodies``: names or patterns. ``radius``: length [m] that multiplies rotations.
+    They are in phase with the motion as a whole; directions in which nothing moves are left out.
     """
     if radius is not None and not 0.0 < real(radius, "plots.mode_strips", "radius", "a length [m] above 0") < np.inf:
         raise ResponseError(f"plots.mode_strips: radius = {radius!r}; expected a length [m] above 0.")
@@ -233,8 +215,8 @@ def _legend(figure: Figure, shapes: Shapes) -> None:
         handles.append(Patch(alpha=0.0, label=f"rotations × {shapes.radius:.3g} m"))
     if np.abs(shapes.values.imag).max(initial=0.0) > QUADRATURE:
         handles.append(Line2D([], [], color=style.INK, linewidth=1.0, label="in quadrature"))
-    style.outside_legend(figure, handles, [str(handle.get_label()) for handle in handles], "outside lower center",
-                         handlelength=1.0, columnspacing=1.0, handletextpad=0.4)  # fmt: skip
+    style.legend(figure, handles, "outside lower center", len(handles), handlelength=1.0, columnspacing=1.0,
+                 handletextpad=0.4)  # fmt: skip
 
 
 def _colour(direction: str) -> str:

@@ -21,18 +21,7 @@ MOST_NAMES = 12
 
 
 def of_model(model: Mechanism) -> str:
-    """Return a picture of a model and a list of its parts.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The model.
-
-    Returns
-    -------
-    str
-        HTML.
-    """
+    """Return a picture of a model and a list of its parts."""
     groups = [("bodies", model.bodies), ("joints", model.joints), ("springs", model.springs),
               ("inputs", model.inputs), ("outputs", model.outputs)]  # fmt: skip
     rows = [(label, len(group), _few([*group])) for label, group in groups if group]
@@ -41,18 +30,7 @@ def of_model(model: Mechanism) -> str:
 
 
 def of_system(system: System) -> str:
-    """Return a picture of a system, its coordinates, inputs and outputs.
-
-    Parameters
-    ----------
-    system : System
-        The equations of motion.
-
-    Returns
-    -------
-    str
-        HTML.
-    """
+    """Return a picture of a system, its coordinates, inputs and outputs."""
     groups = [("coordinates", _named(system.coordinates, system.coordinate_units)),
               ("inputs", _named(system.inputs, system.input_units)),
               ("outputs", _named(system.outputs, system.output_units)), ("cut joints", list(system.cut_joints)),
@@ -80,18 +58,7 @@ def _with_picture(source: Mechanism | System, bodies: int, text: str) -> str:
 
 
 def image(figure: Figure) -> str:
-    """Return a figure as an image inside of HTML.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure.
-
-    Returns
-    -------
-    str
-        HTML.
-    """
+    """Return a figure as an image inside of HTML."""
     stream = BytesIO()
     figure.savefig(stream, format="png", dpi=80)
     return f'<img alt="The mechanism" src="data:image/png;base64,{b64encode(stream.getvalue()).decode("ascii")}">'

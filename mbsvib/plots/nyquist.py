@@ -9,7 +9,7 @@ import numpy as np
 from mbsvib.common import units
 from mbsvib.plots import _choice as choice
 from mbsvib.plots import _style as style
-from mbsvib.plots._curves import curves, shared_grid
+from mbsvib.plots._curves import curves, finer, shared_grid
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
-    from mbsvib.plots._choice import Names, Systems
+    from mbsvib.common.selection import Names
+    from mbsvib.plots._choice import Systems
 
 
 def nyquist(
@@ -56,9 +57,8 @@ def nyquist(
     panels = choice.pairs(named[0][1], outputs, inputs)
     flat = [pair for row in panels for pair in row]
     grid = shared_grid([system for _, system in named], flat, frequencies, span)
-    if frequencies is None:  # circles, not polygons
-        for _ in range(2):
-            grid = np.sort(np.concatenate((grid, np.sqrt(grid[1:] * grid[:-1]))))
+    if frequencies is None:
+        grid = finer(grid)
     lines = [curves(system, flat, grid) for _, system in named]
     rows, columns = len(panels), max(map(len, panels))
     with style.context():

@@ -121,7 +121,7 @@ def path(data: EquilibriumPath) -> Figure:
         above.set_title("Path of equilibria")
         style.name_aside(above, data.name)
         style.tell_left_out(figure, min(LOWEST, rows.shape[1]), rows.shape[1], "frequencies")
-        style.outside_legend(figure, *above.get_legend_handles_labels(), "outside lower center")
+        style.legend(figure, above.get_legend_handles_labels()[0], "outside lower center", 5)
     return figure
 
 

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from mbsvib.plots._choice import Names, Systems
+    from mbsvib.common.selection import Names
+    from mbsvib.plots._choice import Systems
     from mbsvib.plots.root_locus import Limits
 
 WIDE = 10.0  # ratio of magnitudes of poles above which linear axes hide the smallest
@@ -100,5 +101,5 @@ def pole_zero_map(
         damping_rays(axes)
         axes.set_xlabel("real part / 2 pi [1/s]")
         axes.set_ylabel("imaginary part / 2 pi [Hz]")
-        style.outside_legend(figure, *axes.get_legend_handles_labels(), "outside upper left")
+        style.legend(figure, axes.get_legend_handles_labels()[0], "outside upper left", 2)
     return figure

@@ -9,9 +9,10 @@ import numpy as np
 
 from mbsvib.common import units
 from mbsvib.errors import ResponseError, nearest
+from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.plots import _style as style
 from mbsvib.plots._projection import axes_of
-from mbsvib.plots._scene import GROUND, of_model
+from mbsvib.plots._scene import of_model
 from mbsvib.plots.animation import Animation
 
 if TYPE_CHECKING:
@@ -88,22 +89,7 @@ class RunAnimation(Animation):
 def run_figure(run: RunData, names: Sequence[str] | str | None) -> Figure:
     """Return outputs or coordinates, and energies, over time.
 
-    Parameters
-    ----------
-    run : Run
-        The run.
-    names : str or sequence of str, optional
-        What to draw; default: the outputs, or the coordinates where there are none.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One panel for each unit, and one for the energies.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown.
+    ``names``: what to draw; default: the outputs, or the coordinates where there are none.
     """
     known: dict[str, Any] = dict(run.coordinates) | dict(run.outputs)
     unit = {name: "rad" if name.rpartition(".")[2].startswith("r") else "m" for name in run.coordinates}
@@ -144,26 +130,7 @@ def run_figure(run: RunData, names: Sequence[str] | str | None) -> Figure:
 def run_animation(run: RunData, view: View, frames: int, rate: float) -> RunAnimation:
     """Return a run in motion, true to scale.
 
-    Parameters
-    ----------
-    run : Run
-        The run.
-    view : str or sequence of 2 float
-        From where.
-    frames : int
-        Pictures.
-    rate : float
-        Pictures in a second [Hz].
-
-    Returns
-    -------
-    RunAnimation
-        The motion.
-
-    Raises
-    ------
-    ResponseError
-        If a number is refused or there is no such view.
+    ``rate``: pictures in a second [Hz].
     """
     for name, value, least in (("frames", frames, 2), ("rate", rate, 0.1)):
         if not least <= value < np.inf:

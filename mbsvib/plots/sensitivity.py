@@ -73,7 +73,7 @@ def sensitivity(
                 axes.plot(f, 20.0 * np.log10(largest) if decibels else largest, **style.line(number),
                           label=f"{name}{verdict}: {_highest(f, largest, decibels)}")  # fmt: skip
         for axes, title in zip(panels, ("sensitivity S", "complementary sensitivity T"), strict=True):
-            style.frequency_axis(axes, *ends)
+            style.frequency_axis(axes, ends[0], ends[1])
             if not decibels:
                 axes.set_yscale("log")
             axes.axhline(0.0 if decibels else 1.0, color=style.MARK, linewidth=0.8)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mbsvib.common import units
+from mbsvib.errors import ResponseError
 from mbsvib.plots import _choice as choice
 from mbsvib.plots import _step_marks as marks
 from mbsvib.plots import _style as style
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from mbsvib.common.arrays import Array
-    from mbsvib.plots._choice import Names, Systems
+    from mbsvib.common.selection import Names
+    from mbsvib.plots._choice import Systems
     from mbsvib.plots._system import Linear
 
 
@@ -136,20 +138,13 @@ def _panel(axes: Axes, t: Array, drawn: list[Drawn], source: str, output: str) -
 def static(system: Linear, source: str, output: str) -> float | None:
     """Return the response that remains long after a unit step, or None where the system does not settle.
 
-    Parameters
-    ----------
-    system : System
-        The equations of motion.
-    source, output : str
-        Names of an input and an output.
-
-    Returns
-    -------
-    float or None
-        G(0) [output unit / input unit].
+    Returns G(0) [output unit / input unit].
     """
     modes = system.modes()
     if modes.rigid or not modes.stable:
         return None
     i, j = system.inputs.index(source), system.outputs.index(output)
-    return float(system.frequency_response([0.0])[j, i, 0].real)
+    try:
+        return float(system.frequency_response([0.0])[j, i, 0].real)
+    except ResponseError:  # a pole at 0 Hz of what a loop is made of
+        return None

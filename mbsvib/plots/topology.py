@@ -81,7 +81,7 @@ def topology(system: System) -> Figure:
                               textcoords="offset points", zorder=5, bbox=BOX, **look)  # fmt: skip
         axes.margins(0.08, 0.14)
         handles = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
-        style.outside_legend(figure, [*handles.values()], [*handles], "outside lower center")
+        style.legend(figure, [*handles.values()], "outside lower center", max(1, len(handles)))
         axes.set_title(system.name)
         figure.draw_without_rendering()
         marks = [text for text in axes.texts if text not in texts]
@@ -90,8 +90,8 @@ def topology(system: System) -> Figure:
     return figure
 
 
-def _bent(start: Array, end: Array, bend: float) -> Array:
+def _bent(start: Array, end: Array, curvature: float) -> Array:
     """A curved line from start to end."""
     s = np.linspace(0.0, 1.0, 41)[:, None]
-    aside = 0.5 * (start + end) + bend * np.array([end[1] - start[1] or 1.0, start[0] - end[0]])
+    aside = 0.5 * (start + end) + curvature * np.array([end[1] - start[1] or 1.0, start[0] - end[0]])
     return np.asarray((1.0 - s) ** 2 * start + 2.0 * s * (1.0 - s) * aside + s**2 * end)

@@ -71,7 +71,7 @@ def trade_off(data: TradeOff) -> Figure:
             style.name_aside(panels[0], data.name)
         else:
             style.head(figure, f"Trade-off of {data.name}")
-        style.outside_legend(figure, *panels[0].get_legend_handles_labels(), "outside lower center")
+        style.legend(figure, panels[0].get_legend_handles_labels()[0], "outside lower center", 3)
     return figure
 
 

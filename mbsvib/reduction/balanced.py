@@ -45,20 +45,7 @@ class Balanced:
 def balanced(a: Array, b: Array, c: Array) -> Balanced:
     """Return the balancing transformation of a state space.
 
-    Parameters
-    ----------
-    a, b, c : array, shape (n, n), (n, i), (o, n)
-        The state space; poles that do not decay stay as they are.
-
-    Returns
-    -------
-    Balanced
-        Transformations there and back, and the Hankel singular values.
-
-    Raises
-    ------
-    ResponseError
-        If the Gramians do not converge.
+    ``a``, ``b``, ``c`` (n, n), (n, i), (o, n): the state space; poles that do not decay stay as they are.
 
     Source: Tombs & Postlethwaite, Truncated balanced realization of a stable non-minimal state-space system,
     International Journal of Control 46 (1987), the square-root method.

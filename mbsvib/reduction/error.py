@@ -35,15 +35,8 @@ def error_bound(full: Equations, small: Equations) -> float:
 
     Free motions without damping are in both models and are left out of both.
 
-    Parameters
-    ----------
-    full, small : Equations
-        The equations of motion, and the reduced ones with the same inputs and outputs.
-
-    Returns
-    -------
-    float
-        The largest singular value, output by input in SI units; infinite where a mode does not decay.
+    ``full``, ``small``: the equations of motion, and the reduced ones with the same inputs and outputs. Returns the
+    largest singular value, output by input in SI units; infinite where a mode does not decay.
     """
     if not full.inputs or not full.outputs:
         return 0.0
@@ -66,17 +59,7 @@ def error_bound(full: Equations, small: Equations) -> float:
 def rounding_error(space: StateSpace, small: tuple[Array, Array, Array]) -> float:
     """Return the error of a reduced state space at its resonances, where rounding of its entries shows.
 
-    Parameters
-    ----------
-    space : StateSpace
-        The state space.
-    small : tuple of array
-        A, B and C of the reduced one.
-
-    Returns
-    -------
-    float
-        The largest singular value of the difference of both frequency responses at the poles' frequencies.
+    Returns the largest singular value of the difference of both frequency responses at the poles' frequencies.
     """
     poles = np.concatenate([np.linalg.eigvals(a) for a in (space.A, small[0])])
     decays = poles.real < -DECAYS * np.abs(poles)

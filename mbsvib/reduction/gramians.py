@@ -28,20 +28,8 @@ STEPS = 100
 def gramian_factors(a: Array, b: Array, c: Array) -> tuple[Array, Array]:
     """Return factors L_p and L_q of the controllability and the observability Gramian.
 
-    Parameters
-    ----------
-    a, b, c : array, shape (n, n), (n, i), (o, n)
-        A stable state space.
-
-    Returns
-    -------
-    array, shape (n, p), and array, shape (n, q)
-        Factors with as many columns as they have rank.
-
-    Raises
-    ------
-    ResponseError
-        If the iteration does not end: an eigenvalue is too near to the imaginary axis.
+    ``a``, ``b``, ``c`` (n, n), (n, i), (o, n): a stable state space. Returns (n, p) and (n, q): factors with as many
+    columns as they have rank.
     """
     n = len(a)
     sign, left, right = a, b, c.T

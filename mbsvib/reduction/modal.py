@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations
     from mbsvib.modes.undamped import Undamped
 
+# Accuracy of the frequencies: that of rounding, as reduced models are compared with the whole one.
 RTOL = 1e-12
 
 
@@ -65,19 +66,8 @@ def peaks(system: Equations, modes: Undamped, corrected: bool) -> Array:
     max over w of |c(i w) / (w0^2 + 2 i zeta w0 w - w^2)| |b|, about |c(i w0)| |b| / (2 zeta w0^2), infinite for free
     motions; damping that couples modes does not count.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    modes : Undamped
-        All undamped modes.
-    corrected : bool
-        Whether the static part of the contribution is left out.
-
-    Returns
-    -------
-    array, shape (m,)
-        Contributions; output by input in SI units.
+    ``corrected``: whether the static part of the contribution is left out. Returns (m,): contributions; output by input
+    in SI units.
     """
     omega, shapes = modes.omega, modes.shapes
     damping = np.einsum("ik,ij,jk->k", shapes, system.C, shapes)

@@ -25,19 +25,8 @@ def projected(system: E, shapes: Array, names: Sequence[str], units: Sequence[st
 
     T^T M T z'' + T^T C T z' + T^T K T z = T^T B u,  y = Cq T z + Cv T z' + Ca T z'' + D u
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion, without motions that move no mass.
-    shapes : array, shape (m, n)
-        Columns of T.
-    names, units : sequence of str
-        Of the new coordinates.
-
-    Returns
-    -------
-    Equations
-        The same form; factors are projected before products are formed.
+    ``system``: the equations of motion, without motions that move no mass. ``shapes`` (m, n): columns of T. Returns the
+    same form; factors are projected before products are formed.
     """
     factor, rows = system.inertia_factor @ shapes, system.elastic_rows @ shapes
     # a free motion deforms no spring, not even by rounding

@@ -25,24 +25,9 @@ METHODS = ("balanced", "modal", "static-corrected", "craig-bampton")
 def reduced_space(space: StateSpace, order: int | None = None, error: float | None = None) -> StateSpace:
     """Return a state space with fewer states by balanced truncation.
 
-    Parameters
-    ----------
-    space : StateSpace
-        Continuous equations. States that do not decay are kept.
-    order : int, optional
-        Number of states.
-    error : float, optional
-        Largest error of the frequency response, as its largest singular value, output by input in SI units.
-
-    Returns
-    -------
-    StateSpace
-        The smallest one of this order or error, with ``error_bound``; states hankel1, hankel2, ...
-
-    Raises
-    ------
-    ResponseError
-        If neither or both are given, or no smaller model is possible.
+    ``space``: continuous equations. States that do not decay are kept. ``order``: number of states. ``error``: largest
+    error of the frequency response, as its largest singular value, output by input in SI units. Returns the smallest
+    one of this order or error, with ``error_bound``; states hankel1, hankel2, ...
     """
     _check(space.name, order, error, len(space.states), "states")
     realization = balanced(space.A, space.B, space.C)
@@ -69,20 +54,7 @@ def hankel_singular_values(space: StateSpace) -> Array:
 
     sigma_i = sqrt(lambda_i(P Q)), of the controllability and the observability Gramian
 
-    Parameters
-    ----------
-    space : StateSpace
-        Continuous equations.
-
-    Returns
-    -------
-    array, shape (n,)
-        Positive values, output by input in SI units.
-
-    Raises
-    ------
-    ResponseError
-        If the Gramians do not converge.
+    Returns (n,): positive values, output by input in SI units.
     """
     return balanced(space.A, space.B, space.C).hankel
 
@@ -95,26 +67,9 @@ def reduced_equations(
     modal: the modes that contribute most;  static-corrected: these, and the static response of the others in D;
     craig-bampton: displacements of outputs and of the points where inputs act, and modes with these held
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    method : str
-        "modal", "static-corrected" or "craig-bampton".
-    order : int, optional
-        Number of coordinates.
-    error : float, optional
-        Largest error of the frequency response, as its largest singular value, output by input in SI units.
-
-    Returns
-    -------
-    Equations
-        The smallest model of this order or error, with ``error_bound``.
-
-    Raises
-    ------
-    ResponseError
-        If neither or both are given, a method does not apply, or no model has so small an error.
+    ``method``: "modal", "static-corrected" or "craig-bampton". ``order``: number of coordinates. ``error``: largest
+    error of the frequency response, as its largest singular value, output by input in SI units. Returns the smallest
+    model of this order or error, with ``error_bound``.
     """
     if method not in METHODS[1:]:
         raise ResponseError(f"reduced: method = {method!r}; expected one of {', '.join(map(repr, METHODS))}."

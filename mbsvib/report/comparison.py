@@ -26,15 +26,7 @@ def compared_modes(first: Any, second: Any) -> dict[str, Any]:
     frequencies coincide, as in symmetric platforms, shapes span a plane: then it is the part of b in that plane, or
     that of a in the plane of b, whichever is larger.
 
-    Parameters
-    ----------
-    first, second : System, StateSpace or ClosedLoop
-        Linear equations.
-
-    Returns
-    -------
-    dict
-        ``by``: "shape" or "frequency"; ``rows``: numbers of the modes from 0 or None, MAC or None.
+    Returns ``by``: "shape" or "frequency"; ``rows``: numbers of the modes from 0 or None, MAC or None.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -91,15 +83,7 @@ def _shared(first: Any, second: Any) -> tuple[NDArray[Any], NDArray[Any]] | None
 def has_geometry(system: Any) -> bool:
     """Tell whether a system has bodies to draw.
 
-    Parameters
-    ----------
-    system : System, StateSpace or ClosedLoop
-        Linear equations.
-
-    Returns
-    -------
-    bool
-        False for state spaces, loops with controllers that have states, and systems from matrices.
+    False for state spaces, loops with controllers that have states, and systems from matrices.
     """
     provenance = getattr(system, "provenance", None)
     return provenance is not None and not provenance.from_matrices

@@ -17,7 +17,7 @@ from mbsvib.plots.energy import largest, shares
 from mbsvib.report.comparison import compared_modes, has_geometry
 from mbsvib.report.form import COMPARED, form_of
 from mbsvib.report.order import inputs_in_order, outputs_in_order
-from mbsvib.responses.frequency_grid import placed, span
+from mbsvib.responses.frequency_grid import resolving_frequencies, span
 from mbsvib.version import __version__
 
 if TYPE_CHECKING:
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.system import System
+    from mbsvib.common.selection import Names
     from mbsvib.modes import Modes
-    from mbsvib.plots._choice import Names
 
 MOST_MODES = 60  # with energy shares; motions of all modes are in the page up to MOST_MOTIONS numbers
 MOST_MOTIONS = 60_000
@@ -40,21 +40,9 @@ def collect(
 ) -> dict[str, Any]:
     """Return everything that a report shows.
 
-    Parameters
-    ----------
-    system : System, StateSpace or ClosedLoop
-        The equations.
-    outputs, inputs : str or sequence of str, optional
-        Names of those to show; default: all.
-    other : System, StateSpace or ClosedLoop, optional
-        Equations to compare with.
-    labels : (str, str)
-        What the page calls the two.
-
-    Returns
-    -------
-    dict
-        Lists, texts and numbers; parts that a system without bodies does not have are None.
+    ``outputs``, ``inputs``: names of those to show; default: all. ``other``: equations to compare with. ``labels``:
+    what the page calls the two. Returns lists, texts and numbers; parts that a system without bodies does not have are
+    None.
     """
     modes = system.modes()
     curves_of_pairs = responses(system, outputs, inputs)  # before `skipped`, which describes their computation
@@ -84,9 +72,7 @@ def collect(
     }
 
 
-def _compared(
-    system: Any, other: Any, labels: tuple[str, str], names: tuple[Names, Names]
-) -> dict[str, Any]:  # fmt: skip
+def _compared(system: Any, other: Any, labels: tuple[str, str], names: tuple[Names, Names]) -> dict[str, Any]:
     """The modes of the other system, their pairs with those of this one, and its responses."""
     outputs, inputs = (_common(names[0], other.outputs), _common(names[1], other.inputs))
     return {"labels": list(labels), "name": other.name, "pairs": compared_modes(system, other),
@@ -162,17 +148,8 @@ def _rows(modes: Any) -> list[dict[str, Any]]:
 def responses(system: Any, outputs: Names, inputs: Names) -> dict[str, Any] | None:
     """Return the form of the equations from which the page computes the curves of all pairs, and their names.
 
-    Parameters
-    ----------
-    system : System, StateSpace or ClosedLoop
-        Linear equations.
-    outputs, inputs : str or sequence of str, optional
-        Names of those to show; default: all.
-
-    Returns
-    -------
-    dict or None
-        Lists, texts and numbers; None if there is no response.
+    ``outputs``, ``inputs``: names of those to show; default: all. Returns lists, texts and numbers; None if there is no
+    response.
     """
     poles = system.poles()
     if not (system.inputs and system.outputs and len(poles)):
@@ -180,7 +157,7 @@ def responses(system: Any, outputs: Names, inputs: Names) -> dict[str, Any] | No
     sources = inputs_in_order(system, pick(system, "input", inputs))
     results = outputs_in_order(system, pick(system, "output", outputs))
     low, high = span(poles, None, None)
-    grid = _some(placed(poles, poles, low, high))
+    grid = _some(resolving_frequencies(poles, poles, low, high))
     pairs = [(result, source) for source in sources for result in results]
     drawn = curves(system, pairs, grid)
     values = np.array([curve.values for curve in drawn]).reshape(len(sources), len(results), -1).swapaxes(0, 1)

@@ -58,13 +58,7 @@ class Form:
     error: float
 
     def packed(self) -> dict[str, Any]:
-        """Return the form for JSON: 64-bit floats, little-endian, in base64.
-
-        Returns
-        -------
-        dict
-            Numbers, lists and texts.
-        """
+        """Return the form for JSON: 64-bit floats, little-endian, in base64."""
         starts = np.cumsum((0, *self.blocks))[:-1]
         own = [self.a[i : i + k, i : i + k] for i, k in zip(starts.tolist(), self.blocks, strict=True)]
         a = np.concatenate([block.ravel() for block in own]) if own else self.a[np.triu_indices(len(self.a))]
@@ -76,18 +70,7 @@ class Form:
 
 
 def doubles(values: NDArray[Any]) -> str:
-    """Return an array as base64 of 64-bit floats, little-endian; complex numbers are two of them.
-
-    Parameters
-    ----------
-    values : array
-        Real or complex.
-
-    Returns
-    -------
-    str
-        Text in ASCII.
-    """
+    """Return an array as base64 of 64-bit floats, little-endian; complex numbers are two of them."""
     kind = "<c16" if np.iscomplexobj(values) else "<f8"
     return b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")
 
@@ -97,23 +80,10 @@ def form_of(
 ) -> Form:  # fmt: skip
     """Return the form of a system that reproduces its response.
 
-    Parameters
-    ----------
-    system : System, StateSpace or ClosedLoop
-        Linear equations.
-    ports : (sequence of int, sequence of int)
-        Numbers of the outputs and inputs to keep.
-    omega : array, shape (n,)
-        Angular frequencies [rad/s] of the response.
-    response : array, shape (kept outputs, kept inputs, n)
-        Their response, which decides between the forms.
-    counted : array, shape (kept outputs, kept inputs)
-        Whether the response of a pair is more than rounding.
-
-    Returns
-    -------
-    Form
-        The modal one if it is accurate, else the triangular one.
+    ``ports``: numbers of the outputs and inputs to keep. ``omega`` (n,): angular frequencies [rad/s] of the response.
+    ``response`` (kept outputs, kept inputs, n): their response, which decides between the forms. ``counted`` (kept
+    outputs, kept inputs): whether the response of a pair is more than rounding. Returns the modal one if it is
+    accurate, else the triangular one.
     """
     o, i = ports
     best: Form | None = None

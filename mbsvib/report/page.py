@@ -13,17 +13,19 @@ from mbsvib.api.system import System
 from mbsvib.common.expected import a_model, kind_of
 from mbsvib.errors import ExportError, ModelError
 from mbsvib.report.data import LABELS, collect
+from mbsvib.responses.from_control import is_control, is_transfer_function
+from mbsvib.responses.state_space import StateSpace
 
 if TYPE_CHECKING:
     import os
     from pathlib import Path
 
     from mbsvib.api.model import Model
-    from mbsvib.api.state_space import StateSpace
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
-    from mbsvib.plots._choice import Names
+    from mbsvib.feedback.controller import Controller
 
-    Source = Model | System | StateSpace | ClosedLoop
+    Source = Model | System | StateSpace | ClosedLoop | Controller
 
 SCRIPTS = ("page", "motion", "compass", "curves", "responses", "panels", "keys")
 # Characters that could end a script element, open a comment in it, or end a line of JavaScript.
@@ -38,11 +40,11 @@ def html(
 
     Parameters
     ----------
-    source : Model, System, StateSpace or ClosedLoop
+    source : Model, System, StateSpace, ClosedLoop, Controller, control.StateSpace or control.TransferFunction
         What to report on; what has no bodies has no picture of them.
     outputs, inputs : str or sequence of str, optional
         Names of those whose responses are shown; default: all.
-    compare : Model, System, StateSpace or ClosedLoop, optional
+    compare : Model, System, StateSpace, ClosedLoop, Controller, optional
         Another design: its modes in pairs with those of ``source``, and its curves over these.
     names : (str, str)
         What the page calls ``source`` and ``compare``.
@@ -86,13 +88,13 @@ def write(
 
     Parameters
     ----------
-    source : Model, System, StateSpace or ClosedLoop
+    source : Model, System, StateSpace, ClosedLoop, Controller, control.StateSpace or control.TransferFunction
         What to report on; what has no bodies has no picture of them.
     path : str or path-like
         Where the page goes.
     outputs, inputs : str or sequence of str, optional
         Names of those whose responses are shown; default: all.
-    compare : Model, System, StateSpace or ClosedLoop, optional
+    compare : Model, System, StateSpace, ClosedLoop, Controller, optional
         Another design: its modes in pairs with those of ``source``, and its curves over these.
     names : (str, str)
         What the page calls ``source`` and ``compare``.
@@ -114,18 +116,7 @@ def write(
 
 
 def embedded(data: Any) -> str:
-    """Return data as JSON that is safe inside a script element for any names.
-
-    Parameters
-    ----------
-    data : dict or list
-        Texts, finite numbers and lists.
-
-    Returns
-    -------
-    str
-        JSON in ASCII without < > &.
-    """
+    """Return data as JSON that is safe inside a script element for any names."""
     text = json.dumps(data, allow_nan=False, separators=(",", ":"))
     for sign, code in _UNSAFE.items():
         text = text.replace(sign, code)
@@ -134,6 +125,10 @@ def embedded(data: Any) -> str:
 
 def _linear(source: Any, field: str) -> Any:
     """A model's system, a loop of second order as its system, an unstable loop as its states, all else as it is."""
+    if is_control(source) or is_transfer_function(source):
+        return StateSpace.from_control(source)
+    if kind_of(source) == "controller":
+        return source.state_space()
     if kind_of(source) not in ("system", "closed loop", "state space"):
         return _linearized(a_model(source, "report", field))
     closed = getattr(source, "second_order", None)

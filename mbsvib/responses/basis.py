@@ -40,28 +40,11 @@ class Basis:
         self.source = source
 
     def with_equations(self, equations: Equations) -> Basis:
-        """Return the basis of the same equations with other inputs and outputs; modes are computed once for both.
-
-        Parameters
-        ----------
-        equations : Equations
-            With the same M, C and K.
-
-        Returns
-        -------
-        Basis
-            Their basis.
-        """
+        """Return the basis of the same equations with other inputs and outputs; modes are computed once for both."""
         return Basis(equations, self.form, self)
 
     def assume(self, modal: Damped | General) -> None:
-        """Set the basis of the responses, if it is already known, such as one of a batch.
-
-        Parameters
-        ----------
-        modal : Damped or General
-            The basis.
-        """
+        """Set the basis of the responses, if it is already known, such as one of a batch."""
         self.__dict__["modal"] = modal
 
     @property
@@ -79,15 +62,8 @@ class Basis:
     def modes_within(self, rtol: float) -> Modes:
         """Return all modes at an accuracy.
 
-        Parameters
-        ----------
-        rtol : float
-            Required relative accuracy of every eigenvalue.
-
-        Returns
-        -------
-        Modes
-            The modes; cached ones if they are accurate enough.
+        ``rtol``: required relative accuracy of every eigenvalue. Returns the modes; cached ones if they are accurate
+        enough.
         """
         rtol = real(rtol, "modes", "rtol", "a relative accuracy such as 1e-12", least=0.0)
         good = float(self.modes.errors.max(initial=0.0)) <= rtol

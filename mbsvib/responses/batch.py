@@ -72,19 +72,7 @@ class BatchBasis:
 def few_frequencies(batch: BatchEquations, damped: DampedBatch, w: Array) -> Complex:
     """Return the responses of all variants at a few frequencies, (n, outputs, inputs, k); not finite at poles.
 
-    Parameters
-    ----------
-    batch : BatchEquations
-        The variants.
-    damped : DampedBatch
-        Their modes, with the accuracy that responses require.
-    w : array, shape (k,)
-        Angular frequencies [rad/s], none negative.
-
-    Returns
-    -------
-    array, shape (n, outputs, inputs, k)
-        Complex responses.
+    ``w`` (k,): angular frequencies [rad/s], none negative. Returns (n, outputs, inputs, k): complex responses.
     """
     rates = [batch.Cq, batch.Cv, batch.Ca]
     order, output = np.nonzero([c.any(axis=(0, 2)) for c in rates])

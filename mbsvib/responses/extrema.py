@@ -53,28 +53,10 @@ def panels(
 ) -> Array:  # fmt: skip
     """Return the ends of panels over a band, each no longer than the distance of its middle to the nearest pole.
 
-    Parameters
-    ----------
-    poles : array, shape (poles,)
-        Poles of the response, in units of the frequencies.
-    low, high : float
-        First and last frequency, 0 <= low < high.
-    marks : array-like, shape (marks,)
-        Frequencies at which a panel is to end, where they are in the band.
-    longest : float
-        Maximum length of a panel, for responses that are not rational.
-    period : float
-        Frequency after which poles are repeated.
-
-    Returns
-    -------
-    array, shape (panels + 1,)
-        Ascending frequencies.
-
-    Raises
-    ------
-    ResponseError
-        If the band has too many of the longest panels.
+    ``poles`` (poles,): poles of the response, in units of the frequencies. ``low``, ``high``: first and last frequency,
+    0 <= low < high. ``marks`` (marks,): frequencies at which a panel is to end, where they are in the band.
+    ``longest``: maximum length of a panel, for responses that are not rational. Returns (panels + 1,): ascending
+    frequencies.
     """
     if high - low > MOST_PANELS * longest:
         raise ResponseError(f"the band from {low:.4g} to {high:.4g} Hz is {(high - low) / longest:.1e} times the "
@@ -99,15 +81,7 @@ def panels(
 def gauss_rule(ends: Array) -> tuple[Array, Array]:
     """Return nodes and weights of Gauss' rule on panels.
 
-    Parameters
-    ----------
-    ends : array, shape (panels + 1,)
-        Ends of the panels.
-
-    Returns
-    -------
-    tuple of two arrays, shape (GAUSS panels,)
-        The nodes, panel by panel, and their weights.
+    ``ends`` (panels + 1,): ends of the panels. Returns (GAUSS panels,): the nodes, panel by panel, and their weights.
     """
     node, weight = np.polynomial.legendre.leggauss(GAUSS)
     half = 0.5 * np.diff(ends)
@@ -118,19 +92,8 @@ def gauss_rule(ends: Array) -> tuple[Array, Array]:
 def excited(size: Callable[[Array], Array], poles: Complex, low: float, high: float) -> Array:
     """Return the frequencies of undamped poles in a band at which a response has no bound.
 
-    Parameters
-    ----------
-    size : callable
-        Takes frequencies (n,), and returns how large the response is, (n,).
-    poles : array, shape (poles,)
-        Poles, in units of the frequencies.
-    low, high : float
-        First and last frequency.
-
-    Returns
-    -------
-    array, shape (n,)
-        Ascending frequencies.
+    ``size``: takes frequencies (n,), and returns how large the response is, (n,). ``poles`` (poles,): poles, in units
+    of the frequencies. Returns (n,): ascending frequencies.
     """
     undamped = np.unique(np.abs(poles[np.abs(poles.real) <= UNDAMPED * np.abs(poles)]))
     undamped = undamped[(undamped >= low) & (undamped <= high) & (undamped > 0.0)]
@@ -169,17 +132,8 @@ class Band:
     def maxima(self, measure: Measure, share: float = 0.0) -> tuple[Array, Array]:
         """Return the local maxima, those at the ends of the band among them.
 
-        Parameters
-        ----------
-        measure : callable
-            The quantity to be maximized.
-        share : float
-            Smallest value to be returned, in parts of the largest.
-
-        Returns
-        -------
-        frequencies, values : array, shape (maxima,)
-            At least one.
+        ``share``: smallest value to be returned, in parts of the largest. Returns frequencies, values (maxima,): at
+        least one.
         """
         w, value = self._samples(measure, share)
         before, after = np.concatenate(([-np.inf], value[:-1])), np.concatenate((value[1:], [-np.inf]))
@@ -191,15 +145,8 @@ class Band:
     def crossings(self, measure: Measure) -> Array:
         """Return the frequencies at which a number changes its sign.
 
-        Parameters
-        ----------
-        measure : callable
-            The quantity whose zeros are returned; not a number where a change of sign is not a crossing.
-
-        Returns
-        -------
-        array, shape (crossings,)
-            Ascending frequencies.
+        ``measure``: the quantity whose zeros are returned; not a number where a change of sign is not a crossing.
+        Returns (crossings,): ascending frequencies.
         """
         w, value = self._samples(measure)
         # between samples near an extremum close to zero there may be two crossings

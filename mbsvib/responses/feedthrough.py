@@ -21,17 +21,8 @@ ROUNDING = 32 * EPS
 def accelerations(system: Equations, forces: Array) -> Array:
     """Return M^-1 F; coordinates whose accelerations M does not tie to the forces have exactly 0.
 
-    Parameters
-    ----------
-    system : Equations
-        Equations of motion without massless motions.
-    forces : array, shape (m, n)
-        Generalized forces.
-
-    Returns
-    -------
-    array, shape (m, n)
-        Accelerations.
+    ``system``: equations of motion without massless motions. ``forces`` (m, n): generalized forces. Returns (m, n):
+    accelerations.
     """
     root = triangle(system.inertia_factor)
     result = np.linalg.solve(root, np.linalg.solve(root.T, forces))
@@ -46,15 +37,8 @@ def accelerations(system: Equations, forces: Array) -> Array:
 def feedthrough(system: Equations) -> Array:
     """Return D + Ca M^-1 B, 0 where it is rounding.
 
-    Parameters
-    ----------
-    system : Equations
-        Equations of motion without massless motions.
-
-    Returns
-    -------
-    array, shape (outputs, inputs)
-        What outputs see of inputs at once.
+    ``system``: equations of motion without massless motions. Returns (outputs, inputs): what outputs see of inputs at
+    once.
     """
     if not system.Ca.any():
         return np.array(system.D)

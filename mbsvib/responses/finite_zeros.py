@@ -20,15 +20,8 @@ REGULAR = 1e3
 def finite_zeros(a: Array, b: Array, c: Array, d: Array) -> Complex:
     """Return the finite s at which [[A - s, B], [C, D]] loses rank.
 
-    Parameters
-    ----------
-    a, b, c, d : array, shape (n, n), (n, inputs), (outputs, n) and (outputs, inputs)
-        State-space matrices, with rows of C and D and columns of B of the size of one.
-
-    Returns
-    -------
-    array of complex
-        Zeros, in no order.
+    ``a``, ``b``, ``c``, ``d`` (n, n), (n, inputs), (outputs, n) and (outputs, inputs): state-space matrices, with rows
+    of C and D and columns of B of the size of one.
 
     Source: Emami-Naeini & Van Dooren, Automatica 18 (1982).
     """

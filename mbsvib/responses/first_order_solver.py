@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.expected import angular, reals
+from mbsvib.common.memory import BATCH_BYTES
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.balancing import exponents
 from mbsvib.linalg.rank import EPS
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 REFINEMENTS = 3
 # A right-hand side below this many roundings of the terms of (s - A) x is rounding: s is a pole.
 SINGULAR = 4.0
-BATCH_BYTES = 32 * 2**20  # solutions of a batch of frequencies stay in this much memory
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,22 +46,8 @@ class FirstOrderSolver:
     def frequency_response(self, omega: ArrayLike, b: Array, c: Array, d: Array) -> Complex:
         """Return G(i w) = C (i w - A)^-1 B + D.
 
-        Parameters
-        ----------
-        omega : array-like, shape (n,)
-            Angular frequencies [rad/s].
-        b, c, d : array, shape (states, inputs), (outputs, states), (outputs, inputs)
-            Matrices of inputs and outputs.
-
-        Returns
-        -------
-        array, shape (outputs, inputs, n)
-            Complex responses.
-
-        Raises
-        ------
-        ResponseError
-            If a frequency is not finite or is a pole.
+        ``omega`` (n,): angular frequencies [rad/s]. ``b``, ``c``, ``d`` (states, inputs), (outputs, states), (outputs,
+        inputs): matrices of inputs and outputs. Returns (outputs, inputs, n): complex responses.
         """
         w = angular(omega)
         right, observed = np.ldexp(b, -self.power[:, None]), np.ldexp(c, self.power)
@@ -107,17 +93,7 @@ class FirstOrderSolver:
 def first_order_solver(a: Array, b: Array, c: Array, name: str) -> FirstOrderSolver:
     """Return the solver of first-order equations.
 
-    Parameters
-    ----------
-    a, b, c : array, shape (n, n), (n, inputs), (outputs, n)
-        First-order equations.
-    name : str
-        Name for messages.
-
-    Returns
-    -------
-    FirstOrderSolver
-        The Schur form of A.
+    ``a``, ``b``, ``c`` (n, n), (n, inputs), (outputs, n): first-order equations.
     """
     from scipy.linalg import schur
 
@@ -133,24 +109,8 @@ def time_response(
 ) -> Array:  # fmt: skip
     """Return outputs at the times of a record of inputs; exact for inputs that are held or linear between samples.
 
-    Parameters
-    ----------
-    space : tuple of array
-        A, B, C, D.
-    inputs : sequence of str
-        Names of the inputs, for messages.
-    record : tuple
-        Times (n,) [s], inputs (inputs, n), hold "first" or "zero", and initial states (states,) or None.
-
-    Returns
-    -------
-    array, shape (outputs, n)
-        Outputs.
-
-    Raises
-    ------
-    ResponseError
-        If times do not ascend, shapes do not match, or the hold is unknown.
+    ``record``: times (n,) [s], inputs (inputs, n), hold "first" or "zero", and initial states (states,) or None.
+    Returns (outputs, n): outputs.
     """
     a, b, c, d = space
     t, u, hold, initial = record

@@ -16,15 +16,8 @@ if TYPE_CHECKING:
 def first_order_zeros(a: Array, b: Array, c: Array, d: Array) -> Complex:
     """Return the finite s at which [[A - s, B], [C, D]] has less than its normal rank.
 
-    Parameters
-    ----------
-    a, b, c, d : array, shape (n, n), (n, inputs), (outputs, n), (outputs, inputs)
-        First-order equations.
-
-    Returns
-    -------
-    array, shape (zeros,)
-        Zeros [1/s] in ascending magnitude.
+    ``a``, ``b``, ``c``, ``d`` (n, n), (n, inputs), (outputs, n), (outputs, inputs): first-order equations. Returns
+    (zeros,): zeros [1/s] in ascending magnitude.
     """
     if not len(a) or not d.size:
         return np.zeros(0, dtype=complex)

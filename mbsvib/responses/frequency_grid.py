@@ -16,9 +16,9 @@ from mbsvib.common.expected import real
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.responses.basis import Basis
 
 
@@ -37,7 +37,7 @@ EXCLUDED = 1e-9  # share of the frequency of an undamped pole in which no point 
 
 
 def frequency_grid(
-    basis: Basis, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None,
+    basis: Basis, outputs: Names = None, inputs: Names = None,
     n: int | None = None, *, f_min: float | None = None, f_max: float | None = None,
 ) -> Array:  # fmt: skip
     """Return angular frequencies that resolve every resonance and antiresonance from inputs to outputs.
@@ -46,46 +46,20 @@ def frequency_grid(
     pole or zero r of any single response, and half of that within its half-power points, each of which is a point, as
     is the peak. Undamped poles and zeros are approached to a millionth of their frequency.
 
-    Parameters
-    ----------
-    basis : Basis
-        The equations of motion and their modes.
-    outputs, inputs : str or sequence of str, optional
-        Names; default: all. Each pair's zeros count, so that a choice saves points and time.
-    n : int, optional
-        Number of points on an even logarithmic spacing, to which the others are added; default: 150 a decade.
-    f_min, f_max : float, optional
-        First and last frequency [Hz]; default: a tenth of the lowest and three times the highest natural frequency,
-        rounded outwards to 1, 2 or 5.
-
-    Returns
-    -------
-    array, shape (points,)
-        Ascending angular frequencies [rad/s], as ``frequency_response`` takes them.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown, n is less than 2, or f_min and f_max are not positive and in ascending order.
+    ``outputs``, ``inputs``: names; default: all. Each pair's zeros count, so that a choice saves points and time.
+    ``n``: number of points on an even logarithmic spacing, to which the others are added; default: 150 a decade.
+    ``f_min``, ``f_max``: first and last frequency [Hz]; default: a tenth of the lowest and three times the highest
+    natural frequency, rounded outwards to 1, 2 or 5. Returns (points,): ascending angular frequencies [rad/s], as
+    ``frequency_response`` takes them.
     """
     low, high = span(basis.poles, f_min, f_max)
-    return 2.0 * np.pi * placed(roots(basis, outputs, inputs), basis.poles, low, high, n)
+    return 2.0 * np.pi * resolving_frequencies(roots(basis, outputs, inputs), basis.poles, low, high, n)
 
 
-def roots(basis: Basis, outputs: str | Sequence[str] | None, inputs: str | Sequence[str] | None) -> Complex:
+def roots(basis: Basis, outputs: Names, inputs: Names) -> Complex:
     """Return all poles, and the zeros of each single response.
 
-    Parameters
-    ----------
-    basis : Basis
-        The equations of motion and their modes.
-    outputs, inputs : str or sequence of str, optional
-        Names; default: all.
-
-    Returns
-    -------
-    array, shape (roots,)
-        Poles and zeros [1/s].
+    ``outputs``, ``inputs``: names; default: all. Returns (roots,): poles and zeros [1/s].
     """
     from mbsvib.responses.transmission_zeros import numbers, transmission_zeros
 
@@ -96,29 +70,12 @@ def roots(basis: Basis, outputs: str | Sequence[str] | None, inputs: str | Seque
     return np.concatenate([basis.poles, *zeros])
 
 
-def placed(roots: Complex, poles: Complex, low: float, high: float, n: int | None = None) -> Array:
+def resolving_frequencies(roots: Complex, poles: Complex, low: float, high: float, n: int | None = None) -> Array:
     """Return frequencies from ``low`` to ``high`` that follow each of some poles and zeros.
 
-    Parameters
-    ----------
-    roots : array, shape (roots,)
-        Poles and zeros [1/s].
-    poles : array, shape (poles,)
-        Those of them that points must avoid if they are undamped.
-    low, high : float
-        First and last frequency [Hz].
-    n : int, optional
-        Number of evenly spaced points among them; default: 150 a decade.
-
-    Returns
-    -------
-    array, shape (points,)
-        Ascending frequencies [Hz].
-
-    Raises
-    ------
-    ResponseError
-        If n is less than 2.
+    ``roots`` (roots,): poles and zeros [1/s]. ``poles`` (poles,): those of them that points must avoid if they are
+    undamped. ``low``, ``high``: first and last frequency [Hz]. ``n``: number of evenly spaced points among them;
+    default: 150 a decade. Returns (points,): ascending frequencies [Hz].
     """
     decades = np.log10(high / low)
     count = max(2, round(PER_DECADE * decades) + 1) if n is None else n
@@ -161,22 +118,7 @@ _LIMITS = "frequency_grid", "f_min or f_max", "0 < first < last, both finite [Hz
 def span(poles: Complex, f_min: float | None, f_max: float | None) -> tuple[float, float]:
     """Return the first and last frequency [Hz]: as given, or from the natural frequencies.
 
-    Parameters
-    ----------
-    poles : array, shape (poles,)
-        Poles [1/s].
-    f_min, f_max : float, optional
-        First and last frequency [Hz].
-
-    Returns
-    -------
-    tuple of float
-        Both, in ascending order.
-
-    Raises
-    ------
-    ResponseError
-        If they are not positive and in ascending order.
+    ``poles`` (poles,): poles [1/s]. ``f_min``, ``f_max``: first and last frequency [Hz].
     """
     natural = np.abs(poles[poles != 0.0]) / (2.0 * np.pi)
     lowest, highest = (natural.min(), natural.max()) if natural.size else (1.0, 1.0)

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from mbsvib.common.expected import angular
+from mbsvib.common.memory import BATCH_BYTES
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.qr import sorted_qr
 from mbsvib.linalg.rank import EPS
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     from mbsvib.responses.basis import Basis
 
 
-BATCH_BYTES = 32 * 2**20  # a batch of matrices stays in this much memory
 # The sum over modes solves the equations to this residual: rounding of a sum of some hundred modes, no more.
 BACKWARD = 5e-14
 CHECKED = 3  # frequencies next to the most ill-conditioned eigenvalues at which the residual is computed
@@ -49,22 +49,7 @@ def frequency_response(basis: Basis, omega: ArrayLike) -> Complex:
     are accurate relative to their largest term. Where this may leave less than six digits, responses are computed from
     the factors of the matrices in twice the working precision (``tiny_outputs``).
 
-    Parameters
-    ----------
-    basis : Basis
-        The equations of motion and their modes.
-    omega : array-like, shape (n,)
-        Angular frequencies [rad/s].
-
-    Returns
-    -------
-    array, shape (outputs, inputs, n)
-        Complex responses.
-
-    Raises
-    ------
-    ResponseError
-        If a frequency is not finite or is an undamped pole.
+    ``omega`` (n,): angular frequencies [rad/s]. Returns (outputs, inputs, n): complex responses.
     """
     w = angular(omega)
     system, modal, size = basis.equations, basis.modal, np.abs(w)
@@ -110,19 +95,7 @@ def _general(basis: Basis, modal: General, w: Array) -> Complex:
 def trusted(modal: Damped, b: Array, w: Array) -> bool:
     """Tell whether the sum over modes solves (Omega^2 - w^2 + i w Gamma) eta = b, at a few of the frequencies.
 
-    Parameters
-    ----------
-    modal : Damped
-        Modes that damping couples.
-    b : array, shape (m, inputs)
-        Inputs in the basis.
-    w : array, shape (n,)
-        Angular frequencies [rad/s], none negative.
-
-    Returns
-    -------
-    bool
-        Whether the residual is as small as rounding leaves it.
+    ``b`` (m, inputs): inputs in the basis. ``w`` (n,): angular frequencies [rad/s], none negative.
     """
     inside, size = w[w > 0.0], np.abs(modal.pairs)
     if not b.size or not size.any():
@@ -143,15 +116,7 @@ def trusted(modal: Damped, b: Array, w: Array) -> bool:
 def conditions(modal: Damped) -> Array:
     """Return the condition numbers (m, 2) of the eigenvalues in energy coordinates: 1 is best, infinite is defective.
 
-    Parameters
-    ----------
-    modal : Damped
-        Modes that damping couples.
-
-    Returns
-    -------
-    array, shape (m, 2)
-        (|lambda| + |Omega y|^2 / |lambda|) / |y^T (2 lambda + Gamma) y|; 1 for eigenvalues 0.
+    Returns (m, 2): (|lambda| + |Omega y|^2 / |lambda|) / |y^T (2 lambda + Gamma) y|; 1 for eigenvalues 0.
     """
     assert modal.vectors is not None
     assert modal.slopes is not None

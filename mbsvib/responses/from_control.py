@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from mbsvib.errors import ResponseError
+from mbsvib.responses.realized import realized
 
 
 def is_control(value: Any) -> bool:
@@ -25,21 +26,8 @@ def is_transfer_function(value: Any) -> bool:
 def arguments(value: Any) -> dict[str, Any]:
     """Return matrices and names as arguments of ``StateSpace.from_arrays``.
 
-    Parameters
-    ----------
-    value : control.StateSpace or control.TransferFunction
-        In continuous time; a transfer function from one input to one output, which gets the states of its controllable
-        canonical form.
-
-    Returns
-    -------
-    dict
-        A, B, C, D, inputs, outputs, states, name.
-
-    Raises
-    ------
-    ResponseError
-        If it is discrete, or a transfer function of several inputs or outputs, or an improper one.
+    ``value``: in continuous time; a transfer function gets states as ``realized`` tells. Returns A, B, C, D, inputs,
+    outputs, states, name. Raises ResponseError if it is discrete, or an improper transfer function.
     """
     if is_transfer_function(value):
         return _realized(value)
@@ -51,21 +39,10 @@ def arguments(value: Any) -> dict[str, Any]:
 
 def _realized(value: Any) -> dict[str, Any]:
     """Return the arguments of a transfer function."""
-    from scipy.signal import tf2ss
-
     _check_continuous(value)
-    if (value.ninputs, value.noutputs) != (1, 1):
-        raise ResponseError(f"'{value.name}': a transfer function from {value.ninputs} inputs to {value.noutputs} "
-                            f"outputs; expected one of each. Give a state space, by control.ss(A, B, C, D), or by "
-                            f"control.ss('{value.name}'), which needs slycot.")  # fmt: skip
-    numerator, denominator = value.num[0][0], value.den[0][0]
-    if len(numerator) > len(denominator):
-        raise ResponseError(f"'{value.name}': the numerator has degree {len(numerator) - 1}, the denominator has "
-                            f"{len(denominator) - 1}; expected no higher degree above. Add fast poles.")  # fmt: skip
-    a, b, c, d = tf2ss(numerator, denominator)
-    n = len(denominator) - 1
-    return {"A": a[:n, :n], "B": b[:n], "C": c[:, :n], "D": d, "inputs": list(value.input_labels),
-            "outputs": list(value.output_labels), "states": [f"x{i}" for i in range(n)], "name": str(value.name)}
+    a, b, c, d = realized(value.num, value.den, str(value.name))
+    return {"A": a, "B": b, "C": c, "D": d, "inputs": list(value.input_labels), "outputs": list(value.output_labels),
+            "states": [f"x{i}" for i in range(len(a))], "name": str(value.name)}  # fmt: skip
 
 
 def _check_continuous(value: Any) -> None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.memory import BATCH_BYTES
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.general_terms import asymptotic_terms, cleaned
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from mbsvib.modes.general import General
 
 
-BATCH_BYTES = 32 * 2**20  # a batch of matrices stays in this much memory
 # Residual up to which the sum over modes is used: rounding of some hundred modes; the second value if the alternative
 # is refined solutions.
 BACKWARD, SUMMED = 5e-14, 8.0 * EPS
@@ -47,11 +47,6 @@ def realization(system: Equations, state: EnergyState) -> Realization:
     """Return the first-order equations in energy coordinates.
 
     A feedthrough that is 0 up to rounding is exactly 0.
-
-    Raises
-    ------
-    ResponseError
-        If an acceleration output of massless motions would be the derivative of an input.
     """
     rate = state.show @ state.a
     e1, e2 = asymptotic_terms(state)
@@ -78,21 +73,8 @@ def summable(modal: General) -> bool:
 def trusted(modal: General, b: Array, w: Array, residual: float = BACKWARD) -> bool:
     """Tell whether the sum over modes solves the equations, at a few frequencies next to the worst eigenvalues.
 
-    Parameters
-    ----------
-    modal : General
-        Modes.
-    b : array, shape (m, inputs)
-        Inputs in the basis.
-    w : array, shape (n,)
-        Angular frequencies [rad/s], none negative.
-    residual : float
-        Largest residual of the equations, relative to their terms.
-
-    Returns
-    -------
-    bool
-        Whether the residual is as small as rounding leaves it.
+    ``b`` (m, inputs): inputs in the basis. ``w`` (n,): angular frequencies [rad/s], none negative. ``residual``:
+    largest residual of the equations, relative to their terms.
     """
     if not summable(modal):
         return False
@@ -142,19 +124,7 @@ def _matrix(state: EnergyState, s: Complex) -> Complex:
 def solved(system: Equations, state: EnergyState, s: Complex) -> Complex:
     """Return the transfer matrix by one factorisation a point; not a number where the equations are singular.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    state : EnergyState
-        The same in energy coordinates.
-    s : array, shape (n,)
-        Points [1/s].
-
-    Returns
-    -------
-    array, shape (outputs, inputs, n)
-        Transfer matrix.
+    ``s`` (n,): points [1/s]. Returns (outputs, inputs, n): transfer matrix.
     """
     b = (state.basis.T @ system.B).astype(complex)
     outputs = [c @ state.basis for c in (system.Cq, system.Cv, system.Ca)]
@@ -189,19 +159,8 @@ def cancels(system: Equations, state: EnergyState) -> bool:
 def refined_solutions(system: Equations, state: EnergyState, w: Array) -> Complex:
     """Return the transfer matrix by solutions that are refined on the factors in twice the working precision.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion, symmetric.
-    state : EnergyState
-        The same in energy coordinates.
-    w : array, shape (n,)
-        Angular frequencies [rad/s], none negative.
-
-    Returns
-    -------
-    array, shape (outputs, inputs, n)
-        Transfer matrix; not a number where the equations are singular.
+    ``w`` (n,): angular frequencies [rad/s], none negative. Returns (outputs, inputs, n): transfer matrix; not a number
+    where the equations are singular.
     """
     from mbsvib.responses.refined import Factors, refined
 

@@ -36,17 +36,7 @@ def asymptotic_terms(state: EnergyState) -> tuple[Array, Array]:
 def cleaned(c: Array, middle: Array, b: Array, direct: Array | None = None) -> Array:
     """Return c middle b (+ direct), 0 where terms cancel to rounding.
 
-    Parameters
-    ----------
-    c, middle, b : array
-        Factors.
-    direct : array, optional
-        A term to be added.
-
-    Returns
-    -------
-    array, shape (rows of c, columns of b)
-        The sum.
+    ``direct``: a term to be added. Returns (rows of c, columns of b): the sum.
     """
     result = c @ middle @ b
     size = np.abs(c) @ np.abs(middle) @ np.abs(b)
@@ -59,20 +49,9 @@ def cleaned(c: Array, middle: Array, b: Array, direct: Array | None = None) -> A
 def terms(modal: General, c: Array, b: Array) -> tuple[Complex, Array, Array, Array, Array, Index]:
     """Return the parts of a sum over modes: pairs, real eigenvalues, their coefficients and mode numbers.
 
-    Parameters
-    ----------
-    modal : General
-        Modes.
-    c : array, shape (rows, m)
-        Outputs of the motions.
-    b : array, shape (m, inputs)
-        Inputs.
-
-    Returns
-    -------
-    tuple of array
-        Pairs (p, 2) and real eigenvalues (q,); sums of lambda R and of R of the pairs (rows inputs, p), R of the real
-        ones (rows inputs, q); numbers of the modes (p + q,).
+    ``c`` (rows, m): outputs of the motions. ``b`` (m, inputs): inputs. Returns pairs (p, 2) and real eigenvalues (q,);
+    sums of lambda R and of R of the pairs (rows inputs, p), R of the real ones (rows inputs, q); numbers of the modes
+    (p + q,).
     """
     spectrum, state = modal.spectrum, modal.state
     turns = spectrum.turns

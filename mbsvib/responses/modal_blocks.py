@@ -35,19 +35,8 @@ def pair_block(a: Array, l1: complex, l2: complex, first: Complex, second: Compl
     A close pair with independent vectors, such as two equal motions of first order, has no companion block but
     N = diag(l1, l2) with T = [v1, v2], or its real form.
 
-    Parameters
-    ----------
-    a : array, shape (n, n)
-        The state matrix A.
-    l1, l2 : complex
-        The pair: real, or conjugate.
-    first, second : array, shape (n,)
-        Its eigenvectors v1, v2.
-
-    Returns
-    -------
-    tuple of array
-        N and T.
+    ``a`` (n, n): the state matrix A. ``l1``, ``l2``: the pair: real, or conjugate. ``first``, ``second`` (n,): its
+    eigenvectors v1, v2.
     """
     if abs(l2 - l1) > CLOSE * abs(l1):
         pair = np.stack((l2 * first - l1 * second, second - first), axis=1) / (l2 - l1)
@@ -81,28 +70,8 @@ def modal_inputs(
     Rounding of B is eps times the condition number of T = [T1 T2 ...], with orthonormal columns in each block. It grows
     with the shares Ti Bi, which cancel in F: nearly dependent blocks lose no accuracy if inputs excite them equally.
 
-    Parameters
-    ----------
-    a, blocks, columns : array, shape (n, n)
-        A in energy coordinates, N and T with A T = T N.
-    sizes : sequence of int
-        Numbers of states of the blocks.
-    forces : array, shape (n, n_inputs)
-        The inputs F in energy coordinates.
-    names : sequence of str
-        Names of the states.
-    system : str
-        The system's name, for the message.
-
-    Returns
-    -------
-    array, shape (n, n_inputs)
-        B.
-
-    Raises
-    ------
-    ResponseError
-        If rounding would show in the responses.
+    ``a``, ``blocks``, ``columns`` (n, n): a in energy coordinates, N and T with A T = T N. ``forces`` (n, n_inputs):
+    the inputs F in energy coordinates. Returns (n, n_inputs): B.
     """
     if not len(columns):
         return np.zeros_like(forces)

@@ -135,19 +135,8 @@ def modal_sum(
 ) -> ModalSum:
     """Return the sum over modes of a system's transfer functions.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    modal : Damped or General
-        Its modes.
-    inputs, outputs : sequence of int, optional
-        Numbers of the inputs and outputs wanted; default: all.
-
-    Returns
-    -------
-    ModalSum
-        Coefficients of all eigenvalues, to be summed at any points.
+    ``inputs``, ``outputs``: numbers of the inputs and outputs wanted; default: all. Returns coefficients of all
+    eigenvalues, to be summed at any points.
     """
     pick = slice(None) if inputs is None else list(inputs)
     show = slice(None) if outputs is None else list(outputs)
@@ -190,23 +179,9 @@ def general_sum(
 ) -> ModalSum:
     """Return the sum over modes of a system without symmetry.
 
-    Parameters
-    ----------
-    modal : General
-        Modes.
-    c : pair of array, shape (rows, m)
-        Rows of outputs, in coordinates and in the basis.
-    order, output : array, shape (rows,)
-        How often each row is differentiated, and the number of its output.
-    b : pair of array, shape (m, inputs)
-        Inputs, in coordinates and in the basis.
-    d : array, shape (outputs, inputs)
-        Feedthrough.
-
-    Returns
-    -------
-    ModalSum
-        Coefficients of all eigenvalues.
+    ``c`` (rows, m): rows of outputs, in coordinates and in the basis. ``order``, ``output`` (rows,): how often each row
+    is differentiated, and the number of its output. ``b`` (m, inputs): inputs, in coordinates and in the basis. ``d``
+    (outputs, inputs): feedthrough.
     """
     accelerates = np.zeros(len(d), dtype=bool)
     accelerates[output[order == 2]] = True
@@ -296,17 +271,7 @@ def _coupled(modal: Damped, c: Array, b: Array) -> _Terms:
 def residues(modal: Damped, s: Complex) -> tuple[Complex, Complex]:
     """Return Y (m, k) and weights g (k, n) of (s^2 + s Gamma + Omega^2)^-1 = Y g Y^T, by all eigenvalues one by one.
 
-    Parameters
-    ----------
-    modal : Damped
-        Modes that damping couples.
-    s : array, shape (n,)
-        Points, none of them an eigenvalue.
-
-    Returns
-    -------
-    tuple of array
-        Vectors and weights; right to rounding of the largest term.
+    ``s`` (n,): points, none of them an eigenvalue.
     """
     assert modal.vectors is not None
     assert modal.slopes is not None
@@ -321,17 +286,7 @@ def residues(modal: Damped, s: Complex) -> tuple[Complex, Complex]:
 def general_motions(modal: General, b: Array) -> ModalSum:
     """Return the sum over modes of all motions in the basis to forces b (m, inputs) in it.
 
-    Parameters
-    ----------
-    modal : General
-        Modes.
-    b : array, shape (m, inputs)
-        Forces in the basis.
-
-    Returns
-    -------
-    ModalSum
-        (s^2 M + s C + K)^-1 b in the basis.
+    ``b`` (m, inputs): forces in the basis. Returns (s^2 M + s C + K)^-1 b in the basis.
     """
     state = modal.state
     m = len(state.basis)

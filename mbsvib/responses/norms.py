@@ -40,17 +40,7 @@ class Norm(Displayed):
 def check_decays(poles: Complex, name: str, norm: str) -> None:
     """Refuse the norm of equations that do not decay.
 
-    Parameters
-    ----------
-    poles : array, shape (poles,)
-        Poles [1/s].
-    name, norm : str
-        Name of the equations and of the norm, for messages.
-
-    Raises
-    ------
-    ResponseError
-        If a pole has no negative real part.
+    ``poles`` (poles,): poles [1/s].
     """
     lasting = np.flatnonzero(poles.real >= -LASTS * EPS * np.abs(poles))
     if len(lasting):
@@ -64,25 +54,6 @@ def h2(space: tuple[Array, Array, Array, Array], names: tuple[tuple[str, ...], t
     """Return the H2 norm of first-order equations.
 
     ||G||^2 = tr(C P C^T),  A P + P A^T + B B^T = 0
-
-    Parameters
-    ----------
-    space : tuple of array
-        A, B, C, D.
-    names : pair of tuples of str
-        Names of outputs and inputs, for messages.
-    name : str
-        Name of the equations.
-
-    Returns
-    -------
-    Norm
-        Value.
-
-    Raises
-    ------
-    ResponseError
-        If D is not zero.
     """
     from scipy.linalg import solve_continuous_lyapunov
 
@@ -104,19 +75,9 @@ def hinf(response: Callable[[Array], Complex], poles: Complex, direct: Array) ->
 
     ||G|| = max over w of sigma(G(i w))
 
-    Parameters
-    ----------
-    response : callable
-        Takes angular frequencies (n,) and returns G (outputs, inputs, n).
-    poles : array, shape (poles,)
-        Poles [1/s], all with negative real parts.
-    direct : array, shape (outputs, inputs)
-        D, the response at infinite frequency.
-
-    Returns
-    -------
-    Norm
-        Value and frequency, inf where the response only tends to its largest value.
+    ``response``: takes angular frequencies (n,) and returns G (outputs, inputs, n). ``poles`` (poles,): poles [1/s],
+    all with negative real parts. ``direct`` (outputs, inputs): D, the response at infinite frequency. Returns value and
+    frequency, inf where the response only tends to its largest value.
     """
     if not direct.size:
         return Norm(0.0, omega=0.0)

@@ -85,25 +85,10 @@ def base_noise(
 ) -> BaseNoise:  # fmt: skip
     """Return the base excitation.
 
-    Parameters
-    ----------
-    spectra : mapping of str to float, array-like or Shaped
-        One-sided acceleration density by direction: a number is white noise, pairs (frequency [Hz], density) are a
-        table; ``white`` and ``shaped`` make others. Several directions may share one, ``{"x y z": 1e-6}``.
-    directions : tuple of str
-        Those in which the base can be shaken.
-    correlation : array-like, shape (n, n), optional
-        Hermitian matrix with ones on its diagonal, in the order of the spectra; default: independent.
-
-    Returns
-    -------
-    BaseNoise
-        Spectra and their correlation.
-
-    Raises
-    ------
-    ResponseError
-        If a direction is unknown or named twice, a spectrum is refused, or no noise has such a correlation.
+    ``spectra``: one-sided acceleration density by direction: a number is white noise, pairs (frequency [Hz], density)
+    are a table; ``white`` and ``shaped`` make others. Several directions may share one, ``{"x y z": 1e-6}``.
+    ``directions``: those in which the base can be shaken. ``correlation`` (n, n): Hermitian matrix with ones on its
+    diagonal, in the order of the spectra; default: independent.
     """
     if isinstance(spectra, BaseNoise):
         return spectra

@@ -36,24 +36,7 @@ def state_space(basis: Basis, realization: str = "physical", form: type[S] = Sta
     are condensed). Damped massless motions have no rates among the states: the physical states are then q and the rates
     that move mass (``"d(node.z + body.z)/dt"`` if a rate is a sum).
 
-    Parameters
-    ----------
-    basis : Basis
-        The equations of motion and their modes.
-    realization : str
-        "physical", "modal" or "balanced".
-    form : type
-        The class of the equations.
-
-    Returns
-    -------
-    StateSpace
-        Matrices, names and units.
-
-    Raises
-    ------
-    ResponseError
-        If the realization is unknown, or eigenvalues of modes nearly coincide, so that they have no modal states.
+    ``realization``: "physical", "modal" or "balanced".
     """
     if not isinstance(realization, str) or realization not in REALIZATIONS:
         raise ResponseError(f"state_space: realization = {realization!r}; expected one of {', '.join(REALIZATIONS)}."
@@ -76,15 +59,7 @@ def state_space(basis: Basis, realization: str = "physical", form: type[S] = Sta
 def balanced_states(space: S) -> S:
     """Return the same equations in states of similar magnitude, scaled by powers of two.
 
-    Parameters
-    ----------
-    space : StateSpace
-        First-order equations.
-
-    Returns
-    -------
-    StateSpace
-        The same with ``realization`` "balanced"; the unit of a state includes its scale (``"2^-13 rad"``).
+    Returns the same with ``realization`` "balanced"; the unit of a state includes its scale (``"2^-13 rad"``).
     """
     from mbsvib.linalg.balancing import balanced
 

@@ -116,23 +116,9 @@ def refined(
 ) -> Refined:
     """Return transfer functions from solutions in twice the working precision.
 
-    Parameters
-    ----------
-    factors : Factors
-        The equations.
-    shapes : array, shape (m, m)
-        Basis of the solutions, normalised by mass.
-    load : array, shape (m, loads, n)
-        Right-hand sides.
-    outputs : pair
-        Orders of differentiation with their rows (outputs, m), and the feedthrough (outputs, loads).
-    solve : callable
-        Takes loads (m, loads, n) in the basis and returns approximate solutions of the same shape.
-
-    Returns
-    -------
-    Refined
-        Values and last corrections.
+    ``shapes`` (m, m): basis of the solutions, normalised by mass. ``load`` (m, loads, n): right-hand sides.
+    ``outputs``: orders of differentiation with their rows (outputs, m), and the feedthrough (outputs, loads).
+    ``solve``: takes loads (m, loads, n) in the basis and returns approximate solutions of the same shape.
     """
     # powers of two make the coordinates comparable without rounding
     scale = np.ldexp(1.0, np.frexp(np.linalg.norm(shapes, axis=1))[1])

@@ -38,7 +38,7 @@ class Noise:
 
     b: Array
     outputs: tuple[tuple[int, Array], ...]
-    terms: Terms
+    terms: TermSizes
     parts: tuple[tuple[int, NDArray[np.intp], Array, Array], ...]
     direct: Array
 
@@ -47,7 +47,7 @@ class Noise:
         """Return the bound for a system and its modes."""
         b = modal.shapes.T @ system.B
         beta, direct = np.linalg.norm(b, axis=0), np.abs(system.D)
-        terms = Terms.of(modal)
+        terms = TermSizes.of(modal)
         right = np.abs(b if terms.vectors is None else terms.vectors.T @ b)
         parts = []
         for order, rows in differentiated(system):
@@ -63,17 +63,9 @@ class Noise:
     def at(self, w: Array, by_modes: bool) -> Array:
         """Return the bound at angular frequencies.
 
-        Parameters
-        ----------
-        w : array, shape (n,)
-            Angular frequencies [rad/s], none negative.
-        by_modes : bool
-            Whether responses are sums over modes, which avoid the cancellation above a mode; else they are solutions.
-
-        Returns
-        -------
-        array, shape (outputs, inputs, n)
-            In the outputs' units.
+        ``w`` (n,): angular frequencies [rad/s], none negative. ``by_modes``: whether responses are sums over modes,
+        which avoid the cancellation above a mode; else they are solutions. Returns (outputs, inputs, n): in the
+        outputs' units.
         """
         gain, fade = self.terms.gain(w)
         result = np.zeros((*self.direct.shape, len(w)))
@@ -93,7 +85,7 @@ class Noise:
 
 
 @dataclass(frozen=True, slots=True)
-class Terms:
+class TermSizes:
     """Sizes of the terms of a sum over modes: the sums of all R and lambda R, which are known, are of the size
     ``strength`` (k,) over w^power; ``vectors`` (m, k) if they are not the basis, ``corner`` (k,) as in ``ModalSum``.
     ``free`` of them, the last ones, are rigid-body modes, if damping couples modes.
@@ -109,11 +101,11 @@ class Terms:
     vectors: Complex | None
 
     @staticmethod
-    def of(modal: Damped) -> Terms:
+    def of(modal: Damped) -> TermSizes:
         """Return the terms of a system's modes."""
         if modal.vectors is None or modal.slopes is None:
             corner = np.abs(modal.pairs).max(axis=1)
-            return Terms(modal, np.zeros(0, complex), 0, np.ones(len(corner)), 2, corner, np.sort(corner), None)
+            return TermSizes(modal, np.zeros(0, complex), 0, np.ones(len(corner)), 2, corner, np.sort(corner), None)
         turns, free = modal.pairs[:, 0].imag != 0.0, (modal.pairs == 0.0).all(axis=1)
         first, second = ~free, ~free & ~turns
         value: Complex = np.concatenate((modal.pairs[first, 0], modal.pairs[second, 1]))
@@ -122,7 +114,7 @@ class Terms:
         vectors: Complex = np.concatenate((y[:, first, 0], y[:, second, 1], y[:, free, 0]), axis=1)
         rigid = np.zeros(int(np.count_nonzero(free)))
         corner = np.concatenate((np.abs(value), rigid))
-        return Terms(modal, value, len(rigid), np.concatenate((size, rigid)), 1, corner, np.sort(corner), vectors)
+        return TermSizes(modal, value, len(rigid), np.concatenate((size, rigid)), 1, corner, np.sort(corner), vectors)
 
     def gain(self, w: Array) -> tuple[Array, Array]:
         """Return magnitudes (k, n) of 1 / (s - lambda), and of the remainder above the mode, without the known sums."""
@@ -188,19 +180,9 @@ class Changes:
     def at(self, w: Array, motion: Complex, relative_motion: Complex | None = None) -> Array:
         """Return the sum over all numbers.
 
-        Parameters
-        ----------
-        w : array, shape (n,)
-            Angular frequencies [rad/s], none negative.
-        motion : array, shape (m, inputs + outputs, n)
-            Forward and adjoint motions.
-        relative_motion : array, shape (rows, inputs + outputs, n), optional
-            Relative motions along the rows; default: from ``motion``, as accurate as its rounding allows.
-
-        Returns
-        -------
-        array, shape (outputs, inputs, n)
-            In the outputs' units.
+        ``w`` (n,): angular frequencies [rad/s], none negative. ``motion`` (m, inputs + outputs, n): forward and adjoint
+        motions. ``relative_motion`` (rows, inputs + outputs, n): relative motions along the rows; default: from
+        ``motion``, as accurate as its rounding allows. Returns (outputs, inputs, n): in the outputs' units.
         """
         outputs, inputs = self.direct.shape
         count, springs = len(self.rows), len(self.stiffness)

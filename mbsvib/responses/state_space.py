@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.modes.state_modes import StateModes
     from mbsvib.responses.first_order_solver import FirstOrderSolver
 
@@ -33,22 +34,38 @@ class StateSpace(LinearVerbs, Displayed):
     """
 
     kind: ClassVar[str] = "state space"
+    """Tells first-order equations from other linear systems."""
 
     name: str
+    """Name of the system that it comes from."""
     realization: str
+    """Which states: physical, modal, balanced or others."""
     A: Array
+    """State matrix (n, n) [1/s]."""
     B: Array
+    """Input matrix (n, inputs)."""
     C: Array
+    """Output matrix (outputs, n); ``system.C`` is damping."""
     D: Array
+    """Direct response of outputs to inputs (outputs, inputs)."""
     transform: Array
+    """Coordinates and their rates by the states (2m, n)."""
     states: tuple[str, ...]
+    """Names of the states."""
     state_units: tuple[str, ...]
+    """Their units."""
     inputs: tuple[str, ...]
+    """Names of the inputs."""
     input_units: tuple[str, ...]
+    """Their units."""
     outputs: tuple[str, ...]
+    """Names of the outputs."""
     output_units: tuple[str, ...]
+    """Their units."""
     through: Array | None = None
+    """Coordinates and their rates by the inputs (2m, inputs), None without."""
     error_bound: float | None = None
+    """Largest error of the frequency response of a reduced model, None of others."""
 
     def __post_init__(self) -> None:
         for array in (self.A, self.B, self.C, self.D, self.transform, self.through):
@@ -111,7 +128,8 @@ class StateSpace(LinearVerbs, Displayed):
         Parameters
         ----------
         space : control.StateSpace or control.TransferFunction
-            In continuous time; a transfer function from one input to one output.
+            In continuous time. In a transfer function of several inputs and outputs, the entries of one input with
+            one denominator share their states.
 
         Returns
         -------
@@ -121,7 +139,7 @@ class StateSpace(LinearVerbs, Displayed):
         Raises
         ------
         ResponseError
-            If it is neither, or discrete, or a transfer function of several ports.
+            If it is neither, or discrete, or an improper transfer function.
         """
         from mbsvib.responses.from_control import arguments, is_control, is_transfer_function
 
@@ -159,9 +177,7 @@ class StateSpace(LinearVerbs, Displayed):
                                 f"states are {self.realization!r}. Ask the system for other states.")  # fmt: skip
         return self
 
-    def with_ports(
-        self, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
-    ) -> Self:
+    def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
         """Return the state space with some of its outputs and inputs, as ``space[outputs, inputs]`` does.
 
         Parameters
@@ -213,9 +229,7 @@ class StateSpace(LinearVerbs, Displayed):
         """
         return self.modes().eigenvalues.copy()
 
-    def frequency_response(
-        self, omega: ArrayLike, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
-    ) -> Complex:
+    def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
         """Return the frequency response from inputs to outputs.
 
         G(i w) = C (i w - A)^-1 B + D
@@ -242,7 +256,7 @@ class StateSpace(LinearVerbs, Displayed):
 
     def time_response(
         self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: ArrayLike | None = None,
-        outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None,
+        outputs: Names = None, inputs: Names = None,
     ) -> Array:  # fmt: skip
         """Return the time response to inputs that are held or vary linearly between the samples; exact for these.
 

@@ -89,33 +89,19 @@ class StepInfo(Displayed):
 def step_info(linear: Any, band: float = 0.02) -> StepInfo:
     """Return the figures of all step responses.
 
-    Parameters
-    ----------
-    linear : System, ClosedLoop or StateSpace
-        Linear equations in continuous time.
-    band : float
-        Share of the final value within which a response has settled.
-
-    Returns
-    -------
-    StepInfo
-        The figures.
-
-    Raises
-    ------
-    ResponseError
-        If a pole does not decay, poles coincide so that there is no such sum, or a vibration decays so slowly that too
-        many of its periods would have to be looked at.
+    ``band``: share of the final value within which a response has settled.
     """
     if not 0.0 < band < 1.0:
         raise ResponseError(f"step_info: band = {band!r}; expected a share between 0 and 1, such as 0.02.")
     space = linear.state_space("modal") if linear.kind == "system" else linear.state_space()
-    values, vectors = _eigen(space.A, linear.name)
-    if not (values.real < 0.0).all():
-        worst = values[np.argmax(values.real)]
+    poles = np.asarray(linear.poles())
+    if not (poles.real < 0.0).all():
+        worst = poles[np.argmax(poles.real)]
         pole = f"{worst:.4g}" if worst.imag else f"{worst.real:.4g}"
-        raise ResponseError(f"step_info: '{linear.name}' has the pole {pole} 1/s, which does not decay: a step "
-                            f"response has no final value.")  # fmt: skip
+        reason = ", a motion that nothing holds" if worst == 0.0 and linear.kind == "system" else ""
+        raise ResponseError(f"step_info: '{linear.name}' has the pole {pole} 1/s{reason}, which does not decay: a step "
+                            f"response has no final value; time_response computes it.")  # fmt: skip
+    values, vectors = _eigen(space.A, linear.name)
     residues = _residues(space, values, vectors)
     final = np.asarray(linear.frequency_response([0.0])[:, :, 0].real)
     shape = final.shape

@@ -16,20 +16,7 @@ STRONG = 200.0
 
 
 def strong_dampers(system: Equations, modal: Damped) -> Array | None:
-    """Return rows L (dampers, m) with Gamma = L^T L if rounding of Gamma is significant, else None.
-
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    modal : Damped
-        Its modes.
-
-    Returns
-    -------
-    array or None
-        Rows in the basis.
-    """
+    """Return rows L (dampers, m) with Gamma = L^T L if rounding of Gamma is significant, else None."""
     used = system.row_damping != 0.0
     if modal.vectors is None or (system.row_damping < 0.0).any():
         return None

@@ -43,28 +43,9 @@ def time_response(
 
     x(t + h) = exp(A h) x(t) + integral over the step of exp(A (h - s)) B u(t + s) ds
 
-    Parameters
-    ----------
-    basis : Basis
-        The equations of motion and their modes.
-    t : array-like, shape (n,)
-        Ascending times [s].
-    u : array-like, shape (inputs, n), or (n,) for a single input
-        Inputs at these times.
-    hold : str
-        "first" (linear between samples) or "zero" (constant from each sample to the next).
-    initial : pair of array-like, shape (m,), optional
-        q and q' at t[0]; default: rest.
-
-    Returns
-    -------
-    array, shape (outputs, n)
-        Outputs at these times.
-
-    Raises
-    ------
-    ResponseError
-        If times do not ascend, shapes do not match, or the hold is unknown.
+    ``t`` (n,): ascending times [s]. ``u`` (inputs, n), or (n,) for a single input: inputs at these times. ``hold``:
+    "first" (linear between samples) or "zero" (constant from each sample to the next). ``initial`` (m,): q and q' at
+    t[0]; default: rest. Returns (outputs, n): outputs at these times.
     """
     system, modal, first = basis.equations, basis.modal, hold == "first"
     time, inputs, state = checked_question(system, t, u, hold, initial)

@@ -44,23 +44,9 @@ BATCH_BYTES = 2**16
 def recomputed(basis: Basis, modal: Damped, w: Array, responses: tuple[Complex, bool], solver: Solver) -> Complex:
     """Return the responses; those that may be inaccurate are computed again from the equations.
 
-    Parameters
-    ----------
-    basis : Basis
-        The equations of motion and their modes.
-    modal : Damped
-        Its modes.
-    w : array, shape (n,)
-        Angular frequencies [rad/s], none negative.
-    responses : pair
-        Responses (outputs, inputs, n), and whether they are sums over modes.
-    solver : callable
-        Takes frequencies (k,) and returns a solver of the equations in the basis for loads (m, inputs, k).
-
-    Returns
-    -------
-    array, shape (outputs, inputs, n)
-        Transfer functions.
+    ``w`` (n,): angular frequencies [rad/s], none negative. ``responses``: responses (outputs, inputs, n), and whether
+    they are sums over modes. ``solver``: takes frequencies (k,) and returns a solver of the equations in the basis for
+    loads (m, inputs, k). Returns (outputs, inputs, n): transfer functions.
     """
     system = basis.equations
     value, by_modes = responses

@@ -29,11 +29,11 @@ from mbsvib.responses.zero_rounding import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.equations.equations import Equations
     from mbsvib.modes.general import General
     from mbsvib.responses.basis import Basis
@@ -53,30 +53,14 @@ NEAR_RIGID = (1e-3, 1e-4, 1e-5)
 INTEGER_POWER = 0.1
 
 
-def transmission_zeros(
-    basis: Basis, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
-) -> Complex:
+def transmission_zeros(basis: Basis, outputs: Names = None, inputs: Names = None) -> Complex:
     """Return the invariant zeros of a system from some of its inputs to some of its outputs.
 
     The finite s at which [[K + s C + s^2 M, -B], [Cq + s Cv + s^2 Ca, D]] has less than its normal rank.
 
-    Parameters
-    ----------
-    basis : Basis
-        The equations of motion and their modes.
-    outputs, inputs : str or sequence of str, optional
-        Names; default: all. Their numbers may differ.
-
-    Returns
-    -------
-    array, shape (zeros,)
-        Zeros [1/s] in ascending magnitude. An uncontrollable or unobservable mode is one too: exactly, or up to double
-        precision, such as a mode localized far along a chain from both.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown.
+    ``outputs``, ``inputs``: names; default: all. Their numbers may differ. Returns (zeros,): zeros [1/s] in ascending
+    magnitude. An uncontrollable or unobservable mode is one too: exactly, or up to double precision, such as a mode
+    localized far along a chain from both.
     """
     system, modal = basis.equations, basis.modal
     sources, results = numbers(system, "input", inputs), numbers(system, "output", outputs)
@@ -96,27 +80,10 @@ def transmission_zeros(
     return zeros[np.lexsort((-zeros.imag, np.abs(zeros)))]
 
 
-def numbers(system: Equations, kind: str, names: str | Sequence[str] | None) -> list[int]:
+def numbers(system: Equations, kind: str, names: Names) -> list[int]:
     """Return the numbers of the named inputs or outputs; None: of all.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    kind : str
-        "input" or "output".
-    names : str or sequence of str, optional
-        Their names.
-
-    Returns
-    -------
-    list of int
-        Columns of B or rows of Cq.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown.
+    ``kind``: "input" or "output". ``names``: their names.
     """
     known, others = (system.inputs, system.outputs) if kind == "input" else (system.outputs, system.inputs)
     return selected(names, known, kind, system.name, others)

@@ -24,11 +24,11 @@ variants               derivatives of whole matrices by differences, for all oth
 
 Rules, the derivatives of the equations as products of motions and wrenches:
 products               forms of many parameters between many pairs of motions, those of whole matrices among them
-part_rules             bodies, joints, bushings and line springs, with terms that all rules share
-beam_rules             beams; made_part_rules has couplers, Maxwell elements, rotors and torsion springs
+families               what each family of parts says of its parameters, one file a family
 
 The mechanism in numbers:
 network                bodies and connections; network_assembly makes it of a system
+element_matrices       connections as matrices on the relative motion at a point of each
 adjoint_fields         motions, with the wrenches that they put into bodies and connections
 transmitted_wrenches   what joints transmit, loops included; motions in which joints come apart
 shared_wrenches        what beams, reduced models and rotors do to bodies
@@ -41,7 +41,8 @@ pose_motion            how the pose gives way to parameters, dq/dp = K^-1 dR/dp
 force_changes          what parameters change of the forces, and how both follow the bodies as these move
 reference_pose         what parameters as described do, where the equilibrium was found in another pose
 second_order_work      the work of the forces on small motions to second order, with derivatives
-forces                 the forces at the pose, collected from the equations
+forces                 the forces at the pose; forces_at_rest collects them from the equations
+force_layout           changes of these forces in one row; element_reactions has those of beams that keep their shape
 displaced_bodies       bodies in the pose against where they are described
 """
 

@@ -9,18 +9,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mbsvib.elements import Body, Bushing, Joint, Load, Maxwell, Spring
-from mbsvib.elements.beam import Beam
 from mbsvib.elements.coupler import Coupling
-from mbsvib.elements.inerter import Inerter
 from mbsvib.elements.load import Gravity
 from mbsvib.elements.part import Composed
 from mbsvib.elements.rotor import Rotor
 from mbsvib.elements.superelement import Superelement
-from mbsvib.elements.torsion_spring import TorsionSpring
 from mbsvib.equations.wrenches import is_loaded as carries_loads
-from mbsvib.sensitivities.beam_rules import has_rule
-from mbsvib.sensitivities.displaced_bodies import holds_turns, turned
+from mbsvib.sensitivities.displaced_bodies import turned
+from mbsvib.sensitivities.families import rules_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -32,8 +28,6 @@ if TYPE_CHECKING:
 _STIFFNESS = {("spring", "stiffness"), ("torsion", "stiffness")}
 _DAMPING = {("spring", "damping"), ("torsion", "damping")}
 _INERTIA, _MASS = {("body", "inertia"), ("spring", "inertance")}, {("body", "mass")}
-_KNOWN = (Beam, Body, Bushing, Coupling, Gravity, Inerter, Joint, Load, Maxwell, Rotor, Spring, Superelement,
-          TorsionSpring)
 
 
 def limits(system: Equations) -> tuple[Limit, ...]:
@@ -44,12 +38,12 @@ def limits(system: Equations) -> tuple[Limit, ...]:
     provenance = system.provenance
     parts, result = provenance.parts, []
     if is_loaded(system):
-        falls = any(isinstance(part, Gravity) for part in parts)
+        falls = _has(parts, Gravity)
         if provenance.moved_to_equilibrium:
             result.append(_INERTIA if _turned(system) else _DAMPING | _INERTIA)
         else:
             result.append(_STIFFNESS | _DAMPING | _INERTIA | (set() if falls else _MASS))
-    if any(isinstance(part, Rotor) for part in parts) and (is_loaded(system) or provenance.origin is None):
+    if _has(parts, Rotor) and (is_loaded(system) or provenance.origin is None):
         # dampers that turn with a rotor are stiffness, too
         result.append(_STIFFNESS | _DAMPING if system.circulatory is None else _STIFFNESS)
     separation = provenance.separation
@@ -68,9 +62,9 @@ def is_loaded(system: Equations) -> bool:
 def may_move(system: Equations) -> bool:
     """Tell whether parameters may move the pose: forces act on it, or are zero and may be changed."""
     provenance = system.provenance
-    return provenance.statics is not None or any(
-        isinstance(part, Gravity) or getattr(part, "preload", None) is not None
-        or getattr(part, "free_length", None) is not None for part in provenance.parts)  # fmt: skip
+    return provenance.statics is not None or _has(provenance.parts, Gravity) or any(
+        getattr(part, "preload", None) is not None or getattr(part, "free_length", None) is not None
+        for part in provenance.parts)  # fmt: skip
 
 
 def follows(system: Equations) -> bool:
@@ -87,40 +81,13 @@ def follows(system: Equations) -> bool:
         and not any(group.surplus for group in provenance.reduction.groups if _has(provenance.parts, Coupling))
         and not (_has(provenance.parts, Superelement) and any(
             isinstance(part, Gravity) and not any(part.acceleration) for part in provenance.parts))
-        and all(isinstance(part, _KNOWN) and not _is_exception(part, provenance.moved_to_equilibrium, turned_bushings)
-                for part in provenance.parts)
+        and not any(rules_of(part).is_exception(part, provenance.moved_to_equilibrium, turned_bushings)
+                    for part in provenance.parts)
     )  # fmt: skip
 
 
 def _has(parts: Iterable[Part], kind: type[Part]) -> bool:
     return any(isinstance(part, kind) for part in parts)
-
-
-def _is_exception(part: Part, moved_to_equilibrium: bool, turned_bushings: frozenset[str]) -> bool:
-    """Whether no rule says what a part of a loaded scene does; ``moved_to_equilibrium``: the pose of the model was not
-    in equilibrium.
-    """
-    if isinstance(part, Beam):  # the axes of an upright one without a y axis jump as it is tilted
-        return part.displacements is not None or not has_rule(part, "start")
-    if isinstance(part, Superelement):
-        return part.displacements is not None
-    if isinstance(part, Joint):
-        return _skews(part)
-    if isinstance(part, Rotor):  # bearings may leave the axis of a body that spins itself
-        return part.inertia is None
-    if isinstance(part, Maxwell):
-        return moved_to_equilibrium or part.loaded
-    if isinstance(part, Bushing):  # what its moments do about axes changes in ways of its own
-        return part.name in turned_bushings and holds_turns(part)
-    return isinstance(part, Coupling) and moved_to_equilibrium
-
-
-def _skews(joint: Joint) -> bool:
-    """Whether the first of two successive rotations turns the axes of the second away from locked translations."""
-    if not joint.successive:
-        return False
-    about = next(name[1:] for name, _ in joint.freedom if name[0] == "r")
-    return sum(name[0] != "r" and name != about for name, _ in joint.locked) == 1
 
 
 def _turned(system: Equations) -> frozenset[str]:

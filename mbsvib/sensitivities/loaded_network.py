@@ -25,27 +25,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.elements.beam import Beam
-from mbsvib.elements.torsion_spring import TorsionSpring
-from mbsvib.equations.beam_prestress import bent_forms
 from mbsvib.linalg.vectors import cross, dot, moved, product, transformed, wide
 from mbsvib.sensitivities.adjoint_fields import Fields
+from mbsvib.sensitivities.families import rules_of
 from mbsvib.sensitivities.force_changes import force_changes, force_rates, parameter_rates
-from mbsvib.sensitivities.internal_parameters import internal_groups
-from mbsvib.sensitivities.parameter_group import groups_by_rule
+from mbsvib.sensitivities.parameter_group import groups_by_rule, internal_groups
 from mbsvib.sensitivities.products import form_table
 from mbsvib.sensitivities.second_order_work import point_slopes, turn_slopes, work_slopes, wrench_slopes
 from mbsvib.sensitivities.transmitted_wrenches import joint_release_motion, transmitted
 from mbsvib.sensitivities.variables import FieldLayout
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
     from scipy.sparse import csr_array
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.equations import Equations
     from mbsvib.linalg.vectors import Field
     from mbsvib.mechanism.parameters import Parameter
-    from mbsvib.sensitivities.force_changes import ForceChanges
+    from mbsvib.sensitivities.force_layout import ForceChanges
     from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.parameter_group import ParameterGroup
@@ -81,6 +79,13 @@ class LoadedNetwork:
     def size(self) -> int:
         """Number of rows: all parameters, then the motions of the pose."""
         return self.changes.count + int(self.motions.shape[2])
+
+    @cached_property
+    def relaxing(self) -> NDArray[np.bool_]:
+        """Coordinates (m,) along which nothing moves but nodes between springs and dampers of Maxwell elements."""
+        nodes = {part.node for part in self.network.maxwell_elements.values()}
+        others = [body.name not in nodes for body in self.network.bodies]
+        return np.asarray(~self.motions[others, :, : self.dof].any(axis=(0, 1)))
 
     def add_forms(self, result: Field, left: Fields, right: Fields | None = None) -> None:
         """Add to x^T (dT/dp) y what the forces at the pose do to it, in place.
@@ -127,12 +132,15 @@ class LoadedNetwork:
 
     def _add_tensions(self, gap: Field, x: Field, y: Field) -> None:
         """Add what the tension of elements does by the bent lines of beams, in place; x, y: relative motions."""
-        number = {spring.name: k for k, spring in enumerate(self.network.springs, self.forces.counts[0])}
-        for beam in (part for part in self.network.parts if isinstance(part, Beam)):
-            which = np.array([number[name] for name in beam.element_names])
-            axes = np.array([axes for _, axes in beam.frames()])
+        joints, number = self.forces.counts[0], self.network.spring_number
+        for part in self.network.parts:
+            lines = rules_of(part).bent_lines(part)
+            if lines is None:
+                continue
+            names, axes, forms = lines
+            which = np.array([joints + number[name] for name in names])
             r, s = (_in_axes(axes, relative_motions[which]) for relative_motions in (x, y))
-            works = (r * transformed(bent_forms(beam), s)).sum(axis=1, keepdims=True)
+            works = (r * transformed(forms, s)).sum(axis=1, keepdims=True)
             gap[which, :3] -= wide(axes[:, :, 0], gap) * works
 
     def _open(self, result: Field, slope: Field) -> None:
@@ -242,7 +250,7 @@ class LoadedNetwork:
     @cached_property
     def _torsion_springs(self) -> tuple[Index, Array]:
         """Which of the bushings are torsion springs, whose angle is a twist, and their axes (n, 3)."""
-        axes = {part.name: part.axis for part in self.network.parts if isinstance(part, TorsionSpring)}
+        axes = {part.name: axis for part in self.network.parts if (axis := rules_of(part).twist_axis(part)) is not None}
         names = [self.network.springs[k - self.forces.counts[0]].name for k in self.forces.bushings.tolist()]
         about = [i for i, name in enumerate(names) if name in axes]
         return np.array(about, dtype=np.intp), np.array([axes[names[i]] for i in about]).reshape(-1, 3)

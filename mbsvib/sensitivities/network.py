@@ -14,19 +14,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements import Maxwell, Spring
-from mbsvib.elements.beam import Beam
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.load import Gravity
 from mbsvib.elements.maxwell_rows import Node
-from mbsvib.elements.rotor import Rotor
-from mbsvib.elements.torsion_spring import TorsionSpring
 from mbsvib.kinematics.body_motion import body_motion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements import Body, Bushing, Joint, Load
+    from mbsvib.elements import Body, Joint, Load
+    from mbsvib.elements.connection import Connection
     from mbsvib.elements.part import Part
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.sensitivities.element_reactions import ElementReactions
@@ -36,9 +34,8 @@ if TYPE_CHECKING:
 
     Limit = frozenset[tuple[str, str]]  # kinds of parts with their fields
 
-# Parts that are made of bodies and connections, or act on these, with rules of their own.
-COMPOUND = {"beam": Beam, "coupler": Coupling, "maxwell": Maxwell, "rotor": Rotor, "torsion": TorsionSpring}
-_COMPOUND = tuple(COMPOUND.values())
+# The fields of a Maxwell element whose values are coefficients of a line each.
+LINES = ("static_stiffness", "stiffness", "damping")
 
 
 @dataclass(frozen=True)
@@ -60,7 +57,7 @@ class Network:
     parts: tuple[Part, ...]
     bodies: tuple[Body, ...]
     joints: tuple[Joint, ...]
-    springs: tuple[Bushing | Spring, ...]
+    springs: tuple[Connection, ...]
     coordinates: Twists | None
     reduction: Array | None
     mass: Array
@@ -97,29 +94,74 @@ class Network:
             part is not None for part in (self.shared, self.spin, self.inertance))  # fmt: skip
 
     @cached_property
-    def named(self) -> dict[str, tuple[str, int, Any]]:
-        """Kind, number and part of each name: of bodies and connections, and of parts that are made of these."""
-        joints = len(self.joints)
-        result: dict[str, tuple[str, int, Any]] = {}
-        for kind, shift, members in (("body", 0, self.bodies), ("joint", 0, self.joints),
-                                     ("spring", joints, self.springs)):  # fmt: skip
-            result.update({part.name: (kind, shift + i, part) for i, part in enumerate(members)})
-        for i, part in enumerate(() if self.bare else self.parts):
-            if isinstance(part, _COMPOUND):
-                result[part.name] = next(kind for kind, type_ in COMPOUND.items() if isinstance(part, type_)), i, part
-        return result
-
-    @cached_property
     def swing(self) -> Array:
         """How bodies (b, 6, d) move along with dependent coordinates."""
         assert self.constraints is not None
         assert self.coordinates is not None
         return body_motion(self.coordinates, self.position)[:, :, self.constraints.dependent]
 
+    @cached_property
+    def named(self) -> dict[str, tuple[int, Any]]:
+        """Number and part of each name: of bodies, joints, springs, and of parts that are made of these."""
+        result: dict[str, tuple[int, Any]] = {part.name: (0, part) for part in (() if self.bare else self.parts)}
+        for shift, members in ((0, self.bodies), (0, self.joints), (len(self.joints), self.springs)):
+            for k, part in enumerate(members, shift):
+                if part.name not in result or type(result[part.name][1]) is type(part):
+                    result[part.name] = k, part
+        return result
+
+    @cached_property
+    def body_number(self) -> dict[str, int]:
+        """Number of each body by its name, -1 of ground."""
+        return {body.name: k for k, body in enumerate(self.bodies)} | {"ground": -1}
+
+    @cached_property
+    def joint_number(self) -> dict[str, int]:
+        """Number of each joint by its name."""
+        return {joint.name: k for k, joint in enumerate(self.joints)}
+
+    @cached_property
+    def spring_number(self) -> dict[str, int]:
+        """Number of each spring by its name."""
+        return {spring.name: k for k, spring in enumerate(self.springs)}
+
+    @cached_property
+    def floating_number(self) -> dict[int, int]:
+        """Number of each floating body among these, by its number among all."""
+        return {body: k for k, body in enumerate(self.floating.tolist())}
+
+    @cached_property
+    def coupler_row(self) -> dict[str, int]:
+        """The row of each coupler in what closes loops, by its name."""
+        names = [part.name for part in self.parts if isinstance(part, Coupling)]
+        rows = 0 if self.constraints is None else self.constraints.pull.shape[0]
+        return {name: rows - len(names) + k for k, name in enumerate(names)}
+
+    @cached_property
+    def maxwell_elements(self) -> dict[str, Maxwell]:
+        """The Maxwell elements by their names."""
+        return {part.name: part for part in self.parts if isinstance(part, Maxwell)}
+
+    @cached_property
+    def maxwell_lines(self) -> dict[str, dict[str, int]]:
+        """Numbers of the springs that coefficients of each Maxwell element make, by the fields of these."""
+        return {name: {field: self.spring_number[line_name(part, field)] for field in LINES}
+                for name, part in self.maxwell_elements.items()}  # fmt: skip
+
+    @cached_property
+    def carriers_of_force(self) -> list[tuple[Part, int]]:
+        """The parts that act at the pose, with the number of the force of each: joints, springs, bodies by their
+        weight, and loads; then those that are made of these, numbered 0.
+        """
+        acting: list[Part] = [*self.joints, *self.springs, *self.bodies, *self.loads]
+        known = {(type(part), part.name) for part in acting}
+        made = [(part, 0) for part in self.parts if (type(part), part.name) not in known]
+        return [(part, k) for k, part in enumerate(acting)] + made
+
     @property
     def gravity(self) -> Array:
         """Acceleration of free fall (3,), zero without gravity."""
-        return next((np.array(part.acceleration) for part in self.parts if isinstance(part, Gravity)), np.zeros(3))
+        return gravity_of(self.parts)
 
     @cached_property
     def damped(self) -> bool:
@@ -141,9 +183,10 @@ def _lines(part: Maxwell) -> tuple[Spring, Spring, Spring]:
         return Spring(line_name(part, which), first, second, part.start, part.end, stiffness, damping, None, None,
                       part.line, length)  # fmt: skip
 
-    return (line("static_stiffness", part.first, part.second, part.static_stiffness, 0.0),
-            line("stiffness", part.first, part.node, part.stiffness, 0.0),
-            line("damping", part.second, part.node, 0.0, part.damping))  # fmt: skip
+    static, in_series, damper = LINES
+    return (line(static, part.first, part.second, part.static_stiffness, 0.0),
+            line(in_series, part.first, part.node, part.stiffness, 0.0),
+            line(damper, part.second, part.node, 0.0, part.damping))  # fmt: skip
 
 
 def line_name(part: Maxwell, field: str) -> str:
@@ -151,8 +194,6 @@ def line_name(part: Maxwell, field: str) -> str:
     return f"{part.node}.{field}"
 
 
-def maxwell_lines(network: Network) -> list[tuple[str, int]]:
-    """Return the name of each Maxwell element, with the number of the line between its two bodies."""
-    number_of = {spring.name: k for k, spring in enumerate(network.springs)}
-    elements = [part for part in network.parts if isinstance(part, Maxwell)]
-    return [(part.name, number_of[line_name(part, "static_stiffness")]) for part in elements]
+def gravity_of(parts: Sequence[Part]) -> Array:
+    """Return the acceleration of free fall (3,), zero without gravity."""
+    return next((np.array(part.acceleration) for part in parts if isinstance(part, Gravity)), np.zeros(3))

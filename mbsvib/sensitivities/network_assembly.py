@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from mbsvib.elements import Body, Bushing, Joint, Maxwell, Spring
-from mbsvib.elements.inerter import Inerter
+from mbsvib.elements.families import has_rows
 from mbsvib.elements.part import Composed
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.expansion import expanded
-from mbsvib.linalg.rank import EPS
+from mbsvib.linalg.rank import NO_WORK, SAME_WORK
 from mbsvib.linalg.vectors import entries_matrix, transformed
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sensitivities.adjoint_fields import motions
 from mbsvib.sensitivities.applicability import follows, is_loaded, limits
+from mbsvib.sensitivities.element_matrices import element_matrices
 from mbsvib.sensitivities.element_reactions import element_reactions
-from mbsvib.sensitivities.forces import forces_at_rest
-from mbsvib.sensitivities.network import Network, maxwell_parts
+from mbsvib.sensitivities.families import rules_of
+from mbsvib.sensitivities.families.element import point_of
+from mbsvib.sensitivities.forces_at_rest import forces_at_rest
+from mbsvib.sensitivities.network import Network, gravity_of, maxwell_parts
 from mbsvib.sensitivities.network_kinematics import JointCoordinates
 from mbsvib.sensitivities.shared_wrenches import shared_forces, spin
 
@@ -27,18 +29,18 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements import Body, Joint
+    from mbsvib.elements.part import Part
     from mbsvib.equations.equations import Equations
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.sensitivities.network_kinematics import Kinematics
 
+# Kinds of parts that are springs of the network; others are made of these.
+SPRINGS = ("spring", "element")
 _TENSOR = [0, 3, 4, 3, 1, 5, 4, 5, 2]  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
 _SIX = np.eye(6)
 # Factors of stiffness, damping and inertia of which one is 1.
 _POWERS = tuple([(one[0], one[1], one[2]) for one in np.eye(3)])
-# Rounding of the work of a motion, relative to its terms, is far below this; a missing force is not.
-COMPLETE = 1e-8
-# Work of a motion that strains nothing: the square of a hundred roundings of the largest relative motion.
-NO_WORK = (100.0 * EPS) ** 2
 
 
 def complete_network(system: Equations) -> Network:
@@ -77,7 +79,7 @@ def is_complete(system: Equations, network: Network) -> bool:
         shared = [float((motion.body * network.shared.wrench(motion.nodes, powers)).sum()) for powers in _POWERS]
     far = NO_WORK * float(np.square(motion.relative).max(initial=0.0))
     return all(
-        bool(abs(work + shared_work - terms.sum()) <= COMPLETE * np.abs(terms).sum() + far * float(np.abs(size).sum()))
+        bool(abs(work + shared_work - terms.sum()) <= SAME_WORK * np.abs(terms).sum() + far * float(np.abs(size).sum()))
         for work, shared_work, terms, size in (
             ((strain * motion.elastic).sum(), shared[0], system.row_stiffness * strained**2, network.stiffness),
             (0.0 if motion.viscous is None else (strain * motion.viscous).sum(), shared[1],
@@ -111,25 +113,26 @@ def assembled(system: Equations, kinematics: Kinematics | None = None) -> Networ
     """
     topology = system.provenance.topology
     parts = system.provenance.parts
-    bodies = tuple(part for part in parts if isinstance(part, Body))
-    joints = tuple(part for part in parts if isinstance(part, Joint))
-    # inerters are line springs of which only the mass counts
-    springs = cast("tuple[Bushing | Spring, ...]", tuple(
-        part for part in parts if isinstance(part, (Bushing, Inerter, Spring))))  # fmt: skip
+    of_kind: dict[str, list[Any]] = {}
+    for part in parts:
+        of_kind.setdefault(rules_of(part).kind, []).append(part)
+    bodies, joints = tuple(of_kind.get("body", ())), tuple(of_kind.get("joint", ()))
+    springs: tuple[Any, ...] = tuple([part for part in parts if _is_spring(part)])
     origin = model_in_pose(system)
     plain = None if origin is None else expanded(origin)
-    if (plain is not None and plain.expansion is not None) or any(isinstance(part, Maxwell) for part in parts):
+    if (plain is not None and plain.expansion is not None) or "maxwell" in of_kind:
         nodes, lines = maxwell_parts(parts)
         known = ({} if plain is None else dict(plain.bodies)) | {body.name: body for body in (*bodies, *nodes)}
         names = {spring.name for spring in springs}
-        generated = () if plain is None else tuple([part for part in plain.springs.values() if part.name not in names])
+        generated = [] if plain is None else [
+            part for part in plain.springs.values() if part.name not in names and _is_spring(part)]
         bodies, joints = tuple([known[name] for name in topology.bodies]), topology.joints
-        springs += (*[part for part in generated if isinstance(part, Bushing)], *lines)
+        springs += (*generated, *lines)
     number = {body.name: i for i, body in enumerate(bodies)} | {"ground": len(bodies)}
     analytic = kinematics is None and follows(system)  # amplitudes of some modes do not tell how the pose moves
     kinematics = JointCoordinates.of(system, bodies) if kinematics is None else kinematics
     point = np.array([*(_point(joint, bodies, number) for joint in joints),
-                      *(part.position if isinstance(part, Bushing) else part.start for part in springs),
+                      *(point_of(part) for part in springs),
                       ]).reshape(-1, 3)  # fmt: skip
     first, second = (np.array([number[getattr(part, end)] for part in (*joints, *springs)], dtype=np.intp)
                      for end in ("first", "second"))  # fmt: skip
@@ -143,15 +146,18 @@ def assembled(system: Equations, kinematics: Kinematics | None = None) -> Networ
     ties = kinematics.constraints(bodies, number, centre)
     six = np.tile(_SIX, (len(first), 1)).T
     rows = Rows(np.repeat(first, 6), np.repeat(second, 6), np.repeat(point, 6, axis=0).T, six[:3], six[3:])
-    stiffness, damping = _world(springs)
+    stiffness, damping, inertance = element_matrices(springs, point[len(joints) :])
     loads = () if plain is None else tuple(plain.loads.values())
-    relative, reactions = kinematics.relative(rows), None
-    if analytic and any(isinstance(part, Composed) for part in parts):
+    relative, reactions, forces = kinematics.relative(rows), None, None
+    if analytic and "composed" in of_kind:
         at_joints = relative if kinematics.reduction is None else relative @ kinematics.reduction
         moves = np.asarray(at_joints @ np.eye(system.dof)).reshape(-1, 6, system.dof)[len(joints) :]
-        reactions = element_reactions(parts, {part.name: k for k, part in enumerate(springs)}, moves,
+        elements = [rules_of(part).reactions(part) for part in of_kind["composed"]]
+        reactions = element_reactions(elements, {part.name: k for k, part in enumerate(springs)}, moves,
                                       dict(zip(system.bodies, system.body_motion, strict=True)))  # fmt: skip
         analytic = reactions is not None
+    if analytic:
+        forces = forces_at_rest(system, bodies, joints, springs, loads, number, point, gravity_of(parts))
     return Network(
         parts, bodies, joints, springs, kinematics.coordinates, kinematics.reduction,
         np.array([body.mass for body in bodies]),
@@ -162,12 +168,15 @@ def assembled(system: Equations, kinematics: Kinematics | None = None) -> Networ
         _incidence(first[: len(joints)], second[: len(joints)], len(bodies)), ties, centre,
         displacements, np.flatnonzero(displacements.any(axis=1)), np.array(topology.floating, dtype=np.intp),
         limits(system),
-        forces=forces_at_rest(system, bodies, joints, springs, loads, number, point) if analytic else None,
-        loads=loads, reactions=reactions,
+        forces=forces, loads=loads, reactions=reactions,
         shared=None if plain is None else shared_forces(plain, bodies, number, kinematics),
-        inertance=_inertance(springs),
+        inertance=inertance,
         spin=spin(plain, bodies, springs) if plain is not None and (analytic or not is_loaded(system)) else None,
     )  # fmt: skip
+
+
+def _is_spring(part: Part) -> bool:
+    return has_rows(part) and rules_of(part).kind in SPRINGS
 
 
 def model_in_pose(system: Equations) -> Mechanism | None:
@@ -202,35 +211,3 @@ def _incidence(first: Index, second: Index, bodies: int) -> Any:
     value = np.repeat([1.0, -1.0], n)
     moves = row < bodies
     return entries_matrix(value[moves], row[moves], column[moves], (bodies, n))
-
-
-def _inertance(springs: Sequence[Bushing | Spring]) -> Array | None:
-    """Masses of inerters on relative motions, (s, 6, 6), None without any."""
-    parts: Sequence[Any] = springs
-    inerters = [k for k, part in enumerate(parts) if isinstance(part, Inerter)]
-    if not inerters:
-        return None
-    result = np.zeros((len(springs), 6, 6))
-    for k in inerters:
-        result[k, :3, :3] = parts[k].inertance * np.outer(parts[k].line, parts[k].line)
-    return result
-
-
-def _world(springs: Sequence[Bushing | Spring]) -> Array:
-    """Stiffness and damping (2, s, 6, 6) in world axes, of line springs on the motion at their start."""
-    result = np.zeros((2, len(springs), 6, 6))
-    parts: Sequence[Any] = springs
-    lines = [k for k, part in enumerate(parts) if not isinstance(part, Bushing)]
-    bushings = [k for k, part in enumerate(parts) if isinstance(part, Bushing)]
-    if lines:
-        along = np.array([parts[k].line for k in lines])
-        size = np.array([(parts[k].stiffness, parts[k].damping) for k in lines]).T
-        result[:, lines, :3, :3] = size[:, :, None, None] * (along[:, :, None] * along[:, None, :])
-    if bushings:
-        turn = np.zeros((len(bushings), 6, 6))
-        turn[:, :3, :3] = turn[:, 3:, 3:] = np.array([parts[k].orientation for k in bushings])
-        values = [getattr(parts[k], field) for field in ("stiffness", "damping") for k in bushings]
-        local = np.array([value if isinstance(value[0], tuple) else np.diag(value) for value in values]) if any(
-            isinstance(value[0], tuple) for value in values) else np.array(values)[:, :, None] * _SIX  # fmt: skip
-        result[:, bushings] = turn @ local.reshape(2, -1, 6, 6) @ turn.transpose(0, 2, 1)
-    return result

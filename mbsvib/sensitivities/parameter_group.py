@@ -3,33 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.sensitivities import beam_rules
-from mbsvib.sensitivities.made_part_rules import coupler_rule, maxwell_rule, rotor_rule, torsion_rule
-from mbsvib.sensitivities.part_rules import constants, moved_floating, rule
+from mbsvib.sensitivities.families import rules_of
+from mbsvib.sensitivities.families.body import moved_floating
+from mbsvib.sensitivities.families.rules import any_field
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements.part import Part
+    from mbsvib.sensitivities.families.rules import PartRules
+    from mbsvib.sensitivities.families.terms import Rule
     from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.part_rules import Rule
     from mbsvib.sensitivities.shared_wrenches import Spin
     from mbsvib.sensitivities.variables import FieldLayout
 
-# Parts whose entries have rules of their own, one by one.
-_SINGLE: dict[str, Callable[..., Any]] = {
-    "beam": beam_rules.beam_rule, "coupler": coupler_rule, "maxwell": maxwell_rule, "rotor": rotor_rule,
-    "torsion": torsion_rule,
-}  # fmt: skip
 # Fields of springs that say what force they have at the pose, and are no part of K by themselves.
 FORCES = ("preload", "free_length")
+_ONE = np.zeros(1, dtype=np.intp)
+_PAIRS = tuple(combinations_with_replacement(range(6), 2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +60,17 @@ def have_rules(network: Network, layout: FieldLayout) -> NDArray[np.bool_]:
     Returns (parameters,): whether a rule holds for each.
     """
     parts = network.named
-    plain = not network.limits and network.spin is None and not network.bare
-    return layout.of_parameters([
-        (plain and part in parts and field not in FORCES and parts[part][0] != "beam")
-        or _has_rule(network, field, parts.get(part)) for part, field, _ in layout.fields])  # fmt: skip
+    alike = not network.limits and network.spin is None  # parts of a class then differ in nothing
+    known: dict[tuple[type, str], bool] = {}
+    result = []
+    for name, field, _ in layout.fields:
+        part = parts[name][1] if name in parts else None
+        rules = None if part is None else rules_of(part)
+        key = type(part), field
+        if not alike or key not in known or (rules is not None and rules.has_rule is not any_field):
+            known[key] = rules is not None and _has_rule(network, field, rules, part)
+        result.append(known[key])
+    return layout.of_parameters(result)
 
 
 def groups_by_rule(network: Network, layout: FieldLayout) -> list[ParameterGroup]:
@@ -85,11 +90,17 @@ def groups_by_rule(network: Network, layout: FieldLayout) -> list[ParameterGroup
     for (name, field, depth), width, start, requested in zip(layout.fields, layout.width, starts, used, strict=False):
         if not requested or name not in parts or field in FORCES:
             continue
-        kind, k, part = parts[name]
-        if kind in _SINGLE:
-            groups += [_single(network, kind, (part, field, (i,) if depth else ()), row)
-                       for i, row in enumerate(range(start, start + width) if number is None else
-                                               number[start : start + width].tolist()) if row >= 0]  # fmt: skip
+        k, part = parts[name]
+        rules = rules_of(part)
+        if rules.single is not None:
+            entries = range(start, start + width) if number is None else number[start : start + width].tolist()
+            for i, row in enumerate(entries):
+                if row >= 0:
+                    own_rule, data = rules.single(network, part, field, _index(i, depth))
+                    groups.append(ParameterGroup(rules.kind, field, _ONE, own_rule, data, np.array([[row]]), 0))
+            continue
+        kind = rules.kind
+        if rules.rule is None:
             continue
         separate = part.end is not None if kind == "joint" else kind == "body" and field == "position" and k in floating
         numbers, first, same = members.setdefault((kind, field, type(part), width, separate), ([], [], []))
@@ -101,20 +112,18 @@ def groups_by_rule(network: Network, layout: FieldLayout) -> list[ParameterGroup
     return groups
 
 
-def _has_rule(network: Network, field: str, known: tuple[str, int, Any] | None) -> bool:
+def _has_rule(network: Network, field: str, rules: PartRules, part: Any) -> bool:
     """Whether a parameter acts by what its own part does alone."""
-    if known is None or field in FORCES:
+    if field in FORCES or (rules.rule is None and rules.single is None) or not rules.has_rule(part, field):
         return False
-    if network.spin is not None and _turns_along(network.spin, field, *known):
-        return False
-    if known[0] == "beam" and not beam_rules.has_rule(known[2], field):
+    if network.spin is not None and _turns_along(network.spin, field, rules.kind, part):
         return False
     # the tension of a spring with a free length comes from its stiffness
-    pulls = field == "stiffness" and getattr(known[2], "free_length", None) is not None
-    return all((known[0], field) in limit and not pulls for limit in network.limits)
+    pulls = field == "stiffness" and getattr(part, "free_length", None) is not None
+    return all((rules.kind, field) in limit and not pulls for limit in network.limits)
 
 
-def _turns_along(spin: Spin, field: str, kind: str, _: int, part: Any) -> bool:
+def _turns_along(spin: Spin, field: str, kind: str, part: Any) -> bool:
     """Whether a parameter may take a spinning body, or what joins it, off its axis, or change how dampers turn along.
 
     Such parameters are differenced: variants say whether the spin is steady still.
@@ -123,16 +132,9 @@ def _turns_along(spin: Spin, field: str, kind: str, _: int, part: Any) -> bool:
         return part.inertia is None and spin.circulatory is not None
     if kind == "body":
         return part.name in spin.bodies and field != "mass"
-    if kind not in ("joint", "spring", "torsion") or not spin.bodies.intersection((part.first, part.second)):
+    if kind not in ("joint", "spring", "torsion", "element") or not spin.bodies.intersection((part.first, part.second)):
         return False
     return field not in ("stiffness", "damping") or (field == "damping" and spin.circulatory is not None)
-
-
-def _single(network: Network, kind: str, entry: tuple[Any, str, tuple[int, ...]], row: int) -> ParameterGroup:
-    """The group of one number of a part that is made of bodies and connections."""
-    rule_and_data = _SINGLE[kind](network, *entry)
-    own_rule, data = rule_and_data if isinstance(rule_and_data, tuple) else (rule_and_data, ())
-    return ParameterGroup(kind, entry[1], np.zeros(1, dtype=np.intp), own_rule, data, np.array([[row]]), 0)
 
 
 def _group(
@@ -150,7 +152,36 @@ def _group(
     if kind == "body" and separate:
         among = (index[:, None] == network.floating).argmax(axis=1)
         return ParameterGroup(kind, field, index, moved_floating, (among,), rows, stride)
-    return ParameterGroup(kind, field, index, rule(same[0], field), constants(same, field), rows, stride)
+    rules = rules_of(same[0])
+    assert rules.rule is not None
+    return ParameterGroup(kind, field, index, rules.rule(same[0], field), rules.constants(same, field), rows, stride)
+
+
+def internal_groups(network: Network, first: int, gravity: int | None) -> list[ParameterGroup]:
+    """Return the groups of numbers that change with the pose and are no parameters, and of gravity where it does more
+    than forces.
+
+    ``first``: the row of the first of these numbers; ``gravity``: that of gravity along x, None without gravity.
+    """
+    result, row = [], first
+    with_gravity: dict[Any, list[Part]] = {}
+    for part in network.parts:
+        rules = rules_of(part)
+        for own in rules.internal_rules(network, part):
+            result.append(ParameterGroup(rules.kind, rules.internal[0], own.number, own.rule, own.data,
+                                         row + np.arange(own.count)[None], own.count))  # fmt: skip
+            row += own.count
+        if rules.gravity_rule is not None and gravity is not None:
+            with_gravity.setdefault(rules.gravity_rule, []).append(part)
+    for rule_of, parts in with_gravity.items():
+        rows = (gravity or 0) + np.arange(3)[None]
+        result.append(ParameterGroup("gravity", "", _ONE, rule_of(network, parts), (), rows, 3))
+    return result
+
+
+def _index(i: int, depth: int) -> tuple[int, ...]:
+    """The index of entry i of a number, vector or symmetric matrix."""
+    return ((), (i,), _PAIRS[i] if depth > 1 else ())[depth]
 
 
 def _stride(lead: list[int], width: int) -> int:

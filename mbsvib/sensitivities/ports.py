@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements import BaseMotion, Bushing, ForceOutput, Input, Maxwell, Output
+from mbsvib.elements import BaseMotion, Bushing, ForceOutput, Input, Output
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.ports import QUANTITIES
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.kinematics.relative_motion import relative_motion
-from mbsvib.sensitivities.network import line_name
+from mbsvib.linalg.rank import ZERO_STRESS
+from mbsvib.sensitivities.families import rules_of
 from mbsvib.sensitivities.transmitted_wrenches import in_joints, joint_release_motion, relative_twists
 
 if TYPE_CHECKING:
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations
     from mbsvib.sensitivities.network import Network
 
-# Forces of a state of self-stress below this share of the largest are rounding.
-STRESSED = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,14 +168,13 @@ def _worked(system: Equations, network: Network, part: ForceOutput) -> tuple[Arr
 
 def _spring(network: Network, part: ForceOutput) -> tuple[list[int], Array] | None:
     """Numbers of springs and the direction of their force that is asked for, world axes; None for joints."""
-    maxwell = next((other for other in network.parts
-                    if isinstance(other, Maxwell) and other.name == part.element), None)  # fmt: skip
-    names = [part.element] if maxwell is None else [line_name(maxwell, field) for field in
-                                                    ("static_stiffness", "stiffness")]  # fmt: skip
-    numbers = [k for k, spring in enumerate(network.springs) if spring.name in names]
-    if not numbers:
+    lines = network.maxwell_lines.get(part.element)
+    numbers = [lines["static_stiffness"], lines["stiffness"]] if lines is not None else [
+        k for name, k in network.spring_number.items() if name == part.element]
+    if not numbers or rules_of(network.springs[numbers[0]]).kind == "element":
         return None
-    spring, six = network.springs[numbers[0]], np.array(part.wrench)
+    spring: Any = network.springs[numbers[0]]
+    six = np.array(part.wrench)
     if not isinstance(spring, Bushing):
         return numbers, np.concatenate((np.array(spring.line) * six[2], np.zeros(3)))
     return numbers, np.concatenate((np.array(spring.orientation) @ six[:3], np.array(spring.orientation) @ six[3:]))
@@ -210,6 +208,6 @@ def _shared(network: Network) -> NDArray[np.bool_]:
     if ties is None or not ties.stress.shape[1]:
         return np.zeros(len(network.joints), dtype=bool)
     states = np.abs(in_joints(network, np.zeros((len(network.bodies), 6, ties.stress.shape[1])), ties.stress))
-    return np.asarray((states > STRESSED * states.max(axis=(0, 1))).any(axis=(1, 2)))
+    return np.asarray((states > ZERO_STRESS * states.max(axis=(0, 1))).any(axis=(1, 2)))
 
 

@@ -44,14 +44,16 @@ def pose_motion(loaded: LoadedNetwork, rates: csr_array | None) -> tuple[Array, 
         size = _term_sizes(loaded, _sizes(loaded)) + CANCELLED / ZERO_UNHELD_FORCE * loaded.size_of_forces
         return size if rates is None else np.asarray(abs(rates) @ size)
 
-    motion, unresisted = balancing_motion(stiffness, unit, forces, terms)
+    motion, unresisted = balancing_motion(stiffness, unit, forces, terms, loaded.relaxing)
     return np.concatenate((motion, of_openings), axis=1), unresisted
 
 
 def balancing_motion(
-    stiffness: Array, unit: Array, forces: Array, terms: Callable[[], Array]
+    stiffness: Array, unit: Array, forces: Array, terms: Callable[[], Array], relaxing: NDArray[np.bool_] | None = None
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return the smallest motions that balance forces, K x = f.
+
+    Where several do, as some motion is held by nothing, the others are x + N c with K N = 0.
 
     Parameters
     ----------
@@ -63,6 +65,8 @@ def balancing_motion(
         Forces f, one row after the other.
     terms : callable
         Sizes (v, m) of the products that the forces are sums of, asked for where some motion is held by nothing.
+    relaxing : array of bool, shape (m,), optional
+        Coordinates that do not count in the size of a motion, as they only follow others.
 
     Returns
     -------
@@ -74,12 +78,15 @@ def balancing_motion(
     left, sizes, right = np.linalg.svd(unit[:, None] * stiffness * unit)
     holds = sizes > ZERO_STIFFNESS
     along = (forces * unit) @ left
-    motion = unit * ((along[:, holds] / sizes[holds]) @ right[holds])
+    motion = (along[:, holds] / sizes[holds]) @ right[holds]
     if holds.all():
-        return motion, np.zeros(len(forces), dtype=bool)
+        return unit * motion, np.zeros(len(forces), dtype=bool)
+    if relaxing is not None and relaxing.any():
+        free, counts = right[~holds], ~relaxing
+        motion = motion - np.linalg.lstsq(free[:, counts].T, motion[:, counts].T)[0].T @ free
     over = np.abs(along[:, ~holds] @ left[:, ~holds].T)
     size = terms() @ unit + np.abs(forces * unit).max(axis=1)
-    return motion, (over > ZERO_UNHELD_FORCE * size[:, None]).any(axis=1)
+    return unit * motion, (over > ZERO_UNHELD_FORCE * size[:, None]).any(axis=1)
 
 
 def _sizes(loaded: LoadedNetwork) -> Sizes:

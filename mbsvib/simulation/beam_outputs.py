@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -23,10 +23,9 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.mechanism import Mechanism
 
 
-def beam_of(model: Mechanism, element: str) -> Beam | None:
-    """Return the beam that has an element of this name, if one does."""
-    return next((part for part in model.composed.values() if isinstance(part, Beam) and element in part.element_names),
-                None)  # fmt: skip
+def beam_of(model: Mechanism, element: str | None) -> Any:
+    """Return the beam that has an element of this name, or None."""
+    return next((part for part in model.composed.values() if element in part.element_names), None)
 
 
 def strain(part: StrainOutput, beam: Beam, statement: FiniteMotion) -> Expression:

@@ -18,17 +18,7 @@ if TYPE_CHECKING:
 def warn_of_bending(run: Trace, stacklevel: int) -> None:
     """Warn of beams and superelements that bend too far for small displacements.
 
-    Parameters
-    ----------
-    run : Trace
-        What has been reached.
-    stacklevel : int
-        As of ``warnings.warn``, from the caller.
-
-    Warns
-    -----
-    LargeDisplacementWarning
-        If an interface turns by ``TURNED``.
+    ``stacklevel``: as of ``warnings.warn``, from the caller.
     """
     statement = run.session.statement
     if not statement.bends:

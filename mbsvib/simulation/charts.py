@@ -26,7 +26,7 @@ CORRECTIONS, CLOSED = 12, 1e-14
 
 
 @dataclass(frozen=True)
-class Loops:
+class ScaledClosures:
     """The closures of a mechanism in units of like size.
 
     ``coordinate_scale`` (n,) and ``row_scale`` (rows,) make one of 1 rad and the size of the mechanism; ``rank`` is
@@ -46,21 +46,9 @@ class Loops:
     def projected(self, q: Array, bases: Array, may_move: Index | None = None) -> tuple[Array, float]:
         """Return the coordinates nearest by that close the loops, and how far they are left open.
 
-        Parameters
-        ----------
-        q : array, shape (n,)
-            Coordinates next to such a pose.
-        bases : array, shape (9 b,)
-            Rotations on top of which those of q come.
-        may_move : array of int, optional
-            Coordinates that may change; default: all.
-
-        Returns
-        -------
-        array, shape (n,)
-            The coordinates.
-        float
-            The largest opening left, in units of 1 rad and the size of the mechanism.
+        ``q`` (n,): coordinates next to such a pose. ``bases`` (9 b,): rotations on top of which those of q come.
+        ``may_move``: coordinates that may change; default: all. Returns (n,): the coordinates; the largest opening
+        left, in units of 1 rad and the size of the mechanism.
         """
         if not len(self.row_scale):
             return q, 0.0
@@ -112,22 +100,10 @@ class Chart:
     limit: float
 
 
-def chart_at(loops: Loops, q: Array, bases: Array) -> Chart:
+def chart_at(loops: ScaledClosures, q: Array, bases: Array) -> Chart:
     """Return the choice of independent coordinates that is best in a pose, by pivots.
 
-    Parameters
-    ----------
-    loops : Loops
-        The closures.
-    q : array, shape (n,)
-        The pose.
-    bases : array, shape (9 b,)
-        Rotations on top of which those of q come.
-
-    Returns
-    -------
-    Chart
-        The choice.
+    ``q`` (n,): the pose. ``bases`` (9 b,): rotations on top of which those of q come.
     """
     n, rank = loops.equations.n, loops.equations.rank
     dependent = np.zeros(0, dtype=np.intp)
@@ -145,24 +121,11 @@ def chart_at(loops: Loops, q: Array, bases: Array) -> Chart:
     return Chart(independent, dependent, np.eye(n)[independent], rows, bases, ratio / POOR_IN_BLOCK)
 
 
-def conditioning(loops: Loops, chart: Chart, q: Array) -> tuple[float, float]:
+def conditioning(loops: ScaledClosures, chart: Chart, q: Array) -> tuple[float, float]:
     """Return how well the dependent coordinates of a choice follow, and how near the pose is to a singular one.
 
-    Parameters
-    ----------
-    loops : Loops
-        The closures.
-    chart : Chart
-        The choice.
-    q : array, shape (n,)
-        The pose.
-
-    Returns
-    -------
-    float
-        Smallest singular value of the closures' derivative to the dependent coordinates over that of all.
-    float
-        The latter over the largest.
+    ``q`` (n,): the pose. Returns smallest singular value of the closures' derivative to the dependent coordinates over
+    that of all; the latter over the largest.
     """
     rank = loops.equations.rank
     if not rank:

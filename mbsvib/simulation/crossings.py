@@ -26,19 +26,8 @@ def crossings(
     Between samples the cubic through values and rates tells where; a quantity that passes twice between two samples is
     found where this cubic does so. Without rates, a change of sign tells, and the root is bracketed.
 
-    Parameters
-    ----------
-    time, values, rates : array, shape (n,)
-        Samples of the quantity; rates may be NaN.
-    level : float
-        The level.
-    at : callable
-        (sample k, time) -> value and rate at a time after this sample, by the integrator.
-
-    Returns
-    -------
-    array, shape (k,)
-        Times [s], ascending.
+    ``time``, ``values``, ``rates`` (n,): samples of the quantity; rates may be NaN. ``at``: (sample k, time) -> value
+    and rate at a time after this sample, by the integrator. Returns (k,): times [s], ascending.
     """
     result: list[float] = []
     size = max(float(np.abs(values - level).max(initial=0.0)), 1e-300)

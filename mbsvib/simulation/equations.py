@@ -57,19 +57,7 @@ class MotionEquations:
 def motion_equations(statement: FiniteMotion, rank: int, scale: Array) -> MotionEquations:
     """Return the equations of motion of a mechanism whose loops demand ``rank`` independent conditions.
 
-    Parameters
-    ----------
-    statement : FiniteMotion
-        Energies and forces.
-    rank : int
-        Rank of the derivative of its closures.
-    scale : array, shape (n,)
-        Units in which all coordinates are of like size.
-
-    Returns
-    -------
-    MotionEquations
-        Functions of CasADi.
+    ``scale`` (n,): units in which all coordinates are of like size.
     """
     motion = statement.motion
     q, qd, y, bases = motion.q, motion.qd, statement.yields, motion.bases

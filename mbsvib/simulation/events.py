@@ -88,22 +88,7 @@ class Events:
 def events(start: Trace, until: Any) -> Events:
     """Return the events that end a run.
 
-    Parameters
-    ----------
-    start : Trace
-        A trace of the first sample alone.
-    until : mapping of str to number, or None
-        Values by name of coordinate or output.
-
-    Returns
-    -------
-    Events
-        What ends the run.
-
-    Raises
-    ------
-    ModelError
-        If a name is neither, or a value no number.
+    ``until``: values by name of coordinate or output.
     """
     if until is not None and not isinstance(until, Mapping):
         raise check.refuse("simulate", "until", until,

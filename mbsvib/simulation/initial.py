@@ -23,25 +23,8 @@ LONGEST, OPEN = 0.05, 1e-11
 def initial_state(run: Session, displaced: Any, time: float) -> State:
     """Return the state in which a run starts.
 
-    Parameters
-    ----------
-    run : Session
-        What to integrate.
-    displaced : mapping of str to number or (number, number), or None
-        Displacement [m, rad] of coordinates from the pose as described, or displacement and rate. Coordinates that are
-        not named are 0, or as near to it as loops allow.
-    time : float
-        When [s].
-
-    Returns
-    -------
-    State
-        With loops closed.
-
-    Raises
-    ------
-    ModelError
-        If a name is unknown or the loops cannot be closed with these values.
+    ``displaced``: displacement [m, rad] of coordinates from the pose as described, or displacement and rate.
+    Coordinates that are not named are 0, or as near to it as loops allow. ``time``: when [s].
     """
     q, qd = np.zeros(len(run.names)), np.zeros(len(run.names))
     displaced = {} if displaced is None else displaced
@@ -59,7 +42,7 @@ def initial_state(run: Session, displaced: Any, time: float) -> State:
         q[k], qd[k] = check.numbers(pair, (2,), "simulate", f"initial['{name}']", "a displacement, or (displacement, "
                                     "rate)")  # fmt: skip
         fixed.append(k)
-    bases = np.tile(np.eye(3).reshape(-1), len(run.turning))
+    bases = np.tile(np.eye(3).reshape(-1), len(run.free_rotations))
     moved = _moved(run, q, np.array(fixed, dtype=np.intp), bases)
     return State(time, moved, _rates(run, moved, qd, fixed, bases), np.zeros(run.equations.yields), np.zeros(3))
 

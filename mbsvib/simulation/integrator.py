@@ -53,26 +53,8 @@ class Integrator:
     def block(self, start: State, chart: Chart, grid: Array, coefficients: Array) -> list[State]:
         """Return the states at the ends of some intervals.
 
-        Parameters
-        ----------
-        start : State
-            Where the block starts.
-        chart : Chart
-            The independent coordinates.
-        grid : array, shape (k,)
-            Ends of the intervals [s].
-        coefficients : array, shape (k, inputs, degree + 1)
-            The inputs on these intervals, as in ``Signals``.
-
-        Returns
-        -------
-        list of State
-            One for each end.
-
-        Raises
-        ------
-        RuntimeError
-            If CVODES gives up.
+        ``grid`` (k,): ends of the intervals [s]. ``coefficients`` (k, inputs, degree + 1): the inputs on these
+        intervals, as in ``Signals``.
         """
         eq, length = self.equations, float(grid[-1] - start.time)
         shares = (grid - start.time) / length

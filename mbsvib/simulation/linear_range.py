@@ -34,26 +34,8 @@ SAME_EQUATIONS = 1e-6
 def linear_range(system: Equations, modes: Modes, share: float) -> tuple[Array, Array]:
     """Return the amplitude of each output in each mode at which the second-order part reaches a share of the first.
 
-    Parameters
-    ----------
-    system : Equations
-        The linear equations of a mechanism.
-    modes : Modes
-        Its modes.
-    share : float
-        The share, positive.
-
-    Returns
-    -------
-    array, shape (modes, outputs)
-        Amplitudes [unit of the output]; inf where there is no second-order part.
-    array, shape (modes, outputs)
-        Amplitudes of the coordinate that moves most there [rad, mechanism sizes].
-
-    Raises
-    ------
-    ModelError
-        If the equations are not those of a mechanism as described, or a part has no second derivatives here.
+    Returns (modes, outputs): amplitudes [unit of the output]; inf where there is no second-order part; (modes,
+    outputs): amplitudes of the coordinate that moves most there [rad, mechanism sizes].
     """
     model = _mechanism(system)
     statement = finite_motion(model, cut=system.cut_joints)

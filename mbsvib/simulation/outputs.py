@@ -8,10 +8,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from mbsvib.elements.bushing import Bushing
-from mbsvib.elements.ports import BaseMotion, ForceOutput, Output
-from mbsvib.elements.strain_output import StrainOutput
-from mbsvib.elements.torsion_spring import TorsionSpring
+from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.finite_motion.elastic_nodes import point_as_described
 from mbsvib.finite_motion.forces import velocity
 from mbsvib.finite_motion.momentum import angular_momentum
@@ -25,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.common.arrays import Array
+    from mbsvib.elements.ports import ForceOutput, Output
     from mbsvib.finite_motion.lagrange import FiniteMotion
     from mbsvib.finite_motion.rotations import Expression
     from mbsvib.mechanism.mechanism import Mechanism
@@ -83,35 +81,25 @@ class _Signal:
 
 
 def measured(model: Mechanism, statement: FiniteMotion) -> Measured:
-    """Return the outputs of a model.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The model.
-    statement : FiniteMotion
-        Its finite motion.
-
-    Returns
-    -------
-    Measured
-        What they are in any state.
-    """
+    """Return the outputs of a model."""
     motion = statement.motion
     state = _State(model, statement, ca.SX.sym("qdd", len(motion.names)), ca.SX.sym("u", len(statement.inputs)))
     signals: dict[str, _Signal] = {}
     refused: dict[str, str] = {}
     reaction_forces: dict[str, ForceOutput] = {}
-    base = any(isinstance(part, BaseMotion) for part in model.inputs.values())
-    for name, part in model.outputs.items():
-        beam = beam_of(model, part.element) if isinstance(part, StrainOutput | ForceOutput) else None
-        if isinstance(part, StrainOutput) and beam is not None:
+    base = any(part.moves_ground for part in model.inputs.values())
+    outputs: Mapping[str, Any] = model.outputs
+    for name, part in outputs.items():
+        beam = beam_of(model, part.element)
+        if type(part) in EXPANSIONS and beam is not None:
             value = strain(part, beam, statement)
             signals[name] = _Signal(value, motion.rate(value))
-        elif isinstance(part, Output) and part.inertial and base and part.quantity != "acceleration":
+        elif type(part) in EXPANSIONS:
+            refused[name] = f"output '{name}': a {part.family} has no statement in finite motion yet"
+        elif part.element is None and part.inertial and base and part.quantity != "acceleration":
             refused[name] = (f"output '{name}': an absolute {part.quantity} would integrate the acceleration of the "
                              f"ground; ask for absolute=False")  # fmt: skip
-        elif isinstance(part, Output):
+        elif part.element is None:
             signals[name] = _motion(part, state)
         elif is_reaction(model, part):
             reaction_forces[name] = part
@@ -158,7 +146,7 @@ class _State:
     @property
     def ground(self) -> Expression:
         """The acceleration (3,) of the ground."""
-        base = {name: part for name, part in self.model.inputs.items() if isinstance(part, BaseMotion)}
+        base = {name: part for name, part in self.model.inputs.items() if part.moves_ground}
         return sum((self.u[i] * ca.SX(np.array(base[name].wrench[:3]))
                     for i, name in enumerate(self.statement.inputs) if name in base), ca.SX.zeros(3))  # fmt: skip
 
@@ -210,18 +198,17 @@ def _in_element(part: ForceOutput, state: _State) -> Expression:
     statement = state.statement
     element, connection = state.model.springs[part.element], statement.connections[part.element]
     force = connection.force
-    if hasattr(element, "inertance"):
+    if element.inertance:
         force = element.inertance * state.onward(statement.motion.rate(connection.deformation))
     six = ca.SX.zeros(6)
-    if isinstance(element, Bushing):
+    if force.numel() == 6:
         six = force
     else:
-        six[ABOUT_Z if isinstance(element, TorsionSpring) else ALONG_Z] = force
+        six[ALONG_Z if element.acts_along_line else ABOUT_Z] = force
     along = ca.dot(ca.SX(np.array(part.wrench)), six)
-    q, qd, y = statement.motion.q, statement.motion.qd, statement.yields
-    rest = ca.Function("rest", [q, qd, y, statement.motion.bases], [ca.dot(ca.SX(np.array(part.wrench)), six)]) if not \
-        hasattr(element, "inertance") else None  # fmt: skip
-    if rest is None:
+    if element.inertance:
         return along
+    q, qd, y = statement.motion.q, statement.motion.qd, statement.yields
+    rest = ca.Function("rest", [q, qd, y, statement.motion.bases], [along])
     eye = np.tile(np.eye(3).reshape(-1), len(statement.motion.based))
     return along - float(rest(np.zeros(q.shape), np.zeros(qd.shape), np.zeros(y.shape), eye))

@@ -17,15 +17,7 @@ if TYPE_CHECKING:
 def frames(run: Trace) -> dict[str, tuple[Array, Array]]:
     """Return rotations (samples, 3, 3) and shifts (samples, 3) [m] of all bodies and nodes since the pose as described.
 
-    Parameters
-    ----------
-    run : Trace
-        The run.
-
-    Returns
-    -------
-    dict of str to (array, array)
-        By the names of bodies, ground and nodes of beams and superelements among them.
+    The keys are the names of bodies, ground and nodes of beams and superelements among them.
     """
     statement = run.session.statement
     motion = statement.motion

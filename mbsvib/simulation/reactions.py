@@ -92,23 +92,8 @@ def reaction_outputs(
     """Return outputs that are forces in joints or on the ground, and those that redundant closures do not
     determine.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    statement : FiniteMotion
-        Its finite motion.
-    forces : mapping of str to ForceOutput
-        The outputs, of joints and of ``"ground"``.
-    without : sequence of str
-        Names of loads that do not act in the run; in the pose as described they do.
-
-    Returns
-    -------
-    ReactionOutputs
-        Those that are determined.
-    tuple of str
-        The others.
+    ``forces``: the outputs, of joints and of ``"ground"``. ``without``: names of loads that do not act in the run; in
+    the pose as described they do. Returns those that are determined; the others.
     """
     motion = statement.motion
     joints = tuple(dict.fromkeys(part.element for part in forces.values()))
@@ -148,4 +133,4 @@ def _function(model: Mechanism, statement: FiniteMotion, joints: Sequence[str], 
 
 def is_reaction(model: Mechanism, part: Any) -> bool:
     """Return whether an output is a force in a joint, or the sum of those on the ground."""
-    return isinstance(part, ForceOutput) and (part.element in model.joints or part.element == GROUND)
+    return part.element in model.joints or part.element == GROUND

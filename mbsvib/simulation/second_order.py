@@ -93,21 +93,8 @@ class SecondOrder:
 def second_order(statement: FiniteMotion, measured: Measured, independent: Index, u: Array) -> SecondOrder:
     """Return the derivatives of a mechanism's equations in the pose as described, a pose of equilibrium.
 
-    Parameters
-    ----------
-    statement : FiniteMotion
-        Its finite motion, without bases and first-order states.
-    measured : Measured
-        Its outputs.
-    independent : array of int, shape (m,)
-        Numbers of the independent coordinates.
-    u : array, shape (inputs,)
-        Inputs [N, N m, m/s^2].
-
-    Returns
-    -------
-    SecondOrder
-        First and second derivatives.
+    ``statement``: its finite motion, without bases and first-order states. ``independent`` (m,): numbers of the
+    independent coordinates. ``u`` (inputs,): inputs [N, N m, m/s^2].
     """
     motion, n = statement.motion, len(statement.motion.names)
     q, qd, qdd = motion.q, motion.qd, ca.SX.sym("qdd", n)

@@ -13,10 +13,10 @@ from mbsvib.elements.bushing import LARGEST_ANGLE
 from mbsvib.equilibrium.pose_kinematics import size_of
 from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.linalg.rank import MASSLESS
-from mbsvib.simulation.charts import Loops, chart_at
+from mbsvib.simulation.charts import ScaledClosures, chart_at
 from mbsvib.simulation.equations import MotionEquations, motion_equations
 from mbsvib.simulation.integrator import Integrator
-from mbsvib.simulation.states import turnings
+from mbsvib.simulation.states import free_rotations
 
 if TYPE_CHECKING:
     from typing import Any
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mbsvib.finite_motion.lagrange import FiniteMotion
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.simulation.signals import Signals
-    from mbsvib.simulation.states import Turning
+    from mbsvib.simulation.states import FreeRotation
 
 # Poses this far off (rad, mechanism sizes), in which as many closures must be independent as where a run starts.
 NEIGHBOUR = 1e-3
@@ -46,8 +46,8 @@ class Session:
     model: Mechanism
     statement: FiniteMotion
     equations: MotionEquations
-    loops: Loops
-    turning: tuple[Turning, ...]
+    loops: ScaledClosures
+    free_rotations: tuple[FreeRotation, ...]
     integrator: Integrator
     signals: Signals
     limited: tuple[str, ...]
@@ -68,31 +68,7 @@ class Session:
 
 
 def session(model: Mechanism, statement: FiniteMotion, signals: Signals, tolerance: float) -> Session:
-    """Return a mechanism that is ready to be integrated.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    statement : FiniteMotion
-        Its energies and forces, with bases.
-    signals : Signals
-        Its inputs.
-    tolerance : float
-        Error of results that is asked for.
-
-    Returns
-    -------
-    Session
-        Equations and integrator.
-
-    Raises
-    ------
-    SingularPoseError
-        If loops have another number of degrees of freedom in the pose as described than next to it.
-    ModelError
-        If a motion has no inertia.
-    """
+    """Return a mechanism that is ready to be integrated."""
     motion = statement.motion
     size = size_of(model)
     scale = np.where(motion.turns, 1.0, size)
@@ -103,12 +79,12 @@ def session(model: Mechanism, statement: FiniteMotion, signals: Signals, toleran
         raise ModelError(f"simulate: model '{model.name}' is fully locked; it has no motion to follow.",
                          element=model.name)  # fmt: skip
     equations = motion_equations(statement, rank, scale)
-    loops = Loops(equations, scale, rows)
-    mass = _checked_mass(model, loops, motion.names, bases)
+    loops = ScaledClosures(equations, scale, rows)
+    mass = _checked_mass(loops, motion.names, bases)
     stiff = _fastest_decay(statement, mass, bases) * float(np.ptp(signals.breaks)) > STIFF
     angles = {name: part.angle for name, part in statement.connections.items() if part.angle is not None}
     return Session(
-        model, statement, equations, loops, turnings(motion),
+        model, statement, equations, loops, free_rotations(motion),
         Integrator(equations, scale, signals.coefficients.shape[2] - 1, tolerance, stiff), signals, tuple(angles),
         ca.Function("limits", [motion.q, motion.bases], [ca.vertcat(*angles.values())]),
     )  # fmt: skip
@@ -121,7 +97,7 @@ def _rank(model: Mechanism, statement: FiniteMotion, scale: Array, rows: Array, 
     motion = statement.motion
     closures = ca.Function("closures", [motion.q, motion.bases], [motion.closures, statement.jacobian])
     blank = MotionEquations(len(scale), 0, 0, (), closures, None, None, None, None)
-    loops, origin = Loops(blank, scale, rows), np.zeros(len(scale))
+    loops, origin = ScaledClosures(blank, scale, rows), np.zeros(len(scale))
     rank = loops.rank(origin, bases)
     generator = np.random.default_rng(0)
     step = loops.rates(origin, bases, NEIGHBOUR * generator.standard_normal(len(scale)) * scale)
@@ -148,9 +124,7 @@ def _fastest_decay(statement: FiniteMotion, reduced: tuple[Array, Array], bases:
     return float(max(rates, default=0.0))
 
 
-def _checked_mass(
-    model: Mechanism, loops: Loops, names: tuple[str, ...], bases: Array
-) -> tuple[Array, Array]:
+def _checked_mass(loops: ScaledClosures, names: tuple[str, ...], bases: Array) -> tuple[Array, Array]:
     """Motions (n, m) of the independent coordinates and their mass; refuse those without inertia by name."""
     n = loops.equations.n
     origin = np.zeros(n)

@@ -46,24 +46,8 @@ class Signals:
 def signals(inputs: Any, names: tuple[str, ...], t: Array) -> Signals:
     """Return inputs over time as polynomials.
 
-    Parameters
-    ----------
-    inputs : mapping of str to array, number or function of t, or None
-        Inputs by name; samples (len(t),) are joined by straight lines, what is not named is 0.
-    names : tuple of str
-        Names of all inputs.
-    t : array, shape (n,)
-        Times [s].
-
-    Returns
-    -------
-    Signals
-        The polynomials; functions may add breaks between the times.
-
-    Raises
-    ------
-    ModelError
-        If a name is unknown or a value is no signal.
+    ``inputs``: inputs by name; samples (len(t),) are joined by straight lines, what is not named is 0. ``t`` (n,):
+    times [s]. Returns the polynomials; functions may add breaks between the times.
     """
     if inputs is None:
         inputs = {}

@@ -12,7 +12,6 @@ from mbsvib.common import arguments as check
 from mbsvib.common.expected import names as as_names
 from mbsvib.common.interrupts import noticing_interrupts
 from mbsvib.common.progress import counting
-from mbsvib.elements.ports import BaseMotion
 from mbsvib.errors import ModelError, SimulationError, nearest
 from mbsvib.finite_motion.statement import finite_motion
 from mbsvib.simulation.bending import warn_of_bending
@@ -40,28 +39,9 @@ def simulate(
 ) -> tuple[Trace, bool]:  # fmt: skip
     """Return the trace of a nonlinear time response; see ``Model.simulate``.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The model.
-    t, inputs, initial, without, tolerance, until, progress
-        As in ``Model.simulate``.
-    failed : callable
-        Makes the run that an error carries of the trace until then.
-
-    Returns
-    -------
-    Trace
-        States at the times.
-    bool
-        Whether it came to the last one, or to an event.
-
-    Raises
-    ------
-    ModelError
-        If what was given is refused.
-    SimulationError
-        If a step cannot be taken.
+    ``t``, ``inputs``, ``initial``, ``without``, ``tolerance``, ``until``, ``progress``: as in ``Model.simulate``.
+    ``failed``: makes the run that an error carries of the trace until then. Returns states at the times; whether it
+    came to the last one, or to an event.
     """
     time = _times(t)
     error = check.number(tolerance, "simulate", "tolerance", f"a number between {LEAST:g} and {MOST:g}")
@@ -70,13 +50,13 @@ def simulate(
     dropped = _dropped(model, without)
     statement = finite_motion(model, bases=True, without=dropped)
     for name in inputs if isinstance(inputs, Mapping) else ():
-        if isinstance(model.inputs.get(name), BaseMotion) and name not in statement.inputs:
+        if name in model.inputs and model.inputs[name].moves_ground and name not in statement.inputs:
             raise ModelError(f"simulate: base motion '{name}' turns the ground; only translations are simulated. Drive "
                              f"the model by forces.",
                              element=name, field="inputs")  # fmt: skip
     driven = signals(inputs, tuple(statement.inputs), time)
     run = session(model, statement, driven, error)
-    bases = np.tile(np.eye(3).reshape(-1), len(run.turning))
+    bases = np.tile(np.eye(3).reshape(-1), len(run.free_rotations))
     last = restarted_sample(run, initial_state(run, initial, float(time[0])), bases)
     samples, intervals, requested = [last], [0], set(np.searchsorted(driven.breaks, time).tolist())
     start = trace(run, samples, intervals)

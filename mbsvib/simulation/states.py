@@ -30,7 +30,7 @@ class State:
 
 
 @dataclass(frozen=True, slots=True)
-class Turning:
+class FreeRotation:
     """A joint with three free rotations, the components of one rotation vector on top of a base.
 
     ``rotations`` (3,) are the numbers of its rotations among the coordinates, ``base`` the number of the first entry of
@@ -48,24 +48,24 @@ class Turning:
         return np.asarray(exponential(self.axes @ q[self.rotations]) @ base)
 
 
-def turnings(motion: Kinematics) -> tuple[Turning, ...]:
+def free_rotations(motion: Kinematics) -> tuple[FreeRotation, ...]:
     """Return the joints whose rotations come on top of a base."""
     result = []
     joints = {joint.name: joint for joint in motion.topology.joints}
     for i, name in enumerate(motion.based):
         rotations = np.array([motion.names.index(f"{name}.{d}") for d in ("rx", "ry", "rz")])
         axes = np.array(joints[name].axes) if name in joints else np.eye(3)
-        result.append(Turning(name, rotations, 9 * i, axes))
+        result.append(FreeRotation(name, rotations, 9 * i, axes))
     return tuple(result)
 
 
-def restarted(state: State, bases: Array, turning: Sequence[Turning], beyond: float) -> tuple[State, Array]:
+def restarted(state: State, bases: Array, free_rotations: Sequence[FreeRotation], beyond: float) -> tuple[State, Array]:
     """Return a state whose rotation vectors longer than ``beyond`` [rad] start anew from 0, and the new bases.
 
     The angular velocity stays: w' = J^-1 q' at a vector q, w' = q' at 0.
     """
     q, qd, new = state.q, state.qd, bases
-    for joint in turning:
+    for joint in free_rotations:
         w = joint.axes @ q[joint.rotations]
         if np.linalg.norm(w) > beyond:
             total = joint.total(q, new)
@@ -97,28 +97,15 @@ def _direction(vector: Array) -> Array:
 
 
 def as_described(
-    q: Array, qd: Array, time: Array, bases: Sequence[Array], turning: Sequence[Turning]
+    q: Array, qd: Array, time: Array, bases: Sequence[Array], free_rotations: Sequence[FreeRotation]
 ) -> tuple[Array, Array]:
     """Return tree coordinates and rates (samples, n) as displacements from the pose as described.
 
-    Parameters
-    ----------
-    q, qd : array, shape (samples, n)
-        Coordinates on top of bases, and their rates.
-    time : array, shape (samples,)
-        When [s].
-    bases : sequence of array, shape (9 b,)
-        The bases of each sample.
-    turning : sequence of Turning
-        Joints that have one.
-
-    Returns
-    -------
-    tuple of two arrays, shape (samples, n)
-        The same with rotation vectors of whole rotations.
+    ``q``, ``qd`` (samples, n): coordinates on top of bases, and their rates. ``time`` (samples,): when [s]. ``bases``
+    (9 b,): the bases of each sample. Returns (samples, n): the same with rotation vectors of whole rotations.
     """
     result, rates = np.array(q), np.array(qd)
-    for joint in turning:
+    for joint in free_rotations:
         spins = np.array([
             np.linalg.solve(inverse_jacobian(joint.axes @ angles), joint.axes @ speeds)
             for angles, speeds in zip(q[:, joint.rotations], qd[:, joint.rotations], strict=True)

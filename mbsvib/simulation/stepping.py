@@ -37,7 +37,7 @@ class Sample:
 
 def restarted_sample(run: Session, state: State, bases: Array) -> Sample:
     """Return a state with its loops closed, rotation vectors started anew and coordinates chosen."""
-    state, bases = restarted(state, bases, run.turning, LONG_TURN)
+    state, bases = restarted(state, bases, run.free_rotations, LONG_TURN)
     q, opening = run.loops.projected(state.q, bases)
     if not np.isfinite(opening) or opening > 1e-6:
         raise _stopped(run, state, f"the loops stay open by {opening:.1e} of the mechanism's size")
@@ -47,26 +47,8 @@ def restarted_sample(run: Session, state: State, bases: Array) -> Sample:
 def march(run: Session, start: Sample, interrupted: Callable[[], bool]) -> Iterator[Sample]:
     """Go through the intervals of the inputs and yield the state at the end of each.
 
-    Parameters
-    ----------
-    run : Session
-        What to integrate.
-    start : Sample
-        Where to start.
-    interrupted : callable
-        Whether there was an interrupt from the keyboard, which the integrator turns into an error of its own.
-
-    Returns
-    -------
-    iterator of Sample
-        The state at each of the breaks but the first.
-
-    Raises
-    ------
-    SimulationError
-        If a step cannot be taken.
-    KeyboardInterrupt
-        If there was an interrupt.
+    ``interrupted``: whether there was an interrupt from the keyboard, which the integrator turns into an error of its
+    own.
     """
     breaks, coefficients = run.signals.breaks, run.signals.coefficients
     sample, k, count = start, 0, FIRST_BLOCK
@@ -118,7 +100,7 @@ def _block(run: Session, sample: Sample, grid: Array, coefficients: Array) -> li
 
 
 def _angles(run: Session, q: Array) -> float:
-    return max((float(np.linalg.norm(q[joint.rotations])) for joint in run.turning), default=0.0)
+    return max((float(np.linalg.norm(q[joint.rotations])) for joint in run.free_rotations), default=0.0)
 
 
 def _halved(

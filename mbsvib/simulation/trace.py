@@ -73,7 +73,7 @@ class Trace:
         kinetic, potential = (np.asarray(array) for array in self.energies(q, qd, y, base))
         time = np.array([state.time for state in states])
         outputs, slopes = self.measured.values(time, (q, qd, qdd, y, base, run.signals.at(time)))
-        where, rates = (array.T for array in as_described(q.T, qd.T, time, bases, run.turning))
+        where, rates = (array.T for array in as_described(q.T, qd.T, time, bases, run.free_rotations))
         work = np.array([state.work for state in states]).T
         return TraceValues(where, rates, outputs, slopes, kinetic, potential, work)
 
@@ -100,22 +100,7 @@ class Trace:
 
 
 def trace(session: Session, samples: Sequence[Sample], intervals: Sequence[int]) -> Trace:
-    """Return the trace of a run.
-
-    Parameters
-    ----------
-    session : Session
-        What was integrated.
-    samples : sequence of Sample
-        States at the times asked for.
-    intervals : sequence of int
-        The intervals of the inputs that start at them.
-
-    Returns
-    -------
-    Trace
-        Their trace.
-    """
+    """Return the trace of a run."""
     statement = session.statement
     parts = tuple(dict.fromkeys((*statement.kinetic, *statement.potential)))
     none = ca.SX(0.0)

@@ -177,7 +177,7 @@ def constraints(
 
 
 def _rods(topology: Topology, number: Mapping[str, int], tree: Tree, names: list[str]) -> tuple[Rod, ...]:
-    rods = [joint for joint in topology.joints if joint.kind == "distance"]
+    rods = [joint for joint in topology.joints if joint.is_rod]
     if not rods:
         return ()
     row = {name: i for i, name in enumerate(names)}

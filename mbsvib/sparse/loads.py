@@ -16,7 +16,7 @@ import numpy as np
 
 from mbsvib.elements.contribution import Contribution
 from mbsvib.elements.rows import Rows
-from mbsvib.equations.force_paths import carrier_of, point_of
+from mbsvib.equations.force_paths import joint_ends
 from mbsvib.equations.geometric_stiffness import geometric_terms
 from mbsvib.equations.second_order_rows import second_order_rows
 from mbsvib.equations.statics import LEAST_LEVER, unbalanced
@@ -110,26 +110,18 @@ def geometric(
     """
     position = np.concatenate((tree.position, np.zeros((1, 3)))).T
     applied = applied_wrenches(model, number)
-    wrench, sizes = _sum_on_bodies(applied.pairs, position)
-    wrench[:3] += applied.weight
-    sizes[0] += np.sqrt(np.square(applied.weight).sum(axis=0))
+    wrench, sizes = applied.on_bodies(position)
     reach = max([float(np.abs(position).max()), *(abs(x) for joint in topology.joints for x in joint.position or ())])
     subtree, size = _subtree_wrenches(tree, wrench, sizes + _rounding(springs, reach, position))
     cut = _cut_joint_forces(tree, closure, subtree, size, (model.name, topology), reach)
     if cut is not None:
-        wrench = wrench + _sum_on_bodies(cut, position)[0]
+        wrench = wrench + cut.on_bodies(position)[0]
         subtree = _subtree_wrenches(tree, wrench, sizes)[0]
     joints = topology.joints
-    point = np.array([point_of(joint, number, position) for joint in joints]).reshape(-1, 3).T
+    first, second, start, point, carrier = joint_ends(topology, position)
     joint_wrenches = _joint_wrenches(topology, closure, subtree, cut, position, point)
     for region in regions:
         joint_wrenches[:, region.joints] = region.minimum_norm(joint_wrenches[:, region.joints])
-    first = np.array([number[joint.first] for joint in joints], dtype=np.intp)
-    second = np.array([number[joint.second] for joint in joints], dtype=np.intp)
-    start = point.copy()
-    for k, joint in enumerate(joints):
-        if joint.kind == "distance" and joint.position is not None:
-            start[:, k] = joint.position
     in_joints = WrenchPairs(first, second, start, point, joint_wrenches[:3], joint_wrenches[3:])
     pairs = WrenchPairs.join(applied.pairs, in_joints)
     names = (*applied.names, *(joint.name for joint in joints), *topology.bodies)
@@ -142,8 +134,7 @@ def geometric(
     contribution = Contribution.join(parts)
     displacements = unknown_rows(contribution, tree, layout)
     rows, stiffness, owner = signed_squares(contribution.stiffness, displacements)
-    carriers = [carrier_of(joint, number) for joint in joints]
-    carrier = np.concatenate((applied.pairs.second, np.array(carriers, dtype=np.intp)))
+    carrier = np.concatenate((applied.pairs.second, carrier))
     circulatory = antisymmetric(contribution.circulatory, displacements)
     return Geometric(rows, stiffness, owner, names, joint_wrenches, pairs, carrier, second_order, applied, circulatory)
 
@@ -166,24 +157,13 @@ def _joint_wrenches(
     return result
 
 
-def _sum_on_bodies(pairs: WrenchPairs, position: Array) -> tuple[Array, Array]:
-    """The wrenches (6, bodies + 1) of pairs about the centres of mass, and the sizes (2, bodies + 1) of their parts."""
-    wrench, size = np.zeros((position.shape[1], 6)), np.zeros((position.shape[1], 2))
-    for arm, body, sign in zip(pairs.arms(position), (pairs.first, pairs.second), (-1.0, 1.0), strict=True):
-        lever = crossed_product(arm, pairs.force)
-        np.add.at(wrench, body, sign * np.concatenate((pairs.force, pairs.torque + lever)).T)
-        force, torque, moment = np.sqrt(np.square(np.array((pairs.force, pairs.torque, lever))).sum(axis=1))
-        np.add.at(size, body, np.stack((force, torque + moment), axis=1))
-    return wrench.T.copy(), size.T.copy()
-
-
 def _rounding(springs: ElementRows, reach: float, position: Array) -> Array:
     """Magnitudes (2, bodies + 1) of forces and moments; ``BALANCE`` times these are due to rounding of positions."""
     rows = springs.rows
     along, about = (np.linalg.norm(part, axis=0) for part in (rows.force, rows.moment))
     amount = LEAST_LEVER * np.abs(springs.stiffness) * (reach * along + about)
     pairs = WrenchPairs(rows.first, rows.second, rows.point, rows.point, amount * rows.force, amount * rows.moment)
-    return _sum_on_bodies(pairs, position)[1]
+    return pairs.on_bodies(position)[1]
 
 
 def _subtree_wrenches(tree: Tree, wrench: Array, sizes: Array) -> tuple[Array, Array]:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.elements import Bushing
 from mbsvib.equations.base_motion import ground_motion, inertia_of_ground_motion
 
 if TYPE_CHECKING:
@@ -70,11 +69,8 @@ def _with_spin(draft: SparseDraft, rows: csr_matrix) -> csr_matrix:
 
     elements = list(draft.model.springs.values())
     for row, owner, wrench in draft.port.force_outputs:
-        spring = elements[owner]
-        if isinstance(spring, Bushing):
-            axes = np.array(spring.orientation)
-            line = draft.spins.in_bushing(spring.name, np.concatenate((axes @ wrench[:3], axes @ wrench[3:])))
-            if line is not None:
-                at = np.flatnonzero(line)
-                rows = rows + csr_matrix((line[at], (np.full(len(at), row), at)), shape=rows.shape)
+        line = draft.spins.in_element(elements[owner].name, wrench)
+        if line is not None:
+            at = np.flatnonzero(line)
+            rows = rows + csr_matrix((line[at], (np.full(len(at), row), at)), shape=rows.shape)
     return rows

@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from mbsvib.elements import Maxwell
-from mbsvib.elements.ports import BaseMotion, ForceOutput
 from mbsvib.equations.controllable_part import selected_ports
 from mbsvib.equations.equations import Removed
 from mbsvib.errors import ResponseError
@@ -93,16 +91,14 @@ def _parts(model: Mechanism) -> dict[str, int]:
 
 
 def _parts_with(model: Mechanism, part: Any, part_of: dict[str, int]) -> NDArray[np.intp]:
-    """Numbers of the parts with a port; base motion acts on all parts."""
-    if isinstance(part, BaseMotion):
-        return np.array(sorted(set(part_of.values())), dtype=np.intp)
-    if isinstance(part, ForceOutput) and part.element == "ground":
-        return np.array(sorted(set(part_of.values())), dtype=np.intp)
-    if isinstance(part, ForceOutput):
+    """Numbers of the parts with a port; base motion and the force on the ground have all."""
+    if part.element is not None:
         element = model.springs.get(part.element) or model.joints.get(part.element)
         ends = (part.element,) if element is None else (element.first, element.second)
     else:
-        ends = (part.body, part.relative_to)
+        ends = ("ground",) if part.moves_ground else (part.body, part.relative_to)
+    if ends == ("ground",):
+        return np.array(sorted(set(part_of.values())), dtype=np.intp)
     return np.array([part_of[name] for name in ends if name in part_of], dtype=np.intp)
 
 
@@ -113,12 +109,12 @@ def _without(model: Mechanism, removed: set[str], inputs: set[str], outputs: set
     couplers = {name: coupler for name, coupler in model.couplers.items()
                 if all(term.rpartition(".")[0] in joints for term, _ in coupler.terms)}  # fmt: skip
     loads = {name: load for name, load in model.loads.items() if load.body not in removed}
-    # a spring to a removed body has no effect, but a Maxwell element would keep its node
+    # a spring to a removed body has no effect, but one with a node would keep it
     springs = {name: spring for name, spring in model.springs.items()
-               if not (isinstance(spring, Maxwell) and {spring.first, spring.second} & removed)}  # fmt: skip
+               if not (spring.body_positions and {spring.first, spring.second} & removed)}  # fmt: skip
 
     def with_position(part: Any) -> Any:
-        if isinstance(part, (BaseMotion, ForceOutput)) or part.position is not None:
+        if part.element is not None or part.position is not None:
             return part
         body = part.body if part.body in model.bodies else part.relative_to
         return replace(part, position=model.bodies[body].position)

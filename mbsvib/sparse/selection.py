@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from mbsvib.common.selection import port_numbers
+from mbsvib.equations.selection import port_fields
 from mbsvib.sparse.equations import SparseEquations
 
 S = TypeVar("S", bound=SparseEquations)
@@ -37,15 +38,13 @@ def with_ports(system: S, outputs: Any = None, inputs: Any = None) -> S:
         If a name is unknown.
     """
     o, i = port_numbers(outputs, inputs, (system.outputs, system.inputs), system.name)
-    selected = {system.outputs[k] for k in o}
+    ports = port_fields(system, o, i)
     separation: SparseSeparation | None = system.separation
     if separation is not None:
         separation = replace(separation, at_once=separation.at_once[np.ix_(o, i)])
     displacement, velocity, acceleration = (rows[o] for rows in system.output_rows)
     return replace(
-        system, outputs=tuple([system.outputs[k] for k in o]), inputs=tuple([system.inputs[k] for k in i]),
-        output_units=tuple([system.output_units[k] for k in o]), input_units=tuple([system.input_units[k] for k in i]),
-        input_rows=system.input_rows[i], output_rows=(displacement, velocity, acceleration), D=system.D[np.ix_(o, i)],
-        undetermined=tuple([replace(forces, outputs=tuple([name for name in forces.outputs if name in selected]))
-                            for forces in system.undetermined]), separation=separation,
+        system, input_rows=system.input_rows[i], output_rows=(displacement, velocity, acceleration),
+        undetermined=tuple([forces.among(ports["outputs"]) for forces in system.undetermined]), separation=separation,
+        **ports,
     )  # fmt: skip

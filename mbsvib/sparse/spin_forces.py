@@ -55,11 +55,12 @@ class SpinForces:
             result += rows.T @ (damper.matrix.T @ along)
         return result
 
-    def in_bushing(self, name: str, wrench: Array) -> Array | None:
-        """Return the force of a rotating bushing along a wrench (6,), world axes; None if it does not rotate."""
+    def in_element(self, name: str, wrench: Array) -> Array | None:
+        """Return the force of a rotating damper along a wrench (6,) in its axes; None if the element does not rotate.
+        """
         for damper, rows in self.dampers:
             if damper.name == name:
-                return np.asarray(-(rows.T @ (damper.matrix.T @ wrench)))
+                return np.asarray(-(rows.T @ (damper.matrix.T @ (damper.axes @ wrench))))
         return None
 
 

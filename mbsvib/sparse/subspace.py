@@ -25,8 +25,9 @@ DENSE_DOF = 24
 SEARCHES = 6
 # Below this share of the shift, the square of a frequency may be that of a rigid-body mode.
 RIGID = 1e-8
-# A shift within this fraction of the square of a frequency is too close, and is moved by one of the offsets.
+# A shift within this fraction of the square of a frequency is too close,
 TOO_CLOSE = 1e-6
+# and is moved by one of these.
 OFFSETS = (0.0, 1e-5, -2e-5, 5e-5, -1e-4, 2e-4)
 # Displacements below this fraction of the largest are rounding, and their strains are set to 0.
 ROUNDED = float(np.finfo(float).eps) ** 2

@@ -18,7 +18,7 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_model, names, reals
 from mbsvib.errors import ModelError, nearest
 from mbsvib.linalg.matching import track_modes
-from mbsvib.modes.result import growing
+from mbsvib.modes.pairs import growing
 from mbsvib.studies.speed_sweep import CriticalSpeed, critical_speeds, speed_sweep, stability_limits, upper_eigenvalues
 
 if TYPE_CHECKING:

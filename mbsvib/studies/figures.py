@@ -28,29 +28,10 @@ def over_variables(
 ) -> Figure:  # fmt: skip
     """Draw real numbers over the variables of a sweep.
 
-    Parameters
-    ----------
-    values : array, shape (n,) or (n, ...)
-        What is drawn.
-    label : str
-        Its name.
-    columns : mapping of str to array, shape (n,)
-        Variables by point.
-    axes_values : mapping of str to array
-        Values of each variable.
-    grid : bool
-        Whether points are all combinations of these.
-    units : mapping of str to str
-        Of variables and results, as far as known.
-    name : str
-        The model's name.
-    entries : sequence of str
-        Names or numbers of the modes that the entries of a vector belong to; default: the numbers of the entries.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Lines over one variable, a map over two (of the first entry of a vector), histograms over more.
+    ``values`` (n,) or (n, ...): what is drawn. ``columns`` (n,): variables by point. ``grid``: whether points are all
+    combinations of these. ``entries``: names or numbers of the modes that the entries of a vector belong to; default:
+    the numbers of the entries. Returns lines over one variable, a map over two (of the first entry of a vector),
+    histograms over more.
     """
     varied = [variable for variable, axis in axes_values.items() if len(np.unique(axis)) > 1]
     flat = values.reshape(len(values), -1).astype(float)
@@ -98,23 +79,9 @@ def root_locus(
 ) -> Figure:
     """Draw the eigenvalues of modes over the points of a sweep.
 
-    Parameters
-    ----------
-    eigenvalues : array, shape (n, modes)
-        Those without negative imaginary parts [1/s].
-    modes : sequence of str
-        Names of the modes.
-    variables : iterable of str
-        Names of what varies.
-    name : str
-        The model's name.
-    samples : bool
-        Whether neighbours in the array are not neighbours in the variables, so that no line joins them.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The upper half of the complex plane, a line for each mode with dots at the points, the first 12 modes.
+    ``eigenvalues`` (n, modes): those without negative imaginary parts [1/s]. ``samples``: whether neighbours in the
+    array are not neighbours in the variables, so that no line joins them. Returns the upper half of the complex plane,
+    a line for each mode with dots at the points, the first 12 modes.
     """
     with style.context():
         figure = style.new_figure(6.4, 4.2)
@@ -142,21 +109,8 @@ def root_locus(
 def tolerances(labels: Sequence[str], sampled: Array, linear: Array, nominal: Array, name: str) -> Figure:
     """Draw histograms of a tolerance analysis.
 
-    Parameters
-    ----------
-    labels : sequence of str
-        The k numbers.
-    sampled, linear : array, shape (n, k)
-        Numbers of the samples, and their first-order values.
-    nominal : array, shape (k,)
-        Numbers of the nominal model.
-    name : str
-        The model's name.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Samples as areas, first-order values as lines, the nominal value as a dashed line.
+    ``sampled``, ``linear`` (n, k): numbers of the samples, and their first-order values. ``nominal`` (k,): numbers of
+    the nominal model. Returns samples as areas, first-order values as lines, the nominal value as a dashed line.
     """
     count = len(labels)
     columns = min(3, count)

@@ -42,28 +42,8 @@ def first_order(
 ) -> FirstOrder:
     """Return the first-order effect of scatter.
 
-    Parameters
-    ----------
-    point : DesignPoint
-        The nominal system, and the variables.
-    quantities : mapping of str to Quantity
-        The quantities of interest.
-    off : array, shape (n, variables)
-        How far variables are off in each sample.
-    sizes : array, shape (variables,)
-        Tolerances.
-    deviation : float
-        Standard deviation of each variable in parts of its tolerance.
-
-    Returns
-    -------
-    FirstOrder
-        Deviations, worst cases, shares, samples.
-
-    Raises
-    ------
-    ModelError
-        If a derivative does not exist.
+    ``off`` (n, variables): how far variables are off in each sample. ``sizes`` (variables,): tolerances. ``deviation``:
+    standard deviation of each variable in parts of its tolerance.
     """
     try:
         duals = [quantity.at(point) for quantity in quantities.values()]
@@ -97,19 +77,7 @@ def first_order(
 def no_order(point: DesignPoint, quantities: Mapping[str, Quantity], off: Array) -> FirstOrder:
     """Return only the nominal values; first-order results are not a number.
 
-    Parameters
-    ----------
-    point : DesignPoint
-        The nominal system.
-    quantities : mapping of str to Quantity
-        The quantities of interest.
-    off : array, shape (n, variables)
-        How far variables are off in each sample.
-
-    Returns
-    -------
-    FirstOrder
-        Nominal values.
+    ``off`` (n, variables): how far variables are off in each sample.
     """
     values = [np.atleast_1d(np.asarray(quantity(point.system), dtype=float)) for quantity in quantities.values()]
     nominal = np.concatenate(values)

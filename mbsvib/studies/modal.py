@@ -87,19 +87,9 @@ class Modal(Leaf):
 def together(values: Complex, scatter: Array, largest: int = 30) -> list[list[int]]:
     """Return groups of modes whose eigenvalues are close compared with their scatter.
 
-    Parameters
-    ----------
-    values : array, shape (modes,)
-        Eigenvalues with positive imaginary parts; others are in no group.
-    scatter : array, shape (modes,)
-        Standard deviations of the single eigenvalues.
-    largest : int
-        Maximum number of modes in a group; larger groups are omitted.
-
-    Returns
-    -------
-    list of list of int
-        Groups of two modes at least, neighbours within ``NEAR`` standard deviations.
+    ``values`` (modes,): eigenvalues with positive imaginary parts; others are in no group. ``scatter`` (modes,):
+    standard deviations of the single eigenvalues. ``largest``: maximum number of modes in a group; larger groups are
+    omitted. A group has two modes at least, neighbours within ``NEAR`` standard deviations.
     """
     turns = np.flatnonzero(values.imag > 0.0)
     gap = np.abs(values[turns][:, None] - values[turns])
@@ -116,19 +106,8 @@ def parting(system: System, group: list[int], variables: Any) -> tuple[Complex, 
 
     dA_ij = -x_i^T (l_i l_j dM + (l_i + l_j) / 2 dC + dK) x_j, with x_i^T ((l_i + l_j) M + C) x_j = 1 for i = j, else 0
 
-    Parameters
-    ----------
-    system : System
-        The equations of motion, symmetric.
-    group : list of int
-        Modes whose eigenvalues l are near to each other.
-    variables : mapping
-        The variables p.
-
-    Returns
-    -------
-    tuple of array, shape (modes, modes) and array, shape (variables, modes, modes)
-        A, and its derivative to each variable.
+    ``group``: modes whose eigenvalues l are near to each other. Returns (modes, modes) and (variables, modes, modes):
+    A, and its derivative to each variable.
     """
     modes = system.modes()
     x, values = modes.shapes[:, group], modes.pairs[group, 0]

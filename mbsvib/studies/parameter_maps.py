@@ -54,7 +54,7 @@ class Tie(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Linear:
+class LinearMap:
     """Parameters that are ``origin`` + rate x variable, summed over the ``maps`` {variable: {parameter: rate}}."""
 
     maps: Mapping[str, Mapping[str, float]]
@@ -84,15 +84,7 @@ def angular_velocity_map(w: Array) -> Array:
 
     J = I + (1 - cos a) / a^2 [w]x + (a - sin a) / a^3 [w]x^2,  a = |w|
 
-    Parameters
-    ----------
-    w : array, shape (3,)
-        Rotation vector [rad].
-
-    Returns
-    -------
-    array, shape (3, 3)
-        The left Jacobian of the exponential map.
+    ``w`` (3,): rotation vector [rad]. Returns (3, 3): the left Jacobian of the exponential map.
     """
     square = float(w @ w)
     if square < SMALL:

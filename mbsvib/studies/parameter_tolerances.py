@@ -26,24 +26,8 @@ DEVIATION = {"normal": 1.0 / 3.0, "uniform": 1.0 / np.sqrt(3.0)}
 def parameter_tolerances(model: Model, tolerances: Mapping[str, Any], ties: Ties | None) -> dict[str, float]:
     """Return the tolerance of each parameter.
 
-    Parameters
-    ----------
-    model : Model
-        The mechanism.
-    tolerances : mapping of str to float or str
-        By name or pattern, in the unit of the parameter, or as a share of its value, "2 %".
-    ties : mapping of str to mapping of str to float or Tie, optional
-        Functions, whose names may be among the tolerances.
-
-    Returns
-    -------
-    dict of str to float
-        Tolerances of single parameters and of ties.
-
-    Raises
-    ------
-    ModelError
-        If a parameter is unknown, or a tolerance is not positive.
+    ``tolerances``: by name or pattern, in the unit of the parameter, or as a share of its value, "2 %". ``ties``:
+    functions, whose names may be among the tolerances.
     """
     if not isinstance(tolerances, Mapping) or not tolerances:
         raise check.refuse("tolerances", "tolerances", tolerances, "how far each parameter may be off, such as "
@@ -84,26 +68,9 @@ def random_values(
 ) -> dict[str, Array]:
     """Return random values.
 
-    Parameters
-    ----------
-    centre, tolerance : mapping of str to float
-        Nominal value and tolerance of each variable.
-    samples : int
-        How many.
-    distribution : str
-        "normal": the tolerance is three standard deviations; "uniform": all values within it have the same density.
-    seed : int, optional
-        Of the random numbers.
-
-    Returns
-    -------
-    dict of str to array, shape (samples,)
-        Values by variable.
-
-    Raises
-    ------
-    ModelError
-        If there are no samples, or no such distribution.
+    ``centre``, ``tolerance``: nominal value and tolerance of each variable. ``distribution``: "normal": the tolerance
+    is three standard deviations; "uniform": all values within it have the same density. ``seed``: of the random
+    numbers. Returns (samples,): values by variable.
     """
     if not isinstance(samples, (int, np.integer)) or isinstance(samples, bool) or samples < 2:
         raise check.refuse("tolerances", "samples", samples, "a whole number, at least 2")

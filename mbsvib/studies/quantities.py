@@ -219,20 +219,7 @@ class Constraint(Displayed):
 def quantity(value: Any) -> Quantity:
     """Return a quantity, or a constant as one.
 
-    Parameters
-    ----------
-    value : Quantity or array-like, shape () or (k,)
-        What to take as a quantity.
-
-    Returns
-    -------
-    Quantity
-        The same, or the constant.
-
-    Raises
-    ------
-    ModelError
-        If it is neither.
+    ``value`` () or (k,): what to take as a quantity.
     """
     if isinstance(value, Quantity):
         return value

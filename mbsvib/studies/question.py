@@ -59,13 +59,7 @@ class Question:
         return result
 
     def ask_batch(self, batch: Batch) -> Answer:
-        """Return the results of all variants, which have an axis of variants in front.
-
-        Raises
-        ------
-        ModelError
-            If a result has no such axis.
-        """
+        """Return the results of all variants, which have an axis of variants in front."""
         results = self.ask(batch)
         for label, value in results.items():
             if value.shape[:1] != (len(batch),):
@@ -78,22 +72,8 @@ class Question:
 def question(of: Asked, batched: bool = False) -> Question:
     """Return the results to be computed at each point, checked.
 
-    Parameters
-    ----------
-    of : str, callable or mapping of str to str or callable
-        A path from a system ("modes.frequencies", "poles", "K"), a function of a system, or several by label.
-    batched : bool
-        Say that functions take batches as well and return an axis of variants in front.
-
-    Returns
-    -------
-    Question
-        The question, checked.
-
-    Raises
-    ------
-    ModelError
-        If it is neither.
+    ``of``: a path from a system ("modes.frequencies", "poles", "K"), a function of a system, or several by label.
+    ``batched``: say that functions take batches as well and return an axis of variants in front.
     """
     items: Mapping[Any, Any] = of if isinstance(of, Mapping) else {_label(of): of}
     for item in items.values():
@@ -105,25 +85,7 @@ def question(of: Asked, batched: bool = False) -> Question:
 
 
 def follow(system: Any, path: str) -> Any:
-    """Return the value of a path of attributes, and of methods that need no arguments.
-
-    Parameters
-    ----------
-    system : System or Batch
-        Where it starts.
-    path : str
-        Names with dots in between.
-
-    Returns
-    -------
-    object
-        The result.
-
-    Raises
-    ------
-    ModelError
-        If there is no such name, or a method needs arguments.
-    """
+    """Return the value of a path of attributes, and of methods that need no arguments."""
     value = system
     for name in path.split("."):
         kind = type(value).__name__

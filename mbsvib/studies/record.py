@@ -101,21 +101,7 @@ class Record:
 def head(model: Model, points: Points, values: Mapping[str, Any], question: Question) -> dict[str, Any]:
     """Return the header that identifies a study: the model, the values of its parameters, and names of the results.
 
-    Parameters
-    ----------
-    model : Model
-        The mechanism.
-    points : Points
-        The points.
-    values : mapping of str to array, shape (n,)
-        Values of parameters at the points.
-    question : Question
-        The results to be computed.
-
-    Returns
-    -------
-    dict
-        The first line of a record.
+    ``values`` (n,): values of parameters at the points.
     """
     from mbsvib.files.saving import described
     from mbsvib.files.text import json_text

@@ -196,17 +196,7 @@ def _mode_numbers(label: str, values: NDArray[Any]) -> tuple[str, ...]:
 def gathered(count: int, outcomes: Mapping[int, Mapping[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
     """Return arrays over all points from the results of single points.
 
-    Parameters
-    ----------
-    count : int
-        How many points there are.
-    outcomes : mapping of int to mapping of str to array
-        Results by point and label.
-
-    Returns
-    -------
-    dict of str to array
-        By label; NaN where there is none, or arrays of objects where shapes differ.
+    By label; NaN where there is none, or arrays of objects where shapes differ.
     """
     labels = list(dict.fromkeys(label for outcome in outcomes.values() for label in outcome))
     result = {}

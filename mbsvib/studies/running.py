@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from mbsvib.api.model import Model
-    from mbsvib.studies.design import Design
+    from mbsvib.studies.design import StudyVariables
     from mbsvib.studies.question import Answer, Question
 
 Outcome: TypeAlias = "Answer | str"
@@ -40,7 +40,7 @@ class Task:
     """The work at points; ``kind``: "batch" (computed at once), "variants" (linearized at once) or "single"."""
 
     model: Model
-    design: Design
+    design: StudyVariables
     question: Question
     kind: str
     dof: int = 1
@@ -100,28 +100,8 @@ class Task:
             return error_text(error)
 
 
-def task(model: Model, design: Design, question: Question) -> Task:
-    """Return the work at each point, after a check at the given model.
-
-    Parameters
-    ----------
-    model : Model
-        The mechanism.
-    design : Design
-        Its variables.
-    question : Question
-        The results to be computed.
-
-    Returns
-    -------
-    Task
-        The work at any point.
-
-    Raises
-    ------
-    ModelError
-        If systems have no such result.
-    """
+def task(model: Model, design: StudyVariables, question: Question) -> Task:
+    """Return the work at each point, after a check at the given model."""
     try:
         system = model.linearize()
     except MbsvibError:
@@ -146,27 +126,8 @@ def task(model: Model, design: Design, question: Question) -> Task:
 def run(task: Task, columns: Mapping[str, Any], todo: Sequence[int], workers: int | None) -> Iterator[Outcomes]:
     """Compute the remaining points and yield their outcomes as they are available.
 
-    Parameters
-    ----------
-    task : Task
-        What is done.
-    columns : mapping of str to array, shape (n,)
-        Values of the variables at all points.
-    todo : sequence of int
-        Numbers of the points that are to do.
-    workers : int, optional
-        Number of processes; 1: only this one. Default: joblib's configuration, else the number of processors if the
-        study takes long.
-
-    Returns
-    -------
-    iterator of list
-        Numbers of points with their answers or errors.
-
-    Raises
-    ------
-    ModelError
-        If ``workers`` is not a positive number.
+    ``columns`` (n,): values of the variables at all points. ``workers``: number of processes; 1: only this one.
+    Default: joblib's configuration, else the number of processors if the study takes long.
     """
     if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
         raise check.refuse("study", "workers", workers, "a whole number of processes, at least 1")

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
-    from mbsvib.studies.design import Design
+    from mbsvib.studies.design import StudyVariables
 
 
 @dataclass(frozen=True)
@@ -47,27 +47,11 @@ class Scales:
         return np.where(self.positive, np.log(ratio), (p - self.start) / self.size)
 
 
-def scales(design: Design, variables: Mapping[str, Any], start: Mapping[str, float] | None) -> Scales:
+def scales(design: StudyVariables, variables: Mapping[str, Any], start: Mapping[str, float] | None) -> Scales:
     """Return the unknowns of a search.
 
-    Parameters
-    ----------
-    design : Design
-        The variables and their parameters.
-    variables : mapping of str to (float, float) or None
-        Lower and upper bound of each; None: none, on that side or on both.
-    start : mapping of str to float, optional
-        Initial values; default: those of the model, 0 for linear maps.
-
-    Returns
-    -------
-    Scales
-        The unknowns.
-
-    Raises
-    ------
-    ModelError
-        If bounds are not valid, or the start is not between them.
+    ``variables``: lower and upper bound of each; None: none, on that side or on both. ``start``: initial values;
+    default: those of the model, 0 for linear maps.
     """
     begin = dict(start or {})
     for name in begin:

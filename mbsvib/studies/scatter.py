@@ -35,6 +35,10 @@ if TYPE_CHECKING:
     from mbsvib.studies.design import Ties
     from mbsvib.studies.results import Sweep
 
+# What a tolerance is in each distribution.
+MEANING = {"normal": "Normal distribution: a tolerance is three standard deviations.",
+           "uniform": "Uniform distribution: all values within a tolerance are equally likely."}  # fmt: skip
+
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Tolerances(Displayed):
@@ -56,6 +60,7 @@ class Tolerances(Displayed):
     worst: Array
     shares: Array
     tolerance: Mapping[str, float]
+    distribution: str
     sweep: Sweep
     sampled: Array = field(repr=False)
     linear: Array = field(repr=False)
@@ -150,7 +155,7 @@ class Tolerances(Displayed):
         heads = ("nominal", "mean", "std", "std, 1st order", "worst, 1st order", "most by", "share [%]")
         columns = [("", "left"), *((head, "left" if head == "most by" else "right") for head in heads)]
         notes = [f"{counted(len(names), 'variable')}, {counted(len(self.sampled), 'sample')}, "
-                 f"{counted(int((~self._good).sum()), 'failure')}."]  # fmt: skip
+                 f"{counted(int((~self._good).sum()), 'failure')}. {MEANING[self.distribution]}"]  # fmt: skip
         if self.parted.any():
             notes.append("Neighbouring modes repel each other as soon as anything is off: their means are not nominal.")
         return {"title": f"Tolerances of {self.name}", "columns": columns, "rows": rows, "notes": notes}
@@ -244,7 +249,8 @@ def tolerances(
                   workers=workers, file=file, progress=progress)  # fmt: skip
     sampled = np.concatenate([swept[label].reshape(samples, -1) for label in quantities], axis=1)
     return Tolerances(model.name, _labels(quantities, linear.counts, ask), linear.nominal, linear.deviation,
-                      linear.worst, linear.shares, width, swept, sampled, linear.linear, linear.parted)  # fmt: skip
+                      linear.worst, linear.shares, width, distribution, swept, sampled, linear.linear,
+                      linear.parted)  # fmt: skip
 
 
 class _Ask:

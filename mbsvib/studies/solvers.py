@@ -34,20 +34,7 @@ class SolverResult:
 def solver(method: str) -> Callable[[Search, Array, Mapping[str, Any]], SolverResult]:
     """Return a solver by its name.
 
-    Parameters
-    ----------
-    method : str
-        "SLSQP", "trust-constr" or "ipopt".
-
-    Returns
-    -------
-    callable
-        Takes a search, its start, and the solver's own options.
-
-    Raises
-    ------
-    ModelError
-        If there is no such solver, or it is not installed.
+    ``method``: "SLSQP", "trust-constr" or "ipopt".
     """
     known = {"slsqp": _slsqp, "trust-constr": _trust, "ipopt": _ipopt}
     name = str(method).lower()

@@ -38,23 +38,8 @@ class Points:
 def points(values: Mapping[str, Any], how: str) -> Points:
     """Return the points of a sweep.
 
-    Parameters
-    ----------
-    values : mapping of str to array-like, shape (k,) or ()
-        Values of each variable.
-    how : str
-        "grid": every combination, the last variable runs fastest; "paired": the arrays have one length, and a number
-        is the same at all points.
-
-    Returns
-    -------
-    Points
-        The points.
-
-    Raises
-    ------
-    ModelError
-        If values are not finite numbers, arrays of a paired sweep differ in length, or there are no points.
+    ``values`` (k,) or (): values of each variable. ``how``: "grid": every combination, the last variable runs fastest;
+    "paired": the arrays have one length, and a number is the same at all points.
     """
     if how not in HOW:
         raise check.refuse("sweep", "how", how, "'grid' or 'paired'")

@@ -93,8 +93,7 @@ class TradeOff(Displayed):
         """
         from mbsvib.common.csv_columns import write_columns
 
-        columns = self.columns()
-        return write_columns(path, list(columns), list(columns.values()))
+        return write_columns(path, self.columns())
 
     def table(self) -> dict[str, Any]:
         """Return the table of designs as arguments of ``mbsvib.common.tables.text`` and ``show``.

@@ -71,20 +71,7 @@ class Robot:
 def read(path: str | PathLike[str]) -> Robot:
     """Read a URDF file.
 
-    Parameters
-    ----------
-    path : str or path-like
-        The file.
-
-    Returns
-    -------
-    Robot
-        Masses and joints of the file; shapes, colours and limits are ignored.
-
-    Raises
-    ------
-    ModelError
-        If the file cannot be read, is no URDF, or its links are no tree.
+    Returns masses and joints of the file; shapes, colours and limits are ignored.
     """
     try:
         top = read_xml(content_of(path, ModelError, "a URDF file"))

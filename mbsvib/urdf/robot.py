@@ -11,6 +11,7 @@ import numpy as np
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.errors import LeftOutWarning, ModelError, nearest
+from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.urdf.groups import Group
 from mbsvib.urdf.reading import Hinge, Robot, read
 
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
 
 
-GROUND = "ground"
 MOST_NAMES = 8  # joints that a warning lists
 # Joint of the model, and the direction along or about which its spring acts, by the joint of the file.
 KINDS = {"revolute": ("revolute", 5), "continuous": ("revolute", 5), "prismatic": ("prismatic", 2)}
@@ -73,7 +73,7 @@ def load_urdf(
     """
     robot = read(path)
     _known("pose", pose or {}, robot)
-    frames = _placed(robot, _positions(robot, pose or {}))
+    frames = _link_frames(robot, _positions(robot, pose or {}))
     model = Model(robot.name if name is None else name, gravity)
     groups = _groups(robot, frames, floating)
     for group in dict.fromkeys(groups.values()):
@@ -127,7 +127,7 @@ def _positions(robot: Robot, pose: Mapping[str, float]) -> dict[str, float]:
     return result
 
 
-def _placed(robot: Robot, positions: dict[str, float]) -> dict[str, tuple[Array, Array]]:
+def _link_frames(robot: Robot, positions: dict[str, float]) -> dict[str, tuple[Array, Array]]:
     """World position and axes of each link's frame, parents before children."""
     children: dict[str, list[Hinge]] = {}
     for joint in robot.joints.values():

@@ -8,6 +8,7 @@ import sys
 import pytest
 
 import mbsvib as mv
+from mbsvib.cli._commands import HOMES, command_of
 from tests.support.cli import invoke
 
 
@@ -45,7 +46,27 @@ def test_names_of_the_model_in_question(run):
     assert candidates(run, "isolation", "slider.yaml", "") == ["mass", "ground"]
     assert candidates(run, "sweep", "slider.yaml", "k.sti") == ["k.stiffness"]
     assert candidates(run, "sweep", "slider.yaml", "mass.mass=1:2", "k.d") == ["k.damping"]
+    assert candidates(run, "path", "slider.yaml", "") == ["rail.z"]
+    assert candidates(run, "export", "slider.yaml", "--tunable", "k.d") == ["k.damping"]
+    assert candidates(run, "equilibrium", "slider.yaml", "--preload", "") == ["k"]
     assert candidates(run, "bode", "faulty.yaml", "--input", "") == [""]
+
+
+def test_words_of_options(run):
+    """Numbers to choose from ended completion in a traceback."""
+    assert candidates(run, "path", "toggle", "elbow.rz=0:1", "--switch", "") == ["-1", "0", "1"]
+    assert candidates(run, "export", "stewart", "--realization", "m") == ["modal"]
+    assert candidates(run, "export", "stewart", "--fmi", "") == ["2.0", "3.0"]
+    assert candidates(run, "export", "stewart", "--method", "") == ["zoh", "foh", "tustin"]
+    assert candidates(run, "draw", "stewart", "--view", "3") == ["3-D"]
+
+
+def test_every_argument_can_be_completed(run):
+    """Whatever option of whatever command stands before the cursor, completion answers."""
+    for name in HOMES:
+        for argument in command_of(name).arguments:
+            if argument.optional:
+                assert candidates(run, name, "slider.yaml", argument.names[0], "") is not None
 
 
 @pytest.fixture

@@ -113,7 +113,7 @@ def test_isolation(run, tmp_path):
     assert_allclose(found["index"], study.index)
     assert (tmp_path / "t.svg").exists()
     assert "amplification at resonance" in run("isolation stewart_isolator platform").stdout
-    assert run("isolation stewart_isolator platfrm").exit_code == 1
+    assert run("isolation stewart_isolator platfrm").exit_code == 2
 
 
 CURVES = ["sigma quarter_car", "nyquist quarter_car -i actuator --output travel --from 0.5 --to 20"]

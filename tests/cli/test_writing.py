@@ -148,7 +148,10 @@ def test_c_and_modelica(run, tmp_path):
     assert "CAR_STEP 0.002" in (tmp_path / "car.h").read_text()
     assert "(modal)" in (tmp_path / "car.c").read_text()
     assert (tmp_path / "car_test.c").exists()
-    assert run("export quarter_car -o car.c --realization physical").exit_code == 0
+    result = run("export quarter_car -o car.c --realization physical")
+    assert result.exit_code == 0
+    assert "a step every 0.0001 s" in result.stdout
+    assert "CAR_STEP 0.0001" in (tmp_path / "car.h").read_text()
     assert "(physical)" in (tmp_path / "car.c").read_text()
     assert run("export quarter_car -o car.mo").exit_code == 0
     assert "der(hub_z)" in (tmp_path / "car.mo").read_text()

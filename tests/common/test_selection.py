@@ -34,11 +34,12 @@ def test_keywords_select_as_brackets_do(ask):
 
 
 def test_responses_are_rows_and_columns_of_all():
-    whole = SYSTEM.frequency_response(W)
+    response = SYSTEM.frequency_response(W)
     rows = [SYSTEM.outputs.index(name) for name in ("z", "x")]
     columns = [SYSTEM.inputs.index(name) for name in ("Fz", "Fx")]
     part = SYSTEM[["z", "x"], ["Fz", "Fx"]]
-    np.testing.assert_allclose(part.frequency_response(W), whole[np.ix_(rows, columns)], rtol=1e-12)
+    expected = response[np.ix_(rows, columns)]  # z and x do not act on each other: what stands there is rounding
+    np.testing.assert_allclose(part.frequency_response(W), expected, rtol=1e-12, atol=1e-14 * abs(expected).max())
     assert part.modes() is SYSTEM.modes()
     assert part.hinf_norm(parameters=[]).value == pytest.approx(
         SYSTEM.hinf_norm(["z", "x"], ["Fz", "Fx"], []).value, rel=1e-13)  # fmt: skip

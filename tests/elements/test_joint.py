@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
-from mbsvib.elements.joint import KINDS
+from mbsvib.elements.joint_kinds import KINDS
 from tests.support.random_models import rotation
 
 FREEDOM = {

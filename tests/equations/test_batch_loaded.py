@@ -57,3 +57,34 @@ def test_a_variant_out_of_balance_is_named_by_its_index():
     preload = model.springs["spring"].preload
     with pytest.raises(mv.EquilibriumError, match=r"variant 1: model 'four_bar' is not in balance"):
         model.linearize(values={"spring.preload": [preload, 2 * preload]})
+
+
+def post(gravity=None, **spring):
+    model = mv.Model("post", gravity=gravity)
+    model.add_body("rod", 1.0, (0.1, 0.1, 0.1), position=(0, 0, 1))
+    model.add_joint("foot", "universal", "ground", "rod", (0, 0, 0))
+    model.add_spring("stay", "ground", "rod", (0, 0, 3), (0, 0, 1.5), 100.0, **spring)
+    model.add_bushing("pad", "ground", "rod", (0, 0, 0.5), (0, 0, 0, 5, 5, 5), preload=(0, 0, 0, 0, 0, 0))
+    model.add_input("F", "rod", "x")
+    return model
+
+
+@pytest.mark.parametrize(("model", "name", "value"), [
+    (post(preload=0.0), "stay.preload", 50.0),
+    (post(free_length=1.5), "stay.free_length", 1.0),
+    (post(free_length=1.5), "stay.start.z", 2.5),
+    (post(gravity=(0, 0, 0)), "gravity.z", -9.81),
+    (post(), "pad.preload.z", 20.0),
+])  # fmt: skip
+def test_a_model_without_loads_has_variants_with_loads(model, name, value):
+    batch = model.linearize(values={name: [0.5 * value, value]})
+    for system, part in zip(batch, (0.5, 1.0), strict=True):
+        expected = model.with_values({name: part * value}).linearize()
+        np.testing.assert_allclose(system.K, expected.K, rtol=1e-14)
+
+
+def test_values_that_an_element_refuses_are_named_by_variant():
+    model = post()
+    model.add_inerter("flywheel", "ground", "rod", (0, 0, 3), (0, 0, 1.5), 2.0)
+    with pytest.raises(mv.ModelError, match=r"variant 1: values\['flywheel.inertance'\]\[1\] = -1"):
+        model.linearize(values={"flywheel.inertance": [1.0, -1.0]})

@@ -159,3 +159,16 @@ def test_named_plants_go_on_to_other_exports(tmp_path):
     mx.to_fmu(g, tmp_path / "g.fmu")
     mx.to_npz(control.feedback(g, law(), sign=1), tmp_path / "g.npz")
     assert mx.from_npz(tmp_path / "g.npz").states == ("hub.z", "strut.z", "d(hub.z)/dt", "d(strut.z)/dt", "integral")
+
+
+def test_names_of_mbsvib_and_patterns_pick_signals():
+    """``"body.z"`` is ``"body:z"`` there; python-control knows the latter only."""
+    full = plant()
+    part = full["body.z", "actuator"]
+    assert (part.output_labels, part.input_labels) == (["body:z"], ["actuator"])
+    np.testing.assert_array_equal(part.C, full["body:z", "actuator"].C)
+    assert full["b*.z", "act*"].output_labels == ["body:z"]
+    assert full[["body.z"], 0].output_labels == full[[0], "actuator"].output_labels == ["body:z"]
+    assert full[0, :].input_labels == full.input_labels
+    with pytest.raises(ValueError, match=r"output 'body.x': system .* has no such output\. Did you mean 'body:z'"):
+        full["body.x", "actuator"]

@@ -30,6 +30,33 @@ def slider(stiffness=0.0, damping=0.0):
     return model.linearize()
 
 
+def test_modes_that_nothing_damps_have_no_damping_in_tables():
+    """Rounding was shown as a damping ratio of -1e-14 %, which reads as unstable."""
+    model = mv.Model("stage")
+    model.add_body("table", 2.0, (0.004, 0.004, 0.007))
+    model.add_bushing("flexures", "ground", "table", position=(0.01, 0, -0.03),
+                      stiffness=(800.0, 3e6, 5e6, 3e3, 4e3, 1e4), damping=(1.0, 0, 0, 0, 0, 0))  # fmt: skip
+    model.add_input("coil", "table", "x")
+    model.add_output("v", "table", "x", quantity="velocity")
+    system = model.linearize()
+    loop = system.feedback([[-16.0]], "v", "coil")
+    assert loop.stable
+    for table in (system.modes().table(), loop.table()):
+        column = [head for head, _ in table["columns"]].index("damping ratio [%]")
+        ratios = np.array([float(row[column]) for row in table["rows"]])
+        assert ratios.max() > 0.1
+        assert (ratios[ratios < 1e-9] == 0.0).all()
+        assert (ratios == 0.0).any()
+
+
+def test_no_upper_limit_where_the_loop_gain_vanishes():
+    """A modulus of 1 but for rounding gave a gain margin of 1e15 in place of infinity."""
+    for gain in (-3.0, -0.3, -30.0):
+        margins = slider(400.0, 1.0).feedback([[gain]], "v", "F").margins()
+        assert margins.modulus == pytest.approx(1.0, abs=1e-9)
+        assert margins.all_gains == (pytest.approx(0.5, abs=1e-9), np.inf)
+
+
 PI = control.ss([[0.0]], [[1.0]], [[-1e2]], [[-1e3]])
 LAWS = {
     "static gain": ([[-1e2]], ["x"], ["Fx"]),

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 import mbsvib as mv
-from mbsvib.elements.joint import KINDS
+from mbsvib.elements.joint_kinds import KINDS
 from mbsvib.files.words import SECTIONS
 from mbsvib.mechanism.mechanism import GROUND
 

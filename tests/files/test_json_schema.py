@@ -10,7 +10,7 @@ from hypothesis import given
 
 import mbsvib as mv
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.elements.joint import KINDS
+from mbsvib.elements.joint_kinds import KINDS
 from mbsvib.elements.ports import QUANTITIES
 from mbsvib.files import load, save, schema
 from mbsvib.files.words import SECTIONS, VERSION, head_words, mandatory, words

@@ -27,9 +27,9 @@ RTOL, ROUNDING = 1e-6, 1e-12
 LENGTH = 0.1
 # Forces by this share of the largest loads at least.
 FORCE = 1e-3
-# Newton's method for variants: its steps, the shares of the forces at which it ends and that may be left then, what no
-# stiffness holds, and how far it may go, against the size of the mechanism.
-NEWTON, BALANCED, LEFT, HELD, FAR, TINY = 12, 1e-14, 1e-8, 1e-10, 0.5, 1e-300
+# Newton's method for variants: its steps, the shares of the forces at which it ends and that may be left then (half of
+# what a model in balance may leave), what no stiffness holds, and how far it may go, against the size of the mechanism.
+NEWTON, BALANCED, LEFT, HELD, FAR, TINY = 12, 1e-14, 5e-10, 1e-10, 0.5, 1e-300
 
 
 class Unlike(mv.ModelError):

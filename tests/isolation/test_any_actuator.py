@@ -157,3 +157,10 @@ REFUSALS = [
 def test_refusals(ask, message):
     with pytest.raises(mv.ModelError, match=message):
         ask()
+
+
+def test_laws_in_legs_need_legs():
+    """A controller without sensors and actuators would damp nothing and say nothing."""
+    plant = isolation.actuated(library.stewart_isolator(), "platform", [])
+    with pytest.raises(mv.ResponseError, match=r"force_feedback: the plant has no legs .* by plant\.feedback"):
+        isolation.force_feedback(plant, 10.0)

@@ -127,3 +127,11 @@ def test_a_band_of_two_frequencies_is_enough():
     assert band.delay == pytest.approx(full.delay, rel=1e-12)
     with pytest.raises(mv.ResponseError, match="the first and the last of a band"):
         loop.margins([3.0])
+
+
+def test_no_limit_of_all_gains_is_infinite():
+    """Where the loop gain vanishes, 1 - modulus is rounding and its inverse no limit."""
+    plant = isolation.actuated(library.stewart_isolator(), "platform")
+    margins = plant.with_gains(isolation.force_feedback(plant, 40.0, 2.0)).margins()
+    assert margins.all_gains[1] == np.inf
+    assert "0.5 ... inf" in str(margins)

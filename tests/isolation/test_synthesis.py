@@ -107,4 +107,4 @@ def test_hinf_without_a_solution_is_refused():
     pytest.importorskip("ctrlsys")
     p = isolation.actuated(library.stewart(), "platform")
     with pytest.raises(mv.ResponseError, match="Effort or noise may be too small"):
-        isolation.hinf(p, p.names("acceleration"), 1e-2)
+        isolation.hinf(p, p.names("acceleration"), 1e-12)  # SLICOT takes such weights of controls for dependent ones

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.elements.joint import KINDS as JOINTS
+from mbsvib.elements.joint_kinds import KINDS as JOINTS
 from tests.support.lagrangian import projected
 from tests.support.loaded_models import loaded
 from tests.support.random_models import KINDS

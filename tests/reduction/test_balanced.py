@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import flint
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -47,6 +48,22 @@ def frequencies(*plants):
 def error(plant, small):
     omega = frequencies(plant, small)
     return np.linalg.norm(response(plant, omega) - response(small, omega), ord=2, axis=(1, 2)).max()
+
+
+def exact_error(plant, small, omega):
+    """The same at one frequency in 120 bits: where poles are far apart, rounding of eigenvectors can be larger than the
+    smallest Hankel singular value.
+    """
+    with flint.ctx.workprec(120):
+        responses = []
+        for system in (plant, small):
+            a, b, c, d = (flint.acb_mat(matrix.tolist()) for matrix in (system.A, system.B, system.C, system.D))
+            shifted = flint.acb_mat(len(system.A), len(system.A), 0) - a
+            for k in range(len(system.A)):
+                shifted[k, k] += flint.acb(0, omega)
+            responses.append(c * shifted.solve(b) + d)
+        difference = responses[0] - responses[1]
+        return np.linalg.norm([[complex(entry) for entry in row] for row in difference.tolist()], ord=2)
 
 
 def test_the_hankel_singular_values_of_the_building():
@@ -130,8 +147,12 @@ def test_the_bound_holds_on_random_plants(seed):
     plant = space(mix @ a @ mix.T, mix @ rng.normal(size=(2 * n, i)), rng.normal(size=(o, 2 * n)) @ mix.T)
     for order in (1, n, 2 * n - 1):
         small = reduced_space(plant, order)
-        size = np.linalg.norm(response(plant, frequencies(plant)), ord=2, axis=(1, 2)).max()
-        assert error(plant, small) <= small.error_bound + 1e-10 * size
+        omega = frequencies(plant, small)
+        size = np.linalg.norm(response(plant, omega), ord=2, axis=(1, 2)).max()
+        errors = np.linalg.norm(response(plant, omega) - response(small, omega), ord=2, axis=(1, 2))
+        assert errors.max() <= small.error_bound + 1e-6 * size
+        for k in np.argsort(errors)[-3:]:
+            assert exact_error(plant, small, omega[k]) <= small.error_bound + 1e-10 * size
 
 
 @pytest.mark.parametrize(("words", "message"), [

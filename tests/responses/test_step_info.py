@@ -102,6 +102,12 @@ def test_ports_and_table():
 def test_what_does_not_settle_is_refused():
     with pytest.raises(mv.ResponseError, match="has the pole 0 1/s, which does not decay"):
         mv.StateSpace.from_arrays([[0.0]], [[1]], [[1]], 0).step_info()
+    free = mv.Model("free")                                              # two poles at 0: they coincide as well
+    free.add_body("mass", 1.0, (1, 1, 1))
+    free.add_input("F", "mass", "x")
+    free.add_output("x", "mass", "x")
+    with pytest.raises(mv.ResponseError, match="the pole 0 1/s, a motion that nothing holds, which does not decay"):
+        free.linearize().step_info()
     with pytest.raises(mv.ResponseError, match="which does not decay"):
         slider(0.0).step_info()
     with pytest.raises(mv.ResponseError, match=r"damping ratio of 1\.0e-09: it takes more than"):

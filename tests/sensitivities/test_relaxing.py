@@ -76,3 +76,20 @@ def test_dynamic_stiffness_in_closed_form(monkeypatch):
     rows = slopes * cosine / full + z * turned / full - z * cosine * stiff / full**2
     sign = np.sign((system.frequency_response([9.0])[1, 0, 0] / (z * cosine / full)).real)
     assert result[:, 1, 0] == pytest.approx(sign * rows, rel=1e-11)
+
+
+def test_what_nothing_holds_stays_where_a_maxwell_element_relaxes():
+    model = mv.Model("slider")
+    model.add_body("arm", mass=2.0, inertia=[0.1, 0.2, 0.3], position=(0.4, 0.3, 0.0))
+    model.add_body("slider", mass=1.5, inertia=[0.1, 0.1, 0.1], position=(1.0, 1.2, 0.0))
+    model.add_joint("hinge", "revolute", "ground", "arm", position=(0.0, 0.0, 0.0), axis=(0.0, 0.0, 1.0))
+    model.add_joint("way", "prismatic", "ground", "slider", axis=(1.0, 0.3, 0.0))
+    model.add_bushing("spring", "ground", "arm", position=(0.0, 0.0, 0.0), stiffness=[0, 0, 0, 0, 0, 80.0],
+                      preload=[0, 0, 0, 0, 0, -0.1])  # fmt: skip
+    model.add_maxwell("link", "arm", "slider", (0.8, 0.5, 0.0), (1.0, 1.2, 0.0), stiffness=300.0, damping=4.0)
+    model.add_load("pull", "arm", force=(3.0, 2.0, 0.0), position=(0.8, 0.5, 0.0))
+    result = model.linearize().mode_sensitivities(["pull.force.x"]).eigenvalues[0]
+    step = 1e-3
+    plus, minus = (model.with_values({"pull.force.x": 3.0 + change}).equilibrium().linearize().modes().eigenvalues
+                   for change in (step, -step))  # fmt: skip
+    np.testing.assert_allclose(result, (plus - minus) / (2 * step), rtol=0, atol=1e-6 * np.abs(result).max())

@@ -95,6 +95,28 @@ def test_springs():
     refused(line, "'wire'", "off its axis")
 
 
+@pytest.mark.parametrize("method", ["dense", "sparse"])
+def test_inerters_along_the_axis(method):
+    model = base()
+    model.add_rotor("spin", "disk", 5.0, (0, 0, 1))
+    model.add_bushing("mount", "ground", "disk", (0, 0, 0), stiffness=(9, 9, 40, 3, 3, 0), damping=(0, 0, 2, 0, 0, 0))
+    model.add_input("F", "disk", "z")
+    model.add_output("z", "disk", "z")
+    model.add_inerter("flywheel", "ground", "disk", (0, 0, -1), (0, 0, 0.1), 3.0)
+    response = model.linearize(method=method).frequency_response([7.0])[0, 0, 0]
+    np.testing.assert_allclose(response, 1 / (40 - 7.0**2 * (1.0 + 3.0) + 2j * 7.0), rtol=1e-13)
+    model.add_inerter("beside", "ground", "disk", (0, 0, -1), (0.2, 0, 0.1), 3.0)
+    with pytest.raises(ModelError, match=r"'beside'.* off its axis, by 0.2 m"):
+        model.linearize(method=method)
+
+
+def test_elements_with_a_node_of_their_own():
+    model = base()
+    model.add_rotor("spin", "disk", 5.0, (0, 0, 1))
+    model.add_maxwell("strut", "ground", "disk", (0, 0, -1), (0, 0, 0.1), 3.0, 2.0)
+    refused(model, "'strut'", "is a Maxwell element, whose node does not spin")
+
+
 @pytest.mark.parametrize("ends", [("ground", "shaft"), ("shaft", "ground")])
 def test_a_shaft_that_sags_in_its_bearings(ends):
     """Gravity moves the shaft: the point of a bearing stays on its axis where the shaft is the second body."""

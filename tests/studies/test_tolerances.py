@@ -32,6 +32,9 @@ def test_uniform_tolerances_are_wider():
     assert result.first[0] == pytest.approx(0.5 * f * np.hypot(0.03, 0.06) / np.sqrt(3.0), rel=1e-12)
     assert result.std[0] == pytest.approx(result.first[0], rel=0.06)
     assert np.abs(result.sweep["slow.mass"] - 1.0).max() <= 0.06
+    assert "all values within a tolerance are equally likely" in str(result)
+    normal = st.tolerances(two(), TWO, st.frequency(1), samples=10)
+    assert "a tolerance is three standard deviations" in str(normal)
 
 
 def test_first_order_is_first_order_sample_by_sample():

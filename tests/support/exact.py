@@ -176,7 +176,7 @@ class Exact:
         zero, direct = [mp.mpf(0)] * self.dof, [mp.mpf(0)] * len(fields)
         wrench = exact(output.wrench)
         rows = {"displacement": zero, "velocity": zero, "acceleration": zero}
-        if hasattr(output, "element"):
+        if output.element is not None:
             moved, k, c = elements[output.element]
             weights = [wrench if len(k) == 6 else wrench[2:3]]
             rows["displacement"] = product(product(weights, k), moved)[0]

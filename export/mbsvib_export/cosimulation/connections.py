@@ -46,22 +46,7 @@ class Connections:
 def connect(plant: UnitFile, controller: UnitFile, pairs: Mapping[str, str | None] | None) -> Connections:
     """Return the connections of a plant and a controller: signals of one name, and those that are given.
 
-    Parameters
-    ----------
-    plant, controller : UnitFile
-        The FMUs.
-    pairs : mapping of str to str, optional
-        Output by input; ``"plant:NAME"`` or ``"controller:NAME"`` where both FMUs have an input of this name.
-
-    Returns
-    -------
-    Connections
-        Numbers of signals.
-
-    Raises
-    ------
-    ExportError
-        If a name is unknown, units differ, or the FMUs are not connected both ways.
+    ``pairs``: output by input; ``"plant:NAME"`` or ``"controller:NAME"`` where both FMUs have an input of this name.
     """
     wishes: dict[str, dict[int, str | None]] = {PLANT: {}, CONTROLLER: {}}
     for name, wish in (pairs or {}).items():
@@ -140,19 +125,7 @@ def refuse_algebraic_loop(
 ) -> None:
     """Refuse a loop in which signals depend on each other at once, which no master without iteration can solve.
 
-    Parameters
-    ----------
-    plant, controller : UnitFile
-        The FMUs.
-    links : Connections
-        Their connections.
-    through_plant, through_controller : array, shape (outputs, inputs)
-        Their matrices D.
-
-    Raises
-    ------
-    ExportError
-        If there is one, with the names of the signals in it.
+    ``through_plant``, ``through_controller`` (outputs, inputs): their matrices D.
     """
     actuate, measure = links.selection(plant, controller)
     p = len(plant.outputs)

@@ -40,17 +40,7 @@ class Block:
 def discretised(a: Array, b: Array, c: Array, d: Array, h: float) -> Block:
     """Return an FMU's equations with their exact step.
 
-    Parameters
-    ----------
-    a, b, c, d : array
-        Its equations.
-    h : float
-        Step [s].
-
-    Returns
-    -------
-    Block
-        Equations and step.
+    ``h``: step [s].
     """
     n, m = b.shape
     size = np.where(np.abs(b).max(axis=0, initial=0.0) > 0, np.abs(b).max(axis=0, initial=0.0), 1.0)

@@ -129,5 +129,5 @@ class CosimulationCheck(Displayed):
             axes.set_ylabel("relative error [1]")
             axes.set_title("Error of co-simulation; dotted: largest stable step")
             axes.set_title(f"{self.plant}, {self.controller}", loc="right", color=style.MARK, fontsize=8.5)
-            axes.legend()
+            axes.legend(frameon=True, facecolor="white", edgecolor="none", framealpha=0.9)
         return figure

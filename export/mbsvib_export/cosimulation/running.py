@@ -27,30 +27,9 @@ def run(
 ) -> tuple[Array, Array]:
     """Return the responses of the FMUs of a closed loop.
 
-    Parameters
-    ----------
-    method : str
-        One of ``MASTERS``.
-    plant, controller : UnitFile
-        The FMUs.
-    loop : Loop
-        Connections and step; its numbers of the FMUs are not used.
-    x, e : array
-        States at the start, inputs from outside.
-    count : int
-        Number of steps.
-
-    Returns
-    -------
-    array, shape (count + 1, outputs of plant and controller)
-        Outputs at the beginning and after each step.
-    array, shape (count, inputs of the plant)
-        What the plant was given, at the middle of each step.
-
-    Raises
-    ------
-    ExportError
-        If a call fails.
+    ``method``: one of ``MASTERS``. ``loop``: connections and step; its numbers of the FMUs are not used. Returns (count
+    + 1, outputs of plant and controller): outputs at the beginning and after each step; (count, inputs of the plant):
+    what the plant was given, at the middle of each step.
     """
     extrapolate = method in ("slopes", "iteration")
     with ExitStack() as stack:

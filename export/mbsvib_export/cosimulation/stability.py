@@ -20,17 +20,7 @@ _MOST, _LEAST, _DIGITS = 1e2, 1e-6, 10  # of the step asked for: where the searc
 def radius(loop: Loop, method: str) -> float:
     """Return the spectral radius of a step; for iteration the contraction factor, if that is larger.
 
-    Parameters
-    ----------
-    loop : Loop
-        Plant and controller with their step.
-    method : str
-        One of ``MASTERS``.
-
-    Returns
-    -------
-    float
-        Growth in a step [1].
+    ``method``: one of ``MASTERS``. Returns growth in a step [1].
     """
     largest = _largest(loop.matrix(method))
     return max(largest, _largest(loop.contraction())) if method == "iteration" else largest
@@ -48,21 +38,9 @@ def is_stable(spectral_radius: float, growth: float, h: float) -> bool:
 def largest_stable_step(make: Callable[[float], Loop], method: str, step: float, growth: float) -> float:
     """Return the largest step such that a master is stable with this and all shorter steps.
 
-    Parameters
-    ----------
-    make : callable
-        Step [s] -> Loop.
-    method : str
-        One of ``MASTERS``.
-    step : float
-        The step asked for [s].
-    growth : float
-        Largest real part of the closed loop's poles [1/s].
-
-    Returns
-    -------
-    float
-        Step [s], to 0.1 %; infinity if 100 steps in one are still stable, 0 if a millionth of one is not.
+    ``make``: step [s] -> Loop. ``method``: one of ``MASTERS``. ``step``: the step asked for [s]. ``growth``: largest
+    real part of the closed loop's poles [1/s]. Returns step [s], to 0.1 %; infinity if 100 steps in one are still
+    stable, 0 if a millionth of one is not.
     """
 
     def stable(h: float) -> bool:

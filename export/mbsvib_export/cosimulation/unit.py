@@ -159,20 +159,7 @@ class _Values:
 def equations(unit: UnitFile) -> tuple[Array, Array, Array, Array]:
     """Return A, B, C, D of an FMU, from its model-exchange results for unit states and inputs.
 
-    Parameters
-    ----------
-    unit : UnitFile
-        The unit.
-
-    Returns
-    -------
-    tuple of arrays
-        A (n, n), B (n, inputs), C (outputs, n), D (outputs, inputs).
-
-    Raises
-    ------
-    ExportError
-        If it has no model exchange, or is not linear.
+    Returns A (n, n), B (n, inputs), C (outputs, n), D (outputs, inputs).
     """
     n, m = len(unit.states), len(unit.inputs)
     with ExitStack() as stack:
@@ -203,20 +190,8 @@ def equations(unit: UnitFile) -> tuple[Array, Array, Array, Array]:
 def state_space_of_unit(path: str | os.PathLike[str]) -> StateSpace:
     """Return the state space of an FMU, from the answers of its binary and not from the numbers in its archive.
 
-    Parameters
-    ----------
-    path : str or path
-        A unit with model exchange, FMI 2.0 or 3.0.
-
-    Returns
-    -------
-    StateSpace
-        Names as in mbsvib; ``transform`` is the identity, as an FMU knows no coordinates.
-
-    Raises
-    ------
-    ExportError
-        If it cannot be read or run here, or is not linear.
+    ``path``: a unit with model exchange, FMI 2.0 or 3.0. Names are those of mbsvib; ``transform`` is the identity, as
+    an FMU knows no coordinates.
     """
     with open_unit(path, "state_space_of_unit") as unit:
         a, b, c, d = equations(unit)

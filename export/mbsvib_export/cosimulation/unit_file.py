@@ -57,25 +57,7 @@ class UnitFile:
 
 @contextmanager
 def open_unit(path: str | os.PathLike[str], caller: str) -> Iterator[UnitFile]:
-    """Unpack an FMU for the time of a with statement.
-
-    Parameters
-    ----------
-    path : str or path
-        The file.
-    caller : str
-        Name of the public function that needs it.
-
-    Returns
-    -------
-    iterator of UnitFile
-        One: signals and description.
-
-    Raises
-    ------
-    ExportError
-        If fmpy is not installed, or the file is none that it can read or this platform can run.
-    """
+    """Unpack an FMU for the time of a with statement."""
     fmpy = need("fmpy", caller, "mbsvib[fmu]")
     file = a_path(path, caller, ExportError)
     with TemporaryDirectory(prefix="mbsvib-", ignore_cleanup_errors=True) as folder:

@@ -53,10 +53,7 @@ COMMON = ("x86_64-linux", "x86_64-windows")
 def this_platform() -> str:
     """Return the platform tuple of the running Python, as FMI 3 names it.
 
-    Returns
-    -------
-    str
-        Such as ``"x86_64-linux"``; may be one that is not in ``PLATFORMS``.
+    Such as ``"x86_64-linux"``, but it may be one that is not in ``PLATFORMS``.
     """
     machine = {"amd64": "x86_64", "arm64": "aarch64", "i386": "x86", "i686": "x86"}
     word = platform.machine().lower()
@@ -68,13 +65,7 @@ def this_platform() -> str:
 
 @cache
 def source_hash() -> str:
-    """Return a hash of the C source and of how it is compiled.
-
-    Returns
-    -------
-    str
-        Sixteen hexadecimal digits.
-    """
+    """Return a hash of the C source and of how it is compiled."""
     total = hashlib.sha256("\0".join(_FLAGS).encode())
     for path in sorted(SOURCE.iterdir()):
         if path.suffix in (".c", ".h"):
@@ -85,10 +76,7 @@ def source_hash() -> str:
 def cache_folder() -> Path:
     """Return the folder in which compiled binaries are kept: below ``MBSVIB_CACHE`` or the user's cache.
 
-    Returns
-    -------
-    Path
-        One for each version of the source; it need not be there.
+    There is one for each version of the source; it need not exist.
     """
     configured = os.environ.get(CACHE_VARIABLE)
     if configured:
@@ -105,21 +93,8 @@ def cache_folder() -> Path:
 def wanted_platforms(platforms: str | tuple[str, ...] | None) -> tuple[str, ...]:
     """Return the platforms that an export is for.
 
-    Parameters
-    ----------
-    platforms : str, tuple of str or None
-        Names, ``"all"``, or None: this platform, all others that the wheel brought, and the ``COMMON`` ones where zig
-        is installed.
-
-    Returns
-    -------
-    tuple of str
-        Names, this platform first if it is among them.
-
-    Raises
-    ------
-    ExportError
-        If a name is unknown.
+    ``platforms``: names, ``"all"``, or None: this platform, all others that the wheel brought, and the ``COMMON`` ones
+    where zig is installed. Returns names, this platform first if it is among them.
     """
     if platforms is None:
         common = COMMON if find_spec("ziglang") else ()
@@ -133,25 +108,7 @@ def wanted_platforms(platforms: str | tuple[str, ...] | None) -> tuple[str, ...]
 def binaries(platforms: str | tuple[str, ...] | None) -> dict[str, bytes]:
     """Return the binaries of an export by platform.
 
-    Parameters
-    ----------
-    platforms : str, tuple of str or None
-        As for ``wanted_platforms``.
-
-    Returns
-    -------
-    dict of str to bytes
-        Shared libraries, this platform's first if it is among them.
-
-    Raises
-    ------
-    ExportError
-        If a name is unknown or a platform that was asked for cannot be compiled for.
-
-    Warns
-    -----
-    UserWarning
-        If a platform that nobody asked for cannot be compiled for; it is left out.
+    ``platforms``: as for ``wanted_platforms``. Returns shared libraries, this platform's first if it is among them.
     """
     result = {}
     for name in wanted_platforms(platforms):
@@ -180,20 +137,7 @@ def _in_wheel(name: str) -> Path | None:
 def binary(name: str) -> bytes:
     """Return the binary for a platform, which is compiled if need be.
 
-    Parameters
-    ----------
-    name : str
-        One of ``PLATFORMS``.
-
-    Returns
-    -------
-    bytes
-        The shared library.
-
-    Raises
-    ------
-    ExportError
-        If there is no compiler for it, or it fails.
+    ``name``: one of ``PLATFORMS``.
     """
     shipped = _in_wheel(name)
     if shipped:
@@ -216,24 +160,8 @@ def binary(name: str) -> bytes:
 def build(name: str, folder: Path, portable: bool = False) -> Path:
     """Compile the binary for a platform.
 
-    Parameters
-    ----------
-    name : str
-        One of ``PLATFORMS``.
-    folder : Path
-        Where it goes.
-    portable : bool
-        By zig for old systems too, though this machine has a compiler for itself.
-
-    Returns
-    -------
-    Path
-        The shared library.
-
-    Raises
-    ------
-    ExportError
-        If there is no compiler for it, or it fails.
+    ``name``: one of ``PLATFORMS``. ``portable``: by zig for old systems too, though this machine has a compiler for
+    itself.
     """
     goal = PLATFORMS[name]
     result = folder / f"{_NAME}{goal.suffix}"

@@ -21,21 +21,8 @@ _CAUSALITY = {
 def description_2(variables: Variables, head: dict[str, str], identifier: str, token: str) -> str:
     """Return modelDescription.xml of FMI 2.0.
 
-    Parameters
-    ----------
-    variables : Variables
-        What the unit holds.
-    head : dict of str to str
-        Attributes that both standards have: modelName, description, generationTool, generationDateAndTime.
-    identifier : str
-        Name of the binaries.
-    token : str
-        The text that the matrices file has too.
-
-    Returns
-    -------
-    str
-        XML.
+    ``head``: attributes that both standards have: modelName, description, generationTool, generationDateAndTime.
+    ``token``: the text that the matrices file has too.
     """
     able = {"canGetAndSetFMUstate": True, "canSerializeFMUstate": True, "providesDirectionalDerivative": True}
     lines = [

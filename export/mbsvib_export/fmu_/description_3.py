@@ -21,21 +21,8 @@ _CAUSALITY: dict[str, dict[str, object]] = {
 def description_3(variables: Variables, head: dict[str, str], identifier: str, token: str) -> str:
     """Return modelDescription.xml of FMI 3.0.
 
-    Parameters
-    ----------
-    variables : Variables
-        What the unit holds.
-    head : dict of str to str
-        Attributes that both standards have: modelName, description, generationTool, generationDateAndTime.
-    identifier : str
-        Name of the binaries.
-    token : str
-        The text that the matrices file has too.
-
-    Returns
-    -------
-    str
-        XML.
+    ``head``: attributes that both standards have: modelName, description, generationTool, generationDateAndTime.
+    ``token``: the text that the matrices file has too.
     """
     able = {"canGetAndSetFMUState": True, "canSerializeFMUState": True, "providesDirectionalDerivatives": True,
             "providesAdjointDerivatives": True}  # fmt: skip

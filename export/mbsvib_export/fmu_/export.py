@@ -29,12 +29,14 @@ if TYPE_CHECKING:
     import control
 
     from mbsvib.api.system import System
+    from mbsvib.common.selection import Names
+    from mbsvib.feedback.closed_loop import ClosedLoop
+    from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.fmu_.plant import Plant
     from mbsvib_export.neutral import SystemData
-    from mbsvib_export.selection import Ports
 
-    Source: TypeAlias = System | StateSpace | SystemData | control.StateSpace
+    Source: TypeAlias = System | ClosedLoop | Controller | StateSpace | SystemData | control.StateSpace
 
 VERSIONS = {"2.0": description_2, "3.0": description_3}
 # Bytes of a description in which its attributes are looked for.
@@ -73,23 +75,23 @@ class FmuFile(Displayed):
 @overload
 def to_fmu(
     system: Source, path: str | os.PathLike[str], version: str = ..., *, tunable: Sequence[str] = ...,
-    realization: str = ..., platforms: str | Sequence[str] | None = ...,
-    outputs: Ports = ..., inputs: Ports = ...,
+    realization: str = ..., platforms: Names = ...,
+    outputs: Names = ..., inputs: Names = ...,
 ) -> FmuFile: ...  # fmt: skip
 
 
 @overload
 def to_fmu(
     system: Source, path: str | os.PathLike[str], version: tuple[str, ...] | list[str], *, tunable: Sequence[str] = ...,
-    realization: str = ..., platforms: str | Sequence[str] | None = ...,
-    outputs: Ports = ..., inputs: Ports = ...,
+    realization: str = ..., platforms: Names = ...,
+    outputs: Names = ..., inputs: Names = ...,
 ) -> tuple[FmuFile, ...]: ...  # fmt: skip
 
 
 def to_fmu(
     system: Source, path: str | os.PathLike[str], version: str | Sequence[str] = "3.0", *, tunable: Sequence[str] = (),
-    realization: str = "physical", platforms: str | Sequence[str] | None = None,
-    outputs: Ports = None, inputs: Ports = None,
+    realization: str = "physical", platforms: Names = None,
+    outputs: Names = None, inputs: Names = None,
 ) -> FmuFile | tuple[FmuFile, ...]:  # fmt: skip
     """Write a system as a functional mock-up unit, for model exchange and co-simulation at once.
 
@@ -102,7 +104,7 @@ def to_fmu(
 
     Parameters
     ----------
-    system : System, StateSpace, SystemData or control.StateSpace
+    system : System, ClosedLoop, Controller, StateSpace, SystemData, control.StateSpace or control.TransferFunction
         The equations of motion, a state space that is ready, or a controller in continuous time.
     path : str or path
         The file, ``"plant.fmu"``. With several versions, ``"plant-fmi2.fmu"`` and ``"plant-fmi3.fmu"`` are written.

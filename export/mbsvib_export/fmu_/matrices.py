@@ -26,19 +26,8 @@ MAGIC = b"MBSLTI02"
 def matrices_file(plant: Plant, described: str) -> tuple[bytes, str]:
     """Return the content of resources/model.lti and the token that ties it to its description.
 
-    Parameters
-    ----------
-    plant : Plant
-        What goes into the unit.
-    described : str
-        All that the description says but the token, which depends on it.
-
-    Returns
-    -------
-    bytes
-        The file.
-    str
-        Token: the same content has the same one.
+    ``described``: all that the description says but the token, which depends on it. Returns the file; token: the same
+    content has the same one.
     """
     blocks = plant.blocks
     n, np_ = len(plant.states), len(plant.tunable)

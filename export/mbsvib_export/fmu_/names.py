@@ -15,18 +15,7 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff\ufffe\uffff]")
 
 
 def identifier(name: str) -> str:
-    """Return a name that files and functions may have: ASCII letters, digits and ``_``, no digit first.
-
-    Parameters
-    ----------
-    name : str
-        Name of the system.
-
-    Returns
-    -------
-    str
-        The model identifier.
-    """
+    """Return a name that files and functions may have: ASCII letters, digits and ``_``, no digit first."""
     plain = re.sub(r"[^A-Za-z0-9_]", "_", name)[:60]
     return plain if plain and not plain[0].isdigit() else f"model_{plain}"
 
@@ -37,15 +26,7 @@ def unique_names(groups: Mapping[str, Iterable[str]]) -> dict[str, list[str]]:
     A name that was there in a group before gets that of its own group behind it (``"x"`` and ``"x (output)"``);
     control characters, which XML cannot hold, become spaces.
 
-    Parameters
-    ----------
-    groups : mapping of str to iterable of str
-        Names by group, in the order of their right to keep them.
-
-    Returns
-    -------
-    dict of str to list of str
-        The same groups.
+    ``groups``: names by group, in the order of their right to keep them.
     """
     used: set[str] = set()
     result: dict[str, list[str]] = {}
@@ -65,15 +46,8 @@ def unique_names(groups: Mapping[str, Iterable[str]]) -> dict[str, list[str]]:
 def base_unit(unit: str) -> dict[str, int] | None:
     """Return the exponents of SI base units that a unit of mbsvib stands for.
 
-    Parameters
-    ----------
-    unit : str
-        Such as ``"N m/rad"`` or ``"kg m^2"``.
-
-    Returns
-    -------
-    dict of str to int, or None
-        Exponents other than 0 of kg, m, s and rad; None for other units (``"modal"``, ``""``).
+    ``unit``: such as ``"N m/rad"`` or ``"kg m^2"``. Returns exponents other than 0 of kg, m, s and rad; None for other
+    units (``"modal"``, ``""``).
     """
     if not unit or unit == "-":
         return None

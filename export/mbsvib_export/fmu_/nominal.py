@@ -31,19 +31,8 @@ DECAYS = 1.0
 def scales(a: Array, b: Array, c: Array, d: Array, units: Sequence[str]) -> tuple[Array, tuple[float, float]]:
     """Return the nominal values of states, and stop time and step [s] of the default experiment.
 
-    Parameters
-    ----------
-    a, b, c, d : array
-        State-space matrices of n states.
-    units : sequence of str
-        Units of the states.
-
-    Returns
-    -------
-    array, shape (n,)
-        Nominal values, see ``nominal_values``.
-    tuple of float
-        Stop time and step, see ``experiment_times``.
+    ``a``, ``b``, ``c``, ``d``: state-space matrices of n states. Returns (n,): nominal values, see ``nominal_values``;
+    stop time and step, see ``experiment_times``.
     """
     values = np.linalg.eigvals(a).astype(complex)
     return nominal_values((a, b, c, d), values, units), experiment_times(values)
@@ -56,19 +45,8 @@ def nominal_values(space: tuple[Array, Array, Array, Array], values: Complex, un
     |C (s - A)^-1 B + D|, and v those for states that begin at one unit, |s C (s - A)^-1|, each the largest for some
     real s. States that no output sees have the largest amplitude among the states of their unit for steps.
 
-    Parameters
-    ----------
-    space : tuple of array
-        State-space matrices A, B, C, D of n states.
-    values : array, shape (n,)
-        Eigenvalues of A [1/s].
-    units : sequence of str
-        Units of the states.
-
-    Returns
-    -------
-    array, shape (n,)
-        Positive.
+    ``space``: state-space matrices A, B, C, D of n states. ``values`` (n,): eigenvalues of A [1/s]. Returns (n,):
+    positive.
     """
     a, b, c, d = space
     if not len(a):
@@ -107,16 +85,8 @@ def _amplitudes(space: tuple[Array, Array, Array, Array], values: Complex) -> tu
 def experiment_times(values: Complex) -> tuple[float, float]:
     """Return stop time and step [s] of the default experiment, of one digit: 1, 2 or 5.
 
-    Parameters
-    ----------
-    values : array, shape (n,)
-        Eigenvalues of the state matrix [1/s].
-
-    Returns
-    -------
-    tuple of float
-        Stop time: some periods of the slowest rate that is not of a rigid-body motion, or as many of the fastest
-        oscillation as integrators can compute; step.
+    ``values`` (n,): eigenvalues of the state matrix [1/s]. Returns stop time: some periods of the slowest rate that is
+    not of a rigid-body motion, or as many of the fastest oscillation as integrators can compute; step.
     """
     rates = np.abs(values)
     if not rates.any():

@@ -38,45 +38,15 @@ _HEAD, _SIZES, _TOKEN = 16, 48, 64
 
 
 def description_of(path: str | os.PathLike[str]) -> Element:
-    """Return the description of any FMU after checking archive and identifiers; nothing is unpacked to the disk.
-
-    Parameters
-    ----------
-    path : str or path
-        The file.
-
-    Returns
-    -------
-    Element
-        The root of modelDescription.xml.
-
-    Raises
-    ------
-    ExportError
-        If it is no FMU, or is refused.
-    """
+    """Return the description of any FMU after checking archive and identifiers; nothing is unpacked to the disk."""
     return _opened(path)[0]
 
 
 def state_space_in(path: str | os.PathLike[str]) -> tuple[StateSpace, tuple[str, ...]]:
     """Return the state space that stands in an FMU of mbsvib, and the folders of its binaries, which are not touched.
 
-    Parameters
-    ----------
-    path : str or path
-        A unit of ``to_fmu``, FMI 2.0 or 3.0.
-
-    Returns
-    -------
-    StateSpace
-        Names as in mbsvib, parameters at their start values; ``transform`` is the identity.
-    tuple of str
-        Platforms, as the archive names them.
-
-    Raises
-    ------
-    ExportError
-        If it is no FMU of mbsvib, is damaged, or was changed after it was written.
+    ``path``: a unit of ``to_fmu``, FMI 2.0 or 3.0. Names are those of mbsvib, parameters at their start values;
+    ``transform`` is the identity; platforms, as the archive names them.
     """
     file = os.fspath(path)
     top, text, content, platforms = _opened(path)

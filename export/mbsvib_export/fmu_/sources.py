@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import ExportError
-from mbsvib.responses.from_control import of_control
+from mbsvib.responses.from_control import is_control, is_transfer_function, of_control
 from mbsvib_export.fmu_.nominal import scales
 from mbsvib_export.fmu_.plant import Plant
 from mbsvib_export.fmu_.tunable import tunable_plant
@@ -20,29 +20,7 @@ if TYPE_CHECKING:
 
 
 def plant_of(source: Any, realization: str, tunable: tuple[str, ...]) -> Plant:
-    """Return what goes into an FMU.
-
-    Parameters
-    ----------
-    source : System, StateSpace, SystemData or control.StateSpace
-        Where it comes from.
-    realization : str
-        The states of a System.
-    tunable : tuple of str
-        Names of parameters, of a System only.
-
-    Returns
-    -------
-    Plant
-        Matrices, names and units.
-
-    Raises
-    ------
-    ExportError
-        If the source is none of these, is discrete in time, or holds what is not finite.
-    ModelError
-        If a parameter is unknown.
-    """
+    """Return what goes into an FMU."""
     if of_control(source):
         plant = _controller(source, tunable)
     elif tunable:
@@ -68,9 +46,9 @@ def _of_space(space: StateSpace) -> Plant:
 
 
 def _controller(source: Any, tunable: tuple[str, ...]) -> Plant:
-    if not all(hasattr(source, label) for label in "ABCD"):
-        raise ExportError(f"to_fmu: system = control.{type(source).__name__}; expected a control.StateSpace, such as "
-                          f"control.ss(...) makes of it.")  # fmt: skip
+    if not (is_control(source) or is_transfer_function(source)):
+        raise ExportError(f"to_fmu: system = control.{type(source).__name__}; expected a control.StateSpace or "
+                          f"control.TransferFunction.")  # fmt: skip
     name = str(source.name)
     if tunable:
         raise ExportError(f"to_fmu: tunable = {tunable!r}, but '{name}' comes from python-control, which knows no "
@@ -78,6 +56,8 @@ def _controller(source: Any, tunable: tuple[str, ...]) -> Plant:
     if source.dt not in (0, None):
         raise ExportError(f"to_fmu: '{name}' is discrete in time (dt = {source.dt}); expected one in continuous time. "
                           f"Design it in continuous time, or give control.d2c or an equivalent of it.")  # fmt: skip
+    if is_transfer_function(source):
+        return _of_space(state_space_of(source, "physical", "to_fmu"))
     a, b, c, d = (np.array(getattr(source, label), dtype=float) for label in "ABCD")
     _check_finite(name, A=a, B=b, C=c, D=d)
     inputs, outputs, states = (tuple(map(SignalNames.original, getattr(source, f"{kind}_labels")))

@@ -6,14 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.api.system import System
 from mbsvib.equations.terms import MATRICES
-from mbsvib.errors import ExportError
 from mbsvib.linalg.groups import part_numbers
-from mbsvib_export.affine import affine
+from mbsvib_export.affine import physical_affine
 from mbsvib_export.fmu_.nominal import scales
 from mbsvib_export.fmu_.plant import Plant, Tunable
-from mbsvib_export.neutral import refuse_many
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,39 +23,12 @@ if TYPE_CHECKING:
 def tunable_plant(source: Any, realization: str, tunable: tuple[str, ...]) -> Plant:
     """Return a plant with tunable parameters, in physical states.
 
-    Parameters
-    ----------
-    source : System
-        The equations of motion.
-    realization : str
-        "physical": others would change with the parameters.
-    tunable : tuple of str
-        Names or patterns of parameters.
-
-    Returns
-    -------
-    Plant
-        Matrices, names and units.
-
-    Raises
-    ------
-    ExportError
-        If the source is not a System, has motions without mass, or is not affine in a parameter.
-    ModelError
-        If a parameter is unknown.
+    ``realization``: "physical": others would change with the parameters.
     """
-    if not isinstance(source, System):
-        refuse_many(source, "to_fmu")
-        raise ExportError(f"to_fmu: tunable = {', '.join(tunable)}, but {type(source).__name__} knows no parameters; "
-                          f"give a System (model.linearize()).")  # fmt: skip
-    if realization != "physical":
-        raise ExportError(f"to_fmu: realization = {realization!r} with tunable parameters, which would change what the "
-                          f"states are; leave it out: they are physical.")  # fmt: skip
-    if source.massless:
-        raise ExportError(f"to_fmu: '{source.name}' has motions that move no mass (see system.explain()), whose rates "
-                          f"are affine in no parameter; give them a little mass, or leave tunable out.")  # fmt: skip
-    form, space = affine(source, tunable, "to_fmu"), source.state_space()
-    descriptor = _first_order(*(getattr(source, label) for label in MATRICES), unit=1.0)
+    form = physical_affine(source, tunable, realization, "to_fmu", "tunable")
+    system = form.nominal
+    space = system.state_space()
+    descriptor = _first_order(*(getattr(system, label) for label in MATRICES), unit=1.0)
     sizes = [matrix.size for matrix in descriptor]
     starts = np.cumsum([0, *sizes])
     entries = []
@@ -94,15 +64,7 @@ def _first_order(
 def patterns(plant: Plant) -> dict[str, Mask]:
     """Return where E^-1 A, E^-1 B, C + F E^-1 A and D + F E^-1 B may differ from zero, whatever the parameters.
 
-    Parameters
-    ----------
-    plant : Plant
-        A plant with tunable parameters.
-
-    Returns
-    -------
-    dict of str to array of bool
-        By "A", "B", "C" and "D".
+    Arrays of bool by "A", "B", "C" and "D".
     """
     assert plant.E is not None
     assert plant.F is not None

@@ -69,15 +69,7 @@ class Variables:
 def variables_of(plant: Plant) -> Variables:
     """Return the variables of an FMU.
 
-    Parameters
-    ----------
-    plant : Plant
-        What goes into the unit.
-
-    Returns
-    -------
-    Variables
-        In the order of their value references: inputs, outputs, states, derivatives, parameters.
+    They are in the order of their value references: inputs, outputs, states, derivatives, parameters.
     """
     groups = {"input": plant.inputs, "output": plant.outputs, "parameter": tuple(item.name for item in plant.tunable),
               "state": plant.states}  # fmt: skip

@@ -52,7 +52,7 @@ def test_a_refused_export_leaves_the_old_file_as_it_was(tmp_path):
     ("law", "words"),
     [
         (lambda: control.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]], 0.01, **LAW), r"discrete in time \(dt = 0\.01\)"),
-        (lambda: control.tf([1.0], [1.0, 1.0]), "control.TransferFunction; expected a control.StateSpace"),
+        (lambda: control.tf([1.0], [1.0, 0.5], 0.01), r"discrete in time \(dt = 0\.01\)"),
         (lambda: control.frd([1.0], [1.0]), "FrequencyResponseData; expected a control.StateSpace"),
         (lambda: control.ss([[np.nan]], [[1.0]], [[1.0]], [[0.0]], **LAW), "A of 'law' holds NaN"),
     ],

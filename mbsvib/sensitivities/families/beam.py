@@ -12,69 +12,68 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements.beam import Beam
 from mbsvib.elements.beam_expansion import elements, masses, modal_damper
 from mbsvib.equations.beam_prestress import bent_forms, element_masses, weight_forms
-from mbsvib.errors import ModelError
-from mbsvib.linalg.differences import slope
 from mbsvib.linalg.rotations import skew
-from mbsvib.linalg.vectors import transformed
-from mbsvib.sensitivities.part_rules import cross_terms
+from mbsvib.linalg.vectors import moved, transformed
+from mbsvib.sensitivities.families.part_slopes import part_slopes
+from mbsvib.sensitivities.families.rules import InternalRule, PartRules
+from mbsvib.sensitivities.families.terms import cross_terms, factors, form_terms
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from mbsvib.common.arrays import Array
+    from mbsvib.elements.beam import Beam
     from mbsvib.linalg.vectors import Field
     from mbsvib.sensitivities.adjoint_fields import Fields
+    from mbsvib.sensitivities.families.pose_changes import PoseRates
+    from mbsvib.sensitivities.families.rules import RuleAndData
+    from mbsvib.sensitivities.families.terms import Rule, Terms
+    from mbsvib.sensitivities.force_layout import RowTerms
+    from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.part_rules import Rule, Terms
 
-# The first step of differences, against the value or the length of an element; the next one is smaller.
-STEP, SMALLER = 2.0**-7, 0.125
+# The field of the place and orientation of a part that keeps its shape, which are no parameters.
+MOTION = "motion"
 # Sine of the angle to the vertical below which a beam without a y axis stands upright.
 UPRIGHT = 0.05
-# Differences that agree no better than this, against the largest of their kind, are those of what jumps.
-WORST = 1e-8
-# Slopes below this share of the largest are rounding.
-ACTS = 1e-11
 
 
-def beam_rule(network: Network, beam: Beam, field: str, index: tuple[int, ...] = ()) -> tuple[Rule, tuple[Array, ...]]:
-    """Return the rule by which a number of a beam enters the equations.
+def _single(network: Network, beam: Beam, field: str, index: tuple[int, ...]) -> RuleAndData:
+    return _changed_beam(network, beam, slopes(beam, field, index))
+
+
+def _changed_beam(network: Network, beam: Beam, change: dict[str, Array]) -> RuleAndData:
+    """The rule of a change of a beam, given by its ``slopes``.
 
     Its data are the bodies (1, n) that nodes of the beam are, and how their centres of mass move (1, n, 3). Raises an
     error if the beam does not change smoothly with the number.
     """
-    return changed_beam(network, beam, slopes(beam, field, index))
-
-
-def changed_beam(network: Network, beam: Beam, change: dict[str, Array]) -> tuple[Rule, tuple[Array, ...]]:
-    """Return the rule of a change of a beam, given by its ``slopes``; see ``beam_rule``."""
-    number = {body.name: i for i, body in enumerate(network.bodies)}
-    springs = {spring.name: i for i, spring in enumerate(network.springs)}
-    joints = {joint.name: i for i, joint in enumerate(network.joints)}
-    which = np.array([springs[name] for name in beam.element_names])
-    element_joints = np.array([joints[name] for name in beam.element_names])
-    ends = [(number.get(beam.body_of(i), -1), np.array(point)) for i, point in enumerate(beam.points)]
+    which = np.array([network.spring_number[name] for name in beam.element_names])
+    element_joints = np.array([network.joint_number[name] for name in beam.element_names])
+    ends = [(network.body_number[body], np.array(point)) for body, point in beam.node_bodies]
     present = numbers(beam)
     axes = present["axes"].swapaxes(1, 2)
     stiff, rate = change["stiffness"], change["damping"]
-    mass, by_mass, (modal,) = (_factors(change[key]) for key in ("mass", "by_mass", "modal"))
+    mass, by_mass, (modal,) = (factors(change[key]) for key in ("mass", "by_mass", "modal"))
     nodes, middles, turns = change["points"], middle_rates(change), change["turns"]
     first = len(network.joints)
-    bent, bends = _bent_lines(network, first + which, present, change)
-    bends_as = _factors(bends)
-    floats = {int(body): k for k, body in enumerate(network.floating)}
+    bent, bends = _bent_stiffness(network, first + which, present, change)
+    bends_as = factors(bends)
+    floats = network.floating_number
 
     def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
-        strain, result = fields.strain[which], _terms(modal, _flat(fields.relative[first + which]), 0.5 * fields.rate)
+        strain = fields.strain[which]
+        result = form_terms(modal, _flat(fields.relative[first + which]), 0.5 * fields.rate)
         local = np.concatenate((transformed(axes, strain[:, :3]), transformed(axes, strain[:, 3:])), axis=1)
         for e in range(len(which)):
             for i in range(6):
                 weight = 0.5 * (stiff[e, i] * fields.stiff + rate[e, i] * fields.rate)
                 result.append((weight * local[e : e + 1, i], local[e : e + 1, i]))
-            moved = _ends(network, fields.body, ends[e : e + 2])
-            result += _terms(mass[e], moved, 0.5 * fields.square) + _terms(by_mass[e], moved, 0.5 * fields.rate)
-            result += _terms(bends_as[e], fields.relative[first + which[e]], 0.5 * fields.stiff)
+            both = _ends(network, fields.body, ends[e : e + 2])
+            result += form_terms(mass[e], both, 0.5 * fields.square) + form_terms(by_mass[e], both, 0.5 * fields.rate)
+            result += form_terms(bends_as[e], fields.relative[first + which[e]], 0.5 * fields.stiff)
         return [result + (_moved(fields) if nodes.any() else [])]
 
     def _moved(fields: Fields) -> Terms:
@@ -91,8 +90,8 @@ def changed_beam(network: Network, beam: Beam, change: dict[str, Array]) -> tupl
         if bent.any():
             result += _along((transformed(bent, strained) * fields.stiff)[:, :3], strained[:, 3:], middles)
         for e in range(len(which)):
-            moved = _ends(network, fields.body, ends[e : e + 2])
-            force = np.tensordot(present["mass"][e], moved, axes=1) * (fields.square + beam.alpha * fields.rate)
+            both = _ends(network, fields.body, ends[e : e + 2])
+            force = np.tensordot(present["mass"][e], both, axes=1) * (fields.square + beam.alpha * fields.rate)
             for side, (body, _) in enumerate(ends[e : e + 2]):
                 if body >= 0:
                     result += _along(force[None, 6 * side : 6 * side + 3], fields.body[body : body + 1, 3:],
@@ -107,7 +106,7 @@ def changed_beam(network: Network, beam: Beam, change: dict[str, Array]) -> tupl
     return rule, (np.array([[ends[i][0] for i in own_nodes]]), nodes[None, own_nodes])
 
 
-def _bent_lines(
+def _bent_stiffness(
     network: Network, which: Array, present: dict[str, Array], change: dict[str, Array]
 ) -> tuple[Array, Array]:  # fmt: skip
     """Stiffness T B + W B' (e, 6, 6) of the bent lines of elements under tension T and weight W along them, world axes,
@@ -134,19 +133,19 @@ def _bent_lines(
     return bent, bent_change
 
 
-def gravity_rule(network: Network) -> Rule:
-    """Return the rule by which gravity along elements of beams changes the stiffness of their bent lines."""
-    springs = {spring.name: len(network.joints) + i for i, spring in enumerate(network.springs)}
-    elements = []
-    for beam in (part for part in network.parts if isinstance(part, Beam)):
+def _gravity_rule(network: Network, beams: Sequence[Beam]) -> Rule:
+    """The rule by which gravity along elements of beams changes the stiffness of their bent lines."""
+    joints, elements = len(network.joints), []
+    for beam in beams:
         for name, (_, axes), mass, form in zip(beam.element_names, beam.frames(), element_masses(beam),
                                                weight_forms(beam), strict=True):  # fmt: skip
             local = np.kron(np.eye(2), np.array(axes))
-            elements.append((springs[name], mass * np.array(axes)[:, 0], _factors((local @ form @ local.T)[None])[0]))
+            elements.append((joints + network.spring_number[name], mass * np.array(axes)[:, 0],
+                             factors((local @ form @ local.T)[None])[0]))  # fmt: skip
 
     def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
-        return [[(rate[i] * p, q) for k, rate, factors in elements
-                 for p, q in _terms(factors, fields.relative[k], 0.5 * fields.stiff)] for i in range(3)]  # fmt: skip
+        return [[(rate[i] * p, q) for k, rate, form in elements
+                 for p, q in form_terms(form, fields.relative[k], 0.5 * fields.stiff)] for i in range(3)]  # fmt: skip
 
     return rule
 
@@ -176,8 +175,9 @@ def middle_rates(change: dict[str, Array]) -> Array:
 
 def has_rule(beam: Beam, field: str) -> bool:
     """Tell whether a beam changes smoothly with a number: the axes of one that stands upright jump as it is tilted."""
-    upright = any(np.hypot(axes[0][0], axes[1][0]) < UPRIGHT for _, axes in beam.frames())
-    return field not in ("start", "end", "length") or beam.y_axis is not None or not upright
+    if field not in ("start", "end", "length") or beam.y_axis is not None:
+        return True
+    return not any(np.hypot(axes[0][0], axes[1][0]) < UPRIGHT for _, axes in beam.frames())
 
 
 def numbers(beam: Beam) -> dict[str, Array]:
@@ -211,34 +211,13 @@ def slopes(beam: Beam, field: str, index: tuple[int, ...] = ()) -> dict[str, Arr
     ``field``: one of its fields. Raises an error if the beam does not change smoothly with the number.
     """
     present = numbers(beam)
-    value = next(item.value for item in beam.parameter_fields() if item.name == field)
-    start = value[index[0]] if index else value
-    shapes = {key: part.shape for key, part in present.items()}
-    ends = np.cumsum([part.size for part in present.values()])[:-1]
     if field in ("alpha", "beta", "damping_ratio"):  # linear, and not to be negative
-        twice = numbers(beam.with_values({field: 2.0 * start or 1.0}))
-        result = {key: (twice[key] - present[key]) / (start or 1.0) for key in present}
+        value = getattr(beam, field)
+        twice = numbers(beam.with_values({field: 2.0 * value or 1.0}))
+        result = {key: (twice[key] - present[key]) / (value or 1.0) for key in present}
     else:
         length = min(size for size, _ in beam.frames())
-        scale = length if index or field == "length" else abs(start) or 1.0
-
-        def at(change: float) -> Array:
-            moved = start + change
-            entry = tuple(moved if i == index[0] else v for i, v in enumerate(value)) if index else moved
-            return np.concatenate([part.reshape(-1) for part in numbers(beam.with_values({field: entry})).values()])
-
-        sizes = np.concatenate([np.full(part.size, np.abs(part).max(initial=0.0)) for part in present.values()])
-        for step in (STEP, STEP * SMALLER):
-            flat, error = slope(at, step * scale)
-            if not (scale * error > WORST * (sizes + scale * np.abs(flat))).any():
-                break
-        else:
-            raise ModelError(
-                f"sensitivities: beam '{beam.name}' does not change smoothly with its '{field}' (differences agree to "
-                f"{error.max():.1e} only). Compare variants by model.with_values.", element=beam.name, field=field,
-            )  # fmt: skip
-        result = {key: part.reshape(shape) for (key, shape), part in zip(shapes.items(), np.split(flat, ends),
-                                                                        strict=True)}  # fmt: skip
+        result = part_slopes(beam, field, index, numbers, length if index or field == "length" else None)
     spin = result.pop("axes") @ present["axes"].swapaxes(1, 2)
     result["modal"] = result["modal"][None]
     result["turns"] = 0.5 * np.stack((spin[:, 2, 1] - spin[:, 1, 2], spin[:, 0, 2] - spin[:, 2, 0],
@@ -246,25 +225,8 @@ def slopes(beam: Beam, field: str, index: tuple[int, ...] = ()) -> dict[str, Arr
     return result
 
 
-def _factors(matrices: Array) -> list[tuple[Array, Array]]:
-    """Symmetric matrices (k, n, n) as sizes (r,) and rows (r, n) each."""
-    result, largest = [], np.abs(matrices).max(initial=0.0)
-    for matrix in matrices:
-        sizes, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-        acts = np.abs(sizes) > ACTS * largest
-        result.append((sizes[acts], np.ascontiguousarray(vectors.T[acts])))
-    return result
-
-
 def _flat(parts: Field) -> Field:
     return parts.reshape(6 * len(parts), *parts.shape[2:])
-
-
-def _terms(factors: tuple[Array, Array], motion: Field, weight: Field) -> Terms:
-    """Terms of a symmetric matrix on a motion (n, ...)."""
-    sizes, rows = factors
-    moved = np.tensordot(rows, motion, axes=1)
-    return [(size * weight * row[None], row[None]) for size, row in zip(sizes, moved, strict=True)]
 
 
 def _along(force: Field, theta: Field, way: Array) -> Terms:
@@ -279,15 +241,61 @@ def _along(force: Field, theta: Field, way: Array) -> Terms:
 
 def _ends(network: Network, body: Field, ends: list[tuple[int, Array]]) -> Field:
     """Displacements (12, ...) of the two ends of an element, which may be points of rigid bodies."""
-    parts = []
-    for number, point in ends:
-        if number < 0:
-            parts.append(np.zeros((6, *body.shape[2:]), dtype=body.dtype))
-            continue
-        moved, (x, y, z) = np.array(body[number]), point - network.position[number]
-        rx, ry, rz = body[number, 3:]
-        moved[0] += ry * z - rz * y
-        moved[1] += rz * x - rx * z
-        moved[2] += rx * y - ry * x
-        parts.append(moved)
-    return np.concatenate(parts)
+    return np.concatenate([displacement(network, body, number, point) for number, point in ends])
+
+
+def displacement(network: Network, body: Field, number: int, point: Array) -> Field:
+    """Return the displacement (6, ...) of a point of a body, whose number is -1 for ground."""
+    if number < 0:
+        return np.zeros((6, *body.shape[2:]), dtype=body.dtype)
+    return np.asarray(moved(body[number][None], (point - network.position[number])[None])[0])
+
+
+def _add_force_terms(terms: RowTerms, network: Network, forces: Forces, beam: Beam, _: int) -> None:
+    """Its elements carry forces at their midpoints, its nodes the weight and loads without points of their own."""
+    at, joints, points = terms.at, len(network.joints), range(len(beam.points))
+    elements = [at.point_of(joints + network.spring_number[name]) for name in beam.element_names]
+    weight_of = {f"{beam.name}.weight{i}": i for i in points}
+    node_of = {beam.body_of(i): i for i in points if beam.body_of(i) in beam.node_names}
+    loads = list(zip(network.loads, forces.loads.tolist(), strict=True))
+    weights = [(weight_of[load.name], k) for load, k in loads if load.name in weight_of]
+    at_nodes = [(node_of[load.body], k) for load, k in loads if load.position is None and load.body in node_of]
+    for key in [key for key in terms.row if key[0] == beam.name]:
+        change = motion_slopes(beam, key[2][0]) if key[1] == MOTION else slopes(beam, *key[1:])
+        for point, middle in zip(elements, middle_rates(change), strict=True):
+            terms.put(key, point, middle)
+        for i, k in at_nodes:
+            terms.put(key, at.point_of(k), change["points"][i])
+        for i, k in weights:
+            terms.put(key, at.point_of(k), change["centres"][i])
+            terms.put(key, at.wrench_of(k), change["weight"][i] * forces.gravity)
+    for i, k in weights:
+        for j in range(3):
+            terms.put(("gravity", "", (j,)), at.wrench_of(k) + j, (numbers(beam)["weight"][i],))
+
+
+def _internal_rules(network: Network, beam: Beam) -> list[InternalRule]:
+    """It goes with its first node."""
+    ruled = [_changed_beam(network, beam, motion_slopes(beam, i)) for i in range(6)]
+    return [InternalRule(rule, 1, np.zeros(1, dtype=np.intp), data) for rule, data in ruled]
+
+
+def follow_first_node(rates: PoseRates, part: Any, _: int) -> None:
+    """Let a part that keeps its shape shift and turn with its first node."""
+    body, point = part.node_bodies[0]
+    number = rates.network.body_number[body]
+    if number >= 0:
+        arm = np.array(point) - rates.network.position[number]
+        rates.put(part.name, MOTION, moved(rates.motion[number][None], arm[None])[0])
+
+
+def _bent_lines(beam: Beam) -> tuple[tuple[str, ...], Array, Array]:
+    return beam.element_names, np.array([axes for _, axes in beam.frames()]), bent_forms(beam)
+
+
+RULES = PartRules(
+    "composed", single=_single, has_rule=has_rule, add_force_terms=_add_force_terms, follow=follow_first_node,
+    is_exception=lambda beam, *_: beam.displacements is not None or not has_rule(beam, "start"),
+    internal=(MOTION, 6), internal_rules=_internal_rules, gravity_rule=_gravity_rule, bent_lines=_bent_lines,
+    reactions=lambda beam: (beam.element_names, (), 0),
+)  # fmt: skip

@@ -1,0 +1,121 @@
+"""Bushings: entries of their matrices act on strains in their axes; points and axes move as those of connections do."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.sensitivities.displaced_bodies import holds_turns
+from mbsvib.sensitivities.families.rules import AtRest, PartRules
+from mbsvib.sensitivities.families.terms import among_springs, in_axes, moved_point, square_terms, turned_axes
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements import Bushing
+    from mbsvib.sensitivities.adjoint_fields import Fields
+    from mbsvib.sensitivities.families.pose_changes import PoseRates, ReferenceTerms
+    from mbsvib.sensitivities.families.terms import Rule, Terms
+    from mbsvib.sensitivities.force_layout import RowTerms
+    from mbsvib.sensitivities.forces import Forces
+    from mbsvib.sensitivities.network import Network
+
+_FULL = tuple((i, j) for i in range(6) for j in range(i, 6))
+_DIAGONAL = tuple((i, i) for i in range(6))
+
+
+def _matrix(power: str, pairs: tuple[tuple[int, int], ...]) -> Rule:
+    """Entries of the matrix of a bushing in its axes."""
+    def rule(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+        strain = fields.strain[among_springs(fields, k)]
+        return square_terms(in_axes(data[0], strain), pairs, getattr(fields, power))
+
+    return rule
+
+
+def _rule(bushing: Bushing, field: str) -> Rule:
+    full = field in ("stiffness", "damping") and isinstance(getattr(bushing, field)[0], tuple)
+    return _OF_FIELDS[f"full {field}" if full else field]
+
+
+def _constants(parts: Sequence[Bushing], field: str) -> tuple[Array, ...]:
+    if field in ("stiffness", "damping"):
+        return (np.array([part.orientation for part in parts]).transpose(0, 2, 1),)
+    return ()
+
+
+def _is_exception(bushing: Bushing, _: bool, turned: frozenset[str]) -> bool:
+    """What the moments of a turned bushing do about axes changes in ways of its own."""
+    return bushing.name in turned and holds_turns(bushing)
+
+
+def _at_rest(bushing: Bushing) -> AtRest:
+    return AtRest(bushing.position, _wrench(bushing))
+
+
+def _wrench(bushing: Bushing) -> Array:
+    """Its preload in world axes."""
+    preload = np.array(bushing.preload or np.zeros(6)).reshape(2, 3)
+    return np.asarray((preload @ np.array(bushing.orientation).T).reshape(6))
+
+
+def _add_force_terms(terms: RowTerms, _: Network, __: Forces, bushing: Bushing, k: int) -> None:
+    """Its wrench is its preload, in axes that turn with its orientation."""
+    terms.along(bushing.name, "position", terms.at.point_of(k))
+    if bushing.preload is None:
+        return
+    axes, column, wrench = np.array(bushing.orientation), terms.at.wrench_of(k), _wrench(bushing).reshape(2, 3)
+    for i in range(6):
+        terms.put((bushing.name, "preload", (i,)), column + 3 * (i // 3), axes[:, i % 3])
+    for i, unit in enumerate(np.eye(3)):
+        terms.put((bushing.name, "orientation", (i,)), column, np.cross(unit, wrench).reshape(6))
+
+
+def _follow(rates: PoseRates, bushing: Bushing, k: int) -> None:
+    rates.put(bushing.name, "position", rates.second[k, :3])
+    rates.put(bushing.name, "orientation", rates.axes[k])
+
+
+def _force_rates(_: Bushing, stiffness: Array, displacement: Array, wrench: Array) -> Array:
+    """Its wrench changes with its strain, its moment with half of the turn between its bodies."""
+    result = -stiffness @ displacement
+    result[3:] += 0.5 * np.cross(displacement[3:], wrench[3:], axisa=0).T
+    return np.asarray(result)
+
+
+def _add_reference_terms(terms: ReferenceTerms, bushing: Bushing, k: int) -> None:
+    """Its force there is its preload less stiffness times how far it has been moved, in axes of the first body."""
+    described: Any = terms.origin.springs[bushing.name]
+    if type(described) is not type(bushing):  # another part is made of it, which has rules of its own
+        return
+    first, second = (terms.pose.turn(body) for body in (bushing.first, bushing.second))
+    terms.turns(bushing.name, "position", second)
+    terms.turns(bushing.name, "orientation", first)
+    at = described.position
+    gap = terms.pose.point(bushing.second, at) - terms.pose.point(bushing.first, at)
+    column, axes = terms.at.wrench_of(k), np.array(bushing.orientation)
+    stiffness = terms.network.stiffness[terms.network.spring_number[bushing.name]][:, :3]
+    for i in range(3):
+        terms.forces.put((bushing.name, "position", (i,)), column, -stiffness @ (second - first)[:, i])
+        terms.forces.put((bushing.name, "orientation", (i,)), column, stiffness @ np.cross(first[:, i], gap))
+    local = np.concatenate((axes.T @ gap, np.zeros(3)))
+    full = isinstance(bushing.stiffness[0], tuple)
+    for i, j in _FULL if full else _DIAGONAL:
+        force = np.zeros(6)
+        force[i] = -local[j]
+        force[j] = -local[i]
+        in_world = (force.reshape(2, 3) @ axes.T).reshape(6)
+        terms.forces.put((bushing.name, "stiffness", (i, j) if full else (i,)), column, in_world)
+
+
+_OF_FIELDS: dict[str, Rule] = {
+    "stiffness": _matrix("stiff", _DIAGONAL), "full stiffness": _matrix("stiff", _FULL),
+    "damping": _matrix("rate", _DIAGONAL), "full damping": _matrix("rate", _FULL),
+    "position": moved_point(1), "orientation": turned_axes(1),
+}  # fmt: skip
+RULES = PartRules(
+    "spring", _rule, _constants, is_exception=_is_exception, at_rest=_at_rest, add_force_terms=_add_force_terms,
+    follow=_follow, force_rates=_force_rates, add_reference_terms=_add_reference_terms,
+)  # fmt: skip

@@ -1,0 +1,134 @@
+"""Joints: where one is moved or turned, the wrench that it transmits works on what its bodies do against each other."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.linalg.vectors import cross, wide
+from mbsvib.sensitivities.families.rules import PartRules
+from mbsvib.sensitivities.families.terms import along, line_turn_rates, moved_point, turned_axes
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements import Joint
+    from mbsvib.sensitivities.adjoint_fields import Fields
+    from mbsvib.sensitivities.families.pose_changes import PoseRates, ReferenceTerms
+    from mbsvib.sensitivities.families.terms import Rule, Terms
+    from mbsvib.sensitivities.force_layout import RowTerms
+    from mbsvib.sensitivities.forces import Forces
+    from mbsvib.sensitivities.network import Network
+
+
+def _pitch(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+    return [[(along(data[0], fields.wrench[k, :3]), along(data[0], fields.relative[k, 3:]))]]
+
+
+def _rod_start(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+    return [_turned_about(fields, k, -data[0][:, i]) for i in range(3)]
+
+
+def _rod_end(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+    moved = moved_point(-1)(fields, k, ())
+    return [moved[i] + _turned_about(fields, k, data[0][:, i]) for i in range(3)]
+
+
+def _turned_about(fields: Fields, k: Any, rho: Array) -> Terms:
+    """Rods turn with their ends, each by its rho (parts, 3)."""
+    d, w = -fields.relative[k], fields.wrench[k]
+    turn = wide(rho, d)
+    force, moment = cross(turn, w[:, :3]), cross(turn, w[:, 3:])
+    return [(force[:, i], d[:, i]) for i in range(3)] + [(moment[:, i], d[:, 3 + i]) for i in range(3)]
+
+
+def _rule(joint: Joint, field: str) -> Rule:
+    return (_OF_JOINTS if joint.end is None else _OF_RODS)[field]
+
+
+def _constants(parts: Sequence[Any], field: str) -> tuple[Array, ...]:
+    """How rods turn; axes of screws."""
+    if parts[0].end is not None:
+        return (line_turn_rates(np.array([np.subtract(part.end, part.position) for part in parts])),)
+    return (np.array([part.axes for part in parts])[:, :, 2],) if field == "pitch" else ()
+
+
+def _is_exception(joint: Joint, *_: Any) -> bool:
+    """Whether the first of two successive rotations turns the axes of the second away from locked translations."""
+    if not joint.successive:
+        return False
+    about = next(name[1:] for name, _ in joint.freedom if name[0] == "r")
+    return sum(name[0] != "r" and name != about for name, _ in joint.locked) == 1
+
+
+def _add_force_terms(terms: RowTerms, _: Network, forces: Forces, joint: Joint, k: int) -> None:
+    if joint.end is not None:
+        terms.along(joint.name, "position", terms.at.start_of(k))
+        terms.along(joint.name, "end", terms.at.point_of(k))
+    elif joint.position is not None:
+        terms.along(joint.name, "position", terms.at.point_of(k))
+    if k in forces.twice:
+        terms.along(joint.name, "orientation", int(terms.at.turn.start) + 3 * int(np.searchsorted(forces.twice, k)))
+
+
+def _follow(rates: PoseRates, joint: Joint, k: int) -> None:
+    if joint.end is not None:
+        rates.put(joint.name, "position", rates.start[k])
+        rates.put(joint.name, "end", rates.second[k, :3])
+        return
+    rates.put(joint.name, "position", rates.second[k, :3])
+    rates.put(joint.name, "orientation", _by_axis(joint, rates.axes[k]))
+
+
+def _by_axis(joint: Joint, turn: Array) -> Array:
+    """How the axes of a joint turn with its first body (3, c): where it is given by its axis, they are those that the
+    axis gives in each pose.
+    """
+    if joint.axis is None or not joint.along_axis:
+        return turn
+    line = np.array(joint.axes)[:, 2]
+    return np.asarray(line_turn_rates(line[None])[0].T @ np.cross(turn, line, axisa=0).T)
+
+
+def _add_reference_terms(terms: ReferenceTerms, joint: Joint, k: int) -> None:
+    """Both bodies carry its point and axes; how far it has moved along its free directions turns with the first."""
+    described, pose, openings = terms.origin.joints[joint.name], terms.pose, terms.openings
+    if described.end is not None:
+        _add_rod_terms(terms, described, joint, k)
+        return
+    first, second = pose.turn(joint.first), pose.turn(joint.second)
+    at = described.position or (0.0, 0.0, 0.0)  # joints without a point turn nothing: any will do
+    gap = pose.point(joint.second, at) - pose.point(joint.first, at)
+    terms.turns(joint.name, "orientation", first + terms.turned_axes[k])
+    if described.position is not None:
+        terms.turns(joint.name, "position", second)
+    for i in range(3):
+        if described.position is not None:
+            openings.put((joint.name, "position", (i,)), 6 * k, (first - second)[:, i])
+        openings.put((joint.name, "orientation", (i,)), 6 * k, np.cross(first[:, i], gap))
+        openings.put((joint.name, "orientation", (i,)), 6 * k + 3, (first - second)[:, i])
+    if joint.pitch:
+        axis = np.array(joint.axes)[:, 2]
+        openings.put((joint.name, "pitch", ()), 6 * k, (axis @ gap) / joint.pitch * axis)
+
+
+def _add_rod_terms(terms: ReferenceTerms, described: Any, joint: Any, k: int) -> None:
+    """It keeps its length as described."""
+    before, after = (np.subtract(rod.end, rod.position) for rod in (described, joint))
+    before, after = before / np.linalg.norm(before), after / np.linalg.norm(after)
+    for field, body, sign in (("position", joint.first, -1.0), ("end", joint.second, 1.0)):
+        turn = terms.pose.turn(body)
+        terms.turns(joint.name, field, turn)
+        for i in range(3):
+            change = sign * (before[i] - after @ turn[:, i]) * after
+            terms.openings.put((joint.name, field, (i,)), 6 * k, change)
+
+
+_OF_RODS: dict[str, Rule] = {"position": _rod_start, "end": _rod_end}
+_OF_JOINTS: dict[str, Rule] = {"position": moved_point(-1), "orientation": turned_axes(-1), "pitch": _pitch}
+RULES = PartRules(
+    "joint", _rule, _constants, is_exception=_is_exception, add_force_terms=_add_force_terms, follow=_follow,
+    add_reference_terms=_add_reference_terms,
+)  # fmt: skip

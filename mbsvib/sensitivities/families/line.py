@@ -1,0 +1,116 @@
+"""Line springs and inerters: their coefficients act on the change of their length, which their ends change."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.sensitivities.families.rules import AtRest, PartRules
+from mbsvib.sensitivities.families.terms import along, among_springs, moved_end
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.sensitivities.adjoint_fields import Fields
+    from mbsvib.sensitivities.families.pose_changes import PoseRates, ReferenceTerms
+    from mbsvib.sensitivities.families.terms import Rule, Terms
+    from mbsvib.sensitivities.force_layout import RowTerms
+    from mbsvib.sensitivities.forces import Forces
+    from mbsvib.sensitivities.network import Network
+
+
+def _line(power: str) -> Rule:
+    """Coefficients of line springs and inerters."""
+    def rule(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+        motion = fields.relative[k, :3] if power == "square" else fields.strain[among_springs(fields, k), :3]
+        change = along(data[0], motion)
+        return [[((0.5 * getattr(fields, power)) * change, change)]]
+
+    return rule
+
+
+def _line_end(end: bool) -> Rule:
+    def rule(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+        change = moved_end(data[0], data[1], fields.relative[k], end)
+        tension = along(data[0], fields.wrench[k, :3])
+        return [[(tension, change[:, i])] for i in range(3)]
+
+    return rule
+
+
+def _constants(parts: Sequence[Any], field: str) -> tuple[Array, ...]:
+    """Directions, and the ways from start to end where one of these moves."""
+    line = np.array([part.line for part in parts])
+    if field not in ("start", "end"):
+        return (line,)
+    return line, np.array([part.end for part in parts]) - np.array([part.start for part in parts])
+
+
+def _at_rest(part: Any) -> AtRest:
+    """The force of a line acts at its end, -T e on the second body."""
+    wrench = np.concatenate((-part.tension * np.array(part.line), np.zeros(3)))
+    return AtRest(part.end, wrench, np.subtract(part.end, part.start))
+
+
+def _add_force_terms(terms: RowTerms, _: Network, __: Forces, part: Any, k: int) -> None:
+    """Its force is -T e on the second body, with T as given, or k (L - L0)."""
+    terms.along(part.name, "start", terms.at.start_of(k))
+    terms.along(part.name, "end", terms.at.point_of(k))
+    line, column = np.array(part.line), terms.at.wrench_of(k)
+    if part.free_length is None:
+        if part.preload is not None:
+            terms.put((part.name, "preload", ()), column, -line)
+        return
+    terms.put((part.name, "stiffness", ()), column, (part.free_length - part.length) * line)
+    terms.put((part.name, "free_length", ()), column, part.stiffness * line)
+    for i in range(3):
+        for field, sign in (("start", 1.0), ("end", -1.0)):
+            terms.put((part.name, field, (i,)), column, sign * part.stiffness * line[i] * line)
+
+
+def _follow(rates: PoseRates, part: Any, k: int) -> None:
+    rates.put(part.name, "start", rates.start[k])
+    rates.put(part.name, "end", rates.second[k, :3])
+
+
+def _force_rates(part: Any, _: Array, displacement: Array, __: Array) -> Array | None:
+    """Its tension changes with its length; a free length says so by the parameters."""
+    if part.free_length is not None:
+        return None
+    line = np.array(part.line)
+    tension = -part.stiffness * (line @ displacement[:3])
+    return np.asarray(np.multiply.outer(np.concatenate((line, np.zeros(3))), tension))
+
+
+def _turn_ends(terms: ReferenceTerms, part: Any, _: int) -> None:
+    """Both bodies carry their ends."""
+    terms.turns(part.name, "start", terms.pose.turn(part.first))
+    terms.turns(part.name, "end", terms.pose.turn(part.second))
+
+
+def _add_reference_terms(terms: ReferenceTerms, part: Any, k: int) -> None:
+    """Its tension there is T + k (L there - L as described)."""
+    _turn_ends(terms, part, k)
+    if part.free_length is not None:
+        return
+    described: Any = terms.origin.springs[part.name]
+    before, after, column = np.array(described.line), np.array(part.line), terms.at.wrench_of(k)
+    terms.forces.put((part.name, "stiffness", ()), column, -(part.length - described.length) * after)
+    for field, body, sign in (("start", part.first, -1.0), ("end", part.second, 1.0)):
+        for i, way in enumerate(terms.pose.turn(body).T):
+            change = sign * part.stiffness * (after @ way - before[i])
+            terms.forces.put((part.name, field, (i,)), column, -change * after)
+
+
+_OF_FIELDS: dict[str, Rule] = {
+    "stiffness": _line("stiff"), "damping": _line("rate"), "inertance": _line("square"),
+    "start": _line_end(end=False), "end": _line_end(end=True),
+}  # fmt: skip
+SPRING = PartRules(
+    "spring", lambda _, field: _OF_FIELDS[field], _constants, at_rest=_at_rest, add_force_terms=_add_force_terms,
+    follow=_follow, force_rates=_force_rates, add_reference_terms=_add_reference_terms,
+)  # fmt: skip
+INERTER = replace(SPRING, add_reference_terms=_turn_ends)
