@@ -92,7 +92,7 @@ def mode_strips(
         _name_places(strips[-1], shapes.places)
         _legend(figure, shapes)
         part = f", page {page} of {pages}" if pages > 1 else ""
-        figure.suptitle(f"Mode shapes of {result.name}{part}", x=0.02, ha="left", fontsize=10.5)
+        style.head(figure, f"Mode shapes of {result.name}{part}")
         figure.supylabel("displacement / largest [1]", fontsize=9.5)
     return figure
 
@@ -215,8 +215,8 @@ def _legend(figure: Figure, shapes: Shapes) -> None:
         handles.append(Patch(alpha=0.0, label=f"rotations × {shapes.radius:.3g} m"))
     if np.abs(shapes.values.imag).max(initial=0.0) > QUADRATURE:
         handles.append(Line2D([], [], color=style.INK, linewidth=1.0, label="in quadrature"))
-    figure.legend(handles=handles, loc="outside upper right", ncols=len(handles), handlelength=1.0, columnspacing=1.0,
-                  handletextpad=0.4)  # fmt: skip
+    style.legend(figure, handles, "outside lower center", len(handles), handlelength=1.0, columnspacing=1.0,
+                 handletextpad=0.4)  # fmt: skip
 
 
 def _colour(direction: str) -> str:

@@ -121,7 +121,7 @@ def run_figure(run: RunData, names: Sequence[str] | str | None) -> Figure:
         panels[-1].set_xlabel("time [s]")
         panels[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
         panels[-1].set_xlim(run.time[0], run.time[-1])
-        panels[0].set_title(run.name, loc="right", color=style.MARK, fontsize=8.5)
+        style.name_aside(panels[0], run.name)
         if names is None:
             style.tell_left_out(figure, len(names_drawn), len(everything), kind, "name others by run.plot([...])")
     return figure

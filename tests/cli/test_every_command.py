@@ -76,7 +76,12 @@ def test_curves_as_json_are_those_of_the_library(run):
     exact = 1.0 / (2.0 * s**2 + 10.0 * s + 5000.0)
     np.testing.assert_allclose(np.array(response["real"]) + 1j * np.array(response["imag"]), exact, rtol=1e-9)
     largest = json.loads(run("sigma slider.yaml --from 1 --to 50 --json").stdout)
-    np.testing.assert_allclose(largest["singular_values"][0], abs(exact), rtol=1e-9)
+    (group,) = largest["groups"]
+    assert (group["outputs"], group["inputs"], group["unit"]) == (["x"], ["F"], "m/N")
+    np.testing.assert_allclose(group["singular_values"][0], abs(exact), rtol=1e-9)
+    platform = json.loads(run("sigma stewart --from 100 --to 2000 --json").stdout)["groups"]
+    assert [(len(one["outputs"]), one["inputs"][0], one["unit"]) for one in platform] == [
+        (3, "Fx", "m/N"), (3, "Mx", "m/(N m)"), (3, "Fx", "rad/N"), (3, "Mx", "rad/(N m)")]  # fmt: skip
     step = json.loads(run("step slider.yaml --duration 10 --json").stdout)
     assert step["responses"]["x"]["F"][-1] == pytest.approx(1.0 / 5000.0, rel=1e-9)
     assert (step["inputs"], step["output_units"]) == (["F"], list(system.output_units))
