@@ -257,7 +257,7 @@ def as_controller(value: Any, plant: Any, sensors: Any = None, actuators: Any = 
         actuators = _labels(value.output_labels, plant.inputs) if actuators is None else actuators
     if not known and (sensors is None or actuators is None):
         raise ResponseError(f"feedback: the controller is a {type(value).__name__}, whose signals have no names of "
-                            f"'{plant.name}'; say sensors=[...] and actuators=[...].")  # fmt: skip
+                            f"'{plant.name}'; expected sensors=[...] and actuators=[...] beside it.")  # fmt: skip
     o = selected(value.inputs if sensors is None else sensors, plant.outputs, "output", plant.name, plant.inputs)
     i = selected(value.outputs if actuators is None else actuators, plant.inputs, "input", plant.name, plant.outputs)
     into, out = tuple([plant.outputs[k] for k in o]), tuple([plant.inputs[k] for k in i])
