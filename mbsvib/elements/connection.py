@@ -66,7 +66,7 @@ class Connection(Part):
         Parameters
         ----------
         size : float
-            Size of the mechanism [m].
+            Size of the mechanism [m], by which moments are compared with forces.
 
         Returns
         -------

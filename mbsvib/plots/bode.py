@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
-    from mbsvib.plots._choice import Names, Systems
+    from mbsvib.common.selection import Names
+    from mbsvib.plots._choice import Systems
 
 
 LONGEST_LABEL = 24

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.margins import Margins
-    from mbsvib.plots._choice import Names
     from mbsvib.plots._loops import Loop
 
 

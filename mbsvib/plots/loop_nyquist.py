@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
-    from mbsvib.plots._choice import Names
+    from mbsvib.common.selection import Names
     from mbsvib.plots._loops import Loop
 
 # What is shown of a loop gain that grows beyond all bounds, around the critical point.

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
+from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.common.expected import a_system, kind_of, mode_index, real
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
@@ -18,11 +19,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from mbsvib.common.arrays import Complex, Index
+    from mbsvib.common.selection import Names
     from mbsvib.modes.result import Modes
-    from mbsvib.plots._choice import Names
     from mbsvib.plots._system import System
 
-DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 MOST_STRIPS = 12  # of a page
 MOST_BARS = 20  # bodies; more of them are drawn as lines
 MOST_NAMES = 40

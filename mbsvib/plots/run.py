@@ -9,9 +9,10 @@ import numpy as np
 
 from mbsvib.common import units
 from mbsvib.errors import ResponseError, nearest
+from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.plots import _style as style
 from mbsvib.plots._projection import axes_of
-from mbsvib.plots._scene import GROUND, of_model
+from mbsvib.plots._scene import of_model
 from mbsvib.plots.animation import Animation
 
 if TYPE_CHECKING:

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from mbsvib.api.model import Model
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
-    from mbsvib.plots._choice import Names
 
     Source = Model | System | StateSpace | ClosedLoop | Controller
 
