@@ -65,6 +65,23 @@ def test_every_result_has_a_line_and_html(name):
     assert not generated, f"{name}: @dataclass prints whole arrays; give it repr=False"
 
 
+def test_every_result_is_in_the_reference():
+    """By its own name, or that of the class which users get."""
+    pages = (Path(mv.__file__).parents[1] / "docs" / "pages" / "reference").glob("*.md")
+    shown = []
+    for name in re.findall(r"^::: (\S+)$", "\n".join(page.read_text(encoding="utf-8") for page in pages), re.MULTILINE):
+        home, _, last = name.rpartition(".")
+        try:
+            module = importlib.import_module(name)
+        except ModuleNotFoundError:
+            shown.append(getattr(importlib.import_module(home), last))
+        else:
+            shown += [getattr(module, public) for public in module.__all__]
+    classes = tuple(item for item in shown if isinstance(item, type))
+    missing = [name for name, kind in RESULTS.items() if not any(issubclass(item, kind) for item in classes)]
+    assert missing == []
+
+
 def test_there_are_results_to_look_at():
     names = {kind.__name__ for kind in RESULTS.values()}
     assert {"Norm", "Modes", "System", "ClosedLoop", "Margins", "Sweep", "Cycle", "SystemData", "StateSpace"} <= names
@@ -179,7 +196,7 @@ def test_html_is_escaped():
 
 
 @pytest.mark.parametrize("name", ["mbsvib", "mbsvib.library", "mbsvib.isolation", "mbsvib.studies", "mbsvib.plots",
-                                  "mbsvib.errors", "mbsvib_export"])  # fmt: skip
+                                  "mbsvib.errors", "mbsvib.report", "mbsvib_export"])  # fmt: skip
 def test_dir_shows_the_public_names_and_nothing_else(name):
     module = importlib.import_module(name)
     assert sorted(dir(module)) == sorted(module.__all__)

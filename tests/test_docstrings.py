@@ -43,7 +43,8 @@ def public(owner, module):
             function = getattr(item, "fget", None) or getattr(item, "func", None) or getattr(item, "__func__", None)
             if inspect.isfunction(function):
                 kind = "property" if not isinstance(item, (staticmethod, classmethod)) else ""
-                yield f"{module}.{owner.__qualname__}.{name}{':property' if kind else ''}", function
+                found = item if isinstance(item, property) else function  # a property has the text of its base class
+                yield f"{module}.{owner.__qualname__}.{name}{':property' if kind else ''}", found
 
 
 def surface():
@@ -82,7 +83,8 @@ def entries(section):
 
 
 def own_arguments(function):
-    return [p for p in inspect.signature(function).parameters.values() if p.name not in ("self", "cls")]
+    bound = ("self", "cls") if "." in function.__qualname__ else ()
+    return [p for p in inspect.signature(function).parameters.values() if p.name not in bound]
 
 
 def names(function):

@@ -3,10 +3,8 @@
 import ast
 from pathlib import Path
 
-import mbsvib
-import mbsvib_export
-
-FILES = sorted(path for package in (mbsvib, mbsvib_export) for path in Path(package.__file__).parent.rglob("*.py"))
+ROOT = Path(__file__).parents[1]
+FILES = sorted(path for package in ("mbsvib", "export/mbsvib_export") for path in (ROOT / package).rglob("*.py"))
 LARGEST = 0.02  # tolerances are smaller; sizes and counts are larger
 
 

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     import os
 
     from mbsvib.api.system import System
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.responses.state_space import StateSpace
-    from mbsvib_export.selection import Ports
 
 # Samples in the test vectors: enough to see each state several times, few enough to read.
 SAMPLES = 64
@@ -46,7 +46,7 @@ class CFiles(Displayed):
 def to_c(
     system: System | ClosedLoop | Controller | StateSpace | SystemData, folder: str | os.PathLike[str],
     step: float = 1e-4, *, realization: str = "modal", method: str | None = None, precision: str = "double",
-    name: str | None = None, outputs: Ports = None, inputs: Ports = None,
+    name: str | None = None, outputs: Names = None, inputs: Names = None,
 ) -> CFiles:  # fmt: skip
     """Write a discrete-time state space as C source that depends on nothing: NAME.h, NAME.c and NAME_test.c.
 

@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.affine import Affine
     from mbsvib_export.neutral import SystemData
-    from mbsvib_export.selection import Ports
 
 
 INSTALL = "mbsvib[casadi]"
@@ -64,9 +64,9 @@ class CasadiModel(Displayed):
 
 def to_casadi(
     system: System | ClosedLoop | Controller | StateSpace | SystemData, step: float | None = None,
-    parameters: str | Sequence[str] | None = None,
+    parameters: Names = None,
     realization: str = "physical",
-    *, outputs: Ports = None, inputs: Ports = None,
+    *, outputs: Names = None, inputs: Names = None,
 ) -> CasadiModel:  # fmt: skip
     """Return a system as functions of CasADi, for optimal control, estimation and design.
 

@@ -12,7 +12,6 @@ from mbsvib_export.packages import need
 from mbsvib_export.sampling import discretised
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
 
     import control
     from numpy.typing import ArrayLike
@@ -20,12 +19,12 @@ if TYPE_CHECKING:
     from mbsvib.api.batch import Batch
     from mbsvib.api.sparse_system import SparseSystem
     from mbsvib.api.system import System
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.neutral import SystemData
 
-    Ports = str | Sequence[str] | None
 
 _INSTALL = "control>=0.10.1"
 
@@ -33,20 +32,20 @@ _INSTALL = "control>=0.10.1"
 @overload
 def to_control(
     system: System | ClosedLoop | Controller | StateSpace | SystemData, realization: str = ...,
-    dt: float | None = ..., *, method: str = ..., outputs: Ports = ..., inputs: Ports = ...,
+    dt: float | None = ..., *, method: str = ..., outputs: Names = ..., inputs: Names = ...,
 ) -> control.StateSpace: ...  # fmt: skip
 
 
 @overload
 def to_control(
-    system: Batch, realization: str = ..., dt: float | None = ..., *, method: str = ..., outputs: Ports = ...,
-    inputs: Ports = ...,
+    system: Batch, realization: str = ..., dt: float | None = ..., *, method: str = ..., outputs: Names = ...,
+    inputs: Names = ...,
 ) -> list[control.StateSpace]: ...  # fmt: skip
 
 
 def to_control(
     system: System | ClosedLoop | Controller | StateSpace | SystemData | Batch, realization: str = "physical",
-    dt: float | None = None, *, method: str = "zoh", outputs: Ports = None, inputs: Ports = None,
+    dt: float | None = None, *, method: str = "zoh", outputs: Names = None, inputs: Names = None,
 ) -> control.StateSpace | list[control.StateSpace]:  # fmt: skip
     """Return a system as a state space of python-control, with the names of its states, inputs and outputs.
 
@@ -128,8 +127,8 @@ def to_control(
 
 
 def to_frd(
-    system: System | SparseSystem | ClosedLoop | StateSpace | Controller, omega: ArrayLike, *, outputs: Ports = None,
-    inputs: Ports = None,
+    system: System | SparseSystem | ClosedLoop | StateSpace | Controller, omega: ArrayLike, *, outputs: Names = None,
+    inputs: Names = None,
 ) -> control.FrequencyResponseData:
     """Return the frequency response of a system as data of python-control, with the names of inputs and outputs.
 

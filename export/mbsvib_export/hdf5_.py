@@ -27,11 +27,11 @@ from mbsvib_export.selection import with_ports
 
 if TYPE_CHECKING:
     from mbsvib.api.system import System
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.neutral import SystemData
-    from mbsvib_export.selection import Ports
 
 _INSTALL = "mbsvib[hdf5]"
 HEAD = 512  # bytes before the file itself, which HDF5 leaves to others
@@ -45,7 +45,7 @@ def head(content: bytes) -> bytes:
 def to_hdf5(
     system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
     realization: str = "physical",
-    *, outputs: Ports = None, inputs: Ports = None,
+    *, outputs: Names = None, inputs: Names = None,
 ) -> Path:  # fmt: skip
     """Write a system to an HDF5 file, completely or not at all.
 

@@ -19,16 +19,16 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.api.system import System
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
-    from mbsvib_export.selection import Ports
 
 
 def to_json(
     system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str] | None = None,
     realization: str = "physical",
-    *, outputs: Ports = None, inputs: Ports = None,
+    *, outputs: Names = None, inputs: Names = None,
 ) -> str:  # fmt: skip
     """Return a system as JSON text, and write it to a file if a path is given.
 

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.neutral import SystemData
-    from mbsvib_export.selection import Ports
 
 WIDTH = 110
 # Words of the language, and its predefined types.
@@ -43,7 +43,7 @@ _RESERVED = frozenset((
 def to_modelica(
     system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str], *,
     realization: str = "physical", connectors: bool = False, name: str | None = None,
-    outputs: Ports = None, inputs: Ports = None,
+    outputs: Names = None, inputs: Names = None,
 ) -> Path:  # fmt: skip
     """Write a state space as a model in Modelica.
 

@@ -47,10 +47,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from mbsvib.api.system import System
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace as FirstOrder
-    from mbsvib_export.selection import Ports
 
 PORT_TEXTS = ("inputs", "input_units", "outputs", "output_units")
 TEXTS = ("coordinates", "coordinate_units", *PORT_TEXTS, "bodies")
@@ -63,7 +63,7 @@ KEYS = ("format", "version", "name", "realization", *TEXTS, *STATE_TEXTS, *SECON
 def to_npz(
     system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
     realization: str = "physical",
-    *, outputs: Ports = None, inputs: Ports = None,
+    *, outputs: Names = None, inputs: Names = None,
 ) -> Path:  # fmt: skip
     """Write a system to a .npz file of numpy, completely or not at all.
 

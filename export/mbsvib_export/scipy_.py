@@ -12,16 +12,16 @@ if TYPE_CHECKING:
     from scipy import signal
 
     from mbsvib.api.system import System
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.neutral import SystemData
-    from mbsvib_export.selection import Ports
 
 
 def to_scipy(
     system: System | ClosedLoop | Controller | StateSpace | SystemData, realization: str = "physical",
-    *, outputs: Ports = None, inputs: Ports = None,
+    *, outputs: Names = None, inputs: Names = None,
 ) -> signal.StateSpace:
     """Return a system as a state space of scipy.signal.
 

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, TypeAlias
+from typing import Any
 
 from mbsvib.common.expected import kind_of
-from mbsvib.common.selection import port_numbers
+from mbsvib.common.selection import Names, port_numbers
 from mbsvib_export.neutral import SystemData, space_of
 
-Ports: TypeAlias = str | Sequence[str] | None
 
-
-def with_ports(source: Any, outputs: Ports, inputs: Ports) -> Any:
+def with_ports(source: Any, outputs: Names, inputs: Names) -> Any:
     """Return a system, loop, state space or what was read from a file with some of its outputs and inputs.
 
     ``outputs``, ``inputs``: names or patterns; None: all.
@@ -26,7 +23,7 @@ def with_ports(source: Any, outputs: Ports, inputs: Ports) -> Any:
     return linear.with_ports(outputs, inputs) if hasattr(linear, "with_ports") else source
 
 
-def _with_ports(data: SystemData, outputs: Ports, inputs: Ports) -> SystemData:
+def _with_ports(data: SystemData, outputs: Names, inputs: Names) -> SystemData:
     o, i = port_numbers(outputs, inputs, (data.outputs, data.inputs), data.name)
     return replace(
         data, outputs=tuple(data.outputs[k] for k in o), output_units=tuple(data.output_units[k] for k in o),

@@ -32,11 +32,11 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
     from mbsvib.responses.measurement import Measurement, Point
     from mbsvib.responses.state_space import StateSpace
-    from mbsvib_export.selection import Ports
 
 
 # specific data types of the format; types without a number are 0, unknown
@@ -47,7 +47,7 @@ LINE = 80
 def to_uff(
     system: System | ClosedLoop | Controller | StateSpace | SystemData, path: str | os.PathLike[str],
     omega: ArrayLike | None = None, binary: bool = True, modes: bool = False,
-    *, outputs: Ports = None, inputs: Ports = None,
+    *, outputs: Names = None, inputs: Names = None,
 ) -> Path:  # fmt: skip
     """Write the frequency responses of all inputs and outputs to a universal file, with nodes and directions.
 

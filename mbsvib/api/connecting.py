@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
 
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
 
 
@@ -14,7 +14,7 @@ class Connecting:
     """Linear equations to which controllers can be connected."""
 
     def feedback(
-        self, controller: Any, sensors: str | Sequence[str] | None = None, actuators: str | Sequence[str] | None = None,
+        self, controller: Any, sensors: Names = None, actuators: Names = None,
         name: str | None = None,
     ) -> ClosedLoop:  # fmt: skip
         """Return the closed loop with a controller from sensors to actuators, u = w + K y: positive feedback.

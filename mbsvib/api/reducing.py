@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Any, Self, overload
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from typing import Literal
 
     from mbsvib.api.state_space import StateSpace
+    from mbsvib.common.selection import Names
 
-    Names = str | Sequence[str] | None
 
 
 class ReducibleSystem:

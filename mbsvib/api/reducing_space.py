@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Self
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array
+    from mbsvib.common.selection import Names
 
-    Names = str | Sequence[str] | None
 
 
 class ReducibleSpace:

@@ -10,18 +10,18 @@ from mbsvib.equations.equations import Equations
 from mbsvib.equations.selection import with_ports
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Mapping
 
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.responses.basis import Basis
     from mbsvib.responses.norms import Norm
     from mbsvib.sensitivities.basis import SensitivityBasis
     from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
     from mbsvib.sensitivities.shapes import ModeSensitivities
 
-    Ports = str | Sequence[str] | None
     Requested = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
 
 
@@ -67,9 +67,7 @@ class Sensitive(Equations):
         """
         return self.with_ports(*key_ports(key, self.name))
 
-    def with_ports(
-        self, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
-    ) -> Self:
+    def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
         """Return the system with some of its outputs and inputs, as ``system[outputs, inputs]`` does.
 
         Parameters
@@ -122,8 +120,8 @@ class Sensitive(Equations):
         return eigenvalue_sensitivities(self.sensitivity_basis, parameters)
 
     def frequency_response_sensitivities(
-        self, omega: ArrayLike, parameters: Requested = None, outputs: str | Sequence[str] | None = None,
-        inputs: str | Sequence[str] | None = None,
+        self, omega: ArrayLike, parameters: Requested = None, outputs: Names = None,
+        inputs: Names = None,
     ) -> Complex:  # fmt: skip
         """Return the derivatives of the frequency response to parameters, for about one more solution a frequency.
 
@@ -201,7 +199,7 @@ class Sensitive(Equations):
         return mode_sensitivities(self.sensitivity_basis, parameters)
 
     def compliance_sensitivities(
-        self, parameters: Requested = None, outputs: Ports = None, inputs: Ports = None
+        self, parameters: Requested = None, outputs: Names = None, inputs: Names = None
     ) -> Array:  # fmt: skip
         """Return the derivatives of the static compliance, G(0) = Cq K^-1 B + D, to parameters.
 
@@ -264,7 +262,7 @@ class Sensitive(Equations):
 
         return time_response_sensitivities(self.sensitivity_basis, t, u, parameters, hold, initial)
 
-    def h2_norm(self, outputs: Ports = None, inputs: Ports = None, parameters: Requested = None) -> Norm:
+    def h2_norm(self, outputs: Names = None, inputs: Names = None, parameters: Requested = None) -> Norm:
         """Return the H2 norm of the frequency response, the rms under white noise, with its derivatives.
 
         ||G||^2 = 1 / 2 pi integral of tr(G(i w)^H G(i w)) dw over all frequencies
@@ -293,7 +291,7 @@ class Sensitive(Equations):
 
         return h2_norm(self.sensitivity_basis, outputs, inputs, parameters)
 
-    def hinf_norm(self, outputs: Ports = None, inputs: Ports = None, parameters: Requested = None) -> Norm:
+    def hinf_norm(self, outputs: Names = None, inputs: Names = None, parameters: Requested = None) -> Norm:
         """Return the highest peak of the frequency response (its largest singular value), with its derivatives.
 
         ||G|| = max over w of sigma(G(i w))

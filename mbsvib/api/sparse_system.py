@@ -13,13 +13,14 @@ from mbsvib.errors import ResponseError, counted
 from mbsvib.sparse.equations import SparseEquations
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Mapping
 
     from numpy.typing import ArrayLike
 
     from mbsvib.api.some_modes import SomeModes
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.responses.state_space import StateSpace
     from mbsvib.sensitivities.shapes import ModeSensitivities
 
@@ -51,9 +52,7 @@ class SparseSystem(SparseEquations, Displayed):
 
         return self.with_ports(*key_ports(key, self.name))
 
-    def with_ports(
-        self, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
-    ) -> Self:
+    def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
         """Return the system with some of its outputs and inputs, as ``system[outputs, inputs]`` does.
 
         Parameters
@@ -150,9 +149,7 @@ class SparseSystem(SparseEquations, Displayed):
             self._refuse("mode_sensitivities", "mode_sensitivities(parameters, modes=k)")
         return sparse_mode_sensitivities(self, parameters, modes, near, System, SomeModes)
 
-    def frequency_response(
-        self, omega: ArrayLike, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
-    ) -> Complex:
+    def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
         """Return the frequency response from inputs to outputs, from one sparse factorisation a frequency.
 
         G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D
@@ -197,9 +194,7 @@ class SparseSystem(SparseEquations, Displayed):
 
         return static_compliance(self)
 
-    def reachable(
-        self, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
-    ) -> SparseSystem:
+    def reachable(self, outputs: Names = None, inputs: Names = None) -> SparseSystem:
         """Return the controllable and observable bodies for the given inputs and outputs, with these ports only.
 
         Bodies that are coupled to others only through ground move independently. Such a part has no share in the

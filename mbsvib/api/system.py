@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from mbsvib.api.modes import Modes
     from mbsvib.api.state_space import StateSpace
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.explain.energy_shares import StiffnessShares
     from mbsvib.modes import result
 
@@ -113,9 +114,7 @@ class System(Connecting, ReducibleSystem, StepVerbs, Sensitive, Equations):
             result.check_accuracy(rtol)
         return cast("Modes", result)
 
-    def frequency_response(
-        self, omega: ArrayLike, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
-    ) -> Complex:
+    def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
         """Return the frequency response from inputs to outputs.
 
         G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D
@@ -143,7 +142,7 @@ class System(Connecting, ReducibleSystem, StepVerbs, Sensitive, Equations):
 
     def time_response(
         self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: tuple[ArrayLike, ArrayLike] | None = None,
-        outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None,
+        outputs: Names = None, inputs: Names = None,
     ) -> Array:  # fmt: skip
         """Return the time response to inputs that are held or vary linearly between the samples; exact for these.
 
@@ -185,9 +184,7 @@ class System(Connecting, ReducibleSystem, StepVerbs, Sensitive, Equations):
         """
         return self.basis.poles.copy()
 
-    def transmission_zeros(
-        self, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
-    ) -> Complex:
+    def transmission_zeros(self, outputs: Names = None, inputs: Names = None) -> Complex:
         """Return the invariant zeros from some inputs to some outputs.
 
         The finite s at which [[K + s C + s^2 M, -B], [Cq + s Cv + s^2 Ca, D]] has less than its normal rank.
@@ -213,7 +210,7 @@ class System(Connecting, ReducibleSystem, StepVerbs, Sensitive, Equations):
         return transmission_zeros(self.basis, outputs, inputs)
 
     def frequency_grid(
-        self, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None,
+        self, outputs: Names = None, inputs: Names = None,
         n: int | None = None, *, f_min: float | None = None, f_max: float | None = None,
     ) -> Array:  # fmt: skip
         """Return angular frequencies that resolve every resonance and antiresonance from inputs to outputs.
@@ -243,9 +240,7 @@ class System(Connecting, ReducibleSystem, StepVerbs, Sensitive, Equations):
 
         return frequency_grid(self.basis, outputs, inputs, n, f_min=f_min, f_max=f_max)
 
-    def reachable(
-        self, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
-    ) -> System:
+    def reachable(self, outputs: Names = None, inputs: Names = None) -> System:
         """Return the controllable and observable part for the given inputs and outputs, with these ports only.
 
         Coordinates that no entry of M, C or K couples to the others move independently. Such a part is left out if no

@@ -69,11 +69,15 @@ def sigma(
     if as_json:
         import numpy as np
 
+        from mbsvib.plots.singular_values import unit_groups
+
         part = system.with_ports(outputs, inputs)
         omega = part.frequency_grid(f_min=first, f_max=last)
-        values = np.linalg.svd(np.moveaxis(part.frequency_response(omega), -1, 0), compute_uv=False)
-        shell.say_json({**_signals(part), "frequencies_hz": (omega / (2.0 * np.pi)).tolist(),
-                        "singular_values": values.T.tolist()})  # fmt: skip
+        groups = []
+        for group in unit_groups(part, None, None):  # singular values of mixed units mean nothing
+            response = np.moveaxis(part.frequency_response(omega, group.outputs, group.inputs), -1, 0)
+            groups.append({**group._asdict(), "singular_values": np.linalg.svd(response, compute_uv=False).T.tolist()})
+        shell.say_json({"name": part.name, "frequencies_hz": (omega / (2.0 * np.pi)).tolist(), "groups": groups})
     if file is not None or not as_json:
         from mbsvib import plots
 

@@ -48,7 +48,9 @@ def loop(
     else:
         shell.say(str(closed))
         shell.say(str(margins) if margins is not None else f"Unstable: {', '.join(closed.growing)}.")
-    if file is not None:
+    if file is not None and not closed.stable:
+        shell.complain(f"Not written: {shell.shown(file)}, as an unstable loop has no frequency response.")
+    elif file is not None:
         from mbsvib import plots
 
         sources, results, remark = ports(plant, inputs, outputs)

@@ -42,8 +42,14 @@ def sweep(
 
     if file is not None and file.suffix.lower() not in (*FORMATS, ".csv"):
         raise shell.UsageProblem(f"'{file}': sweeps end in {', '.join(FORMATS)} or .csv.")
+    if modes < 1:
+        raise shell.UsageProblem(f"--modes {modes}: expected how many of the lowest modes, 1 or more.")
     source = model_of(model)
-    values = dict(range_of(text, "PARAMETER", "mount.stiffness.z=1e4:1e6:50", log) for text in ranges)
+    pairs = [range_of(text, "PARAMETER", "mount.stiffness.z=1e4:1e6:50", log) for text in ranges]
+    values = dict(pairs)
+    if len(values) < len(pairs):
+        twice = next(name for k, (name, _) in enumerate(pairs) if name in [other for other, _ in pairs[:k]])
+        raise shell.UsageProblem(f"'{twice}' is given twice; give one range for each parameter.")
     for name in values:
         _fitting(name, source.parameters, model)
     count = min(modes, source.linearize().dof)
@@ -60,7 +66,8 @@ def sweep(
             result.to_csv(file)
         else:
             write_figure(_over_ranges(result), file)
-        shell.say(f"Written: {shell.shown(file)}")
+        if not as_json:
+            shell.say(f"Written: {shell.shown(file)}")
 
 
 def _over_ranges(result: Sweep) -> Figure:

@@ -18,16 +18,8 @@ T = TypeVar("T")
 def fast_init(cls: type[T]) -> type[T]:
     """Return a frozen dataclass with a faster constructor, and otherwise unchanged.
 
-    Parameters
-    ----------
-    cls : type
-        A frozen dataclass; all fields are arguments, and no default is made by a factory. Classes derived from it
-        keep its usual constructor, unless they are decorated themselves.
-
-    Returns
-    -------
-    type
-        The same class.
+    ``cls``: all its fields are arguments, and no default is made by a factory. Classes derived from it keep its usual
+    constructor, unless they are decorated themselves.
     """
     usual: Any = cls.__init__
     plain = {"__slots__": (), "__setattr__": object.__setattr__, "__delattr__": object.__delattr__}

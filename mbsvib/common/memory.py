@@ -1,4 +1,4 @@
-"""Reuse of freed memory without calls of the operating system."""
+"""How much memory is used at once, and reuse of freed memory without calls of the operating system."""
 
 import numpy as np
 
@@ -6,6 +6,8 @@ import numpy as np
 MANY = 40
 # The largest block that glibc lets the threshold grow to has 32 MB; twice that is kept.
 _BLOCK = 4_000_000
+# Matrices of many frequencies or eigenvalues are made in batches of this many bytes.
+BATCH_BYTES = 32 * 2**20
 
 
 def keep_freed_memory(size: int) -> None:

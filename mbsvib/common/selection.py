@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fnmatch import fnmatchcase
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from mbsvib.common.arguments import shown
 from mbsvib.errors import ResponseError, counted, nearest
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
+# Names or patterns of signals; None: all.
+Names: TypeAlias = str | Sequence[str] | None
 
 PATTERN = frozenset("*?[")  # a name with one of these that is no name of a signal is a pattern
 

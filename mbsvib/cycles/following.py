@@ -38,7 +38,7 @@ NEARBY = 0.03
 
 
 @dataclass(frozen=True)
-class Loops:
+class TreeClosures:
     """What loops demand of the tree coordinates ``names`` (n,), of which ``driven`` (m,) are prescribed.
 
     ``openings`` returns their openings (rows,) and the derivative (rows, n) at q (n,), both in units of 1 rad and the
@@ -58,7 +58,7 @@ class Loops:
         return np.setdiff1d(np.arange(len(self.names)), self.driven)
 
 
-def followed(loops: Loops, motion: Prescribed) -> Array:
+def followed(loops: TreeClosures, motion: Prescribed) -> Array:
     """Return the tree coordinates at every sample.
 
     Returns (samples, n): coordinates [rad, m].
@@ -85,7 +85,7 @@ def followed(loops: Loops, motion: Prescribed) -> Array:
     return result * loops.units
 
 
-def _to(loops: Loops, pose: Array, target: Array, motion: Prescribed) -> Array:
+def _to(loops: TreeClosures, pose: Array, target: Array, motion: Prescribed) -> Array:
     """Take the driven coordinates to their values in steps along which the loops stay closed."""
     depends, driven = loops.dependent, loops.driven
     change = target - pose[driven]
@@ -110,7 +110,7 @@ def _to(loops: Loops, pose: Array, target: Array, motion: Prescribed) -> Array:
     return pose
 
 
-def _closed(loops: Loops, trial: Array) -> tuple[Array | None, Array]:
+def _closed(loops: TreeClosures, trial: Array) -> tuple[Array | None, Array]:
     """Close the loops by the dependent coordinates, Newton's method; None where it does not contract."""
     depends = loops.dependent
     before = np.inf
@@ -140,7 +140,7 @@ def _same_side(before: Array, after: Array) -> bool:
     return not bool(crossed.any())
 
 
-def _check_mobility(loops: Loops, motion: Prescribed) -> None:
+def _check_mobility(loops: TreeClosures, motion: Prescribed) -> None:
     """Refuse drives that do not move the mechanism, or do not determine its motion."""
     _, matrix = loops.openings(np.zeros(len(loops.names)))
     if not len(matrix) and not len(loops.dependent):
@@ -179,19 +179,19 @@ def _motions(matrix: Array) -> Array:
     return np.asarray(v[rank:].T)
 
 
-def _undetermined(loops: Loops, matrix: Array) -> list[str]:
+def _undetermined(loops: TreeClosures, matrix: Array) -> list[str]:
     """Coordinates that move while the driven ones stand still."""
     motions = _motions(np.vstack([matrix, np.eye(len(loops.names))[loops.driven]]))
     return [name for name, row in zip(loops.names, motions, strict=True) if np.linalg.norm(row) > REDUNDANT_LOOPS]
 
 
-def _free(loops: Loops, matrix: Array) -> list[str]:
+def _free(loops: TreeClosures, matrix: Array) -> list[str]:
     """Coordinates that move in some motion."""
     motions = _motions(matrix)
     return [name for name, row in zip(loops.names, motions, strict=True) if np.linalg.norm(row) > REDUNDANT_LOOPS]
 
 
-def _neighbour(loops: Loops) -> Array | None:
+def _neighbour(loops: TreeClosures) -> Array | None:
     """The derivative of the openings at a generic pose near the described one, where loops close; None: not found."""
     trial = NEARBY * np.random.default_rng(0).uniform(-1.0, 1.0, len(loops.names))
     for _ in range(CORRECTIONS):
@@ -209,7 +209,7 @@ def _several(names: Sequence[str]) -> str:
     return ", ".join(quoted) + (", ..." if len(names) > 6 else "")
 
 
-def _singular(loops: Loops, motion: Prescribed, where: str, pose: Array) -> SingularPoseError:
+def _singular(loops: TreeClosures, motion: Prescribed, where: str, pose: Array) -> SingularPoseError:
     _, matrix = loops.openings(pose)
     values, vectors = np.linalg.svd(matrix[:, loops.dependent])[1:]
     most = int(np.argmax(np.abs(vectors[min(len(values), len(vectors)) - 1])))

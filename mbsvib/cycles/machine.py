@@ -11,7 +11,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.cycles.expressions import Statement, statement
-from mbsvib.cycles.following import Loops, followed
+from mbsvib.cycles.following import TreeClosures, followed
 from mbsvib.cycles.prescribed import Prescribed, prescribed
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.evaluation import Called, evaluated, matrices
@@ -137,7 +137,7 @@ def solved(plant: Machine, expressions: Statement) -> Solved:
         value, matrix = at(q * units)
         return value[:, 0] / row_units, matrix * units / row_units[:, None]
 
-    loops = Loops(kinematics.names, driven, units, plant.rounding, openings)
+    loops = TreeClosures(kinematics.names, driven, units, plant.rounding, openings)
     q = followed(loops, motion)
     matrix = matrices(position, q, zero, zero, p, plant.about)[1] * units / row_units[:, None]
     depends = loops.dependent

@@ -38,6 +38,9 @@ class Body(Part):
     ``position`` is the centre of mass [m] and ``orientation`` the body axes (columns), both in world axes.
     """
 
+    symbol = "body"
+    batched_fields = frozenset({"mass", "inertia", "position", "orientation"})
+
     mass: float
     inertia: tuple[float, float, float, float, float, float]
     position: Vector = (0.0, 0.0, 0.0)
@@ -47,14 +50,6 @@ class Body(Part):
     def body_positions(self) -> Mapping[str, Vector]:
         """Names and positions [m] of the bodies that it adds to the mechanism."""
         return {self.name: self.position}
-
-    @property
-    def symbol(self) -> str:
-        return "body"
-
-    @property
-    def batched_fields(self) -> frozenset[str]:
-        return frozenset({"mass", "inertia", "position", "orientation"})
 
     def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
         result: Mask | bool = False

@@ -37,6 +37,7 @@ class Connection(Part):
 
     @property
     def symbol(self) -> str:
+        """Its symbol in pictures."""
         return "spring" if self.acts_along_line else "bushing"
 
     @property
@@ -60,7 +61,18 @@ class Connection(Part):
         return 0.0
 
     def preload_form(self, size: float) -> PreloadForm | None:
-        """Return how it can carry a preload in a mechanism of a size [m]; None without stiffness at rest."""
+        """Return how it can carry a preload.
+
+        Parameters
+        ----------
+        size : float
+            Size of the mechanism [m], by which moments are compared with forces.
+
+        Returns
+        -------
+        PreloadForm or None
+            Its wrenches; None without stiffness at rest.
+        """
         return None
 
 

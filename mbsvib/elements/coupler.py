@@ -41,11 +41,9 @@ ROTATIONS, TRANSLATIONS = ("rx", "ry", "rz"), ("x", "y", "z")
 class Coupling(Part):
     """The base class of couplers: ``terms`` are pairs (coordinate, coefficient), the sum of their products is zero."""
 
-    terms: Terms = derived(())
+    symbol = "coupler"
 
-    @property
-    def symbol(self) -> str:
-        return "coupler"
+    terms: Terms = derived(())
 
 
 @dataclass(frozen=True, slots=True)

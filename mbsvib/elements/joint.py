@@ -45,6 +45,8 @@ class Joint(Part):
     the order of ``freedom``.
     """
 
+    symbol = "joint"
+
     kind: str
     first: str
     second: str
@@ -60,10 +62,6 @@ class Joint(Part):
     locked: Named = derived(())
     point: Vector | None = derived()
     successive: bool = derived(False)
-
-    @property
-    def symbol(self) -> str:
-        return "joint"
 
     @property
     def drawn(self) -> tuple[int, ...]:
@@ -98,6 +96,7 @@ class Joint(Part):
 
     @property
     def batched_fields(self) -> frozenset[str]:
+        """Fields whose values many variants can have at once."""
         # the axes of a rod change with its points in ways of their own
         return frozenset() if self.is_rod else frozenset({"position", "orientation", "pitch"})
 

@@ -67,10 +67,12 @@ class Maxwell(Connection):
 
     @property
     def rest_wrench(self) -> tuple[float, ...]:
+        """Wrench (6,) [N, N m] on the second body in the reference pose."""
         return line_force(self.tension, self.line)
 
     @property
     def at_rest(self) -> Connection | None:
+        """Its static spring, None without one."""
         return spring.make(self.name, self.first, self.second, self.start, self.end, self.static_stiffness, 0.0,
                            self.preload) if self.static_stiffness else None  # fmt: skip
 

@@ -236,9 +236,7 @@ def defaults(kind: type[Part]) -> dict[str, Any]:
 class Composed(Part):
     """A part that bodies, joints and springs replace in the equations, such as a beam."""
 
-    @property
-    def symbol(self) -> str:
-        return "composed"
+    symbol = "composed"
 
     @property
     @abstractmethod

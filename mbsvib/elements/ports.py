@@ -63,11 +63,9 @@ class Port(Signal):
 class Input(Port):
     """A force [N] or torque [N m] on ``body`` (and its reaction on ``relative_to``)."""
 
-    wrench: Six = derived(())
+    symbol = "arrow"
 
-    @property
-    def symbol(self) -> str:
-        return "arrow"
+    wrench: Six = derived(())
 
     @property
     def unit(self) -> str:

@@ -18,15 +18,14 @@ from mbsvib.feedback.resolution import Resolution
 from mbsvib.feedback.sampled import SampledLoop, sampled
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.plant import LoopPlant
     from mbsvib.responses.state_space import StateSpace
 
-    Ports = str | Sequence[str] | None
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -147,8 +146,8 @@ class ClosedLoop(FeedbackLoop):
             return self.state_space().frequency_response(w)
 
     def time_response(
-        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: Any = None, outputs: Ports = None,
-        inputs: Ports = None,
+        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: Any = None, outputs: Names = None,
+        inputs: Names = None,
     ) -> Array:  # fmt: skip
         """Return the time response to inputs that are held or vary linearly between the samples; exact for these.
 
@@ -250,7 +249,7 @@ def close(plant: LoopPlant, *controllers: Controller, form: type[ClosedLoop] = C
 
 
 def feedback(
-    system: Any, controller: Any, sensors: Ports = None, actuators: Ports = None, name: str | None = None
+    system: Any, controller: Any, sensors: Names = None, actuators: Names = None, name: str | None = None
 ) -> ClosedLoop:
     """Return a system or state space with a controller that feeds outputs back to inputs, u = w + K y.
 

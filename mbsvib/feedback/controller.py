@@ -20,9 +20,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.modes.state_modes import StateModes
-
-    Ports = str | Sequence[str] | None
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -97,7 +96,7 @@ class Controller(LinearVerbs, Displayed):
             k = k + self.C @ np.linalg.solve(s[:, None, None] * np.eye(len(self.A)) - self.A, self.B)
         return np.asarray(k)
 
-    def with_ports(self, outputs: Ports = None, inputs: Ports = None) -> Self:
+    def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
         """Return the controller with some of its actuators and sensors, as ``controller[actuators, sensors]`` does.
 
         Parameters
@@ -136,7 +135,7 @@ class Controller(LinearVerbs, Displayed):
         """Return the eigenvalues of A [1/s], shape (states,), in ascending magnitude."""
         return self.state_space().poles()
 
-    def frequency_response(self, omega: ArrayLike, outputs: Ports = None, inputs: Ports = None) -> Complex:
+    def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
         """Return K(i w) from sensors to actuators.
 
         Parameters
@@ -159,8 +158,8 @@ class Controller(LinearVerbs, Displayed):
         return self.state_space().frequency_response(omega, outputs, inputs)
 
     def time_response(
-        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: ArrayLike | None = None, outputs: Ports = None,
-        inputs: Ports = None,
+        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: ArrayLike | None = None, outputs: Names = None,
+        inputs: Names = None,
     ) -> Array:  # fmt: skip
         """Return what it demands of its actuators when its sensors measure a record.
 
@@ -258,7 +257,7 @@ def as_controller(value: Any, plant: Any, sensors: Any = None, actuators: Any = 
         actuators = _labels(value.output_labels, plant.inputs) if actuators is None else actuators
     if not known and (sensors is None or actuators is None):
         raise ResponseError(f"feedback: the controller is a {type(value).__name__}, whose signals have no names of "
-                            f"'{plant.name}'; say sensors=[...] and actuators=[...].")  # fmt: skip
+                            f"'{plant.name}'; expected sensors=[...] and actuators=[...] beside it.")  # fmt: skip
     o = selected(value.inputs if sensors is None else sensors, plant.outputs, "output", plant.name, plant.inputs)
     i = selected(value.outputs if actuators is None else actuators, plant.inputs, "input", plant.name, plant.outputs)
     into, out = tuple([plant.outputs[k] for k in o]), tuple([plant.inputs[k] for k in i])

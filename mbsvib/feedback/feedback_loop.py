@@ -21,17 +21,16 @@ from mbsvib.feedback.pole_words import described, origins, shown_damping, unstab
 from mbsvib.responses.linear import LinearVerbs
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.margins import Margins
     from mbsvib.feedback.plant import LoopPlant
     from mbsvib.feedback.resolution import Resolution
     from mbsvib.responses.state_space import StateSpace
 
-    Ports = str | Sequence[str] | None
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -83,7 +82,7 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         system = self.plant.system
         return tuple([system.input_units[system.inputs.index(name)] for name in self.inputs])
 
-    def with_ports(self, outputs: Ports = None, inputs: Ports = None) -> Self:
+    def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
         """Return the loop with some of its outputs and inputs, as ``loop[outputs, inputs]`` does.
 
         Parameters
@@ -108,7 +107,7 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         return replace(self, selection=(tuple([self.outputs[k] for k in o]), tuple([self.inputs[k] for k in i])))
 
     def feedback(
-        self, controller: Any, sensors: Ports = None, actuators: Ports = None, name: str | None = None
+        self, controller: Any, sensors: Names = None, actuators: Names = None, name: str | None = None
     ) -> Self:  # fmt: skip
         """Return the loop with a further controller, which acts together with the others: u = w + K y is added.
 
@@ -263,7 +262,7 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         returned = self.returned(omega)
         return np.asarray(np.linalg.inv(np.eye(len(self.actuators)) - returned).transpose(1, 2, 0))
 
-    def frequency_response(self, omega: ArrayLike, outputs: Ports = None, inputs: Ports = None) -> Complex:
+    def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
         """Return the response of the closed loop, G + G_u (1 - K G_yu)^-1 K G_y.
 
         Parameters
@@ -394,7 +393,7 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
                 "rows": rows, "notes": notes}  # fmt: skip
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({self.plant.system.name!r} with {self.law.name})"
+        return f"{type(self).__name__}({self.plant.system.name!r} with {self.title})"
 
 
 def united(*groups: tuple[str, ...]) -> tuple[str, ...]:

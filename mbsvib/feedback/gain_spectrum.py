@@ -20,7 +20,7 @@ SEPARATE = 1e-12  # reciprocal condition of the products of left and right vecto
 
 
 @dataclass(frozen=True)
-class Spectrum:
+class GainSpectrum:
     """Eigenvalues ``poles`` (n,) of the state ``matrix`` (n, n) at a ``gain``, in ascending order of magnitude."""
 
     gain: float

@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.feedback.gain_spectrum import Spectrum
+    from mbsvib.feedback.gain_spectrum import GainSpectrum
 
 SHORT = 0.3  # share of the differences with two poles exchanged, and of their distance, below which a match is certain
 CROSSING = 1e-5  # share of a pole's magnitude; poles that pass each other at a larger distance do not cross
 
 
-def matched(first: Spectrum, second: Spectrum, modes: NDArray[np.bool_]) -> tuple[Index, bool]:
+def matched(first: GainSpectrum, second: GainSpectrum, modes: NDArray[np.bool_]) -> tuple[Index, bool]:
     """Return which poles of the second gain continue those of the first, and whether this is certain.
 
     ``modes`` (n,): poles of the first gain that were modes at the outset. Returns order (n,): ``second.values[order]``
@@ -105,13 +105,13 @@ def _ascending(values: Complex) -> Index:
     return np.argsort(values.real + values.imag, kind="stable")
 
 
-def _equal(spectrum: Spectrum, columns: Index) -> NDArray[np.bool_]:
+def _equal(spectrum: GainSpectrum, columns: Index) -> NDArray[np.bool_]:
     """Return which poles of some columns are equal but for rounding, (columns, columns)."""
     values, tolerance = spectrum.values[columns], spectrum.tolerance[columns]
     return np.asarray(np.abs(values[:, None] - values) <= np.maximum(tolerance[:, None], tolerance))
 
 
-def _coincide(spectrum: Spectrum, columns: Index) -> bool:
+def _coincide(spectrum: GainSpectrum, columns: Index) -> bool:
     """Return whether poles are equal but for rounding."""
     values = spectrum.values[columns]
     return bool((np.abs(values - values[0]) <= spectrum.tolerance[columns].max()).all())
@@ -123,7 +123,7 @@ def _conjugate(values: Complex) -> bool:
     return bool((values[:half].imag < 0.0).all() and (values[half:].imag > 0.0).all())
 
 
-def _same_kind(spectrum: Spectrum, columns: Index) -> bool:
+def _same_kind(spectrum: GainSpectrum, columns: Index) -> bool:
     """Return whether poles in ascending order are copies of one, or of two: a pair, or two real ones."""
     half, odd = divmod(len(columns), 2)
     return _coincide(spectrum, columns) or (

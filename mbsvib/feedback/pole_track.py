@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.feedback.gain_spectrum import AT_REST, OSCILLATES, Spectrum
+from mbsvib.feedback.gain_spectrum import AT_REST, OSCILLATES, GainSpectrum
 from mbsvib.feedback.pole_matching import matched
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class Track:
 
     def __init__(self, at: Callable[[float], Array], gains: Array) -> None:
         self._at = at
-        first = Spectrum(float(gains[0]), at(float(gains[0])))
+        first = GainSpectrum(float(gains[0]), at(float(gains[0])))
         self._spectra, self._columns = {first.gain: first}, {first.gain: np.arange(len(first.poles))}
         self._order = [first.gain]
         self._modes = first.values.imag > 0.0
@@ -54,14 +54,14 @@ class Track:
         """Return the poles at a gain that is not below the first one."""
         if gain not in self._spectra:
             low = self._order[bisect_right(self._order, gain) - 1]
-            spectrum = Spectrum(gain, self._at(gain))
+            spectrum = GainSpectrum(gain, self._at(gain))
             columns = self._columns[low]
             self._columns[gain] = self._followed(self._spectra[low], spectrum, columns)
             self._spectra[gain] = spectrum
             insort(self._order, gain)
         return self._spectra[gain].poles[self._columns[gain]]
 
-    def _followed(self, first: Spectrum, last: Spectrum, columns: Index) -> Index:
+    def _followed(self, first: GainSpectrum, last: GainSpectrum, columns: Index) -> Index:
         """Return which poles of the last gain continue columns of the first."""
         trials = 0
         least = (last.gain - first.gain) * 0.5**HALVINGS
@@ -76,7 +76,7 @@ class Track:
                 reached.gain < middle < ahead[-1].gain):  # fmt: skip
                 reached, columns = ahead.pop(), order[columns]
             else:
-                ahead.append(Spectrum(middle, self._at(middle)))
+                ahead.append(GainSpectrum(middle, self._at(middle)))
         return columns
 
     @property

@@ -44,17 +44,8 @@ def unstable(poles: Complex) -> Index:
 def shown_damping(poles: Complex, largest: float) -> Array:
     """Return damping ratios of poles other than 0, for tables: 0 where real parts are nothing but rounding.
 
-    Parameters
-    ----------
-    poles : array, shape (poles,)
-        Poles [1/s].
-    largest : float
-        The largest magnitude of all poles of the loop [1/s].
-
-    Returns
-    -------
-    array, shape (poles,)
-        -Re(pole)/|pole|, or 0.
+    ``poles`` (poles,): poles [1/s]. ``largest``: the largest magnitude of all poles of the loop [1/s]. Returns
+    (poles,): -Re(pole)/|pole|, or 0.
     """
     rounding = np.minimum(GROWS * largest, RESTS * np.abs(poles))
     return np.where(np.abs(poles.real) > rounding, -poles.real / np.abs(poles), 0.0)

@@ -13,17 +13,16 @@ from mbsvib.feedback.feedback_loop import FeedbackLoop
 from mbsvib.feedback.participation import eigen
 from mbsvib.feedback.resolution import Resolution
 from mbsvib.linalg.discrete import tustin
-from mbsvib.responses.frequency_grid import placed, span
+from mbsvib.responses.frequency_grid import resolving_frequencies, span
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.modes.state_modes import StateModes
 
-    Ports = str | Sequence[str] | None
 
 
 TURN = 2.0  # maximum phase change [rad] of delay and hold in a panel, which its twelve nodes resolve
@@ -148,8 +147,8 @@ class SampledLoop(FeedbackLoop):
         return forces
 
     def time_response(
-        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: None = None, outputs: Ports = None,
-        inputs: Ports = None,
+        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: None = None, outputs: Names = None,
+        inputs: Names = None,
     ) -> Array:  # fmt: skip
         """Return the time response from rest, between samples as well; the first sample is taken at t[0].
 
@@ -196,7 +195,7 @@ class SampledLoop(FeedbackLoop):
         return Resolution(self.poles(), TURN / (2.0 * np.pi * (self.delay + 2.0 / self.rate)), self.rate)
 
     def frequency_grid(
-        self, outputs: Ports = None, inputs: Ports = None, n: int | None = None, *, f_min: float | None = None,
+        self, outputs: Names = None, inputs: Names = None, n: int | None = None, *, f_min: float | None = None,
         f_max: float | None = None,
     ) -> Array:  # fmt: skip
         """Return angular frequencies that resolve resonances and antiresonances from inputs to outputs.
@@ -226,7 +225,7 @@ class SampledLoop(FeedbackLoop):
         low, high = span(poles, f_min, f_max)
         if f_max is None:
             high = min(high, 0.5 * self.rate)
-        return 2.0 * np.pi * placed(np.concatenate((poles, *zeros)), poles, low, high, n)
+        return 2.0 * np.pi * resolving_frequencies(np.concatenate((poles, *zeros)), poles, low, high, n)
 
     def state_space(self, realization: str = "modal") -> NoReturn:
         """Refuse: samples have no continuous equations.

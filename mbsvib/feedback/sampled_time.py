@@ -76,27 +76,8 @@ def time_response(loop: Sampled, t: ArrayLike, u: ArrayLike, hold: str) -> Array
     y = y_w + y_f, the responses of the plant to the inputs w and to the forces f of the controllers, which are constant
     from each time they act to the next
 
-    Parameters
-    ----------
-    loop : Sampled
-        The loop, with the inputs and outputs wanted.
-    t : array-like, shape (n,)
-        Ascending times [s].
-    u : array-like, shape (inputs, n), or (n,) for a single input
-        Inputs at these times.
-    hold : str
-        "first" or "zero".
-
-    Returns
-    -------
-    array, shape (outputs, n)
-        Outputs at these times.
-
-    Raises
-    ------
-    ResponseError
-        If the record is refused, is too long, or the plant is unstable and the record so long that its own response
-        would take all digits.
+    ``t`` (n,): ascending times [s]. ``u`` (inputs, n), or (n,) for a single input: inputs at these times. ``hold``:
+    "first" or "zero". Returns (outputs, n): outputs at these times.
     """
     record = Record(*checked_record(loop.inputs, t, u, hold), hold == "first")
     time, period = record.time, 1.0 / loop.rate

@@ -110,7 +110,7 @@ def _coefficients(part: Bushing, field: str, motion: Kinematics) -> Expression:
 def _torsion_spring(part: TorsionSpring, motion: Kinematics) -> Connected:
     axes = np.array(frame_along(part.axis))
     relative = motion.relative(part.first, part.second).rotation
-    angle = twist_angle(relative, ca.SX(axes[:, 2]), ca.SX(axes[:, 0]), ca.SX(axes[:, 1]))
+    angle = twist_angle(relative, ca.SX(axes[:, 0]), ca.SX(axes[:, 1]))
     k, c = (motion.numbers.scalar(part, field) for field in ("stiffness", "damping"))
     preload = ca.SX(0.0) if part.preload is None else -motion.numbers.scalar(part, "preload")
     return _spring_damper(motion, angle, k, c, preload, ca.fabs(angle))

@@ -53,7 +53,7 @@ def logarithm(rotation: Expression) -> Expression:
     return ca.if_else(small, series, ca.atan2(sine, cosine) / sine) * w
 
 
-def twist_angle(rotation: Expression, axis: Expression, across: Expression, third: Expression) -> Expression:
+def twist_angle(rotation: Expression, across: Expression, third: Expression) -> Expression:
     """Return the angle [rad], within half a turn, by which a rotation turns about an axis before it swings across it.
 
     phi = 2 atan2(z, w) of the quaternion (w, x, y, z) with z along the axis; ``across`` and ``third`` complete it.

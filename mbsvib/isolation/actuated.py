@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from mbsvib.api.model import Model
     from mbsvib.api.system import System
+    from mbsvib.common.selection import Names
     from mbsvib.isolation.active_legs import ActiveLeg
     from mbsvib.isolation.isolation_study import Isolation
     from mbsvib.isolation.study_loops import ClosedLoop
@@ -40,7 +41,7 @@ class Active(Plant, Displayed):
     """
 
     def feedback(
-        self, controller: Any, sensors: str | Sequence[str] | None = None, actuators: str | Sequence[str] | None = None,
+        self, controller: Any, sensors: Names = None, actuators: Names = None,
         name: str | None = None,
     ) -> ClosedLoop:  # fmt: skip
         """Return the closed loop with a controller from any sensors to any actuators, u = w + K y.

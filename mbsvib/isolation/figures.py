@@ -12,7 +12,7 @@ from mbsvib.api.system import System
 from mbsvib.feedback.integrand import response
 from mbsvib.feedback.resolution import resolution
 from mbsvib.isolation.asymptote import Asymptote, asymptote
-from mbsvib.isolation.study_scene import ACCELERATIONS, Scene
+from mbsvib.isolation.study_scene import ACCELERATIONS, StudyScene
 from mbsvib.responses import extrema
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ class Figures:
     first to the last frequency, whatever frequencies are between.
     """
 
-    scene: Scene
+    scene: StudyScene
     linear: Linear = field(repr=False)
     frequencies: Array
     transmissibility: Complex = field(repr=False)

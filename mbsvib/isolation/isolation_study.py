@@ -11,7 +11,7 @@ from mbsvib.common.display import Displayed
 from mbsvib.feedback.frequencies import checked
 from mbsvib.isolation.figures import Figures
 from mbsvib.isolation.frequencies import default
-from mbsvib.isolation.study_scene import ACCELERATIONS, DISPLACEMENTS, LOADS, Scene, scene
+from mbsvib.isolation.study_scene import ACCELERATIONS, DISPLACEMENTS, LOADS, StudyScene, scene
 from mbsvib.isolation.tables import isolation_csv, isolation_table
 from mbsvib.isolation.vibration import vibration
 from mbsvib.mechanism.mechanism import GROUND
@@ -136,7 +136,7 @@ def study(
     return figures(study_scene, study_scene.system, frequencies)
 
 
-def figures(study_scene: Scene, linear: Linear, frequencies: ArrayLike | None = None) -> Isolation:
+def figures(study_scene: StudyScene, linear: Linear, frequencies: ArrayLike | None = None) -> Isolation:
     """Return the figures of a scene, with its loops open or closed.
 
     ``frequencies`` (n,): ascending frequencies [Hz].

@@ -27,7 +27,7 @@ def legs_between(model: Model, body: str, base: str, patterns: Sequence[str] | N
     if patterns is None:
         selected = [chain for chain in chains if chain.complete]
     else:
-        selected = _picked(model, chains, [patterns] if isinstance(patterns, str) else patterns)
+        selected = _picked(chains, [patterns] if isinstance(patterns, str) else patterns)
     if not selected:
         raise ModelError(f"platform: no leg leads from '{base}' to '{body}': expected line springs or chains of rigid "
                          f"bodies and joints between both.", element=body, field="body")  # fmt: skip
@@ -42,7 +42,7 @@ def legs_between(model: Model, body: str, base: str, patterns: Sequence[str] | N
     return tuple(result)
 
 
-def _picked(model: Model, chains: list[Chain], patterns: Iterable[str]) -> list[Chain]:
+def _picked(chains: list[Chain], patterns: Iterable[str]) -> list[Chain]:
     picked: list[Chain] = []
     for pattern in patterns:
         these = [chain for chain in chains if any(fnmatchcase(name, pattern) for name in chain.parts)]

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Protocol, TypeAlias
 from mbsvib.api.system import System
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.resolution import Resolution
     from mbsvib.responses.state_space import StateSpace
 
@@ -42,9 +42,7 @@ class LoopResponse(Protocol):
     def poles(self) -> Complex:
         """Return the poles [1/s]."""
 
-    def frequency_response(
-        self, omega: ArrayLike, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
-    ) -> Complex:
+    def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
         """Return responses (outputs, inputs, n) at angular frequencies [rad/s]."""
 
     def state_space(self, realization: str = "modal") -> StateSpace:

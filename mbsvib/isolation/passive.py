@@ -17,7 +17,7 @@ from mbsvib.feedback.frequencies import checked
 from mbsvib.isolation.design import Design
 from mbsvib.isolation.isolation_study import Isolation, figures
 from mbsvib.isolation.pareto import Front, front
-from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS, DISPLACEMENTS, LOADS, Scene, scene
+from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS, DISPLACEMENTS, LOADS, StudyScene, scene
 from mbsvib.isolation.weighted import MeanSquares, Weighted
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.responses.power_spectra import base_noise
@@ -44,7 +44,7 @@ class Passive(Displayed):
     """Quantities of an isolation that ``optimize`` makes small or keeps within bounds, with their exact gradients."""
 
     model: Model
-    scene: Scene = field(repr=False)
+    scene: StudyScene = field(repr=False)
     joints: tuple[str, ...] = ()
 
     def peak(self, band: tuple[float, float] | None = None) -> Quantity:

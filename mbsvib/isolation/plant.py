@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import ModelError
-from mbsvib.isolation.study_scene import DISPLACEMENTS, Scene
+from mbsvib.isolation.study_scene import DISPLACEMENTS, StudyScene
 
 if TYPE_CHECKING:
     from mbsvib.api.system import System
@@ -29,7 +29,7 @@ class Plant:
     of the isolated body where the leg ends, absolute, in the direction in which the actuator pushes this end.
     """
 
-    scene: Scene
+    scene: StudyScene
     legs: tuple[str, ...]
 
     @property

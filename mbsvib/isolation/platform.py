@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
     from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
+    from mbsvib.common.selection import Names
     from mbsvib.isolation.chains import Leg
     from mbsvib.isolation.rings import Ring
 
@@ -133,7 +134,7 @@ class Platform(Displayed):
 
 
 def platform(
-    model: Model, body: str, base: str = GROUND, *, legs: str | Sequence[str] | None = None,
+    model: Model, body: str, base: str = GROUND, *, legs: Names = None,
     centre: ArrayLike = (0, 0, 0), axis: ArrayLike = (0, 0, 1),
 ) -> Platform:  # fmt: skip
     """Return the geometry of a platform as variables: radius, height, spread and angle of the rings that the ends of

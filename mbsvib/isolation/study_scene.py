@@ -48,7 +48,7 @@ class Leg:
 
 
 @dataclass(frozen=True, slots=True)
-class Scene:
+class StudyScene:
     """A mechanism ready to be studied: ``system`` has the inputs ``base.x`` ... ``base.rz`` (accelerations of the base)
     and ``load.x`` ... ``load.rz`` (wrench on the payload), the outputs ``acceleration.x`` ... ``acceleration.rz``
     (absolute) and ``displacement.x`` ... (against the base) of the payload, and those of ``legs``.
@@ -80,7 +80,7 @@ class Scene:
 def scene(
     model: Model, body: str, base: str = GROUND, point: ArrayLike | None = None, length: float | None = None,
     directions: Sequence[str] | None = None, *, keep_ports: bool = False,
-) -> Scene:  # fmt: skip
+) -> StudyScene:  # fmt: skip
     """Return a mechanism with the ports of an isolation study without changing the model.
 
     ``base``: what is shaken: the ground, or a body whose motion is prescribed, so that it takes the ground's place.
@@ -117,7 +117,7 @@ def scene(
             copy.add_output(f"{quantity}.{direction}", body, direction, at, quantity=quantity)
     legs = _measured(copy)
     system = copy.linearize(method="dense")
-    return Scene(copy, system, body, base, at, float(size), base_directions, legs, notes)
+    return StudyScene(copy, system, body, base, at, float(size), base_directions, legs, notes)
 
 
 def _size(body: Body) -> float:

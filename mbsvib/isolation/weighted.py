@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from mbsvib.feedback.integrand import DENSE, response, solved
-from mbsvib.studies.responses import Ports, quadrature
+from mbsvib.studies.responses import PortResponses, quadrature
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _KNOWN: WeakKeyDictionary[System, tuple[Any, MatrixDerivatives]] = WeakKeyDictionary()
 
 
-class Weighted(Ports):
+class Weighted(PortResponses):
     """Responses as one number, the Frobenius norm of weight of output x response x weight of input."""
 
     def __init__(self, label: str, outputs: Mapping[str, float], inputs: Mapping[str, float]) -> None:
@@ -160,7 +160,7 @@ class MeanSquares:
         return point.dual(self._last[2][rows], self._last[3][rows])
 
     def _computed(self, point: DesignPoint) -> tuple[Array, Array]:
-        f, weight = quadrature(point.system, Ports(self.outputs, self.inputs), self.noise, self.band)
+        f, weight = quadrature(point.system, PortResponses(self.outputs, self.inputs), self.noise, self.band)
         g, slope = _by_laws(point, 2.0 * np.pi * f, self.outputs, self.inputs, self._laws)
         # (G S) of each output, conjugated: the other half of the square
         half = np.einsum("oin,nij,n->ojn", g, self.noise.at(f), weight, optimize=True).conj()

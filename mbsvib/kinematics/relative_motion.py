@@ -268,7 +268,8 @@ def clear_rounding(value: Array, *vectors: Array) -> None:
         return
     if value.ndim == 1:
         at = small.nonzero()[0]
-        sizes = np.abs(np.array([array.take(at, axis=1) for array in vectors])).max(axis=1)
+        sizes = np.maximum.reduce(np.abs(np.concatenate([array.take(at, axis=1) for array in vectors]))
+                                  .reshape(len(vectors), 3, -1), axis=1)  # fmt: skip
         value[at[size.take(at) <= _noise(*sizes)]] = 0.0
         return
     at = small.any(axis=1).nonzero()[0]

@@ -63,7 +63,7 @@ def chain(
 
     Source: Jiang, Chen and Luo (2011), section 5.1 A, Table 3.
     """
-    parts = family.Family("chain", ("n", n), joint, axis, springs, total=total,
+    parts = family.FamilyBuilder("chain", ("n", n), joint, axis, springs, total=total,
                           mass=mass, inertia=inertia, stiffness=stiffness, damping=damping)  # fmt: skip
     along = check.axis(line, "chain", "line")
     distance = check.number(spacing, "chain", "spacing", "the distance between joints [m]")

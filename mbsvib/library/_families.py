@@ -29,7 +29,7 @@ LETTERS = {"R": "revolute", "P": "prismatic", "C": "cylindrical", "S": "spherica
 X, Y, Z = UNITS = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
-class Family:
+class FamilyBuilder:
     """A chain, tree or ladder under construction: equal bodies, joined everywhere by the same joint and bushings."""
 
     def __init__(

@@ -60,7 +60,7 @@ def ladder(
     Source: Jiang, Chen and Luo (2011), section 5.1 C, Table 3. The text there puts both joints of an upright at its
     centre of mass, where revolute joints would let no rung move; here they are at its ends.
     """
-    parts = family.Family("ladder", ("layers", layers), joint, axis, springs, total=total,
+    parts = family.FamilyBuilder("ladder", ("layers", layers), joint, axis, springs, total=total,
                           mass=mass, inertia=inertia, stiffness=stiffness, damping=damping)  # fmt: skip
     below = "ground"
     for i in range(1, parts.size + 1):

@@ -6,6 +6,7 @@ from math import cos, sin
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.common import arguments as check
+from mbsvib.common.arguments import DIRECTIONS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
 
 GROUPS = ("platform", "legs", "base")
 LEGS = ("leg1", "leg2", "leg3", "leg4", "leg5", "leg6")
-DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 LOADS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
 

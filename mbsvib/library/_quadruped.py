@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
+from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.library import _platform as shape
 
 if TYPE_CHECKING:
@@ -99,7 +100,7 @@ def quadruped(
                 _add_worm(model, f"{corner}.worm{joint[-1]}", before, name, point, worm_ratio)
             before = body
         model.add_bushing(f"{corner}.foot", "ground", before, points[3], *foot)
-    for load, direction in zip(shape.LOADS, shape.DIRECTIONS, strict=True):
+    for load, direction in zip(shape.LOADS, DIRECTIONS, strict=True):
         model.add_input(load, "trunk", direction)
         model.add_output(direction, "trunk", direction)
     return model

@@ -59,7 +59,7 @@ def tree(
     Source: Jiang, Chen and Luo (2011), section 5.1 B, Table 3. The text there also turns the axes of the
     joints about z, which changes nothing where they are about or along z.
     """
-    parts = family.Family("tree", ("layers", layers), joint, axis, springs, total=total,
+    parts = family.FamilyBuilder("tree", ("layers", layers), joint, axis, springs, total=total,
                           mass=mass, inertia=inertia, stiffness=stiffness, damping=damping)  # fmt: skip
     for i in range(1, parts.size + 1):
         y = float(i)

@@ -6,7 +6,8 @@ from math import pi, sqrt
 from typing import TYPE_CHECKING
 
 from mbsvib.api.model import Model
-from mbsvib.library._platform import DIRECTIONS, LOADS, box
+from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.library._platform import LOADS, box
 
 if TYPE_CHECKING:
     from mbsvib.common.arguments import Vector

@@ -36,10 +36,10 @@ def weighted_gram(rows: Array, value: Array) -> Array:
                 return np.diag(np.bincount(column, weights, rows.shape[1]).astype(float))
     elif rows.ndim == 2:
         return _combined(rows, value)
-    half: Array = rows * np.sqrt(np.abs(value))[..., None]
     negative = value < 0.0
     if not np.count_nonzero(negative):
-        return _square(half)
+        return _square(rows * np.sqrt(value)[..., None])
+    half: Array = rows * np.sqrt(np.abs(value))[..., None]
     if half.ndim == 2:
         plus, minus = half[~negative], half[negative]
         return _square(plus) - _square(minus)

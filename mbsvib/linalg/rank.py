@@ -124,3 +124,39 @@ DECAYS = 1e-12
 ZERO_SLOPE = 1e-11
 # Slopes that differ by more than this share with the step are those of what jumps; extrapolated ones agree to 1e-12.
 AGREEING_SLOPES = 1e-8
+# Derivatives of rates of motions, which are sums, below this share of their terms are rounding.
+CANCELLED_RATE = 1e-12
+# A product of vectors below this share of their lengths is rounding of the motions, which are orthogonal to so much.
+ORTHOGONAL_STATES = 32 * EPS
+# B, H and D of the network and those of the system are the same numbers but for rounding.
+SAME_PORT_ROW = 1e-9
+# The same against the largest among all rows, of which a row that is zero has the rounding.
+ZERO_PORT_ROW = 1e-12
+# What differences leave of a number that is zero, against the largest of a matrix.
+ZERO_MATRIX_SLOPE = 1e-10
+# Rounding of the work of a motion, relative to its terms, is far below this; a missing force is not.
+SAME_WORK = 1e-8
+# Work of a motion that strains nothing: the square of a hundred roundings of the largest relative motion.
+NO_WORK = (100.0 * EPS) ** 2
+# Work of a state of self-stress is rounding below this share of the largest force times the largest motion anywhere.
+ZERO_STRESS_WORK = 1e-9
+# Forces of a state of self-stress below this share of the largest are rounding.
+ZERO_STRESS = 1e-9
+# Bodies that turned by less than this [rad] against each other did not.
+ZERO_TURN = 1e-14
+# Where eigenvalues coincide, less than this share of the largest derivative to the same variable is rounding: it parts
+# no branches.
+ONE_BRANCH = 8.0 * EPS
+# Deformations, each scaled to its largest, that depend on each other but for this share are not independent.
+DEPENDENT_DEFORMATION = 1e-9
+# Vectors of eigenvalues that are closer than this (relative) are known to eps over it, and no better: they are taken
+# for one eigenvalue with a subspace.
+SAME_EIGENVALUE = 1e-9
+# A form in a rigid-body motion below this share of the largest in any motion is zero but for rounding.
+ZERO_RIGID_FORM = 1e-12
+# The same if derivatives are differences of whole matrices, or go through the equilibrium: more may cancel there.
+ZERO_RIGID_FORM_BY_MATRICES = 1e-8
+# A factor below this share of the largest of its kind is rounding.
+ZERO_FACTOR = 1e-15
+# Of derivatives through the equilibrium, which are sums of many terms, entries below this share are rounding.
+SAME_TRANSPOSE = 1e-12

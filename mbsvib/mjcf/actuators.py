@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.mjcf.bodies import GROUND, matrix_of
+from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.mjcf.bodies import matrix_of
 from mbsvib.mjcf.compiled import BALL, FREE
 from mbsvib.mjcf.scene import Scene
 from mbsvib.mjcf.tendons import Path, attach, drive, joint_path

@@ -10,6 +10,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, nearest
+from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.mjcf.compiled import BALL, FREE, HINGE, SLIDE, Compiled, known
 from mbsvib.mjcf.scene import Link, Scene
 from mbsvib.mjcf.wheels import add_wheel
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
 
 
-GROUND = "ground"
 KINDS = {FREE: "free", BALL: "spherical", SLIDE: "prismatic", HINGE: "revolute"}
 # Index of the joint's own direction among x y z rx ry rz.
 OWN = {FREE: None, BALL: None, SLIDE: 2, HINGE: 5}

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.mjcf.bodies import GROUND, added, along
+from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.mjcf.bodies import added, along
 from mbsvib.mjcf.scene import Scene
 from mbsvib.mjcf.wheels import add_wheel
 

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.memory import BATCH_BYTES
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import EPS
 
@@ -39,14 +40,12 @@ UNSURE = 1e-3
 QUOTIENTS = 4
 # Factors of s by which the matrix is evaluated off an eigenvalue, where it is regular; the first that works is used.
 OFFSETS = (1.0 + 5.0 * EPS, 1.0 + 70.0 * EPS, 1.0 + 900.0 * EPS, 1.0 + 1e4 * EPS)
-# A batch of matrices stays in this much memory.
-BATCH_BYTES = 32 * 2**20
 # Rounding of a solution with an equilibrated matrix, and of the products, each some times eps; calibrated in the tests.
 ROUNDING = 4.0
 
 
 @dataclass(frozen=True, slots=True)
-class Forces:
+class DamperForces:
     """The equations with the dampers' forces: ``square`` (n,) of the undamped frequencies, rows ``dampers`` (r, n) of
     L, and how often 0 is an eigenvalue (rigid-body modes that come to rest).
     """
@@ -85,7 +84,7 @@ class Forces:
         return [slice(start, start + size) for start in range(0, count, size)]
 
 
-def forces(square: Array, dampers: Array, zeros: int) -> Forces:
+def forces(square: Array, dampers: Array, zeros: int) -> DamperForces:
     """Return the equations with no more damper rows than motions.
 
     ``square`` (n,): squares of the undamped frequencies of the basis. ``dampers`` (rows, n): L, one row per damper. A
@@ -93,11 +92,11 @@ def forces(square: Array, dampers: Array, zeros: int) -> Forces:
     """
     qr, order, _ = pivoted_qr(dampers[np.argsort(-np.abs(dampers).max(axis=1), kind="stable")])
     root = np.triu(qr[: dampers.shape[1]])[:, np.argsort(order)]
-    return Forces(square, root[root.any(axis=1)], zeros)
+    return DamperForces(square, root[root.any(axis=1)], zeros)
 
 
 def improved(
-    equations: Forces, values: Complex, uncertainty: Array, rtol: float
+    equations: DamperForces, values: Complex, uncertainty: Array, rtol: float
 ) -> tuple[Complex, Complex, Complex, Array]:
     """Improve the eigenvalues whose error may exceed ``rtol``.
 
@@ -123,7 +122,9 @@ def improved(
     return result, y, slopes, errors
 
 
-def _separated_values(equations: Forces, values: Complex, inaccurate: NDArray[np.intp], uncertainty: Array) -> Complex:
+def _separated_values(
+    equations: DamperForces, values: Complex, inaccurate: NDArray[np.intp], uncertainty: Array
+) -> Complex:
     """Newton's steps on det Q for some of the eigenvalues, with the other eigenvalues divided out."""
     z = values.copy()
     unsure = inaccurate[uncertainty[inaccurate] >= UNSURE]
@@ -146,7 +147,7 @@ def _separated_values(equations: Forces, values: Complex, inaccurate: NDArray[np
     return z
 
 
-def _newton(equations: Forces, s: Complex) -> Complex:
+def _newton(equations: DamperForces, s: Complex) -> Complex:
     """p / p' of p = det Q(s) / s^zeros."""
     inverse, scale = _near(equations, s, np.linalg.inv)
     trace = (np.einsum("kii->ki", inverse) * scale**2 * equations.slopes(s)).sum(axis=1)
@@ -158,7 +159,7 @@ def _solution(right: Any, matrix: Any) -> Any:
     return np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
 
 
-def _near(equations: Forces, s: Any, solve: Callable[[Any], Any]) -> tuple[Any, Array]:
+def _near(equations: DamperForces, s: Any, solve: Callable[[Any], Any]) -> tuple[Any, Array]:
     """Return the results of ``solve`` for the matrices next to s, and their scale."""
     for factor in OFFSETS[:-1]:
         matrix, scale = equations.matrix(s * factor)
@@ -170,7 +171,7 @@ def _near(equations: Forces, s: Any, solve: Callable[[Any], Any]) -> tuple[Any, 
     return solve(matrix), scale
 
 
-def _stationary(equations: Forces, s: Any) -> tuple[Any, Any, Any, Array]:
+def _stationary(equations: DamperForces, s: Any) -> tuple[Any, Any, Any, Array]:
     """Eigenvalues by the quotient x^T T x / x^T T' x, stationary in x = (y, f); y, slopes and error bounds."""
     n = len(equations.square)
     x = np.ones((len(s), n + len(equations.dampers)), dtype=s.dtype)

@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from typing import Any, TypeAlias, cast
 
 from mbsvib.common.expected import a_linear
-from mbsvib.common.selection import selected
+from mbsvib.common.selection import Names, selected
 from mbsvib.errors import ResponseError
 from mbsvib.plots._system import Linear
 from mbsvib.responses.from_control import is_control, is_transfer_function, of_control
 
-Names: TypeAlias = str | Sequence[str] | None
 Systems: TypeAlias = Linear | Sequence[Linear]
 
 MOST_PANELS = 12

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.plots._system import Linear
 
 
@@ -59,7 +60,7 @@ class Curve:
 
 
 def shared_grid(
-    systems: Sequence[Linear], pairs: Sequence[tuple[str, str]], frequencies: ArrayLike | None,
+    systems: Sequence[Linear], pairs: Sequence[tuple[Names, Names]], frequencies: ArrayLike | None,
     span: tuple[float | None, float | None],
 ) -> Array:  # fmt: skip
     """Return the frequencies [Hz] for curves of several systems: as given, or such that none misses a peak or a dip.

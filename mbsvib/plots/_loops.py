@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.controller import Controller
     from mbsvib.feedback.margins import Margins
     from mbsvib.feedback.resolution import Resolution
-    from mbsvib.plots._choice import Names
 
 
 class Loop(Protocol):

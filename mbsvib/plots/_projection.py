@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from mbsvib.common.arrays import Array
-    from mbsvib.plots._scene import Scene
+    from mbsvib.plots._scene import DrawnScene
 
 
 View: TypeAlias = str | Sequence[float]
@@ -60,7 +60,7 @@ class Picture:
     ----------
     axes : matplotlib.axes.Axes
         Where to draw.
-    scene : Scene
+    scene : DrawnScene
         What to draw.
     view : str or sequence of 2 float
         From where: "3-D", "x", "y", "z", or azimuth and elevation [deg].
@@ -70,7 +70,7 @@ class Picture:
         How far points may go [m], for the frame.
     """
 
-    def __init__(self, axes: Axes, scene: Scene, view: View, rest: bool = False, reach: float = 0.0) -> None:
+    def __init__(self, axes: Axes, scene: DrawnScene, view: View, rest: bool = False, reach: float = 0.0) -> None:
         from matplotlib.collections import LineCollection, PolyCollection
 
         self._scene, self._axes_of = scene, axes_of(view)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.equations.expansion import expanded
+from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.mechanism.topology import span
 from mbsvib.plots import _outline as outline
 
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.mechanism import Mechanism
 
 
-GROUND = "ground"
 AXIS, ARROW, FOOT = 0.045, 0.13, 0.032  # sizes of joint axes, of input arrows and of feet, as shares of the size
 SECOND_HEAD = 0.25  # distance of the two heads of a torque, as a share of its arrow
 COIL, TURNS = 0.016, 6  # radius of a spring, as a share of the size, and its turns
@@ -61,7 +61,7 @@ class Mark:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scene:
+class DrawnScene:
     """A mechanism as points, lines, marks and triangles.
 
     Points (n,) ride on body ``first`` at ``start`` and on body ``second`` at ``end`` (n, 3), with ``share`` of the
@@ -94,7 +94,7 @@ class Scene:
         return np.asarray((1.0 - share) * ends[0] + share * ends[1])
 
 
-def of_model(model: Mechanism) -> Scene:
+def of_model(model: Mechanism) -> DrawnScene:
     """Return the scene of a model, also for open loops and singular poses."""
     plain = expanded(model)
     cut = set(span(plain).cut_joints) if plain.bodies else set()
@@ -102,13 +102,13 @@ def of_model(model: Mechanism) -> Scene:
     return _scene(model.name, [part for group in groups for part in group.values()], cut)
 
 
-def of_system(name: str, provenance: Provenance) -> Scene:
+def of_system(name: str, provenance: Provenance) -> DrawnScene:
     """Return the scene of the linearized model of a system."""
     cut = set(provenance.topology.cut_joints)
     return _scene(name, [*provenance.parts, *provenance.ports], cut, provenance.topology.bodies)
 
 
-def _scene(name: str, parts: Sequence[Any], cut: set[str], bodies: Sequence[str] | None = None) -> Scene:
+def _scene(name: str, parts: Sequence[Any], cut: set[str], bodies: Sequence[str] | None = None) -> DrawnScene:
     positions = {body: position for part in parts for body, position in part.body_positions.items()}
     names = tuple(positions) if bodies is None else tuple(bodies)
     builder = _Builder({body: i for i, body in enumerate((*names, GROUND))}, positions, _extent(parts, positions))
@@ -242,10 +242,10 @@ class _Builder:
         self.face_body += [self.number[part.name]] * len(shape.faces)
         self.mark("body", part.name, part.name, centre, f"body of {part.mass:.6g} kg")
 
-    def scene(self, name: str, bodies: tuple[str, ...]) -> Scene:
+    def scene(self, name: str, bodies: tuple[str, ...]) -> DrawnScene:
         position = np.array([self.positions[body] for body in bodies] + [(0.0, 0.0, 0.0)])
         columns = list(zip(*self.rides, strict=True)) if self.rides else [()] * 5
-        return Scene(
+        return DrawnScene(
             name, bodies, position, _vectors(self.rest), np.array(columns[0], dtype=np.intp),
             np.array(columns[1], dtype=np.intp), np.array(columns[2], dtype=float), _vectors(columns[3]),
             _vectors(columns[4]), tuple(self.lines), tuple(self.marks),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from textwrap import wrap
 from threading import RLock
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ INK, FAINT, MARK = "#333333", "#E4E4E4", "#9A9A9A"
 PANEL_WIDTH, WIDEST = 3.6, 10.8
 DPI = 150
 LETTERS_PER_INCH = 12.0
+ROOM = 0.94  # of the width of a figure for its legend
 
 RC: Any = {
     "figure.dpi": DPI,
@@ -69,10 +71,10 @@ def context() -> Iterator[None]:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure [inch] that fits its labels by itself."""
-    from matplotlib.figure import Figure
+    """Return an empty figure [inch] that fits its labels by itself, in smaller sizes too."""
+    from mbsvib.plots._figure import ScaledFigure
 
-    return Figure(figsize=(width, height), layout="constrained")
+    return ScaledFigure(figsize=(width, height), layout="constrained")
 
 
 def line(number: int, faint: bool = False) -> dict[str, Any]:
@@ -90,22 +92,11 @@ def panel_size(rows: int, columns: int, height: float, tall: float) -> tuple[flo
 def legend(figure: Figure, handles: Sequence[Any], loc: Any, columns: int, **look: Any) -> None:
     """Explain the curves of a figure outside its panels, in as many columns as there is room for.
 
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure.
-    handles : sequence of matplotlib.artist.Artist
-        Curves or marks with labels.
-    loc : str
-        Where, such as "outside upper right".
-    columns : int
-        The most columns.
-    **look
-        Further arguments of ``figure.legend``.
+    ``loc``: where, such as "outside upper right". ``**look``: further arguments of ``figure.legend``.
     """
     for count in range(min(len(handles), columns), 0, -1):
         words = figure.legend(handles=handles, loc=loc, ncols=count, **look)
-        if count == 1 or words.get_window_extent().width <= figure.bbox.width:
+        if count == 1 or words.get_window_extent().width <= ROOM * figure.bbox.width:
             return
         words.remove()
 
@@ -115,9 +106,36 @@ def name_systems(figure: Figure, names: Sequence[str], axes: Axes) -> None:
     if len(names) > 1:
         legend(figure, figure.axes[0].get_legend_handles_labels()[0], "outside upper right", 4)
         return
-    room = axes.get_position().width * figure.get_figwidth() * LETTERS_PER_INCH
-    if len(axes.get_title(loc="left")) + len(names[0]) + 3 <= room:
-        axes.set_title(names[0], loc="right", color=MARK, fontsize=8.5)
+    name_aside(axes, names[0])
+
+
+def name_aside(axes: Axes, name: str) -> None:
+    """Write a name at the right end above a panel, if there is room beside its title."""
+    room = axes.get_position().width * axes.figure.bbox.width / axes.figure.dpi * LETTERS_PER_INCH
+    if len(axes.get_title(loc="left")) + len(name) + 3 <= room:
+        axes.set_title(name, loc="right", color=MARK, fontsize=8.5)
+
+
+def frequency_axis(axes: Axes, low: float, high: float, label: str = "frequency [Hz]") -> None:
+    """Make the horizontal axis logarithmic, from ``low`` to ``high``, with plain numbers where they are short."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.set_xscale("log")
+    axes.set_xlabel(label)
+    if high > low:
+        axes.set_xlim(low, high)
+    if high < 50.0 * low:
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    if low >= 1e-3 and high <= 1e5:
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+
+
+def head(figure: Figure, words: str) -> None:
+    """Write the title of a whole figure, in as many lines as it takes."""
+    width = int(figure.get_figwidth() * LETTERS_PER_INCH)
+    lines = [part for line in words.split("\n") for part in wrap(line, width) or [""]]
+    figure.suptitle("\n".join(lines), x=0.02, ha="left", fontsize=10.5)
 
 
 def tell_left_out(figure: Figure, shown: int, count: int, items: str, how: str = "") -> None:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-    from mbsvib.plots._scene import Scene
+    from mbsvib.plots._scene import DrawnScene
 
 # What a symbol means, by the kind of marks and lines, in the order of the legend.
 MEANINGS = {"body": "body, centre of mass", "beam": "beam or superelement", "rod": "rod", "joint": "joint",
@@ -20,7 +20,7 @@ MEANINGS = {"body": "body, centre of mass", "beam": "beam or superelement", "rod
 COLUMNS = 4
 
 
-def legend(figure: Figure, scene: Scene) -> None:
+def legend(figure: Figure, scene: DrawnScene) -> None:
     """Explain below the drawing what its symbols mean."""
     marks, lines = {mark.kind for mark in scene.marks}, {line.kind for line in scene.lines}
     meanings = MEANINGS

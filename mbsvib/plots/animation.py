@@ -16,7 +16,7 @@ from mbsvib.common.expected import mode_index
 from mbsvib.errors import ExportError, ResponseError
 from mbsvib.plots import _style as style
 from mbsvib.plots._projection import Picture, View, axes_of, triad
-from mbsvib.plots._scene import Scene, of_system
+from mbsvib.plots._scene import DrawnScene, of_system
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -40,7 +40,7 @@ class Animation(Displayed):
     of the mechanism's size. In Jupyter it shows itself.
     """
 
-    scene: Scene = field(repr=False)
+    scene: DrawnScene = field(repr=False)
     shape: NDArray[Any] = field(repr=False)
     title: str
     view: View = "3-D"

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
-    from mbsvib.plots._choice import Names, Systems
+    from mbsvib.common.selection import Names
+    from mbsvib.plots._choice import Systems
 
 
 LONGEST_LABEL = 24
@@ -73,6 +74,7 @@ def bode(
     grid = shared_grid([system for _, system in named], flat, frequencies, span)
     lines = [curves(system, flat, grid) for _, system in named]
     rows, columns, count = len(panels), max(map(len, panels)), len(flat)
+    magnitudes = _magnitudes(lines[0], decibels)
     with style.context():
         figure = style.new_figure(*style.panel_size(rows, columns, 3.4, 4.8))
         cells = figure.add_gridspec(2 * rows, columns, height_ratios=[2.0, 1.15] * rows)
@@ -83,6 +85,7 @@ def bode(
                 below = figure.add_subplot(cells[2 * i + 1, j], sharex=top)
                 drawn = [(label, group[number]) for (label, _), group in zip(named, lines, strict=True)]
                 _panel(top, below, drawn, wrap, decibels, radians)
+                top.set_ylabel(magnitudes[number])
                 tops.append((top, units.ratio(drawn[0][1].output_unit, drawn[0][1].source_unit), drawn))
                 if (i + 1) * columns + j < count:
                     below.set_xlabel("")
@@ -124,22 +127,29 @@ def _panel(
     _magnitude_axis(top, curve, decibels)
     top.set_title(f"{curve.source} → {curve.output}")
     _phase_axis(below, phases)
-    _frequency_axis(below, turn * curve.frequencies, "frequency [rad/s]" if radians else "frequency [Hz]")
+    style.frequency_axis(below, turn * curve.frequencies[0], turn * curve.frequencies[-1],
+                         "frequency [rad/s]" if radians else "frequency [Hz]")  # fmt: skip
     top.tick_params(labelbottom=False, which="both")
     if all(response.negligible for _, response in drawn):
         style.remark(top, style.zero(response.values for _, response in drawn))
 
 
+def _magnitudes(drawn: list[Curve], decibels: bool) -> list[str]:
+    """Return the labels of the magnitudes, in one style for all panels: the longest that is short enough in all."""
+    ratios = [units.pretty(units.ratio(curve.output_unit, curve.source_unit)) for curve in drawn]
+    if decibels:
+        levels = ["dB" if unit == "1" else f"dB re 1 {unit}" for unit in ratios]
+        word = "magnitude" if max(map(len, levels)) < LONGEST_LEVEL else "|G|"
+        return [f"{word} [{level}]" for level in levels]
+    full = [f"|{curve.output} / {curve.source}| [{unit}]" for curve, unit in zip(drawn, ratios, strict=True)]
+    return full if max(map(len, full)) <= LONGEST_LABEL else [f"magnitude [{unit}]" for unit in ratios]
+
+
 def _magnitude_axis(axes: Axes, curve: Curve, decibels: bool) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    unit = units.pretty(units.ratio(curve.output_unit, curve.source_unit))
     if decibels:
-        level = "dB" if unit == "1" else f"dB re 1 {unit}"
-        axes.set_ylabel(f"magnitude [{level}]" if len(level) < LONGEST_LEVEL else f"|G| [{level}]")
         return
-    name = f"|{curve.output} / {curve.source}| [{unit}]"
-    axes.set_ylabel(name if len(name) <= LONGEST_LABEL else f"magnitude [{unit}]")
     values = np.abs(curve.values)
     if not (values > 0.0).any():
         axes.set_ylim(0.0, 1.0)
@@ -162,21 +172,6 @@ def _written(value: float, _: int) -> str:
     power = np.floor(np.log10(value) + 1e-9)
     factor = value / 10.0**power
     return rf"$10^{{{power:.0f}}}$" if factor < 1.5 else rf"${factor:.0f}\times10^{{{power:.0f}}}$"
-
-
-def _frequency_axis(axes: Axes, frequencies: Array, label: str) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    axes.set_xscale("log")
-    axes.set_xlabel(label)
-    low, high = frequencies[0], frequencies[-1]
-    if high > low:
-        axes.set_xlim(low, high)
-    if high < 50.0 * low:
-        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    if low >= 1e-3 and high <= 1e5:
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 def _phase_axis(axes: Axes, phases: list[Array]) -> None:

@@ -115,8 +115,8 @@ def campbell(data: Campbell, orders: Sequence[float] = (1.0,), modes: int | None
             handles.append(Line2D([], [], marker="x", linestyle="none", color=style.INK, markersize=4.0,
                                   label="unstable"))  # fmt: skip
         if handles:
-            figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
-        axes.set_title(data.name, loc="right", color=style.MARK, fontsize=8.5)
+            style.legend(figure, handles, "outside lower center", len(handles))
+        style.name_aside(axes, data.name)
         if modes is None:
             style.tell_left_out(figure, count, data.frequencies.shape[1], "modes", "ask for more by modes=...")
     return figure

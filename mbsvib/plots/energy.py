@@ -80,7 +80,7 @@ def energy(system: System, kind: str = "strain") -> Figure:
         axes.set_xlabel("mode")
         figure.colorbar(image, ax=axes, shrink=0.9, aspect=30, label=f"share of {TITLES[kind].lower()} [%]")
         axes.set_title(f"{TITLES[kind]} of modes")
-        axes.set_title(system.name, loc="right", color=style.MARK, fontsize=8.5)
+        style.name_aside(axes, system.name)
         style.tell_left_out(figure, count, len(system.modes()), "modes")
     return figure
 

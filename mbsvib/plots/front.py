@@ -75,5 +75,5 @@ def front(data: Front) -> Figure:
         axes.set_xlabel(units.pretty(data.labels[1]))
         axes.set_ylabel(units.pretty(data.labels[0]))
         axes.set_title("Pareto front")
-        axes.set_title(data.designs[0].model.name, loc="right", color=style.MARK, fontsize=8.5)
+        style.name_aside(axes, data.designs[0].model.name)
     return figure

@@ -86,6 +86,7 @@ def isolation(studies: Isolation | Sequence[Isolation], labels: Sequence[str] | 
     with style.context():
         figure = style.new_figure(6.4, 5.6)
         top, below = figure.subplots(2, 1, sharex=True)
+        ends = [float("inf"), 0.0]
         for number, (study, name) in enumerate(zip(listed, names, strict=True)):
             f, look = study.frequencies, style.line(number)
             if len(listed) == 1:
@@ -93,12 +94,13 @@ def isolation(studies: Isolation | Sequence[Isolation], labels: Sequence[str] | 
                 top.fill_between(f, values[-1], values[0], color=look["color"], alpha=0.15, linewidth=0.0)
             top.loglog(f, study.index, label=name, **look)
             below.loglog(f, study.compliance_values[0], **look)
+            ends = [min(ends[0], f[0]), max(ends[1], f[-1])]
             if f[0] < study.crossover < f[-1]:
                 top.plot([study.crossover], [1.0], "o", color=look["color"], mfc="white", markersize=5.0, zorder=3)
         top.axhline(1.0, color=style.MARK, linewidth=0.8)
         top.set_ylabel("index of transmissibility [1]")
         below.set_ylabel("largest compliance [m/N]")
-        below.set_xlabel("frequency [Hz]")
+        style.frequency_axis(below, ends[0], ends[1])
         top.set_title(f"Isolation of {listed[0].scene.body} from {listed[0].scene.base}")
         style.name_systems(figure, names, top)
     return figure

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.margins import Margins
-    from mbsvib.plots._choice import Names
     from mbsvib.plots._loops import Loop
 
 
@@ -68,7 +68,7 @@ def loop_gain(
             top.set_title(f"{loop.actuators[i]}: {margin_text(margins, i)}", fontsize=9.0)
             if number + columns >= len(which):
                 below.set_xlabel("frequency [Hz]")
-        figure.suptitle(f"Loop gain of {loop.name}", x=0.02, ha="left", fontsize=10.5)
+        style.head(figure, f"Loop gain of {loop.name}")
     return figure
 
 
@@ -86,7 +86,7 @@ def _magnitude(axes: Axes, f: Array, values: Complex, margins: Margins, i: int, 
     size = np.abs(values)
     size[size == 0.0] = np.nan
     axes.plot(f, 20.0 * np.log10(size) if decibels else size, **style.line(0))
-    axes.set_xscale("log")
+    style.frequency_axis(axes, f[0], f[-1], "")
     if not decibels:
         axes.set_yscale("log")
     axes.axhline(0.0 if decibels else 1.0, color=style.MARK, linewidth=0.8)
@@ -96,7 +96,6 @@ def _magnitude(axes: Axes, f: Array, values: Complex, margins: Margins, i: int, 
                 ends = np.array([1.0 / factor, 1.0])
                 axes.plot([at, at], 20.0 * np.log10(ends) if decibels else ends, "o-", color=style.COLOURS[1], ms=3.0)
     axes.set_ylabel("loop gain [dB]" if decibels else "loop gain [1]")
-    axes.set_xlim(f[0], f[-1])
     axes.tick_params(labelbottom=False, which="both")
 
 

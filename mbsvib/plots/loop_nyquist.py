@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
-    from mbsvib.plots._choice import Names
+    from mbsvib.common.selection import Names
     from mbsvib.plots._loops import Loop
 
 # What is shown of a loop gain that grows beyond all bounds, around the critical point.
@@ -43,7 +43,7 @@ def loop_nyquist(
     matplotlib.figure.Figure
         A panel for each actuator: the loop gain for positive frequencies full and for negative ones dashed, the
         critical point -1, the unit circle, and the circle around -1 that the loop gain does not enter, of the radius of
-        the modulus margin.
+        the modulus margin. Titles say where the loop is unstable.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def loop_nyquist(
             axes.plot(gain.real, -gain.imag, **(look | {"linestyle": (0, (4, 3)), "linewidth": 0.7}))
             axes.plot(around.real, around.imag, color=style.MARK, linewidth=0.7)
             axes.plot([-1.0], [0.0], "+", color=style.COLOURS[1], ms=9.0, zorder=4)
-            title = loop.actuators[i]
+            title = loop.actuators[i] + ("" if margins.stable else ": unstable")
             if margins.stable:
                 radius = float(margins.modulus_each[i])
                 circle = -1.0 + radius * around
@@ -80,5 +80,5 @@ def loop_nyquist(
             axes.set_xlabel("real part [1]")
             axes.set_ylabel("imaginary part [1]")
             axes.set_title(title, fontsize=9.0)
-        figure.suptitle(f"Loop gain of {loop.name}", x=0.02, ha="left", fontsize=10.5)
+        style.head(figure, f"Loop gain of {loop.name}")
     return figure

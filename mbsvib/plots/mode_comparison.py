@@ -92,9 +92,8 @@ def mode_comparison(reference: ModeSet, other: ModeSet, labels: Sequence[str] | 
         panels[1, 0].xaxis.get_major_locator().set_params(integer=True)
         if most <= MOST_TICKS:
             panels[1, 0].set_xticks(np.arange(1.0, most + 1.0))
-        handles, words = panels[0, 0].get_legend_handles_labels()
-        figure.legend(handles, words, loc="outside upper right", ncols=2)
-        figure.suptitle("Modes compared", x=0.02, ha="left", fontsize=10.5)
+        style.legend(figure, panels[0, 0].get_legend_handles_labels()[0], "outside lower center", 2)
+        style.head(figure, "Modes compared")
     return figure
 
 
@@ -108,7 +107,7 @@ def _above(axes: Axes, pair: Sequence[Array], names: Sequence[str]) -> None:
     if rising.size and rising.max() > LOG_FROM * rising.min() and not (both < 0.0).any():
         axes.set_yscale("log")
     elif not (both < 0.0).any():
-        axes.set_ylim(bottom=0.0)
+        axes.set_ylim(0.0, 1.1 * float(rising.max()) if rising.size else 1.0)
 
 
 def _difference(first: Array, second: Array) -> tuple[Array, Array]:

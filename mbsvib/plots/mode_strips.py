@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
+from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.common.expected import a_system, kind_of, mode_index, real
 from mbsvib.common.selection import selected
 from mbsvib.errors import ResponseError
@@ -18,11 +19,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from mbsvib.common.arrays import Complex, Index
+    from mbsvib.common.selection import Names
     from mbsvib.modes.result import Modes
-    from mbsvib.plots._choice import Names
     from mbsvib.plots._system import System
 
-DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 MOST_STRIPS = 12  # of a page
 MOST_BARS = 20  # bodies; more of them are drawn as lines
 MOST_NAMES = 40
@@ -92,7 +92,7 @@ def mode_strips(
         _name_places(strips[-1], shapes.places)
         _legend(figure, shapes)
         part = f", page {page} of {pages}" if pages > 1 else ""
-        figure.suptitle(f"Mode shapes of {result.name}{part}", x=0.02, ha="left", fontsize=10.5)
+        style.head(figure, f"Mode shapes of {result.name}{part}")
         figure.supylabel("displacement / largest [1]", fontsize=9.5)
     return figure
 
@@ -215,8 +215,8 @@ def _legend(figure: Figure, shapes: Shapes) -> None:
         handles.append(Patch(alpha=0.0, label=f"rotations × {shapes.radius:.3g} m"))
     if np.abs(shapes.values.imag).max(initial=0.0) > QUADRATURE:
         handles.append(Line2D([], [], color=style.INK, linewidth=1.0, label="in quadrature"))
-    figure.legend(handles=handles, loc="outside upper right", ncols=len(handles), handlelength=1.0, columnspacing=1.0,
-                  handletextpad=0.4)  # fmt: skip
+    style.legend(figure, handles, "outside lower center", len(handles), handlelength=1.0, columnspacing=1.0,
+                 handletextpad=0.4)  # fmt: skip
 
 
 def _colour(direction: str) -> str:

@@ -53,7 +53,7 @@ def modes(system: System) -> Figure:
         below.set_ylabel("damping ratio [%]")
         below.set_xlabel("mode")
         top.set_title("Modes")
-        top.set_title(f"{system.name}: {system.dof} DOF", loc="right", color=style.MARK, fontsize=8.5)
+        style.name_aside(top, f"{system.name}: {system.dof} DOF")
         below.set_xlim(0.4, system.dof + 0.6)
         below.xaxis.get_major_locator().set_params(integer=True)
         if system.dof <= 20:

@@ -119,9 +119,9 @@ def path(data: EquilibriumPath) -> Figure:
         below.set_ylabel("natural frequency [Hz]")
         below.set_xlabel(f"{data.coordinate} [{data.unit}]")
         above.set_title("Path of equilibria")
-        above.set_title(data.name, loc="right", color=style.MARK, fontsize=8.5)
+        style.name_aside(above, data.name)
         style.tell_left_out(figure, min(LOWEST, rows.shape[1]), rows.shape[1], "frequencies")
-        figure.legend(*above.get_legend_handles_labels(), loc="outside lower center", ncols=5)
+        style.legend(figure, above.get_legend_handles_labels()[0], "outside lower center", 5)
     return figure
 
 

@@ -48,5 +48,5 @@ def periodic(data: Periodic) -> Figure:
         right.set_xlabel("real part of multipliers [1]")
         right.set_ylabel("imaginary part [1]")
         right.set_title("deviations grow" if grows.any() and not data.stable else "stable")
-        left.set_title(data.name, loc="right", color=style.MARK, fontsize=8.5)
+        style.name_aside(left, data.name)
     return figure

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from mbsvib.plots._choice import Names, Systems
+    from mbsvib.common.selection import Names
+    from mbsvib.plots._choice import Systems
     from mbsvib.plots.root_locus import Limits
 
 WIDE = 10.0  # ratio of magnitudes of poles above which linear axes hide the smallest

@@ -119,7 +119,7 @@ def root_locus(
         axes.set_xlabel("real part / 2 pi [1/s]" + note)
         axes.set_ylabel("imaginary part / 2 pi [Hz]")
         draw_legend(axes)
-        figure.suptitle(f"{locus.name}: " + "\n".join(locus.summary(scale)), x=0.02, ha="left", fontsize=10.5)
+        style.head(figure, f"{locus.name}: " + "\n".join(locus.summary(scale)))
     return figure
 
 

@@ -9,9 +9,10 @@ import numpy as np
 
 from mbsvib.common import units
 from mbsvib.errors import ResponseError, nearest
+from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.plots import _style as style
 from mbsvib.plots._projection import axes_of
-from mbsvib.plots._scene import GROUND, of_model
+from mbsvib.plots._scene import of_model
 from mbsvib.plots.animation import Animation
 
 if TYPE_CHECKING:
@@ -120,7 +121,7 @@ def run_figure(run: RunData, names: Sequence[str] | str | None) -> Figure:
         panels[-1].set_xlabel("time [s]")
         panels[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
         panels[-1].set_xlim(run.time[0], run.time[-1])
-        panels[0].set_title(run.name, loc="right", color=style.MARK, fontsize=8.5)
+        style.name_aside(panels[0], run.name)
         if names is None:
             style.tell_left_out(figure, len(names_drawn), len(everything), kind, "name others by run.plot([...])")
     return figure

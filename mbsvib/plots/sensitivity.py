@@ -46,8 +46,8 @@ def sensitivity(
     Returns
     -------
     matplotlib.figure.Figure
-        Two panels; the legend tells the peak of each curve, or at which end of the range it is highest. The peak of S
-        is the inverse of the modulus margin of all loops together.
+        Two panels; the legend tells the peak of each curve, or at which end of the range it is highest, and whether the
+        loop is unstable. The peak of S of a stable loop is the inverse of the modulus margin of all loops together.
 
     Raises
     ------
@@ -62,21 +62,23 @@ def sensitivity(
     with style.context():
         figure = style.new_figure(style.WIDEST * 0.85, 4.2)
         panels = figure.subplots(1, 2, sharey=True)
+        ends = [np.inf, 0.0]
         for number, (name, loop) in enumerate(zip(names, group, strict=True)):
             f = loops.grid(loop, frequencies, span, "plots.sensitivity")
             s = loop.sensitivity(2.0 * np.pi * f).transpose(2, 0, 1)
+            ends = [min(ends[0], f[0]), max(ends[1], f[-1])]
+            verdict = "" if loop.margins().stable else " (unstable)"
             for axes, matrices in zip(panels, (s, np.eye(len(loop.actuators)) - s), strict=True):
                 largest = np.asarray(np.linalg.svd(matrices, compute_uv=False)[:, 0], dtype=float)
                 axes.plot(f, 20.0 * np.log10(largest) if decibels else largest, **style.line(number),
-                          label=f"{name}: {_highest(f, largest, decibels)}")  # fmt: skip
+                          label=f"{name}{verdict}: {_highest(f, largest, decibels)}")  # fmt: skip
         for axes, title in zip(panels, ("sensitivity S", "complementary sensitivity T"), strict=True):
-            axes.set_xscale("log")
+            style.frequency_axis(axes, ends[0], ends[1])
             if not decibels:
                 axes.set_yscale("log")
             axes.axhline(0.0 if decibels else 1.0, color=style.MARK, linewidth=0.8)
             axes.set_title(title)
-            axes.set_xlabel("frequency [Hz]")
-            axes.legend(loc="best")
+            axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.16), borderaxespad=0.0)
         panels[0].set_ylabel("largest singular value [dB]" if decibels else "largest singular value [1]")
     return figure
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -10,16 +10,30 @@ from mbsvib.common import units
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _choice as choice
 from mbsvib.plots import _style as style
-from mbsvib.plots._curves import shared_grid
+from mbsvib.plots._curves import curves, shared_grid
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
-    from mbsvib.plots._choice import Names, Systems
+    from mbsvib.common.arrays import Array
+    from mbsvib.common.selection import Names
+    from mbsvib.plots._choice import Systems
     from mbsvib.plots._system import Linear
+
+
+MOST_NAMED, LONGEST_NAMES = 4, 24  # names in a title, and their letters
+
+
+class UnitGroup(NamedTuple):
+    """Outputs of one unit and inputs of one unit, and the unit of the responses between them."""
+
+    outputs: list[str]
+    inputs: list[str]
+    unit: str
 
 
 def singular_values(
@@ -31,9 +45,9 @@ def singular_values(
     Parameters
     ----------
     systems : System, ClosedLoop, StateSpace, Controller, control.StateSpace, or sequence of these
-        One, or several that are drawn into the same panel.
+        One, or several that are drawn into the same panels.
     outputs, inputs : str or sequence of str, optional
-        Names, all of one unit each; default: those that have the unit of the first.
+        Names or patterns; default: all.
     frequencies : array-like, shape (n,), optional
         Where to compute [Hz]; default: a grid that resolves every resonance in ``span``.
     span : (float or None, float or None)
@@ -44,54 +58,91 @@ def singular_values(
     Returns
     -------
     matplotlib.figure.Figure
-        The largest ones thick, the others thin.
+        A panel for each unit of outputs and of inputs, as singular values of mixed units mean nothing; the largest ones
+        thick, the others thin.
 
     Raises
     ------
     ResponseError
-        If a name is unknown, units are mixed, or a frequency is an undamped pole.
+        If a name is unknown, there are more than twelve panels, or a frequency is an undamped pole.
     """
     named = choice.listed(systems, labels)
-    sources, source_unit = _alike(named[0][1], "input", inputs)
-    results, result_unit = _alike(named[0][1], "output", outputs)
-    pairs = [(result, source) for source in sources for result in results]
-    grid = shared_grid([system for _, system in named], pairs, frequencies, span)
+    groups = unit_groups(named[0][1], outputs, inputs)
+    if len(groups) > choice.MOST_PANELS:
+        raise ResponseError(f"singular values: outputs and inputs have {len(groups)} pairs of units, a panel each; a "
+                            f"figure holds at most {choice.MOST_PANELS}: choose, for example, "
+                            f"outputs={groups[0].outputs!r}, inputs={groups[0].inputs!r}.")  # fmt: skip
+    grid = shared_grid([system for _, system in named], [group[:2] for group in groups], frequencies, span)
+    columns = min(len({tuple(group.inputs) for group in groups}), 4)
+    rows = -(-len(groups) // columns)
     with style.context():
-        figure = style.new_figure(6.4, 4.0)
-        axes = figure.subplots()
-        for i, (label, system) in enumerate(named):
-            rows = [system.outputs.index(choice.pick(system, "output", name)[0]) for name in results]
-            columns = [system.inputs.index(choice.pick(system, "input", name)[0]) for name in sources]
-            G = system.frequency_response(2.0 * np.pi * grid)[np.ix_(rows, columns)]
-            sigma = np.linalg.svd(np.moveaxis(G, 2, 0), compute_uv=False)
-            colour = style.line(i)["color"]
-            for k, values in enumerate(np.where(sigma > 0.0, sigma, np.nan).T):
-                axes.plot(grid, values, color=colour, linewidth=1.5 if k == 0 else 0.7,
-                          label=label if k == 0 else None)  # fmt: skip
-        axes.set_xscale("log")
-        axes.set_yscale("log")
-        axes.set_xlim(grid[0], grid[-1])
-        axes.set_xlabel("frequency [Hz]")
-        axes.set_ylabel(f"singular values [{units.pretty(units.ratio(result_unit, source_unit))}]")
-        axes.set_title(f"{_few(sources)} → {_few(results)}")
-        style.name_systems(figure, [label for label, _ in named], axes)
+        width, height = style.panel_size(rows, columns, 2.9, 4.0)
+        figure = style.new_figure(width, height)
+        panels = figure.subplots(rows, columns, squeeze=False).ravel()
+        for axes, group in zip(panels, groups, strict=True):
+            _panel(axes, named, group, grid)
+        for axes in panels[:-columns]:
+            axes.set_xlabel("")
+        style.name_systems(figure, [label for label, _ in named], panels[columns - 1])
     return figure
 
 
+def unit_groups(system: Linear, outputs: Names, inputs: Names) -> list[UnitGroup]:
+    """Return the selected outputs and inputs in groups of one unit each, those of the first output first.
+
+    Parameters
+    ----------
+    system : System
+        Linear equations.
+    outputs, inputs : str or sequence of str, optional
+        Names or patterns; default: all.
+
+    Returns
+    -------
+    list of UnitGroup
+        One for each pair of an output's and an input's unit.
+
+    Raises
+    ------
+    ResponseError
+        If a name is unknown.
+    """
+    results = _by_unit(choice.pick(system, "output", outputs), system.outputs, system.output_units)
+    sources = _by_unit(choice.pick(system, "input", inputs), system.inputs, system.input_units)
+    return [UnitGroup(names, ports, units.ratio(result_unit, source_unit))
+            for result_unit, names in results.items() for source_unit, ports in sources.items()]  # fmt: skip
+
+
+def _by_unit(selected: Sequence[str], names: Sequence[str], its_units: Sequence[str]) -> dict[str, list[str]]:
+    result: dict[str, list[str]] = {}
+    for name in selected:
+        result.setdefault(its_units[names.index(name)], []).append(name)
+    return result
+
+
+def _panel(axes: Axes, named: Sequence[tuple[str, Linear]], group: UnitGroup, grid: Array) -> None:
+    """Draw the singular values of one group of ports."""
+    pairs = [(result, source) for result in group.outputs for source in group.inputs]
+    drawn = [curves(system, pairs, grid) for _, system in named]
+    for i, ((label, _), responses) in enumerate(zip(named, drawn, strict=True)):
+        G = np.array([response.values for response in responses]).T.reshape(len(grid), len(group.outputs), -1)
+        sigma = np.linalg.svd(G, compute_uv=False)
+        look = style.line(i, faint=all(response.negligible for response in responses)) | {"linestyle": "-"}
+        for k, values in enumerate(np.where(sigma > 0.0, sigma, np.nan).T):
+            axes.plot(grid, values, **(look | {"linewidth": 1.5 if k == 0 else 0.7}), label=label if k == 0 else None)
+    if any(response.values.any() for responses in drawn for response in responses):
+        axes.set_yscale("log")
+    else:
+        axes.set_ylim(0.0, 1.0)
+    if all(response.negligible for responses in drawn for response in responses):
+        style.remark(axes, style.zero(response.values for responses in drawn for response in responses))
+    style.frequency_axis(axes, grid[0], grid[-1])
+    axes.set_ylabel(f"singular values [{units.pretty(group.unit)}]")
+    axes.set_title(f"{_few(group.inputs)} → {_few(group.outputs)}")
+
+
 def _few(names: Sequence[str]) -> str:
-    return ", ".join(names) if len(names) <= 4 else f"{names[0]}, {names[1]}, … ({len(names)})"
-
-
-def _alike(system: Linear, kind: str, names: Names) -> tuple[list[str], str]:
-    """Names that have one unit, and this unit."""
-    known = dict(zip(*((system.inputs, system.input_units) if kind == "input" else
-                       (system.outputs, system.output_units)), strict=True))  # fmt: skip
-    selected = choice.pick(system, kind, names)
-    unit = known[selected[0]]
-    if names is None:
-        return [name for name in selected if known[name] == unit], unit
-    odd = next((name for name in selected if known[name] != unit), None)
-    if odd is not None:
-        raise ResponseError(f"singular values: {kind} {selected[0]!r} is in {unit}, {odd!r} in {known[odd]}; singular "
-                            f"values of mixed units mean nothing. Name {kind}s of one unit.")  # fmt: skip
-    return selected, unit
+    """Return names in a few words."""
+    if len(names) <= MOST_NAMED and sum(map(len, names)) <= LONGEST_NAMES:
+        return ", ".join(names)
+    return f"{names[0]} … {names[-1]} ({len(names)})" if len(names) > 1 else names[0]

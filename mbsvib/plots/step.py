@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from mbsvib.common.arrays import Array
-    from mbsvib.plots._choice import Names, Systems
+    from mbsvib.common.selection import Names
+    from mbsvib.plots._choice import Systems
     from mbsvib.plots._system import Linear
 
 

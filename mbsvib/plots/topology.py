@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,6 +26,10 @@ KINDS = {
     "floating": ("no joint: floats", style.MARK, 1.0, (0, (1.5, 1))),
 }  # fmt: skip
 MOST_NAMES = 60
+HIGHEST = 9.0  # inch
+CROWDED = 0.6  # inch, between levels with names above their bodies
+BESIDE: dict[str, Any] = {"ha": "right", "va": "center", "fontsize": 7.0}
+ABOVE: dict[str, Any] = {"ha": "center", "va": "baseline", "fontsize": 8.0}
 BOX = {"fc": "white", "ec": "none", "alpha": 0.85, "pad": 0.4}
 
 
@@ -49,12 +53,14 @@ def topology(system: System) -> Figure:
     width, height = np.ptp(at, axis=0)
     edges_between: Counter[tuple[int, int]] = Counter()
     with style.context():
-        figure = style.new_figure(float(np.clip(1.1 * width + 2.0, 4.5, 12.0)), float(np.clip(height + 1.6, 3.0, 9.0)))
+        size = np.clip((1.1 * width + 2.0, height + 1.6), (4.5, 3.0), (12.0, HIGHEST))
+        figure = style.new_figure(*size.tolist())
+        crowded = height * CROWDED > HIGHEST
         axes = figure.subplots()
         axes.set_axis_off()
         texts, curves = [], []
         for kind, name, _, first, second in edges:
-            pair = min(first, second), max(first, second)
+            pair = (first, second) if (*at[first][::-1], first) < (*at[second][::-1], second) else (second, first)
             nth, edges_between[pair] = edges_between[pair], edges_between[pair] + 1
             side = (1 if nth % 2 else -1) * ((nth + 1) // 2) * 0.2
             points = _bent(at[pair[0]], at[pair[1]], side)
@@ -69,11 +75,13 @@ def topology(system: System) -> Figure:
         axes.plot(*at[ground], "s", ms=10.0, color="#6b7682", mec="white", zorder=4)
         if len(nodes) <= MOST_NAMES:
             for i, node in enumerate(nodes):
-                axes.annotate(node[0], at[i], (0, -13 if i == ground else 8), textcoords="offset points", ha="center",
-                              fontsize=8, zorder=5, bbox=BOX)  # fmt: skip
+                beside = crowded and i != ground  # the next level is where a name would be
+                look = BESIDE if beside else ABOVE
+                axes.annotate(node[0], at[i], (-7, 0) if beside else (0, -13 if i == ground else 8),
+                              textcoords="offset points", zorder=5, bbox=BOX, **look)  # fmt: skip
         axes.margins(0.08, 0.14)
         handles = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
-        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=max(1, len(handles)))
+        style.legend(figure, [*handles.values()], "outside lower center", max(1, len(handles)))
         axes.set_title(system.name)
         figure.draw_without_rendering()
         marks = [text for text in axes.texts if text not in texts]

@@ -68,10 +68,10 @@ def trade_off(data: TradeOff) -> Figure:
             _panel(figure, axes, data, pair)
         if len(pairs) == 1:
             panels[0].set_title("trade-off")
-            panels[0].set_title(data.name, loc="right", color=style.MARK, fontsize=8.5)
+            style.name_aside(panels[0], data.name)
         else:
-            figure.suptitle(f"Trade-off of {data.name}", x=0.02, ha="left", fontsize=10.5)
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+            style.head(figure, f"Trade-off of {data.name}")
+        style.legend(figure, panels[0].get_legend_handles_labels()[0], "outside lower center", 3)
     return figure
 
 

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.system import System
+    from mbsvib.common.selection import Names
     from mbsvib.modes import Modes
-    from mbsvib.plots._choice import Names
 
 MOST_MODES = 60  # with energy shares; motions of all modes are in the page up to MOST_MOTIONS numbers
 MOST_MOTIONS = 60_000
@@ -72,9 +72,7 @@ def collect(
     }
 
 
-def _compared(
-    system: Any, other: Any, labels: tuple[str, str], names: tuple[Names, Names]
-) -> dict[str, Any]:  # fmt: skip
+def _compared(system: Any, other: Any, labels: tuple[str, str], names: tuple[Names, Names]) -> dict[str, Any]:
     """The modes of the other system, their pairs with those of this one, and its responses."""
     outputs, inputs = (_common(names[0], other.outputs), _common(names[1], other.inputs))
     return {"labels": list(labels), "name": other.name, "pairs": compared_modes(system, other),

@@ -21,12 +21,13 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from mbsvib.api.model import Model
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
-    from mbsvib.plots._choice import Names
 
     Source = Model | System | StateSpace | ClosedLoop | Controller
 
+SCRIPTS = ("page", "motion", "compass", "curves", "responses", "panels", "keys")
 # Characters that could end a script element, open a comment in it, or end a line of JavaScript.
 _UNSAFE = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
 
@@ -74,7 +75,7 @@ def html(
         "STYLE": _read("page.css"),
         "PLOTLY": b64encode(compress(script.encode("utf-8"), 9, mtime=0)).decode("ascii"),
         "DATA": embedded(data),
-        "SCRIPT": "\n".join(_read(name) for name in ("page.js", "motion.js", "curves.js", "responses.js", "panels.js")),
+        "SCRIPT": "\n".join(_read(f"{name}.js") for name in SCRIPTS),
     }
     return "".join([pieces.get(piece, piece) for piece in _read("page.html").split("@@")])
 

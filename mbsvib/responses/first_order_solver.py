@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.expected import angular, reals
+from mbsvib.common.memory import BATCH_BYTES
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.balancing import exponents
 from mbsvib.linalg.rank import EPS
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 REFINEMENTS = 3
 # A right-hand side below this many roundings of the terms of (s - A) x is rounding: s is a pole.
 SINGULAR = 4.0
-BATCH_BYTES = 32 * 2**20  # solutions of a batch of frequencies stay in this much memory
 
 
 @dataclass(frozen=True, slots=True, eq=False)

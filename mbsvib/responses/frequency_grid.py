@@ -16,9 +16,9 @@ from mbsvib.common.expected import real
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.responses.basis import Basis
 
 
@@ -37,7 +37,7 @@ EXCLUDED = 1e-9  # share of the frequency of an undamped pole in which no point 
 
 
 def frequency_grid(
-    basis: Basis, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None,
+    basis: Basis, outputs: Names = None, inputs: Names = None,
     n: int | None = None, *, f_min: float | None = None, f_max: float | None = None,
 ) -> Array:  # fmt: skip
     """Return angular frequencies that resolve every resonance and antiresonance from inputs to outputs.
@@ -56,7 +56,7 @@ def frequency_grid(
     return 2.0 * np.pi * resolving_frequencies(roots(basis, outputs, inputs), basis.poles, low, high, n)
 
 
-def roots(basis: Basis, outputs: str | Sequence[str] | None, inputs: str | Sequence[str] | None) -> Complex:
+def roots(basis: Basis, outputs: Names, inputs: Names) -> Complex:
     """Return all poles, and the zeros of each single response.
 
     ``outputs``, ``inputs``: names; default: all. Returns (roots,): poles and zeros [1/s].

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from mbsvib.common.expected import angular
+from mbsvib.common.memory import BATCH_BYTES
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.qr import sorted_qr
 from mbsvib.linalg.rank import EPS
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     from mbsvib.responses.basis import Basis
 
 
-BATCH_BYTES = 32 * 2**20  # a batch of matrices stays in this much memory
 # The sum over modes solves the equations to this residual: rounding of a sum of some hundred modes, no more.
 BACKWARD = 5e-14
 CHECKED = 3  # frequencies next to the most ill-conditioned eigenvalues at which the residual is computed

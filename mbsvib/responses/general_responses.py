@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.memory import BATCH_BYTES
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.general_terms import asymptotic_terms, cleaned
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from mbsvib.modes.general import General
 
 
-BATCH_BYTES = 32 * 2**20  # a batch of matrices stays in this much memory
 # Residual up to which the sum over modes is used: rounding of some hundred modes; the second value if the alternative
 # is refined solutions.
 BACKWARD, SUMMED = 5e-14, 8.0 * EPS

@@ -10,15 +10,14 @@ from mbsvib.common.selection import key_ports
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.responses.norms import Norm
     from mbsvib.responses.step_info import StepInfo
 
-    Ports = str | Sequence[str] | None
 
 
 class StepVerbs:
@@ -26,10 +25,10 @@ class StepVerbs:
 
     if TYPE_CHECKING:
 
-        def with_ports(self, outputs: Ports = None, inputs: Ports = None) -> Self:
+        def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
             """Return the equations with some outputs and inputs."""
 
-    def step_info(self, outputs: Ports = None, inputs: Ports = None, band: float = 0.02) -> StepInfo:
+    def step_info(self, outputs: Names = None, inputs: Names = None, band: float = 0.02) -> StepInfo:
         """Return rise time, settling time, overshoot and peak of the responses to unit steps, from rest.
 
         Parameters
@@ -68,14 +67,14 @@ class LinearVerbs(StepVerbs):
         def state_space(self) -> Any:
             """Return first-order equations."""
 
-        def frequency_response(self, omega: ArrayLike, outputs: Ports = None, inputs: Ports = None) -> Complex:
+        def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
             """Return the frequency response."""
 
     def __getitem__(self, key: Any) -> Self:
         """Return the equations with some of their outputs and inputs: ``system[outputs, inputs]``, by name."""
         return self.with_ports(*key_ports(key, self.name))
 
-    def transmission_zeros(self, outputs: Ports = None, inputs: Ports = None) -> Complex:
+    def transmission_zeros(self, outputs: Names = None, inputs: Names = None) -> Complex:
         """Return the invariant zeros from some inputs to some outputs.
 
         The finite s at which [[A - s, B], [C, D]] has less than its normal rank.
@@ -101,7 +100,7 @@ class LinearVerbs(StepVerbs):
         return first_order_zeros(space.A, space.B, space.C, space.D)
 
     def frequency_grid(
-        self, outputs: Ports = None, inputs: Ports = None, n: int | None = None, *, f_min: float | None = None,
+        self, outputs: Names = None, inputs: Names = None, n: int | None = None, *, f_min: float | None = None,
         f_max: float | None = None,
     ) -> Array:  # fmt: skip
         """Return angular frequencies that resolve every resonance and antiresonance from inputs to outputs.
@@ -132,7 +131,7 @@ class LinearVerbs(StepVerbs):
         low, high = span(poles, f_min, f_max)
         return 2.0 * np.pi * resolving_frequencies(np.concatenate([poles, *zeros]), poles, low, high, n)
 
-    def h2_norm(self, outputs: Ports = None, inputs: Ports = None, parameters: Any = None) -> Norm:
+    def h2_norm(self, outputs: Names = None, inputs: Names = None, parameters: Any = None) -> Norm:
         """Return the H2 norm of the frequency response, the rms of all outputs under white noise.
 
         ||G||^2 = 1 / 2 pi integral of tr(G(i w)^H G(i w)) dw over all frequencies
@@ -163,7 +162,7 @@ class LinearVerbs(StepVerbs):
         check_decays(self.poles(), self.name, "H2")
         return h2((space.A, space.B, space.C, space.D), (space.outputs, space.inputs), self.name)
 
-    def hinf_norm(self, outputs: Ports = None, inputs: Ports = None, parameters: Any = None) -> Norm:
+    def hinf_norm(self, outputs: Names = None, inputs: Names = None, parameters: Any = None) -> Norm:
         """Return the highest peak of the frequency response, of its largest singular value.
 
         ||G|| = max over w of sigma(G(i w))

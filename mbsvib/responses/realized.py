@@ -22,22 +22,8 @@ def realized(
     Entries of one input with one denominator share the states of a controllable canonical form; entries without
     dynamics have none. A pole that several inputs have in common may then be there more often than it must.
 
-    Parameters
-    ----------
-    numerators, denominators : sequence of sequences of array-like
-        Coefficients of each output and input in descending powers of s.
-    name : str
-        Name for messages.
-
-    Returns
-    -------
-    A, B, C, D : array, shape (n, n), (n, inputs), (outputs, n), (outputs, inputs)
-        First-order equations.
-
-    Raises
-    ------
-    ResponseError
-        If a numerator has a higher degree than its denominator.
+    ``numerators``, ``denominators``: coefficients of each output and input in descending powers of s. Returns A, B, C,
+    D (n, n), (n, inputs), (outputs, n), (outputs, inputs): first-order equations.
     """
     shape = len(numerators), len(numerators[0])
     d, blocks = np.zeros(shape), []

@@ -38,7 +38,7 @@ class Noise:
 
     b: Array
     outputs: tuple[tuple[int, Array], ...]
-    terms: Terms
+    terms: TermSizes
     parts: tuple[tuple[int, NDArray[np.intp], Array, Array], ...]
     direct: Array
 
@@ -47,7 +47,7 @@ class Noise:
         """Return the bound for a system and its modes."""
         b = modal.shapes.T @ system.B
         beta, direct = np.linalg.norm(b, axis=0), np.abs(system.D)
-        terms = Terms.of(modal)
+        terms = TermSizes.of(modal)
         right = np.abs(b if terms.vectors is None else terms.vectors.T @ b)
         parts = []
         for order, rows in differentiated(system):
@@ -85,7 +85,7 @@ class Noise:
 
 
 @dataclass(frozen=True, slots=True)
-class Terms:
+class TermSizes:
     """Sizes of the terms of a sum over modes: the sums of all R and lambda R, which are known, are of the size
     ``strength`` (k,) over w^power; ``vectors`` (m, k) if they are not the basis, ``corner`` (k,) as in ``ModalSum``.
     ``free`` of them, the last ones, are rigid-body modes, if damping couples modes.
@@ -101,11 +101,11 @@ class Terms:
     vectors: Complex | None
 
     @staticmethod
-    def of(modal: Damped) -> Terms:
+    def of(modal: Damped) -> TermSizes:
         """Return the terms of a system's modes."""
         if modal.vectors is None or modal.slopes is None:
             corner = np.abs(modal.pairs).max(axis=1)
-            return Terms(modal, np.zeros(0, complex), 0, np.ones(len(corner)), 2, corner, np.sort(corner), None)
+            return TermSizes(modal, np.zeros(0, complex), 0, np.ones(len(corner)), 2, corner, np.sort(corner), None)
         turns, free = modal.pairs[:, 0].imag != 0.0, (modal.pairs == 0.0).all(axis=1)
         first, second = ~free, ~free & ~turns
         value: Complex = np.concatenate((modal.pairs[first, 0], modal.pairs[second, 1]))
@@ -114,7 +114,7 @@ class Terms:
         vectors: Complex = np.concatenate((y[:, first, 0], y[:, second, 1], y[:, free, 0]), axis=1)
         rigid = np.zeros(int(np.count_nonzero(free)))
         corner = np.concatenate((np.abs(value), rigid))
-        return Terms(modal, value, len(rigid), np.concatenate((size, rigid)), 1, corner, np.sort(corner), vectors)
+        return TermSizes(modal, value, len(rigid), np.concatenate((size, rigid)), 1, corner, np.sort(corner), vectors)
 
     def gain(self, w: Array) -> tuple[Array, Array]:
         """Return magnitudes (k, n) of 1 / (s - lambda), and of the remainder above the mode, without the known sums."""

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.modes.state_modes import StateModes
     from mbsvib.responses.first_order_solver import FirstOrderSolver
 
@@ -176,9 +177,7 @@ class StateSpace(LinearVerbs, Displayed):
                                 f"states are {self.realization!r}. Ask the system for other states.")  # fmt: skip
         return self
 
-    def with_ports(
-        self, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
-    ) -> Self:
+    def with_ports(self, outputs: Names = None, inputs: Names = None) -> Self:
         """Return the state space with some of its outputs and inputs, as ``space[outputs, inputs]`` does.
 
         Parameters
@@ -230,9 +229,7 @@ class StateSpace(LinearVerbs, Displayed):
         """
         return self.modes().eigenvalues.copy()
 
-    def frequency_response(
-        self, omega: ArrayLike, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
-    ) -> Complex:
+    def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
         """Return the frequency response from inputs to outputs.
 
         G(i w) = C (i w - A)^-1 B + D
@@ -259,7 +256,7 @@ class StateSpace(LinearVerbs, Displayed):
 
     def time_response(
         self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: ArrayLike | None = None,
-        outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None,
+        outputs: Names = None, inputs: Names = None,
     ) -> Array:  # fmt: skip
         """Return the time response to inputs that are held or vary linearly between the samples; exact for these.
 

@@ -29,11 +29,11 @@ from mbsvib.responses.zero_rounding import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.selection import Names
     from mbsvib.equations.equations import Equations
     from mbsvib.modes.general import General
     from mbsvib.responses.basis import Basis
@@ -53,9 +53,7 @@ NEAR_RIGID = (1e-3, 1e-4, 1e-5)
 INTEGER_POWER = 0.1
 
 
-def transmission_zeros(
-    basis: Basis, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
-) -> Complex:
+def transmission_zeros(basis: Basis, outputs: Names = None, inputs: Names = None) -> Complex:
     """Return the invariant zeros of a system from some of its inputs to some of its outputs.
 
     The finite s at which [[K + s C + s^2 M, -B], [Cq + s Cv + s^2 Ca, D]] has less than its normal rank.
@@ -82,7 +80,7 @@ def transmission_zeros(
     return zeros[np.lexsort((-zeros.imag, np.abs(zeros)))]
 
 
-def numbers(system: Equations, kind: str, names: str | Sequence[str] | None) -> list[int]:
+def numbers(system: Equations, kind: str, names: Names) -> list[int]:
     """Return the numbers of the named inputs or outputs; None: of all.
 
     ``kind``: "input" or "output". ``names``: their names.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.linalg.rank import EPS
+from mbsvib.linalg.rank import EPS, ONE_BRANCH
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.sensitivities.spectrum import Pairs
 
-# Where eigenvalues coincide, less than this share of the largest derivative to the same variable is rounding: it parts
-# no branches.
-ONE_BRANCH = 8.0 * EPS
 # Cardano's formula is as accurate as the matrix where the root in it exceeds this share of its sum.
 DISTINCT = 0.1
 _THIRD_ROOTS = np.exp(2j * np.pi / 3.0 * np.arange(3))[:, None]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements import Bushing
+from mbsvib.linalg.rank import ZERO_TURN
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
     from mbsvib.elements.part import Part
     from mbsvib.mechanism.mechanism import Mechanism
 
-# Bodies that turned by less than this [rad] against each other did not.
-STRAIGHT = 1e-14
 
 
 class Displaced:
@@ -45,7 +44,7 @@ def turned(origin: Mechanism, parts: Iterable[Part]) -> frozenset[str]:
     known = {part.name: part for part in parts}
     pose = Displaced(origin, known)
     return frozenset(part.name for part in known.values() if isinstance(part, Bushing)
-                     and np.abs(pose.turn(part.first) - pose.turn(part.second)).max() > STRAIGHT)  # fmt: skip
+                     and np.abs(pose.turn(part.first) - pose.turn(part.second)).max() > ZERO_TURN)  # fmt: skip
 
 
 def holds_turns(bushing: Bushing) -> bool:

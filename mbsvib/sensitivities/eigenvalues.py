@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.rank import ZERO_RIGID_FORM, ZERO_RIGID_FORM_BY_MATRICES
 from mbsvib.sensitivities.adjoint_fields import fields, motions
 from mbsvib.sensitivities.branches import branches
 from mbsvib.sensitivities.products import forms, picked
@@ -26,10 +27,6 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.spectrum import Spectrum
     from mbsvib.sensitivities.variables import Requested
 
-# A form in a rigid-body motion below this share of the largest in any motion is zero but for rounding.
-ZERO_FORM = 1e-12
-# The same where derivatives are differences of whole matrices, or go through the equilibrium: more may cancel there.
-ZERO_BY_MATRICES = 1e-8
 # Rows beyond the last parameter, so that the last part of a group has as many behind it as the others.
 PADDING = 64
 
@@ -85,9 +82,9 @@ def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Requested = No
     if len(resting):
         lead = np.abs(result[:, spectrum.index])
         size = (lead / np.abs(scale[: len(spectrum.lead)])).max(axis=1, keepdims=True)
-        zero = ZERO_FORM
+        zero = ZERO_RIGID_FORM
         if groups.matrix_group is not None or groups.loaded is not None:
-            zero = ZERO_BY_MATRICES
+            zero = ZERO_RIGID_FORM_BY_MATRICES
             work = basis.variants.sizes(groups.variables.as_directions()) * float(np.abs(spectrum.right).max()) ** 2
             size = np.maximum(size, work[:, None])
         _set(result, spectrum, resting, np.where(lead[:, resting] <= zero * size, 0.0, np.inf))

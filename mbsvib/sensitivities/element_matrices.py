@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from mbsvib.elements.families import connection_rows
 
@@ -24,14 +23,16 @@ def element_matrices(parts: Sequence[Connection], points: Array) -> tuple[Array,
     number = {name: 0 for part in parts for name in (part.first, part.second)}
     elements = connection_rows(parts, number)
     rows, owner = elements.rows, elements.owner
+    six = np.concatenate((rows.force, rows.moment))
     arm = rows.point - points[owner].T
-    moment = rows.moment + np.cross(arm, rows.force, axis=0) if arm.any() else rows.moment
-    six = np.concatenate((rows.force, moment))
+    if arm.any():
+        six[3:] += np.cross(arm, rows.force, axis=0)
     squares = (six[:, None] * six).reshape(36, len(owner))
 
     def of_owners(values: Array) -> Array:
-        acts = csr_array((values, (owner, np.arange(len(owner)))), shape=(len(parts), len(owner)))
-        return np.asarray(acts @ squares.T).reshape(len(parts), 6, 6)
+        result = np.zeros((len(parts), 36))
+        np.add.at(result, owner, (values * squares).T)
+        return result.reshape(len(parts), 6, 6)
 
     return (of_owners(elements.stiffness), of_owners(elements.damping),
             None if elements.inertance is None else of_owners(elements.inertance))  # fmt: skip

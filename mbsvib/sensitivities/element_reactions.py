@@ -14,17 +14,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import qr
 
-from mbsvib.sensitivities.families import rules_of
+from mbsvib.linalg.rank import DEPENDENT_DEFORMATION
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.part import Part
     from mbsvib.linalg.vectors import Field
 
-# Deformations, each scaled to its largest, that depend on each other but for this share are not independent.
-DETERMINED = 1e-9
+    Elements = tuple[tuple[str, ...], tuple[str, ...], int]
+
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,23 +48,20 @@ class ElementReactions:
 
 
 def element_reactions(
-    parts: Sequence[Part], number: Mapping[str, int], moves: Array, body_motion: Mapping[str, Array]
+    elements: Sequence[Elements | None], number: Mapping[str, int], moves: Array, body_motion: Mapping[str, Array]
 ) -> ElementReactions | None:  # fmt: skip
     """Return the elements of beams and superelements whose forces statics gives, None if it does not determine them.
 
-    ``number`` is that of each spring by its name, ``moves`` (s, 6, m) the relative motions of all springs and
-    ``body_motion`` (6, m) those of bodies.
+    ``elements`` are the names of those of each part, the bodies of its internal coordinates, and their number; None:
+    statics does not determine their forces. ``number`` is that of each spring by its name, ``moves`` (s, 6, m) the
+    relative motions of all springs and ``body_motion`` (6, m) those of bodies.
     """
     springs: list[int] = []
     internal: list[Array] = []
-    for part in parts:
-        rules = rules_of(part)
-        if rules.kind != "composed":
-            continue
-        reactions = rules.reactions(part)
-        if reactions is None or not all(name in number for name in reactions[0]):
+    for of_part in elements:
+        if of_part is None or not all(name in number for name in of_part[0]):
             return None
-        names, carriers, count = reactions
+        names, carriers, count = of_part
         if carriers:
             internal.append(np.concatenate([body_motion[name][:3] for name in carriers])[:count])
         springs += [number[name] for name in names]
@@ -76,7 +72,7 @@ def element_reactions(
     scaled = deformations / _largest(deformations, 0)
     scaled = scaled / _largest(scaled, 1)
     _, r, order = qr(scaled, mode="economic", pivoting=True)
-    if count and abs(r[-1, count - 1]) <= DETERMINED * abs(r[0, 0]):
+    if count and abs(r[-1, count - 1]) <= DEPENDENT_DEFORMATION * abs(r[0, 0]):
         return None
     dependent, independent = np.sort(order[:count]), np.sort(order[count:])
     inverse = np.asarray(np.linalg.inv(deformations[:, dependent]), dtype=float)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.sensitivities.families import rules_of
-from mbsvib.sensitivities.families.pose_rates import PoseRates
+from mbsvib.sensitivities.families.pose_changes import PoseRates
 from mbsvib.sensitivities.families.rules import crossed
 from mbsvib.sensitivities.force_layout import ForceChanges, ForceLayout, RowTerms
 

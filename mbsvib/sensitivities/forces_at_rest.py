@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,7 +31,7 @@ def forces_at_rest(
     """
     statics = system.provenance.statics
     ground, j = len(bodies), len(joints)
-    connections = (*joints, *springs)
+    connections: tuple[Any, ...] = (*joints, *springs)
     n = len(connections) + len(bodies) + len(loads)
     wrench, points, span, axes = np.zeros((n, 6)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 2, 3))
     first, second = np.full(n, ground), np.empty(n, dtype=np.intp)

@@ -85,7 +85,7 @@ class LoadedNetwork:
         """Coordinates (m,) along which nothing moves but nodes between springs and dampers of Maxwell elements."""
         nodes = {part.node for part in self.network.maxwell_elements.values()}
         others = [body.name not in nodes for body in self.network.bodies]
-        return ~self.motions[others, :, : self.dof].any(axis=(0, 1))
+        return np.asarray(~self.motions[others, :, : self.dof].any(axis=(0, 1)))
 
     def add_forms(self, result: Field, left: Fields, right: Fields | None = None) -> None:
         """Add to x^T (dT/dp) y what the forces at the pose do to it, in place.

@@ -9,6 +9,7 @@ import numpy as np
 
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ModelError, nearest
+from mbsvib.linalg.rank import SAME_TRANSPOSE, ZERO_FACTOR
 from mbsvib.sensitivities.adjoint_fields import fields, motions
 from mbsvib.sensitivities.port_forms import feedthrough, port_forms
 from mbsvib.sensitivities.ports import no_loads
@@ -25,10 +26,6 @@ _ONE, _NONE = np.ones(1), np.zeros(1)
 _STILL = (_NONE, _NONE, _NONE)
 _POWERS = {"K": (_ONE, _NONE, _NONE), "C": (_NONE, _ONE, _NONE), "M": (_NONE, _NONE, _ONE)}
 _OUTPUTS = {"K": "Cq", "C": "Cv", "M": "Ca"}
-# A factor below this share of the largest of its kind is rounding.
-ACTS = 1e-15
-# Of derivatives through the equilibrium, which are sums of many terms, entries below this share are rounding.
-SYMMETRIC = 1e-12
 # Numbers that the derivatives of some rows may hold.
 BLOCK = 4_000_000
 
@@ -84,7 +81,7 @@ class MatrixDerivatives(Displayed):
         index = self.variables.index(variable)
         # what the equilibrium does, and spin, is no symmetric product of few parts
         if self._groups.loaded is not None or self._groups.network.spin is not None:
-            p, q = factored(getattr(self, matrix)[index], matrix, variable, SYMMETRIC)
+            p, q = factored(getattr(self, matrix)[index], matrix, variable, SAME_TRANSPOSE)
             return p.T, q.T
         return _factors(self._groups, index, matrix)
 
@@ -171,5 +168,5 @@ def _factors(groups: ParameterGroups, variable: int, matrix: str) -> tuple[Array
                     second += [q for _, q in terms]
     p, q = np.concatenate(first), np.concatenate(second)
     size = np.abs(p).max(axis=1, initial=0.0) * np.abs(q).max(axis=1, initial=0.0)
-    acts = size > ACTS * size.max(initial=0.0)
+    acts = size > ZERO_FACTOR * size.max(initial=0.0)
     return p[acts].T, q[acts].T

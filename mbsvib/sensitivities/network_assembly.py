@@ -11,7 +11,7 @@ from mbsvib.elements.families import has_rows
 from mbsvib.elements.part import Composed
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.expansion import expanded
-from mbsvib.linalg.rank import EPS
+from mbsvib.linalg.rank import NO_WORK, SAME_WORK
 from mbsvib.linalg.vectors import entries_matrix, transformed
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sensitivities.adjoint_fields import motions
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body, Joint
-    from mbsvib.elements.connection import Connection
     from mbsvib.elements.part import Part
     from mbsvib.equations.equations import Equations
     from mbsvib.mechanism.mechanism import Mechanism
@@ -42,10 +41,6 @@ _TENSOR = [0, 3, 4, 3, 1, 5, 4, 5, 2]  # xx xy xz, xy yy yz, xz yz zz out of xx 
 _SIX = np.eye(6)
 # Factors of stiffness, damping and inertia of which one is 1.
 _POWERS = tuple([(one[0], one[1], one[2]) for one in np.eye(3)])
-# Rounding of the work of a motion, relative to its terms, is far below this; a missing force is not.
-COMPLETE = 1e-8
-# Work of a motion that strains nothing: the square of a hundred roundings of the largest relative motion.
-NO_WORK = (100.0 * EPS) ** 2
 
 
 def complete_network(system: Equations) -> Network:
@@ -84,7 +79,7 @@ def is_complete(system: Equations, network: Network) -> bool:
         shared = [float((motion.body * network.shared.wrench(motion.nodes, powers)).sum()) for powers in _POWERS]
     far = NO_WORK * float(np.square(motion.relative).max(initial=0.0))
     return all(
-        bool(abs(work + shared_work - terms.sum()) <= COMPLETE * np.abs(terms).sum() + far * float(np.abs(size).sum()))
+        bool(abs(work + shared_work - terms.sum()) <= SAME_WORK * np.abs(terms).sum() + far * float(np.abs(size).sum()))
         for work, shared_work, terms, size in (
             ((strain * motion.elastic).sum(), shared[0], system.row_stiffness * strained**2, network.stiffness),
             (0.0 if motion.viscous is None else (strain * motion.viscous).sum(), shared[1],
@@ -122,7 +117,7 @@ def assembled(system: Equations, kinematics: Kinematics | None = None) -> Networ
     for part in parts:
         of_kind.setdefault(rules_of(part).kind, []).append(part)
     bodies, joints = tuple(of_kind.get("body", ())), tuple(of_kind.get("joint", ()))
-    springs: tuple[Connection, ...] = tuple([part for part in parts if _is_spring(part)])
+    springs: tuple[Any, ...] = tuple([part for part in parts if _is_spring(part)])
     origin = model_in_pose(system)
     plain = None if origin is None else expanded(origin)
     if (plain is not None and plain.expansion is not None) or "maxwell" in of_kind:
@@ -154,10 +149,11 @@ def assembled(system: Equations, kinematics: Kinematics | None = None) -> Networ
     stiffness, damping, inertance = element_matrices(springs, point[len(joints) :])
     loads = () if plain is None else tuple(plain.loads.values())
     relative, reactions, forces = kinematics.relative(rows), None, None
-    if analytic and any(isinstance(part, Composed) for part in parts):
+    if analytic and "composed" in of_kind:
         at_joints = relative if kinematics.reduction is None else relative @ kinematics.reduction
         moves = np.asarray(at_joints @ np.eye(system.dof)).reshape(-1, 6, system.dof)[len(joints) :]
-        reactions = element_reactions(parts, {part.name: k for k, part in enumerate(springs)}, moves,
+        elements = [rules_of(part).reactions(part) for part in of_kind["composed"]]
+        reactions = element_reactions(elements, {part.name: k for k, part in enumerate(springs)}, moves,
                                       dict(zip(system.bodies, system.body_motion, strict=True)))  # fmt: skip
         analytic = reactions is not None
     if analytic:

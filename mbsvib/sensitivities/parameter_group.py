@@ -11,12 +11,14 @@ import numpy as np
 
 from mbsvib.sensitivities.families import rules_of
 from mbsvib.sensitivities.families.body import moved_floating
+from mbsvib.sensitivities.families.rules import any_field
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.part import Part
+    from mbsvib.sensitivities.families.rules import PartRules
     from mbsvib.sensitivities.families.terms import Rule
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.shared_wrenches import Spin
@@ -58,8 +60,17 @@ def have_rules(network: Network, layout: FieldLayout) -> NDArray[np.bool_]:
     Returns (parameters,): whether a rule holds for each.
     """
     parts = network.named
-    return layout.of_parameters([
-        part in parts and _has_rule(network, field, parts[part][1]) for part, field, _ in layout.fields])  # fmt: skip
+    alike = not network.limits and network.spin is None  # parts of a class then differ in nothing
+    known: dict[tuple[type, str], bool] = {}
+    result = []
+    for name, field, _ in layout.fields:
+        part = parts[name][1] if name in parts else None
+        rules = None if part is None else rules_of(part)
+        key = type(part), field
+        if not alike or key not in known or (rules is not None and rules.has_rule is not any_field):
+            known[key] = rules is not None and _has_rule(network, field, rules, part)
+        result.append(known[key])
+    return layout.of_parameters(result)
 
 
 def groups_by_rule(network: Network, layout: FieldLayout) -> list[ParameterGroup]:
@@ -101,9 +112,8 @@ def groups_by_rule(network: Network, layout: FieldLayout) -> list[ParameterGroup
     return groups
 
 
-def _has_rule(network: Network, field: str, part: Any) -> bool:
+def _has_rule(network: Network, field: str, rules: PartRules, part: Any) -> bool:
     """Whether a parameter acts by what its own part does alone."""
-    rules = rules_of(part)
     if field in FORCES or (rules.rule is None and rules.single is None) or not rules.has_rule(part, field):
         return False
     if network.spin is not None and _turns_along(network.spin, field, rules.kind, part):
@@ -164,7 +174,7 @@ def internal_groups(network: Network, first: int, gravity: int | None) -> list[P
         if rules.gravity_rule is not None and gravity is not None:
             with_gravity.setdefault(rules.gravity_rule, []).append(part)
     for rule_of, parts in with_gravity.items():
-        rows = gravity + np.arange(3)[None]
+        rows = (gravity or 0) + np.arange(3)[None]
         result.append(ParameterGroup("gravity", "", _ONE, rule_of(network, parts), (), rows, 3))
     return result
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.sparse import csr_array, eye_array
 
+from mbsvib.linalg.rank import ZERO_STRESS_WORK
 from mbsvib.linalg.vectors import incidence_sum, product
 from mbsvib.sensitivities.adjoint_fields import fields, motions
 from mbsvib.sensitivities.parameter_group import ParameterGroup, groups_by_rule
@@ -173,8 +174,6 @@ def grouped_through_equilibrium(
     return ParameterGroups(loaded.network, requested, loaded.groups, slopes, loaded, rates, motion, unresisted, every)
 
 
-# Work of a state of self-stress is rounding below this share of the largest force times the largest motion anywhere.
-WORKS = 1e-9
 
 
 def lost_freedoms(network: Network, groups: Iterable[ParameterGroup], size: int) -> NDArray[np.bool_]:
@@ -204,7 +203,7 @@ def lost_freedoms(network: Network, groups: Iterable[ParameterGroup], size: int)
             continue
         number, data, rows = group.part(0, len(group.number))
         work = _work(group.rule(stress, number, data))
-        broken = work > WORKS * moves * (length if group.field == "orientation" else 1.0) * loads
+        broken = work > ZERO_STRESS_WORK * moves * (length if group.field == "orientation" else 1.0) * loads
         requested = rows >= 0
         result[rows[requested]] = broken[requested]
     return result

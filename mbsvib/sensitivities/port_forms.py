@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.elements import BaseMotion, Input, Output
+from mbsvib.linalg.rank import SAME_PORT_ROW, ZERO_PORT_ROW
 from mbsvib.linalg.vectors import transformed
 from mbsvib.sensitivities.adjoint_fields import fields, momentum, motions
 from mbsvib.sensitivities.ports import loads
@@ -30,10 +31,6 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.ports import Loads
 
 
-# B, H and D of the network and those of the system are the same numbers but for rounding.
-SAME = 1e-9
-# Rounding of the largest among all rows.
-ROUNDING = 1e-12
 
 
 def checked_loads(
@@ -99,13 +96,13 @@ def _wrong(
     direct_terms = [moves * (sensing.order == k)[:, None] + forces[k] for k in range(3)]
     direct = feedthrough(system, inputs, outputs)[0] - np.einsum("bio,bip->op", sensing.virtual_displacements, momenta)
     direct += np.einsum("bio,bip->op", sensing.virtual_displacements * sensing.works, actuation.on_bodies)
-    if np.abs(acts - system.B[:, i]).max(initial=0.0) > SAME * np.abs(system.B[:, i]).max(initial=0.0):
+    if np.abs(acts - system.B[:, i]).max(initial=0.0) > SAME_PORT_ROW * np.abs(system.B[:, i]).max(initial=0.0):
         return None
     off = np.zeros(len(o), dtype=bool)
     stated = (system.D[np.ix_(o, i)], system.Cq[o], system.Cv[o], system.Ca[o])
     for computed, expected in zip((direct, *direct_terms), stated, strict=True):
         size = np.abs(expected)
-        allowed = SAME * size.max(axis=1, initial=0.0) + ROUNDING * size.max(initial=0.0)
+        allowed = SAME_PORT_ROW * size.max(axis=1, initial=0.0) + ZERO_PORT_ROW * size.max(initial=0.0)
         off |= np.abs(computed - expected).max(axis=1, initial=0.0) > allowed
     off[list(sensing.excluded)] = False
     return np.flatnonzero(off).tolist()

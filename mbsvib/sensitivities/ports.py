@@ -19,6 +19,7 @@ from mbsvib.elements.ports import QUANTITIES
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.kinematics.relative_motion import relative_motion
+from mbsvib.linalg.rank import ZERO_STRESS
 from mbsvib.sensitivities.families import rules_of
 from mbsvib.sensitivities.transmitted_wrenches import in_joints, joint_release_motion, relative_twists
 
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations
     from mbsvib.sensitivities.network import Network
 
-# Forces of a state of self-stress below this share of the largest are rounding.
-STRESSED = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +173,8 @@ def _spring(network: Network, part: ForceOutput) -> tuple[list[int], Array] | No
         k for name, k in network.spring_number.items() if name == part.element]
     if not numbers or rules_of(network.springs[numbers[0]]).kind == "element":
         return None
-    spring, six = network.springs[numbers[0]], np.array(part.wrench)
+    spring: Any = network.springs[numbers[0]]
+    six = np.array(part.wrench)
     if not isinstance(spring, Bushing):
         return numbers, np.concatenate((np.array(spring.line) * six[2], np.zeros(3)))
     return numbers, np.concatenate((np.array(spring.orientation) @ six[:3], np.array(spring.orientation) @ six[3:]))
@@ -208,6 +208,6 @@ def _shared(network: Network) -> NDArray[np.bool_]:
     if ties is None or not ties.stress.shape[1]:
         return np.zeros(len(network.joints), dtype=bool)
     states = np.abs(in_joints(network, np.zeros((len(network.bodies), 6, ties.stress.shape[1])), ties.stress))
-    return np.asarray((states > STRESSED * states.max(axis=(0, 1))).any(axis=(1, 2)))
+    return np.asarray((states > ZERO_STRESS * states.max(axis=(0, 1))).any(axis=(1, 2)))
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import ModelError
+from mbsvib.linalg.rank import ZERO_MATRIX_SLOPE
 from mbsvib.linalg.vectors import any_nonzero
 
 if TYPE_CHECKING:
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.parameter_group import ParameterGroup
 
 
-# What differences leave of a number that is zero, against the largest of a matrix.
-ROUNDING = 1e-10
 _POWERS = {"K": "stiff", "C": "rate", "M": "square"}
 
 
@@ -63,7 +62,7 @@ class MatrixDerivativeGroup:
         """Whether all derivatives of K are symmetric."""
         change = np.nan_to_num(self.slopes["K"])
         asymmetry = np.abs(change - change.swapaxes(1, 2)).max(initial=0.0)
-        return bool(asymmetry <= ROUNDING * np.abs(change).max(initial=0.0))
+        return bool(asymmetry <= ZERO_MATRIX_SLOPE * np.abs(change).max(initial=0.0))
 
     def with_ports(
         self, result: Field, ports: tuple[list[int], list[int]], powers: tuple[Field, Field, Field],
@@ -89,7 +88,7 @@ class MatrixDerivativeGroup:
         ``row``: the parameter; ``matrix``: "M", "C" or "K"; ``name``: what the derivative is to, for the message.
         Returns (rank, m): factors. Raises an error if the derivative is not symmetric, or not a number.
         """
-        return factored(self.slopes[matrix][self.rows[:, 0].tolist().index(row)], matrix, name, ROUNDING)
+        return factored(self.slopes[matrix][self.rows[:, 0].tolist().index(row)], matrix, name, ZERO_MATRIX_SLOPE)
 
 
 def factored(change: Array, matrix: str, name: str, rounding: float) -> tuple[Array, Array]:

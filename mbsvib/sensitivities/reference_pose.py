@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from mbsvib.sensitivities.displaced_bodies import turned
 from mbsvib.sensitivities.families import rules_of
-from mbsvib.sensitivities.families.reference_terms import ReferenceTerms
+from mbsvib.sensitivities.families.pose_changes import ReferenceTerms
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

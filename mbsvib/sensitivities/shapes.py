@@ -16,9 +16,9 @@ import numpy as np
 
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError, counted
+from mbsvib.linalg.rank import SAME_EIGENVALUE
 from mbsvib.sensitivities.adjoint_fields import fields, motions
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
-from mbsvib.sensitivities.spectrum import TOGETHER
 from mbsvib.sensitivities.states import state_basis
 from mbsvib.sparse.modes import SomeModes
 
@@ -236,7 +236,7 @@ def _coinciding(values: Complex) -> list[Index]:
     groups, grouped = [], np.zeros(len(values), dtype=bool)
     for i in range(len(values)):
         if not grouped[i]:
-            group = np.flatnonzero(~grouped & (np.abs(values - values[i]) <= TOGETHER * abs(values[i])))
+            group = np.flatnonzero(~grouped & (np.abs(values - values[i]) <= SAME_EIGENVALUE * abs(values[i])))
             grouped[group] = True
             groups.append(group)
     return groups

@@ -25,13 +25,13 @@ from scipy.sparse.linalg import splu
 from mbsvib.elements.beam import Beam
 from mbsvib.equations.terms import MATRICES
 from mbsvib.errors import ModelError
+from mbsvib.linalg.rank import SAME_EIGENVALUE
 from mbsvib.responses.basis import Basis
 from mbsvib.sensitivities.basis import SensitivityBasis
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
 from mbsvib.sensitivities.network_assembly import assembled, is_complete
 from mbsvib.sensitivities.network_kinematics import Constraints
 from mbsvib.sensitivities.shapes import ModeSensitivities
-from mbsvib.sensitivities.spectrum import TOGETHER
 from mbsvib.sparse.modes import modes
 from mbsvib.sparse.rows import relative_rows
 
@@ -209,7 +209,7 @@ def sparse_mode_sensitivities(
 def _cut(requested: SomeModes, known: SomeModes, near: float) -> bool:
     """Whether the mode farthest from the frequency coincides with a wanted one, so that more of them may be missing."""
     last = known.pairs[np.argmax(np.abs(known.natural - 2.0 * np.pi * near))]
-    return bool((np.abs(requested.pairs - last) <= TOGETHER * np.abs(last)).any() and np.abs(last).max() > 0.0)
+    return bool((np.abs(requested.pairs - last) <= SAME_EIGENVALUE * np.abs(last)).any() and np.abs(last).max() > 0.0)
 
 
 def nearest_indices(values: Complex, known: Complex) -> Index:
@@ -220,7 +220,7 @@ def nearest_indices(values: Complex, known: Complex) -> Index:
     free, result = np.ones(len(known), dtype=bool), []
     for value in values:
         distance = np.where(free, np.abs(known - value), np.inf)
-        nearest = int(np.flatnonzero(distance <= distance.min() + TOGETHER * abs(value))[0])
+        nearest = int(np.flatnonzero(distance <= distance.min() + SAME_EIGENVALUE * abs(value))[0])
         free[nearest] = False
         result.append(nearest)
     return np.sort(np.array(result, dtype=np.intp))

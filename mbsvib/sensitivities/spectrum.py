@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.linalg.rank import SAME_EIGENVALUE
 from mbsvib.modes.damped import Damped
 
 if TYPE_CHECKING:
@@ -21,9 +22,6 @@ if TYPE_CHECKING:
 
     Field = NDArray[Any]
 
-# Vectors of eigenvalues that are closer than this (relative) are known to eps over it, and no better: they are taken
-# for one eigenvalue with a subspace.
-TOGETHER = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +67,7 @@ class Spectrum:
     def clusters(self) -> list[Index]:
         """Return groups of eigenvalues that coincide, those at 0 left out."""
         distance = np.abs(self.lead[:, None] - self.lead)
-        near = distance <= TOGETHER * np.abs(self.lead)
+        near = distance <= SAME_EIGENVALUE * np.abs(self.lead)
         groups, grouped = [], np.zeros(len(self.lead), dtype=bool)
         for i in np.flatnonzero((near.sum(axis=1) > 1) & (self.lead != 0.0)):
             if not grouped[i]:

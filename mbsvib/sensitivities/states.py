@@ -19,7 +19,7 @@ from scipy.linalg import cholesky, eigh, solve_triangular
 
 from mbsvib.elements import Body, Maxwell
 from mbsvib.errors import ModelError
-from mbsvib.linalg.rank import EPS
+from mbsvib.linalg.rank import CANCELLED_RATE, ORTHOGONAL_STATES
 from mbsvib.modes.damped import Damped
 
 if TYPE_CHECKING:
@@ -28,10 +28,6 @@ if TYPE_CHECKING:
     from mbsvib.responses.basis import Basis
     from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
 
-# A sum below this share of its terms is their rounding.
-CANCELLED = 1e-12
-# A product of vectors below this share of their lengths is rounding of the motions, which are orthogonal to so much.
-ORTHOGONAL = 32 * EPS
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,4 +182,4 @@ def _sum(start: Array, k: int, *products: tuple[Array, Array]) -> Array:
         for part in (slice(0, k), slice(k, None)):
             bound = bound + (np.linalg.norm(a[..., part], axis=-1)[..., :, None]
                              * np.linalg.norm(b[..., part, :], axis=-2)[..., None, :])  # fmt: skip
-    return np.where((np.abs(total) <= CANCELLED * size) | (np.abs(total) <= ORTHOGONAL * bound), 0.0, total)
+    return np.where((np.abs(total) <= CANCELLED_RATE * size) | (np.abs(total) <= ORTHOGONAL_STATES * bound), 0.0, total)

@@ -26,7 +26,7 @@ CORRECTIONS, CLOSED = 12, 1e-14
 
 
 @dataclass(frozen=True)
-class Loops:
+class ScaledClosures:
     """The closures of a mechanism in units of like size.
 
     ``coordinate_scale`` (n,) and ``row_scale`` (rows,) make one of 1 rad and the size of the mechanism; ``rank`` is
@@ -100,7 +100,7 @@ class Chart:
     limit: float
 
 
-def chart_at(loops: Loops, q: Array, bases: Array) -> Chart:
+def chart_at(loops: ScaledClosures, q: Array, bases: Array) -> Chart:
     """Return the choice of independent coordinates that is best in a pose, by pivots.
 
     ``q`` (n,): the pose. ``bases`` (9 b,): rotations on top of which those of q come.
@@ -121,7 +121,7 @@ def chart_at(loops: Loops, q: Array, bases: Array) -> Chart:
     return Chart(independent, dependent, np.eye(n)[independent], rows, bases, ratio / POOR_IN_BLOCK)
 
 
-def conditioning(loops: Loops, chart: Chart, q: Array) -> tuple[float, float]:
+def conditioning(loops: ScaledClosures, chart: Chart, q: Array) -> tuple[float, float]:
     """Return how well the dependent coordinates of a choice follow, and how near the pose is to a singular one.
 
     ``q`` (n,): the pose. Returns smallest singular value of the closures' derivative to the dependent coordinates over

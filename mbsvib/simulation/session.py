@@ -13,7 +13,7 @@ from mbsvib.elements.bushing import LARGEST_ANGLE
 from mbsvib.equilibrium.pose_kinematics import size_of
 from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.linalg.rank import MASSLESS
-from mbsvib.simulation.charts import Loops, chart_at
+from mbsvib.simulation.charts import ScaledClosures, chart_at
 from mbsvib.simulation.equations import MotionEquations, motion_equations
 from mbsvib.simulation.integrator import Integrator
 from mbsvib.simulation.states import free_rotations
@@ -46,7 +46,7 @@ class Session:
     model: Mechanism
     statement: FiniteMotion
     equations: MotionEquations
-    loops: Loops
+    loops: ScaledClosures
     free_rotations: tuple[FreeRotation, ...]
     integrator: Integrator
     signals: Signals
@@ -79,8 +79,8 @@ def session(model: Mechanism, statement: FiniteMotion, signals: Signals, toleran
         raise ModelError(f"simulate: model '{model.name}' is fully locked; it has no motion to follow.",
                          element=model.name)  # fmt: skip
     equations = motion_equations(statement, rank, scale)
-    loops = Loops(equations, scale, rows)
-    mass = _checked_mass(model, loops, motion.names, bases)
+    loops = ScaledClosures(equations, scale, rows)
+    mass = _checked_mass(loops, motion.names, bases)
     stiff = _fastest_decay(statement, mass, bases) * float(np.ptp(signals.breaks)) > STIFF
     angles = {name: part.angle for name, part in statement.connections.items() if part.angle is not None}
     return Session(
@@ -97,7 +97,7 @@ def _rank(model: Mechanism, statement: FiniteMotion, scale: Array, rows: Array, 
     motion = statement.motion
     closures = ca.Function("closures", [motion.q, motion.bases], [motion.closures, statement.jacobian])
     blank = MotionEquations(len(scale), 0, 0, (), closures, None, None, None, None)
-    loops, origin = Loops(blank, scale, rows), np.zeros(len(scale))
+    loops, origin = ScaledClosures(blank, scale, rows), np.zeros(len(scale))
     rank = loops.rank(origin, bases)
     generator = np.random.default_rng(0)
     step = loops.rates(origin, bases, NEIGHBOUR * generator.standard_normal(len(scale)) * scale)
@@ -124,9 +124,7 @@ def _fastest_decay(statement: FiniteMotion, reduced: tuple[Array, Array], bases:
     return float(max(rates, default=0.0))
 
 
-def _checked_mass(
-    model: Mechanism, loops: Loops, names: tuple[str, ...], bases: Array
-) -> tuple[Array, Array]:
+def _checked_mass(loops: ScaledClosures, names: tuple[str, ...], bases: Array) -> tuple[Array, Array]:
     """Motions (n, m) of the independent coordinates and their mass; refuse those without inertia by name."""
     n = loops.equations.n
     origin = np.zeros(n)

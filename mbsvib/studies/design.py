@@ -12,7 +12,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.expected import a_model
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mechanism.changes import resolved
-from mbsvib.studies.parameter_maps import Linear, Tie, angular_velocity_map, started
+from mbsvib.studies.parameter_maps import LinearMap, Tie, angular_velocity_map, started
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -30,7 +30,7 @@ _TURN, _AXES = ".orientation.", ("rx", "ry", "rz")
 
 
 @dataclass(frozen=True, slots=True)
-class Design:
+class StudyVariables:
     """The ``variables`` of a study, their values at the given model (``start``), and the ``ties`` that map them to
     ``parameters``, each with its variables. Changes of several ties to one parameter are added. ``known`` caches the
     names that match each pattern.
@@ -79,7 +79,7 @@ class Design:
             yield from [(name, value) for name in self.known[pattern]]
 
 
-def design(model: Model, names: Iterable[str], ties: Ties | None = None) -> Design:
+def design(model: Model, names: Iterable[str], ties: Ties | None = None) -> StudyVariables:
     """Return the variables of a study.
 
     ``names``: names of the variables: parameters, patterns that pick several, or names that ``ties`` explains.
@@ -109,19 +109,19 @@ def design(model: Model, names: Iterable[str], ties: Ties | None = None) -> Desi
         if name in direct.origin:
             raise ModelError(f"variable '{variable}': it moves '{name}', which has values of its own; leave one of "
                              f"both out.", element=name, field="ties")  # fmt: skip
-    return Design(variables, start, units, result, parameters)
+    return StudyVariables(variables, start, units, result, parameters)
 
 
-def _direct(parameters: Parameters, names: list[str]) -> Linear:
+def _direct(parameters: Parameters, names: list[str]) -> LinearMap:
     """Variables that are parameters, or patterns of them."""
     start = {name: float(np.mean([parameters[key] for key in parameters.matching(name)])) for name in names}
     maps: dict[str, dict[str, float]] = {name: {} for name in names}
     for parameter, name in resolved(parameters, {name: name for name in names}).items():
         maps[name][parameter] = 1.0
-    return Linear(maps, {parameter: 0.0 for rates in maps.values() for parameter in rates}, start)
+    return LinearMap(maps, {parameter: 0.0 for rates in maps.values() for parameter in rates}, start)
 
 
-def _linear(parameters: Parameters, ties: Mapping[str, Any]) -> Linear:
+def _linear(parameters: Parameters, ties: Mapping[str, Any]) -> LinearMap:
     """Variables that are linear maps of parameters."""
     maps: dict[str, dict[str, float]] = {}
     for variable, rates in ties.items():
@@ -135,7 +135,7 @@ def _linear(parameters: Parameters, ties: Mapping[str, Any]) -> Linear:
             value = check.number(rate, f"variable '{variable}'", str(pattern), "a finite rate")
             rates_of.update(dict.fromkeys(parameters.matching(pattern), value))
     origin = {name: parameters[name] for rates in maps.values() for name in rates}
-    return Linear(maps, origin, dict.fromkeys(maps, 0.0))
+    return LinearMap(maps, origin, dict.fromkeys(maps, 0.0))
 
 
 def _bound(maps: Mapping[str, Any], variables: tuple[str, ...]) -> list[Bound]:
@@ -182,7 +182,7 @@ def _check_start(parameters: Parameters, values: Mapping[str, Any], who: str) ->
                              f"model; make the tie for this model.", element=name, field="ties")  # fmt: skip
 
 
-def _units(direct: Linear, parameters: Parameters) -> dict[str, str]:
+def _units(direct: LinearMap, parameters: Parameters) -> dict[str, str]:
     """Units of parameters, and of patterns that pick those of one kind."""
     known = {variable: {parameters.entry(name).unit for name in rates} for variable, rates in direct.maps.items()}
     return {variable: units.pop() for variable, units in known.items() if len(units) == 1}

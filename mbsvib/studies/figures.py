@@ -71,7 +71,7 @@ def title(axes: Axes, words: str, name: str) -> None:
     """Write a title, and the model's name where there is room."""
     axes.set_title(words)
     if len(words) + len(name) < 55:
-        axes.set_title(name, loc="right", color=style.MARK, fontsize=8.5)
+        style.name_aside(axes, name)
 
 
 def root_locus(
@@ -132,7 +132,7 @@ def tolerances(labels: Sequence[str], sampled: Array, linear: Array, nominal: Ar
             axes.set_ylabel("number of samples")
             axes.locator_params(axis="x", nbins=4)
         panels.flat[0].legend(fontsize=7.0)
-        figure.suptitle(f"Tolerances of {name}", x=0.02, ha="left", fontsize=10.5)
+        style.head(figure, f"Tolerances of {name}")
     return figure
 
 

@@ -13,7 +13,7 @@ from mbsvib.errors import ModelError, nearest
 from mbsvib.studies.dual import Dual
 from mbsvib.studies.modal import Modal
 from mbsvib.studies.quantities import Leaf, Quantity
-from mbsvib.studies.responses import Peak, Ports, band_of
+from mbsvib.studies.responses import Peak, PortResponses, band_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -125,7 +125,7 @@ def gain(outputs: Names, inputs: Names, frequencies: ArrayLike) -> Quantity:
         f = np.atleast_1d(np.asarray(frequencies, dtype=float))
     except (TypeError, ValueError) as error:
         raise check.refuse("gain", "frequencies", frequencies, "frequencies [Hz]") from error
-    ports = Ports(outputs, inputs)
+    ports = PortResponses(outputs, inputs)
     where = f"{f[0]:g} Hz" if len(f) == 1 else f"{f.min():g} to {f.max():g} Hz"
     return Leaf(f"gain of {ports.label} at {where}", lambda point: ports.size(point, 2.0 * np.pi * f))
 
@@ -150,7 +150,7 @@ def peak(outputs: Names = None, inputs: Names = None, band: Band | None = None) 
     ResponseError
         If the band does not ascend from above 0.
     """
-    return Peak(Ports(outputs, inputs), band_of(band))
+    return Peak(PortResponses(outputs, inputs), band_of(band))
 
 
 def variable(name: str) -> Quantity:

@@ -31,6 +31,7 @@ ROUNDS = 30
 FEASIBLE = 1e-6  # permitted constraint violation, in parts of the bound
 FLAT = 1e-9  # gradient, in parts of the objective, that counts as zero
 OPTIMAL = 1e-4  # permitted projected gradient, in parts of the gradient
+ACTIVE = 1e-5  # distance from a constraint, in parts of it or of the range of a variable, at which it is active
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -270,7 +271,7 @@ def _optimum(search: Search, z: Array, solver_result: SolverResult, start: Array
     )  # fmt: skip
 
 
-def _left_over(search: Search, z: Array, active: float = 1e-5) -> float:
+def _left_over(search: Search, z: Array) -> float:
     """Norm of the objective's gradient minus its projection on active constraints' gradients, relative to it."""
     from scipy.optimize import nnls
 
@@ -278,9 +279,9 @@ def _left_over(search: Search, z: Array, active: float = 1e-5) -> float:
     gradient = evaluation.f.slope[0]
     size = max(float(np.linalg.norm(gradient)), search.steepest, FLAT)
     unit_ = np.eye(len(z))
-    active_rows = evaluation.g.value <= active
+    active_rows = evaluation.g.value <= ACTIVE
     g, h = evaluation.g.slope[active_rows], evaluation.h.slope
-    columns = [g, unit_[z <= low + active], -unit_[z >= high - active], h]
+    columns = [g, unit_[z <= low + ACTIVE], -unit_[z >= high - ACTIVE], h]
     matrix = np.concatenate(columns).T
     if not matrix.shape[1]:
         return float(np.linalg.norm(gradient)) / size

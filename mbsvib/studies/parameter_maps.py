@@ -54,7 +54,7 @@ class Tie(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Linear:
+class LinearMap:
     """Parameters that are ``origin`` + rate x variable, summed over the ``maps`` {variable: {parameter: rate}}."""
 
     maps: Mapping[str, Mapping[str, float]]

@@ -17,10 +17,10 @@ from mbsvib.common.expected import a_model, names
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
 
     from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
+    from mbsvib.common.selection import Names
     from mbsvib.elements import Body
 
 M = TypeVar("M", bound="Model")
@@ -32,7 +32,7 @@ CORNERS = ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))
 THIN = 1e-12
 
 
-def equimomental(model: M, bodies: str | Sequence[str] | None = None, *, points: int = 4, reach: float = 2.0) -> M:
+def equimomental(model: M, bodies: Names = None, *, points: int = 4, reach: float = 2.0) -> M:
     """Return the same mechanism with points of mass in place of the mass and inertia of bodies.
 
     With E = tr(J) / 2 - J, whose eigenvalues a_k are the second moments of mass along the principal axes: four points

@@ -32,7 +32,7 @@ BEYOND = 8.0  # times the highest pole or break-point: from there to infinity in
 TAIL_POINTS = 16
 
 
-class Ports:
+class PortResponses:
     """Responses from ``inputs`` to ``outputs``, as one number: the Frobenius norm."""
 
     def __init__(self, outputs: Names, inputs: Names) -> None:
@@ -75,7 +75,7 @@ class Ports:
 class Peak(Largest):
     """The peak of a response over a band; a search bounds it at a set of frequencies, which its maxima extend."""
 
-    def __init__(self, ports: Ports, band: Band | None) -> None:
+    def __init__(self, ports: PortResponses, band: Band | None) -> None:
         where = "" if band is None else f" from {band[0]:g} to {band[1]:g} Hz"
         super().__init__(f"peak of {ports.label}{where}", (), lambda: None)  # type: ignore[arg-type,return-value]
         self.ports, self.band = ports, band
@@ -139,7 +139,7 @@ def rms(outputs: Names, spectra: Mapping[str, Any], band: Band | None = None) ->
     inputs = tuple(spectra)
     numbered = {str(k): spectra[name] for k, name in enumerate(inputs)}  # names may hold blanks
     noise = base_noise(numbered, tuple(numbered))
-    ports, span_ = Ports(outputs, inputs), band_of(band, lowest=0.0)
+    ports, span_ = PortResponses(outputs, inputs), band_of(band, lowest=0.0)
     where = "" if band is None else f" from {band[0]:g} to {band[1]:g} Hz"
     return Leaf(f"rms of {_listed(ports.outputs, 'all outputs')}{where}",
                 lambda point: _rms(point, ports, noise, span_))  # fmt: skip
@@ -159,7 +159,7 @@ def band_of(band: Any, lowest: float | None = None) -> Band | None:
     return low, high
 
 
-def _rms(point: DesignPoint, ports: Ports, noise: BaseNoise, band: Band | None) -> Dual:
+def _rms(point: DesignPoint, ports: PortResponses, noise: BaseNoise, band: Band | None) -> Dual:
     system = point.system
     outputs, inputs = ports.of(system)
     f, weight = quadrature(system, ports, noise, band)
@@ -172,7 +172,7 @@ def _rms(point: DesignPoint, ports: Ports, noise: BaseNoise, band: Band | None) 
     return point.dual(np.array([root]), (0.5 * change / root if root else 0.0 * change)[None])
 
 
-def quadrature(system: System, ports: Ports, noise: BaseNoise, band: Band | None) -> tuple[Array, Array]:
+def quadrature(system: System, ports: PortResponses, noise: BaseNoise, band: Band | None) -> tuple[Array, Array]:
     """Return nodes and weights of the integral of responses to noise over a band, exact to rounding.
 
     ``band``: first and last frequency [Hz]; None: all. Returns frequencies, weights (n,): both in Hz.

@@ -183,7 +183,7 @@ class Sweep(Displayed):
                               name=self.name, entries=self.entries or _mode_numbers(name, values))  # fmt: skip
 
     def __repr__(self) -> str:
-        return (f"Sweep({self.name!r}: {counted(len(self), 'point')} of {', '.join(self.parameters)}, "
+        return (f"{type(self).__name__}({self.name!r}: {counted(len(self), 'point')} of {', '.join(self.parameters)}, "
                 f"{len(self.errors)} failed)")  # fmt: skip
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from mbsvib.api.model import Model
-    from mbsvib.studies.design import Design
+    from mbsvib.studies.design import StudyVariables
     from mbsvib.studies.question import Answer, Question
 
 Outcome: TypeAlias = "Answer | str"
@@ -40,7 +40,7 @@ class Task:
     """The work at points; ``kind``: "batch" (computed at once), "variants" (linearized at once) or "single"."""
 
     model: Model
-    design: Design
+    design: StudyVariables
     question: Question
     kind: str
     dof: int = 1
@@ -100,7 +100,7 @@ class Task:
             return error_text(error)
 
 
-def task(model: Model, design: Design, question: Question) -> Task:
+def task(model: Model, design: StudyVariables, question: Question) -> Task:
     """Return the work at each point, after a check at the given model."""
     try:
         system = model.linearize()

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
-    from mbsvib.studies.design import Design
+    from mbsvib.studies.design import StudyVariables
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Scales:
         return np.where(self.positive, np.log(ratio), (p - self.start) / self.size)
 
 
-def scales(design: Design, variables: Mapping[str, Any], start: Mapping[str, float] | None) -> Scales:
+def scales(design: StudyVariables, variables: Mapping[str, Any], start: Mapping[str, float] | None) -> Scales:
     """Return the unknowns of a search.
 
     ``variables``: lower and upper bound of each; None: none, on that side or on both. ``start``: initial values;

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Index
     from mbsvib.linalg.matching import Station
-    from mbsvib.studies.design import Design
+    from mbsvib.studies.design import StudyVariables
     from mbsvib.studies.scales import Scales
 
 
@@ -51,8 +51,8 @@ class Search:
     """The objective and constraints of a search."""
 
     def __init__(
-        self, model: Model, design: Design, scales: Scales, objective: Quantity, constraints: tuple[Constraint, ...],
-        observed: Mapping[str, Quantity] | None = None,
+        self, model: Model, design: StudyVariables, scales: Scales, objective: Quantity,
+        constraints: tuple[Constraint, ...], observed: Mapping[str, Quantity] | None = None,
     ) -> None:  # fmt: skip
         self.model, self.design, self.scales = model, design, scales
         self.objective, self.constraints = objective, constraints

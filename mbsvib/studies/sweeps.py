@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from mbsvib.api.model import Model
     from mbsvib.common.progress import Progress
-    from mbsvib.studies.design import Design, Ties
+    from mbsvib.studies.design import StudyVariables, Ties
     from mbsvib.studies.question import Asked
     from mbsvib.studies.running import Outcome
 
@@ -108,5 +108,5 @@ def sweep(
     return Sweep(model.name, sweep_points.axes, sweep_points.columns, sweep_points.shape, results, errors, units)
 
 
-def _moved(variables: Design, columns: Mapping[str, Any]) -> dict[str, Any]:
+def _moved(variables: StudyVariables, columns: Mapping[str, Any]) -> dict[str, Any]:
     return {name: np.asarray(column, dtype=float) for name, column in variables.values(columns).items()}

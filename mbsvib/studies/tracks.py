@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.common.progress import Progress
     from mbsvib.modes import Modes
-    from mbsvib.studies.design import Design, Ties
+    from mbsvib.studies.design import StudyVariables, Ties
 
 
 UNITS = {"eigenvalues": "1/s", "frequencies": "Hz", "damped_frequencies": "Hz", "damping_ratios": "1"}
@@ -178,7 +178,7 @@ class _Interval:
     """The model between points."""
 
     model: Model
-    design: Design
+    design: StudyVariables
     columns: Mapping[str, Array]
 
     def system(self, first: int, second: int = 0, share: float = 0.0) -> Any:

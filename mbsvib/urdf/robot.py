@@ -11,6 +11,7 @@ import numpy as np
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.errors import LeftOutWarning, ModelError, nearest
+from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.urdf.groups import Group
 from mbsvib.urdf.reading import Hinge, Robot, read
 
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
 
 
-GROUND = "ground"
 MOST_NAMES = 8  # joints that a warning lists
 # Joint of the model, and the direction along or about which its spring acts, by the joint of the file.
 KINDS = {"revolute": ("revolute", 5), "continuous": ("revolute", 5), "prismatic": ("prismatic", 2)}

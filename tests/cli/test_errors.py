@@ -67,6 +67,8 @@ def test_message_and_status(run, line, status, words):
         ("loop slider.yaml law.npz", ["no file 'law.npz'"]),
         ("sweep slider.yaml k.stifness=1:2", ["fits 'k.stifness'", "'k.stiffness'?", "mbsvib params slider.yaml"]),
         ("sweep slider.yaml k.stiffness", ["expected PARAMETER=FROM:TO"]),
+        ("sweep slider.yaml k.stiffness=1:2 --modes 0", ["--modes 0", "1 or more"]),
+        ("sweep slider.yaml k.stiffness=1:2 k.stiffness=3:4", ["'k.stiffness' is given twice"]),
         ("path slider.yaml rial.z=0:1", ["'rial.z'", "Did you mean 'rail.z'?"]),
         ("isolation stewart plattform", ["'plattform'", "Did you mean 'platform'?"]),
         ("isolation stewart platform --base bse", ["'bse'", "expected a body"]),

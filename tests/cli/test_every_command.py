@@ -50,6 +50,22 @@ def test_every_command_prints_json(run, tmp_path):
         assert json.loads(result.stdout), name
 
 
+@pytest.mark.parametrize("line", [
+    "sweep slider.yaml k.stiffness=1e3:1e4:3 -o t.csv", "sweep slider.yaml k.stiffness=1e3:1e4:3 -o t.svg",
+    "equilibrium slider.yaml -o t.yaml", "path slider.yaml rail.z=0:0.1:3 -o t.svg",
+    "isolation quarter_car body -o t.svg", "loop slider.yaml law.json -o t.svg", "draw slider.yaml -o t.svg",
+    "bode slider.yaml -o t.svg",
+])  # fmt: skip
+def test_json_with_a_file_is_nothing_but_json(run, tmp_path, line):
+    """A sweep into a file printed which file it wrote after its JSON."""
+    damper = {"C": [[-LAW["C"][0][0]]]}
+    (tmp_path / "law.json").write_text(json.dumps(LAW | NAMES | damper))
+    result = run(f"{line} --json")
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert json.loads(result.stdout)
+    assert (tmp_path / line.split()[-1]).stat().st_size > 0
+
+
 def test_curves_as_json_are_those_of_the_library(run):
     system = mv.load("slider.yaml").linearize()
     data = json.loads(run("bode slider.yaml --from 1 --to 50 --json").stdout)
@@ -60,7 +76,12 @@ def test_curves_as_json_are_those_of_the_library(run):
     exact = 1.0 / (2.0 * s**2 + 10.0 * s + 5000.0)
     np.testing.assert_allclose(np.array(response["real"]) + 1j * np.array(response["imag"]), exact, rtol=1e-9)
     largest = json.loads(run("sigma slider.yaml --from 1 --to 50 --json").stdout)
-    np.testing.assert_allclose(largest["singular_values"][0], abs(exact), rtol=1e-9)
+    (group,) = largest["groups"]
+    assert (group["outputs"], group["inputs"], group["unit"]) == (["x"], ["F"], "m/N")
+    np.testing.assert_allclose(group["singular_values"][0], abs(exact), rtol=1e-9)
+    platform = json.loads(run("sigma stewart --from 100 --to 2000 --json").stdout)["groups"]
+    assert [(len(one["outputs"]), one["inputs"][0], one["unit"]) for one in platform] == [
+        (3, "Fx", "m/N"), (3, "Mx", "m/(N m)"), (3, "Fx", "rad/N"), (3, "Mx", "rad/(N m)")]  # fmt: skip
     step = json.loads(run("step slider.yaml --duration 10 --json").stdout)
     assert step["responses"]["x"]["F"][-1] == pytest.approx(1.0 / 5000.0, rel=1e-9)
     assert (step["inputs"], step["output_units"]) == (["F"], list(system.output_units))

@@ -53,6 +53,10 @@ def test_an_unstable_loop_fails_and_is_named(files):
     assert result.exit_code == 1
     assert "Unstable: " in result.stdout
     assert "mode 1" in result.stdout
+    drawn = files("loop slider.yaml law.json -o open-closed.png --json")
+    assert drawn.exit_code == 1
+    assert not json.loads(drawn.stdout)["stable"]
+    assert drawn.stderr == "Not written: open-closed.png, as an unstable loop has no frequency response.\n"
 
 
 @pytest.mark.parametrize(

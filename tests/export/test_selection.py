@@ -1,5 +1,6 @@
 """Some outputs and inputs of a system in every format."""
 
+import control
 import numpy as np
 import pytest
 
@@ -83,3 +84,24 @@ def test_unknown_names(system):
         mx.to_json(system, outputs="zz")
     with pytest.raises(mv.ResponseError, match="'Fq'"):
         mx.to_json(mx.from_json(mx.to_json(system)), inputs="Fq")
+
+
+def test_loops_of_python_control_are_made_without_warnings(system):
+    """Of many ports only those named are exported, and those are connected."""
+    gain = control.ss([], [], [], [[-2e3]], inputs=["x"], outputs=["Fx"], name="gain")
+    loop = control.interconnect([mx.to_control(system, outputs="x", inputs="Fx"), gain], inputs=["Fx"], outputs=["x"])
+    ours = system.feedback([[-2e3]], "x", "Fx")["x", "Fx"]
+    w = np.array([1.0, 30.0, 200.0])
+    np.testing.assert_allclose(loop(1j * w), ours.frequency_response(w)[0, 0], rtol=1e-8)
+
+
+def test_transfer_functions_of_python_control_are_exported(tmp_path):
+    source = control.tf([[[1.0], [2.0, 3.0]]], [[[1.0, 4.0], [1.0, 2.0, 50.0]]], inputs=["a", "b"], outputs=["leg1:f"],
+                        name="filters")  # fmt: skip
+    w = np.array([0.5, 7.0])
+    for reader in READ.values():
+        space = reader(source, tmp_path)
+        assert (space.outputs, space.inputs) == (("leg1.f",), ("a", "b"))
+        np.testing.assert_allclose(space.frequency_response(w), source(1j * w), rtol=1e-12)
+    np.testing.assert_allclose(mx.to_frd(source, w).frdata, source(1j * w), rtol=1e-12)
+    assert mx.to_fmu(source, tmp_path / "filters.fmu").names["output"] == {"leg1.f": "leg1.f"}

@@ -28,7 +28,9 @@ def test_files_and_numbers_belong_together():
 def test_scene(name):
     entry = INDEX[name]
     system, arrays = answers(mv.load(store.scenes()[name]), entry["question"])
-    assert names(system) == {key: entry[key] for key in names(system)}
+    for key, listed in names(system).items():
+        # the order in which groups of loops are solved, and redundant rows found, is of no account
+        assert (set(listed) == set(entry[key])) if key == "redundant" else (listed == entry[key]), key
     assert list(arrays) == list(entry["arrays"])
     for key, expected in store.expected(name, entry).items():
         array, stored = arrays[key], entry["arrays"][key]

@@ -156,3 +156,14 @@ def test_the_order_of_the_calls_changes_neither_count_nor_cumulative_freedom(see
     assert first.dof == second.dof
     assert len(first.redundant) == len(second.redundant)
     assert len(first.cut_joints) == len(second.cut_joints)
+
+
+def test_mechanisms_with_the_same_connections_share_their_tree_and_others_do_not():
+    model = four_bar()
+    first, second = (variant.linearize() for variant in (model, model.with_values({"j2.position.x": 0.1})))
+    branches = first.provenance.topology.branches
+    assert second.provenance.topology.branches is branches
+    assert np.abs(first.M - second.M).max() > 1e-3
+    ball = ("revolute", "spherical", "revolute", "revolute")
+    assert four_bar(ball).linearize().provenance.topology.branches != branches
+    assert four_bar(order=(3, 2, 1, 0)).linearize().provenance.topology.branches != branches

@@ -100,7 +100,8 @@ def test_peaks_of_sensitivities():
     assert_allclose(largest.max(), 1.0 / loop.margins().modulus, rtol=1e-3)
     s = loop.sensitivity(2 * np.pi * f).transpose(2, 0, 1)
     assert_allclose(right.lines[0].get_ydata(), np.linalg.norm(np.eye(6) - s, 2, axis=(1, 2)), rtol=1e-10)
-    assert left.lines[1].get_label().startswith("sampled: ")
+    assert not loop.sampled(5e4).stable
+    assert left.lines[1].get_label().startswith("sampled (unstable): ")
     assert left.lines[1].get_xdata()[-1] < 2.5e4
 
 
@@ -197,6 +198,8 @@ def test_an_unstable_loop_has_no_marks():
     loop = slider().feedback([[1e3]], "x", "F")
     assert not loop.stable
     assert "unstable" in plots.loop_gain(loop).axes[0].get_title(loc="left")
+    assert plots.loop_nyquist(loop).axes[0].get_title(loc="left") == "F: unstable"
+    assert all(words.startswith("controller (unstable): ") for words in legends(plots.sensitivity(loop)))
 
 
 def test_a_loop_without_a_critical_frequency_says_so():

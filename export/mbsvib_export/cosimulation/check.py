@@ -22,9 +22,10 @@ from mbsvib_export.cosimulation.unit import equations
 from mbsvib_export.cosimulation.unit_file import open_unit
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Mapping
 
     from mbsvib.common.arrays import Array
+    from mbsvib.common.selection import Names
     from mbsvib_export.cosimulation.connections import Connections
     from mbsvib_export.cosimulation.unit_file import UnitFile
 
@@ -36,7 +37,7 @@ _FLOOR = 1e-9  # outputs below this share of the largest of their unit are measu
 
 
 def check_cosimulation(
-    plant: Any, controller: Any, step: float, *, masters: str | Sequence[str] | None = None,
+    plant: Any, controller: Any, step: float, *, masters: Names = None,
     connections: Mapping[str, str | None] | None = None, excitation: Mapping[str, float] | None = None,
     duration: float | None = None, bonds: Mapping[str, str] | None = None,
 ) -> CosimulationCheck:  # fmt: skip
@@ -124,7 +125,7 @@ def as_file(source: Any, path: Path, version: str = "3.0") -> Path:
     return to_fmu(source, path, version).path
 
 
-def _able(masters: str | Sequence[str] | None, units: list[UnitFile]) -> tuple[list[str], list[str]]:
+def _able(masters: Names, units: list[UnitFile]) -> tuple[list[str], list[str]]:
     """Masters that the FMUs support, and remarks on those that they do not."""
     requested = list(MASTERS) if masters is None else [masters] if isinstance(masters, str) else list(masters)
     for master in requested:

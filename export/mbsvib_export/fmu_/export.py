@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     import control
 
     from mbsvib.api.system import System
+    from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.fmu_.plant import Plant
     from mbsvib_export.neutral import SystemData
-    from mbsvib_export.selection import Ports
 
     Source: TypeAlias = System | ClosedLoop | Controller | StateSpace | SystemData | control.StateSpace
 
@@ -75,23 +75,23 @@ class FmuFile(Displayed):
 @overload
 def to_fmu(
     system: Source, path: str | os.PathLike[str], version: str = ..., *, tunable: Sequence[str] = ...,
-    realization: str = ..., platforms: str | Sequence[str] | None = ...,
-    outputs: Ports = ..., inputs: Ports = ...,
+    realization: str = ..., platforms: Names = ...,
+    outputs: Names = ..., inputs: Names = ...,
 ) -> FmuFile: ...  # fmt: skip
 
 
 @overload
 def to_fmu(
     system: Source, path: str | os.PathLike[str], version: tuple[str, ...] | list[str], *, tunable: Sequence[str] = ...,
-    realization: str = ..., platforms: str | Sequence[str] | None = ...,
-    outputs: Ports = ..., inputs: Ports = ...,
+    realization: str = ..., platforms: Names = ...,
+    outputs: Names = ..., inputs: Names = ...,
 ) -> tuple[FmuFile, ...]: ...  # fmt: skip
 
 
 def to_fmu(
     system: Source, path: str | os.PathLike[str], version: str | Sequence[str] = "3.0", *, tunable: Sequence[str] = (),
-    realization: str = "physical", platforms: str | Sequence[str] | None = None,
-    outputs: Ports = None, inputs: Ports = None,
+    realization: str = "physical", platforms: Names = None,
+    outputs: Names = None, inputs: Names = None,
 ) -> FmuFile | tuple[FmuFile, ...]:  # fmt: skip
     """Write a system as a functional mock-up unit, for model exchange and co-simulation at once.
 

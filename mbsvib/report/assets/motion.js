@@ -119,11 +119,8 @@ function room() {
 
 // The scale at which all points, moved by so much of the shapes, are within the view of a camera.
 function fitting(camera, middle, amplitude) {
-  const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2], vector = ({x, y, z}) => [x, y, z];
-  const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-  const unit = (a) => a.map((value) => value / Math.hypot(...a));
-  const distance = Math.hypot(...vector(camera.eye)), ahead = unit(vector(camera.eye));
-  const right = unit(cross(vector(camera.up), ahead)), up = cross(ahead, right);
+  const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+  const distance = Math.hypot(camera.eye.x, camera.eye.y, camera.eye.z), [right, up, ahead] = cameraAxes(camera);
   const wide = view.clientWidth / Math.max(1, view.clientHeight);
   let scale = Infinity;
   for (let i = 0; i < scene.points.length; i += 3) {
@@ -140,24 +137,6 @@ function fitting(camera, middle, amplitude) {
 const {ranges, ratio} = room();
 const axis3 = (i) => ({range: ranges[i], autorange: false, visible: false, showspikes: false});
 
-// Directions with a length, below the middle of the pose at rest: labels of axes around the scene would not fit into the view.
-function triad() {
-  const low = ranges.map(([from, to]) => 0.5 * (from + to));
-  low[2] = scene.points.reduce((least, value, i) => (i % 3 === 2 ? Math.min(least, value) : least), Infinity);
-  const power = 10 ** Math.floor(Math.log10(0.25 * scene.size)), length = power * [5, 2, 1].find((k) => k * power <= 0.25 * scene.size);
-  const unit = length < 0.001 ? `${shown(1e6 * length, 1)} µm` : length < 1 ? `${Number((1e3 * length).toPrecision(2))} mm` : `${length} m`;
-  const x = [], y = [], z = [], text = [];
-  ["x", "y", "z"].forEach((name, axis) => {
-    for (const end of [0, length]) {
-      [x, y, z].forEach((list, k) => list.push(low[k] + (k === axis ? end : 0)));
-      text.push(end ? (axis ? name : `${name} ${unit}`) : "");
-    }
-    for (const list of [x, y, z]) list.push(null);
-    text.push("");
-  });
-  return {type: "scatter3d", mode: "lines+text", x, y, z, text, textfont: {size: 12, color: SOFT}, line: {width: 3, color: SOFT},
-          hoverinfo: "skip", showlegend: false};
-}
 if (data.scene) Plotly.newPlot(view, traces.map(({trace, numbers, style}) => {
   const [x, y, z] = columns(numbers, scene.points), made = {...trace, x, y, z, visible: numbers.length > 0, showlegend: false};
   for (const [key, [values]] of Object.entries(style)) {
@@ -165,7 +144,7 @@ if (data.scene) Plotly.newPlot(view, traces.map(({trace, numbers, style}) => {
     path.reduce((place, name) => (place[name] = {...place[name]}), made)[last] = values;
   }
   return made;
-}).concat(triad()), layout({margin: {l: 0, r: 0, t: 0, b: 0}, uirevision: "turned", scene: {xaxis: axis3(0), yaxis: axis3(1),
+}), layout({margin: {l: 0, r: 0, t: 0, b: 0}, uirevision: "turned", scene: {xaxis: axis3(0), yaxis: axis3(1),
   zaxis: axis3(2), aspectmode: "manual",
   aspectratio: ratio, dragmode: "orbit", camera: {...VIEWS["3-D"], projection: {type: "perspective"}}}}), CONFIG);
 
@@ -286,7 +265,7 @@ const rows = modesOf.rows.map((mode, i) => {
   const row = make("tr", null, by("modes").tBodies[0]);
   row.dataset.mode = i;
   for (const text of [String(i + 1), shown(mode.natural), shown(mode.damped), mode.ratio === null ? "∞" : shown(100 * mode.ratio, 4),
-                      mode.error === null ? "–" : mode.error.toExponential(1)]) make("td", text, row);
+                      mode.error === null ? "–" : mode.error === 0 ? "0" : mode.error.toExponential(1)]) make("td", text, row);
   make("td", mode.most, row, "words");
   if (i < modesOf.shown) {
     row.tabIndex = 0;

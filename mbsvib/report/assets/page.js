@@ -4,7 +4,7 @@ const data = JSON.parse(document.getElementById("data").textContent);
 const by = (id) => document.getElementById(id);
 const INK = "#1d2733", SOFT = "#5b6876", GRID = "#e6eaee", BLUE = "#2b5c9e", ORANGE = "#dd7a1f", RED = "#c4321f";
 const FONT = {family: 'system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif', size: 13, color: INK};
-const CONFIG = {displaylogo: false, plotGlPixelRatio: Math.min(2, window.devicePixelRatio || 1), responsive: true,
+const CONFIG = {displaylogo: false, showSendToCloud: false, plotlyServerURL: "", plotGlPixelRatio: Math.min(2, window.devicePixelRatio || 1), responsive: true,
                 modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d", "resetCameraLastSave3d", "tableRotation"]};
 
 // Plotly takes some tags in its labels; names are texts, whatever signs they hold.
@@ -77,11 +77,13 @@ function chips(place, names, bad, none) {
   for (const name of names) make("li", name, list);
 }
 
+const SINGLE = {"degrees of freedom": "degree of freedom", bodies: "body", joints: "joint", "springs and dampers": "spring or damper",
+                "loops cut": "loop cut", "redundant constraints": "redundant constraint", inputs: "input", outputs: "output", states: "state"};
 for (const [what, count] of data.facts) {
   if (!count && what !== "degrees of freedom") continue;
   const item = make("li", null, by("facts"));
   make("b", String(count), item);
-  item.appendChild(document.createTextNode(what));
+  item.appendChild(document.createTextNode(count === 1 ? SINGLE[what] || what : what));
 }
 by("made").textContent = `mbsvib ${data.version} · SI units, radians · nothing is loaded from a network`;
 by("json").onclick = () => download(`${fileName(data.name)}.json`, by("data").textContent, "application/json");

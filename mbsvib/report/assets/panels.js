@@ -53,9 +53,10 @@ function drawGraph() {
   const drawn = Object.fromEntries(Object.keys(kinds).map((kind) => [kind, {x: [], y: [], mx: [], my: [], text: []}]));
   for (const [kind, name, words, first, second] of edges) {
     const key = `${Math.min(first, second)}-${Math.max(first, second)}`, nth = (seen[key] = (seen[key] ?? -1) + 1);
-    const side = (nth % 2 ? 1 : -1) * Math.ceil(nth / 2) * 0.22 * (first < second ? 1 : -1);
+    const side = (nth % 2 ? 1 : -1) * Math.ceil(nth / 2) * 0.22 * (nodes[first][2] === nodes[second][2] && first > second ? -1 : 1);
     const flat = nth === 0 && nodes[first][2] === nodes[second][2] && Math.abs(nodes[first][1] - nodes[second][1]) > 1 ? 0.18 : 0;
-    const [x, y] = bent(at(first), at(second), side + flat), place = drawn[kind];
+    const [low, high] = nodes[first][2] <= nodes[second][2] ? [first, second] : [second, first];
+    const [x, y] = bent(at(low), at(high), side + flat), place = drawn[kind];
     place.x.push(...x, null); place.y.push(...y, null);
     place.mx.push(x[8]); place.my.push(y[8]);
     place.text.push(`<b>${plain(name)}</b><br>${plain(words)}${kind === "cut" ? ", cut" : ""}<br>${plain(nodes[first][0])} – ${plain(nodes[second][0])}`);
@@ -64,20 +65,23 @@ function drawGraph() {
     {x: drawn[kind].x, y: drawn[kind].y, mode: "lines", name, legendgroup: kind, hoverinfo: "skip", line: {color, width, dash: dash || "solid"}},
     {x: drawn[kind].mx, y: drawn[kind].my, mode: "markers", legendgroup: kind, showlegend: false, hoverinfo: "text", text: drawn[kind].text,
      marker: {size: 7, color: kind === "cut" ? RED : "#fff", line: {color, width: 1.5}}}]);
-  const labels = nodes.length <= 80;
+  const labels = nodes.length <= 80, levels = Math.max(...nodes.map((node) => node[2])) + 2.2;
+  // where levels are closer than names are high, names stand beside their bodies, and the figure grows
+  const crowded = labels && (by("graph").clientHeight - 60) / levels < 36;
+  if (crowded) by("graph").style.height = `${Math.max(by("graph").clientHeight, Math.round(22 * levels + 60))}px`;
   traces.push({x: nodes.map((node) => node[1]), y: nodes.map((node) => node[2]), mode: "markers", showlegend: false,
     hoverinfo: "text", text: nodes.map((node) => plain(node[0])), marker: {size: nodes.map((_, i) => (i === ground ? 17 : 13)),
     symbol: nodes.map((_, i) => (i === ground ? "square" : "circle")), color: nodes.map((_, i) => (i === ground ? "#6b7682" : BLUE)), line: {color: "#fff", width: 2}}});
   // on paper, so that no line runs through a name
   const annotations = !labels ? [] : nodes.map((node, i) => ({x: node[1], y: node[2], text: plain(node[0]), showarrow: false,
-    yshift: i === ground ? -21 : 18, bgcolor: "rgba(255,255,255,0.85)", borderpad: 1, font: {size: nodes.length > 30 ? 10 : 12, color: INK}}));
+    ...(crowded && i !== ground ? {xanchor: "right", xshift: -9} : {yshift: i === ground ? -21 : 18}), bgcolor: "rgba(255,255,255,0.85)", borderpad: 1, font: {size: nodes.length > 30 ? 10 : 12, color: INK}}));
   const bare = {visible: false}, letter = nodes.length > 30 ? 6 : 7;
   // wide enough for the names of neighbours in a row, within a card that scrolls
   const wide = labels ? nodes.flatMap(([name, x, y]) => nodes.filter(([, other, row]) => row === y && other > x)
-    .map(([next, other]) => (0.5 * letter * (name.length + next.length) + 12) * 1.2 * span(nodes) / (other - x))) : [];
+    .map(([next, other]) => (letter * (crowded ? next.length + 2 : 0.5 * (name.length + next.length)) + 12) * 1.2 * span(nodes) / (other - x))) : [];
   by("graph").style.minWidth = `${Math.min(2400, Math.max(0, ...wide))}px`;
   Plotly.newPlot("graph", traces, layout({margin: {l: 12, r: 12, t: 8, b: 8}, xaxis: {...bare}, hovermode: "closest", annotations,
-    yaxis: {...bare, range: [-0.6, Math.max(...nodes.map((node) => node[2])) + 0.6]}, legend: {orientation: "h", x: 0, y: 0, yanchor: "top"}}), CONFIG);
+    yaxis: {...bare, range: [crowded ? -1.6 : -0.6, Math.max(...nodes.map((node) => node[2])) + 0.6]}, legend: {orientation: "h", x: 0, y: 0, yanchor: "top"}}), CONFIG);
 }
 function structure() {
 drawGraph();

@@ -77,7 +77,7 @@ function drawBode() {
     shapes: marks, hovermode: "closest", margin: {l: narrow ? 62 : 90, r: 12, t: 40, b: 54},
     title: {text: `${plain(input)} → ${plain(output)}`, x: 0, xref: "paper", xanchor: "left", y: 0.985, yanchor: "top", font: {size: 14.5, color: INK}},
     xaxis: axis("frequency [Hz]", {type: "log", range: [Math.log10(low), Math.log10(high)], anchor: "y2", ...ticks(low, high), minor: {showgrid: true, gridcolor: "#f2f4f6"}}),
-    yaxis: axis(decibel ? `magnitude [dB re 1 ${plain(unit)}]` : `magnitude [${plain(unit)}]`, {type: decibel ? "linear" : "log", domain: [0.4, 1], exponentformat: "power"}),
+    yaxis: axis(decibel ? `magnitude [dB${unit === "1" ? "" : ` re 1 ${plain(unit)}`}]` : `magnitude [${plain(unit)}]`, {type: decibel ? "linear" : "log", domain: [0.4, 1], exponentformat: "power", ...(decibel ? {} : decades(traces))}),
     yaxis2: axis("phase [deg]", {domain: [0, 0.34], ...(narrow || frequencies !== whole ? {} : {dtick: 90})})}), CONFIG);
   const worst = Math.max(...chosen.map(({source}) => source.form.error));
   by("response-remark").textContent = (chosen[0].negligible ? "This response is zero by symmetry: what is drawn is rounding." :
@@ -86,6 +86,12 @@ function drawBode() {
     (other && chosen.length < 2 ? ` Only one of the two systems has this input and output.` : "");
 }
 
+// Labels at full decades, at most eight of them, where a magnitude spans more than one.
+function decades(traces) {
+  const values = traces.filter((trace) => trace.yaxis !== "y2").flatMap(({y}) => y.filter((value) => value > 0)).map(Math.log10);
+  const wide = values.reduce((most, value) => Math.max(most, value), -Infinity) - values.reduce((least, value) => Math.min(least, value), Infinity);
+  return wide > 1.2 ? {dtick: Math.ceil(wide / 8)} : {};
+}
 // One labelled tick a decade, two or three of them on short ranges, and automatic ones where a window is narrow.
 const ticks = (low, high) => (high / low < 8 ? {} : {dtick: high / low < 300 ? "D2" : 1});
 

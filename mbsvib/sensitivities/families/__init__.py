@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.elements import Body, Bushing, Joint, Load, Maxwell, Spring
 from mbsvib.elements.beam import Beam
@@ -47,9 +47,10 @@ _UNKNOWN = PartRules("", is_exception=lambda *_: True)
 
 def rules_of(part: Part) -> PartRules:
     """Return the record of a part: that of its class, or of the nearest class that this is made of."""
-    return _of_class(type(part))
+    kind: Any = type(part)
+    return _of_class(kind)
 
 
 @cache
-def _of_class(kind: type[Part]) -> PartRules:
+def _of_class(kind: Any) -> PartRules:
     return next((_RULES[base] for base in kind.__mro__ if base in _RULES), _UNKNOWN)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from mbsvib.elements.beam import Beam
     from mbsvib.linalg.vectors import Field
     from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.families.pose_rates import PoseRates
+    from mbsvib.sensitivities.families.pose_changes import PoseRates
     from mbsvib.sensitivities.families.rules import RuleAndData
     from mbsvib.sensitivities.families.terms import Rule, Terms
     from mbsvib.sensitivities.force_layout import RowTerms
@@ -248,7 +248,7 @@ def displacement(network: Network, body: Field, number: int, point: Array) -> Fi
     """Return the displacement (6, ...) of a point of a body, whose number is -1 for ground."""
     if number < 0:
         return np.zeros((6, *body.shape[2:]), dtype=body.dtype)
-    return moved(body[number][None], (point - network.position[number])[None])[0]
+    return np.asarray(moved(body[number][None], (point - network.position[number])[None])[0])
 
 
 def _add_force_terms(terms: RowTerms, network: Network, forces: Forces, beam: Beam, _: int) -> None:

@@ -15,8 +15,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.families.pose_rates import PoseRates
-    from mbsvib.sensitivities.families.reference_terms import ReferenceTerms
+    from mbsvib.sensitivities.families.pose_changes import PoseRates, ReferenceTerms
     from mbsvib.sensitivities.families.terms import Rule, Terms
     from mbsvib.sensitivities.force_layout import RowTerms
     from mbsvib.sensitivities.forces import Forces
@@ -83,7 +82,7 @@ def _force_rates(part: Any, _: Array, displacement: Array, __: Array) -> Array |
         return None
     line = np.array(part.line)
     tension = -part.stiffness * (line @ displacement[:3])
-    return np.multiply.outer(np.concatenate((line, np.zeros(3))), tension)
+    return np.asarray(np.multiply.outer(np.concatenate((line, np.zeros(3))), tension))
 
 
 def _turn_ends(terms: ReferenceTerms, part: Any, _: int) -> None:

@@ -8,8 +8,7 @@ from mbsvib.sensitivities.families.rules import PartRules
 
 if TYPE_CHECKING:
     from mbsvib.elements.load import Load
-    from mbsvib.sensitivities.families.pose_rates import PoseRates
-    from mbsvib.sensitivities.families.reference_terms import ReferenceTerms
+    from mbsvib.sensitivities.families.pose_changes import PoseRates, ReferenceTerms
     from mbsvib.sensitivities.force_layout import RowTerms
     from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.network import Network

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Maxwell
     from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.families.pose_rates import PoseRates
+    from mbsvib.sensitivities.families.pose_changes import PoseRates
     from mbsvib.sensitivities.families.rules import RuleAndData
     from mbsvib.sensitivities.families.terms import Terms
     from mbsvib.sensitivities.force_layout import RowTerms

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements.rotor import Rotor
     from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.families.pose_rates import PoseRates
+    from mbsvib.sensitivities.families.pose_changes import PoseRates
     from mbsvib.sensitivities.families.rules import RuleAndData
     from mbsvib.sensitivities.families.terms import Rule, Terms
     from mbsvib.sensitivities.network import Network

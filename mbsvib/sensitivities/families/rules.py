@@ -11,8 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.linalg.vectors import Field
-    from mbsvib.sensitivities.families.pose_rates import PoseRates
-    from mbsvib.sensitivities.families.reference_terms import ReferenceTerms
+    from mbsvib.sensitivities.families.pose_changes import PoseRates, ReferenceTerms
     from mbsvib.sensitivities.families.terms import Rule
     from mbsvib.sensitivities.force_layout import RowTerms
     from mbsvib.sensitivities.forces import Forces
@@ -22,20 +21,9 @@ if TYPE_CHECKING:
 RuleAndData = tuple["Rule", "tuple[Array, ...]"]
 
 
-def _always(*_: Any) -> bool:
+def any_field(*_: Any) -> bool:
+    """Return that all fields of a part have rules."""
     return True
-
-
-def _never(*_: Any) -> bool:
-    return False
-
-
-def _nothing(*_: Any) -> None:
-    return None
-
-
-def _none(*_: Any) -> tuple[()]:
-    return ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +44,7 @@ class InternalRule:
     rule: Rule
     count: int
     number: Index
-    data: tuple[Array, ...] = ()
+    data: tuple[Any, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,21 +66,21 @@ class PartRules:
 
     kind: str
     rule: Callable[[Any, str], Rule] | None = None
-    constants: Callable[[Sequence[Any], str], tuple[Array, ...]] = _none
+    constants: Callable[[Sequence[Any], str], tuple[Array, ...]] = lambda *_: ()
     single: Callable[[Network, Any, str, tuple[int, ...]], RuleAndData] | None = None
-    has_rule: Callable[[Any, str], bool] = _always
-    is_exception: Callable[[Any, bool, frozenset[str]], bool] = _never
+    has_rule: Callable[[Any, str], bool] = any_field
+    is_exception: Callable[[Any, bool, frozenset[str]], bool] = lambda *_: False
     at_rest: Callable[[Any], AtRest] | None = None
-    add_force_terms: Callable[[RowTerms, Network, Forces, Any, int], None] = _nothing
-    follow: Callable[[PoseRates, Any, int], None] = _nothing
-    force_rates: Callable[[Any, Array, Array, Array], Array | None] = _nothing
-    add_reference_terms: Callable[[ReferenceTerms, Any, int], None] = _nothing
+    add_force_terms: Callable[[RowTerms, Network, Forces, Any, int], None] = lambda *_: None
+    follow: Callable[[PoseRates, Any, int], None] = lambda *_: None
+    force_rates: Callable[[Any, Array, Array, Array], Array | None] = lambda *_: None
+    add_reference_terms: Callable[[ReferenceTerms, Any, int], None] = lambda *_: None
     internal: tuple[str, int] = ("", 0)
-    internal_rules: Callable[[Network, Any], Sequence[InternalRule]] = _none
+    internal_rules: Callable[[Network, Any], Sequence[InternalRule]] = lambda *_: ()
     gravity_rule: Callable[[Network, Sequence[Any]], Rule] | None = None
-    reactions: Callable[[Any], tuple[tuple[str, ...], tuple[str, ...], int] | None] = _nothing
-    twist_axis: Callable[[Any], Any] = _nothing
-    bent_lines: Callable[[Any], tuple[tuple[str, ...], Array, Array] | None] = _nothing
+    reactions: Callable[[Any], tuple[tuple[str, ...], tuple[str, ...], int] | None] = lambda *_: None
+    twist_axis: Callable[[Any], Any] = lambda *_: None
+    bent_lines: Callable[[Any], tuple[tuple[str, ...], Array, Array] | None] = lambda *_: None
 
 
 def crossed(turn: Field, wrench: Array) -> Field:

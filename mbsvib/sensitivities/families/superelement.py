@@ -129,7 +129,7 @@ def _displacements(network: Network, body: Field, nodes: tuple[Node, ...]) -> Fi
     first, second = ([displacement(network, body, network.body_number[name], np.array(node.point))
                       for node, name in zip(nodes, names, strict=True)]
                      for names in ([node.relative_to for node in nodes], [node.body for node in nodes]))  # fmt: skip
-    return np.concatenate(second) - np.concatenate(first)
+    return np.asarray(np.concatenate(second) - np.concatenate(first))
 
 
 def _shifted(d: Field, nodes: tuple[Node, ...], shift_of: dict[str, Array]) -> Field:

@@ -12,7 +12,7 @@ from mbsvib.sensitivities.families.terms import coefficient, turned_axes
 
 if TYPE_CHECKING:
     from mbsvib.elements.torsion_spring import TorsionSpring
-    from mbsvib.sensitivities.families.reference_terms import ReferenceTerms
+    from mbsvib.sensitivities.families.pose_changes import ReferenceTerms
     from mbsvib.sensitivities.families.rules import RuleAndData
     from mbsvib.sensitivities.force_layout import RowTerms
     from mbsvib.sensitivities.forces import Forces
