@@ -150,15 +150,15 @@ def _missed(t: Operator, theta: Array, requested: int) -> int | None:
     try:
         above = tableau.factor(square=t.sigma + radius, pivot=0.0).negative(layout)
         # at a shift of zero the rigid-body modes are deflated; without negative springs no mode is below zero
-        below: int | None = (t.total or 0) if t.sigma == 0.0 else 0
+        deflated = (t.total or 0) if t.sigma == 0.0 else 0
+        below: int | None = 0
         if t.sigma - radius > 0.0 or (t.system.stiffness < 0.0).any():
-            count = tableau.factor(square=t.sigma - radius, pivot=0.0).negative(layout)
-            below = None if count is None else below + count
+            below = tableau.factor(square=t.sigma - radius, pivot=0.0).negative(layout)
     except np.linalg.LinAlgError:
         return None
     if above is None or below is None:
         return None
-    return max(0, above - below - int(np.count_nonzero(distance < radius)))
+    return max(0, above - below - deflated - int(np.count_nonzero(distance < radius)))
 
 
 def _solved(t: Operator, h: Array, reach: float, missed: int | None, centre: float) -> Subspace:
