@@ -21,8 +21,10 @@ from mbsvib.equations.force_paths import force_paths
 from mbsvib.equations.inertia import inertia_tensor
 from mbsvib.equations.reactions import reactions
 from mbsvib.equations.shared_forces import shared_wrenches
+from mbsvib.equations.unresisted_motion import product_with_zeros
 from mbsvib.equations.wrench_pairs import WrenchPairs, wrenches_on_bodies
 from mbsvib.kinematics.mobility import crossed_product
+from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -147,7 +149,7 @@ def _rotor_wrenches(model: Mechanism, scene: Scene, motion: Array) -> Array:
 
     result = np.zeros((6, len(motion), motion.shape[2]))
     for body, momentum in momenta(model, scene.bodies):
-        result[3:, body] += np.cross(momentum, motion[body, 3:], axis=0)
+        result[3:, body] += product_with_zeros(skew(momentum), motion[body, 3:])
     return result
 
 

@@ -171,9 +171,15 @@ def _damping_parts(terms: Terms, force_rows: Mapping[str, Array]) -> list[Array]
 def _condensed(terms: Terms, condensation: Condensation, unit: Array) -> Terms:
     """The terms for q = T z, K = (D T)^T diag(k) (D T); S adds to D and, if K is not symmetric, to B."""
     t, s = condensation.transform, condensation.response
-    rows = terms.elastic_rows @ t
-    rows[np.abs(rows) <= ZERO_PRODUCT * len(t) * (np.abs(terms.elastic_rows) @ rounding_scale(t, unit))] = 0.0
-    rows = _without_rigid_rounding(rows, terms, condensation.remaining)
+    largest = ZERO_PRODUCT * len(t) * rounding_scale(t, unit)
+
+    def moved(rows: Array) -> Array:
+        """Rows in the remaining coordinates, with zeros for rounding errors."""
+        result: Array = rows @ t
+        result[np.abs(result) <= np.abs(rows) @ largest] = 0.0
+        return result
+
+    rows = _without_rigid_rounding(moved(terms.elastic_rows), terms, condensation.remaining)
     nonzero = rows.any(axis=1)
     rows, k, c = rows[nonzero], terms.row_stiffness[nonzero], terms.row_damping[nonzero]
     factor = terms.inertia_factor @ t
@@ -183,8 +189,8 @@ def _condensed(terms: Terms, condensation: Condensation, unit: Array) -> Terms:
     return Terms(
         factor.T @ factor, weighted_gram(rows, c), weighted_gram(rows, k),
         b if circulatory is None else b - t.T @ terms.K @ s,
-        terms.Cq @ t, terms.Cv @ t, terms.Ca @ t, terms.D + terms.Cq @ s, factor, rows, k, c, terms.row_owner[nonzero],
-        terms.body_motion @ t,
+        moved(terms.Cq), moved(terms.Cv), moved(terms.Ca), terms.D + terms.Cq @ s, factor, rows, k, c,
+        terms.row_owner[nonzero], terms.body_motion @ t,
     ).with_antisymmetric(gyroscopic, circulatory)  # fmt: skip
 
 

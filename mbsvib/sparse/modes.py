@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 CONVERGED = 1e-6
 # Modes are counted up to this many times the last natural frequency.
 BEYOND = 1.0 + 1e-6
+# The last mode of a subspace is within its reach up to this relative difference.
+REACHED = 1e-6
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -187,6 +189,9 @@ def _nearest(system: SparseEquations, space: Subspace, k: int) -> tuple[Array | 
     else:
         distance = np.abs(ritz.square)
         distance[: space.rigid] = -1.0
+        # diverging modes are nearer to a shift below zero than others of the same magnitude
+        if sigma < 0.0 and float(np.sort(distance)[k - 1]) - sigma > space.reach * (1.0 + REACHED):
+            return None, np.zeros(0), 0
     selected = np.sort(np.argsort(distance, kind="stable")[:k])
     y = ritz.shapes[:, selected]
     basis = space.z @ y

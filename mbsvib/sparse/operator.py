@@ -165,8 +165,8 @@ def _all_motions_resisted(locked: Operator, lock: Index | None = None) -> bool:
         index = system.layout.coordinate[lock]
         scale = locked.factor.column_scale[index] * locked.factor.row_scale[index]
         strain += float(np.sum(z[index] ** 2 / scale))
-    size = float(np.abs(system.stiffness) @ (e * e))
-    return bool(np.isfinite(work)) and abs(work - strain) <= SAME_ENERGY * max(abs(work), size)
+    # a motion that only cancelling stiffness resists has an energy that is rounding of its terms
+    return bool(np.isfinite(work)) and abs(work - strain) <= SAME_ENERGY * abs(work)
 
 
 def _locked_motions(locked: Operator, lock: Index) -> Array:
@@ -193,8 +193,14 @@ def _shifted(first: Operator) -> Operator:
     highest = float(np.abs(system.stiffness) @ np.asarray(system.elastic_rows.power(2).sum(axis=1))[:, 0])
     highest /= float(system.inertia_factor.power(2).sum()) or 1.0
     highest = highest or 1.0
-    counts = [system.tableau.factor(square=shift * highest, pivot=0.0).negative(system.layout) for shift in SHIFTS]
-    total = counts[-1]
-    larger = [shift for shift, count in zip(SHIFTS, counts, strict=True) if count is not None and count != total]
-    sigma = -highest * float(min(larger, default=SHIFTS[0])) if total is not None else -1e-6 * highest
+    counts = [_below(system, shift * highest) for shift in SHIFTS]
+    last, diverging = counts[-1], _below(system, -SHIFTS[-1] * highest)
+    larger = [shift for shift, count in zip(SHIFTS, counts, strict=True) if count is not None and count != last]
+    sigma = -highest * float(min(larger, default=SHIFTS[0])) if last is not None else -1e-6 * highest
+    total = None if last is None or diverging is None else last - diverging
     return replace(first, sigma=sigma, factor=system.tableau.factor(square=sigma), total=total)
+
+
+def _below(system: SparseEquations, square: float) -> int | None:
+    """The number of modes whose squared angular frequency is below one; None if they cannot be counted."""
+    return system.tableau.factor(square=square, pivot=0.0).negative(system.layout)

@@ -149,11 +149,11 @@ def _missed(t: Operator, theta: Array, requested: int) -> int | None:
     layout, tableau = t.system.layout, t.system.tableau
     try:
         above = tableau.factor(square=t.sigma + radius, pivot=0.0).negative(layout)
-        # without negative springs no mode is below zero, and the number of rigid-body modes is known
-        if t.sigma - radius <= 0.0 and (t.system.stiffness >= 0.0).all():
-            below: int | None = (t.total or 0) if t.sigma == 0.0 else 0
-        else:
-            below = tableau.factor(square=t.sigma - radius, pivot=0.0).negative(layout)
+        # at a shift of zero the rigid-body modes are deflated; without negative springs no mode is below zero
+        below: int | None = (t.total or 0) if t.sigma == 0.0 else 0
+        if t.sigma - radius > 0.0 or (t.system.stiffness < 0.0).any():
+            count = tableau.factor(square=t.sigma - radius, pivot=0.0).negative(layout)
+            below = None if count is None else below + count
     except np.linalg.LinAlgError:
         return None
     if above is None or below is None:

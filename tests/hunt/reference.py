@@ -40,6 +40,7 @@ class Matrices:
     outside: np.ndarray
     reach: tuple[Any, ...]
     of_forces: object
+    acting: np.ndarray
 
     def response(self, omega):
         """Responses (outputs, inputs, frequencies), the size of the terms that they are sums of, and what they would be
@@ -57,7 +58,15 @@ class Matrices:
             reach = sum(abs(w) ** i * rows for i, rows in enumerate(self.reach))
             unit[:, :, k] = reach[:, None] * np.linalg.norm(z, axis=0)
             unit[:, :, k] += self.of_forces(abs(w), np.abs(z))
+            unit[:, :, k] += reach[:, None] * self._rounded(s)
         return result, size, unit
+
+    def _rounded(self, s):
+        """Motions by rounding of N^T F, one per input: all that moves where constraints hold what an input acts on."""
+        if not len(self.M):
+            return np.zeros(len(self.acting))
+        compliance = np.linalg.norm(np.linalg.inv(s * s * self.M + s * self.C + self.K), 2)
+        return ALLOWED * CHANGE * compliance * np.sqrt(len(self.M)) * self.acting
 
     def eigenvalues(self, shift, order):
         """The finite eigenvalues: of the inverse about a shift, as many as there are, the largest."""
@@ -185,7 +194,7 @@ def projected(e, rng=None):
     # accelerations at once, from which those of slow motions differ by little
     at_once = sizes[2] @ np.abs(np.linalg.lstsq(mass, force, rcond=1e-9)[0]) if e.dof else 0.0
     return Matrices(mass, n.T @ c @ n, n.T @ k @ n, force, out, sizes, of_multipliers, near(e.ports.D),
-                    e.ports.outside + at_once, reach, of_forces)  # fmt: skip
+                    e.ports.outside + at_once, reach, of_forces, e.unit[i] @ np.abs(forces[i]))  # fmt: skip
 
 
 def matched(values, others):

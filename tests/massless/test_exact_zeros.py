@@ -1,0 +1,25 @@
+"""Outputs that massless nodes cannot change are exactly zero."""
+
+import numpy as np
+
+import mbsvib as mv
+from tests.support.random_models import rotation
+
+POINT = (0.51, 1.1, -0.6)
+
+
+def test_a_node_moves_with_the_only_body_that_holds_it():
+    """Its velocity relative to that body is zero: as rounding it would not change smoothly with any parameter."""
+    axes = rotation(np.random.default_rng(4))
+    model = mv.Model("node")
+    model.add_body("arm", 2.0, (0.3, 0.2, 0.25), (0.2, 0.3, 0.1))
+    model.add_joint("pivot", "universal", "ground", "arm", (0.1, -0.2, 0.3), axes)
+    model.add_bushing("hold", "ground", "arm", (0.15, 0.1, 0.3), (0, 0, 0, 30, 40, 50), orientation=axes)
+    model.add_body("node", 0.0, (0.0, 0.0, 0.0), (0.5, 0.7, -0.4))
+    model.add_bushing("tie", "arm", "node", (0.6, 0.5, -0.3), (900, 500, 200, 90, 5800, 1700),
+                      orientation=rotation(np.random.default_rng(5)))  # fmt: skip
+    model.add_output("relative", "node", "z", position=POINT, relative_to="arm", quantity="velocity")
+    model.add_output("absolute", "node", "z", position=POINT, quantity="velocity")
+    system = model.linearize(method="dense")
+    assert not system.Cv[0].any()
+    assert system.Cv[1].all()
