@@ -257,7 +257,7 @@ def test_exports(name, tmp_path):
 
 
 REFUSALS = [
-    (lambda: chain().feedback(PI), r"a StateSpace, whose signals have no names of 'chain'; say sensors="),
+    (lambda: chain().feedback(PI), r"a StateSpace, whose signals have no names of 'chain'; expected sensors="),
     (lambda: chain().feedback(PI, "Fx", "x"), r"'Fx' is an input, and no output"),
     (lambda: chain().feedback(PI, "x", "Fxx"), r"input 'Fxx': .*Did you mean 'Fx'"),
     (lambda: chain().feedback([[1.0, 2.0]], "x", "Fx"), r"shape \(1, 2\); expected \(1, 1\)"),
