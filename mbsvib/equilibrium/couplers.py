@@ -72,7 +72,7 @@ def coupler_travel(model: Mechanism, pose: Pose, near: Array | None) -> Array:
 
 
 def check_couplers(model: Mechanism, moved: Mechanism) -> None:
-    """Refuse a pose in which couplers on rotation vectors are no longer linear relations of joint coordinates.
+    """Refuse a pose in which couplers on homokinetic joints are no longer linear relations of joint coordinates.
 
     ``moved`` is the model in the new pose. The components of a rotation vector w from the reference pose change by
     e . J(w) omega, with J of ``rotations.inverse_jacobian``; after a finite w that differs from the coordinates of the
@@ -81,7 +81,7 @@ def check_couplers(model: Mechanism, moved: Mechanism) -> None:
     Raises
     ------
     ModelError
-        If a joint with a coupled component of its rotation vector, as of a homokinetic joint, has turned.
+        If a coupled homokinetic joint has turned.
     """
     if not model.couplers:
         return
@@ -90,7 +90,7 @@ def check_couplers(model: Mechanism, moved: Mechanism) -> None:
         for name, _ in part.terms:
             owner, _, direction = name.rpartition(".")
             joint = model.joints[owner]
-            if direction[0] != "r" or not joint.turns_by_vector:
+            if direction[0] != "r" or not joint.bisects:
                 continue
             first, second = (np.eye(3) if body == "ground" else np.array(after[body].orientation) @
                              np.array(before[body].orientation).T for body in (joint.first, joint.second))  # fmt: skip

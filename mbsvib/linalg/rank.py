@@ -114,7 +114,7 @@ ZERO_EIGENVALUE = 1e-14
 SAME_ROW = 1e-12
 # A pivot of the scaled stiffness with the interface held below this belongs to a motion that nothing holds.
 FREE_PIVOT = 1e-13
-# A free motion is damped if its damping exceeds this share of what the entries allow; less is rounding.
+# A free motion is damped if its damping exceeds this share of the largest, in coordinates with a mass of one.
 DAMPED_FREE_MOTION = 1e3 * EPS
 # A pole decays if its real part is below minus this share of its size.
 DECAYS = 1e-12

@@ -80,8 +80,10 @@ def _deforming(system: Equations) -> Equations:
     """Equations without free motions that nothing damps; these are decoupled from all others."""
     modes = undamped(system, RTOL)
     free = modes.shapes[:, : modes.rigid]
-    size = np.abs(system.C) @ np.abs(free)
-    if not modes.rigid or (np.abs(system.C @ free) > DAMPED_FREE_MOTION * size.max(initial=0.0)).any():
+    scale = np.sqrt(np.diag(system.M))  # shapes are known to rounding of coordinates with a mass of one
+    damping = system.C / np.multiply.outer(scale, scale)
+    force, largest = np.abs(damping @ (scale[:, None] * free)), np.abs(damping).sum(axis=1).max(initial=0.0)
+    if not modes.rigid or (force > DAMPED_FREE_MOTION * largest).any():
         return system
     n = system.dof - modes.rigid
     return projected(system, modes.shapes[:, modes.rigid :], [f"mode{k + 1}" for k in range(n)], ["modal"] * n)

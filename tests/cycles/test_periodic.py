@@ -127,7 +127,7 @@ def test_multipliers_against_the_nonlinear_motion(stiffness):
 
     ends = []
     for start in ((1e-5, 0.0), (-1e-5, 0.0), (0.0, 1e-5), (0.0, -1e-5)):
-        end = solve_ivp(rate, (0, 1), np.array([0.0, TURN]) + start, method="DOP853", rtol=1e-9, atol=1e-11)
+        end = solve_ivp(rate, (0, 1), np.array([0.0, TURN]) + start, method="DOP853", rtol=1e-12, atol=1e-13)
         ends.append(end.y[:, -1])
     over = np.array([ends[0] - ends[1], ends[2] - ends[3]]).T / 2e-5
     found = driven().periodic({"crank.rz": (stiffness, 0.0)}).multipliers()
