@@ -83,7 +83,7 @@ REFUSALS = [
     (lambda: arm().add_body("c", 1.0, ((1, 0, 0), (0, 1, 0))), r"inertia"),
     (spun_twice, r"rotor 'again': body 'rotor' spins already; add the speeds up"),
     (spun_point, r"rotor 'spin': body 'rotor' has no inertia to carry it"),
-    (spun_maxwell, r"rotor 'spin': 'mx'.*'Maxwell element'"),
+    (spun_maxwell, r"rotor 'spin': 'mx'.*a Maxwell element"),
     (turned_ground, r"base motion 'floor' turns the ground.*rotor 'spin'"),
     (at_a_pole, r"omega\[1\] = 2 rad/s is a pole of 'slide'"),
     (lambda: isolation.collocation(isolation.actuated(HEXAPOD, "platform"), []), r"no pairs; give at least one"),

@@ -174,7 +174,7 @@ def test_classical_damping_takes_no_problem_of_twice_the_size(monkeypatch, kind)
     assert "no eigenvalue problem of twice the size was solved" in plain.explain()
     calls = counting(monkeypatch, damped, "_coupled")
 
-    def forced(system, basis):
+    def forced(system, basis, follows_stiffness):
         rows = system.elastic_rows @ basis.shapes
         return "", rows.T @ (system.row_damping[:, None] * rows)
 

@@ -90,6 +90,6 @@ def _skipped(system: SparseEquations) -> list[str]:
         result.append("  no gravity, load or preload: no statics, no geometric stiffness")
     if not system.constraints.groups:
         result.append("  no loop: no constraint was checked")
-    if not system.damping.any():
+    if not system.row_damping.any():
         result.append("  no damper acts: modes are real")
     return result

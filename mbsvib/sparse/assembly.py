@@ -78,7 +78,7 @@ def linearized(
         input_units=port.input_units, outputs=tuple(model.outputs), output_units=port.output_units,
         bodies=draft.topology.bodies, springs=draft.names, topology=draft.topology, structure=draft.structure,
         constraints=draft.closure, layout=draft.layout, tableau=draft.tableau, elastic_rows=draft.rows,
-        loop_rows=draft.loop_rows, inertia_factor=draft.factor, stiffness=draft.k, damping=draft.c,
+        loop_rows=draft.loop_rows, inertia_factor=draft.factor, row_stiffness=draft.k, row_damping=draft.c,
         row_owner=draft.owner, input_rows=draft.inputs, output_rows=draft.outputs, D=draft.D, model=copy(model),
         loading=() if draft.geometric is None else draft.geometric.names, undetermined=draft.undetermined,
         circulatory=draft.circulatory, gyroscopic=draft.gyroscopic, separation=draft.separation,
@@ -210,9 +210,9 @@ def with_stiffness(system: SparseEquations, stiffness: Array) -> SparseEquations
     factor, translational = system.inertia_factor, system.constraints.translational
     tableau = build(
         system.structure, system.layout, kinematics(system.structure, system.layout), system.elastic_rows, stiffness,
-        system.damping, (factor.T @ factor).tocsr(), system.loop_rows, translational, system.tableau.ordering,
+        system.row_damping, (factor.T @ factor).tocsr(), system.loop_rows, translational, system.tableau.ordering,
     )  # fmt: skip
-    return replace(system, stiffness=stiffness, tableau=tableau)
+    return replace(system, row_stiffness=stiffness, tableau=tableau)
 
 
 def _ordering(closure: Constraints) -> str:

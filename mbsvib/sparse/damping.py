@@ -51,15 +51,15 @@ def decoupled(space: Subspace, result: Modes, z: Array) -> bool:
         Whether each eigenvalue and shape satisfies the full system's equations.
     """
     t, system = space.operator, space.operator.system
-    if not system.damping.any():
+    if not system.row_damping.any():
         return True
-    damped_rows = system.elastic_rows[system.damping != 0.0]
+    damped_rows = system.elastic_rows[system.row_damping != 0.0]
     rigid = z[:, : result.rigid]
     resisted = np.abs(damped_rows @ rigid) > ZERO_SUM * (abs(damped_rows) @ np.abs(rigid))
     if not result.classical or resisted.any():
         return False
     # C phi must equal Gamma_ii M phi; a solve gives both the same units
-    damping = system.elastic_rows.T @ (system.damping[:, None] * (system.elastic_rows @ z))
+    damping = system.elastic_rows.T @ (system.row_damping[:, None] * (system.elastic_rows @ z))
     gamma = np.einsum("ij,ij->j", z, damping)
     residual = _kinetic(t, result.eigenvalues[0::2] * (damping - gamma * (t.wt @ (t.w @ z))))[1]
     return bool((np.linalg.norm(residual, axis=0) <= CONVERGED).all())

@@ -59,8 +59,8 @@ class Shifted:
         from scipy.sparse import diags
 
         system = self.quadratic.system
-        used = np.flatnonzero(system.damping)
-        c = system.damping[used]
+        used = np.flatnonzero(system.row_damping)
+        c = system.row_damping[used]
         rows = diags(np.sqrt(np.abs(c))) @ system.elastic_rows[used]
         return (np.sqrt(self.speed) * rows).tocsr(), (rows.T @ diags(np.sign(c) / np.sqrt(self.speed))).tocsr()
 

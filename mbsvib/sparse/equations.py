@@ -27,7 +27,7 @@ class SparseEquations:
     Names and units are those of ``Equations``. ``joint_coordinates`` are all coordinates of the spanning tree, the
     dependent ones of loops included. The size of all data is proportional to the number of bodies.
 
-    ``elastic_rows`` (rows, unknowns) with ``stiffness``, ``damping`` and ``row_owner`` (rows,), ``inertia_factor``
+    ``elastic_rows`` (rows, unknowns) with ``row_stiffness``, ``row_damping``, ``row_owner`` (rows,), ``inertia_factor``
     W of M = W^T W (6 bodies, unknowns), ``input_rows`` (inputs, unknowns) and ``output_rows`` (three of them, for
     displacement, velocity and acceleration, each (outputs, unknowns)) are scipy sparse; ``D`` (outputs, inputs).
     ``model`` is the linearized model, ``removed`` are the bodies that ``reachable`` removed. Owners of rows are
@@ -56,8 +56,8 @@ class SparseEquations:
     elastic_rows: csr_matrix
     loop_rows: csr_matrix
     inertia_factor: csr_matrix
-    stiffness: Array
-    damping: Array
+    row_stiffness: Array
+    row_damping: Array
     row_owner: Index
     input_rows: csr_matrix
     output_rows: tuple[csr_matrix, csr_matrix, csr_matrix]

@@ -44,7 +44,7 @@ def split_massless(system: SparseEquations, motions: Array) -> tuple[Array, Arra
     n, unknown = system.separation.damped, system.separation.amplitude_of
     massless = n @ (motions[unknown] / np.asarray(n[unknown, np.arange(len(unknown))]).reshape(-1, 1))
     with_mass = motions - massless
-    size = np.sqrt(np.abs(system.stiffness) + np.abs(system.damping))[:, None]
+    size = np.sqrt(np.abs(system.row_stiffness) + np.abs(system.row_damping))[:, None]
     remaining, total = (np.linalg.norm(size * (system.elastic_rows @ part), axis=0)
                         + np.linalg.norm(system.inertia_factor @ part, axis=0) for part in (with_mass, motions))
     return with_mass[:, remaining > NOTHING * total], independent(system, massless)
@@ -52,8 +52,8 @@ def split_massless(system: SparseEquations, motions: Array) -> tuple[Array, Arra
 
 def independent(system: SparseEquations, massless: Array) -> Array:
     """Return independent motions (size, r), of unit damping, with the span of massless motions (size, n)."""
-    damped = np.flatnonzero(system.damping)
-    rates = np.sqrt(np.abs(system.damping[damped]))[:, None] * (system.elastic_rows[damped] @ massless)
+    damped = np.flatnonzero(system.row_damping)
+    rates = np.sqrt(np.abs(system.row_damping[damped]))[:, None] * (system.elastic_rows[damped] @ massless)
     length = np.linalg.norm(rates, axis=0)
     used = length > NOTHING * length.max(initial=0.0)
     if not used.any():
@@ -92,7 +92,7 @@ def with_static_motions(system: SparseEquations, basis: Array) -> Array:
     from scipy.sparse.linalg import splu
 
     n, rows = system.separation.static, system.elastic_rows
-    force = n.T @ (rows.T.multiply(system.stiffness))
+    force = n.T @ (rows.T.multiply(system.row_stiffness))
     if system.circulatory is None:
         stiffness, coupling = force @ (rows @ n), force @ (rows @ basis)
     else:

@@ -81,7 +81,7 @@ class Operator:
 
     def diverging(self) -> int:
         """Return the number of modes that diverge by negative stiffness; all modes if they cannot be counted."""
-        if (self.system.stiffness >= 0.0).all():
+        if (self.system.row_stiffness >= 0.0).all():
             return 0
         try:
             factor = self.system.tableau.factor(square=-SAME_ENERGY * abs(self.sigma), pivot=0.0)
@@ -132,13 +132,13 @@ def _locked(first: Operator, lock: Index, requested: int) -> Operator:
     """T at zero with the free motions locked and deflated; with a shift if the locks do not cover all of them."""
     system, far, modes = first.system, far_rows(first.system), None
     if far.any():
-        short_only = with_stiffness(system, system.stiffness * ~far)
+        short_only = with_stiffness(system, system.row_stiffness * ~far)
         locked = replace(first, factor=short_only.tableau.factor(lock=system.layout.coordinate[lock]))
         lock, modes = without_far(system, lock, _locked_motions(locked, lock))
     locked = replace(first, factor=system.tableau.factor(lock=system.layout.coordinate[lock]), total=len(lock))
     if not _all_motions_resisted(locked, lock):
         return _shifted(first)
-    if system.damping.any() and len(lock) <= COUPLED_RIGID:
+    if system.row_damping.any() and len(lock) <= COUPLED_RIGID:
         requested = len(lock)
     rigid = _locked_motions(locked, lock[:requested]) if modes is None else modes[:, :requested]
     return _with_rigid_modes(locked, rigid)
@@ -160,7 +160,7 @@ def _all_motions_resisted(locked: Operator, lock: Index | None = None) -> bool:
     z = locked.factor.solve(locked.right(locked.wt @ h), 0)
     work = float(h @ (locked.w @ z))
     e = system.elastic_rows @ z
-    strain = float(system.stiffness @ (e * e))
+    strain = float(system.row_stiffness @ (e * e))
     if lock is not None:
         index = system.layout.coordinate[lock]
         scale = locked.factor.column_scale[index] * locked.factor.row_scale[index]
@@ -190,7 +190,7 @@ def _with_rigid_modes(locked: Operator, modes: Array) -> Operator:
 def _shifted(first: Operator) -> Operator:
     """A shift below zero, of the size of the lowest flexible mode, from counts of modes."""
     system = first.system
-    highest = float(np.abs(system.stiffness) @ np.asarray(system.elastic_rows.power(2).sum(axis=1))[:, 0])
+    highest = float(np.abs(system.row_stiffness) @ np.asarray(system.elastic_rows.power(2).sum(axis=1))[:, 0])
     highest /= float(system.inertia_factor.power(2).sum()) or 1.0
     highest = highest or 1.0
     counts = [_below(system, shift * highest) for shift in SHIFTS]

@@ -46,26 +46,26 @@ class Quadratic:
     def conservative(self) -> bool:
         """Whether energy is conserved, so that all eigenvalues are imaginary and left vectors conjugate."""
         system = self.system
-        return not system.damping.any() and system.circulatory is None and bool((system.stiffness >= 0.0).all())
+        return not system.row_damping.any() and system.circulatory is None and bool((system.row_stiffness >= 0.0).all())
 
     @property
     def stable(self) -> bool:
         """Whether no eigenvalue can have a positive real part: forces are those of springs, dampers and spin."""
         system = self.system
-        signs = (system.stiffness >= 0.0).all() and (system.damping >= 0.0).all()
+        signs = (system.row_stiffness >= 0.0).all() and (system.row_damping >= 0.0).all()
         return bool(signs) and system.circulatory is None
 
     def force(self, values: Any, z: NDArray[Any], transposed: bool = False) -> NDArray[Any]:
         """Return P(lambda) z, column by column (size, n), or P(lambda)^T z."""
         system, rows = self.system, self.system.elastic_rows
-        weights = system.stiffness[:, None] + system.damping[:, None] * values
+        weights = system.row_stiffness[:, None] + system.row_damping[:, None] * values
         result = rows.T @ (weights * (rows @ z)) + self.wt @ ((self.w @ z) * values**2)
         return np.asarray(result + self._antisymmetric(values, 1.0, z, transposed))
 
     def slope(self, values: Any, z: NDArray[Any], transposed: bool = False) -> NDArray[Any]:
         """Return P'(lambda) z = (2 lambda M + C + G) z, column by column (size, n), or P'(lambda)^T z."""
         rows = self.system.elastic_rows
-        result = rows.T @ (self.system.damping[:, None] * (rows @ z)) + self.wt @ ((self.w @ z) * (2.0 * values))
+        result = rows.T @ (self.system.row_damping[:, None] * (rows @ z)) + self.wt @ ((self.w @ z) * (2.0 * values))
         return np.asarray(result + self._antisymmetric(1.0, 0.0, z, transposed))
 
     def _antisymmetric(self, spin: Any, circulation: float, z: NDArray[Any], transposed: bool) -> Any:
@@ -78,7 +78,7 @@ class Quadratic:
 
     def energy(self, z: NDArray[Any], speed: float) -> NDArray[Any]:
         """Return rows (n, columns) whose sum of squares is an energy: inertia at a speed [rad/s], springs, dampers."""
-        weights = np.sqrt(np.abs(self.system.stiffness) + speed * np.abs(self.system.damping))[:, None]
+        weights = np.sqrt(np.abs(self.system.row_stiffness) + speed * np.abs(self.system.row_damping))[:, None]
         return np.concatenate((speed * (self.w @ z), weights * (self.system.elastic_rows @ z)))
 
     @cached_property

@@ -51,7 +51,7 @@ def reduced(
     n = z.shape[1]
     elastic, _ = strains(system, z, rigid)
     nonzero = elastic.any(axis=1)
-    elastic, stiffness, damping = elastic[nonzero], system.stiffness[nonzero], system.damping[nonzero]
+    elastic, stiffness, damping = elastic[nonzero], system.row_stiffness[nonzero], system.row_damping[nonzero]
     factor = np.asarray(system.inertia_factor @ z)
     factor[:, n - massless :] = 0.0
     motion = np.zeros((len(system.bodies), 6, n))

@@ -67,7 +67,7 @@ def frequency_response(system: SparseEquations, omega: ArrayLike) -> Complex:
     """
     w = angular(omega)
     right = forces(system.layout, system.input_rows)
-    damped = bool(system.damping.any()) or system.gyroscopic is not None
+    damped = bool(system.row_damping.any()) or system.gyroscopic is not None
     displacement, velocity, acceleration = system.output_rows
     through = _through(system)
     result = np.zeros((len(system.outputs), len(system.inputs), len(w)), dtype=complex)

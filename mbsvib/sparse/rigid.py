@@ -27,7 +27,7 @@ def far_rows(system: SparseEquations) -> NDArray[np.bool_]:
     entries = system.elastic_rows.tocoo()
     result = np.zeros(entries.shape[0], dtype=bool)
     result[entries.row[is_displacement[entries.col]]] = True
-    return np.asarray(result & (system.stiffness != 0.0))
+    return np.asarray(result & (system.row_stiffness != 0.0))
 
 
 def coordinates_without_stiffness(system: SparseEquations) -> Index:
@@ -78,7 +78,7 @@ def coordinates_without_stiffness(system: SparseEquations) -> Index:
 
 def _entries(system: SparseEquations) -> tuple[Index, Index, Array]:
     """Entries of springs along short paths and of all loops over the joint coordinates."""
-    near = system.elastic_rows[(system.stiffness != 0.0) & ~far_rows(system)].tocoo()
+    near = system.elastic_rows[(system.row_stiffness != 0.0) & ~far_rows(system)].tocoo()
     coordinate_number = np.full(system.layout.size, -1)
     coordinate_number[system.layout.coordinate] = np.arange(len(system.joint_coordinates))
     row, column, value = system.constraints.independent_entries(system.structure)

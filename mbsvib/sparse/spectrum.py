@@ -237,7 +237,7 @@ def _covered(centre: float, width: float, reach: float) -> float:
 
 def rigid_motions(quadratic: Quadratic, count: int) -> Array:
     """Return the motions that deform no spring (size, r), if only springs determine them."""
-    if (quadratic.system.stiffness < 0.0).any():
+    if (quadratic.system.row_stiffness < 0.0).any():
         return np.zeros((quadratic.system.layout.size, 0))
     return operator(quadratic.system, None, max(count, COUPLED_RIGID)).rigid
 
@@ -245,7 +245,7 @@ def rigid_motions(quadratic: Quadratic, count: int) -> Array:
 def lowest_speed(quadratic: Quadratic) -> float:
     """Return the approximate magnitude of the smallest nonzero eigenvalue."""
     system = quadratic.system
-    square = float(np.abs(system.stiffness) @ np.asarray(system.elastic_rows.power(2).sum(axis=1))[:, 0])
+    square = float(np.abs(system.row_stiffness) @ np.asarray(system.elastic_rows.power(2).sum(axis=1))[:, 0])
     speed = np.sqrt(square / (float(system.inertia_factor.power(2).sum()) or 1.0)) or 1.0
     sigma = NOISE * float(speed)
     while sigma < speed:  # increase the shift until a nonzero eigenvalue is among the nearest ones

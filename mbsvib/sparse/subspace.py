@@ -152,7 +152,7 @@ def _missed(t: Operator, theta: Array, requested: int) -> int | None:
         # at a shift of zero the rigid-body modes are deflated; without negative springs no mode is below zero
         deflated = (t.total or 0) if t.sigma == 0.0 else 0
         below: int | None = 0
-        if t.sigma - radius > 0.0 or (t.system.stiffness < 0.0).any():
+        if t.sigma - radius > 0.0 or (t.system.row_stiffness < 0.0).any():
             below = tableau.factor(square=t.sigma - radius, pivot=0.0).negative(layout)
     except np.linalg.LinAlgError:
         return None
@@ -175,7 +175,7 @@ def _solved(t: Operator, h: Array, reach: float, missed: int | None, centre: flo
     length = np.sqrt(np.einsum("ij,ij->j", hz, hz))
     theta = np.einsum("ij,ij->j", h, hz)
     residual = np.linalg.norm(hz / theta - h, axis=0)
-    rows, k = t.system.elastic_rows, np.abs(t.system.stiffness)
+    rows, k = t.system.elastic_rows, np.abs(t.system.row_stiffness)
     energy, error = (np.einsum("ij,i,ij->j", e, k, e) for e in (rows @ z, rows @ correction))
     kinetic_error = np.einsum("ij,ij->j", *([t.w @ correction] * 2)) / length**2
     noise = np.divide(error, energy, out=np.zeros_like(error), where=energy > 0.0) + kinetic_error
@@ -199,7 +199,7 @@ def _rigid_separated(space: Subspace) -> Subspace:
     if not np.isfinite(space.reach):
         space = _rigid_by_strain(space, 0)  # vectors that span all modes become modes
     rows = t.system.elastic_rows @ space.z
-    strain = np.abs(t.system.stiffness) @ rows**2
+    strain = np.abs(t.system.row_stiffness) @ rows**2
     near_zero = int(np.count_nonzero(strain < RIGID * t.sigma))
     if not near_zero:
         return space
@@ -221,7 +221,7 @@ def _rigid_by_strain(space: Subspace, total: int) -> Subspace:
 
     t, z = space.operator, space.z
     rows, h = t.system.elastic_rows @ z, t.w @ z
-    square, shapes = eigh(rows.T @ (t.system.stiffness[:, None] * rows), h.T @ h)
+    square, shapes = eigh(rows.T @ (t.system.row_stiffness[:, None] * rows), h.T @ h)
     shapes = shapes[:, np.argsort(np.abs(square), kind="stable")]
     squares = np.abs(shapes.T) ** 2
     return replace(space, z=z @ shapes, rigid=min(total, z.shape[1]), residual=np.sqrt(squares @ space.residual**2),
@@ -249,5 +249,5 @@ def strains(system: SparseEquations, z: Array, rigid: int) -> tuple[Array, Array
     terms = np.asarray(abs(system.elastic_rows) @ np.abs(z))
     largest = np.outer(abs(system.elastic_rows).sum(axis=1), np.abs(z).max(axis=0, initial=0.0))
     e[np.abs(e) <= np.maximum(ZERO_SUM * terms, ROUNDED * largest)] = 0.0
-    e[np.flatnonzero(system.stiffness)[:, None], np.arange(rigid)] = 0.0
+    e[np.flatnonzero(system.row_stiffness)[:, None], np.arange(rigid)] = 0.0
     return e, terms

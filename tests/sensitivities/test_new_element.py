@@ -19,8 +19,8 @@ from mbsvib.sensitivities.parameter_group import have_rules
 class Strap(Connection):
     """A strap from ``start`` to ``end`` of stiffness ``modulus`` [N/m^2] times ``width``^2 [m] over its length."""
 
-    start: tuple
-    end: tuple
+    start: tuple[float, ...]
+    end: tuple[float, ...]
     modulus: float
     width: float
     loss: float
