@@ -182,5 +182,7 @@ def test_the_architecture_page_lists_the_layers_of_the_contract():
     layers = page[page.index("## The layers") : page.index("## Data and verbs")]
     rows = re.findall(r"^\| (`[^|]*) \|", layers, re.MULTILINE)
     assert [name for row in rows for name in re.findall(r"`(\w+)`", row)] == stated
+    picture = (DOCS / "pages" / "diagrams" / "layers.svg").read_text(encoding="utf-8")
+    assert re.findall(r'class="layer">(\w+)<', picture) == [name for name in stated if name != "version"]
     for name in re.findall(r"`((?:\w+/)+\w+\.py)`", page):
         assert any((DOCS.parent / base / name).exists() for base in ("mbsvib", "export/mbsvib_export", "")), name
