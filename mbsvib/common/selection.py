@@ -121,3 +121,8 @@ def signal_names(requested: Any, count: int, label: str, owner: str) -> tuple[st
         raise ResponseError(f"{owner}: {label}: the name {twice!r} is there more than once; expected names that "
                             f"differ.")  # fmt: skip
     return names
+
+
+def united(*groups: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names of all groups, each once."""
+    return tuple(dict.fromkeys(name for group in groups for name in group))

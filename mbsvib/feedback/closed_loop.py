@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.selection import united
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.feedback.controller import Controller, as_controller
-from mbsvib.feedback.feedback_loop import FeedbackLoop, united
+from mbsvib.feedback.feedback_loop import FeedbackLoop
 from mbsvib.feedback.participation import eigen
 from mbsvib.feedback.plant import SystemPlant
 from mbsvib.feedback.regularity import regular

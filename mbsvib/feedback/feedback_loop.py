@@ -11,7 +11,7 @@ import numpy as np
 
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import angular
-from mbsvib.common.selection import port_numbers
+from mbsvib.common.selection import port_numbers, united
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.controller import Controller, as_controller
 from mbsvib.feedback.integrand import response
@@ -394,8 +394,3 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.plant.system.name!r} with {self.title})"
-
-
-def united(*groups: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the names of all groups, each once."""
-    return tuple(dict.fromkeys(name for group in groups for name in group))

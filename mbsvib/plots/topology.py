@@ -75,9 +75,9 @@ def topology(system: System) -> Figure:
         axes.plot(*at[ground], "s", ms=10.0, color="#6b7682", mec="white", zorder=4)
         if len(nodes) <= MOST_NAMES:
             for i, node in enumerate(nodes):
-                beside = crowded and i != ground  # the next level is where a name would be
-                look = BESIDE if beside else ABOVE
-                axes.annotate(node[0], at[i], (-7, 0) if beside else (0, -13 if i == ground else 8),
+                left_of_body = crowded and i != ground  # the next level is where a name would be
+                look = BESIDE if left_of_body else ABOVE
+                axes.annotate(node[0], at[i], (-7, 0) if left_of_body else (0, -13 if i == ground else 8),
                               textcoords="offset points", zorder=5, bbox=BOX, **look)  # fmt: skip
         axes.margins(0.08, 0.14)
         handles = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
