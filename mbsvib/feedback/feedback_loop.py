@@ -114,7 +114,8 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         Parameters
         ----------
         controller : Controller, StateSpace, control.StateSpace, control.TransferFunction or array-like
-            From sensors to actuators, in continuous time; an array, shape (actuators, sensors), is a static gain.
+            From sensors to actuators, in continuous time or, of a sampled loop, at its rate; an array, shape
+            (actuators, sensors), is a static gain.
         sensors, actuators : str or sequence of str, optional
             Names or patterns of outputs and of inputs of the plant; default: the names that the controller has.
         name : str, optional
@@ -128,9 +129,9 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         Raises
         ------
         ResponseError
-            If a name is unknown, shapes do not match, or the controller is discrete.
+            If a name is unknown, shapes do not match, or the controller is discrete at another rate.
         """
-        law = as_controller(controller, self.plant.system, sensors, actuators, name)
+        law = as_controller(controller, self.plant.system, sensors, actuators, name, self.period)
         return replace(self, controllers=(*self.controllers, law), sensors=united(self.sensors, law.inputs),
                        actuators=united(self.actuators, law.outputs))  # fmt: skip
 
@@ -154,13 +155,18 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         return Controller(name, a, b, c, d, self.sensors, self.actuators).for_plant(self.plant.system)
 
     @property
+    def period(self) -> float | None:
+        """Sample time of the controllers [s], None in continuous time."""
+        return None
+
+    @property
     def ports(self) -> tuple[list[int], list[int]]:
         """Numbers of the sensors among the outputs and of the actuators among the inputs."""
         system = self.plant.system
         return [system.outputs.index(n) for n in self.sensors], [system.inputs.index(n) for n in self.actuators]
 
     @property
-    def _shown(self) -> tuple[list[int], list[int]]:
+    def selected_ports(self) -> tuple[list[int], list[int]]:
         """Numbers of the outputs and inputs among those of the plant."""
         system = self.plant.system
         return [system.outputs.index(n) for n in self.outputs], [system.inputs.index(n) for n in self.inputs]
@@ -299,7 +305,7 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
             Complex responses.
         """
         y, u = self.ports
-        o, i = self._shown
+        o, i = self.selected_ports
         system = self.plant.system
         rows, columns = sorted({*o, *y}), sorted({*i, *u})
         g = system.with_ports([system.outputs[k] for k in rows], [system.inputs[k] for k in columns])

@@ -23,29 +23,32 @@ def is_transfer_function(value: Any) -> bool:
     return of_control(value) and all(hasattr(value, label) for label in ("num", "den"))
 
 
+def sample_time(value: Any) -> float | None:
+    """Return the sample time [s] of equations of python-control, None in continuous time."""
+    dt = getattr(value, "dt", None)
+    if dt is None or dt == 0:
+        return None
+    if dt is True:
+        raise ResponseError(f"'{value.name}': it is discrete without a sample time; expected dt in seconds.")
+    return float(dt)
+
+
 def arguments(value: Any) -> dict[str, Any]:
     """Return matrices and names as arguments of ``StateSpace.from_arrays``.
 
-    ``value``: in continuous time; a transfer function gets states as ``realized`` tells. Returns A, B, C, D, inputs,
-    outputs, states, name. Raises ResponseError if it is discrete, or an improper transfer function.
+    ``value``: in continuous or discrete time; a transfer function gets states as ``realized`` tells. Returns A, B, C,
+    D, inputs, outputs, states, name. Raises ResponseError if it is an improper transfer function.
     """
-    if is_transfer_function(value):
-        return _realized(value)
-    _check_continuous(value)
-    return {label: getattr(value, label) for label in "ABCD"} | {
-        "inputs": list(value.input_labels), "outputs": list(value.output_labels), "states": list(value.state_labels),
-        "name": str(value.name)}  # fmt: skip
+    name = str(value.name)
+    matrices = (realized(value.num, value.den, name) if is_transfer_function(value)
+                else tuple(getattr(value, label) for label in "ABCD"))  # fmt: skip
+    states = [f"x{i}" for i in range(len(matrices[0]))] if is_transfer_function(value) else list(value.state_labels)
+    return dict(zip("ABCD", matrices, strict=True)) | {
+        "inputs": list(value.input_labels), "outputs": list(value.output_labels), "states": states, "name": name}
 
 
-def _realized(value: Any) -> dict[str, Any]:
-    """Return the arguments of a transfer function."""
-    _check_continuous(value)
-    a, b, c, d = realized(value.num, value.den, str(value.name))
-    return {"A": a, "B": b, "C": c, "D": d, "inputs": list(value.input_labels), "outputs": list(value.output_labels),
-            "states": [f"x{i}" for i in range(len(a))], "name": str(value.name)}  # fmt: skip
-
-
-def _check_continuous(value: Any) -> None:
+def check_continuous(value: Any) -> None:
+    """Refuse equations of python-control in discrete time."""
     if getattr(value, "dt", None) not in (None, 0):
-        raise ResponseError(f"'{value.name}': dt = {value.dt}; expected a system in continuous time. Sampled "
-                            f"loops are made by loop.sampled(rate).")  # fmt: skip
+        raise ResponseError(f"'{value.name}': dt = {value.dt}; expected a system in continuous time. Loops with "
+                            f"discrete controllers are made by system.feedback and loop.sampled(rate).")  # fmt: skip
