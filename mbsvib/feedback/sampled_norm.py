@@ -117,11 +117,11 @@ def h2_norm(loop: Sampled) -> float:
             raise ResponseError(f"H2 norm of '{loop.name}': input '{system.inputs[sources[i]]}' {why} "
                                 f"'{system.outputs[rows[o]]}', so that the norm is infinite. Choose displacements or "
                                 f"velocities, and other inputs: outputs=[...], inputs=[...].")  # fmt: skip
-    whole = period(loop)
-    lasting = whole
+    interval = period(loop)
+    lasting = interval
     for _ in range(LONGEST):
         if np.abs(lasting.transition).max(initial=0.0) <= EPS**2:
             break
         lasting = lasting.then(lasting)
-    total = float(np.sum(whole.weight * lasting.noise)) + whole.own
+    total = float(np.sum(interval.weight * lasting.noise)) + whole.own
     return float(np.sqrt(max(0.0, total * loop.rate)))
