@@ -123,5 +123,5 @@ def h2_norm(loop: Sampled) -> float:
         if np.abs(lasting.transition).max(initial=0.0) <= EPS**2:
             break
         lasting = lasting.then(lasting)
-    total = float(np.sum(interval.weight * lasting.noise)) + whole.own
+    total = float(np.sum(interval.weight * lasting.noise)) + interval.own
     return float(np.sqrt(max(0.0, total * loop.rate)))

@@ -20,6 +20,10 @@ class LoopResponse(Protocol):
     """Responses of a mechanism with closed loops."""
 
     @property
+    def name(self) -> str:
+        """Name of the mechanism, and those of the controllers."""
+
+    @property
     def inputs(self) -> tuple[str, ...]:
         """Names of the inputs."""
 
