@@ -13,6 +13,7 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import angular
 from mbsvib.common.selection import port_numbers, united
 from mbsvib.errors import ResponseError
+from mbsvib.feedback.combined_controller import combined
 from mbsvib.feedback.controller import Controller, as_controller
 from mbsvib.feedback.integrand import response
 from mbsvib.feedback.margins import margins
@@ -138,21 +139,7 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
     @cached_property
     def law(self) -> Controller:
         """All controllers as one."""
-        sizes = [len(controller.A) for controller in self.controllers]
-        n, start = sum(sizes), 0
-        a, b = np.zeros((n, n)), np.zeros((n, len(self.sensors)))
-        c, d = np.zeros((len(self.actuators), n)), np.zeros((len(self.actuators), len(self.sensors)))
-        for controller, size in zip(self.controllers, sizes, strict=True):
-            part = slice(start, start + size)
-            into = [self.sensors.index(name) for name in controller.inputs]
-            out = [self.actuators.index(name) for name in controller.outputs]
-            a[part, part] = controller.A
-            b[part, into] = controller.B
-            c[out, part] = controller.C
-            d[np.ix_(out, into)] += controller.D
-            start += size
-        name = " + ".join(controller.name for controller in self.controllers)
-        return Controller(name, a, b, c, d, self.sensors, self.actuators).for_plant(self.plant.system)
+        return combined(self.controllers, self.sensors, self.actuators).for_plant(self.plant.system)
 
     @property
     def period(self) -> float | None:
