@@ -16,7 +16,6 @@ from mbsvib.equilibrium.balance import balance
 from mbsvib.equilibrium.flexible_parts import flexible
 from mbsvib.equilibrium.motion import close, posed_model
 from mbsvib.equilibrium.path import BALANCED, CLOSED, NEWTON_STEPS, newton_step
-from mbsvib.equilibrium.pose import start
 from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.mechanism.mechanism import Mechanism
 
@@ -60,7 +59,7 @@ def pose_of_least_energy(
     tuple of PosedModel and Balance
         The pose and the forces there.
     """
-    at = posed_model(mechanism, start(mechanism), cut)
+    at = posed_model(mechanism, cut=cut)
     names = list(values)
     if not set(names) <= set(at.coordinates.names):
         return None
