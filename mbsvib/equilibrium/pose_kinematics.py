@@ -41,8 +41,8 @@ class PoseKinematics:
     ``coordinates`` and ``cuts`` are those of the reference pose ``described``. Their six-vectors (s), twists first,
     then locked rows, then the motions that couplers measure, are ``vectors`` (s, 3, 2), a linear and an angular part
     each. They turn with ``turner`` (s,), the number of a body, or beyond the bodies of a joint in ``own_axes``, and are
-    at ``point`` (s, 3) of body ``holder`` (s,). ``own_axes`` are functions that return the axes of joints in a pose, with the transpose of
-    these axes in the reference pose; ``loops`` are the cut joints in groups of one rule.
+    at ``point`` (s, 3) of body ``holder`` (s,). ``own_axes`` are functions that return the axes of joints in a pose,
+    with the transpose of these axes in the reference pose; ``loops`` are the cut joints in groups of one rule.
     """
 
     topology: Topology

@@ -136,5 +136,6 @@ def tree_of(topology: Topology) -> Tree:
         np.array(start, dtype=np.intp), np.array(group, dtype=np.intp), np.array(body, dtype=np.intp),
         np.array(then, dtype=np.intp).reshape(-1, 2).T, np.array(back, dtype=np.intp),
         np.array([k for k, _ in rods], dtype=np.intp), np.array([[length] for _, length in rods]),
-        *np.array(carried, dtype=np.intp).reshape(-1, 2).T, tuple(map(slice, ends[:-1], ends[1:])),
+        np.array([body for body, _ in carried], dtype=np.intp),
+        np.array([parent for _, parent in carried], dtype=np.intp), tuple(map(slice, ends[:-1], ends[1:])),
     )  # fmt: skip
