@@ -86,6 +86,19 @@ class Superelement(Composed):
         """Points of its nodes without forces [m], in the frame of its root in this pose."""
         return _without_forces(self.nodes, self.orientation, self.displacements)
 
+    def without_forces(self) -> Superelement:
+        """Return the superelement without forces, in the frame of its root in this pose."""
+        if self.displacements is None:
+            return self
+        nodes = tuple(zip(dict(self.nodes), self.points_without_forces, strict=True))
+        return replace(self, nodes=nodes, displacements=None)
+
+    def node_weights(self) -> tuple[Array, Array]:
+        """Return masses (nodes,) at which gravity acts on its nodes, none, as it acts along all coordinates, and the
+        points of the nodes (nodes, 3) [m].
+        """
+        return np.zeros(len(self.nodes)), np.array(self.points)
+
     @property
     def internal(self) -> int:
         """Number of internal coordinates."""

@@ -12,11 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.common.arguments import UNIT6
 from mbsvib.elements import joint as _joint
-from mbsvib.elements.body import Body
-from mbsvib.elements.elastic_part import ElasticPart, on_carriers, root_rotation_rows, stiffness_rows
-from mbsvib.elements.joint import Joint
+from mbsvib.elements.elastic_part import (
+    ElasticPart,
+    carrier_joints,
+    massless_bodies,
+    on_carriers,
+    root_rotation_rows,
+    stiffness_rows,
+)
 from mbsvib.elements.load import NONE, Load
 from mbsvib.elements.shared_rows import ExpandedPart, Node, SharedRows
 from mbsvib.elements.superelement import RIGID, rigid_motions
@@ -28,42 +32,17 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.superelement import Superelement
 
-_NO_INERTIA = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
 
 def expand(part: Superelement, *_: Any) -> ExpandedPart:
     """Return nodes, joints and shared rows of a superelement."""
-    return ExpandedPart({body.name: body for body in node_bodies(part)}, dict(links(part)), mass=tuple(masses(part)),
-                      elastic=tuple(elastic(part)))  # fmt: skip
-
-
-def node_bodies(part: Superelement) -> list[Body]:
-    """Return the massless bodies of the nodes that no body holds, and those of internal coordinates."""
-    origin = part.nodes[0][1]
-    nodes = [Body(name, 0.0, _NO_INERTIA, point) for name, point in part.node_names.items()]
-    return nodes + [Body(name, 0.0, _NO_INERTIA, origin) for name in part.carriers]
-
-
-def links(part: Superelement) -> list[tuple[str, Joint]]:
-    """Return the free joints from the first node to the others, and the joints of internal coordinates, by name."""
-    result = []
+    joints = {}
     for i, (name, point) in enumerate(part.nodes[1:], 1):
-        key = f"{part.name}.{name}"
-        first, second = part.body_of(0), part.body_of(i)
+        key, first, second = f"{part.name}.{name}", part.body_of(0), part.body_of(i)
         if first != second:
-            axes = part.orientation
-            joint = _joint.make(key, "free", first, second, point, axes, None, None, None, None)
-            result.append((key, joint))
-    origin = part.nodes[0][1]
-    for i, carrier in enumerate(part.carriers):
-        count = min(3, part.internal - 3 * i)
-        freedom = tuple([(f"mode{3 * i + j + 1}", UNIT6[j]) for j in range(count)])
-        names = ("x", "y", "z", "rx", "ry", "rz")
-        locked = tuple([(names[j], UNIT6[j]) for j in range(count, 6)])
-        joint = Joint(part.name, "custom", "ground", carrier, origin, freedom=freedom, locked=locked, point=origin,
-                      free=names[:count])  # fmt: skip
-        result.append((carrier, joint))
-    return result
+            joints[key] = _joint.make(key, "free", first, second, point, part.orientation, None, None, None, None)
+    joints |= carrier_joints(part.name, part.carriers, part.points[0], part.internal)
+    return ExpandedPart(massless_bodies(part.body_positions), joints, mass=tuple(masses(part)),
+                        elastic=tuple(elastic(part)))  # fmt: skip
 
 
 def masses(part: Superelement) -> list[SharedRows]:

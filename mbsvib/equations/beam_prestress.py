@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.elements import beam_element as element
-from mbsvib.elements import load as _load
 from mbsvib.elements.beam_expansion import elastic_part, middle, rotated
 from mbsvib.elements.shared_rows import Node, SharedRows
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
@@ -30,44 +29,16 @@ from mbsvib.kinematics.body_motion import body_motion
 from mbsvib.linalg.rank import STRAINED, ZERO_PRESTRESS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Sequence
 
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
-    from mbsvib.elements import Bushing, Load
+    from mbsvib.elements import Bushing
     from mbsvib.elements.beam import Beam
     from mbsvib.elements.elastic_part import ElasticPart
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.mechanism.mechanism import Mechanism
-
-
-def beam_weights(beams: Iterable[Beam], gravity: Vector | None) -> dict[str, Load]:
-    """Return the weight of beams as forces on their nodes, as ``Beam.node_weights`` says.
-
-    Parameters
-    ----------
-    beams : iterable of Beam
-        The beams.
-    gravity : tuple of 3 floats or None
-        Acceleration of free fall [m/s^2].
-
-    Returns
-    -------
-    dict of str to Load
-        One force for each node that is not on the ground, by name; none without gravity.
-    """
-    if gravity is None or not any(gravity):
-        return {}
-    return {load.name: load for beam in beams for load in _weight(beam, gravity)}
-
-
-def _weight(beam: Beam, gravity: Vector) -> list[Load]:
-    return [
-        _load.make(f"{beam.name}.weight{i}", beam.body_of(i), [m * g for g in gravity], _load.NONE, tuple(point), False)
-        for i, (m, point) in enumerate(zip(*(array.tolist() for array in beam.node_weights()), strict=True))
-        if beam.body_of(i) != "ground"
-    ]  # fmt: skip
 
 
 def element_forces(

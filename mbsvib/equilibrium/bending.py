@@ -13,7 +13,6 @@ import numpy as np
 
 from mbsvib.equilibrium.articulation import articulated
 from mbsvib.equilibrium.balance import balance
-from mbsvib.equilibrium.flexible_parts import flexible
 from mbsvib.equilibrium.motion import close, posed_model
 from mbsvib.equilibrium.path import BALANCED, CLOSED, NEWTON_STEPS, newton_step
 from mbsvib.equilibrium.pose import start
@@ -37,7 +36,8 @@ STEPS = 80
 
 def elastic_mechanism(model: M) -> M:
     """Return a mechanism in which only beams and superelements resist motion; these carry no forces in its pose."""
-    parts = {part.name: replace(part, displacements=None) for part in flexible(model)}
+    parts: dict[str, Any] = dict(model.composed)
+    parts = {name: replace(part, displacements=None) for name, part in parts.items()}
     return articulated(model.with_parts(composed=parts, springs={}, loads={}, inputs={}, outputs={}, gravity=None))
 
 

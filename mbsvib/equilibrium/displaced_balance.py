@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from mbsvib.equilibrium.articulation import articulated
 from mbsvib.equilibrium.balance import balance
-from mbsvib.equilibrium.flexible_parts import flexible
 from mbsvib.equilibrium.linear_range import warn_beyond
 from mbsvib.equilibrium.messages import unbalanced_force
 from mbsvib.equilibrium.motion import posed_model
@@ -34,7 +33,7 @@ def check_displacements(model: Mechanism) -> None:
     LargeDisplacementWarning
         If these displacements are not small.
     """
-    if all(part.displacements is None for part in flexible(model)):
+    if all(part.displacements is None for part in model.composed.values()):
         return
     articulated_model = static_model(articulated(model))
     at = posed_model(articulated_model, start(articulated_model))
