@@ -24,23 +24,9 @@ def is_unmoved(part: Composed, pose: Pose) -> bool:
 def bent_nodes(part: Composed, before: Array, pose: Pose) -> tuple[Array, Array, bool]:
     """Return the nodes of an elastic part in another pose.
 
-    Parameters
-    ----------
-    part : Composed
-        The part.
-    before : array, shape (n, 6)
-        Displacements of its nodes against its root in the reference pose [m, rad], world axes.
-    pose : Pose
-        The pose.
-
-    Returns
-    -------
-    array, shape (n, 3)
-        Points of the nodes [m].
-    array, shape (n, 6)
-        Their displacements against the root.
-    bool
-        Whether the displacements have changed by more than rounding.
+    ``before`` (n, 6): displacements of its nodes against its root in the reference pose [m, rad], world axes. Returns
+    the points (n, 3) of the nodes [m], their displacements (n, 6) against the root, and whether these have changed by
+    more than rounding.
     """
     points, root = np.array(part.points), pose.number[part.root]
     which, frame = np.array([pose.number[body] for body, _ in part.node_bodies]), np.full(len(points), root)

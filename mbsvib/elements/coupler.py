@@ -180,26 +180,7 @@ def coordinate_of(
 ) -> str:  # fmt: skip
     """Return the name "JOINT.direction" of a coordinate; "JOINT" is enough for a joint with one coordinate.
 
-    Parameters
-    ----------
-    value : str or Joint
-        Name of a coordinate, or a joint or its name.
-    joints : mapping
-        The model's joints.
-    who, field : str
-        Element and argument, for messages.
-    directions : tuple of str
-        The directions that are allowed.
-
-    Returns
-    -------
-    str
-        Name of the coordinate.
-
-    Raises
-    ------
-    ModelError
-        If there is no such joint or it has no such coordinate.
+    ``value``: name of a coordinate, or a joint or its name.
     """
     kinds: dict[tuple[str, ...], str] = {ROTATIONS: "a rotation", TRANSLATIONS: "a translation"}
     kind = kinds.get(directions, "a coordinate")

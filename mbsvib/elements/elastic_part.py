@@ -176,19 +176,7 @@ def stiffness_rows(part: ElasticPart) -> SharedRows:
 def root_rotation_rows(part: ElasticPart, point: Vector, coupling: Array) -> tuple[SharedRows, ...]:
     """Return the stiffness of a potential theta . Q x with the root's rotation theta, as rows with signed values.
 
-    Parameters
-    ----------
-    part : ElasticPart
-        The part.
-    point : tuple of 3 floats
-        A point of the root [m].
-    coupling : array, shape (3, 6 n + internal)
-        Q.
-
-    Returns
-    -------
-    tuple of Piece
-        At most one.
+    ``point``: a point of the root [m]. ``coupling`` (3, 6 n + internal): Q. At most one is returned.
     """
     coupling = part.per_rotation(coupling)
     if not coupling.any():

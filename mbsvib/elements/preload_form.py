@@ -38,21 +38,8 @@ def along_line(
 ) -> PreloadForm:
     """Return the form of a preload that is a tension.
 
-    Parameters
-    ----------
-    part : Connection
-        An element with ``start`` and ``line``.
-    stiffness : float
-        Its stiffness at rest [N/m].
-    size : float
-        Size of the mechanism [m].
-    arguments : callable
-        The changed arguments for a tension [N] or None.
-
-    Returns
-    -------
-    PreloadForm
-        One force along the line.
+    ``stiffness``: its stiffness at rest [N/m]. ``size``: size of the mechanism [m]. ``arguments``: the changed
+    arguments for a tension [N] or None.
     """
     line = np.array((*part.line, 0.0, 0.0, 0.0))
     return PreloadForm(part.start, line[None], np.array(part.rest_wrench), EPS * abs(stiffness) * size,

@@ -144,17 +144,7 @@ def make(
 def rows(parts: Sequence[tuple[int, Spring]], number: Mapping[str, int]) -> ElementRows:
     """Return the rows of line springs, the changes of their lengths.
 
-    Parameters
-    ----------
-    parts : sequence of (int, Spring)
-        The springs and their numbers among the model's connections.
-    number : mapping
-        Number of each body, ground included.
-
-    Returns
-    -------
-    ElementRows
-        One row a spring.
+    ``parts`` are the springs and their numbers among the model's connections.
     """
     table = columns([(number[s.first], number[s.second], i, *s.start, *s.line, s.stiffness, s.damping)
                      for i, s in parts], 11)  # fmt: skip

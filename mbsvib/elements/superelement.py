@@ -221,13 +221,7 @@ def _entries(matrix: Array) -> Matrix:
 
 
 def factor(who: str, field: str, matrix: Array) -> tuple[Array, Array]:
-    """Return positive values (r,) and rows (r, n) with matrix = rows^T diag(values) rows.
-
-    Raises
-    ------
-    ModelError
-        If the matrix has a negative eigenvalue beyond rounding.
-    """
+    """Return positive values (r,) and rows (r, n) with matrix = rows^T diag(values) rows."""
     if not matrix.any():
         return np.zeros(0), np.zeros((0, len(matrix)))
     values, rows = eigenrows(matrix)

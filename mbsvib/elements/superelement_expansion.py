@@ -108,25 +108,7 @@ class Layout:
 
 
 def elastic_part(part: Superelement, gravity: Vector | None = None) -> ElasticPart:
-    """Return a superelement as a linear elastic part in the frame of its root.
-
-    Parameters
-    ----------
-    part : Superelement
-        The superelement.
-    gravity : tuple of 3 floats, optional
-        Acceleration of free fall [m/s^2].
-
-    Returns
-    -------
-    ElasticPart
-        Its stiffness, state and weight.
-
-    Raises
-    ------
-    ModelError
-        If gravity acts and the mass matrix does not determine the weight.
-    """
+    """Return a superelement as a linear elastic part in the frame of its root, with its weight."""
     layout = Layout.of(part, part.root_node)
     values, rows = part.factors[1]
     nodes = layout.row_nodes(part)[: len(layout.nodes)]
@@ -143,16 +125,8 @@ def elastic_part(part: Superelement, gravity: Vector | None = None) -> ElasticPa
 def weight_rows(part: Superelement) -> Array:
     """Return the first moments L of the potential -g . L d of weight, on the displacements d of the rows of K.
 
-    Parameters
-    ----------
-    part : Superelement
-        The superelement, without displacements.
-
-    Returns
-    -------
-    array, shape (3, 6 nodes)
-        The mass that moves along world axes per displacement of each node except the root, and of each body of internal
-        coordinates [kg, kg m].
+    Returns (3, 6 nodes): the mass that moves along world axes per displacement of each node except the root, and of
+    each body of internal coordinates [kg, kg m].
     """
     layout = Layout.of(part, part.root_node)
     translations = rigid_motions(np.array(part.points_without_forces), layout.axes, len(part.M))[:, :3]

@@ -56,24 +56,7 @@ class AppliedForces:
 def applied_forces(
     applied: AppliedWrenches, second_order: SecondOrderRows, scene: Scene, cache: dict[str, Any]
 ) -> AppliedForces:
-    """Return the applied forces of a mechanism, the cached ones if its tree is the same.
-
-    Parameters
-    ----------
-    applied : AppliedWrenches
-        The applied wrenches.
-    second_order : SecondOrderRows
-        Relative displacements with second-order terms.
-    scene : Scene
-        The arrays of the mechanism.
-    cache : dict
-        Cache of the result.
-
-    Returns
-    -------
-    AppliedForces
-        Forces on bodies, and geometry.
-    """
+    """Return the applied forces of a mechanism, the cached ones if its tree is the same."""
     cached: AppliedForces | None = cache.get("applied_forces")
     if cached is not None and cached.paths.topology is scene.topology:
         return cached

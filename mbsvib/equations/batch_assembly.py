@@ -51,28 +51,7 @@ def linearize_batch(
 
     M_i q'' + C_i q' + K_i q = B_i u,  y = Cq_i q + Cv_i q' + Ca_i q'' + D_i u
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    values : mapping of str to array-like, shape (n,) or ()
-        Values of parameters, by name or by a pattern that picks several.
-    independent, cut : sequence of str, optional
-        As for a single linearization.
-    form, batch : type
-        The classes of single equations, and of all.
-
-    Returns
-    -------
-    BatchEquations
-        All variants, in the minimal coordinates of the nominal pose.
-
-    Raises
-    ------
-    ModelError
-        If a parameter is unknown or a value refused, by parameter and index of the variant.
-    SingularPoseError
-        If a variant has another number of degrees of freedom, by index.
+    ``values`` (n,) or (): values of parameters, by name or by a pattern that picks several.
     """
     keep_freed_memory(MANY)
     variants = checked(model.parameters, values)

@@ -26,21 +26,7 @@ M = TypeVar("M", bound=Mechanism)
 def expanded(model: M) -> M:
     """Return a mechanism in which bodies, joints, springs and outputs replace all parts with an expansion.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-
-    Returns
-    -------
-    Mechanism
-        The expanded mechanism, with shared rows in ``expansion``; the same mechanism if no part has an expansion.
-
-    Raises
-    ------
-    ModelError
-        If gravity acts on a superelement whose mass matrix does not determine its weight, or a force is asked of a
-        part that several others replace.
+    Without such parts it is the same mechanism; shared rows are in its ``expansion``.
     """
     parts = [part for group in (model.composed, model.springs, model.outputs) for part in group.values()
              if type(part) in EXPANSIONS]  # fmt: skip

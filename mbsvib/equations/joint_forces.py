@@ -55,19 +55,7 @@ class _Motion:
 
 
 def with_joint_forces(draft: Draft) -> Draft:
-    """Return equations of motion with the rows of outputs that are forces in joints or sums of forces on a body.
-
-    Parameters
-    ----------
-    draft : Draft
-        The equations without these rows of Cq, Cv, Ca and D.
-
-    Returns
-    -------
-    Draft
-        The equations with these rows; ``undetermined`` lists those of these outputs that redundant constraints do not
-        determine.
-    """
+    """Return equations of motion with the rows of outputs that are forces in joints or sums of forces on a body."""
     model, scene, relative, reduction = draft.model, draft.scene, draft.relative, draft.reduction
     terms, statics = draft.terms, draft.statics
     position = np.concatenate((scene.position, np.zeros((1, 3)))).T

@@ -24,23 +24,7 @@ if TYPE_CHECKING:
 
 
 def with_loads(draft: Draft) -> Draft:
-    """Return equations of motion with the stiffness of loads, and the forces at the pose.
-
-    Parameters
-    ----------
-    draft : Draft
-        The equations without loads.
-
-    Returns
-    -------
-    Draft
-        Matrices and factors under load; ``statics`` are the applied forces and those in joints.
-
-    Raises
-    ------
-    EquilibriumError
-        If the pose is not in balance and this is ``checked``.
-    """
+    """Return equations of motion with the stiffness of loads, and the forces at the pose."""
     scene, reduction, terms = draft.scene, draft.reduction, draft.terms
     assert scene.loads is not None
     applied, second_order, cache = scene.loads

@@ -21,21 +21,8 @@ def shared_wrenches(
 ) -> tuple[Array, Array, Array, Array]:
     """Return the wrenches of shared rows on bodies, per unit of q, q', q'' and inputs.
 
-    Parameters
-    ----------
-    scene : Scene
-        The arrays of the mechanism.
-    relative : Triplets
-        Its relative displacements.
-    reduction : Reduction
-        Its minimal coordinates.
-    position : array, shape (3, bodies + 1)
-        Centres of mass and the origin [m].
-
-    Returns
-    -------
-    tuple of four arrays, shape (6, bodies + 1, m) and (6, bodies + 1, inputs)
-        Wrenches of stiffness, damping, inertia and base motion, zero without shared rows.
+    ``position`` (3, bodies + 1): centres of mass and the origin [m]. Returns wrenches (6, bodies + 1, m) of
+    stiffness, damping and inertia, and (6, bodies + 1, inputs) of base motion, zero without shared rows.
     """
     bodies, m = position.shape[1], len(reduction.independent)
     elastic, damping, inertia = (np.zeros((6, bodies, m)) for _ in range(3))

@@ -60,22 +60,11 @@ class Statics:
 def balance(wrench: Array, size: Array, motion: Array, reach: float) -> tuple[Array, Array]:
     """Return the forces along the minimal coordinates and the size of the forces that should cancel there.
 
-    Parameters
-    ----------
-    wrench : array, shape (6, bodies)
-        Forces and moments about the centres of mass [N, N m].
-    size : array, shape (2, bodies)
-        Sizes of the forces and of the moments that add up to them.
-    motion : array, shape (bodies, 6, m)
-        Motion of the bodies.
-    reach : float
-        Largest coordinate of a point [m].
-
-    Returns
-    -------
-    residual, size : array, shape (m,)
-        B''^T B'^T W, and the same with the lengths of all vectors [N or N m], or with the rounding of points as lever
-        arm if that is larger: the lever arm of a weight about an axis through the centre of mass is only rounding.
+    ``wrench`` (6, bodies): forces and moments about the centres of mass [N, N m]. ``size`` (2, bodies): sizes of the
+    forces and of the moments that add up to them. ``motion`` (bodies, 6, m): motion of the bodies. ``reach``: largest
+    coordinate of a point [m]. Returns ``residual, size`` (m,): B''^T B'^T W, and the same with the lengths of all
+    vectors [N or N m], or with the rounding of points as lever arm if that is larger: the lever arm of a weight about
+    an axis through the centre of mass is only rounding.
     """
     m = motion.shape[-1]
     vectors = motion.reshape(2 * len(motion), 3, m)
@@ -88,19 +77,8 @@ def balance(wrench: Array, size: Array, motion: Array, reach: float) -> tuple[Ar
 def rounding(stiffness: Array, position: Array, turns: NDArray[np.bool_]) -> Array:
     """Return the forces due to rounding of the pose along the minimal coordinates.
 
-    Parameters
-    ----------
-    stiffness : array, shape (m, m)
-        K of the springs.
-    position : array, shape (bodies, 3)
-        Centres of mass [m], whose size is that of the mechanism.
-    turns : array, shape (m,)
-        Which coordinates are rotations.
-
-    Returns
-    -------
-    array, shape (m,)
-        Forces [N or N m].
+    ``stiffness`` (m, m): K of the springs. ``position`` (bodies, 3): centres of mass [m], whose size is that of the
+    mechanism. ``turns`` (m,): which coordinates are rotations. Returns (m,): forces [N or N m].
     """
     result: Array = POSITION_ROUNDING * np.abs(stiffness) @ np.where(turns, 1.0, np.abs(position).max())
     return result
@@ -111,23 +89,8 @@ def check_balance(
 ) -> None:
     """Refuse a pose that is not in balance, by body, direction and missing force.
 
-    Parameters
-    ----------
-    residual, size : array, shape (m,)
-        Forces along the minimal coordinates and their sizes.
-    stiffness : array, shape (m, m)
-        K of the springs.
-    scene : Scene
-        The mechanism, to name bodies.
-    reduction : Reduction
-        Its minimal coordinates.
-    model : str
-        Name of the model.
-
-    Raises
-    ------
-    EquilibriumError
-        If the residual exceeds ``BALANCE`` times the forces that should cancel and the forces due to rounding.
+    ``residual``, ``size`` (m,): forces along the minimal coordinates and their sizes. ``stiffness`` (m, m): K of the
+    springs.
     """
     off = (np.abs(residual) > BALANCE * size).nonzero()[0]
     if not len(off):
@@ -149,27 +112,7 @@ def unbalanced(
 ) -> EquilibriumError:
     """Return the error of a pose that is not in balance, by body, direction and missing force.
 
-    Parameters
-    ----------
-    model : str
-        Name of the model.
-    coordinate : str
-        The coordinate with the largest unbalanced share.
-    turns : bool
-        Whether it is a rotation.
-    missing : float
-        The missing force there [N or N m].
-    share : float
-        The same as a share of the forces that should cancel.
-    topology : Topology
-        The graph, to name the body.
-    more : str
-        A sentence on other coordinates.
-
-    Returns
-    -------
-    EquilibriumError
-        The error.
+    ``missing``: the missing force there [N or N m]. ``share``: the same as a share of the forces that should cancel.
     """
     kind, unit = ("moment", "N m") if turns else ("force", "N")
     joint, _, direction = coordinate.rpartition(".")

@@ -122,17 +122,8 @@ def completed_basis(factor: Array, first: Array, motions: Array) -> Array:
 def null_pair(matrix: Array, terms: Array) -> tuple[Array, Array]:
     """Return orthonormal bases of the right and left null space of a square matrix.
 
-    Parameters
-    ----------
-    matrix : array, shape (m, m)
-        The matrix.
-    terms : array, shape (m, m)
-        Sums of the magnitudes of the terms of each entry.
-
-    Returns
-    -------
-    tuple of array, shape (m, m - rank)
-        Right and left null vectors.
+    ``terms`` (m, m): sums of the magnitudes of the terms of each entry. Returns right and left null vectors (m, m -
+    rank).
     """
     size = matrix_scales(matrix, terms)
     scaled = np.where(np.abs(matrix) > NOTHING * terms, matrix, 0.0) / size[:, None] / size

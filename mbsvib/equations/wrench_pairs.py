@@ -56,17 +56,9 @@ class WrenchPairs:
     def on_bodies(self, position: Array) -> tuple[Array, Array]:
         """Return the sum of the wrenches on each body about its centre of mass, and the sizes of the terms.
 
-        Parameters
-        ----------
-        position : array, shape (3, bodies + 1)
-            Centres of mass [m].
-
-        Returns
-        -------
-        wrench : array, shape (6, bodies + 1)
-            Sums over all pairs [N, N m], ground last.
-        size : array, shape (2, bodies + 1)
-            Sums of the lengths of the forces, and of those of torques and moments of forces.
+        ``position`` (3, bodies + 1): centres of mass [m]. Returns ``wrench`` (6, bodies + 1): sums over all pairs [N, N
+        m], ground last; ``size`` (2, bodies + 1): sums of the lengths of the forces, and of those of torques and
+        moments of forces.
         """
         body, n = np.concatenate((self.first, self.second)), len(self.first)
         parts = np.empty((9, 2 * n))
@@ -85,17 +77,8 @@ class WrenchPairs:
 def wrenches_on_bodies(pairs: WrenchPairs, position: Array) -> Array:
     """Return the wrenches of pairs on the bodies, one column a pair.
 
-    Parameters
-    ----------
-    pairs : WrenchPairs
-        Forces and torques between bodies.
-    position : array, shape (3, bodies + 1)
-        Centres of mass and the origin [m].
-
-    Returns
-    -------
-    array, shape (6, bodies + 1, n)
-        Forces, then moments about the centres of mass.
+    ``position`` (3, bodies + 1): centres of mass and the origin [m]. Returns (6, bodies + 1, n): forces, then moments
+    about the centres of mass.
     """
     first, second = pairs.incidence(position.shape[1] - 1)
     a, b = (np.concatenate((pairs.force, pairs.torque + crossed_product(arm, pairs.force)))

@@ -70,17 +70,7 @@ def _share(residual: Array, size: Array) -> float:
 def balance(at: PosedModel, independent: Sequence[str] | None = None) -> Balance:
     """Return the forces and their tangent in a pose, with the exact geometry of springs.
 
-    Parameters
-    ----------
-    at : PosedModel
-        The pose, with loops closed.
-    independent : sequence of str, optional
-        Joint coordinates that shall be among the minimal ones.
-
-    Returns
-    -------
-    Balance
-        Residual and tangent.
+    ``independent``: joint coordinates that shall be among the minimal ones.
     """
     model = expanded_articulation(at.reference if at.pose.as_described else model_in_pose(at.reference, at.pose))
     numbers = scene(model, at.cut)

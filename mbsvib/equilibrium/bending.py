@@ -46,19 +46,7 @@ def pose_of_least_energy(
 ) -> tuple[PosedModel, Balance] | None:
     """Return the pose of least elastic energy for values of some joint coordinates, or None if there is none.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        What ``elastic_mechanism`` makes of the model.
-    values : mapping of str to float
-        How far coordinates of its tree move [m, rad].
-    cut : sequence of str
-        Joints at which loops are cut.
-
-    Returns
-    -------
-    tuple of PosedModel and Balance
-        The pose and the forces there.
+    ``values``: how far coordinates of its tree move [m, rad]. ``cut``: joints at which loops are cut.
     """
     at = posed_model(mechanism, start(mechanism), cut)
     names = list(values)

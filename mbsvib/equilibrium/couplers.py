@@ -43,19 +43,8 @@ def coupled_coordinates(couplings: Couplings, coordinates: Twists) -> Array:
 def coupler_travel(model: Mechanism, pose: Pose, near: Array | None) -> Array:
     """Return the displacements of coupled coordinates in a pose, one for each term of each coupler.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The model in its reference pose.
-    pose : Pose
-        The pose.
-    near : array, shape (terms,), optional
-        Approximate displacements, from which full turns are counted.
-
-    Returns
-    -------
-    array, shape (terms,)
-        Distances [m] and angles [rad].
+    ``near`` (terms,): approximate displacements, from which full turns are counted. Returns (terms,): distances [m] and
+    angles [rad].
     """
     result = []
     for part in model.couplers.values():
@@ -77,11 +66,6 @@ def check_couplers(model: Mechanism, moved: Mechanism) -> None:
     ``moved`` is the model in the new pose. The components of a rotation vector w from the reference pose change by
     e . J(w) omega, with J of ``rotations.inverse_jacobian``; after a finite w that differs from the coordinates of the
     joint in the new pose.
-
-    Raises
-    ------
-    ModelError
-        If a coupled homokinetic joint has turned.
     """
     if not model.couplers:
         return

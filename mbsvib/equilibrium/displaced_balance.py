@@ -21,17 +21,7 @@ if TYPE_CHECKING:
 def check_displacements(model: Mechanism) -> None:
     """Refuse a model whose beams and superelements state displacements that do not balance its loads.
 
-    Without stated displacements nothing is checked, as forces then follow from statics.
-
-    Raises
-    ------
-    EquilibriumError
-        If the residual is more than ``BALANCE`` of the forces that should cancel.
-
-    Warns
-    -----
-    LargeDisplacementWarning
-        If these displacements are not small.
+    Without stated displacements nothing is checked, as forces then follow from statics. Warns if they are not small.
     """
     if all(part.displacements is None for part in model.composed.values()):
         return

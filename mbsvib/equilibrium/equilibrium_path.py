@@ -137,15 +137,7 @@ def _yes(value: bool) -> str:
 
 
 def equilibrium_path(model: M, coordinate: str, values: ArrayLike, switch: int = 0) -> EquilibriumPath[M]:
-    """Return the equilibria of a model along values of a joint coordinate; see ``Model.path``.
-
-    Raises
-    ------
-    ModelError
-        If the coordinate is unknown, or its joint has several rotations.
-    EquilibriumError
-        If a value is not reached.
-    """
+    """Return the equilibria of a model along values of a joint coordinate; see ``Model.path``."""
     coordinate = str(coordinate)
     requested = np.atleast_1d(reals(values, "path", "values", "values of the coordinate [m, rad]")) + 0.0  # no -0
     if requested.ndim != 1 or not len(requested) or not np.isfinite(requested).all():

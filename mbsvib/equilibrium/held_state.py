@@ -135,13 +135,7 @@ def corrected(state: State | None, exact: bool = False) -> tuple[State, int] | N
 
 
 def started(at: PosedModel, coordinate: str) -> State:
-    """Return the equilibrium next to a pose while a coordinate is held where it is.
-
-    Raises
-    ------
-    EquilibriumError
-        If Newton's method does not find it.
-    """
+    """Return the equilibrium next to a pose while a coordinate is held where it is."""
     state = State(at, balance(at, [coordinate]), coordinate, 0.0)
     corrected_state = corrected(state, exact=True)
     if corrected_state is None:

@@ -151,19 +151,7 @@ def rule_of(joint: Joint) -> Rule:
 def in_groups(joints: Sequence[Joint], number: Mapping[str, int], origin: Array) -> list[tuple[Rule, Index, Joints]]:
     """Return joints in groups of one rule.
 
-    Parameters
-    ----------
-    joints : sequence of Joint
-        Joints in the reference pose.
-    number : mapping
-        Number of each body, ground included.
-    origin : array, shape (bodies + 1, 3)
-        Centres of mass in the reference pose [m], used as the points of joints that have none.
-
-    Returns
-    -------
-    list of (Rule, array, Joints)
-        For each rule, the numbers (k,) of its joints, and these joints.
+    ``origin`` (bodies + 1, 3): centres of mass in the reference pose [m], used as the points of joints that have none.
     """
     members: dict[int, list[int]] = {}
     rules = [rule_of(joint) for joint in joints]

@@ -18,13 +18,7 @@ TURNED = 0.15
 
 
 def warn_beyond(deformed: Mechanism) -> None:
-    """Warn of parts of a deformed model that bend beyond the range of small displacements.
-
-    Warns
-    -----
-    LargeDisplacementWarning
-        If nodes have turned by ``TURNED``.
-    """
+    """Warn of parts of a deformed model that bend beyond the range of small displacements, by ``TURNED``."""
     for part in deformed.composed.values():
         if part.displacements is None:
             continue

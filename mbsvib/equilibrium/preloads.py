@@ -37,13 +37,6 @@ def preloaded(model: M, selection: Sequence[Any] | str | bool) -> M:
     """Return the model with the preloads that hold it; see ``Model.equilibrium``.
 
     The preloads have the least norm, with moments divided by the size of the model.
-
-    Raises
-    ------
-    ModelError
-        If a name or pattern selects no spring, or only springs without stiffness.
-    EquilibriumError
-        If no preload of these holds the pose.
     """
     names = _selected(model, selection)
     none = {name: form.arguments(None) for name, form in _forms(model, names, 1.0).items()}

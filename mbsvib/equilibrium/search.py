@@ -32,13 +32,7 @@ M = TypeVar("M", bound=Mechanism)
 
 
 def equilibrium(model: M, snap: bool = False, cut: Sequence[str] = ()) -> Equilibrium[M]:
-    """Return the model in equilibrium; see ``Model.equilibrium``.
-
-    Raises
-    ------
-    EquilibriumError
-        If no such pose can be reached.
-    """
+    """Return the model in equilibrium; see ``Model.equilibrium``."""
     cut = tuple(names(cut, "equilibrium", "cut", ModelError))
     articulated_model = static_model(articulated(model))
     pose = start(articulated_model)
