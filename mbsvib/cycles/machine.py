@@ -124,8 +124,7 @@ def solved(plant: Machine, expressions: Statement) -> Solved:
     """
     kinematics, motion = expressions.motion.motion, plant.motion
     driven = np.array([kinematics.names.index(name) for name in motion.names], dtype=np.intp)
-    units = np.where(kinematics.turns, 1.0, plant.size)
-    row_units = np.where(kinematics.closure_turns, 1.0, plant.size)
+    units, row_units = kinematics.scales(plant.size)
     phi, _, phi_acceleration = expressions.closures
     position = expressions.compiled("closures", lambda: (ca.densify(phi), ca.densify(ca.jacobian(phi, expressions.q))))
     curved = expressions.compiled("bias", lambda: (phi_acceleration,))

@@ -43,7 +43,7 @@ class Connection(Part):
     @property
     def loaded(self) -> bool:
         """Whether it has a force in the reference pose."""
-        return False
+        return any(self.rest_wrench)
 
     @property
     def rest_wrench(self) -> tuple[float, ...]:

@@ -15,7 +15,7 @@ from mbsvib.common.arguments import Vector
 from mbsvib.elements import spring
 from mbsvib.elements.connection import Connection, check_ends, line_between, line_force
 from mbsvib.elements.part import ParameterField, Part, derived, vector_field
-from mbsvib.elements.preload_form import along_line
+from mbsvib.elements.preload_form import along
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
@@ -61,11 +61,6 @@ class Maxwell(Connection):
         return self.preload or 0.0
 
     @property
-    def loaded(self) -> bool:
-        """Whether it has a force in the reference pose."""
-        return bool(self.preload)
-
-    @property
     def rest_wrench(self) -> tuple[float, ...]:
         """Wrench (6,) [N, N m] on the second body in the reference pose."""
         return line_force(self.tension, self.line)
@@ -77,8 +72,8 @@ class Maxwell(Connection):
                            self.preload) if self.static_stiffness else None  # fmt: skip
 
     def preload_form(self, size: float) -> PreloadForm | None:
-        return along_line(self, self.static_stiffness, size, lambda tension: {"preload": tension}) \
-            if self.static_stiffness else None  # fmt: skip
+        direction = line_force(1.0, self.line)
+        return along(self, self.start, direction, self.static_stiffness, size, lambda tension: {"preload": tension})
 
     @property
     def node(self) -> str:

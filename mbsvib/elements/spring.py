@@ -14,7 +14,7 @@ from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.connection import Connection, check_ends, line_between, line_force
 from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.part import ParameterField, Part, derived, vector_field
-from mbsvib.elements.preload_form import along_line
+from mbsvib.elements.preload_form import along
 from mbsvib.elements.rows import columns
 from mbsvib.errors import ModelError
 
@@ -90,8 +90,8 @@ class Spring(Connection):
 
     def preload_form(self, size: float) -> PreloadForm | None:
         free: dict[str, Any] = {"free_length": None}
-        return along_line(self, self.stiffness, size, lambda tension: free | {"preload": tension}) \
-            if self.stiffness else None  # fmt: skip
+        direction = line_force(1.0, self.line)
+        return along(self, self.start, direction, self.stiffness, size, lambda tension: free | {"preload": tension})
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         if pose.is_unmoved(self.first) and pose.is_unmoved(self.second):

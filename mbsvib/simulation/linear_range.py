@@ -52,7 +52,7 @@ def linear_range(system: Equations, modes: Modes, share: float) -> tuple[Array, 
     outputs = measured(model.with_parts(outputs=motions), statement)
     independent = np.array([names.index(name) for name in system.coordinates], dtype=np.intp)
     parts = second_order(statement, outputs, independent, np.zeros(len(statement.inputs)))
-    scale = np.where(statement.motion.turns, 1.0, size_of(model))
+    scale, _ = statement.motion.scales(size_of(model))
     values, travel = (np.full((len(modes), len(system.outputs)), np.nan) for _ in range(2))
     columns = [outputs.names.index(name) for name in system.outputs if name in outputs.names]
     selected = [i for i, name in enumerate(system.outputs) if name in outputs.names]

@@ -210,5 +210,4 @@ def _in_element(part: ForceOutput, state: _State) -> Expression:
         return along
     q, qd, y = statement.motion.q, statement.motion.qd, statement.yields
     rest = ca.Function("rest", [q, qd, y, statement.motion.bases], [along])
-    eye = np.tile(np.eye(3).reshape(-1), len(statement.motion.based))
-    return along - float(rest(np.zeros(q.shape), np.zeros(qd.shape), np.zeros(y.shape), eye))
+    return along - float(rest(np.zeros(q.shape), np.zeros(qd.shape), np.zeros(y.shape), statement.motion.no_turns))

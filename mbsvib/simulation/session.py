@@ -70,10 +70,8 @@ class Session:
 def session(model: Mechanism, statement: FiniteMotion, signals: Signals, tolerance: float) -> Session:
     """Return a mechanism that is ready to be integrated."""
     motion = statement.motion
-    size = size_of(model)
-    scale = np.where(motion.turns, 1.0, size)
-    rows = np.where(motion.closure_turns, 1.0, 1.0 / size)
-    bases = np.tile(np.eye(3).reshape(-1), len(motion.based))
+    scale, closure_scale = motion.scales(size_of(model))
+    rows, bases = 1.0 / closure_scale, motion.no_turns
     rank = _rank(model, statement, scale, rows, bases)
     if rank == len(motion.names):
         raise ModelError(f"simulate: model '{model.name}' is fully locked; it has no motion to follow.",

@@ -56,8 +56,7 @@ def simulate(
                              element=name, field="inputs")  # fmt: skip
     driven = signals(inputs, tuple(statement.inputs), time)
     run = session(model, statement, driven, error)
-    bases = np.tile(np.eye(3).reshape(-1), len(run.free_rotations))
-    last = restarted_sample(run, initial_state(run, initial, float(time[0])), bases)
+    last = restarted_sample(run, initial_state(run, initial, float(time[0])), statement.motion.no_turns)
     samples, intervals, requested = [last], [0], set(np.searchsorted(driven.breaks, time).tolist())
     start = trace(run, samples, intervals)
     ends, complete, event = events(start, until), True, None
