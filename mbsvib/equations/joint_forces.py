@@ -22,7 +22,7 @@ from mbsvib.equations.inertia import inertia_tensor
 from mbsvib.equations.reactions import reactions
 from mbsvib.equations.shared_forces import shared_wrenches
 from mbsvib.equations.unresisted_motion import product_with_zeros
-from mbsvib.equations.wrench_pairs import WrenchPairs, wrenches_on_bodies
+from mbsvib.equations.wrench_pairs import unit_wrenches
 from mbsvib.kinematics.mobility import crossed_product
 from mbsvib.linalg.rotations import skew
 
@@ -176,10 +176,8 @@ def _spring_wrenches(
 ) -> tuple[Array, Array, Array]:  # fmt: skip
     """Wrenches of stiffness, damping and inertance on the bodies, (6, bodies + 1, m) per unit of q, q' and q''."""
     springs, locked = scene.springs, scene.locked
-    rows = springs.rows
     displacements = reduction.apply(relative.dense(locked, locked + len(springs.owner)))
-    unit_pairs = WrenchPairs(rows.first, rows.second, rows.point, rows.point, rows.force, rows.moment)
-    on_bodies = wrenches_on_bodies(unit_pairs, position)
+    on_bodies = unit_wrenches(springs.rows, position)
     result = np.zeros((3, 6, position.shape[1], displacements.shape[1]))
     for order, value in springs.weights:
         result[order] = on_bodies @ (-value[:, None] * displacements)
@@ -189,9 +187,8 @@ def _spring_wrenches(
 def _input_wrenches(scene: Scene, position: Array) -> Array:
     """Wrenches of unit inputs on the bodies, (6, bodies + 1, inputs)."""
     port, rows = scene.port, scene.port.rows.take(slice(len(scene.port.force_inputs)))
-    unit_pairs = WrenchPairs(rows.first, rows.second, rows.point, rows.point, rows.force, rows.moment)
     result = np.zeros((6, position.shape[1], len(port.input_units)))
-    result[:, :, port.force_inputs] = wrenches_on_bodies(unit_pairs, position)
+    result[:, :, port.force_inputs] = unit_wrenches(rows, position)
     return result
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.wrench_pairs import WrenchPairs, wrenches_on_bodies
+from mbsvib.equations.wrench_pairs import unit_wrenches
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -49,10 +49,8 @@ def shared_wrenches(
 
 def _on_bodies(composite: Composite, forces: Array, position: Array) -> Array:
     """Wrenches (6, bodies + 1, n) of forces (rows, n) along composite rows; none on internal coordinates."""
-    rows = composite.rows
-    pairs = WrenchPairs(rows.first, rows.second, rows.point, rows.point, rows.force, rows.moment)
     along_rows = composite.back(forces) * composite.moves_with_ground[:, None]
-    return np.asarray(np.einsum("cbr,rn->cbn", wrenches_on_bodies(pairs, position), along_rows))
+    return np.asarray(np.einsum("cbr,rn->cbn", unit_wrenches(composite.rows, position), along_rows))
 
 
 def _of_masses(composite: Composite, forces: Array, position: Array) -> Array:

@@ -6,17 +6,21 @@ Source: principle of virtual work; Haug, Computer Aided Kinematics and Dynamics 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.errors import EquilibriumError
 from mbsvib.linalg.rank import BALANCE, POSITION_ROUNDING
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
+    from mbsvib.elements import Joint
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.second_order_rows import SecondOrderRows
     from mbsvib.equations.self_stress import Undetermined
@@ -27,7 +31,6 @@ if TYPE_CHECKING:
 
 # Lever arms smaller than this share of the largest coordinate are taken for rounding of points.
 LEAST_LEVER = POSITION_ROUNDING / BALANCE
-_DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +56,7 @@ class Statics:
     @property
     def imbalance(self) -> float:
         """The largest unbalanced share of the forces along a coordinate."""
-        share = self.residual / np.where(self.size > 0.0, self.size, 1.0)
-        return float(np.abs(share).max(initial=0.0))
+        return float(shares(self.residual, self.size).max(initial=0.0))
 
 
 def balance(wrench: Array, size: Array, motion: Array, reach: float) -> tuple[Array, Array]:
@@ -99,38 +101,44 @@ def check_balance(
     off = off[np.abs(residual[off]) > (BALANCE * size + rounding(stiffness, scene.position, turns))[off]]
     if not len(off):
         return
-    names = [scene.coordinates.names[i] for i in reduction.independent.tolist()]
-    topology, share = scene.topology, np.abs(residual) / np.where(size > 0.0, size, 1.0)
+    share = shares(residual, size)
     worst = int(off[np.argmax(share[off])])
     more = "" if len(off) == 1 else f" {len(off) - 1} more of the coordinates are off balance too."
+    name = scene.coordinates.names[int(reduction.independent[worst])]
     missing = -float(residual[worst])
-    raise unbalanced(model, names[worst], bool(turns[worst]), missing, float(share[worst]), topology, more)
+    raise unbalanced(model, name, bool(turns[worst]), missing, float(share[worst]), scene.topology, more)
+
+
+def shares(residual: Array, size: Array) -> Array:
+    """Return the sizes (m,) of residuals as shares of the forces that should cancel."""
+    return np.asarray(np.abs(residual / np.where(size > 0.0, size, 1.0)))
 
 
 def unbalanced(
     model: str, coordinate: str, turns: bool, missing: float, share: float, topology: Topology, more: str = ""
 ) -> EquilibriumError:
-    """Return the error of a pose that is not in balance, by body, direction and missing force.
+    """Return the error of a pose that is not in balance, by body, direction and missing force [N or N m].
 
-    ``missing``: the missing force there [N or N m]. ``share``: the same as a share of the forces that should cancel.
+    ``share`` is that of the forces that should cancel, ``more`` a sentence on other coordinates.
     """
-    kind, unit = ("moment", "N m") if turns else ("force", "N")
-    joint, _, direction = coordinate.rpartition(".")
-    body, where = body_and_direction(joint, direction, topology)
+    text, details = unbalanced_force(coordinate, turns, missing, share, {part.name: part for part in topology.joints})
     return EquilibriumError(
-        f"model '{model}' is not in balance in the given pose: unbalanced {kind} on body '{body}', {missing:.6g} "
-        f"{unit} missing {where} ({share:.1e} of the forces that should cancel there; allowed {BALANCE:g}).{more} Find "
-        f"the pose with model.equilibrium(), or hold it with a load or a preload of a spring.",
-        body=body, coordinate=coordinate, missing=missing, unit=unit,
+        f"model '{model}' is not in balance in the given pose: {text}; allowed {BALANCE:g}).{more} Find the pose with "
+        f"model.equilibrium(), or hold it with a load or a preload of a spring.", **details,
     )  # fmt: skip
 
 
-def body_and_direction(joint: str, direction: str, topology: Topology) -> tuple[str, str]:
-    """Return the body that a coordinate moves, and a description of its direction."""
-    preposition = "along" if direction in _DIRECTIONS[:3] else "about"
-    axis = direction[-1:]
-    for part in topology.joints:
-        if part.name == joint:
-            body = part.second if part.second != "ground" else part.first
-            return body, f"{preposition} {axis} of joint '{joint}' (coordinate '{joint}.{direction}')"
-    return joint, f"{preposition} {axis}"
+def unbalanced_force(
+    coordinate: str, turns: bool, missing: float, share: float, joints: Mapping[str, Joint]
+) -> tuple[str, dict[str, Any]]:
+    """Return an unbalanced force in words, without the last bracket, and the fields of an ``EquilibriumError``."""
+    kind, unit = ("moment", "N m") if turns else ("force", "N")
+    owner, _, direction = coordinate.rpartition(".")
+    joint = joints.get(owner)
+    body = owner if joint is None else joint.first if joint.second == "ground" else joint.second
+    where = f"{'along' if direction in DIRECTIONS[:3] else 'about'} {direction[-1:]}"
+    if joint is not None and "." not in owner:  # those of nodes are no joints of the user
+        where += f" of joint '{owner}' (coordinate '{coordinate}')"
+    text = (f"unbalanced {kind} on body '{body}', {missing:.6g} {unit} missing {where} ({share:.1e} of the forces that "
+            f"should cancel there")  # fmt: skip
+    return text, {"body": body, "coordinate": coordinate, "missing": missing, "unit": unit}

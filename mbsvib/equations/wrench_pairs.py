@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements.rows import Rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,14 +75,14 @@ class WrenchPairs:
         return sums[:6], sums[6:]
 
 
-def wrenches_on_bodies(pairs: WrenchPairs, position: Array) -> Array:
-    """Return the wrenches of pairs on the bodies, one column a pair.
+def unit_wrenches(rows: Rows, position: Array) -> Array:
+    """Return the wrenches of unit forces along rows (n,) on the bodies, (6, bodies + 1, n).
 
-    ``position`` (3, bodies + 1): centres of mass and the origin [m]. Returns (6, bodies + 1, n): forces, then moments
-    about the centres of mass.
+    Forces, then moments about the centres of mass at ``position`` (3, bodies + 1); the origin for ground.
     """
-    first, second = pairs.incidence(position.shape[1] - 1)
-    a, b = (np.concatenate((pairs.force, pairs.torque + crossed_product(arm, pairs.force)))
-            for arm in pairs.arms(position))  # fmt: skip
-    result: Array = b[:, None] * second.T - a[:, None] * first.T
+    n = len(rows.first)
+    result, which = np.zeros((6, position.shape[1], n)), np.arange(n)
+    for body, sign in ((rows.second, 1.0), (rows.first, -1.0)):
+        moment = rows.moment + crossed_product(rows.point - position[:, body], rows.force)
+        result[:, body, which] += sign * np.concatenate((rows.force, moment))
     return result

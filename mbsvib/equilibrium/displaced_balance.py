@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mbsvib.equilibrium.articulation import articulated
-from mbsvib.equilibrium.balance import balance
+from mbsvib.equilibrium.balance import balance, unbalanced_force
 from mbsvib.equilibrium.linear_range import warn_beyond
-from mbsvib.equilibrium.messages import unbalanced_force
 from mbsvib.equilibrium.motion import posed_model
 from mbsvib.equilibrium.moved_parts import static_model
 from mbsvib.equilibrium.pose import start

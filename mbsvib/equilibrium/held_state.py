@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.equations.statics import shares
 from mbsvib.equilibrium.balance import balance
 from mbsvib.equilibrium.motion import close, same_branch
 from mbsvib.equilibrium.path import BALANCED, CLOSED, NEWTON_STEPS
@@ -55,8 +56,7 @@ class State:
     @property
     def share(self) -> float:
         """The residual along the other coordinates, as a share of the forces."""
-        size = self.forces.size[self.free]
-        return float(np.abs(self.forces.residual[self.free] / np.where(size > 0.0, size, 1.0)).max(initial=0.0))
+        return float(shares(self.forces.residual[self.free], self.forces.size[self.free]).max(initial=0.0))
 
     @cached_property
     def direction(self) -> Array:
@@ -103,8 +103,7 @@ def stepped(state: State, step: Array) -> State | None:
     """Return the state after a scaled step (m,) with loops closed, forces not balanced; None where loops cannot be."""
     forces = state.forces
     by = forces.scale * step
-    depends = np.ones(len(state.at.scale), dtype=bool)
-    depends[forces.reduction.independent] = False
+    depends = forces.depends
     try:
         at, opening = close(state.at.moved(forces.all_joints(by)), depends)
         if opening > max(CLOSED, at.rounding) or (at.cuts is not None and not same_branch(state.at, at, depends)):

@@ -69,9 +69,7 @@ def _after_step(at: PosedModel, step: Array, forces: Balance) -> tuple[PosedMode
         after, opening = close(at.moved(step))
         if opening > max(CLOSED, after.rounding):
             return None
-        depends = np.ones(len(step), dtype=bool)
-        depends[forces.reduction.independent] = False
-        return (after, balance(after)) if at.cuts is None or same_branch(at, after, depends) else None
+        return (after, balance(after)) if at.cuts is None or same_branch(at, after, forces.depends) else None
     except NoWordsError:
         raise
     except (ModelError, SingularPoseError):

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from mbsvib.elements.rows import Rows
-from mbsvib.equilibrium.balance import balance
-from mbsvib.equilibrium.messages import unbalanced_force
+from mbsvib.equilibrium.balance import balance, unbalanced_force
 from mbsvib.equilibrium.motion import posed_model
 from mbsvib.equilibrium.moved_parts import static_model
 from mbsvib.equilibrium.pose import start

@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING, TypeVar
 
 from mbsvib.common.expected import names
 from mbsvib.equilibrium.articulation import articulated
-from mbsvib.equilibrium.balance import balance
+from mbsvib.equilibrium.balance import balance, unbalanced_force
 from mbsvib.equilibrium.couplers import check_couplers
 from mbsvib.equilibrium.linear_range import warn_beyond
 from mbsvib.equilibrium.load_steps import with_share
-from mbsvib.equilibrium.messages import unbalanced_force
 from mbsvib.equilibrium.motion import posed_model
 from mbsvib.equilibrium.moved_parts import model_in_pose, static_model
 from mbsvib.equilibrium.path import BALANCED, descend, follow, is_stable, stiffness
