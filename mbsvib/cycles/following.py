@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg import qr
 
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError
+from mbsvib.linalg.minimum_norm import minimum_norm_solution
 from mbsvib.linalg.rank import NEAR_SINGULAR, REDUNDANT_LOOPS
 
 if TYPE_CHECKING:
@@ -159,7 +160,7 @@ def _check_mobility(loops: TreeClosures, motion: Prescribed) -> None:
     for name, row in zip(motion.names, motions, strict=True):
         if np.linalg.norm(row) < REDUNDANT_LOOPS:
             raise ModelError(f"cycle: the drive '{name}' does not move the mechanism: its loops hold that coordinate. "
-                             f"Drive one of {', '.join(_free(loops, matrix)) or 'none, it is fully locked'}.",
+                             f"Drive one of {', '.join(_moving(loops, matrix)) or 'none, it is fully locked'}.",
                              element=name, field="drive")  # fmt: skip
     rank = np.linalg.matrix_rank(motions, tol=REDUNDANT_LOOPS)
     if rank < len(motion.names):
@@ -179,16 +180,15 @@ def _motions(matrix: Array) -> Array:
     return np.asarray(v[rank:].T)
 
 
-def _undetermined(loops: TreeClosures, matrix: Array) -> list[str]:
-    """Coordinates that move while the driven ones stand still."""
-    motions = _motions(np.vstack([matrix, np.eye(len(loops.names))[loops.driven]]))
-    return [name for name, row in zip(loops.names, motions, strict=True) if np.linalg.norm(row) > REDUNDANT_LOOPS]
-
-
-def _free(loops: TreeClosures, matrix: Array) -> list[str]:
-    """Coordinates that move in some motion."""
+def _moving(loops: TreeClosures, matrix: Array) -> list[str]:
+    """Coordinates that move in some motion that changes none of the rows."""
     motions = _motions(matrix)
     return [name for name, row in zip(loops.names, motions, strict=True) if np.linalg.norm(row) > REDUNDANT_LOOPS]
+
+
+def _undetermined(loops: TreeClosures, matrix: Array) -> list[str]:
+    """Coordinates that move while the driven ones stand still."""
+    return _moving(loops, np.vstack([matrix, np.eye(len(loops.names))[loops.driven]]))
 
 
 def _neighbour(loops: TreeClosures) -> Array | None:
@@ -198,9 +198,7 @@ def _neighbour(loops: TreeClosures) -> Array | None:
         error, matrix = loops.openings(trial)
         if float(np.abs(error).max(initial=0.0)) < CLOSED:
             return matrix if np.abs(trial).max() > 1e-3 * NEARBY else None
-        u, values, v = np.linalg.svd(matrix, full_matrices=False)
-        significant = values > REDUNDANT_LOOPS * max(1.0, float(values.max(initial=0.0)))
-        trial = trial - v[significant].T @ ((u.T @ error)[significant] / values[significant])
+        trial = trial - minimum_norm_solution(matrix, error)
     return None
 
 

@@ -81,17 +81,12 @@ class Superelement(Composed):
         """
         return None if self.grounded else _root([name for name, _ in self.nodes], dict(self.bodies))
 
-    @property
-    def points_without_forces(self) -> list[Vector]:
-        """Points of its nodes without forces [m], in the frame of its root in this pose."""
-        return _without_forces(self.nodes, self.orientation, self.displacements)
-
     def without_forces(self) -> Superelement:
         """Return the superelement without forces, in the frame of its root in this pose."""
         if self.displacements is None:
             return self
-        nodes = tuple(zip(dict(self.nodes), self.points_without_forces, strict=True))
-        return replace(self, nodes=nodes, displacements=None)
+        points = _without_forces(self.nodes, self.orientation, self.displacements)
+        return replace(self, nodes=tuple(zip(dict(self.nodes), points, strict=True)), displacements=None)
 
     def node_weights(self) -> tuple[Array, Array]:
         """Return masses (nodes,) at which gravity acts on its nodes, none, as it acts along all coordinates, and the

@@ -11,6 +11,7 @@ import numpy as np
 from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.finite_motion.elastic_nodes import point_as_described
 from mbsvib.finite_motion.forces import velocity
+from mbsvib.finite_motion.frames import rate_in_motion
 from mbsvib.finite_motion.momentum import angular_momentum
 from mbsvib.finite_motion.rotations import logarithm
 from mbsvib.mechanism.mechanism import GROUND
@@ -140,8 +141,7 @@ class _State:
 
     def onward(self, expression: Expression) -> Expression:
         """The rate of an expression of q and q'."""
-        motion = self.statement.motion
-        return motion.rate(expression) + ca.jtimes(expression, motion.qd, self.qdd)
+        return rate_in_motion(expression, self.statement.motion.q, self.statement.motion.qd, self.qdd)
 
     @property
     def ground(self) -> Expression:
