@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 
 from mbsvib.cycles.expressions import statement
+from mbsvib.finite_motion.forces import velocity
 from mbsvib.finite_motion.joints import openings, point_of
 from mbsvib.finite_motion.rotations import Expression, axial
 from mbsvib.mechanism.mechanism import GROUND
@@ -57,7 +58,7 @@ def free_bodies(model: Mechanism, expressions: Statement, drives: Sequence[str])
         described = tree.numbers.vector(model.bodies[name], "position")
         origins[name] = tree.point(name, described)
         q[k : k + 3] = origins[name] - described
-        twist = ca.vertcat(tree.rate(origins[name]), tree.frames[name].vector(tree.angular_velocity(name)))
+        twist = ca.vertcat(*velocity(tree, name, described))
         qd[k : k + 6], qdd[k : k + 6] = twist, expressions.rate(twist)
         start = 9 * kinematics.based.index(name)
         bases[start : start + 9] = ca.vec(tree.frames[name].rotation)

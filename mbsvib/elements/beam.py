@@ -112,7 +112,6 @@ class Beam(Composed):
 
     @property
     def node_names(self) -> dict[str, Vector]:
-        """Names and points of the nodes that are bodies of their own."""
         return {body: point for i, (body, point) in enumerate(self.node_bodies) if body == f"{self.name}.{i}"}
 
     @property
@@ -127,12 +126,10 @@ class Beam(Composed):
 
     @property
     def generated_names(self) -> tuple[str, ...]:
-        """Names of the bodies, joints and springs that replace it in the equations."""
         return (*self.node_names, *self.element_names)
 
     @property
     def summary(self) -> str:
-        """Its name and the numbers of its elements and nodes."""
         kind = "Timoshenko" if self.shear else "Euler-Bernoulli"
         elements = counted(len(self.element_names), f"{kind} element")
         return f"beam '{self.name}': {elements}, {counted(len(self.node_names), 'node')} of its own"

@@ -47,12 +47,10 @@ class Maxwell(Connection):
 
     @property
     def family(self) -> str:
-        """Name of its family in texts."""
         return "Maxwell element"
 
     @property
     def body_positions(self) -> Mapping[str, Vector]:
-        """Names and positions [m] of the bodies that it adds to the mechanism."""
         return {self.node: self.end}
 
     @property
@@ -62,7 +60,6 @@ class Maxwell(Connection):
 
     @property
     def rest_wrench(self) -> tuple[float, ...]:
-        """Wrench (6,) [N, N m] on the second body in the reference pose."""
         return line_force(self.tension, self.line)
 
     @property

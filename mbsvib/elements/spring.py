@@ -65,17 +65,14 @@ class Spring(Connection):
 
     @property
     def loaded(self) -> bool:
-        """Whether it has a force in the reference pose."""
         return self.tension != 0.0
 
     @property
     def rest_wrench(self) -> tuple[float, ...]:
-        """Wrench (6,) [N, N m] on the second body in the reference pose."""
         return line_force(self.tension, self.line)
 
     @property
     def batched_fields(self) -> frozenset[str]:
-        """Fields whose values many variants can have at once."""
         # the tension follows from the ends if there is a free length
         ends = frozenset({"start", "end"} if self.free_length is None else ())
         return ends | {"stiffness", "damping"}

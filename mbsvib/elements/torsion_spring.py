@@ -63,7 +63,6 @@ class TorsionSpring(Connection):
 
     @property
     def rest_wrench(self) -> tuple[float, ...]:
-        """Wrench (6,) [N, N m] on the second body in the reference pose."""
         return (*NOWHERE, *((self.preload or 0.0) * entry for entry in self.axis))
 
     def preload_form(self, size: float) -> PreloadForm | None:

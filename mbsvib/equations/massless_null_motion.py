@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import blas, lapack
+from scipy.linalg import lapack
 
+from mbsvib.equations.unresisted_motion import null_motions
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import CERTAIN_MASS, CLOSURE_NOISE, DEPENDENT_ROWS, EPS
 
@@ -73,18 +74,13 @@ def null_space(rows: Array, size: Array, limit: float, rank: int | None = None) 
     with one in a coordinate in which the others are zero, the smallest pivot that counts as nonzero and the largest
     that counts as zero.
     """
-    m = rows.shape[1]
     safe = np.where(size > 0.0, size, 1.0)
     scaled = np.where(size > 0.0, rows / safe, 0.0)
     qr, order, _ = pivoted_qr(scaled)
     pivots = np.abs(qr.diagonal())
     if rank is None:
         rank = int(np.count_nonzero(pivots > limit))
-    null = np.zeros((m, m - rank))
-    null[order[rank:], np.arange(m - rank)] = 1.0
-    if 0 < rank < m:
-        null[order[:rank]] = blas.dtrsm(-1.0, qr[:rank, :rank], qr[:rank, rank:])
-        null *= safe[order[rank:]] / safe[:, None]
+    null = null_motions(qr, order, rank) * (safe[order[rank:]] / safe[:, None])
     return null, float(pivots[rank - 1]) if rank else 1.0, float(pivots[rank]) if rank < len(pivots) else 0.0
 
 

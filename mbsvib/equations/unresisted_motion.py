@@ -18,7 +18,7 @@ from mbsvib.linalg.rank import DEPENDENT_ROWS, EPS, LEAST_ROW, MASSLESS, ZERO_SU
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.equations import Equations
 
 
@@ -40,13 +40,18 @@ def free_motions(*parts: Array) -> Array:
     rows = np.concatenate(parts)
     row, column = _scales(np.abs(rows))
     qr, order, _ = pivoted_qr(rows * row[:, None] * column)
-    m = rows.shape[1]
     rank = int(np.count_nonzero(np.abs(qr.diagonal()) > DEPENDENT_ROWS))
-    free = np.zeros((m, m - rank))
-    free[order[rank:], np.arange(m - rank)] = 1.0
+    return np.asarray(column[:, None] * null_motions(qr, order, rank))
+
+
+def null_motions(qr: Array, order: Index, rank: int) -> Array:
+    """Return the null space (m, m - rank) of rows with this pivoted QR, each motion with one in another coordinate."""
+    m = qr.shape[1]
+    result = np.zeros((m, m - rank))
+    result[order[rank:], np.arange(m - rank)] = 1.0
     if 0 < rank < m:
-        free[order[:rank]] = blas.dtrsm(-1.0, qr[:rank, :rank], qr[:rank, rank:])
-    return column[:, None] * free
+        result[order[:rank]] = blas.dtrsm(-1.0, qr[:rank, :rank], qr[:rank, rank:])
+    return result
 
 
 def coordinate_sizes(system: Equations) -> Array:
