@@ -13,7 +13,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.elements import material as _material
 from mbsvib.elements import sections as _sections
-from mbsvib.elements.bent_pose import bent_nodes, is_unmoved
+from mbsvib.elements.elastic_part import bent_nodes, is_unmoved
 from mbsvib.elements.material import Material
 from mbsvib.elements.part import Composed, ParameterField, derived, vector_field
 from mbsvib.elements.sections import Properties, Shape

@@ -28,13 +28,16 @@ from mbsvib.elements.joint import Joint
 from mbsvib.elements.load import Load
 from mbsvib.elements.shared_rows import Node, SharedRows
 from mbsvib.linalg.products import eigenrows
-from mbsvib.linalg.rotations import inverse_jacobian, second_order
+from mbsvib.linalg.rank import ZERO_SUM
+from mbsvib.linalg.rotations import exponential, inverse_jacobian, logarithm, second_order
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements.part import Composed
+    from mbsvib.elements.pose import Pose
 
 NO_INERTIA = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -228,3 +231,27 @@ def wrenches(part: ElasticPart, row_forces: Array) -> tuple[list[Bushing], list[
             loads += [Load(f"{name}.{suffix}", name, tuple(six[:3]))
                       for name, six in zip(part.carriers, on_bodies.reshape(-1, 6).tolist(), strict=True) if any(six)]
     return bushings, loads
+
+
+def is_unmoved(part: Composed, pose: Pose) -> bool:
+    """Return whether all bodies of an elastic part are in the reference pose."""
+    carriers = [name for name in part.carriers if name in pose.number]
+    return all(map(pose.is_unmoved, (part.root, *(body for body, _ in part.node_bodies), *carriers)))
+
+
+def bent_nodes(part: Composed, before: Array, pose: Pose) -> tuple[Array, Array, bool]:
+    """Return the nodes of an elastic part in another pose.
+
+    ``before`` (n, 6): displacements of its nodes against its root in the reference pose [m, rad], world axes. Returns
+    the points (n, 3) of the nodes [m], their displacements (n, 6) against the root, and whether these have changed by
+    more than rounding.
+    """
+    points, root = np.array(part.points), pose.number[part.root]
+    which, frame = np.array([pose.number[body] for body, _ in part.node_bodies]), np.full(len(points), root)
+    moved_points, turn = pose.points(which, points), pose.rotations[root]
+    change = moved_points - pose.points(frame, points)
+    rotation = logarithm(turn.T @ pose.rotations[which] @ exponential(before[:, 3:]))
+    after = np.concatenate((before[:, :3] @ turn.T + change, rotation @ turn.T), axis=1)
+    extent = float(np.abs(np.concatenate((points, moved_points))).max())
+    turned = np.abs(rotation - before[:, 3:]).max()
+    return moved_points, after, bool(np.abs(change).max() > ZERO_SUM * extent or turned > ZERO_SUM)

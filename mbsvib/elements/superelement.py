@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
-from mbsvib.elements.bent_pose import bent_nodes, is_unmoved
+from mbsvib.elements.elastic_part import bent_nodes, is_unmoved
 from mbsvib.elements.part import Composed, derived
 from mbsvib.errors import ModelError, counted
 from mbsvib.linalg.products import eigenrows

@@ -9,10 +9,9 @@ from mbsvib.equilibrium.articulation import articulated
 from mbsvib.equilibrium.balance import balance, unbalanced_force
 from mbsvib.equilibrium.couplers import check_couplers
 from mbsvib.equilibrium.linear_range import warn_beyond
-from mbsvib.equilibrium.load_steps import with_share
 from mbsvib.equilibrium.motion import posed_model
 from mbsvib.equilibrium.moved_parts import model_in_pose, static_model
-from mbsvib.equilibrium.path import BALANCED, descend, follow, is_stable, stiffness
+from mbsvib.equilibrium.path import BALANCED, descend, follow, is_stable, stiffness, with_share
 from mbsvib.equilibrium.pose import start
 from mbsvib.equilibrium.preloads import without_rounding
 from mbsvib.equilibrium.report import Equilibrium, displacements
