@@ -13,14 +13,13 @@ from mbsvib.errors import ModelError
 from mbsvib.finite_motion.frames import rate_in_motion
 from mbsvib.finite_motion.momentum import angular_momentum
 from mbsvib.finite_motion.rotations import Expression
-from mbsvib.finite_motion.statement import finite_motion
+from mbsvib.finite_motion.statement import FiniteMotion, finite_motion
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-    from mbsvib.finite_motion.statement import FiniteMotion
     from mbsvib.mechanism.mechanism import Mechanism
 
 

@@ -12,18 +12,16 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from mbsvib.cycles.expressions import statement
+from mbsvib.cycles.expressions import Statement, statement
 from mbsvib.finite_motion.forces import velocity
 from mbsvib.finite_motion.joints import openings, point_of
 from mbsvib.finite_motion.rotations import Expression, axial
-from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.mechanism.mechanism import GROUND, Mechanism
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.cycles.expressions import Statement
     from mbsvib.elements import Joint
-    from mbsvib.mechanism.mechanism import Mechanism
 
 
 @dataclass(frozen=True)

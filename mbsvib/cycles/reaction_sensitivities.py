@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.cycles.free_bodies import free_bodies
+from mbsvib.cycles.free_bodies import FreeBodies, free_bodies
 from mbsvib.cycles.reactions import reactions
 from mbsvib.cycles.total_derivatives import dependent_derivatives, total_derivatives
 from mbsvib.finite_motion.evaluation import matrices
@@ -27,7 +27,6 @@ from mbsvib.mechanism.mechanism import GROUND
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-    from mbsvib.cycles.free_bodies import FreeBodies
     from mbsvib.cycles.result import CycleData
     from mbsvib.elements import Joint
     from mbsvib.finite_motion.rotations import Expression

@@ -15,7 +15,7 @@ from mbsvib.elements import material as _material
 from mbsvib.elements import sections as _sections
 from mbsvib.elements.elastic_part import bent_nodes, is_unmoved
 from mbsvib.elements.material import Material
-from mbsvib.elements.part import Composed, ParameterField, derived, vector_field
+from mbsvib.elements.part import Composed, ParameterField, Part, derived, vector_field
 from mbsvib.elements.sections import Properties, Shape
 from mbsvib.errors import ModelError, counted
 from mbsvib.linalg.rotations import exponential
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.bushing import Six
-    from mbsvib.elements.part import Part
     from mbsvib.elements.pose import Pose
 
 ELEMENTS = 8

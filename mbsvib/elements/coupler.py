@@ -20,7 +20,7 @@ from the respective pose.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import partial
 from typing import TYPE_CHECKING, Any, Self, TypeVar
@@ -30,8 +30,6 @@ from mbsvib.elements.part import ParameterField, Part, derived
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from mbsvib.elements.joint import Joint
 
 Terms = tuple[tuple[str, float], ...]

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.common.arguments import DIRECTIONS, UNIT6
+from mbsvib.common.arguments import DIRECTIONS, UNIT6, Vector
 from mbsvib.elements.body import Body
 from mbsvib.elements.bushing import ZERO, Bushing
 from mbsvib.elements.joint import Joint
@@ -34,7 +34,6 @@ from mbsvib.linalg.rotations import exponential, inverse_jacobian, logarithm, se
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.part import Composed
     from mbsvib.elements.pose import Pose

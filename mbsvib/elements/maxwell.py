@@ -15,14 +15,13 @@ from mbsvib.common.arguments import Vector
 from mbsvib.elements import spring
 from mbsvib.elements.connection import Connection, check_ends, line_between, line_force
 from mbsvib.elements.part import ParameterField, Part, derived, vector_field
-from mbsvib.elements.preload_form import along
+from mbsvib.elements.preload_form import PreloadForm, along
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from mbsvib.elements.pose import Pose
-    from mbsvib.elements.preload_form import PreloadForm
 
 # Smaller changes of the length, relative to the length, are rounding errors.
 ROUNDING = 1.6e-14

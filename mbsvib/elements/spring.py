@@ -14,7 +14,7 @@ from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.connection import Connection, check_ends, line_between, line_force
 from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.part import ParameterField, Part, derived, vector_field
-from mbsvib.elements.preload_form import along
+from mbsvib.elements.preload_form import PreloadForm, along
 from mbsvib.elements.rows import columns
 from mbsvib.errors import ModelError
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Mask
     from mbsvib.elements.pose import Pose
-    from mbsvib.elements.preload_form import PreloadForm
 
 # Forces below this fraction of stiffness times length are rounding errors of the length.
 ROUNDING = 1e-15

@@ -23,14 +23,13 @@ from mbsvib.elements.elastic_part import (
 )
 from mbsvib.elements.load import NONE, Load
 from mbsvib.elements.shared_rows import ExpandedPart, Node, SharedRows
-from mbsvib.elements.superelement import RIGID, rigid_motions
+from mbsvib.elements.superelement import RIGID, Superelement, rigid_motions
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import axial, skew
 
 if TYPE_CHECKING:
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.superelement import Superelement
 
 
 def expand(part: Superelement, *_: Any) -> ExpandedPart:

@@ -24,7 +24,7 @@ from mbsvib.common.arguments import Vector
 from mbsvib.elements import bushing
 from mbsvib.elements.connection import Connection, check_ends
 from mbsvib.elements.part import ParameterField, Part
-from mbsvib.elements.preload_form import along
+from mbsvib.elements.preload_form import PreloadForm, along
 from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import quaternion
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from mbsvib.elements.pose import Pose
-    from mbsvib.elements.preload_form import PreloadForm
 
 # Sine of half the swing angle below which the swing is a rounding error; squared cosine of half the largest, 3 rad.
 SWING, LARGEST_SWING = 1e-12, 5e-3

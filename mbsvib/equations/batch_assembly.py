@@ -13,7 +13,7 @@ from mbsvib.equations.batch_equations import FACTORS, BatchEquations
 from mbsvib.equations.batch_geometry import scene_of_variants
 from mbsvib.equations.batch_loops import LoopPivots, loop_pivots, reduce_batch
 from mbsvib.equations.batch_one_by_one import one_by_one
-from mbsvib.equations.batch_values import checked
+from mbsvib.equations.batch_values import Values, checked
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.inertia import check_mass
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
-    from mbsvib.equations.batch_values import Values
     from mbsvib.equations.scene import Scene
     from mbsvib.mechanism.mechanism import Mechanism
 

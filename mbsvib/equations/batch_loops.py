@@ -18,9 +18,9 @@ import numpy as np
 
 from mbsvib.equations.batch_geometry import scene_of_variant
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, counted
-from mbsvib.kinematics.loops import Reduction, reduce
+from mbsvib.kinematics.loops import Cuts, Reduction, reduce
 from mbsvib.kinematics.mobility import check_mobility, crossing_axes, phi_nearby, rods_in_loops
-from mbsvib.kinematics.relative_motion import arm
+from mbsvib.kinematics.relative_motion import Twists, arm
 from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, NEIGHBOUR_PIVOT, RANK_FACTOR
 from mbsvib.linalg.rotations import exponential
 
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loop_group import LoopGroup
-    from mbsvib.kinematics.loops import Cuts
-    from mbsvib.kinematics.relative_motion import Twists
 
     Mask = NDArray[np.bool_]
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.kinematics.mobility import crossed_product
-from mbsvib.mechanism.topology import FLOATS
+from mbsvib.mechanism.topology import FLOATS, Topology
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from mbsvib.elements import Joint
     from mbsvib.elements.rows import Rows
     from mbsvib.kinematics.loops import Cuts
-    from mbsvib.mechanism.topology import Topology
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.equations.base_motion import ground_motion
-from mbsvib.equations.force_paths import force_paths
+from mbsvib.equations.force_paths import ForcePaths, force_paths
 from mbsvib.equations.inertia import inertia_tensor
-from mbsvib.equations.reactions import reactions
+from mbsvib.equations.reactions import Reactions, reactions
 from mbsvib.equations.shared_forces import shared_wrenches
 from mbsvib.equations.unresisted_motion import product_with_zeros
 from mbsvib.equations.wrench_pairs import unit_wrenches
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body
     from mbsvib.equations.draft import Draft
-    from mbsvib.equations.force_paths import ForcePaths
-    from mbsvib.equations.reactions import Reactions
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.self_stress import SelfStress
     from mbsvib.equations.statics import Statics

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements.contribution import Contribution
-from mbsvib.equations.force_paths import force_paths
-from mbsvib.equations.geometric_stiffness import geometric_terms
+from mbsvib.equations.force_paths import ForcePaths, force_paths
+from mbsvib.equations.geometric_stiffness import GeometricTerms, geometric_terms
 from mbsvib.equations.reactions import reactions
 from mbsvib.equations.statement import JointRows, antisymmetric, joint_rows, minimal_rows, signed_squares
 from mbsvib.equations.statics import Statics, balance, check_balance
@@ -23,8 +23,6 @@ from mbsvib.linalg.rank import POSITION_ROUNDING
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.draft import Draft
-    from mbsvib.equations.force_paths import ForcePaths
-    from mbsvib.equations.geometric_stiffness import GeometricTerms
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.second_order_rows import SecondOrderRows
     from mbsvib.equations.wrenches import AppliedWrenches, Mask

@@ -20,11 +20,10 @@ import numpy as np
 from scipy.linalg import lapack
 
 from mbsvib.equations.force_paths import ForcePaths
-from mbsvib.equations.self_stress import of_loops
+from mbsvib.equations.self_stress import SelfStress, of_loops
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-    from mbsvib.equations.self_stress import SelfStress
     from mbsvib.kinematics.loops import Cuts, Reduction
     from mbsvib.kinematics.relative_motion import Twists
 

@@ -20,7 +20,7 @@ from mbsvib.equations.inertia import inertia_tensor
 from mbsvib.equations.statement import antisymmetric, minimal_rows
 from mbsvib.equations.steady_spin import check_steady, point_of, rows_at_point, spin_together, spin_velocities
 from mbsvib.errors import ModelError
-from mbsvib.kinematics.relative_motion import relative_motion
+from mbsvib.kinematics.relative_motion import Twists, relative_motion
 from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from mbsvib.equations.draft import Draft
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Reduction
-    from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.mechanism import Mechanism
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.kinematics.relative_motion import relative_motion
+from mbsvib.kinematics.relative_motion import Twists, relative_motion
 from mbsvib.linalg.rank import ZERO_SUM
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from mbsvib.elements.contribution import Contribution, Weights
     from mbsvib.elements.rows import Rows
     from mbsvib.kinematics.loops import Reduction
-    from mbsvib.kinematics.relative_motion import Twists
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.elements.rows import columns
+from mbsvib.elements.rows import Rows, columns
 from mbsvib.kinematics.mobility import crossed_product
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.rows import Rows
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ import numpy as np
 from mbsvib.elements import joint as _joint
 from mbsvib.elements.elastic_families import elastic_parts
 from mbsvib.elements.elastic_part import carrier_joints, massless_bodies, stiffness_of_forces, stiffness_rows
-from mbsvib.elements.shared_rows import Expansion
+from mbsvib.elements.shared_rows import Expansion, SharedRows
 from mbsvib.equations.expansion import expanded, with_elastic_forces
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.rebuilding import changed
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.shared_rows import SharedRows
     from mbsvib.equilibrium.report import Equilibrium
 
 M = TypeVar("M", bound=Mechanism)

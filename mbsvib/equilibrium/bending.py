@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from mbsvib.equilibrium.articulation import articulated
-from mbsvib.equilibrium.balance import balance
-from mbsvib.equilibrium.motion import close, posed_model
+from mbsvib.equilibrium.balance import Balance, balance
+from mbsvib.equilibrium.motion import PosedModel, close, posed_model
 from mbsvib.equilibrium.path import BALANCED, CLOSED, NEWTON_STEPS, newton_step
 from mbsvib.equilibrium.pose import start
 from mbsvib.errors import ModelError, SingularPoseError
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.equilibrium.balance import Balance
-    from mbsvib.equilibrium.motion import PosedModel
 
 M = TypeVar("M", bound=Mechanism)
 

@@ -9,7 +9,7 @@ import numpy as np
 from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.equations.expansion import expanded
 from mbsvib.errors import ModelError
-from mbsvib.kinematics.relative_motion import relative_motion
+from mbsvib.kinematics.relative_motion import Twists, relative_motion
 from mbsvib.linalg.rotations import logarithm
 
 if TYPE_CHECKING:
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from mbsvib.elements import Joint
     from mbsvib.equilibrium.pose import Pose
     from mbsvib.kinematics.couplings import Couplings
-    from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.mechanism import Mechanism
 
 # Rotation vectors shorter than this [rad] are rounding of a pose from Newton's method.

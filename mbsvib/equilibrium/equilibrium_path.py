@@ -12,8 +12,8 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.elements import bushing
 from mbsvib.equilibrium.articulation import articulated
-from mbsvib.equilibrium.continuation import led_to
-from mbsvib.equilibrium.held_state import started
+from mbsvib.equilibrium.continuation import Passed, led_to
+from mbsvib.equilibrium.held_state import State, started
 from mbsvib.equilibrium.motion import posed_model
 from mbsvib.equilibrium.moved import cut_elsewhere_of
 from mbsvib.equilibrium.moved_parts import static_model
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.common.arrays import Array
-    from mbsvib.equilibrium.continuation import Passed
-    from mbsvib.equilibrium.held_state import State
     from mbsvib.modes import Modes
 
 M = TypeVar("M", bound=Mechanism)

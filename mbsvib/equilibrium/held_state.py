@@ -9,16 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.equations.statics import shares
-from mbsvib.equilibrium.balance import balance
-from mbsvib.equilibrium.motion import close, same_branch
+from mbsvib.equilibrium.balance import Balance, balance
+from mbsvib.equilibrium.motion import PosedModel, close, same_branch
 from mbsvib.equilibrium.path import BALANCED, CLOSED, NEWTON_STEPS
 from mbsvib.errors import EquilibriumError, ModelError, SingularPoseError
 from mbsvib.linalg.rank import EPS, ZERO_STIFFNESS
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-    from mbsvib.equilibrium.balance import Balance
-    from mbsvib.equilibrium.motion import PosedModel
 
 # The longest correction [rad, mechanism sizes].
 FARTHEST = 0.2

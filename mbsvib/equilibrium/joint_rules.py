@@ -10,7 +10,7 @@ both bodies. A distance joint: the length of d is constant.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -20,8 +20,6 @@ from mbsvib.common.arguments import frame_along
 from mbsvib.linalg.rotations import axial, exponential, logarithm, skew
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Joint
     from mbsvib.equilibrium.pose import Pose

@@ -9,10 +9,10 @@ from mbsvib.equilibrium.articulation import articulated
 from mbsvib.equilibrium.balance import balance, unbalanced_force
 from mbsvib.equilibrium.couplers import check_couplers
 from mbsvib.equilibrium.linear_range import warn_beyond
-from mbsvib.equilibrium.motion import posed_model
+from mbsvib.equilibrium.motion import PosedModel, posed_model
 from mbsvib.equilibrium.moved_parts import model_in_pose, static_model
-from mbsvib.equilibrium.path import BALANCED, descend, follow, is_stable, stiffness, with_share
-from mbsvib.equilibrium.pose import start
+from mbsvib.equilibrium.path import BALANCED, SearchResult, descend, follow, is_stable, stiffness, with_share
+from mbsvib.equilibrium.pose import Pose, start
 from mbsvib.equilibrium.preloads import without_rounding
 from mbsvib.equilibrium.report import Equilibrium, displacements
 from mbsvib.errors import EquilibriumError, ModelError
@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.equilibrium.motion import PosedModel
-    from mbsvib.equilibrium.path import SearchResult
-    from mbsvib.equilibrium.pose import Pose
 
 M = TypeVar("M", bound=Mechanism)
 

@@ -27,14 +27,13 @@ from mbsvib.errors import ModelError
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.linalg.rank import MASSLESS
 from mbsvib.linalg.rotations import skew
-from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.mechanism.mechanism import GROUND, Mechanism
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.shared_rows import Node, SharedRows
-    from mbsvib.mechanism.mechanism import Mechanism
 
 
 ALL_SIX = (0, 1, 2, 3, 4, 5)

@@ -11,7 +11,7 @@ from mbsvib.elements.body import Body
 from mbsvib.elements.joint import make as make_joint
 from mbsvib.finite_motion.elastic_nodes import point_as_described
 from mbsvib.linalg.groups import part_numbers
-from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.mechanism.mechanism import GROUND, Mechanism
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.finite_motion.elastic_block import ElasticBlock
     from mbsvib.finite_motion.lagrange import FiniteMotion
-    from mbsvib.mechanism.mechanism import Mechanism
 
 # Derivatives below this share of the largest of their kind are rounding of zeros.
 ROUNDING = 1e-11

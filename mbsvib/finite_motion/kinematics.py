@@ -15,8 +15,8 @@ from mbsvib.finite_motion.elastic_nodes import coordinates_of, node_displacement
 from mbsvib.finite_motion.frames import REST, Frame, angular_velocity, rate
 from mbsvib.finite_motion.joints import displacement, openings, small_displacement, virtual_displacement
 from mbsvib.finite_motion.rotations import Expression
-from mbsvib.mechanism.mechanism import GROUND
-from mbsvib.mechanism.topology import FLOATS, cut_elsewhere, span
+from mbsvib.mechanism.mechanism import GROUND, Mechanism
+from mbsvib.mechanism.topology import FLOATS, Topology, cut_elsewhere, span
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from mbsvib.elements.coupler import Coupling
     from mbsvib.finite_motion.elastic_block import ElasticBlock
     from mbsvib.finite_motion.numbers import Numbers
-    from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.mechanism.topology import Topology
 
 
 @dataclass(frozen=True)

@@ -11,14 +11,13 @@ from mbsvib.errors import ModelError
 from mbsvib.finite_motion.statement import finite_motion
 from mbsvib.simulation.outputs import measured
 from mbsvib.simulation.reactions import is_reaction
-from mbsvib.simulation.second_order import second_order
+from mbsvib.simulation.second_order import SecondOrder, second_order
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.equations import Equations
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.modes.result import Modes
-    from mbsvib.simulation.second_order import SecondOrder
 
 # Parts of outputs below this share of the terms that they are sums of are rounding.
 ROUNDING = 1e-10

@@ -13,8 +13,8 @@ from mbsvib.finite_motion.elastic_nodes import point_as_described
 from mbsvib.finite_motion.forces import velocity
 from mbsvib.finite_motion.frames import rate_in_motion
 from mbsvib.finite_motion.momentum import angular_momentum
-from mbsvib.finite_motion.rotations import logarithm
-from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.finite_motion.rotations import Expression, logarithm
+from mbsvib.mechanism.mechanism import GROUND, Mechanism
 from mbsvib.simulation.beam_outputs import beam_of, element_force, strain
 from mbsvib.simulation.reactions import ReactionOutputs, is_reaction, reaction_outputs
 from mbsvib.simulation.states import continued
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements.ports import ForceOutput, Output
     from mbsvib.finite_motion.lagrange import FiniteMotion
-    from mbsvib.finite_motion.rotations import Expression
-    from mbsvib.mechanism.mechanism import Mechanism
 
 # Where the force of an element stands among the six of its axes.
 ABOUT_Z, ALONG_Z = 5, 2

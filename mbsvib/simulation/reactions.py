@@ -22,7 +22,7 @@ from mbsvib.equilibrium.pose_kinematics import size_of
 from mbsvib.finite_motion.evaluation import matrices
 from mbsvib.finite_motion.statement import with_virtual_displacements
 from mbsvib.linalg.rank import DETERMINED, REDUNDANT_LOOPS
-from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.mechanism.mechanism import GROUND, Mechanism
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.finite_motion.lagrange import FiniteMotion
-    from mbsvib.mechanism.mechanism import Mechanism
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -16,16 +16,13 @@ from mbsvib.linalg.rank import MASSLESS
 from mbsvib.simulation.charts import ScaledClosures, chart_at
 from mbsvib.simulation.equations import MotionEquations, motion_equations
 from mbsvib.simulation.integrator import Integrator
-from mbsvib.simulation.states import free_rotations
+from mbsvib.simulation.states import FreeRotation, free_rotations
 
 if TYPE_CHECKING:
-    from typing import Any
-
     from mbsvib.common.arrays import Array
     from mbsvib.finite_motion.lagrange import FiniteMotion
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.simulation.signals import Signals
-    from mbsvib.simulation.states import FreeRotation
 
 # Poses this far off (rad, mechanism sizes), in which as many closures must be independent as where a run starts.
 NEIGHBOUR = 1e-3

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -12,7 +12,7 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import names as as_names
 from mbsvib.common.interrupts import noticing_interrupts
-from mbsvib.common.progress import counting
+from mbsvib.common.progress import Progress, counting
 from mbsvib.equilibrium.linear_range import TURNED
 from mbsvib.errors import LargeDisplacementWarning, ModelError, SimulationError, nearest
 from mbsvib.finite_motion.statement import finite_motion
@@ -24,10 +24,7 @@ from mbsvib.simulation.stepping import march, restarted_sample
 from mbsvib.simulation.trace import Trace, trace
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from mbsvib.common.arrays import Array
-    from mbsvib.common.progress import Progress
     from mbsvib.mechanism.mechanism import Mechanism
 
 # Tolerances for which the integrator is made.
