@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mbsvib.equilibrium.articulation import articulated
-from mbsvib.equilibrium.balance import balance
-from mbsvib.equilibrium.flexible_parts import flexible
+from mbsvib.equilibrium.balance import balance, unbalanced_force
 from mbsvib.equilibrium.linear_range import warn_beyond
-from mbsvib.equilibrium.messages import unbalanced_force
 from mbsvib.equilibrium.motion import posed_model
 from mbsvib.equilibrium.moved_parts import static_model
 from mbsvib.errors import EquilibriumError
@@ -21,19 +19,9 @@ if TYPE_CHECKING:
 def check_displacements(model: Mechanism) -> None:
     """Refuse a model whose beams and superelements state displacements that do not balance its loads.
 
-    Without stated displacements nothing is checked, as forces then follow from statics.
-
-    Raises
-    ------
-    EquilibriumError
-        If the residual is more than ``BALANCE`` of the forces that should cancel.
-
-    Warns
-    -----
-    LargeDisplacementWarning
-        If these displacements are not small.
+    Without stated displacements nothing is checked, as forces then follow from statics. Warns if they are not small.
     """
-    if all(part.displacements is None for part in flexible(model)):
+    if all(part.displacements is None for part in model.composed.values()):
         return
     at = posed_model(static_model(articulated(model)))
     forces = balance(at)

@@ -12,8 +12,8 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.elements import bushing
 from mbsvib.equilibrium.articulation import articulated
-from mbsvib.equilibrium.continuation import led_to
-from mbsvib.equilibrium.held_state import started
+from mbsvib.equilibrium.continuation import Passed, led_to
+from mbsvib.equilibrium.held_state import State, started
 from mbsvib.equilibrium.motion import posed_model
 from mbsvib.equilibrium.moved import cut_elsewhere_of
 from mbsvib.equilibrium.moved_parts import static_model
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.common.arrays import Array
-    from mbsvib.equilibrium.continuation import Passed
-    from mbsvib.equilibrium.held_state import State
     from mbsvib.modes import Modes
 
 M = TypeVar("M", bound=Mechanism)
@@ -136,15 +134,7 @@ def _yes(value: bool) -> str:
 
 
 def equilibrium_path(model: M, coordinate: str, values: ArrayLike, switch: int = 0) -> EquilibriumPath[M]:
-    """Return the equilibria of a model along values of a joint coordinate; see ``Model.path``.
-
-    Raises
-    ------
-    ModelError
-        If the coordinate is unknown, or its joint has several rotations.
-    EquilibriumError
-        If a value is not reached.
-    """
+    """Return the equilibria of a model along values of a joint coordinate; see ``Model.path``."""
     coordinate = str(coordinate)
     requested = np.atleast_1d(reals(values, "path", "values", "values of the coordinate [m, rad]")) + 0.0  # no -0
     if requested.ndim != 1 or not len(requested) or not np.isfinite(requested).all():

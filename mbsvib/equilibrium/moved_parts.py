@@ -20,11 +20,6 @@ def model_in_pose(model: M, pose: Pose, relaxed: bool = False) -> M:
     Points and axes go with the bodies that they belong to; forces fixed in the world and the directions of inputs and
     outputs stay as they are. If ``relaxed``, springs and bushings keep the forces of the reference pose; otherwise
     these follow from the motion.
-
-    Raises
-    ------
-    ModelError
-        If a part cannot be described in that pose.
     """
     families: dict[type[Part], list[Part]] = {}
     for group in model.groups().values():

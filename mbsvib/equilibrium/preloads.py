@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from mbsvib.elements.rows import Rows
-from mbsvib.equilibrium.balance import balance
-from mbsvib.equilibrium.messages import unbalanced_force
-from mbsvib.equilibrium.motion import posed_model
+from mbsvib.equilibrium.balance import Balance, balance, unbalanced_force
+from mbsvib.equilibrium.motion import PosedModel, posed_model
 from mbsvib.equilibrium.moved_parts import static_model
 from mbsvib.errors import EquilibriumError, ModelError, nearest
 from mbsvib.kinematics.relative_motion import relative_motion
@@ -23,8 +22,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.preload_form import PreloadForm
-    from mbsvib.equilibrium.balance import Balance
-    from mbsvib.equilibrium.motion import PosedModel
 
 M = TypeVar("M", bound=Mechanism)
 
@@ -36,13 +33,6 @@ def preloaded(model: M, selection: Sequence[Any] | str | bool) -> M:
     """Return the model with the preloads that hold it; see ``Model.equilibrium``.
 
     The preloads have the least norm, with moments divided by the size of the model.
-
-    Raises
-    ------
-    ModelError
-        If a name or pattern selects no spring, or only springs without stiffness.
-    EquilibriumError
-        If no preload of these holds the pose.
     """
     names = _selected(model, selection)
     none = {name: form.arguments(None) for name, form in _forms(model, names, 1.0).items()}

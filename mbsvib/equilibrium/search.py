@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING, TypeVar
 
 from mbsvib.common.expected import names
 from mbsvib.equilibrium.articulation import articulated
-from mbsvib.equilibrium.balance import balance
+from mbsvib.equilibrium.balance import balance, unbalanced_force
 from mbsvib.equilibrium.couplers import check_couplers
 from mbsvib.equilibrium.linear_range import warn_beyond
-from mbsvib.equilibrium.load_steps import with_share
-from mbsvib.equilibrium.messages import unbalanced_force
-from mbsvib.equilibrium.motion import posed_model
+from mbsvib.equilibrium.motion import PosedModel, posed_model
 from mbsvib.equilibrium.moved_parts import model_in_pose, static_model
-from mbsvib.equilibrium.path import BALANCED, descend, follow, is_stable, stiffness
+from mbsvib.equilibrium.path import BALANCED, SearchResult, descend, follow, is_stable, stiffness, with_share
+from mbsvib.equilibrium.pose import Pose
 from mbsvib.equilibrium.preloads import without_rounding
 from mbsvib.equilibrium.report import Equilibrium, displacements
 from mbsvib.errors import EquilibriumError, ModelError
@@ -23,21 +22,12 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.equilibrium.motion import PosedModel
-    from mbsvib.equilibrium.path import SearchResult
-    from mbsvib.equilibrium.pose import Pose
 
 M = TypeVar("M", bound=Mechanism)
 
 
 def equilibrium(model: M, snap: bool = False, cut: Sequence[str] = ()) -> Equilibrium[M]:
-    """Return the model in equilibrium; see ``Model.equilibrium``.
-
-    Raises
-    ------
-    EquilibriumError
-        If no such pose can be reached.
-    """
+    """Return the model in equilibrium; see ``Model.equilibrium``."""
     cut = tuple(names(cut, "equilibrium", "cut", ModelError))
     first = posed_model(static_model(articulated(model)), cut=cut)
     before = balance(first)
