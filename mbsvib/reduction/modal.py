@@ -24,12 +24,7 @@ RTOL = 1e-12
 class ModalTruncation:
     """Undamped modes in the order of their contributions, of which the first ones make a reduced model.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    corrected : bool
-        Whether the static response of the modes left out goes into D.
+    ``corrected``: whether the static response of the modes left out goes into D.
     """
 
     def __init__(self, system: Equations, corrected: bool) -> None:

@@ -22,16 +22,9 @@ RESPONSE_RTOL = 1e-13
 
 
 class Basis:
-    """Modes and bases of one set of equations; each is computed once.
+    """Modes of the class ``form`` and bases of one set of equations; each is computed once.
 
-    Parameters
-    ----------
-    equations : Equations
-        The equations of motion.
-    form : type
-        The class of their modes.
-    source : Basis, optional
-        That of the same equations with other inputs and outputs, whose modes are shared.
+    ``source``: the basis of the same equations with other inputs and outputs, whose modes are shared.
     """
 
     def __init__(self, equations: Equations, form: type[Modes] = Modes, source: Basis | None = None) -> None:

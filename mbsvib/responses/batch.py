@@ -36,15 +36,7 @@ PIECE_BYTES = 2**22
 
 
 class BatchBasis:
-    """Modes of all variants of a batch; they are computed once.
-
-    Parameters
-    ----------
-    batch : BatchEquations
-        The equations of all variants.
-    form : type
-        The class of the modes of single variants.
-    """
+    """Modes of all variants of a batch, with those of single variants of the class ``form``; they are computed once."""
 
     def __init__(self, batch: BatchEquations, form: type[Modes] = Modes) -> None:
         self.batch = batch

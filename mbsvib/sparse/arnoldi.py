@@ -60,21 +60,9 @@ def arnoldi(
 ) -> Ritz:  # fmt: skip
     """Return Ritz values and vectors of a linear operator, the largest first.
 
-    Parameters
-    ----------
-    apply : callable
-        The operator on columns (n, b).
-    start : array, shape (n, b)
-        The first block.
-    enough : callable
-        Tells whether the Ritz values suffice, which ends the iteration.
-    dimensions : tuple of int
-        Dimension of the basis at which they are first computed, and the maximum.
-
-    Returns
-    -------
-    Ritz
-        The values; they may not suffice if the basis has its maximum dimension.
+    ``apply``: the operator on columns (n, b). ``start`` (n, b): the first block. ``enough``: tells whether the Ritz
+    values suffice, which ends the iteration. ``dimensions``: those of the basis at which they are first computed, and
+    at most; there they may not suffice.
     """
     block = np.linalg.qr(start)[0]
     n, limit = len(block), min(dimensions[1], len(block))

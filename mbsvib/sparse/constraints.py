@@ -118,31 +118,7 @@ class Constraints:
 def constraints(
     topology: Topology, bodies: list[Body], number: Mapping[str, int], tree: Tree, couplers: Coupled | None = None
 ) -> Constraints:
-    """Return the locked rows of the cut joints and which of them are independent.
-
-    Parameters
-    ----------
-    topology : Topology
-        The spanning tree and the cut joints.
-    bodies : list of Body
-        The bodies in order.
-    number : mapping
-        Number of each body, ground included.
-    tree : Tree
-        The tree's arrays.
-    couplers : Coupled, optional
-        Linear relations of joint coordinates.
-
-    Returns
-    -------
-    Constraints
-        Rows and rank decisions.
-
-    Raises
-    ------
-    SingularPoseError
-        If the rank of a group is in doubt.
-    """
+    """Return the locked rows of the cut joints and which of them are independent; refused if a rank is in doubt."""
     cuts = cut_rows(topology, bodies, number)
     rows = Rows.stack([]) if cuts is None else cuts.rows
     names: list[str] = [] if cuts is None else [*cuts.names]

@@ -76,12 +76,9 @@ class ForceSums:
         return Release(self.tree, self.layout, self.closure)
 
     def outputs(self) -> tuple[tuple[csr_matrix, csr_matrix, csr_matrix], Array]:
-        """Return rows of all outputs that are forces in joints or sums of forces, and zeros for the others.
+        """Return rows of the outputs that are forces in joints or sums of forces, and zeros for the others.
 
-        Returns
-        -------
-        tuple
-            Rows (outputs, size) for displacement, velocity and acceleration, and D (outputs, inputs).
+        Rows (outputs, size) for displacement, velocity and acceleration, and D (outputs, inputs)
         """
         from scipy.sparse import csr_matrix
 

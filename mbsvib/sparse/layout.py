@@ -47,12 +47,9 @@ class Layout:
         return np.where(self.displacement >= 0, self.displacement + self.behind[:, None], -1)
 
     def balance(self) -> tuple[Index, Array]:
-        """Return for every unknown the equation with the forces that do work on it, and their sign in this equation.
+        """Return for every unknown the equation with the forces that do work on it, and their sign in it, (size,) each.
 
-        Returns
-        -------
-        tuple of arrays, shape (size,)
-            Row of the tableau, and -1 for displacements, +1 for coordinates and multipliers, 0 for h.
+        The sign is -1 for displacements, +1 for coordinates and multipliers, 0 for h.
         """
         row, sign = np.arange(self.size), np.zeros(self.size)
         at = self.displacement >= 0
@@ -64,21 +61,9 @@ class Layout:
 
 
 def layout(tree: Tree, loops: int = 0, path_joints: tuple[Index, Index] | None = None) -> Layout:
-    """Return the layout of a tree with multipliers.
+    """Return the layout of a tree with ``loops`` multipliers.
 
-    Parameters
-    ----------
-    tree : Tree
-        The spanning tree.
-    loops : int
-        Number of multipliers.
-    path_joints : pair of arrays, optional
-        Multiplier and outer body of every joint on the path of a loop.
-
-    Returns
-    -------
-    Layout
-        Positions of all unknowns.
+    ``path_joints``: multiplier and outer body of every joint on the path of a loop.
     """
     n = len(tree.parent)
     inward = tree.outward[::-1]
@@ -104,19 +89,9 @@ def layout(tree: Tree, loops: int = 0, path_joints: tuple[Index, Index] | None =
 
 
 def kinematics(tree: Tree, layout: Layout) -> csr_matrix:
-    """Return the equations of the joints, without stiffness: x = X(c - c_parent) x_parent + T q, and force balance.
+    """Return the equations of the joints without stiffness (size, size), and their forces in the other equations.
 
-    Parameters
-    ----------
-    tree : Tree
-        The spanning tree.
-    layout : Layout
-        Positions of the unknowns.
-
-    Returns
-    -------
-    csr_matrix, shape (size, size)
-        The equations of kinematics, and the contributions of the joints' forces to the other equations.
+    x = X(c - c_parent) x_parent + T q, h = sum of X^T h_child + ..., T^T h + ... = 0
     """
     from scipy.sparse import csr_matrix
 

@@ -56,36 +56,11 @@ def massless_motions(
     tree: Tree, layout: Layout, inertia: SpatialInertia, shared: Shared | None, kinematics: csr_matrix,
     factor: csr_matrix, loops: csr_matrix,
 ) -> Motions | None:  # fmt: skip
-    """Return the motions without mass that joints and loops allow.
+    """Return the motions without mass that joints and loops allow, None if there are none.
 
-    x - X x_parent - T q = 0,  W x = 0,  Phi (x, q) = 0
+    x - X x_parent - T q = 0, W x = 0, Phi (x, q) = 0
 
-    Parameters
-    ----------
-    tree : Tree
-        The spanning tree.
-    layout : Layout
-        Positions of the unknowns.
-    inertia : SpatialInertia
-        Square roots of the bodies' inertia.
-    shared : Shared or None
-        Inertia shared by several bodies.
-    kinematics : csr_matrix, shape (size, size)
-        The equations of kinematics.
-    factor : csr_matrix, shape (inertia rows, size)
-        W of M = W^T W.
-    loops : csr_matrix, shape (multipliers, size)
-        Independent locked rows.
-
-    Returns
-    -------
-    Motions or None
-        None if every motion has mass.
-
-    Raises
-    ------
-    SingularPoseError
-        If rounding does not allow to decide which motions have mass.
+    ``factor`` (inertia rows, size): W of M = W^T W. ``loops`` (multipliers, size): independent locked rows.
     """
     if inertia.regular:
         return None

@@ -26,24 +26,7 @@ if TYPE_CHECKING:
 
 
 def check_mobility(tree: Tree, closure: Constraints, layout: Layout, tableau: Tableau) -> None:
-    """Refuse a pose in which fewer constraints are independent than in neighbouring poses.
-
-    Parameters
-    ----------
-    tree : Tree
-        The spanning tree.
-    closure : Constraints
-        Locked rows and rank decisions.
-    layout : Layout
-        Positions of the unknowns.
-    tableau : Tableau
-        The equations, of which the kinematics are used.
-
-    Raises
-    ------
-    SingularPoseError
-        If the rank of the constraints is higher in neighbouring poses.
-    """
+    """Refuse a pose in which fewer constraints are independent than in neighbouring poses."""
     groups = [group for group in closure.groups if group.redundant]
     if not groups or len(tree.names) <= len(layout.multiplier):
         return

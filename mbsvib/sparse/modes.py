@@ -59,30 +59,9 @@ def modes(
     system: SparseEquations, k: int, near: float = 0.0, dense: type[Equations] = Equations,
     form: type[M] = SomeModes,  # type: ignore[assignment]
 ) -> M:  # fmt: skip
-    """Return the k lowest modes, or the k nearest to a frequency.
+    """Return the k lowest modes, or the k nearest to a frequency ``near`` [Hz], in ascending natural frequency.
 
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-    k : int
-        Number of modes.
-    near : float
-        Frequency [Hz], 0 for the lowest.
-    dense : type
-        The class of the small dense equations.
-    form : type
-        The class of the modes.
-
-    Returns
-    -------
-    SomeModes
-        Modes in ascending natural frequency.
-
-    Raises
-    ------
-    ResponseError
-        If k or the frequency are not valid.
+    ``dense``, ``form``: the classes of the small dense equations and of the modes.
     """
     _check(system, k, near)
     missed = None

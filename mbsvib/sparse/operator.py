@@ -96,21 +96,9 @@ class Operator:
 
 
 def operator(system: SparseEquations, sigma: float | None, requested: int) -> Operator:
-    """Return T at a shift, or near zero for the lowest modes.
+    """Return T at a shift ``sigma`` [rad^2/s^2], or near zero for the lowest modes.
 
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-    sigma : float, optional
-        Square of an angular frequency [rad^2/s^2]; None for the lowest modes.
-    requested : int
-        Number of wanted modes, which limits the number of rigid-body modes.
-
-    Returns
-    -------
-    Operator
-        The factored operator.
+    ``requested``: number of wanted modes, which limits that of rigid-body modes.
     """
     quadratic = Quadratic(system)
     first = Operator(quadratic, sigma or 0.0, _factor(system, sigma or 0.0), np.zeros((system.layout.size, 0)),

@@ -24,20 +24,7 @@ SINGULAR = 1e-3
 
 
 def forces(layout: Layout, rows: Any) -> Array:
-    """Return right sides of the tableau for unit forces that act along rows of relative displacement.
-
-    Parameters
-    ----------
-    layout : Layout
-        Positions of the unknowns.
-    rows : csr_matrix, shape (n, size)
-        The rows.
-
-    Returns
-    -------
-    array, shape (size, n)
-        One column per row.
-    """
+    """Return right sides of the tableau (size, n) for unit forces along rows of relative displacement (n, size)."""
     row_of, sign = layout.balance()
     entries = rows.tocoo()
     right = np.zeros((layout.size, rows.shape[0]))
@@ -46,25 +33,7 @@ def forces(layout: Layout, rows: Any) -> Array:
 
 
 def frequency_response(system: SparseEquations, omega: ArrayLike) -> Complex:
-    """Return G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D.
-
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-    omega : array-like, shape (n,)
-        Angular frequencies [rad/s].
-
-    Returns
-    -------
-    array, shape (outputs, inputs, n)
-        Complex responses.
-
-    Raises
-    ------
-    ResponseError
-        If a frequency is not finite or is an undamped pole.
-    """
+    """Return G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D, (outputs, inputs, n), at ``omega`` (n,)."""
     w = angular(omega)
     right = forces(system.layout, system.input_rows)
     damped = bool(system.row_damping.any()) or system.gyroscopic is not None
@@ -85,23 +54,7 @@ def frequency_response(system: SparseEquations, omega: ArrayLike) -> Complex:
 
 
 def static_compliance(system: SparseEquations) -> Array:
-    """Return Cq K^-1 B + D.
-
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-
-    Returns
-    -------
-    array, shape (outputs, inputs)
-        Static displacements per unit input.
-
-    Raises
-    ------
-    ResponseError
-        If the stiffness is singular.
-    """
+    """Return Cq K^-1 B + D, (outputs, inputs)."""
     answer = _answer(system, forces(system.layout, system.input_rows), 0.0, False)
     if answer is None:
         raise ResponseError(

@@ -75,22 +75,8 @@ def general_modes(
 ) -> tuple[Equations, Modes, Array, Index]:
     """Return the modes whose natural frequencies are nearest to a frequency, of unsymmetric equations.
 
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-    k : int
-        Number of modes.
-    near : float
-        Frequency [Hz], 0 for the lowest.
-    form : type
-        The class of the small dense equations.
-
-    Returns
-    -------
-    tuple
-        The small system, its modes, a bound of the relative error of each eigenvalue by truncation of the subspace, and
-        the numbers of the wanted modes.
+    ``near`` [Hz], 0 for the lowest. Returns the small system of the class ``form``, its modes, a bound of the relative
+    error of each eigenvalue by truncation of the subspace, and the numbers of the wanted modes.
     """
     quadratic, centre = Quadratic(system), 2.0 * np.pi * near
 
@@ -277,18 +263,7 @@ def _nearest_to(quadratic: Quadratic, sigma: complex) -> Array:
 
 
 def coordinates(system: SparseEquations) -> Array:
-    """Return a basis of all motions: unit joint coordinates, combined in loops.
-
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-
-    Returns
-    -------
-    array, shape (size, dof)
-        Displacements and joint coordinates; exact up to the rounding of the geometry.
-    """
+    """Return a basis of all motions (size, dof): unit joint coordinates, combined in loops; exact up to rounding."""
     from scipy.sparse.linalg import splu
 
     layout, tree, m = system.layout, system.structure, len(system.joint_coordinates)

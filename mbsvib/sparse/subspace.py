@@ -55,22 +55,7 @@ class Subspace:
 
 
 def subspace(system: SparseEquations, k: int, near: float) -> Subspace:
-    """Return vectors that span the k lowest modes, or the k nearest to a frequency, and some more.
-
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-    k : int
-        Number of modes.
-    near : float
-        Frequency [Hz], 0 for the lowest.
-
-    Returns
-    -------
-    Subspace
-        The vectors and estimates of their accuracy.
-    """
+    """Return vectors that span the k lowest modes, or the k nearest to a frequency ``near`` [Hz], and some more."""
     t, centre = _operator_near(system, near, k)
     rigid = t.rigid.shape[1]
     flexible = system.dof - ((t.total or 0) if t.sigma == 0.0 else 0)
@@ -229,21 +214,10 @@ def _rigid_by_strain(space: Subspace, total: int) -> Subspace:
 
 
 def strains(system: SparseEquations, z: Array, rigid: int) -> tuple[Array, Array]:
-    """Return the elastic displacements D z, with exact zeros for rounding errors, and the sizes of their terms.
+    """Return the elastic displacements D z (rows, n), rounding as exact zeros, and the sums of the sizes of their
+    terms.
 
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-    z : array, shape (size, n)
-        Displacements and coordinates.
-    rigid : int
-        Number of the first vectors that deform no spring.
-
-    Returns
-    -------
-    tuple of arrays, shape (rows, n)
-        Elastic displacements, and the sum of the sizes of their terms.
+    The first ``rigid`` of the vectors ``z`` (size, n) deform no spring.
     """
     e = np.asarray(system.elastic_rows @ z)
     terms = np.asarray(abs(system.elastic_rows) @ np.abs(z))

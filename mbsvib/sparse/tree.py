@@ -72,20 +72,7 @@ class Tree:
 
 
 def tree(topology: Topology, bodies: list[Body]) -> Tree:
-    """Return the tree's arrays.
-
-    Parameters
-    ----------
-    topology : Topology
-        The spanning tree.
-    bodies : list of Body
-        The bodies in the topology's order.
-
-    Returns
-    -------
-    Tree
-        Coordinates in the order of the dense path: by joint as added, those of floating bodies last.
-    """
+    """Return the tree's arrays, coordinates as in the dense path: by joint as added, those of floating bodies last."""
     n = len(bodies)
     names: list[str] = []
     six: list[tuple[float, ...]] = []

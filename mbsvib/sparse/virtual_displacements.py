@@ -63,18 +63,7 @@ class Release:
         return x, splu(rows[:, x].tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0), rows[:, layout.coordinate]
 
     def unknowns(self, target: Array) -> Array:
-        """Return coordinates and displacements (size,) of the motion.
-
-        Parameters
-        ----------
-        target : array, shape (locked rows,)
-            Prescribed displacement of each row.
-
-        Returns
-        -------
-        array
-            The motion over the unknowns of the tableau.
-        """
+        """Return the motion (size,) with prescribed displacements ``target`` (locked rows,)."""
         q = np.zeros(len(self._tree.names))
         for k in np.unique(self._group[np.flatnonzero(target)]).tolist():
             group = self._closure.groups[k]
