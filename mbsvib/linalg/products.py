@@ -64,6 +64,12 @@ def _combined(rows: Array, value: Array) -> Array:
     return result
 
 
+def square_difference(square: Array, w: Array) -> Array:
+    """Return omega^2 - w^2 of squares omega^2, which may be negative; as a product where digits would cancel."""
+    root = np.sqrt(np.abs(square))
+    return np.where(square >= 0.0, (root - w) * (root + w), square - w * w)
+
+
 def single_entries(rows: Array) -> Index | None:
     """Return the column of each row's only entry (rows,), None where a row has more or none."""
     entry = rows != 0.0

@@ -18,6 +18,7 @@ from scipy.linalg import lapack
 from mbsvib.common.expected import angular
 from mbsvib.common.memory import BATCH_BYTES
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.products import square_difference
 from mbsvib.linalg.qr import sorted_qr
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
@@ -128,12 +129,10 @@ def conditions(modal: Damped) -> Array:
 
 def _residual(modal: Damped, s: Complex, b: Array, eta: Complex) -> tuple[Complex, Array]:
     """Residual b - Q(s) eta at s = i w, (m, inputs, n), and its size relative to the terms, (n,), as motions."""
-    w, root = s.imag, np.sqrt(np.abs(modal.square))[:, None, None]
-    square = modal.square[:, None, None]
-    stiff = np.where(square >= 0.0, (root - w) * (root + w), square - w * w)
+    w, square = s.imag, modal.square[:, None, None]
     flat = np.ascontiguousarray(eta.reshape(len(b), -1))
     brake = s * (modal.gamma @ flat.view(float)).view(complex).reshape(eta.shape)
-    residual = b[:, :, None] - stiff * eta - brake
+    residual = b[:, :, None] - square_difference(square, w) * eta - brake
     scale = np.abs(square) + w * w
     size = np.maximum(np.abs(eta), np.maximum(np.abs(b)[:, :, None], np.abs(brake)) / scale).max(axis=0)
     small = (np.abs(residual) / scale).max(axis=0)
@@ -185,9 +184,7 @@ def _solver(basis: Basis, modal: Damped, w: Array, by_modes: bool) -> Callable[[
     if not by_modes:
         return partial(basis.schur.solve, s)
     if modal.vectors is None:
-        root, square = np.sqrt(np.abs(modal.square))[:, None], modal.square[:, None]
-        matrix: Complex = np.where(square >= 0.0, (root - w) * (root + w), square - w * w).astype(complex)
-        matrix += s * modal.gamma[:, None]
+        matrix: Complex = square_difference(modal.square[:, None], w) + s * modal.gamma[:, None]
         return lambda right: right / matrix[:, None]
     y, weight = residues(modal, s)
     return lambda right: _product(y, weight[:, None] * _product(y.T, right))
@@ -202,14 +199,12 @@ def direct_solutions(modal: Damped, b: Array, w: Array, which: NDArray[np.intp])
     m = len(b)
     result = np.empty((*b.shape, len(which)), dtype=complex)
     batch = max(1, BATCH_BYTES // (16 * m * m))
-    diagonal, root = np.arange(m), np.sqrt(np.abs(modal.square))
+    diagonal = np.arange(m)
     for start in range(0, len(which), batch):
         batch_points = which[start : start + batch]
         part = w[batch_points, None]
         matrix = 1j * part[:, :, None] * modal.gamma
-        matrix[:, diagonal, diagonal] += np.where(
-            modal.square >= 0.0, (root - part) * (root + part), modal.square - part * part
-        )
+        matrix[:, diagonal, diagonal] += square_difference(modal.square, part)
         try:
             result[:, :, start : start + batch] = np.linalg.solve(matrix, b).transpose(1, 2, 0)
         except np.linalg.LinAlgError:
@@ -226,11 +221,10 @@ def separated_solutions(modal: Damped, dampers: Array, b: Array, w: Array, which
     """
     (m, inputs), rows = b.shape, min(dampers.shape)
     result = np.empty((m, inputs, len(which)), dtype=complex)
-    root, motion = np.sqrt(np.abs(modal.square)), np.arange(m)
-    turn = np.empty((m, m))
+    motion, turn = np.arange(m), np.empty((m, m))
     for k, i in enumerate(which):
         scale = 1.0 / np.sqrt(np.abs(modal.square) + w[i] ** 2)
-        stiff = np.where(modal.square >= 0.0, (root - w[i]) * (root + w[i]), modal.square - w[i] ** 2) * scale**2
+        stiff = square_difference(modal.square, w[i]) * scale**2
         upper, order = sorted_qr(dampers * scale)
         pivots = upper[:rows].diagonal()
         damped_motions = int(np.count_nonzero(pivots))

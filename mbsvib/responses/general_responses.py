@@ -61,7 +61,7 @@ def realization(system: Equations, state: EnergyState) -> Realization:
         )
     b = state.basis.T @ system.B
     d = system.D + cleaned(system.Cv @ state.basis, e1, b)
-    d = cleaned(system.Ca @ state.basis, e2, b, system.D) + (d - system.D)
+    d = cleaned(system.Ca @ state.basis, e2, b, direct=system.D) + (d - system.D)
     return Realization(state.a, state.force @ system.B, c, d)
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.products import square_difference
 from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
@@ -122,10 +123,8 @@ class TermSizes:
         if self.vectors is None:
             square, turn = self.modal.square[:, None], w * w
             size, brake = np.abs(square), np.abs(self.modal.gamma)[:, None] * w
-            root = np.sqrt(size)
-            stiff = np.where(square >= 0.0, (root - w) * (root + w), square - turn)
             fade = np.where(corner < w, (size + brake) / turn, 1.0)
-            return 1.0 / np.maximum(np.abs(stiff), brake), fade
+            return 1.0 / np.maximum(np.abs(square_difference(square, w)), brake), fade
         value = self.value[:, None]
         count = len(value)
         gain = np.empty((count + self.free, len(w)))

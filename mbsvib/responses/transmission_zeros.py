@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.selection import selected
-from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.finite_zeros import finite_zeros
-from mbsvib.responses.modal_sum import CANCELLED, ModalSum, modal_sum
+from mbsvib.responses.general_terms import cleaned
+from mbsvib.responses.modal_sum import ModalSum, modal_sum
 from mbsvib.responses.zero_rounding import (
     determined_zeros,
     improved_at_poles,
@@ -29,7 +29,6 @@ from mbsvib.responses.zero_rounding import (
 )
 
 if TYPE_CHECKING:
-
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Complex
@@ -126,11 +125,9 @@ def _in_energy(
     scale, a = energy_matrix(modal)
     b, d = modal.shapes.T @ system.B[:, sources], matrices["D"]
     cq, cv, ca = (matrices[name] @ modal.shapes for name in ("Cq", "Cv", "Ca"))
-    at_once = d + ca @ b
-    at_once[np.abs(at_once) <= CANCELLED * EPS * (np.abs(d) + np.abs(ca) @ np.abs(b))] = 0.0
     gamma = ca * modal.gamma if modal.gamma.ndim == 1 else ca @ modal.gamma
     c = np.concatenate(((cq - ca * modal.square) / scale, cv - gamma), axis=1)
-    return a, np.concatenate((np.zeros_like(b), b)), c, at_once
+    return a, np.concatenate((np.zeros_like(b), b)), c, cleaned(ca, b, direct=d)
 
 
 def _even(equations: tuple[Array, Array, Array, Array], highest: float) -> tuple[Array, Array, Array, Array]:
