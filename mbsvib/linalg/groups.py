@@ -19,6 +19,12 @@ def items_of_groups(count: Index) -> tuple[Index, Index]:
     return group, np.arange(len(group)) - np.repeat(np.cumsum(count) - count, count)
 
 
+def by_label(label: Index) -> list[Index]:
+    """Return the items with each label, ascending, in the order of the labels."""
+    order = np.argsort(label, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(label[order])) + 1) if len(order) else []
+
+
 def part_numbers(links: NDArray[np.bool_] | spmatrix | sparray, strong: bool = False) -> Index:
     """Return the number, from 0 on, of the connected part of each item.
 

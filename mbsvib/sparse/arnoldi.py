@@ -27,14 +27,13 @@ GROWTH = 0.3
 class Ritz:
     """Ritz ``values`` (m,) by descending size with relative ``residuals`` (m,), and ``vectors`` (m, m) in a basis.
 
-    The ``basis`` (n, m) is orthonormal, and an invariant subspace if ``exhausted``.
+    The ``basis`` (n, m) is orthonormal.
     """
 
     values: Complex
     residuals: Array
     vectors: NDArray[Any]
     basis: NDArray[Any]
-    exhausted: bool
 
     def converged(self, tolerance: float) -> int:
         """Return how many of the first values have smaller residuals, conjugates together."""
@@ -109,4 +108,4 @@ def _ritz(inner: NDArray[Any], below: NDArray[Any], basis: NDArray[Any]) -> Ritz
     norms = np.linalg.norm(below @ vectors[len(inner) - below.shape[1] :], axis=0)
     size = np.abs(values)
     residuals = np.divide(norms, size, out=np.full(len(size), np.inf), where=size > 0.0)
-    return Ritz(values, residuals, vectors, basis, not len(below))
+    return Ritz(values, residuals, vectors, basis)

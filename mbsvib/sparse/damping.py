@@ -91,12 +91,8 @@ def coupled(
 
 def _kinetic(t: Operator, force: NDArray[np.inexact]) -> tuple[NDArray[np.inexact], NDArray[np.inexact]]:
     """The motion under generalised forces, without rigid-body modes, and its rows of kinetic energy."""
-    motion = t.factor.solve(t.right(force))
-    rows = t.w @ motion
-    if t.rigid.shape[1]:
-        amplitudes = t.deflated[:, : t.rigid.shape[1]].T @ rows
-        motion, rows = motion - t.rigid @ amplitudes, rows - t.deflated[:, : t.rigid.shape[1]] @ amplitudes
-    return motion, rows
+    motion = t.flexible(t.factor.solve(t.right(force)))
+    return motion, t.w @ motion
 
 
 def _extended(t: Operator, basis: Array, added: Array) -> Array:

@@ -17,6 +17,8 @@ import numpy as np
 from mbsvib.linalg.groups import items_of_groups
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from scipy.sparse import csr_matrix
 
     from mbsvib.common.arrays import Array, Index
@@ -116,3 +118,23 @@ def kinematics(tree: Tree, layout: Layout) -> csr_matrix:
     parts.append((layout.coordinate[k], force[body, direction], twist))
     row, column, entry = (np.concatenate([part[i] for part in parts]) for i in range(3))
     return csr_matrix((entry, (row, column)), shape=(layout.size, layout.size))
+
+
+def motions(tree: Tree, layout: Layout) -> Callable[[Array], Array]:
+    """Return the function that maps joint coordinates (m, ...) to motions over the unknowns (size, ...).
+
+    x = X(c - c_parent) x_parent + T q from the root to the leaves
+    """
+    from scipy.sparse.linalg import splu
+
+    x = layout.displacement[tree.outward][tree.moves[tree.outward]]
+    rows = kinematics(tree, layout)[x].tocsc()
+    factor, twists = splu(rows[:, x], permc_spec="NATURAL", diag_pivot_thresh=0.0), rows[:, layout.coordinate]
+
+    def of(q: Array) -> Array:
+        result = np.zeros((layout.size, *q.shape[1:]))
+        result[layout.coordinate] = q
+        result[x] = factor.solve(-(twists @ q))
+        return result
+
+    return of

@@ -17,7 +17,7 @@ from mbsvib.equations.equations import Separation
 from mbsvib.equations.massless_null_motion import Scale
 from mbsvib.equations.massless_separation import separate_massless
 from mbsvib.equations.terms import Terms
-from mbsvib.linalg.groups import part_numbers
+from mbsvib.linalg.groups import by_label, part_numbers
 from mbsvib.linalg.rank import DEPENDENT_ROWS, EPS
 
 if TYPE_CHECKING:
@@ -134,9 +134,7 @@ class _Parts:
 
         rows = vstack([self.rows, *(matrix for matrix in self.antisymmetric if matrix is not None)]).tocsr()
         rows.data = np.ones(len(rows.data))
-        part_of_motion = part_numbers(rows.T @ rows)
-        order = np.argsort(part_of_motion, kind="stable")
-        parts = np.split(order, np.flatnonzero(np.diff(part_of_motion[order])) + 1)
+        parts = by_label(part_numbers(rows.T @ rows))
         single = np.array([part[0] for part in parts if len(part) == 1], dtype=np.intp)
         return [part for part in parts if len(part) > 1], single
 

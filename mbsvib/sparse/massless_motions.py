@@ -40,14 +40,12 @@ TINY = float(np.finfo(float).tiny)
 class Motions:
     """Massless motions: ``shapes`` (size, n) over the unknowns, and the number ``coordinate`` (n,) of each of them.
 
-    The coordinate is nonzero in one motion only. ``movable`` (bodies,) is the mask of bodies that may move. Of the
-    pivots of inertia rows ``kept_pivot`` is the smallest that counts as mass, ``dropped_pivot`` the largest that
-    counts as zero.
+    The coordinate is nonzero in one motion only. Of the pivots of inertia rows ``kept_pivot`` is the smallest that
+    counts as mass, ``dropped_pivot`` the largest that counts as zero.
     """
 
     shapes: csc_matrix
     coordinate: Index
-    movable: Mask
     kept_pivot: float
     dropped_pivot: float
 
@@ -65,9 +63,7 @@ def massless_motions(
     if inertia.regular:
         return None
     movable = ~_bodies_at_rest(tree, inertia, shared)
-    if not movable.any():
-        return None
-    return _by_parts(tree, layout, movable, kinematics, factor, loops)
+    return _by_parts(tree, layout, movable, kinematics, factor, loops) if movable.any() else None
 
 
 def _bodies_at_rest(tree: Tree, inertia: SpatialInertia, shared: Shared | None) -> Mask:
@@ -168,7 +164,7 @@ def _by_parts(
         return None
     unknown, number, value = (np.concatenate([shape[i] for shape in shapes]) for i in range(3))
     matrix = csc_matrix((value, (unknown, number)), shape=(layout.size, count))
-    return Motions(matrix, np.concatenate(own_coordinate), movable, kept_pivot, dropped_pivot)
+    return Motions(matrix, np.concatenate(own_coordinate), kept_pivot, dropped_pivot)
 
 
 def _connected(

@@ -99,10 +99,7 @@ def _displaced(tree: Tree, closure: Constraints, displacement: Array) -> tuple[T
 
 
 def _rank(tree: Tree, closure: Constraints, entries: Entries, members: Index, length: float, limit: float) -> int:
-    row, column, value = entries.of(members)
-    columns, local_column = np.unique(column, return_inverse=True)
-    a = np.zeros((len(members), len(columns)))
-    a[row, local_column] = value
+    columns, a = entries.dense(members)
     a *= np.where(tree.turns[columns], 1.0, length)
     a *= row_scale(closure.rows, closure.couplers, members, length)[:, None]
     pivots = np.abs(pivoted_qr(a)[0].diagonal())

@@ -66,10 +66,9 @@ class Operator:
         """Return right sides of the tableau for generalised forces (size, n) on displacements and coordinates."""
         return self.quadratic.right(force)
 
-    def solve(self, h: NDArray[Any], refinements: int = 0) -> NDArray[Any]:
+    def solve(self, h: NDArray[Any]) -> NDArray[Any]:
         """Return displacements and coordinates (size, n) under the loads W^T h, h (rows, n) or (rows,)."""
-        h = self.without_rigid(h)
-        return self.factor.solve(self.right(self.wt @ h), refinements)
+        return self.factor.solve(self.right(self.wt @ self.without_rigid(h)), 0)
 
     def apply(self, h: NDArray[Any]) -> NDArray[Any]:
         """Return T h."""
@@ -78,6 +77,11 @@ class Operator:
     def without_rigid(self, h: NDArray[Any]) -> NDArray[Any]:
         """Return vectors (h, n) without their components along the deflated rigid-body modes."""
         return h - self.deflated @ (self.deflated.T @ h) if self.deflated.shape[1] else h
+
+    def flexible(self, z: NDArray[Any]) -> NDArray[Any]:
+        """Return motions (size, n) without their components along the rigid-body modes."""
+        count = self.rigid.shape[1]
+        return z - self.rigid @ (self.deflated[:, :count].T @ (self.w @ z)) if count else z
 
     def diverging(self) -> int:
         """Return the number of modes that diverge by negative stiffness; all modes if they cannot be counted."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.linalg.groups import connected_parts
+from mbsvib.linalg.groups import by_label, connected_parts
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import DEPENDENT_ROWS
 
@@ -82,10 +82,8 @@ def _parts(row: Index, column: Index, value: Array) -> list[tuple[Index, Index, 
     """Entries by independent parts."""
     if not len(row):
         return []
-    label = connected_parts(row, column, (int(row.max()) + 1, int(column.max()) + 1))[0][row]
-    order = np.argsort(label, kind="stable")
-    cuts = np.flatnonzero(np.diff(label[order])) + 1
-    return [(row[part], column[part], value[part]) for part in np.split(order, cuts)]
+    shape = int(row.max()) + 1, int(column.max()) + 1
+    return [(row[part], column[part], value[part]) for part in by_label(connected_parts(row, column, shape)[0][row])]
 
 
 def without_far(system: SparseEquations, lock: Index, modes: Array) -> tuple[Index, Array]:

@@ -18,7 +18,7 @@ from mbsvib.modes import modes as dense_modes
 from mbsvib.sparse.disc import disc
 from mbsvib.sparse.first_order import independent, independent_with_mass, split_massless, with_static_motions
 from mbsvib.sparse.galerkin import Galerkin, eigenvectors, error_bound, extended, parts
-from mbsvib.sparse.layout import kinematics
+from mbsvib.sparse.layout import motions
 from mbsvib.sparse.operator import COUPLED_RIGID, operator
 from mbsvib.sparse.quadratic import Quadratic
 from mbsvib.sparse.reduction import RTOL, reduced
@@ -264,8 +264,6 @@ def _nearest_to(quadratic: Quadratic, sigma: complex) -> Array:
 
 def coordinates(system: SparseEquations) -> Array:
     """Return a basis of all motions (size, dof): unit joint coordinates, combined in loops; exact up to rounding."""
-    from scipy.sparse.linalg import splu
-
     layout, tree, m = system.layout, system.structure, len(system.joint_coordinates)
     free = np.eye(m)
     if len(layout.multiplier):
@@ -273,9 +271,4 @@ def coordinates(system: SparseEquations) -> Array:
         loops = np.zeros((len(layout.multiplier), m))
         np.add.at(loops, (row, column), value)
         free = free_motions(loops)
-    result = np.zeros((layout.size, free.shape[1]))
-    result[layout.coordinate] = free
-    x = layout.displacement[tree.moves]
-    equations = kinematics(tree, layout)[x].tocsc()
-    result[x] = splu(equations[:, x], permc_spec="NATURAL").solve(-(equations[:, layout.coordinate] @ free))
-    return result
+    return motions(tree, layout)(free)

@@ -152,11 +152,8 @@ def _solved(t: Operator, h: Array, reach: float, missed: int | None, centre: flo
     right = t.right(t.wt @ t.without_rigid(h))
     scale = t.factor.row_scale[:, None], t.factor.column_scale[:, None]
     correction = t.factor.lu.solve(right * scale[0] - t.factor.matrix @ (rough / scale[1])) * scale[1]
-    z = rough + correction
+    z = t.flexible(rough + correction)
     hz = t.w @ z
-    if t.deflated.shape[1] and t.rigid.shape[1]:
-        z -= t.rigid @ (t.deflated[:, : t.rigid.shape[1]].T @ hz)
-        hz = t.w @ z
     length = np.sqrt(np.einsum("ij,ij->j", hz, hz))
     theta = np.einsum("ij,ij->j", h, hz)
     residual = np.linalg.norm(hz / theta - h, axis=0)
@@ -194,9 +191,8 @@ def _rigid_separated(space: Subspace) -> Subspace:
     if at_zero.sigma < 0.0:
         return _rigid_by_strain(space, min(at_zero.total, near_zero))
     others = np.sort(np.argsort(strain, kind="stable")[at_zero.rigid.shape[1] :])
-    z = space.z[:, others]
-    z = z - at_zero.rigid @ (at_zero.deflated.T @ (t.w @ z))
-    flexible = replace(space, z=z, residual=space.residual[others], noise=space.noise[others])
+    flexible = replace(space, z=at_zero.flexible(space.z[:, others]), residual=space.residual[others],
+                       noise=space.noise[others])  # fmt: skip
     return _with_rigid_first(flexible, at_zero.rigid)
 
 

@@ -58,10 +58,7 @@ def corrected(system: SparseEquations, small: E, count: int) -> E:
     if rigid:
         momentum = t.wt @ t.deflated[:, :rigid]
         force = force - momentum @ (t.rigid.T @ force)
-    motion = t.factor.solve(t.right(force))
-    if rigid:
-        motion = motion - t.rigid @ (t.deflated[:, :rigid].T @ (t.w @ motion))
-    full = np.asarray(system.output_rows[0] @ motion)
+    full = np.asarray(system.output_rows[0] @ t.flexible(t.factor.solve(t.right(force))))
     phi = basis.shapes[:, basis.rigid :]
     modal = (small.Cq @ phi / basis.square[basis.rigid :]) @ (phi.T @ small.B)
     at_once = 0.0 if system.separation is None else system.separation.at_once  # is in ``full`` too
