@@ -136,20 +136,15 @@ def _tableau(draft: SparseDraft) -> SparseDraft:
 
 def _joint_forces(draft: SparseDraft) -> SparseDraft:
     """Add rows of outputs that are forces in joints, or sums of all forces on a body."""
-    port = draft.port
-    if not port.wrench_outputs:
+    if not draft.port.wrench_outputs:
         return draft
     from mbsvib.sparse.forces import ForceSums
 
-    sums = ForceSums(
-        draft.topology, draft.structure, draft.layout, draft.closure, draft.number, draft.springs, draft.elastic,
-        draft.inertia, draft.body_factor, port, draft.port_rows[: len(port.force_inputs)], draft.shared,
-        draft.geometric, draft.regions, draft.spins,
-    )  # fmt: skip
-    force_rows, feedthrough = sums.outputs()
+    sums = ForceSums.of(draft)
+    force_rows, feedthrough = sums.rows_of_outputs()
     q, v, a = (rows + more for rows, more in zip(draft.outputs, force_rows, strict=True))
     return replace(draft, outputs=(q, v, a), D=draft.D + feedthrough,
-                   undetermined=sums.undetermined(tuple(draft.model.outputs)))  # fmt: skip
+                   undetermined=sums.undetermined_outputs(tuple(draft.model.outputs)))  # fmt: skip
 
 
 def _massless(draft: SparseDraft) -> SparseDraft:
