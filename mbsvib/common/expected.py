@@ -110,6 +110,15 @@ def real(value: Any, caller: str, field: str, expected: str, least: float = -np.
     return float(array)
 
 
+def near_frequency(value: Any) -> float:
+    """Return the frequency [Hz] around which modes are wanted, whose square must not overflow."""
+    expected = f"a frequency [Hz] from 0, for the lowest modes, to {HIGHEST:g}"
+    result = real(value, "modes", "near", expected, least=0.0)
+    if result > HIGHEST:
+        raise ResponseError(f"modes: near = {shown(value)}; expected {expected}.")
+    return result
+
+
 def mode_index(
     number: Any, caller: str, count: int | None = None, table: str = "print(system.modes())",
     error: Callable[[str], MbsvibError] = ResponseError,

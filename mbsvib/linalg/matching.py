@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.linalg.rank import EPS
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
 # many times.
 ALIKE = 0.7
 HALVINGS = 6
-# Eigenvalues that differ by less than this share of the largest coincide.
+# Eigenvalues that differ by less than this share of their own size, or by a rounding of the largest, coincide.
 REPEATED = 1e-9
 
 
@@ -58,7 +60,9 @@ def upper(pairs: Complex) -> Complex:
 
 def clusters(values: Complex) -> Mask:
     """Tell which eigenvalues coincide, shape (modes, modes)."""
-    return np.asarray(np.abs(values[:, None] - values) <= REPEATED * np.abs(values).max(initial=0.0))
+    size = np.abs(values)
+    near = np.maximum(REPEATED * np.maximum(size[:, None], size), EPS * size.max(initial=0.0))
+    return np.asarray(np.abs(values[:, None] - values) <= near)
 
 
 def is_simple(values: Complex) -> Mask:

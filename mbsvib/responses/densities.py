@@ -9,7 +9,9 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
+from mbsvib.common.expected import reals
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.rank import DECAYS
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -119,10 +121,10 @@ def shaped(numerator: ArrayLike, denominator: ArrayLike, level: float = 1.0) -> 
     Raises
     ------
     ResponseError
-        If the filter is not proper or not stable.
+        If coefficients are no finite numbers, or the filter is not proper or not stable.
     """
-    top = np.trim_zeros(np.atleast_1d(np.asarray(numerator, dtype=float)), "f")
-    below = np.trim_zeros(np.atleast_1d(np.asarray(denominator, dtype=float)), "f")
+    top, below = (_coefficients(value, name) for name, value in (("numerator", numerator),
+                                                                 ("denominator", denominator)))  # fmt: skip
     if not len(below) or len(top) > len(below) or not (np.isfinite(top).all() and np.isfinite(below).all()):
         raise ResponseError(f"shaped: numerator has degree {len(top) - 1}, denominator {len(below) - 1}; expected "
                             f"finite coefficients, and no higher degree above: the filter must be proper.")  # fmt: skip
@@ -136,13 +138,20 @@ def shaped(numerator: ArrayLike, denominator: ArrayLike, level: float = 1.0) -> 
     a[1:, :-1] = np.eye(max(n - 1, 0))
     if n:
         a[0] = -below[1:]
-    if n and np.linalg.eigvals(a).real.max() >= 0.0:
+    if n and ((roots := np.linalg.eigvals(a)).real >= -DECAYS * np.abs(roots)).any():
         raise ResponseError(f"shaped: the filter with denominator {check.shown(denominator)} is not stable; expected "
                             f"roots with negative real parts, or the noise would have no mean square.")  # fmt: skip
     b = np.zeros((n, 1))
     b[:1] = 1.0
     level = density_level(level, "shaped noise")
     return Shaped(level, a * unit, b * unit, (top[1:] - top[0] * below[1:])[None, :], float(top[0]))
+
+
+def _coefficients(value: ArrayLike, name: str) -> Array:
+    result = np.atleast_1d(reals(value, "shaped", name, "coefficients of s, the highest power first"))
+    if result.ndim > 1:
+        raise ResponseError(f"shaped: {name} has shape {result.shape}; expected a row of coefficients of s.")
+    return np.asarray(np.trim_zeros(result, "f"))
 
 
 def table(points: ArrayLike, name: str = "spectrum") -> Table:

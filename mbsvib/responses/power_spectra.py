@@ -105,7 +105,10 @@ def base_noise(
                 raise ResponseError(f"base: direction '{name}' has two spectra; give one of them.")
             densities[name] = _spectrum(density, f"base {name}")
     n = len(densities)
-    matrix = np.eye(n, dtype=complex) if correlation is None else np.asarray(correlation, dtype=complex)
+    try:
+        matrix = np.eye(n, dtype=complex) if correlation is None else np.asarray(correlation, dtype=complex)
+    except (TypeError, ValueError) as error:
+        raise ResponseError(f"base: correlation = {check.shown(correlation)}; expected a matrix of numbers.") from error
     if matrix.shape != (n, n) or not np.isfinite(matrix).all():
         raise ResponseError(f"base: correlation has shape {matrix.shape}; expected ({n}, {n}), finite, for the "
                             f"directions {' '.join(densities)}.")  # fmt: skip

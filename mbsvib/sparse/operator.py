@@ -88,10 +88,9 @@ class Operator:
         if (self.system.row_stiffness >= 0.0).all():
             return 0
         try:
-            factor = self.system.tableau.factor(square=-SAME_ENERGY * abs(self.sigma), pivot=0.0)
+            count = count_below(self.system, -SAME_ENERGY * abs(self.sigma))
         except np.linalg.LinAlgError:
-            return self.system.dof
-        count = factor.negative(self.system.layout)
+            count = None
         return self.system.dof if count is None else count
 
     def deflating(self, motions: Array) -> Operator:
@@ -182,17 +181,15 @@ def _with_rigid_modes(locked: Operator, modes: Array) -> Operator:
 def _shifted(first: Operator) -> Operator:
     """A shift below zero, of the size of the lowest flexible mode, from counts of modes."""
     system = first.system
-    highest = float(np.abs(system.row_stiffness) @ np.asarray(system.elastic_rows.power(2).sum(axis=1))[:, 0])
-    highest /= float(system.inertia_factor.power(2).sum()) or 1.0
-    highest = highest or 1.0
-    counts = [_below(system, shift * highest) for shift in SHIFTS]
-    last, diverging = counts[-1], _below(system, -SHIFTS[-1] * highest)
+    highest = first.quadratic.speed**2
+    counts = [count_below(system, shift * highest) for shift in SHIFTS]
+    last, diverging = counts[-1], count_below(system, -SHIFTS[-1] * highest)
     larger = [shift for shift, count in zip(SHIFTS, counts, strict=True) if count is not None and count != last]
     sigma = -highest * float(min(larger, default=SHIFTS[0])) if last is not None else -1e-6 * highest
     total = None if last is None or diverging is None else last - diverging
     return replace(first, sigma=sigma, factor=system.tableau.factor(square=sigma), total=total)
 
 
-def _below(system: SparseEquations, square: float) -> int | None:
-    """The number of modes whose squared angular frequency is below one; None if they cannot be counted."""
+def count_below(system: SparseEquations, square: float) -> int | None:
+    """Return the number of modes with squared angular frequencies below one; None if they cannot be counted."""
     return system.tableau.factor(square=square, pivot=0.0).negative(system.layout)

@@ -230,17 +230,15 @@ def rigid_motions(quadratic: Quadratic, count: int) -> Array:
 
 def lowest_speed(quadratic: Quadratic) -> float:
     """Return the approximate magnitude of the smallest nonzero eigenvalue."""
-    system = quadratic.system
-    square = float(np.abs(system.row_stiffness) @ np.asarray(system.elastic_rows.power(2).sum(axis=1))[:, 0])
-    speed = np.sqrt(square / (float(system.inertia_factor.power(2).sum()) or 1.0)) or 1.0
-    sigma = NOISE * float(speed)
+    speed = quadratic.speed
+    sigma = NOISE * speed
     while sigma < speed:  # increase the shift until a nonzero eigenvalue is among the nearest ones
         size = _nearest_to(quadratic, sigma)
         size = size[size > sigma]
         if len(size):
             return float(size.min())
         sigma *= ABOVE
-    return float(speed)
+    return speed
 
 
 def highest_speed(quadratic: Quadratic, centre: float) -> float:

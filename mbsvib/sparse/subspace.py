@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.linalg.rank import ZERO_SUM
-from mbsvib.sparse.operator import operator
+from mbsvib.sparse.operator import count_below, operator
+from mbsvib.sparse.quadratic import Quadratic
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -25,6 +26,8 @@ DENSE_DOF = 24
 SEARCHES = 6
 # Below this share of the shift, the square of a frequency may be that of a rigid-body mode.
 RIGID = 1e-8
+# Below this share of a typical frequency, modes are rigid-body modes but for rounding of the stiffness.
+SLOW = 1e-8
 # A shift within this fraction of the square of a frequency is too close,
 TOO_CLOSE = 1e-6
 # and is moved by one of these.
@@ -85,16 +88,17 @@ def _operator_near(system: SparseEquations, near: float, k: int) -> tuple[Operat
     """The operator around a frequency, and the angular frequency to which modes are nearest.
 
     A frequency far above all modes is reduced to the highest ones, so that they can be separated; the nearest modes
-    stay the same. A shift that coincides with a mode is moved, since every solve would return only that mode.
+    stay the same, and the lowest ones if all have the frequency 0. A shift that coincides with a mode is moved, since
+    every solve would return only that mode.
     """
-    if not near:
-        return operator(system, None, k), 0.0
-    centre = 2.0 * np.pi * near
+    centre, slowest = 2.0 * np.pi * near, SLOW * Quadratic(system).speed
     try:
-        while system.tableau.factor(square=0.25 * centre**2, pivot=0.0).negative(system.layout) == system.dof:
+        while centre > slowest and count_below(system, 0.25 * centre**2) == system.dof:
             centre *= 0.5
     except np.linalg.LinAlgError:
         pass
+    if centre <= slowest:
+        return operator(system, None, k), 0.0
     for offset in OFFSETS:
         sigma = (1.0 + offset) * centre**2
         try:
@@ -131,14 +135,13 @@ def _missed(t: Operator, theta: Array, requested: int) -> int | None:
     """Number of missed modes that are nearer to the shift than the last wanted one, by counts of eigenvalues."""
     distance = np.sort(1.0 / np.abs(theta))
     radius = float(distance[min(requested, len(distance)) - 1]) * (1.0 - BEFORE)
-    layout, tableau = t.system.layout, t.system.tableau
     try:
-        above = tableau.factor(square=t.sigma + radius, pivot=0.0).negative(layout)
+        above = count_below(t.system, t.sigma + radius)
         # at a shift of zero the rigid-body modes are deflated; without negative springs no mode is below zero
         deflated = (t.total or 0) if t.sigma == 0.0 else 0
         below: int | None = 0
         if t.sigma - radius > 0.0 or (t.system.row_stiffness < 0.0).any():
-            below = tableau.factor(square=t.sigma - radius, pivot=0.0).negative(layout)
+            below = count_below(t.system, t.sigma - radius)
     except np.linalg.LinAlgError:
         return None
     if above is None or below is None:
