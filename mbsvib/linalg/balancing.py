@@ -36,13 +36,16 @@ def balanced(a: Array, b: Array, c: Array, transform: Array) -> tuple[Array, Arr
     """
     power = exponents(a, b, c)
     while True:
-        scaled = np.ldexp(a, power[None, :] - power[:, None]), np.ldexp(b, -power[:, None]), np.ldexp(c, power)
-        back = (np.ldexp(scaled[0], power[:, None] - power[None, :]), np.ldexp(scaled[1], power[:, None]),
-                np.ldexp(scaled[2], -power))  # fmt: skip
-        scaled_transform = np.ldexp(transform, power)
-        if all(map(np.array_equal, (*back, np.ldexp(scaled_transform, -power)), (a, b, c, transform))):
-            return *scaled, scaled_transform, power
+        result, scaled_transform = scaled_by(power, a, b, c), np.ldexp(transform, power)
+        back = (*scaled_by(-power, *result), np.ldexp(scaled_transform, -power))
+        if all(map(np.array_equal, back, (a, b, c, transform))):
+            return *result, scaled_transform, power
         power = np.trunc(power / 2).astype(np.int64)  # less scaling where numbers leave the range of floating point
+
+
+def scaled_by(power: Exponents, a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
+    """Return T^-1 A T, T^-1 B, C T with T = diag(2^k), k (n,)."""
+    return np.ldexp(a, power[None, :] - power[:, None]), np.ldexp(b, -power[:, None]), np.ldexp(c, power)
 
 
 def scaled(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:

@@ -14,7 +14,7 @@ import numpy as np
 from mbsvib.common.expected import angular, reals
 from mbsvib.common.memory import BATCH_BYTES
 from mbsvib.errors import ResponseError
-from mbsvib.linalg.balancing import exponents
+from mbsvib.linalg.balancing import exponents, scaled_by
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.energy_schur import triangular_solutions
 from mbsvib.responses.time_response import checked_record
@@ -119,9 +119,8 @@ def time_response(
     if not len(a):
         return np.asarray(d @ samples)
     power = exponents(a, b, c)
-    scaled, into = np.ldexp(a, power[None, :] - power[:, None]), np.ldexp(b, -power[:, None])
-    x = stepped(scaled, into, np.ldexp(start, -power), (time, samples, hold == "first"))
-    return np.asarray(np.ldexp(c, power) @ x + d @ samples)
+    a, b, c = scaled_by(power, a, b, c)
+    return np.asarray(c @ stepped(a, b, np.ldexp(start, -power), (time, samples, hold == "first")) + d @ samples)
 
 
 def _start(initial: Any, n: int) -> Array:

@@ -18,7 +18,7 @@ from scipy.linalg import lapack
 from mbsvib.common.expected import angular
 from mbsvib.common.memory import BATCH_BYTES
 from mbsvib.errors import ResponseError
-from mbsvib.linalg.products import square_difference
+from mbsvib.linalg.products import product, square_difference
 from mbsvib.linalg.qr import sorted_qr
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
@@ -130,8 +130,7 @@ def conditions(modal: Damped) -> Array:
 def _residual(modal: Damped, s: Complex, b: Array, eta: Complex) -> tuple[Complex, Array]:
     """Residual b - Q(s) eta at s = i w, (m, inputs, n), and its size relative to the terms, (n,), as motions."""
     w, square = s.imag, modal.square[:, None, None]
-    flat = np.ascontiguousarray(eta.reshape(len(b), -1))
-    brake = s * (modal.gamma @ flat.view(float)).view(complex).reshape(eta.shape)
+    brake = s * product(modal.gamma, eta)
     residual = b[:, :, None] - square_difference(square, w) * eta - brake
     scale = np.abs(square) + w * w
     size = np.maximum(np.abs(eta), np.maximum(np.abs(b)[:, :, None], np.abs(brake)) / scale).max(axis=0)

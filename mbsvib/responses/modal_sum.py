@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.linalg.products import product
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.general_terms import asymptotic_terms, cleaned, terms
 
@@ -61,7 +62,6 @@ class ModalSum:
     def at(self, s: Complex) -> Complex:
         """Return the transfer matrix at the points ``s`` (n,), shape (outputs, inputs, n); infinite at its poles."""
         outputs, inputs = self.feedthrough.shape
-        rows = len(self.order)
         result: Complex = np.empty((outputs, inputs, len(s)), dtype=complex)
         result[:] = self.feedthrough[:, :, None]
         below = np.searchsorted(self.corner, np.abs(s), side="left")
@@ -71,12 +71,10 @@ class ModalSum:
         for start in range(0, len(s), block):
             part = slice(start, start + block)
             weights = self._weights(s[part], inverse[part])
-            value: Complex = (self.coefficients @ weights.view(float)).view(complex)
-            sums = self.gammas[:, below[part]]
-            shape = (rows, inputs, value.shape[1])
-            value = value.reshape(shape)
+            shape = (len(self.order), inputs, weights.shape[1])
+            value: Complex = product(self.coefficients, weights).reshape(shape)
             less = (self.alphas[:, below[part]] * inverse[part]).reshape(shape)
-            sums = sums.reshape(shape)
+            sums = self.gammas[:, below[part]].reshape(shape)
             for row, (order, output) in enumerate(zip(self.order.tolist(), self.output.tolist(), strict=True)):
                 power = powers[order][part]
                 if order == 2:  # D is part of the sums, and the remainder is not scaled up

@@ -70,7 +70,7 @@ def h2(space: tuple[Array, Array, Array, Array], names: tuple[tuple[str, ...], t
     return Norm(float(np.sqrt(max(0.0, np.sum(c @ covariance * c)))))
 
 
-def hinf(response: Callable[[Array], Complex], poles: Complex, direct: Array) -> Norm:
+def hinf(response: Callable[[Array], Complex], poles: Complex, direct: Array | Complex) -> Norm:
     """Return the highest peak of the largest singular value of a frequency response.
 
     ||G|| = max over w of sigma(G(i w))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.linalg.products import square_difference
+from mbsvib.linalg.products import product, square_difference
 from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
@@ -187,7 +187,7 @@ class Changes:
         count, springs = len(self.rows), len(self.stiffness)
         near = product(self.sizes, _magnitude(motion))
         if relative_motion is None:
-            forces = _magnitude(real_product(self.rows, motion))
+            forces = _magnitude(product(self.rows, motion))
             forces -= ROUNDING * EPS * near[:count]
             np.maximum(forces, 0.0, out=forces)
         else:
@@ -209,18 +209,6 @@ class Changes:
 def differentiated(system: Equations) -> list[tuple[int, Array]]:
     """Return the nonzero rows (outputs, m) of displacements, velocities and accelerations, with the order 0, 1 or 2."""
     return [(order, c) for order, c in enumerate((system.Cq, system.Cv, system.Ca)) if c.any()]
-
-
-def product(left: Array, right: Array) -> Array:
-    """Return left (k, m) right (m, loads, n)."""
-    return (left @ right.reshape(len(right), -1)).reshape(-1, *right.shape[1:])
-
-
-def real_product(left: Array, right: Complex) -> Complex:
-    """Return left (k, m) right (m, loads, n) with one real factor."""
-    parts = np.ascontiguousarray(right).reshape(len(right), -1).view(float)
-    result: Complex = (left @ parts).view(complex)
-    return result.reshape(-1, *right.shape[1:])
 
 
 def _magnitude(values: Complex) -> Array:

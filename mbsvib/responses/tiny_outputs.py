@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import AccuracyWarning
+from mbsvib.linalg.products import product
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.refined import Factors, Refined, refined
-from mbsvib.responses.rounding import differentiated, real_product
+from mbsvib.responses.rounding import differentiated
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -101,7 +102,7 @@ def _entries(basis: Basis, modal: Damped, w: Array, responses: tuple[Complex, bo
 
 def _motions(basis: Basis, modal: Damped, w: Array, solve: Callable[[Complex], Complex]) -> Complex:
     """Forward and adjoint motions (m, inputs + outputs, n), in working precision."""
-    return real_product(modal.shapes, solve(_loads(basis.rounding.b, basis.rounding.outputs, w)))
+    return product(modal.shapes, solve(_loads(basis.rounding.b, basis.rounding.outputs, w)))
 
 
 def _loads(b: Array, outputs: Sequence[tuple[int, Array]], w: Array) -> Complex:
