@@ -12,6 +12,7 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import DECAYS
+from mbsvib.responses.realized import realized
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -129,22 +130,16 @@ def shaped(numerator: ArrayLike, denominator: ArrayLike, level: float = 1.0) -> 
         raise ResponseError(f"shaped: numerator has degree {len(top) - 1}, denominator {len(below) - 1}; expected "
                             f"finite coefficients, and no higher degree above: the filter must be proper.")  # fmt: skip
     n = len(below) - 1
-    below, top = below / below[0], np.concatenate((np.zeros(len(below) - len(top)), top)) / below[0]
     # time in units of the filter's mean pole, so that the companion matrix has entries of one size
-    unit = abs(below[-1]) ** (1.0 / n) if n and below[-1] else 1.0
+    unit = abs(below[-1] / below[0]) ** (1.0 / n) if n and below[-1] else 1.0
     powers = unit ** -np.arange(n + 1.0)
-    below, top = below * powers, top * powers
-    a = np.zeros((n, n))
-    a[1:, :-1] = np.eye(max(n - 1, 0))
-    if n:
-        a[0] = -below[1:]
-    if n and ((roots := np.linalg.eigvals(a)).real >= -DECAYS * np.abs(roots)).any():
+    top, below = top * powers[len(below) - len(top) :], below * powers
+    poles = np.roots(below)
+    if (poles.real >= -DECAYS * np.abs(poles)).any():
         raise ResponseError(f"shaped: the filter with denominator {check.shown(denominator)} is not stable; expected "
                             f"roots with negative real parts, or the noise would have no mean square.")  # fmt: skip
-    b = np.zeros((n, 1))
-    b[:1] = 1.0
-    level = density_level(level, "shaped noise")
-    return Shaped(level, a * unit, b * unit, (top[1:] - top[0] * below[1:])[None, :], float(top[0]))
+    a, b, c, d = realized([[top]], [[below]], "shaped")
+    return Shaped(density_level(level, "shaped noise"), a * unit, b * unit, c, float(d[0, 0]))
 
 
 def _coefficients(value: ArrayLike, name: str) -> Array:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 # Maximum number of coordinates in the name of a rate that is a sum.
 SPELLED = 3
-_RATE = {"m": "m/s", "rad": "rad/s"}
+RATE_UNITS = {"m": "m/s", "rad": "rad/s", "modal": "modal/s"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ def physical(system: Equations) -> FirstOrder:
         solution = gram_solution(system.inertia_factor[:, dependent], forces)
         a[m:], b[m:] = solution[:, :n], solution[:, n:]
     rates = [rate_name(system.coordinates, null, i) for i in dependent.tolist()]
-    units = tuple(_RATE[system.coordinate_units[i]] for i in dependent.tolist())
+    units = tuple(RATE_UNITS[system.coordinate_units[i]] for i in dependent.tolist())
     return FirstOrder(a, b, transform, through, system.coordinates + tuple(rates), system.coordinate_units + units)
 
 

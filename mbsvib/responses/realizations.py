@@ -10,6 +10,7 @@ import numpy as np
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.modes.general import is_general
 from mbsvib.responses.feedthrough import accelerations, feedthrough
+from mbsvib.responses.first_order import RATE_UNITS, physical
 from mbsvib.responses.general_terms import cleaned
 from mbsvib.responses.state_space import StateSpace
 
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 
 
 REALIZATIONS = ("physical", "modal", "balanced")
-_RATE = {"m": "m/s", "rad": "rad/s", "modal": "modal/s"}
 S = TypeVar("S", bound=StateSpace)
 
 
@@ -70,12 +70,11 @@ def balanced_states(space: S) -> S:
 
 def _massless(basis: Basis, realization: str, form: type[S]) -> S:
     from mbsvib.modes.general import General
-    from mbsvib.responses import first_order
     from mbsvib.responses.general_states import modal_states
 
     system = basis.equations
     modal = basis.modal if realization == "modal" else None
-    reduced = modal_states(system, modal) if isinstance(modal, General) else first_order.physical(system)
+    reduced = modal_states(system, modal) if isinstance(modal, General) else physical(system)
     m = system.dof
     q, rate = reduced.transform[:m], reduced.transform[m:]
     through = reduced.through[m:]
@@ -99,7 +98,7 @@ def _physical(system: Equations) -> tuple[Array, Array, Array, tuple[str, ...], 
         a[m:] = -solution[:, : 2 * m]
         b[m:] = solution[:, 2 * m :]
     names = (*system.coordinates, *(f"d({name})/dt" for name in system.coordinates))
-    units = (*system.coordinate_units, *(_RATE.get(unit, "") for unit in system.coordinate_units))
+    units = (*system.coordinate_units, *(RATE_UNITS.get(unit, "") for unit in system.coordinate_units))
     return a, b, np.eye(2 * m), names, units
 
 
