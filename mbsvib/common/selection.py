@@ -43,10 +43,8 @@ def selected(
 def port_numbers(
     outputs: Any, inputs: Any, known: tuple[Sequence[str], Sequence[str]], name: str
 ) -> tuple[list[int], list[int]]:
-    """Return the numbers of outputs and inputs that are selected by name.
-
-    ``outputs``, ``inputs``: names or patterns; None: all. ``known``: names of all outputs and of all inputs. Returns
-    outputs, inputs: numbers from 0, in the order of the names.
+    """Return the numbers of the ``outputs`` and ``inputs`` that are selected among the ``known`` ones by name; None:
+    all.
     """
     rows, columns = known
     return selected(outputs, rows, "output", name, columns), selected(inputs, columns, "input", name, rows)
@@ -55,11 +53,7 @@ def port_numbers(
 def needed_ports(
     outputs: Any, inputs: Any, known: tuple[Sequence[str], Sequence[str]], name: str
 ) -> tuple[list[int], list[int]]:
-    """Return the numbers of outputs and inputs that are selected by name, at least one of each.
-
-    ``outputs``, ``inputs``: names or patterns; None: all. ``known``: names of all outputs and of all inputs. Returns
-    outputs, inputs: numbers from 0, in the order of the names.
-    """
+    """Return the numbers of outputs and inputs as ``port_numbers`` does, at least one of each."""
     numbers = port_numbers(outputs, inputs, known, name)
     for kind, indices, names in zip(("outputs", "inputs"), numbers, known, strict=True):
         if not indices:
@@ -104,10 +98,9 @@ def _unknown(name: str, known: Sequence[str], kind: str, owner: str, others: Seq
 
 
 def signal_names(requested: Any, count: int, label: str, owner: str) -> tuple[str, ...]:
-    """Return names for the rows or columns of matrices, u1, u2, ... if none are given.
+    """Return ``count`` names for the rows or columns of matrices, u1, u2, ... if none are given.
 
-    ``requested``: the names. ``count``: how many there must be. ``label``: "inputs", "outputs", "states" or
-    "coordinates".
+    ``label``: "inputs", "outputs", "states" or "coordinates".
     """
     if requested is None:
         letter = {"inputs": "u", "outputs": "y", "states": "x", "coordinates": "q"}[label]

@@ -26,10 +26,10 @@ def by_label(label: Index) -> list[Index]:
 
 
 def part_numbers(links: NDArray[np.bool_] | spmatrix | sparray, strong: bool = False) -> Index:
-    """Return the number, from 0 on, of the connected part of each item.
+    """Return the number (n,), from 0 on, of the connected part of each item, by the nonzero entries of ``links`` (n,
+    n).
 
-    ``links`` (n, n): its nonzero entries link items, in both directions. ``strong``: take each link in one direction
-    only; items of one part then reach each other (strongly connected parts). Returns (n,): numbers of parts.
+    Links work in both directions; ``strong``: in one only, and items of one part reach each other.
     """
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components

@@ -43,9 +43,7 @@ class Balanced:
 
 
 def balanced(a: Array, b: Array, c: Array) -> Balanced:
-    """Return the balancing transformation of a state space.
-
-    ``a``, ``b``, ``c`` (n, n), (n, i), (o, n): the state space; poles that do not decay stay as they are.
+    """Return the balancing transformation of a state space; poles that do not decay stay as they are.
 
     Source: Tombs & Postlethwaite, Truncated balanced realization of a stable non-minimal state-space system,
     International Journal of Control 46 (1987), the square-root method.

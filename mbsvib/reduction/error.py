@@ -31,14 +31,9 @@ RTOL = 1e-10
 
 
 def error_bound(full: Equations, small: Equations) -> float:
-    """Return a bound on the error of the frequency response of a reduced model.
+    """Return a bound on max over omega of sigma(G(i w) - G_small(i w)), output by input in SI units.
 
-    max over omega of sigma(G(i w) - G_small(i w))
-
-    Free motions without damping are in both models and are left out of both.
-
-    ``full``, ``small``: the equations of motion, and the reduced ones with the same inputs and outputs. Returns the
-    largest singular value, output by input in SI units; infinite where a mode does not decay.
+    Free motions without damping are in both models and are left out of both. Infinite where a mode does not decay.
     """
     if not full.inputs or not full.outputs:
         return 0.0
@@ -56,9 +51,7 @@ def error_bound(full: Equations, small: Equations) -> float:
 
 
 def rounding_error(space: StateSpace, small: tuple[Array, Array, Array]) -> float:
-    """Return the error of a reduced state space at its resonances, where rounding of its entries shows.
-
-    Returns the largest singular value of the difference of both frequency responses at the poles' frequencies.
+    """Return the largest error of a reduced state space at the poles' frequencies, where rounding of its entries shows.
     """
     poles = np.concatenate([np.linalg.eigvals(a) for a in (space.A, small[0])])
     decays = poles.real < -DECAYS * np.abs(poles)

@@ -53,11 +53,7 @@ class Basis:
         return modes(self.equations, RTOL, False, self.form)
 
     def modes_within(self, rtol: float) -> Modes:
-        """Return all modes at an accuracy.
-
-        ``rtol``: required relative accuracy of every eigenvalue. Returns the modes; cached ones if they are accurate
-        enough.
-        """
+        """Return all modes at a relative accuracy ``rtol``; cached ones if they are accurate enough."""
         rtol = real(rtol, "modes", "rtol", "a relative accuracy such as 1e-12", least=0.0)
         good = float(self.modes.errors.max(initial=0.0)) <= rtol
         return self.modes if good else modes(self.equations, rtol, False, self.form)

@@ -19,10 +19,7 @@ ROUNDING = 32 * EPS
 
 
 def accelerations(system: Equations, forces: Array) -> Array:
-    """Return M^-1 F; coordinates whose accelerations M does not tie to the forces have exactly 0.
-
-    ``system``: equations of motion without massless motions. ``forces`` (m, n): generalized forces. Returns (m, n):
-    accelerations.
+    """Return M^-1 F (m, n) of regular M; coordinates whose accelerations M does not tie to the forces have exactly 0.
     """
     result = gram_solution(system.inertia_factor, forces)
     part = part_numbers(system.M != 0.0)
@@ -34,11 +31,7 @@ def accelerations(system: Equations, forces: Array) -> Array:
 
 
 def feedthrough(system: Equations) -> Array:
-    """Return D + Ca M^-1 B, 0 where it is rounding.
-
-    ``system``: equations of motion without massless motions. Returns (outputs, inputs): what outputs see of inputs at
-    once.
-    """
+    """Return D + Ca M^-1 B (outputs, inputs) of regular M, 0 where it is rounding."""
     if not system.Ca.any():
         return np.array(system.D)
     inverse = accelerations(system, np.eye(system.dof))

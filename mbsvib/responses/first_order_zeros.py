@@ -14,11 +14,7 @@ if TYPE_CHECKING:
 
 
 def first_order_zeros(a: Array, b: Array, c: Array, d: Array) -> Complex:
-    """Return the finite s at which [[A - s, B], [C, D]] has less than its normal rank.
-
-    ``a``, ``b``, ``c``, ``d`` (n, n), (n, inputs), (outputs, n), (outputs, inputs): first-order equations. Returns
-    (zeros,): zeros [1/s] in ascending magnitude.
-    """
+    """Return the finite s [1/s] at which [[A - s, B], [C, D]] has less than its normal rank, in ascending magnitude."""
     if not len(a) or not d.size:
         return np.zeros(0, dtype=complex)
     a, b, c = scaled_by(exponents(a, b, c), a, b, c)

@@ -58,11 +58,11 @@ def roots(linear: Any, poles: Complex) -> Complex:
 
 
 def resolving_frequencies(roots: Complex, poles: Complex, low: float, high: float, n: int | None = None) -> Array:
-    """Return frequencies from ``low`` to ``high`` that follow each of some poles and zeros.
+    """Return frequencies from ``low`` to ``high`` [Hz] that follow each of some poles and zeros ``roots`` [1/s],
+    ascending.
 
-    ``roots`` (roots,): poles and zeros [1/s]. ``poles`` (poles,): those of them that points must avoid if they are
-    undamped. ``low``, ``high``: first and last frequency [Hz]. ``n``: number of evenly spaced points among them;
-    default: 150 a decade. Returns (points,): ascending frequencies [Hz].
+    ``poles``: those of them that points must avoid if they are undamped. ``n``: number of evenly spaced points among
+    them; default: 150 a decade.
     """
     decades = np.log10(high / low)
     count = max(2, round(PER_DECADE * decades) + 1) if n is None else n

@@ -43,14 +43,13 @@ NEARLY_STATIC = 1e-3  # in parts of the lowest eigenvalue
 
 
 def frequency_response(basis: Basis, omega: ArrayLike) -> Complex:
-    """Return G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D.
+    """Return G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D, (outputs, inputs, n), at ``omega`` (n,)
+    [rad/s].
 
     The relative error is that of rounding, times frequency / half-width of a resonance there. Sums that cancel for a
     reason other than inertia (far above the modes, if only a long chain of springs connects the input to the output)
     are accurate relative to their largest term. Where this may leave less than six digits, responses are computed from
     the factors of the matrices in twice the working precision (``tiny_outputs``).
-
-    ``omega`` (n,): angular frequencies [rad/s]. Returns (outputs, inputs, n): complex responses.
     """
     w = angular(omega)
     system, modal, size = basis.equations, basis.modal, np.abs(w)
@@ -94,9 +93,8 @@ def _general(basis: Basis, modal: General, w: Array) -> Complex:
 
 
 def trusted(modal: Damped, b: Array, w: Array) -> bool:
-    """Tell whether the sum over modes solves (Omega^2 - w^2 + i w Gamma) eta = b, at a few of the frequencies.
-
-    ``b`` (m, inputs): inputs in the basis. ``w`` (n,): angular frequencies [rad/s], none negative.
+    """Tell whether the sum over modes solves (s^2 + s Gamma + Omega^2) eta = b (m, inputs), at a few s = i w, w (n,) >=
+    0.
     """
     inside, size = w[w > 0.0], np.abs(modal.pairs)
     if not b.size or not size.any():

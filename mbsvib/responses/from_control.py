@@ -24,10 +24,10 @@ def is_transfer_function(value: Any) -> bool:
 
 
 def arguments(value: Any) -> dict[str, Any]:
-    """Return matrices and names as arguments of ``StateSpace.from_arrays``.
+    """Return matrices and names as arguments of ``StateSpace.from_arrays``; of a transfer function as ``realized`` has
+    them.
 
-    ``value``: in continuous time; a transfer function gets states as ``realized`` tells. Returns A, B, C, D, inputs,
-    outputs, states, name. Raises ResponseError if it is discrete, or an improper transfer function.
+    Refused if it is discrete, or an improper transfer function.
     """
     if getattr(value, "dt", None) not in (None, 0):
         raise ResponseError(f"'{value.name}': dt = {value.dt}; expected a system in continuous time. Sampled "

@@ -73,8 +73,8 @@ def summable(modal: General) -> bool:
 def trusted(modal: General, b: Array, w: Array, residual: float = BACKWARD) -> bool:
     """Tell whether the sum over modes solves the equations, at a few frequencies next to the worst eigenvalues.
 
-    ``b`` (m, inputs): inputs in the basis. ``w`` (n,): angular frequencies [rad/s], none negative. ``residual``:
-    largest residual of the equations, relative to their terms.
+    ``b`` (m, inputs): inputs in the basis. ``w`` (n,) [rad/s]: none negative. ``residual``: largest one, relative to
+    the terms.
     """
     if not summable(modal):
         return False
@@ -122,10 +122,7 @@ def _matrix(state: EnergyState, s: Complex) -> Complex:
 
 
 def solved(system: Equations, state: EnergyState, s: Complex) -> Complex:
-    """Return the transfer matrix by one factorisation a point; not a number where the equations are singular.
-
-    ``s`` (n,): points [1/s]. Returns (outputs, inputs, n): transfer matrix.
-    """
+    """Return the transfer matrix (outputs, inputs, n) by one factorisation a point ``s`` (n,); NaN at singular ones."""
     b = (state.basis.T @ system.B).astype(complex)
     outputs = [c @ state.basis for c in (system.Cq, system.Cv, system.Ca)]
     result: Complex = np.empty((len(system.outputs), b.shape[1], len(s)), dtype=complex)
@@ -157,10 +154,9 @@ def cancels(system: Equations, state: EnergyState) -> bool:
 
 
 def refined_solutions(system: Equations, state: EnergyState, w: Array) -> Complex:
-    """Return the transfer matrix by solutions that are refined on the factors in twice the working precision.
+    """Return the transfer matrix (outputs, inputs, n) by solutions that are refined in twice the working precision.
 
-    ``w`` (n,): angular frequencies [rad/s], none negative. Returns (outputs, inputs, n): transfer matrix; not a number
-    where the equations are singular.
+    ``w`` (n,) [rad/s]: none negative. Not a number where the equations are singular.
     """
     from mbsvib.responses.refined import Factors, refined
 

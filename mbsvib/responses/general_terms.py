@@ -45,11 +45,10 @@ def cleaned(*factors: Array, direct: Array | float = 0.0) -> Array:
 
 
 def terms(modal: General, c: Array, b: Array) -> tuple[Complex, Array, Array, Array, Array, Index]:
-    """Return the parts of a sum over modes: pairs, real eigenvalues, their coefficients and mode numbers.
+    """Return the parts of a sum over modes from inputs ``b`` (m, inputs) to ``c`` (rows, m).
 
-    ``c`` (rows, m): outputs of the motions. ``b`` (m, inputs): inputs. Returns pairs (p, 2) and real eigenvalues (q,);
-    sums of lambda R and of R of the pairs (rows inputs, p), R of the real ones (rows inputs, q); numbers of the modes
-    (p + q,).
+    Pairs (p, 2) and real eigenvalues (q,); sums of lambda R and of R of the pairs (rows inputs, p), R of the real ones
+    (rows inputs, q); numbers of the modes (p + q,).
     """
     spectrum, state = modal.spectrum, modal.state
     turns = spectrum.turns

@@ -127,10 +127,8 @@ def modal_sum(
     system: Equations, modal: Damped | General, inputs: Sequence[int] | None = None,
     outputs: Sequence[int] | None = None,
 ) -> ModalSum:
-    """Return the sum over modes of a system's transfer functions.
-
-    ``inputs``, ``outputs``: numbers of the inputs and outputs wanted; default: all. Returns coefficients of all
-    eigenvalues, to be summed at any points.
+    """Return the sum over modes of a system's transfer functions, of the ``inputs`` and ``outputs`` with some numbers
+    or all.
     """
     pick = slice(None) if inputs is None else list(inputs)
     show = slice(None) if outputs is None else list(outputs)
@@ -163,9 +161,8 @@ def general_sum(
 ) -> ModalSum:
     """Return the sum over modes of a system without symmetry.
 
-    ``c`` (rows, m): rows of outputs, in coordinates and in the basis. ``order``, ``output`` (rows,): how often each row
-    is differentiated, and the number of its output. ``b`` (m, inputs): inputs, in coordinates and in the basis. ``d``
-    (outputs, inputs): feedthrough.
+    ``c`` (rows, m) and ``b`` (m, inputs): outputs and inputs, in coordinates and in the basis. ``order``, ``output``
+    (rows,): how often each row is differentiated, and the number of its output. ``d`` (outputs, inputs): feedthrough.
     """
     e1, e2 = asymptotic_terms(modal.state)
     residues = (c[1], e1, b[1]), (c[1], e2, b[1])
@@ -265,10 +262,7 @@ def residues(modal: Damped, s: Complex) -> tuple[Complex, Complex]:
 
 
 def general_motions(modal: General, b: Array) -> ModalSum:
-    """Return the sum over modes of all motions in the basis to forces b (m, inputs) in it.
-
-    ``b`` (m, inputs): forces in the basis. Returns (s^2 M + s C + K)^-1 b in the basis.
-    """
+    """Return the sum over modes of (s^2 M + s C + K)^-1 b in the basis, for forces b (m, inputs) in it."""
     state = modal.state
     m = len(state.basis)
     back = np.asarray(np.linalg.inv(state.basis), dtype=float)

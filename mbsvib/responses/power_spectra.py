@@ -87,8 +87,8 @@ def base_noise(
 
     ``spectra``: one-sided acceleration density by direction: a number is white noise, pairs (frequency [Hz], density)
     are a table; ``white`` and ``shaped`` make others. Several directions may share one, ``{"x y z": 1e-6}``.
-    ``directions``: those in which the base can be shaken. ``correlation`` (n, n): Hermitian matrix with ones on its
-    diagonal, in the order of the spectra; default: independent.
+    ``directions``: those in which the base can be shaken. ``correlation`` (n, n): Hermitian with ones on its diagonal,
+    in the order of the spectra.
     """
     if isinstance(spectra, BaseNoise):
         return spectra

@@ -28,15 +28,13 @@ S = TypeVar("S", bound=StateSpace)
 def state_space(basis: Basis, realization: str = "physical", form: type[S] = StateSpace) -> S:  # type: ignore[assignment]
     """Return first-order equations of a system.
 
-    physical: x = (q, q'),  A = [[0, 1], [-M^-1 K, -M^-1 C]];  modal: x = (z1, z1', z2, z2', ...) with one block
-    [[0, 1], [-l1 l2, l1 + l2]] for each mode's eigenvalues l1, l2 (one state for a mode of first order);  balanced:
-    the physical states scaled by powers of two, so that rows and columns of A, B and C are of like size
+    physical: x = (q, q'), A = [[0, 1], [-M^-1 K, -M^-1 C]]; modal: x = (z1, z1', z2, z2', ...) with one block [[0, 1],
+    [-l1 l2, l1 + l2]] for each mode's eigenvalues l1, l2 (one state for a mode of first order); balanced: the physical
+    states scaled by powers of two, so that rows and columns of A, B and C are of like size
 
-    The equations are proper, with as many states as eigenvalues. The system contains no undamped massless motions (they
-    are condensed). Damped massless motions have no rates among the states: the physical states are then q and the rates
-    that move mass (``"d(node.z + body.z)/dt"`` if a rate is a sum).
-
-    ``realization``: "physical", "modal" or "balanced".
+    The equations are proper, with as many states as eigenvalues. Damped massless motions have no rates among the
+    states: the physical states are then q and the rates that move mass (``"d(node.z + body.z)/dt"`` if a rate is a
+    sum).
     """
     if not isinstance(realization, str) or realization not in REALIZATIONS:
         raise ResponseError(f"state_space: realization = {realization!r}; expected one of {', '.join(REALIZATIONS)}."
@@ -57,10 +55,7 @@ def state_space(basis: Basis, realization: str = "physical", form: type[S] = Sta
 
 
 def balanced_states(space: S) -> S:
-    """Return the same equations in states of similar magnitude, scaled by powers of two.
-
-    Returns the same with ``realization`` "balanced"; the unit of a state includes its scale (``"2^-13 rad"``).
-    """
+    """Return the same equations in states scaled by powers of two, which their units include (``"2^-13 rad"``)."""
     from mbsvib.linalg.balancing import balanced
 
     a, b, c, transform, power = balanced(space.A, space.B, space.C, space.transform)

@@ -62,11 +62,9 @@ class Noise:
         return Noise(b, output_rows, terms, tuple(parts), direct)
 
     def at(self, w: Array, by_modes: bool) -> Array:
-        """Return the bound at angular frequencies.
+        """Return the bound (outputs, inputs, n) at frequencies ``w`` (n,) [rad/s], none negative.
 
-        ``w`` (n,): angular frequencies [rad/s], none negative. ``by_modes``: whether responses are sums over modes,
-        which avoid the cancellation above a mode; else they are solutions. Returns (outputs, inputs, n): in the
-        outputs' units.
+        Responses that are sums over modes, ``by_modes``, avoid the cancellation above a mode; others are solutions.
         """
         gain, fade = self.terms.gain(w)
         result = np.zeros((*self.direct.shape, len(w)))
@@ -177,11 +175,10 @@ class Changes:
         return Changes(rows, stiffness[:, None], system.row_damping[used][:, None], sizes, orders, np.abs(system.D))
 
     def at(self, w: Array, motion: Complex, relative_motion: Complex | None = None) -> Array:
-        """Return the sum over all numbers.
+        """Return the sum over all numbers (outputs, inputs, n) at frequencies ``w`` (n,) [rad/s], none negative.
 
-        ``w`` (n,): angular frequencies [rad/s], none negative. ``motion`` (m, inputs + outputs, n): forward and adjoint
-        motions. ``relative_motion`` (rows, inputs + outputs, n): relative motions along the rows; default: from
-        ``motion``, as accurate as its rounding allows. Returns (outputs, inputs, n): in the outputs' units.
+        ``motion`` (m, inputs + outputs, n): forward and adjoint motions. ``relative_motion`` (rows, ...): the same
+        along the rows; default: from ``motion``, as accurate as its rounding allows.
         """
         outputs, inputs = self.direct.shape
         count, springs = len(self.rows), len(self.stiffness)

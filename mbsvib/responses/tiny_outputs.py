@@ -43,11 +43,10 @@ BATCH_BYTES = 2**16
 
 
 def recomputed(basis: Basis, modal: Damped, w: Array, responses: tuple[Complex, bool], solver: Solver) -> Complex:
-    """Return the responses; those that may be inaccurate are computed again from the equations.
+    """Return the responses (outputs, inputs, n); those that may be inaccurate are computed again from the equations.
 
-    ``w`` (n,): angular frequencies [rad/s], none negative. ``responses``: responses (outputs, inputs, n), and whether
-    they are sums over modes. ``solver``: takes frequencies (k,) and returns a solver of the equations in the basis for
-    loads (m, inputs, k). Returns (outputs, inputs, n): transfer functions.
+    ``w`` (n,) [rad/s]: none negative. ``responses``, and whether they are sums over modes. ``solver``: takes
+    frequencies (k,) and returns a solver of the equations in the basis for loads (m, inputs, k).
     """
     system = basis.equations
     value, by_modes = responses

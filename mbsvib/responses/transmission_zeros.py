@@ -53,13 +53,10 @@ INTEGER_POWER = 0.1
 
 
 def transmission_zeros(basis: Basis, outputs: Names = None, inputs: Names = None) -> Complex:
-    """Return the invariant zeros of a system from some of its inputs to some of its outputs.
+    """Return the finite s at which [[K + s C + s^2 M, -B], [Cq + s Cv + s^2 Ca, D]] has less than its normal rank.
 
-    The finite s at which [[K + s C + s^2 M, -B], [Cq + s Cv + s^2 Ca, D]] has less than its normal rank.
-
-    ``outputs``, ``inputs``: names; default: all. Their numbers may differ. Returns (zeros,): zeros [1/s] in ascending
-    magnitude. An uncontrollable or unobservable mode is one too: exactly, or up to double precision, such as a mode
-    localized far along a chain from both.
+    In ascending magnitude. An uncontrollable or unobservable mode is one too: exactly, or up to double precision, such
+    as a mode localized far along a chain from both.
     """
     system, modal = basis.equations, basis.modal
     sources, results = numbers(system, "input", inputs), numbers(system, "output", outputs)
@@ -80,10 +77,7 @@ def transmission_zeros(basis: Basis, outputs: Names = None, inputs: Names = None
 
 
 def numbers(system: Equations, kind: str, names: Names) -> list[int]:
-    """Return the numbers of the named inputs or outputs; None: of all.
-
-    ``kind``: "input" or "output". ``names``: their names.
-    """
+    """Return the numbers of the named inputs or outputs (``kind``); None: of all."""
     known, others = (system.inputs, system.outputs) if kind == "input" else (system.outputs, system.inputs)
     return selected(names, known, kind, system.name, others)
 

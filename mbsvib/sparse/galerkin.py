@@ -248,8 +248,7 @@ def residuals(quadratic: Quadratic, basis: Array, vectors: Eigenvectors) -> Arra
 def error_bound(
     system: SparseEquations, small: Equations, result: Modes, vectors: Eigenvectors, errors: Array
 ) -> Array:
-    """Return bounds of the relative errors of all eigenvalues: truncation of the subspace and rounding of
-    displacements.
+    """Return bounds of the relative errors of all eigenvalues, by truncation of the subspace and by rounding.
 
     |x| |y| / |lambda y^T P'(lambda) x| times the sum of both, in energy at the speed |lambda|; 0 without a vector
 

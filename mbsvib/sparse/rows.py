@@ -77,8 +77,7 @@ def _climbed(tree: Tree, active: Index, a: Index, b: Index) -> list[tuple[Index,
 
 
 def path_entries(tree: Tree, rows: Rows, longest: int | None = SHORT) -> tuple[Index, Index, Array, Array]:
-    """Return row, joint coordinate and value of every entry of rows by the path rule, and the mask (rows,) of those
-    skipped.
+    """Return row, joint coordinate and value of all entries of rows, by the path rule, and the mask of rows skipped.
 
     d_r = sum over the coordinates k between first and second of +-(f_r . v_k + w_k . ((p_r - p_k) x f_r + m_r)) q_k
 

@@ -213,8 +213,7 @@ def _rigid_by_strain(space: Subspace, total: int) -> Subspace:
 
 
 def strains(system: SparseEquations, z: Array, rigid: int) -> tuple[Array, Array]:
-    """Return the elastic displacements D z (rows, n), rounding as exact zeros, and the sums of the sizes of their
-    terms.
+    """Return the elastic displacements D z (rows, n), rounding as exact zeros, and the sums of the sizes of the terms.
 
     The first ``rigid`` of the vectors ``z`` (size, n) deform no spring.
     """
