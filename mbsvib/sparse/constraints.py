@@ -135,15 +135,15 @@ def constraints(
         cut += couplers.names
     entries = Entries(*locked_entries(tree, rows, couplers), np.array(loop, dtype=np.intp), len(names))
     decision = _Decision(topology, tree, rows, couplers, names, cut, entries)
-    groups = [decision.of(members) for members in entries.groups()]
+    decisions = [decision.of(members) for members in entries.groups()]
     independent = np.ones(len(names), dtype=bool)
-    for group in groups:
-        redundant = set(group.redundant)
-        independent[[row for row in group.rows.tolist() if names[row] in redundant]] = False
+    for _, redundant in decisions:
+        independent[redundant] = False
     number_of = np.cumsum(independent) - 1
     used = independent[entries.row]
     path_joints = number_of[entries.row[used]], tree.coordinate_body[entries.column[used]]
-    return Constraints(rows, tuple(names), entries.loop, independent, tuple(groups), tuple(crossing), rods, path_joints,
+    groups = tuple([group for group, _ in decisions])
+    return Constraints(rows, tuple(names), entries.loop, independent, groups, tuple(crossing), rods, path_joints,
                        couplers)  # fmt: skip
 
 
@@ -200,29 +200,29 @@ class _Decision:
     cut: list[str]
     entries: Entries
 
-    def of(self, members: Index) -> LoopGroup:
-        """Return the decision for the rows of one group of loops."""
+    def of(self, members: Index) -> tuple[LoopGroup, list[int]]:
+        """Return the decision for the rows of one group of loops, and the redundant ones."""
         columns = np.unique(self.entries.of(members)[1])
         loop = self.entries.loop[members]
         loops = np.unique(loop)
         if len(loops) == 1 or len(members) * len(columns) <= MOST_DENSE_ENTRIES:
             return self._dense(members)
-        parts = [self._dense(members[loop == k]) for k in loops]
-        redundant = {name for part in parts for name in part.redundant}
-        remaining = np.array([row for row in members.tolist() if self.names[row] not in redundant], dtype=np.intp)
+        parts, redundant_rows = zip(*[self._dense(members[loop == k]) for k in loops], strict=True)
+        redundant = [row for part in redundant_rows for row in part]
+        remaining = np.setdiff1d(members, redundant)
         noise = max(part.noise for part in parts)
         limit = max(DEPENDENT_DISTANCE, RANK_FACTOR * noise)
         dependent, smallest_kept, dropped = _dependent(self._unit_rows(remaining, columns), limit)
         joints = tuple(name for part in parts for name in part.joints)
         _check_gap(joints, smallest_kept, dropped)
-        redundant |= {self.names[remaining[k]] for k in dependent.tolist()}
+        redundant = sorted([*redundant, *remaining[dependent].tolist()])
         return LoopGroup(
-            joints, members, columns, len(remaining) - len(dependent), smallest_kept,
+            joints, members, columns, len(members) - len(redundant), smallest_kept,
             max([dropped, *(part.dropped for part in parts)]), max(part.length for part in parts), noise,
-            partial(tuple, [self.names[row] for row in members.tolist() if self.names[row] in redundant]),
-        )  # fmt: skip
+            partial(tuple, [self.names[row] for row in redundant]),
+        ), redundant  # fmt: skip
 
-    def _dense(self, members: Index, reach: float = 0.0) -> LoopGroup:
+    def _dense(self, members: Index, reach: float = 0.0) -> tuple[LoopGroup, list[int]]:
         """The dense path's rank decision for some rows, in the coordinates that they contain."""
         tree, count = self.tree, len(members)
         columns, phi = self.entries.dense(members)
@@ -242,10 +242,10 @@ class _Decision:
         redundant: list[int] = []
         if rank < count:
             weight = 1.0 - TIE_BREAK * np.arange(count) / count
-            redundant = sorted(pivoted_qr((a * weight[:, None]).T)[1][rank:].tolist())
+            redundant = members[np.sort(pivoted_qr((a * weight[:, None]).T)[1][rank:])].tolist()
         _check_gap(joints, smallest_kept, dropped)
-        implied = partial(tuple, [self.names[members[k]] for k in redundant])
-        return LoopGroup(joints, members, columns, rank, smallest_kept, dropped, length, noise, implied)
+        implied = partial(tuple, [self.names[row] for row in redundant])
+        return LoopGroup(joints, members, columns, rank, smallest_kept, dropped, length, noise, implied), redundant
 
     def _unit_rows(self, rows: Index, columns: Index) -> csr_matrix:
         """Some rows of Phi with lengths in links, scaled to unit length."""
