@@ -209,7 +209,7 @@ def partial_sums(terms: Array, size: Array, start: Array, total: Array) -> Array
         np.cumsum(values, axis=-1, out=below[..., 1:])
         above[..., :-1] = np.cumsum(values[..., ::-1], axis=-1)[..., ::-1]
     near = left + np.abs(start)[..., None] <= right + np.abs(total)[..., None]
-    return np.where(near, start[..., None] + up, total[..., None] - down)
+    return np.asarray(np.where(near, start[..., None] + up, total[..., None] - down))
 
 
 def _classical(modal: Damped, c: Array, b: Array) -> _Terms:
