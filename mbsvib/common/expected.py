@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from mbsvib.common.arguments import shown
+from mbsvib.common.arguments import names_in, shown
 from mbsvib.errors import MbsvibError, ModelError, ResponseError
 
 if TYPE_CHECKING:
@@ -77,12 +77,8 @@ def _refuse(
 
 def names(value: Any, caller: str, field: str, error: Callable[..., MbsvibError] = ResponseError) -> list[str]:
     """Return names as a list, from a text, a part that ``add_...`` returned, or several of either."""
-    several = [value] if isinstance(value, str) or hasattr(value, "name") else value
-    try:
-        listed = [item if isinstance(item, str) else item.name for item in several]
-    except (TypeError, AttributeError):
-        listed = [None]
-    if not all(isinstance(item, str) for item in listed):
+    listed = names_in([value] if isinstance(value, str) or hasattr(value, "name") else value)
+    if listed is None:
         text = f"{caller}: {field} = {shown(value)}; expected a name, or a list of names."
         raise error(text, field=field) if error is ModelError else error(text)
     return listed
@@ -134,15 +130,15 @@ def mode_index(
     return int(number) - 1
 
 
-def angular(omega: Any, caller: str = "frequency_response") -> NDArray[np.float64]:
+def angular(omega: Any) -> NDArray[np.float64]:
     """Return angular frequencies [rad/s] as a vector whose squares neither overflow nor underflow."""
-    w = np.atleast_1d(reals(omega, caller, "omega", "a vector of numbers [rad/s]"))
+    w = np.atleast_1d(reals(omega, "frequency_response", "omega", "a vector of numbers [rad/s]"))
     if w.ndim != 1 or not np.isfinite(w).all():
-        raise ResponseError(f"{caller}: omega has shape {np.shape(omega)}; expected a finite vector [rad/s].")
+        raise ResponseError(f"frequency_response: omega has shape {np.shape(omega)}; expected a finite vector [rad/s].")
     beyond = w[(w != 0.0) & ((np.abs(w) < 1.0 / HIGHEST) | (np.abs(w) > HIGHEST))]
     if len(beyond):
-        raise ResponseError(f"{caller}: omega = {beyond[0]:g} rad/s; expected 0, or from {1.0 / HIGHEST:g} to "
-                            f"{HIGHEST:g} rad/s.")  # fmt: skip
+        raise ResponseError(f"frequency_response: omega = {beyond[0]:g} rad/s; expected 0, or from {1.0 / HIGHEST:g} "
+                            f"to {HIGHEST:g} rad/s.")  # fmt: skip
     return w
 
 

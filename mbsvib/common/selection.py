@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from mbsvib.common.arguments import shown
+from mbsvib.common.arguments import names_in, shown
 from mbsvib.errors import ResponseError, counted, nearest
 
 # Names or patterns of signals; None: all.
@@ -71,11 +71,8 @@ def key_ports(key: Any, name: str) -> tuple[Any, Any]:
 
 
 def _listed(several: Any, kind: str, owner: str) -> list[str]:
-    try:
-        names = [item if isinstance(item, str) else item.name for item in several]
-    except (TypeError, AttributeError):
-        names = [None]
-    if not all(isinstance(name, str) for name in names):
+    names = names_in(several)
+    if names is None:
         hint = " Numbers are refused: signals are selected by name." if _numbers(several) else ""
         raise ResponseError(f"system '{owner}': {kind}s = {shown(several)}; expected a name, a pattern such as "
                             f"'leg*', or a list of these; None or : for all.{hint}")  # fmt: skip

@@ -129,11 +129,7 @@ def solved(system: Equations, state: EnergyState, s: Complex) -> Complex:
     batch = max(1, BATCH_BYTES // (16 * max(1, len(b)) ** 2))
     for start in range(0, len(s), batch):
         part = s[start : start + batch]
-        matrix = _matrix(state, part)
-        try:
-            eta = np.linalg.solve(matrix, b)
-        except np.linalg.LinAlgError:
-            eta = np.stack([_solution(a, b) for a in matrix])
+        eta = _solutions(_matrix(state, part), b)
         powers = part[:, None, None]
         value = outputs[0] @ eta + powers * (outputs[1] @ eta + powers * (outputs[2] @ eta))
         result[:, :, start : start + batch] = value.transpose(1, 2, 0) + system.D[:, :, None]
@@ -169,11 +165,7 @@ def refined_solutions(system: Equations, state: EnergyState, w: Array) -> Comple
 
         def solve(load: Complex, matrix: Complex = matrix) -> Complex:
             right = np.ascontiguousarray(load.transpose(2, 0, 1))
-            try:
-                eta = np.linalg.solve(matrix, right)
-            except np.linalg.LinAlgError:
-                eta = np.stack([_solution(a, b) for a, b in zip(matrix, right, strict=True)])
-            return np.ascontiguousarray(eta.transpose(1, 2, 0))
+            return np.ascontiguousarray(_solutions(matrix, right).transpose(1, 2, 0))
 
         load = np.broadcast_to(system.B[:, :, None], (*system.B.shape, len(part))).astype(complex)
         transfer = refined(Factors.of(system, part), state.basis, load, (outputs, system.D), solve)
@@ -181,8 +173,12 @@ def refined_solutions(system: Equations, state: EnergyState, w: Array) -> Comple
     return result
 
 
-def _solution(matrix: Complex, b: Complex) -> Complex:
+def _solutions(matrices: Complex, right: Complex) -> Complex:
+    """Solutions of several systems (n, m, m) with right sides (m, k) or (n, m, k); NaN where a matrix is singular."""
     try:
-        return np.asarray(np.linalg.solve(matrix, b))
+        return np.asarray(np.linalg.solve(matrices, right))
     except np.linalg.LinAlgError:
-        return np.full_like(b, np.nan)
+        if len(matrices) == 1:
+            return np.full((1, *right.shape[-2:]), np.nan, dtype=complex)
+        each = np.broadcast_to(right, (len(matrices), *right.shape[-2:]))
+        return np.concatenate([_solutions(*pair) for pair in zip(matrices[:, None], each[:, None], strict=True)])
