@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.memory import keep_freed_memory
 from mbsvib.linalg.rank import ZERO_RIGID_FORM, ZERO_RIGID_FORM_BY_MATRICES
 from mbsvib.sensitivities.adjoint_fields import fields, motions
 from mbsvib.sensitivities.branches import branches
@@ -61,6 +62,7 @@ def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Requested = No
     """
     system, groups = basis.equations, basis.groups(parameters)
     spectrum, pairs = basis.spectrum
+    keep_freed_memory(groups.size)
     if len(pairs.groups) and spectrum.left is None and groups.unsymmetric:
         spectrum = replace(spectrum, left=spectrum.right)
     widened = spectrum if spectrum.left is not None else spectrum.with_sums(pairs)
