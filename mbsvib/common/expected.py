@@ -27,8 +27,12 @@ def a_model(value: T, caller: str, field: str = "model") -> T:
     """Return ``value`` if it is a model."""
     if kind_of(value) == "model":
         return value
-    hint = "Give the model that was linearized." if kind_of(value) in ("system", "sparse system", "batch") else \
-        "Read files by mv.load." if isinstance(value, str) else ""  # fmt: skip
+    hint = {
+        "system": "Give the model that was linearized.", "sparse system": "Give the model that was linearized.",
+        "batch": "Give the model that was linearized.",
+        "closed loop": "Give the model that was linearized; how its controller isolates is told by "
+                       "isolation.actuated(model, body, legs=[]).with_gains(controller).isolation().",
+    }.get(kind_of(value) or "", "Read files by mv.load." if isinstance(value, str) else "")  # fmt: skip
     raise _refuse(ModelError, value, caller, field, "a Model", hint)
 
 
