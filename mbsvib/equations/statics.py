@@ -174,10 +174,12 @@ def unbalanced(
     kind, unit = ("moment", "N m") if turns else ("force", "N")
     joint, _, direction = coordinate.rpartition(".")
     body, where = body_and_direction(joint, direction, topology)
+    free = "" if any(part.name == joint for part in topology.joints) else \
+        f" No joint leads from body '{body}' to the ground: join them if it should not move freely."
     return EquilibriumError(
         f"model '{model}' is not in balance in the given pose: unbalanced {kind} on body '{body}', {missing:.6g} "
-        f"{unit} missing {where} ({share:.1e} of the forces that should cancel there; allowed {BALANCE:g}).{more} Find "
-        f"the pose with model.equilibrium(), or hold it with a load or a preload of a spring.",
+        f"{unit} missing {where} ({share:.1e} of the forces that should cancel there; allowed {BALANCE:g}).{more}"
+        f"{free} Find the pose with model.equilibrium(), or hold it with a load or a preload of a spring.",
         body=body, coordinate=coordinate, missing=missing, unit=unit,
     )  # fmt: skip
 

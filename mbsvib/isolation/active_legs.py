@@ -65,8 +65,8 @@ def active_legs(model: Model, legs: Sequence[str] | None) -> tuple[ActiveLeg, ..
         requested = [hit for name in names(legs, "actuated", "legs", ModelError) for hit in _hits(model, name, known)]
     if not requested and not (legs is not None and model.inputs and model.outputs):
         raise ModelError(f"actuated: model '{model.name}' has no line spring beside which an actuator could act, and "
-                         f"no prismatic joint; add legs by add_spring, name directions of bushings (legs=['mount.z']), or "
-                         f"give the model inputs and outputs of its own and say legs=[].", field="legs")  # fmt: skip
+                         f"no prismatic joint; add legs by add_spring, name directions of bushings (legs=['mount.z']), "
+                         f"or give the model inputs and outputs of its own and say legs=[].", field="legs")  # fmt: skip
     return tuple([_leg(model, name) for name in dict.fromkeys(requested)])
 
 
