@@ -11,7 +11,7 @@ import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import angular
+from mbsvib.common.expected import angular, has_no
 from mbsvib.common.tables import SHOWN
 from mbsvib.equations.batch_equations import BatchEquations
 from mbsvib.equations.terms import MATRICES
@@ -44,6 +44,11 @@ class Batch(BatchEquations, Displayed):
     """
 
     nominal: System
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name):
+            return has_no(self, name, System, f"its systems have it: batch[0].{name}.")
 
     @cached_property
     def basis(self) -> BatchBasis:

@@ -9,6 +9,7 @@ import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
+from mbsvib.common.expected import has_no
 from mbsvib.errors import ResponseError, counted
 from mbsvib.sparse.equations import SparseEquations
 
@@ -374,7 +375,8 @@ class SparseSystem(SparseEquations, Displayed):
     def __getattr__(self, name: str) -> Any:
         if name in _MATRICES:
             raise AttributeError(f"'{self.name}' is held sparse and has no dense matrix {name}: {_SAY_DENSE}")
-        raise AttributeError(f"'SparseSystem' object has no attribute {name!r}")
+        hint = f"dense systems have it, system.reduced(20, correction=True).{name} or that of linearize(method='dense')."
+        return has_no(self, name, System, hint)
 
     def __repr__(self) -> str:
         ports = f"{counted(len(self.inputs), 'input')}, {counted(len(self.outputs), 'output')}"
