@@ -34,17 +34,18 @@ def sample_time(value: Any) -> float | None:
 
 
 def arguments(value: Any) -> dict[str, Any]:
-    """Return matrices and names as arguments of ``StateSpace.from_arrays``.
+    """Return matrices and names as arguments of ``StateSpace.from_arrays``; of a transfer function as ``realized`` has
+    them.
 
-    ``value``: in continuous or discrete time; a transfer function gets states as ``realized`` tells. Returns A, B, C,
-    D, inputs, outputs, states, name. Raises ResponseError if it is an improper transfer function.
+    Refused if it is an improper transfer function; equations may be in discrete time.
     """
-    name = str(value.name)
-    matrices = (realized(value.num, value.den, name) if is_transfer_function(value)
-                else tuple(getattr(value, label) for label in "ABCD"))  # fmt: skip
-    states = [f"x{i}" for i in range(len(matrices[0]))] if is_transfer_function(value) else list(value.state_labels)
-    return dict(zip("ABCD", matrices, strict=True)) | {
-        "inputs": list(value.input_labels), "outputs": list(value.output_labels), "states": states, "name": name}
+    if is_transfer_function(value):
+        matrices = dict(zip("ABCD", realized(value.num, value.den, str(value.name)), strict=True))
+        states = [f"x{i}" for i in range(len(matrices["A"]))]
+    else:
+        matrices, states = {label: getattr(value, label) for label in "ABCD"}, list(value.state_labels)
+    return {**matrices, "inputs": list(value.input_labels), "outputs": list(value.output_labels), "states": states,
+            "name": str(value.name)}  # fmt: skip
 
 
 def check_continuous(value: Any) -> None:
