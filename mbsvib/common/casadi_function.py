@@ -19,12 +19,12 @@ def casadi_function(name: str, shape: tuple[int, int], parts: tuple[str, ...], v
     ``shape``: numbers of rows of each part, and of entries of p. ``parts``: their names. ``value``: p (columns,) to the
     parts (rows,). ``slopes``: p to the derivatives of each, (rows, columns).
     """
-    return _classes()(name, shape, parts, value, slopes)
+    return _function_class()(name, shape, parts, value, slopes)
 
 
 @cache
-def _classes() -> Any:
-    """Return the class of callbacks, which exists where CasADi is."""
+def _slopes_class() -> Any:
+    """Return the class of derivatives; it exists where CasADi is."""
     import casadi
 
     class Slopes(casadi.Callback):
@@ -49,6 +49,16 @@ def _classes() -> Any:
 
         def eval(self, arguments: Any) -> Any:
             return [casadi.DM(array) for array in self.owner.slopes(arguments[0].full().ravel())]
+
+    return Slopes
+
+
+@cache
+def _function_class() -> Any:
+    """Return the class of functions; it exists where CasADi is."""
+    import casadi
+
+    slopes_class = _slopes_class()
 
     class Parts(casadi.Callback):
         """p -> the parts."""
@@ -84,7 +94,7 @@ def _classes() -> Any:
             return True
 
         def get_jacobian(self, name: str, inputs: Any, outputs: Any, options: Any) -> Any:
-            self.jacobians.append(Slopes(name, self, options))
+            self.jacobians.append(slopes_class(name, self, options))
             return self.jacobians[-1]
 
     return Parts
