@@ -9,9 +9,11 @@ from mbsvib.api.connecting import Connecting
 from mbsvib.api.reducing import ReducibleSystem
 from mbsvib.api.sensitivities import Sensitive
 from mbsvib.common.display import upper
+from mbsvib.common.expected import has_no
 from mbsvib.common.fast_init import fast_init
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import counted
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.responses.linear import StepVerbs
 
 if TYPE_CHECKING:
@@ -36,6 +38,11 @@ class System(Connecting, ReducibleSystem, StepVerbs, Sensitive, Equations):
     Matrices, factors and names are those of ``Equations``; modes are computed once, and results are
     cached.
     """
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name):
+            return has_no(self, name, Mechanism, f"models have it: change the model by model.{name}, and linearize.")
 
     @classmethod
     def from_matrices(

@@ -105,12 +105,15 @@ def vector(value: Any, who: str, field: str, expected: str = "three finite numbe
     return numbers(value, (3,), who, field, expected)  # type: ignore[return-value]
 
 
+_DIRECTION = "a direction (x, y, z) that is not zero, such as (0, 0, 1)"
+
+
 def axis(value: Any, who: str, field: str) -> Vector:
     """Return ``value`` as a unit vector."""
-    x, y, z = vector(value, who, field, "a direction (x, y, z) that is not zero")
+    x, y, z = vector(value, who, field, _DIRECTION)
     length = hypot(x, y, z)
     if length == 0.0 or length == inf:
-        raise refuse(who, field, value, "a direction (x, y, z) that is not zero")
+        raise refuse(who, field, value, _DIRECTION)
     if length < TINY:  # lengths of subnormal numbers lose digits
         return axis((x / TINY, y / TINY, z / TINY), who, field)
     if abs(length - 1.0) <= UNIT_LENGTH:

@@ -27,8 +27,12 @@ def a_model(value: T, caller: str, field: str = "model") -> T:
     """Return ``value`` if it is a model."""
     if kind_of(value) == "model":
         return value
-    hint = "Give the model that was linearized." if kind_of(value) in ("system", "sparse system", "batch") else \
-        "Read files by mv.load." if isinstance(value, str) else ""  # fmt: skip
+    hint = {
+        "system": "Give the model that was linearized.", "sparse system": "Give the model that was linearized.",
+        "batch": "Give the model that was linearized.",
+        "closed loop": "Give the model that was linearized; how its controller isolates is told by "
+                       "isolation.actuated(model, body, legs=[]).with_gains(controller).isolation().",
+    }.get(kind_of(value) or "", "Read files by mv.load." if isinstance(value, str) else "")  # fmt: skip
     raise _refuse(ModelError, value, caller, field, "a Model", hint)
 
 
@@ -56,6 +60,15 @@ def way_to_system(value: Any) -> str:
     if kind_of(value) == "sparse system":
         return "It is held sparse: give some of its modes, system.reduced(20, correction=True)."
     return "It is what model.linearize() returns."
+
+
+def has_no(value: Any, name: str, other: type, hint: str) -> Any:
+    """Raise the error of an attribute that ``value`` does not have, with a hint if objects of class ``other`` do."""
+    if hasattr(type(value), name):  # a property that ended in an AttributeError of its own
+        return object.__getattribute__(value, name)
+    has = not name.startswith("_") and hasattr(other, name)
+    text = f"'{type(value).__name__}' object has no attribute '{name}'"
+    raise AttributeError(f"{text}; {hint}" if has else text, name=name, obj=value)
 
 
 def kind_of(value: Any) -> str | None:

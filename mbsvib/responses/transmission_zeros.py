@@ -42,12 +42,13 @@ if TYPE_CHECKING:
 # A Newton step that changes a zero by more than this share does not correct rounding errors.
 CORRECTION, NEWTON_STEPS = 1e-3, 4
 SECANT = 1e-4  # distance of the secant's points, as a share of that to the nearest pole
-# The error of a double zero at 0 is the square root of rounding. It is at 0 if the static response is zero to rounding.
-AT_REST, STATIC_ROUNDINGS = 1e-5, 30.0
+# Zeros at 0 are within these shares of the lowest pole, two of them by the square root of rounding and more of them by
+# higher roots; they are at 0 if the static response is zero to rounding.
+AT_REST, MULTIPLE, STATIC_ROUNDINGS = 1e-5, 1.0, 30.0
 CLOSER = np.array([1e-2, 1e-3])  # points, in parts of the lowest pole, where growth indicates a pole at 0
 GROWS = 3.0
-# Computed zeros at 0 are within these shares of the lowest pole; the more there are, the larger their errors.
-NEAR_RIGID = (1e-3, 1e-4, 1e-5)
+# Computed zeros at 0 are within these shares of the lowest pole: n of them spread by the n-th root of rounding.
+NEAR_ORIGIN = tuple(10.0**-power for power in range(-2, 6))
 # If a power differs from an integer by more, some zeros are near 0 but not at 0.
 INTEGER_POWER = 0.1
 
@@ -168,32 +169,33 @@ def _at_rest(
     uncontrollable or unobservable rigid-body modes. ``at_zero`` of the zeros at 0 are left out.
     """
     poles = modal.pairs.reshape(-1) if isinstance(modal, Damped) else modal.values
-    size = np.abs(poles)
+    size, square = np.abs(poles), len(ports[0]) == len(ports[1])
     if not size.all():
         lowest = float(size[size > 0.0].min(initial=np.inf))
         if not np.isfinite(lowest):
             return z
-        if len(ports[0]) == len(ports[1]):
+        if square:
             known = determined_zeros(modal, total, z, transfer_rounding(system, modal, total, ports, z))
-            return _near_rigid_poles(total, poles, (z, known), lowest, at_zero)
+            return _of_determinant(total, poles, (z, known), lowest, at_zero)
         near = np.abs(z) <= AT_REST * lowest
         if near.any():
             with np.errstate(all="ignore"):
                 farther, nearer = np.abs(total.at(1j * lowest * CLOSER)).max(axis=(0, 1))
             return np.where(near, 0.0, z) if nearer < GROWS * farther else z
         return z
-    near = np.abs(z) <= AT_REST * float(size.min())
-    if near.any():
+    lowest = float(size.min())
+    if np.any(np.abs(z) <= (MULTIPLE if square else AT_REST) * lowest):
         origin = np.zeros(1, dtype=complex)
         value, left, right = smallest_singular_value(total.at(origin))
         rounding = transfer_rounding(system, modal, total, ports, origin)
         noise = np.einsum("no,oin,ni->n", np.abs(left), rounding, np.abs(right))
         if value[0] <= STATIC_ROUNDINGS * noise[0]:
-            return np.where(near, 0.0, z)
+            z = np.where(np.abs(z) <= AT_REST * lowest, 0.0, z)
+            return _of_determinant(total, poles, (z, z == 0.0), lowest, at_zero) if square else z
     return z
 
 
-def _near_rigid_poles(
+def _of_determinant(
     total: ModalSum | Resolvent, poles: Complex, zeros: tuple[Complex, NDArray[np.bool_]], lowest: float, at_zero: int
 ) -> Complex:
     """Set as many zeros of a square system to 0 as follow from its determinant, c s^(zeros - poles) near 0.
@@ -206,7 +208,7 @@ def _near_rigid_poles(
         s = 1j * lowest * CLOSER
         size = np.log(np.abs(np.linalg.det(total.at(s).transpose(2, 0, 1))))
         size = size + np.log(np.abs(s[:, None] - poles[poles != 0.0])).sum(axis=1)
-        for share in NEAR_RIGID:
+        for share in NEAR_ORIGIN:
             far = z[(np.abs(z) > share * lowest) | known & (z != 0.0)]
             logarithms = size - np.log(np.abs(s[:, None] - far)).sum(axis=1)
             power = (logarithms[0] - logarithms[1]) / np.log(CLOSER[0] / CLOSER[1])
