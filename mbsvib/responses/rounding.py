@@ -107,7 +107,8 @@ class TermSizes:
             corner = np.abs(modal.pairs).max(axis=1)
             return TermSizes(modal, np.zeros(0, complex), 0, np.ones(len(corner)), 2, corner, np.sort(corner), None)
         value, y, slope, _, free = half_spectrum(modal)
-        vectors, rigid = np.concatenate((y, free), axis=1), np.zeros(free.shape[1])
+        vectors: Complex = np.concatenate((y, free), axis=1)
+        rigid = np.zeros(free.shape[1])
         strength, corner = (np.concatenate((a, rigid)) for a in (2.0 / np.abs(slope), np.abs(value)))
         return TermSizes(modal, value, len(rigid), strength, 1, corner, np.sort(corner), vectors)
 
