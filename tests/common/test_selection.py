@@ -48,7 +48,7 @@ def test_responses_are_rows_and_columns_of_all():
 
 def test_names_in_arrays_are_names():
     assert SYSTEM[np.array(["z", "x"]), "Fx"].outputs == ("z", "x")
-    with pytest.raises(mv.ResponseError, match="^output 'height': system"):
+    with pytest.raises(mv.ResponseError, match=r"^output 'height': system"):
         SYSTEM.with_ports(np.array(["height"]))
 
 
