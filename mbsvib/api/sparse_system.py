@@ -374,7 +374,7 @@ class SparseSystem(SparseEquations, Displayed):
     def __getattr__(self, name: str) -> Any:
         if name in _MATRICES:
             raise AttributeError(f"'{self.name}' is held sparse and has no dense matrix {name}: {_SAY_DENSE}")
-        hint = f"dense systems have it, system.reduced(20, correction=True).{name} or that of linearize(method='dense')."
+        hint = f"dense systems have it, system.reduced(20, correction=True).{name} or that of linearize(method='dense')"
         return has_no(self, name, System, hint)
 
     def __repr__(self) -> str:
