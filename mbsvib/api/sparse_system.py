@@ -39,10 +39,11 @@ class SparseSystem(SparseEquations, Displayed):
     Names and units are those of ``System``. ``joint_coordinates`` are all coordinates of the spanning tree, the
     dependent ones of loops included. Nothing in here is larger than a constant times the number of bodies.
 
-    ``elastic_rows`` (rows, unknowns) with ``stiffness``, ``damping`` and ``row_owner`` (rows,), ``inertia_factor``
-    W of M = W^T W (6 bodies, unknowns), ``input_rows`` (inputs, unknowns) and ``output_rows`` (three of them, for
-    displacement, velocity and acceleration, each (outputs, unknowns)) are scipy sparse; ``D`` (outputs, inputs).
-    ``model`` is what was linearized, ``dropped`` what ``reachable`` left out. Owners of rows are ``springs`` and then
+    ``elastic_rows`` (rows, unknowns) with ``row_stiffness``, ``row_damping`` and ``row_owner`` (rows,),
+    ``inertia_factor`` W of M = W^T W (6 bodies, unknowns), ``input_rows`` (inputs, unknowns) and ``output_rows`` (three
+    of them, for displacement, velocity and acceleration, each (outputs, unknowns)) are scipy sparse; ``D`` (outputs,
+    inputs).
+    ``model`` is what was linearized, ``removed`` what ``reachable`` left out. Owners of rows are ``springs`` and then
     ``loading``: loads, preloads, joints and bodies whose forces make geometric stiffness; ``undetermined`` is what
     redundant constraints leave open of the forces in joints that are outputs.
     """

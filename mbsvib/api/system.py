@@ -245,7 +245,7 @@ class System(Connecting, ReducibleSystem, StepVerbs, Sensitive, Equations):
         """
         from mbsvib.responses.frequency_grid import frequency_grid
 
-        return frequency_grid(self.basis, outputs, inputs, n, f_min=f_min, f_max=f_max)
+        return frequency_grid(self.with_ports(outputs, inputs), self.basis.poles, n, f_min=f_min, f_max=f_max)
 
     def reachable(self, outputs: Names = None, inputs: Names = None) -> System:
         """Return the controllable and observable part for the given inputs and outputs, with these ports only.

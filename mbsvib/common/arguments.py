@@ -40,6 +40,15 @@ def refuse(who: str, field: str, value: Any, expected: str, hint: str = "") -> M
     return ModelError(f"{text} {hint}".rstrip(), element=who, field=field)
 
 
+def names_in(items: Any) -> list[str] | None:
+    """Return names of several parts, or names themselves, as a list; None if they are anything else."""
+    try:
+        names = [item if isinstance(item, str) else item.name for item in items]
+    except (TypeError, AttributeError):
+        return None
+    return names if all(isinstance(name, str) for name in names) else None
+
+
 def shown(value: Any) -> str:
     """Return a one-line text of a value, cut to a readable length."""
     text = " ".join(repr(value.tolist() if hasattr(value, "tolist") else value).split())

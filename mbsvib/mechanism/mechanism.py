@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from operator import attrgetter
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 from mbsvib.common import arguments as check
 from mbsvib.common.tables import listed
@@ -15,9 +15,6 @@ from mbsvib.elements.superelement import Superelement
 from mbsvib.errors import ModelError, an, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import Self
-
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arguments import Vector
