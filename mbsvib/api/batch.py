@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, TypeVar, cast, overload
 
 import numpy as np
 
+from mbsvib.api.elsewhere import tell_where
 from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import angular, has_no
+from mbsvib.common.expected import angular
 from mbsvib.common.tables import SHOWN
 from mbsvib.equations.batch_equations import BatchEquations
 from mbsvib.equations.terms import MATRICES
@@ -44,11 +45,6 @@ class Batch(BatchEquations, Displayed):
     """
 
     nominal: System
-
-    if not TYPE_CHECKING:
-
-        def __getattr__(self, name):
-            return has_no(self, name, System, f"its systems have it: batch[0].{name}.")
 
     @cached_property
     def basis(self) -> BatchBasis:
@@ -201,3 +197,6 @@ class Batch(BatchEquations, Displayed):
 
     def __repr__(self) -> str:
         return f"Batch({self.name!r}: {len(self)} variants, {self.dof} DOF)"
+
+
+tell_where(Batch, System, "its systems have it: batch[0].{name}.")
