@@ -61,6 +61,7 @@ def test_variants_in_one_pass():
     assert many < 3400  # 1699
 
 
+@pytest.mark.slow
 def test_many_bodies_cost_in_proportion():
     """Sparse: what is built grows with the bodies, what is done for the modes does not grow at all."""
 

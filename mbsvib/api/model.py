@@ -13,6 +13,7 @@ from mbsvib.api.add_ports import PortedMechanism
 from mbsvib.api.pose import Posed
 from mbsvib.api.running import Running
 from mbsvib.api.simulated import Simulated
+from mbsvib.common.expected import has_no
 from mbsvib.elements.families import FAMILIES
 from mbsvib.errors import ModelError, counted, nearest
 
@@ -50,6 +51,13 @@ class Model(
 
     def __init__(self, name: str = "model", gravity: ArrayLike | None = None) -> None:
         super().__init__(name, gravity)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name):
+            from mbsvib.api.system import System
+
+            return has_no(self, name, System, f"systems have it: model.linearize().{name}.")
 
     @overload
     def linearize(

@@ -9,9 +9,11 @@ from mbsvib.api.connecting import Connecting
 from mbsvib.api.reducing import ReducibleSystem
 from mbsvib.api.sensitivities import Sensitive
 from mbsvib.common.display import upper
+from mbsvib.common.expected import has_no
 from mbsvib.common.fast_init import fast_init
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import counted
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.responses.linear import StepVerbs
 
 if TYPE_CHECKING:
@@ -36,6 +38,11 @@ class System(Connecting, ReducibleSystem, StepVerbs, Sensitive, Equations):
     Matrices, factors and names are those of ``Equations``; modes are computed once, and results are
     cached.
     """
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name):
+            return has_no(self, name, Mechanism, f"models have it: change the model by model.{name}, and linearize.")
 
     @classmethod
     def from_matrices(
@@ -238,7 +245,7 @@ class System(Connecting, ReducibleSystem, StepVerbs, Sensitive, Equations):
         """
         from mbsvib.responses.frequency_grid import frequency_grid
 
-        return frequency_grid(self.basis, outputs, inputs, n, f_min=f_min, f_max=f_max)
+        return frequency_grid(self.with_ports(outputs, inputs), self.basis.poles, n, f_min=f_min, f_max=f_max)
 
     def reachable(self, outputs: Names = None, inputs: Names = None) -> System:
         """Return the controllable and observable part for the given inputs and outputs, with these ports only.

@@ -121,10 +121,13 @@ def unbalanced(
 
     ``share`` is that of the forces that should cancel, ``more`` a sentence on other coordinates.
     """
-    text, details = unbalanced_force(coordinate, turns, missing, share, {part.name: part for part in topology.joints})
+    joints = {part.name: part for part in topology.joints}
+    text, details = unbalanced_force(coordinate, turns, missing, share, joints)
+    free = "" if coordinate.rpartition(".")[0] in joints else \
+        f" No joint leads from body '{details['body']}' to the ground: join them if it should not move freely."
     return EquilibriumError(
-        f"model '{model}' is not in balance in the given pose: {text}; allowed {BALANCE:g}).{more} Find the pose with "
-        f"model.equilibrium(), or hold it with a load or a preload of a spring.", **details,
+        f"model '{model}' is not in balance in the given pose: {text}; allowed {BALANCE:g}).{more}{free} Find the pose "
+        f"with model.equilibrium(), or hold it with a load or a preload of a spring.", **details,
     )  # fmt: skip
 
 

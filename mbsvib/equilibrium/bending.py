@@ -15,7 +15,6 @@ from mbsvib.equilibrium.articulation import articulated
 from mbsvib.equilibrium.balance import Balance, balance
 from mbsvib.equilibrium.motion import PosedModel, close, posed_model
 from mbsvib.equilibrium.path import BALANCED, CLOSED, NEWTON_STEPS, newton_step
-from mbsvib.equilibrium.pose import start
 from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.mechanism.mechanism import Mechanism
 
@@ -46,7 +45,7 @@ def pose_of_least_energy(
 
     ``values``: how far coordinates of its tree move [m, rad]. ``cut``: joints at which loops are cut.
     """
-    at = posed_model(mechanism, start(mechanism), cut)
+    at = posed_model(mechanism, cut=cut)
     names = list(values)
     if not set(names) <= set(at.coordinates.names):
         return None

@@ -9,7 +9,6 @@ from mbsvib.equilibrium.balance import balance, unbalanced_force
 from mbsvib.equilibrium.linear_range import warn_beyond
 from mbsvib.equilibrium.motion import posed_model
 from mbsvib.equilibrium.moved_parts import static_model
-from mbsvib.equilibrium.pose import start
 from mbsvib.errors import EquilibriumError
 from mbsvib.linalg.rank import BALANCE
 
@@ -24,8 +23,7 @@ def check_displacements(model: Mechanism) -> None:
     """
     if all(part.displacements is None for part in model.composed.values()):
         return
-    articulated_model = static_model(articulated(model))
-    at = posed_model(articulated_model, start(articulated_model))
+    at = posed_model(static_model(articulated(model)))
     forces = balance(at)
     if forces.share > BALANCE:
         text, details = unbalanced_force(at, forces)

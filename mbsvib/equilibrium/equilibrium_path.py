@@ -17,7 +17,6 @@ from mbsvib.equilibrium.held_state import State, started
 from mbsvib.equilibrium.motion import posed_model
 from mbsvib.equilibrium.moved import cut_elsewhere_of
 from mbsvib.equilibrium.moved_parts import static_model
-from mbsvib.equilibrium.pose import start
 from mbsvib.equilibrium.report import modes_of
 from mbsvib.equilibrium.search import balanced_model
 from mbsvib.errors import ModelError, nearest
@@ -144,7 +143,7 @@ def equilibrium_path(model: M, coordinate: str, values: ArrayLike, switch: int =
     if switch not in (-1, 0, 1):
         raise ModelError(f"path: switch = {switch!r}; expected 1 or -1, or 0 to stay on the path.", field="switch")
     articulated_model = static_model(articulated(model))
-    first = posed_model(articulated_model, start(articulated_model), cut_elsewhere_of(articulated_model, [coordinate]))
+    first = posed_model(articulated_model, cut=cut_elsewhere_of(articulated_model, [coordinate]))
     _check(model, coordinate, first.coordinates.names)
     state = started(first, coordinate)
     along, states, points, curve = state.direction, [], [], [state]

@@ -11,7 +11,6 @@ from mbsvib.elements.rows import Rows
 from mbsvib.equilibrium.balance import Balance, balance, unbalanced_force
 from mbsvib.equilibrium.motion import PosedModel, posed_model
 from mbsvib.equilibrium.moved_parts import static_model
-from mbsvib.equilibrium.pose import start
 from mbsvib.errors import EquilibriumError, ModelError, nearest
 from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.linalg.rank import BALANCE, HOLDS_NOTHING
@@ -37,7 +36,7 @@ def preloaded(model: M, selection: Sequence[Any] | str | bool) -> M:
     """
     names = _selected(model, selection)
     none = {name: form.arguments(None) for name, form in _forms(model, names, 1.0).items()}
-    at = posed_model(static_model(changed(model, none)), start(model))
+    at = posed_model(static_model(changed(model, none)))
     forms = _forms(model, names, at.size)
     wrenches = _balancing(at, balance(at), forms, [1.0] * len(forms))
     result = changed(model, {name: none[name] | form.arguments(wrench)
@@ -59,7 +58,7 @@ def without_rounding(model: M) -> M:
     The length L of a spring of stiffness k resolves no force below eps k L. Where that is more than the check of
     statics accepts, the spring is given its force as a preload.
     """
-    at = posed_model(static_model(model), start(model))
+    at = posed_model(static_model(model))
     forces = balance(at)
     if forces.strict_share <= RESIDUAL:
         return model

@@ -8,10 +8,11 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 from mbsvib.common import arguments as check
+from mbsvib.common.tables import listed
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.load import Gravity
 from mbsvib.elements.superelement import Superelement
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError, an, nearest
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -303,8 +304,9 @@ class Mechanism:
             return key
         who = f"{family} '{name}'"
         hint = nearest(str(key), [*self._bodies, *self._nodes, GROUND])
-        raise ModelError(f"{who}: {field} = {key!r} is not a body of model '{self.name}'.{hint} "
-                         f"Add bodies before what refers to them.", element=who, field=field)  # fmt: skip
+        raise ModelError(f"{who}: {field} = {key!r} is not a body of model '{self.name}'.{hint} It has "
+                         f"{listed([GROUND, *self._bodies, *self._nodes])}. Add bodies before what refers to them.",
+                         element=who, field=field)  # fmt: skip
 
 
 def check_name(name: str, family: str, *groups: Mapping[str, Part]) -> None:
@@ -314,6 +316,6 @@ def check_name(name: str, family: str, *groups: Mapping[str, Part]) -> None:
     for group in groups:
         if name in group:
             raise ModelError(
-                f"{family} '{name}': the name is taken by a {group[name].family}; choose another.",
+                f"{family} '{name}': the name is taken by {an(group[name].family)}; choose another.",
                 element=name, field="name",
             )  # fmt: skip

@@ -17,7 +17,8 @@ M = TypeVar("M", bound=Mechanism)
 def rebuilt(model: M, words: Callable[[Any], Mapping[str, Any] | Part]) -> M:
     """Return a mechanism with all parts rebuilt.
 
-    ``constructor_kwargs`` returns the arguments of a part's adder, or the part that replaces it unchecked.
+    ``words`` takes the parts in the order of ``groups()`` and returns the arguments of a part's adder, or the part that
+    replaces it unchecked.
     """
 
     def rebuilt_part(part: Part) -> Part:
