@@ -287,8 +287,16 @@ def test_verbs_of_systems_asked_of_models_and_the_reverse_are_told():
         model.modes()
     with pytest.raises(AttributeError, match=r"no attribute 'with_values'; models have it: .* model\.with_values"):
         mv.library.quarter_car().linearize().with_values({})
+    with pytest.raises(AttributeError, match=r"no attribute 'feedback'; dense systems have it, system\.reduced\(20"):
+        mv.library.chain(5).linearize(method="sparse").feedback([[1.0]])
+    with pytest.raises(AttributeError, match=r"no attribute 'feedback'; its systems have it: batch\[0\]\.feedback"):
+        mv.library.quarter_car().linearize(values={"body.mass": [300.0, 320.0]}).feedback([[1.0]])
+    with pytest.raises(AttributeError, match=r"no attribute 'K'; systems have it: model\.linearize\(\)\.K"):
+        _ = model.K
     with pytest.raises(AttributeError, match=r"no attribute 'nothing'$"):
         _ = model.nothing
+    assert not hasattr(model, "modes")
+    assert "modes" not in dir(model)
 
 
 def test_unbalanced_bodies_that_nothing_joins_to_the_ground_are_told():

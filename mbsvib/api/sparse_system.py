@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, Self, cast
 
 import numpy as np
 
+from mbsvib.api.elsewhere import tell_where
 from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError, counted
@@ -18,17 +19,12 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.api.some_modes import SomeModes
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.common.selection import Names
     from mbsvib.responses.state_space import StateSpace
     from mbsvib.sensitivities.shapes import ModeSensitivities
 
     Requested = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
-
-
-_MATRICES = frozenset({"M", "C", "K", "B", "Cq", "Cv", "Ca"})
-_SAY_DENSE = "system.reduced(k) has matrices of the k lowest modes, linearize(method='dense') those of all coordinates."
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -371,11 +367,10 @@ class SparseSystem(SparseEquations, Displayed):
             f"is to be computed, {instead}, or linearize(method='dense')."
         )
 
-    def __getattr__(self, name: str) -> Any:
-        if name in _MATRICES:
-            raise AttributeError(f"'{self.name}' is held sparse and has no dense matrix {name}: {_SAY_DENSE}")
-        raise AttributeError(f"'SparseSystem' object has no attribute {name!r}")
-
     def __repr__(self) -> str:
         ports = f"{counted(len(self.inputs), 'input')}, {counted(len(self.outputs), 'output')}"
         return f"SparseSystem({self.name!r}: {self.dof} DOF, {ports})"
+
+
+tell_where(SparseSystem, System, "dense systems have it, system.reduced(20, correction=True).{name} or that of "
+                                 "linearize(method='dense').")  # fmt: skip

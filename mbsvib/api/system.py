@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
 from mbsvib.api.connecting import Connecting
+from mbsvib.api.elsewhere import tell_where
 from mbsvib.api.reducing import ReducibleSystem
 from mbsvib.api.sensitivities import Sensitive
 from mbsvib.common.display import upper
-from mbsvib.common.expected import has_no
 from mbsvib.common.fast_init import fast_init
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import counted
@@ -38,11 +38,6 @@ class System(Connecting, ReducibleSystem, StepVerbs, Sensitive, Equations):
     Matrices, factors and names are those of ``Equations``; modes are computed once, and results are
     cached.
     """
-
-    if not TYPE_CHECKING:
-
-        def __getattr__(self, name):
-            return has_no(self, name, Mechanism, f"models have it: change the model by model.{name}, and linearize.")
 
     @classmethod
     def from_matrices(
@@ -392,3 +387,6 @@ class System(Connecting, ReducibleSystem, StepVerbs, Sensitive, Equations):
         ports = f"{counted(len(self.inputs), 'input')}, {counted(len(self.outputs), 'output')}"
         bound = "" if self.error_bound is None else f", error at most {upper(self.error_bound)}"
         return f"System({self.name!r}: {self.dof} DOF, {ports}{bound})"
+
+
+tell_where(System, Mechanism, "models have it: change the model by model.{name}, and linearize.")

@@ -62,15 +62,6 @@ def way_to_system(value: Any) -> str:
     return "It is what model.linearize() returns."
 
 
-def has_no(value: Any, name: str, other: type, hint: str) -> Any:
-    """Raise the error of an attribute that ``value`` does not have, with a hint if objects of class ``other`` do."""
-    if hasattr(type(value), name):  # a property that ended in an AttributeError of its own
-        return object.__getattribute__(value, name)
-    has = not name.startswith("_") and hasattr(other, name)
-    text = f"'{type(value).__name__}' object has no attribute '{name}'"
-    raise AttributeError(f"{text}; {hint}" if has else text, name=name, obj=value)
-
-
 def kind_of(value: Any) -> str | None:
     """Return what an object of mbsvib is: "model", "system", "sparse system", "batch", "closed loop", "state space" or
     "controller"; None of all others.
