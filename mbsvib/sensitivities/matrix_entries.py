@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements import BaseMotion, Body, Input, Output
+from mbsvib.elements import BaseMotion, Body, Input, Maxwell, Output
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.terms import MATRICES
 from mbsvib.sensitivities.element_matrices import element_matrices
 from mbsvib.sensitivities.families.element import point_of
+from mbsvib.sensitivities.network import maxwell_parts
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -90,10 +91,11 @@ class MatrixEntries:
         system, parts, motions = self.system, self.system.provenance.parts, self._motions
         result = {key: np.zeros(getattr(system, key).shape) for key in MATRICES}
         origin = system.provenance.origin
-        springs = {} if origin is None else expanded(origin).springs
-        points = np.array([point_of(part) for part in springs.values()]).reshape(-1, 3)
-        stiffness, damping = (dict(zip(springs, np.abs(matrices), strict=True))
-                              for matrices in element_matrices(tuple(springs.values()), points)[:2])  # fmt: skip
+        connections = () if origin is None else tuple(expanded(origin).springs.values())
+        springs = [part for part in connections if not isinstance(part, Maxwell)] + maxwell_parts(connections)[1]
+        points = np.array([point_of(part) for part in springs]).reshape(-1, 3)
+        stiffness, damping = (dict(zip([part.name for part in springs], np.abs(matrices), strict=True))
+                              for matrices in element_matrices(springs, points)[:2])  # fmt: skip
         result["K"] += motions.T @ sum(stiffness.values(), np.zeros((6, 6))) @ motions
         result["C"] += motions.T @ sum(damping.values(), np.zeros((6, 6))) @ motions
         mass = sum(part.mass for part in parts if isinstance(part, Body))

@@ -65,12 +65,15 @@ def have_rules(network: Network, layout: FieldLayout) -> NDArray[np.bool_]:
     known: dict[tuple[type, PartFields], list[bool]] = {}
     result = []
     for name, fields in zip(layout.names, layout.fields, strict=True):
-        part = parts[name][1] if name in parts else None
-        key = type(part), fields
-        if not alike or key not in known or rules_of(part).has_rule is not any_field:
+        if name not in parts:
+            result.append([False] * fields.width)
+            continue
+        part = parts[name][1]
+        key, rules = (type(part), fields), rules_of(part)
+        if not alike or key not in known or rules.has_rule is not any_field:
             known[key] = []
             for field, *_, count in fields.fields:
-                known[key] += [part is not None and _has_rule(network, field, rules_of(part), part)] * count
+                known[key] += [_has_rule(network, field, rules, part)] * count
         result.append(known[key])
     return layout.of_parameters(result)
 
