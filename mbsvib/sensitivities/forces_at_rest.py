@@ -33,7 +33,7 @@ def forces_at_rest(system: Equations, network: Network) -> Forces:
     second[:] = [*(number[part.second] for part in connections), *range(ground), *(number[p.body] for p in loads)]
     first[first < 0], second[second < 0] = ground, ground
     points[: len(connections)] = point
-    halves = np.array([k for k, joint in enumerate(joints) if joint.kind == "homokinetic"], dtype=np.intp)
+    halves = np.array([k for k, joint in enumerate(joints) if joint.bisects], dtype=np.intp)
     for k, joint in enumerate(joints):
         if statics is not None:
             at = statics.pairs.end[:, len(statics.applied.names) + k]

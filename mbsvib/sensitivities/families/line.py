@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.linalg.vectors import transformed
-from mbsvib.sensitivities.families.rules import AtRest, PartRules
+from mbsvib.sensitivities.families.rules import AtRest, PartRules, joins_spinning_body
 from mbsvib.sensitivities.families.terms import along, among_springs, line_end_rates
 
 if TYPE_CHECKING:
@@ -108,7 +108,8 @@ _OF_FIELDS: dict[str, Rule] = {
     "start": _line_end, "end": _line_end,
 }  # fmt: skip
 SPRING = PartRules(
-    "spring", lambda _, __, field: _OF_FIELDS[field], _constants, at_rest=_at_rest, add_force_terms=_add_force_terms,
+    "spring", lambda _, __, field: _OF_FIELDS[field], _constants, alters_spin=joins_spinning_body,
+    at_rest=_at_rest, add_force_terms=_add_force_terms,
     follow=_follow, force_rates=_force_rates, add_reference_terms=_add_reference_terms,
 )  # fmt: skip
 INERTER = replace(SPRING, add_reference_terms=_turn_ends)
