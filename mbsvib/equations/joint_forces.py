@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.equations.base_motion import ground_motion
-from mbsvib.equations.force_paths import force_paths
+from mbsvib.equations.force_paths import ForcePaths, force_paths
 from mbsvib.equations.inertia import inertia_tensor
-from mbsvib.equations.reactions import reactions
+from mbsvib.equations.reactions import Reactions, reactions
 from mbsvib.equations.shared_forces import shared_wrenches
 from mbsvib.equations.unresisted_motion import product_with_zeros
-from mbsvib.equations.wrench_pairs import WrenchPairs, wrenches_on_bodies
+from mbsvib.equations.wrench_pairs import unit_wrenches
 from mbsvib.kinematics.mobility import crossed_product
 from mbsvib.linalg.rotations import skew
 
@@ -30,10 +30,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements import Body
+    from mbsvib.elements import Body, Joint
     from mbsvib.equations.draft import Draft
-    from mbsvib.equations.force_paths import ForcePaths
-    from mbsvib.equations.reactions import Reactions
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.self_stress import SelfStress
     from mbsvib.equations.statics import Statics
@@ -55,19 +53,7 @@ class _Motion:
 
 
 def with_joint_forces(draft: Draft) -> Draft:
-    """Return equations of motion with the rows of outputs that are forces in joints or sums of forces on a body.
-
-    Parameters
-    ----------
-    draft : Draft
-        The equations without these rows of Cq, Cv, Ca and D.
-
-    Returns
-    -------
-    Draft
-        The equations with these rows; ``undetermined`` lists those of these outputs that redundant constraints do not
-        determine.
-    """
+    """Return equations of motion with the rows of outputs that are forces in joints or sums of forces on a body."""
     model, scene, relative, reduction = draft.model, draft.scene, draft.relative, draft.reduction
     terms, statics = draft.terms, draft.statics
     position = np.concatenate((scene.position, np.zeros((1, 3)))).T
@@ -104,13 +90,26 @@ def with_joint_forces(draft: Draft) -> Draft:
             axes = np.array(scene.topology.joints[number].axes)
             direction = -np.concatenate((axes @ wrench[:3], axes @ wrench[3:]))
             outputs[list(model.outputs)[row]] = (number, direction)
+            zero = _carries_nothing(scene.topology.joints[number], direction, model, loaded=change is not None)
             for key, wrenches in in_joints.items():
-                rows[key][row] = direction @ wrenches[:, number]
+                rows[key][row] = 0.0 if zero else direction @ wrenches[:, number]
         else:
             _set_sum(rows, row, number, wrench, {"Cv": gyroscopic, "Ca": inertia, "D": base}, position, change)
     names = [joint.name for joint in scene.topology.joints]
     undetermined = tuple([stress.undetermined(names, outputs) for stress in to_joints.stress])
     return replace(draft, terms=replace(terms, **rows), undetermined=undetermined)
+
+
+def _carries_nothing(joint: Joint, direction: Array, model: Mechanism, loaded: bool) -> bool:
+    """Return whether a component of the wrench in a joint is zero in every motion, along its free directions.
+
+    ``direction`` (6,): of the component, world axes. Under load, the free rotations must be about axes that the first
+    body carries, or about all; couplers act along free directions.
+    """
+    if (loaded and len(joint.rotation_axes) == 2) or any(
+            name.rpartition(".")[0] == joint.name for part in model.couplers.values() for name, _ in part.terms):
+        return False
+    return not product_with_zeros(np.array([row for _, row in joint.locked]).reshape(-1, 6), direction).any()
 
 
 def _of_least_norm(changes: Array, to_joints: Reactions, statics: Statics, pose_change: _PoseForceChange) -> Array:
@@ -188,10 +187,8 @@ def _spring_wrenches(
 ) -> tuple[Array, Array, Array]:  # fmt: skip
     """Wrenches of stiffness, damping and inertance on the bodies, (6, bodies + 1, m) per unit of q, q' and q''."""
     springs, locked = scene.springs, scene.locked
-    rows = springs.rows
     displacements = reduction.apply(relative.dense(locked, locked + len(springs.owner)))
-    unit_pairs = WrenchPairs(rows.first, rows.second, rows.point, rows.point, rows.force, rows.moment)
-    on_bodies = wrenches_on_bodies(unit_pairs, position)
+    on_bodies = unit_wrenches(springs.rows, position)
     result = np.zeros((3, 6, position.shape[1], displacements.shape[1]))
     for order, value in springs.weights:
         result[order] = on_bodies @ (-value[:, None] * displacements)
@@ -201,9 +198,8 @@ def _spring_wrenches(
 def _input_wrenches(scene: Scene, position: Array) -> Array:
     """Wrenches of unit inputs on the bodies, (6, bodies + 1, inputs)."""
     port, rows = scene.port, scene.port.rows.take(slice(len(scene.port.force_inputs)))
-    unit_pairs = WrenchPairs(rows.first, rows.second, rows.point, rows.point, rows.force, rows.moment)
     result = np.zeros((6, position.shape[1], len(port.input_units)))
-    result[:, :, port.force_inputs] = wrenches_on_bodies(unit_pairs, position)
+    result[:, :, port.force_inputs] = unit_wrenches(rows, position)
     return result
 
 

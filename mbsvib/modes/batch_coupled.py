@@ -60,10 +60,8 @@ class Start:
 
 
 def starts(gamma: Array, square: Array) -> list[Start]:
-    """Return eigenvalues and vectors of (lambda^2 + lambda Gamma + Omega^2) y = 0.
-
-    ``gamma`` (n, m, m): damping in the basis of undamped modes. ``square`` (n, m): squares of their frequencies,
-    positive.
+    """Return eigenvalues and vectors of (lambda^2 + lambda Gamma + Omega^2) y = 0 for Gamma (n, m, m), Omega^2 (n, m) >
+    0.
     """
     m = square.shape[1]
     values, y, converged = _from_unit_vectors(gamma, square)

@@ -85,10 +85,8 @@ class DamperForces:
 
 
 def forces(square: Array, dampers: Array, zeros: int) -> DamperForces:
-    """Return the equations with no more damper rows than motions.
-
-    ``square`` (n,): squares of the undamped frequencies of the basis. ``dampers`` (rows, n): L, one row per damper. A
-    triangle takes the place of L, by a QR that keeps the digits of small rows.
+    """Return the equations with no more rows than motions of dampers L (rows, n), by a QR that keeps digits of small
+    rows.
     """
     qr, order, _ = pivoted_qr(dampers[np.argsort(-np.abs(dampers).max(axis=1), kind="stable")])
     root = np.triu(qr[: dampers.shape[1]])[:, np.argsort(order)]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.products import product, square_difference
 from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
@@ -61,11 +62,9 @@ class Noise:
         return Noise(b, output_rows, terms, tuple(parts), direct)
 
     def at(self, w: Array, by_modes: bool) -> Array:
-        """Return the bound at angular frequencies.
+        """Return the bound (outputs, inputs, n) at frequencies ``w`` (n,) [rad/s], none negative.
 
-        ``w`` (n,): angular frequencies [rad/s], none negative. ``by_modes``: whether responses are sums over modes,
-        which avoid the cancellation above a mode; else they are solutions. Returns (outputs, inputs, n): in the
-        outputs' units.
+        Responses that are sums over modes, ``by_modes``, avoid the cancellation above a mode; others are solutions.
         """
         gain, fade = self.terms.gain(w)
         result = np.zeros((*self.direct.shape, len(w)))
@@ -122,10 +121,8 @@ class TermSizes:
         if self.vectors is None:
             square, turn = self.modal.square[:, None], w * w
             size, brake = np.abs(square), np.abs(self.modal.gamma)[:, None] * w
-            root = np.sqrt(size)
-            stiff = np.where(square >= 0.0, (root - w) * (root + w), square - turn)
             fade = np.where(corner < w, (size + brake) / turn, 1.0)
-            return 1.0 / np.maximum(np.abs(stiff), brake), fade
+            return 1.0 / np.maximum(np.abs(square_difference(square, w)), brake), fade
         value = self.value[:, None]
         count = len(value)
         gain = np.empty((count + self.free, len(w)))
@@ -178,17 +175,16 @@ class Changes:
         return Changes(rows, stiffness[:, None], system.row_damping[used][:, None], sizes, orders, np.abs(system.D))
 
     def at(self, w: Array, motion: Complex, relative_motion: Complex | None = None) -> Array:
-        """Return the sum over all numbers.
+        """Return the sum over all numbers (outputs, inputs, n) at frequencies ``w`` (n,) [rad/s], none negative.
 
-        ``w`` (n,): angular frequencies [rad/s], none negative. ``motion`` (m, inputs + outputs, n): forward and adjoint
-        motions. ``relative_motion`` (rows, inputs + outputs, n): relative motions along the rows; default: from
-        ``motion``, as accurate as its rounding allows. Returns (outputs, inputs, n): in the outputs' units.
+        ``motion`` (m, inputs + outputs, n): forward and adjoint motions. ``relative_motion`` (rows, ...): the same
+        along the rows; default: from ``motion``, as accurate as its rounding allows.
         """
         outputs, inputs = self.direct.shape
         count, springs = len(self.rows), len(self.stiffness)
         near = product(self.sizes, _magnitude(motion))
         if relative_motion is None:
-            forces = _magnitude(real_product(self.rows, motion))
+            forces = _magnitude(product(self.rows, motion))
             forces -= ROUNDING * EPS * near[:count]
             np.maximum(forces, 0.0, out=forces)
         else:
@@ -210,18 +206,6 @@ class Changes:
 def differentiated(system: Equations) -> list[tuple[int, Array]]:
     """Return the nonzero rows (outputs, m) of displacements, velocities and accelerations, with the order 0, 1 or 2."""
     return [(order, c) for order, c in enumerate((system.Cq, system.Cv, system.Ca)) if c.any()]
-
-
-def product(left: Array, right: Array) -> Array:
-    """Return left (k, m) right (m, loads, n)."""
-    return (left @ right.reshape(len(right), -1)).reshape(-1, *right.shape[1:])
-
-
-def real_product(left: Array, right: Complex) -> Complex:
-    """Return left (k, m) right (m, loads, n) with one real factor."""
-    parts = np.ascontiguousarray(right).reshape(len(right), -1).view(float)
-    result: Complex = (left @ parts).view(complex)
-    return result.reshape(-1, *right.shape[1:])
 
 
 def _magnitude(values: Complex) -> Array:

@@ -39,13 +39,12 @@ def time_response(
     basis: Basis, t: ArrayLike, u: ArrayLike, hold: str = "first",
     initial: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> Array:  # fmt: skip
-    """Return the outputs at the times ``t``.
+    """Return the outputs (outputs, n) at the times ``t`` (n,) [s].
 
     x(t + h) = exp(A h) x(t) + integral over the step of exp(A (h - s)) B u(t + s) ds
 
-    ``t`` (n,): ascending times [s]. ``u`` (inputs, n), or (n,) for a single input: inputs at these times. ``hold``:
-    "first" (linear between samples) or "zero" (constant from each sample to the next). ``initial`` (m,): q and q' at
-    t[0]; default: rest. Returns (outputs, n): outputs at these times.
+    ``u`` (inputs, n): linear between samples, or held if ``hold`` is "zero". ``initial``: q and q' at t[0]; default:
+    rest.
     """
     system, modal, first = basis.equations, basis.modal, hold == "first"
     time, inputs, state = checked_question(system, t, u, hold, initial)

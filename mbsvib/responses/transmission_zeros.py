@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.selection import selected
-from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.finite_zeros import finite_zeros
-from mbsvib.responses.modal_sum import CANCELLED, ModalSum, modal_sum
+from mbsvib.responses.general_terms import cleaned
+from mbsvib.responses.modal_sum import ModalSum, modal_sum
 from mbsvib.responses.zero_rounding import (
     determined_zeros,
     improved_at_poles,
@@ -29,7 +29,6 @@ from mbsvib.responses.zero_rounding import (
 )
 
 if TYPE_CHECKING:
-
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Complex
@@ -43,24 +42,22 @@ if TYPE_CHECKING:
 # A Newton step that changes a zero by more than this share does not correct rounding errors.
 CORRECTION, NEWTON_STEPS = 1e-3, 4
 SECANT = 1e-4  # distance of the secant's points, as a share of that to the nearest pole
-# The error of a double zero at 0 is the square root of rounding. It is at 0 if the static response is zero to rounding.
-AT_REST, STATIC_ROUNDINGS = 1e-5, 30.0
+# Zeros at 0 are within these shares of the lowest pole, two of them by the square root of rounding and more of them by
+# higher roots; they are at 0 if the static response is zero to rounding.
+AT_REST, MULTIPLE, STATIC_ROUNDINGS = 1e-5, 1.0, 30.0
 CLOSER = np.array([1e-2, 1e-3])  # points, in parts of the lowest pole, where growth indicates a pole at 0
 GROWS = 3.0
-# Computed zeros at 0 are within these shares of the lowest pole; the more there are, the larger their errors.
-NEAR_RIGID = (1e-3, 1e-4, 1e-5)
+# Computed zeros at 0 are within these shares of the lowest pole: n of them spread by the n-th root of rounding.
+NEAR_ORIGIN = tuple(10.0**-power for power in range(-2, 6))
 # If a power differs from an integer by more, some zeros are near 0 but not at 0.
 INTEGER_POWER = 0.1
 
 
 def transmission_zeros(basis: Basis, outputs: Names = None, inputs: Names = None) -> Complex:
-    """Return the invariant zeros of a system from some of its inputs to some of its outputs.
+    """Return the finite s at which [[K + s C + s^2 M, -B], [Cq + s Cv + s^2 Ca, D]] has less than its normal rank.
 
-    The finite s at which [[K + s C + s^2 M, -B], [Cq + s Cv + s^2 Ca, D]] has less than its normal rank.
-
-    ``outputs``, ``inputs``: names; default: all. Their numbers may differ. Returns (zeros,): zeros [1/s] in ascending
-    magnitude. An uncontrollable or unobservable mode is one too: exactly, or up to double precision, such as a mode
-    localized far along a chain from both.
+    In ascending magnitude. An uncontrollable or unobservable mode is one too: exactly, or up to double precision, such
+    as a mode localized far along a chain from both.
     """
     system, modal = basis.equations, basis.modal
     sources, results = numbers(system, "input", inputs), numbers(system, "output", outputs)
@@ -81,10 +78,7 @@ def transmission_zeros(basis: Basis, outputs: Names = None, inputs: Names = None
 
 
 def numbers(system: Equations, kind: str, names: Names) -> list[int]:
-    """Return the numbers of the named inputs or outputs; None: of all.
-
-    ``kind``: "input" or "output". ``names``: their names.
-    """
+    """Return the numbers of the named inputs or outputs (``kind``); None: of all."""
     known, others = (system.inputs, system.outputs) if kind == "input" else (system.outputs, system.inputs)
     return selected(names, known, kind, system.name, others)
 
@@ -126,11 +120,9 @@ def _in_energy(
     scale, a = energy_matrix(modal)
     b, d = modal.shapes.T @ system.B[:, sources], matrices["D"]
     cq, cv, ca = (matrices[name] @ modal.shapes for name in ("Cq", "Cv", "Ca"))
-    at_once = d + ca @ b
-    at_once[np.abs(at_once) <= CANCELLED * EPS * (np.abs(d) + np.abs(ca) @ np.abs(b))] = 0.0
     gamma = ca * modal.gamma if modal.gamma.ndim == 1 else ca @ modal.gamma
     c = np.concatenate(((cq - ca * modal.square) / scale, cv - gamma), axis=1)
-    return a, np.concatenate((np.zeros_like(b), b)), c, at_once
+    return a, np.concatenate((np.zeros_like(b), b)), c, cleaned(ca, b, direct=d)
 
 
 def _even(equations: tuple[Array, Array, Array, Array], highest: float) -> tuple[Array, Array, Array, Array]:
@@ -177,32 +169,33 @@ def _at_rest(
     uncontrollable or unobservable rigid-body modes. ``at_zero`` of the zeros at 0 are left out.
     """
     poles = modal.pairs.reshape(-1) if isinstance(modal, Damped) else modal.values
-    size = np.abs(poles)
+    size, square = np.abs(poles), len(ports[0]) == len(ports[1])
     if not size.all():
         lowest = float(size[size > 0.0].min(initial=np.inf))
         if not np.isfinite(lowest):
             return z
-        if len(ports[0]) == len(ports[1]):
+        if square:
             known = determined_zeros(modal, total, z, transfer_rounding(system, modal, total, ports, z))
-            return _near_rigid_poles(total, poles, (z, known), lowest, at_zero)
+            return _of_determinant(total, poles, (z, known), lowest, at_zero)
         near = np.abs(z) <= AT_REST * lowest
         if near.any():
             with np.errstate(all="ignore"):
                 farther, nearer = np.abs(total.at(1j * lowest * CLOSER)).max(axis=(0, 1))
             return np.where(near, 0.0, z) if nearer < GROWS * farther else z
         return z
-    near = np.abs(z) <= AT_REST * float(size.min())
-    if near.any():
+    lowest = float(size.min())
+    if np.any(np.abs(z) <= (MULTIPLE if square else AT_REST) * lowest):
         origin = np.zeros(1, dtype=complex)
         value, left, right = smallest_singular_value(total.at(origin))
         rounding = transfer_rounding(system, modal, total, ports, origin)
         noise = np.einsum("no,oin,ni->n", np.abs(left), rounding, np.abs(right))
         if value[0] <= STATIC_ROUNDINGS * noise[0]:
-            return np.where(near, 0.0, z)
+            z = np.where(np.abs(z) <= AT_REST * lowest, 0.0, z)
+            return _of_determinant(total, poles, (z, z == 0.0), lowest, at_zero) if square else z
     return z
 
 
-def _near_rigid_poles(
+def _of_determinant(
     total: ModalSum | Resolvent, poles: Complex, zeros: tuple[Complex, NDArray[np.bool_]], lowest: float, at_zero: int
 ) -> Complex:
     """Set as many zeros of a square system to 0 as follow from its determinant, c s^(zeros - poles) near 0.
@@ -215,7 +208,7 @@ def _near_rigid_poles(
         s = 1j * lowest * CLOSER
         size = np.log(np.abs(np.linalg.det(total.at(s).transpose(2, 0, 1))))
         size = size + np.log(np.abs(s[:, None] - poles[poles != 0.0])).sum(axis=1)
-        for share in NEAR_RIGID:
+        for share in NEAR_ORIGIN:
             far = z[(np.abs(z) > share * lowest) | known & (z != 0.0)]
             logarithms = size - np.log(np.abs(s[:, None] - far)).sum(axis=1)
             power = (logarithms[0] - logarithms[1]) / np.log(CLOSER[0] / CLOSER[1])

@@ -28,7 +28,8 @@ import numpy as np
 from mbsvib.equilibrium.articulation import with_rigid_parts
 from mbsvib.equilibrium.moved_parts import static_model
 from mbsvib.equilibrium.pose_kinematics import size_of
-from mbsvib.linalg.vectors import cross, dot, moved, product, transformed, wide
+from mbsvib.linalg.products import product
+from mbsvib.linalg.vectors import cross, dot, moved, transformed, wide
 from mbsvib.sensitivities.adjoint_fields import Fields
 from mbsvib.sensitivities.families import rules_of
 from mbsvib.sensitivities.force_changes import force_changes, force_rates, parameter_rates

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.sparse import csr_array, eye_array
 
+from mbsvib.linalg.products import product
 from mbsvib.linalg.rank import ZERO_STRESS_WORK
-from mbsvib.linalg.vectors import incidence_sum, product
+from mbsvib.linalg.vectors import incidence_sum
 from mbsvib.sensitivities.adjoint_fields import fields, motions
 from mbsvib.sensitivities.parameter_group import ParameterGroup, groups_by_rule
 from mbsvib.sensitivities.pose_motion import pose_motion

@@ -256,6 +256,39 @@ def test_rigid_body_modes_of_which_a_pair_meets_some(quantity):
     assert np.count_nonzero(expected == 0) == 4 + ("displacement", "velocity", "acceleration").index(quantity)
 
 
+def coupled_by_inerters(count, ratio, beside):
+    """Masses on springs in a row of inerters, the last with stiff springs on it; one more that nothing holds."""
+    model = mv.Model("inerters")
+
+    def mass(name, y):
+        model.add_body(name, 1.0, (1, 1, 1), (0, y, 0))
+        model.add_joint(f"{name}.j", "prismatic", "ground", name, axis=(1, 0, 0))
+
+    for i in range(count):
+        mass(f"m{i}", i)
+        model.add_spring(f"k{i}", "ground", f"m{i}", (-1, i, 0), (0, i, 0), 30.0 + 7.0 * i)
+        if i:
+            model.add_inerter(f"b{i}", f"m{i - 1}", f"m{i}", (0, i, 0), (1, i, 0), 0.5)
+    for i, (first, second) in enumerate(((f"m{count - 1}", "s0"), ("s0", "s1"))):
+        mass(second, 10 + i)
+        model.add_spring(f"r{i}", first, second, (0, 10 + i, 0), (1, 10 + i, 0), ratio)
+    if beside:
+        mass("beside", 20)
+    model.add_input("F", "m0", "x", relative_to="beside" if beside else "ground")
+    model.add_output("x", f"m{count - 1}", "x")
+    return model.linearize()
+
+
+@pytest.mark.parametrize("ratio", [1e2, 1e6, 1e8, 1e10])
+@pytest.mark.parametrize(("count", "beside", "at_0"), [(2, False, 2), (3, False, 4), (2, True, 4)])
+def test_several_zeros_at_0(count, beside, at_0, ratio):
+    """Inerters carry no static force; beside far higher frequencies, rounding spread such zeros, or they were lost."""
+    zeros = coupled_by_inerters(count, ratio, beside).transmission_zeros()
+    golden = 0.5 * (np.sqrt(5.0) + np.array([-1.0, 1.0]))  # of two masses on springs whose end is held
+    assert_allclose(above(zeros), golden * np.sqrt(ratio), rtol=1e-9)
+    assert np.count_nonzero(zeros == 0.0) == at_0 == len(zeros) - 4
+
+
 @pytest.mark.parametrize("seed", [0, 2, 5])
 def test_beside_eigenvalues_that_meet(seed):
     """A preloaded node without mass creeps at 1 / 0.01 s in six directions: sums over modes need not be transfer

@@ -19,9 +19,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.linalg.products import real_product
 from mbsvib.linalg.rank import ZERO_SLOPE
 from mbsvib.linalg.rotations import skew
-from mbsvib.linalg.vectors import any_nonzero, times, transformed
+from mbsvib.linalg.vectors import any_nonzero, transformed
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -91,7 +92,7 @@ def in_axes(axes: Array, vectors: Field) -> Field:
     if bool((axes == _WORLD).all()):
         return vectors
     flat = vectors.reshape(len(vectors), vectors.shape[1] // 3, 3, prod(vectors.shape[2:]))
-    return times(axes[:, None], flat).reshape(vectors.shape)
+    return real_product(axes[:, None], flat).reshape(vectors.shape)
 
 
 def among_springs(fields: Fields, k: Any) -> Any:
