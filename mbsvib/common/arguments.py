@@ -43,7 +43,7 @@ def refuse(who: str, field: str, value: Any, expected: str, hint: str = "") -> M
 def names_in(items: Any) -> list[str] | None:
     """Return names of several parts, or names themselves, as a list; None if they are anything else."""
     try:
-        names = [item if isinstance(item, str) else item.name for item in items]
+        names = [str(item) if isinstance(item, str) else item.name for item in items]  # str: numpy has its own
     except (TypeError, AttributeError):
         return None
     return names if all(isinstance(name, str) for name in names) else None

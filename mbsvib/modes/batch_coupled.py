@@ -155,11 +155,10 @@ def refined(
 ) -> tuple[Complex, Complex, Complex, Array, Array]:
     """Improve eigenvalues by their two-sided Rayleigh quadratics, and vectors by the projections of the residual.
 
-    ``values``, ``y`` (n, h) and (n, m, h): eigenvalues and vectors as in ``Start``. ``square``, ``errors`` (n, m):
-    undamped modes and the relative errors of their frequencies. ``complex_count``: number of eigenvalues that also
-    represent their conjugates. Returns values, y, slopes: eigenvalues, vectors of unit length, and y^T (2 lambda +
-    Gamma) y; bound (n, h): relative errors of the eigenvalues; reducible (n,): the largest of them, without the
-    contribution of the errors of the undamped modes.
+    ``values``, ``y`` (n, h) and (n, m, h): as in ``Start``; ``errors`` (n, m): relative ones of the undamped
+    frequencies; the first ``complex_count`` represent their conjugates. Returns values, unit vectors y, slopes y^T (2
+    lambda + Gamma) y; bound (n, h) of the relative errors; reducible (n,): the largest of them, without the undamped
+    modes' part.
     """
     y = y / _lengths(y)
     inertia, damping, elastic = _times(forms.mass, y), _times(forms.damping, y), _times(forms.stiffness, y)

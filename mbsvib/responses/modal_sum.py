@@ -224,26 +224,34 @@ def _outer(left: Any, right: Any) -> Any:
     return np.einsum("rk,ki->rik", left, right).reshape(rows * inputs, k)
 
 
-def _coupled(modal: Damped, c: Array, b: Array) -> _Terms:
-    """Conjugate pairs together; real eigenvalues one by one, as pairs of them need not cancel; free rigid modes."""
+def half_spectrum(modal: Damped) -> tuple[Complex, Complex, Complex, Index, Array]:
+    """Return nonzero eigenvalues (k,), of conjugate pairs the first, of coupled damping, and motions that stay free.
+
+    Their vectors y (m, k) with slopes y^T (2 lambda + Gamma) y, and the numbers of their modes; the second eigenvalues
+    of real pairs come last. Motions (m, r) without stiffness and damping have two eigenvalues 0 each.
+    """
     assert modal.vectors is not None
     assert modal.slopes is not None
-    pairs, slopes = modal.pairs, modal.slopes
-    turns = pairs[:, 0].imag != 0.0
-    free = (pairs == 0.0).all(axis=1)
-    real = np.nonzero(~turns & ~free)[0]
-    y, rigid_vectors = modal.vectors[:, turns, 0], modal.vectors[:, free, 0].real
-    residue = _outer(c @ y, (y.T @ b) / slopes[turns, :1])
-    rigid = _outer(c @ rigid_vectors, rigid_vectors.T @ b)
-    gamma = np.concatenate((rigid, 2.0 * (residue * pairs[turns, 0]).real), axis=1)
-    alpha = np.concatenate((np.zeros_like(rigid), 2.0 * residue.real), axis=1)
-    z = np.concatenate([modal.vectors[:, real, k].real for k in (0, 1)], axis=1)
-    theta = np.concatenate([slopes[real, k].real for k in (0, 1)])
+    free = (modal.pairs == 0.0).all(axis=1)
+    first, second = np.flatnonzero(~free), np.flatnonzero(~free & (modal.pairs[:, 0].imag == 0.0))
+    value, slope = (np.concatenate((a[first, 0], a[second, 1])) for a in (modal.pairs, modal.slopes))
+    vectors = np.concatenate((modal.vectors[:, first, 0], modal.vectors[:, second, 1]), axis=1)
+    return value, vectors, slope, np.concatenate((first, second)), modal.vectors[:, free, 0].real
+
+
+def _coupled(modal: Damped, c: Array, b: Array) -> _Terms:
+    """Conjugate pairs together; real eigenvalues one by one, as pairs of them need not cancel; free rigid modes."""
+    value, y, slope, number, rigid_vectors = half_spectrum(modal)
+    turns = value.imag != 0.0
     with np.errstate(divide="ignore", invalid="ignore"):  # a defective pair: the sum is not used
-        single = _outer(c @ z, (z.T @ b) / theta[:, None])
-    real_values = np.concatenate([pairs[real, k].real for k in (0, 1)])
-    number = np.concatenate((np.nonzero(free)[0], np.nonzero(turns)[0], real, real))
-    return np.concatenate((pairs[free], pairs[turns])), real_values, gamma, alpha, single, number
+        residue = _outer(c @ y, (y.T @ b) / slope[:, None])
+    rigid = _outer(c @ rigid_vectors, rigid_vectors.T @ b)
+    gamma = np.concatenate((rigid, 2.0 * (residue * value)[:, turns].real), axis=1)
+    alpha = np.concatenate((np.zeros_like(rigid), 2.0 * residue[:, turns].real), axis=1)
+    free = np.flatnonzero((modal.pairs == 0.0).all(axis=1))
+    pairs = np.concatenate((modal.pairs[free], modal.pairs[number[turns]]))
+    return pairs, value[~turns].real, gamma, alpha, residue[:, ~turns].real, np.concatenate(
+        (free, number[turns], number[~turns]))  # fmt: skip
 
 
 def residues(modal: Damped, s: Complex) -> tuple[Complex, Complex]:

@@ -15,6 +15,7 @@ import numpy as np
 
 from mbsvib.linalg.products import product, square_difference
 from mbsvib.linalg.rank import EPS
+from mbsvib.responses.modal_sum import half_spectrum
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -105,15 +106,11 @@ class TermSizes:
         if modal.vectors is None or modal.slopes is None:
             corner = np.abs(modal.pairs).max(axis=1)
             return TermSizes(modal, np.zeros(0, complex), 0, np.ones(len(corner)), 2, corner, np.sort(corner), None)
-        turns, free = modal.pairs[:, 0].imag != 0.0, (modal.pairs == 0.0).all(axis=1)
-        first, second = ~free, ~free & ~turns
-        value: Complex = np.concatenate((modal.pairs[first, 0], modal.pairs[second, 1]))
-        size = 2.0 / np.abs(np.concatenate((modal.slopes[first, 0], modal.slopes[second, 1])))
-        y = modal.vectors
-        vectors: Complex = np.concatenate((y[:, first, 0], y[:, second, 1], y[:, free, 0]), axis=1)
-        rigid = np.zeros(int(np.count_nonzero(free)))
-        corner = np.concatenate((np.abs(value), rigid))
-        return TermSizes(modal, value, len(rigid), np.concatenate((size, rigid)), 1, corner, np.sort(corner), vectors)
+        value, y, slope, _, free = half_spectrum(modal)
+        vectors: Complex = np.concatenate((y, free), axis=1)
+        rigid = np.zeros(free.shape[1])
+        strength, corner = (np.concatenate((a, rigid)) for a in (2.0 / np.abs(slope), np.abs(value)))
+        return TermSizes(modal, value, len(rigid), strength, 1, corner, np.sort(corner), vectors)
 
     def gain(self, w: Array) -> tuple[Array, Array]:
         """Return magnitudes (k, n) of 1 / (s - lambda), and of the remainder above the mode, without the known sums."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -93,7 +93,8 @@ def transfer_rounding(
     result = np.zeros((len(results), len(sources), len(z)))
     with np.errstate(all="ignore"):
         if isinstance(modal, Damped):
-            right, left = modal.shapes, modal.shapes
+            right: NDArray[Any] = modal.shapes
+            left: NDArray[Any] = modal.shapes
             down = 1.0 / np.abs((z - modal.pairs[:, :1]) * (z - modal.pairs[:, 1:]))
         else:
             values, right, left, slopes = modal.spectrum.complete()
