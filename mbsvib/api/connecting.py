@@ -5,19 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-
     from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
-    from mbsvib.feedback.sampled import SampledLoop
 
 
 class Connecting:
     """Linear equations to which controllers can be connected."""
 
+    # Any stands for a SampledLoop: the type of a controller does not tell whether it is discrete
+
     def feedback(
         self, controller: Any, sensors: Names = None, actuators: Names = None,
         name: str | None = None,
-    ) -> ClosedLoop | SampledLoop:  # fmt: skip
+    ) -> ClosedLoop | Any:  # fmt: skip
         """Return the closed loop with a controller from sensors to actuators, u = w + K y: positive feedback.
 
         G + G_u (1 - K G_yu)^-1 K G_y, with the inputs w and outputs of the open loop; a controller that opposes what it

@@ -154,7 +154,7 @@ class SampledLoop(FeedbackLoop):
         zeros = self.rate * np.log(z)
         return np.asarray(zeros[np.lexsort((-zeros.imag, np.abs(zeros)))])
 
-    def h2_norm(self, outputs: Names = None, inputs: Names = None, parameters: None = None) -> Norm:
+    def h2_norm(self, outputs: Names = None, inputs: Names = None, parameters: Any = None) -> Norm:
         """Return the H2 norm, the rms of all outputs under white noise, averaged over time, between samples as well.
 
         What sampling folds from other frequencies is in it.

@@ -15,7 +15,7 @@ from mbsvib.feedback.controller import Controller, as_controller
 from mbsvib.isolation.active_legs import active_legs
 from mbsvib.isolation.isolation_study import figures
 from mbsvib.isolation.plant import Plant
-from mbsvib.isolation.study_loops import ClosedLoop, SampledLoop, close
+from mbsvib.isolation.study_loops import ClosedLoop, close
 from mbsvib.isolation.study_scene import scene
 from mbsvib.mechanism.mechanism import GROUND
 
@@ -43,7 +43,7 @@ class Active(Plant, Displayed):
     def feedback(
         self, controller: Any, sensors: Names = None, actuators: Names = None,
         name: str | None = None,
-    ) -> ClosedLoop | SampledLoop:  # fmt: skip
+    ) -> ClosedLoop | Any:  # fmt: skip
         """Return the closed loop with a controller from any sensors to any actuators, u = w + K y.
 
         Parameters
@@ -66,9 +66,7 @@ class Active(Plant, Displayed):
         ResponseError
             If a name is unknown, shapes do not match, or a discrete controller has no sample time or a pole at z = -1.
         """
-        loop = connected(self, controller, sensors, actuators, name, ClosedLoop)
-        assert isinstance(loop, ClosedLoop | SampledLoop)
-        return loop
+        return connected(self, controller, sensors, actuators, name, ClosedLoop)
 
     def with_gains(self, *controllers: Any) -> ClosedLoop:
         """Return the closed loop; several controllers act together (HAC-LAC: an inner and an outer one).
