@@ -17,7 +17,7 @@ from tests.support.cli import invoke
 
 DOCS = Path(__file__).parent.parent / "docs"
 PAGES = sorted((DOCS / "pages").rglob("*.md"))
-SLOW = {"isolation", "seeing", "tools"}
+SLOW = {"control", "howto", "isolation", "machines", "motion", "rotors", "seeing", "studies", "tools"}
 RUN = [pytest.param(page, marks=pytest.mark.slow if page.stem in SLOW else ()) for page in PAGES]
 
 
@@ -96,6 +96,7 @@ def test_names_in_the_table_of_terms_exist():
         assert any(hasattr(home, name) for home in homes), name
 
 
+@pytest.mark.slow
 def test_commands_work(tmp_path, monkeypatch):
     pytest.importorskip("plotly", reason="plotly is not installed (extra 'report')")
     monkeypatch.chdir(tmp_path)

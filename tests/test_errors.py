@@ -208,7 +208,7 @@ def test_bad_input_is_refused_in_words(case):
 @pytest.mark.parametrize("taken", ["arm", "hinge", "mount", "strut"])
 def test_bodies_joints_and_springs_share_their_names(call, taken):
     adder, words = call(name=taken)
-    with pytest.raises(mv.ModelError, match=f"'{taken}': the name is taken by a "):
+    with pytest.raises(mv.ModelError, match=f"'{taken}': the name is taken by an? "):
         getattr(arm(), adder)(**words)
 
 
@@ -216,7 +216,7 @@ def test_bodies_joints_and_springs_share_their_names(call, taken):
                                              (source, "shake"), (output, "tension")])  # fmt: skip
 def test_ports_share_their_names_by_side(call, taken):
     adder, words = call(name=taken)
-    with pytest.raises(mv.ModelError, match=f"'{taken}': the name is taken by a "):
+    with pytest.raises(mv.ModelError, match=f"'{taken}': the name is taken by an? "):
         getattr(arm(), adder)(**words)
 
 
@@ -273,3 +273,38 @@ def test_a_part_of_another_model_is_no_part_of_this_one():
     adder, words = joint(second=stranger)
     with pytest.raises(mv.ModelError, match="'stranger' is not a body of model 'robot'"):
         getattr(arm(), adder)(**words)
+
+
+def test_unknown_bodies_are_told_with_those_that_are_there():
+    adder, words = joint(second="arn")
+    with pytest.raises(mv.ModelError, match=r"second = 'arn' is not a body .* Did you mean 'arm'\? It has ground, arm"):
+        getattr(arm(), adder)(**words)
+
+
+def test_verbs_of_systems_asked_of_models_and_the_reverse_are_told():
+    model = arm()
+    with pytest.raises(AttributeError, match=r"no attribute 'modes'; systems have it: model\.linearize\(\)\.modes"):
+        model.modes()
+    with pytest.raises(AttributeError, match=r"no attribute 'with_values'; models have it: .* model\.with_values"):
+        mv.library.quarter_car().linearize().with_values({})
+    with pytest.raises(AttributeError, match=r"no attribute 'feedback'; dense systems have it, system\.reduced\(20"):
+        mv.library.chain(5).linearize(method="sparse").feedback([[1.0]])
+    with pytest.raises(AttributeError, match=r"no attribute 'feedback'; its systems have it: batch\[0\]\.feedback"):
+        mv.library.quarter_car().linearize(values={"body.mass": [300.0, 320.0]}).feedback([[1.0]])
+    with pytest.raises(AttributeError, match=r"no attribute 'K'; systems have it: model\.linearize\(\)\.K"):
+        _ = model.K
+    with pytest.raises(AttributeError, match=r"no attribute 'nothing'$"):
+        _ = model.nothing
+    assert not hasattr(model, "modes")
+    assert "modes" not in dir(model)
+
+
+def test_unbalanced_bodies_that_nothing_joins_to_the_ground_are_told():
+    model = mv.Model("forgotten", gravity=(0, 0, -9.81))
+    model.add_body("box", 1.0, BOX)
+    with pytest.raises(mv.EquilibriumError, match=r"No joint leads from body 'box' to the ground: join them"):
+        model.linearize()
+    model.add_joint("slide", "prismatic", "ground", "box", axis=(0, 0, 1))
+    with pytest.raises(mv.EquilibriumError) as refused:
+        model.linearize()
+    assert "No joint leads" not in str(refused.value)

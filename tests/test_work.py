@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+import mbsvib as mv
 from mbsvib import isolation, library
 from mbsvib.modes import modes
 from tests.support.work import calls
@@ -61,6 +62,7 @@ def test_variants_in_one_pass():
     assert many < 3400  # 1699
 
 
+@pytest.mark.slow
 def test_many_bodies_cost_in_proportion():
     """Sparse: what is built grows with the bodies, what is done for the modes does not grow at all."""
 
@@ -84,3 +86,9 @@ def test_a_study_of_isolation_does_not_go_from_frequency_to_frequency():
 
     few, many = (calls(partial(study, n)) for n in (40, 400))
     assert many < 1.5 * few  # 8533, 8275
+
+
+@pytest.mark.parametrize("kind", [mv.Model, mv.System], ids=lambda kind: kind.__name__)
+def test_attributes_are_read_at_once(kind):
+    """A ``__getattr__`` of the class would double the time of each access."""
+    assert not hasattr(kind, "__getattr__")

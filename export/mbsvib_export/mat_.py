@@ -75,7 +75,7 @@ def to_mat(
     system : System, ClosedLoop, Controller, StateSpace, control.StateSpace or SystemData
         The equations of motion, or first-order equations alone, which make no ``mechss`` object.
     path : str or path
-        File to write, taken as it is: no suffix is added.
+        File to write; its name ends in .mat.
     realization : str
         States of the state space: "physical", "modal" or "balanced".
     loader : bool
@@ -91,7 +91,7 @@ def to_mat(
     Raises
     ------
     ExportError
-        If a file cannot be written, or no system is given.
+        If a file cannot be written, its name does not end in .mat, or no system is given.
     ResponseError
         If the realization, or the name of an output or input, is unknown.
     """
@@ -109,6 +109,9 @@ def to_mat(
     rest = stream.getvalue()[TITLE:]
     document = title(rest) + rest
     goal = Path(a_path(path, "to_mat", ExportError))
+    if loader and goal.suffix.lower() != ".mat":
+        raise ExportError(f"to_mat: path = '{goal}'; expected a name that ends in .mat, by which MATLAB knows the file "
+                          f"that its script loads. With loader=False any name will do.")  # fmt: skip
     is_new = not os.path.lexists(goal)
     name = "load_" + re.sub(r"[^0-9A-Za-z_]", "_", goal.stem)[:50]
     companion = goal.with_name(f"{name}.m")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeVar, cast, overload
 
 import numpy as np
 
+from mbsvib.api.elsewhere import tell_where
 from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import angular
@@ -196,3 +197,6 @@ class Batch(BatchEquations, Displayed):
 
     def __repr__(self) -> str:
         return f"Batch({self.name!r}: {len(self)} variants, {self.dof} DOF)"
+
+
+tell_where(Batch, System, "its systems have it: batch[0].{name}.")

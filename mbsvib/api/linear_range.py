@@ -57,14 +57,18 @@ class LinearRange(Displayed):
         Returns
         -------
         dict
-            Title, columns and rows.
+            Title, columns, rows, and notes on what is no finite amplitude.
         """
+        notes = [note for note, some in (
+            ("inf: no second-order part; parts of third order, as of pendulums, are not counted.", np.isinf),
+            ("nan: outputs without second derivatives, such as forces in joints.", np.isnan),
+        ) if some(self.values).any()]  # fmt: skip
         headers = [f"{name} [{unit}]" for name, unit in zip(self.outputs, self.units, strict=True)]
         rows = [(str(k + 1), f"{frequency:.6g}", *(f"{value:.3g}" for value in limits))
                 for k, (frequency, limits) in enumerate(zip(self.frequencies, self.values, strict=True))]  # fmt: skip
         return {"title": f"Linear range of {self.name}: amplitude at which the second-order part is {self.share:.3g}",
                 "columns": [(header, "right") for header in ("mode", "natural [Hz]", *headers)],
-                "rows": rows}  # fmt: skip
+                "rows": rows, "notes": notes}  # fmt: skip
 
     def sentences(self, below: float = SMALL) -> tuple[str, ...]:
         """Return a sentence for each output whose range is small, for reports.

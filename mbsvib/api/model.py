@@ -10,9 +10,11 @@ from mbsvib.api.add_flexible import FlexibleMechanism
 from mbsvib.api.add_loads import LoadedMechanism
 from mbsvib.api.add_parts import RigidMechanism
 from mbsvib.api.add_ports import PortedMechanism
+from mbsvib.api.elsewhere import tell_where
 from mbsvib.api.pose import Posed
 from mbsvib.api.running import Running
 from mbsvib.api.simulated import Simulated
+from mbsvib.api.system import System
 from mbsvib.elements.families import FAMILIES
 from mbsvib.errors import ModelError, counted, nearest
 
@@ -23,7 +25,6 @@ if TYPE_CHECKING:
 
     from mbsvib.api.batch import Batch
     from mbsvib.api.sparse_system import SparseSystem
-    from mbsvib.api.system import System
 
 
 class Model(
@@ -163,4 +164,5 @@ class Model(
         return f"Model({self.name!r}: {', '.join(counted(len(group), noun) for group, noun in counts)})"
 
 
+tell_where(Model, System, "systems have it: model.linearize().{name}.")
 ADDERS: dict[type, str] = {family.part: f"add_{family.word}" for family in FAMILIES}

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, Self, cast
 
 import numpy as np
 
+from mbsvib.api.elsewhere import tell_where
 from mbsvib.api.system import System
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError, counted
@@ -18,17 +19,12 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.api.some_modes import SomeModes
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.common.selection import Names
     from mbsvib.responses.state_space import StateSpace
     from mbsvib.sensitivities.shapes import ModeSensitivities
 
     Requested = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
-
-
-_MATRICES = frozenset({"M", "C", "K", "B", "Cq", "Cv", "Ca"})
-_SAY_DENSE = "system.reduced(k) has matrices of the k lowest modes, linearize(method='dense') those of all coordinates."
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -38,10 +34,11 @@ class SparseSystem(SparseEquations, Displayed):
     Names and units are those of ``System``. ``joint_coordinates`` are all coordinates of the spanning tree, the
     dependent ones of loops included. Nothing in here is larger than a constant times the number of bodies.
 
-    ``elastic_rows`` (rows, unknowns) with ``stiffness``, ``damping`` and ``row_owner`` (rows,), ``inertia_factor``
-    W of M = W^T W (6 bodies, unknowns), ``input_rows`` (inputs, unknowns) and ``output_rows`` (three of them, for
-    displacement, velocity and acceleration, each (outputs, unknowns)) are scipy sparse; ``D`` (outputs, inputs).
-    ``model`` is what was linearized, ``dropped`` what ``reachable`` left out. Owners of rows are ``springs`` and then
+    ``elastic_rows`` (rows, unknowns) with ``row_stiffness``, ``row_damping`` and ``row_owner`` (rows,),
+    ``inertia_factor`` W of M = W^T W (6 bodies, unknowns), ``input_rows`` (inputs, unknowns) and ``output_rows`` (three
+    of them, for displacement, velocity and acceleration, each (outputs, unknowns)) are scipy sparse; ``D`` (outputs,
+    inputs).
+    ``model`` is what was linearized, ``removed`` what ``reachable`` left out. Owners of rows are ``springs`` and then
     ``loading``: loads, preloads, joints and bodies whose forces make geometric stiffness; ``undetermined`` is what
     redundant constraints leave open of the forces in joints that are outputs.
     """
@@ -219,7 +216,10 @@ class SparseSystem(SparseEquations, Displayed):
 
         return reachable(self, outputs, inputs)
 
-    def reduced(self, count: int, near: float = 0.0, *, correction: bool = False) -> System:
+    def reduced(
+        self, order: int | None = None, near: float = 0.0, *, correction: bool = False, method: str = "modal",
+        error: float | None = None,
+    ) -> System:  # fmt: skip
         """Return the system that the lowest modes make: a small dense one with the coordinates mode1, mode2, ...
 
         Everything that systems offer works on it, time responses, state space and exports included. What higher modes
@@ -227,13 +227,17 @@ class SparseSystem(SparseEquations, Displayed):
 
         Parameters
         ----------
-        count : int
+        order : int
             Number of modes.
         near : float
             Frequency [Hz] around which modes are taken; default: the lowest.
         correction : bool
             Whether displacements, and forces in springs and joints, get the static part of all other modes. Velocities
             and accelerations have none.
+        method : str
+            "modal", or "static-corrected" for modal with the correction. Dense systems have others.
+        error : float, optional
+            Refused: dense systems alone are reduced to an error; ``truncation_error`` tells that of a given order.
 
         Returns
         -------
@@ -243,9 +247,19 @@ class SparseSystem(SparseEquations, Displayed):
         Raises
         ------
         ResponseError
-            If the modes are not the lowest, or free motions are missing, and a correction is requested.
+            If the modes are not the lowest, or free motions are missing, and a correction is requested. If there is no
+            order, or an error or another method is given.
         """
-        small = cast("System", self.modes(count, near=near).reduced)
+        if error is not None or order is None or method not in ("modal", "static-corrected"):
+            asked = (f"error = {error!r}" if error is not None else
+                     f"method = {method!r}" if method not in ("modal", "static-corrected") else "no order")  # fmt: skip
+            raise ResponseError(
+                f"reduced: {asked}; '{self.name}' is held sparse and is reduced to some of its modes. Say how many, "
+                f"reduced(20, correction=True), and see truncation_error; linearize(method='dense') has error bounds "
+                f"and the other methods."
+            )
+        correction = correction or method == "static-corrected"
+        small = cast("System", self.modes(order, near=near).reduced)
         if not correction:
             return small
         if near:
@@ -255,7 +269,7 @@ class SparseSystem(SparseEquations, Displayed):
             )
         from mbsvib.sparse.truncation import corrected
 
-        return corrected(self, small, count)
+        return corrected(self, small, order)
 
     def truncation_error(self, small: System, omega: ArrayLike) -> Array:
         """Return how far responses of a reduced system are off, as shares of the largest response in these frequencies.
@@ -353,11 +367,10 @@ class SparseSystem(SparseEquations, Displayed):
             f"is to be computed, {instead}, or linearize(method='dense')."
         )
 
-    def __getattr__(self, name: str) -> Any:
-        if name in _MATRICES:
-            raise AttributeError(f"'{self.name}' is held sparse and has no dense matrix {name}: {_SAY_DENSE}")
-        raise AttributeError(f"'SparseSystem' object has no attribute {name!r}")
-
     def __repr__(self) -> str:
         ports = f"{counted(len(self.inputs), 'input')}, {counted(len(self.outputs), 'output')}"
         return f"SparseSystem({self.name!r}: {self.dof} DOF, {ports})"
+
+
+tell_where(SparseSystem, System, "dense systems have it, system.reduced(20, correction=True).{name} or that of "
+                                 "linearize(method='dense').")  # fmt: skip

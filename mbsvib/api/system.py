@@ -6,12 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
 from mbsvib.api.connecting import Connecting
+from mbsvib.api.elsewhere import tell_where
 from mbsvib.api.reducing import ReducibleSystem
 from mbsvib.api.sensitivities import Sensitive
 from mbsvib.common.display import upper
 from mbsvib.common.fast_init import fast_init
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import counted
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.responses.linear import StepVerbs
 
 if TYPE_CHECKING:
@@ -238,7 +240,7 @@ class System(Connecting, ReducibleSystem, StepVerbs, Sensitive, Equations):
         """
         from mbsvib.responses.frequency_grid import frequency_grid
 
-        return frequency_grid(self.basis, outputs, inputs, n, f_min=f_min, f_max=f_max)
+        return frequency_grid(self.with_ports(outputs, inputs), self.basis.poles, n, f_min=f_min, f_max=f_max)
 
     def reachable(self, outputs: Names = None, inputs: Names = None) -> System:
         """Return the controllable and observable part for the given inputs and outputs, with these ports only.
@@ -385,3 +387,6 @@ class System(Connecting, ReducibleSystem, StepVerbs, Sensitive, Equations):
         ports = f"{counted(len(self.inputs), 'input')}, {counted(len(self.outputs), 'output')}"
         bound = "" if self.error_bound is None else f", error at most {upper(self.error_bound)}"
         return f"System({self.name!r}: {self.dof} DOF, {ports}{bound})"
+
+
+tell_where(System, Mechanism, "models have it: change the model by model.{name}, and linearize.")

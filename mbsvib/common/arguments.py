@@ -40,6 +40,15 @@ def refuse(who: str, field: str, value: Any, expected: str, hint: str = "") -> M
     return ModelError(f"{text} {hint}".rstrip(), element=who, field=field)
 
 
+def names_in(items: Any) -> list[str] | None:
+    """Return names of several parts, or names themselves, as a list; None if they are anything else."""
+    try:
+        names = [str(item) if isinstance(item, str) else item.name for item in items]  # str: numpy has its own
+    except (TypeError, AttributeError):
+        return None
+    return names if all(isinstance(name, str) for name in names) else None
+
+
 def shown(value: Any) -> str:
     """Return a one-line text of a value, cut to a readable length."""
     text = " ".join(repr(value.tolist() if hasattr(value, "tolist") else value).split())
@@ -96,12 +105,15 @@ def vector(value: Any, who: str, field: str, expected: str = "three finite numbe
     return numbers(value, (3,), who, field, expected)  # type: ignore[return-value]
 
 
+_DIRECTION = "a direction (x, y, z) that is not zero, such as (0, 0, 1)"
+
+
 def axis(value: Any, who: str, field: str) -> Vector:
     """Return ``value`` as a unit vector."""
-    x, y, z = vector(value, who, field, "a direction (x, y, z) that is not zero")
+    x, y, z = vector(value, who, field, _DIRECTION)
     length = hypot(x, y, z)
     if length == 0.0 or length == inf:
-        raise refuse(who, field, value, "a direction (x, y, z) that is not zero")
+        raise refuse(who, field, value, _DIRECTION)
     if length < TINY:  # lengths of subnormal numbers lose digits
         return axis((x / TINY, y / TINY, z / TINY), who, field)
     if abs(length - 1.0) <= UNIT_LENGTH:

@@ -26,8 +26,8 @@ def write_atomic(
 ) -> Path:  # fmt: skip
     """Write a temporary file in the same folder, then rename it to the path.
 
-    ``path``: path of the file; an existing file is replaced and keeps its permissions, a link stays a link. ``write``:
-    writes the content to the binary stream it is given.
+    An existing file is replaced and keeps its permissions, a link stays a link. ``write`` writes to the binary stream
+    it is given.
     """
     a_path(path, "file", error)
     target = Path(os.path.realpath(path))

@@ -41,7 +41,9 @@ class Displayed:
         if columns is not None:
             return tables.html(**columns)
         if type(self).__str__ is not Displayed.__str__:
-            return f"<pre>{_escaped(str(self))}</pre>"
+            from html import escape
+
+            return f"<pre>{escape(str(self))}</pre>"
         if type(self).__repr__ is Displayed.__repr__:
             return tables.html(_title(self), _TWO_COLUMNS, _fields(self))
         return tables.html(repr(self), _TWO_COLUMNS, _names(self))
@@ -106,9 +108,3 @@ def _names(result: Any) -> list[tuple[str, str]]:
     groups = [(name, getattr(result, name, None)) for name in NAMES]
     return [(name, tables.listed(list(map(str, group)))) for name, group in groups
             if isinstance(group, (tuple, list, Mapping)) and group]  # fmt: skip
-
-
-def _escaped(words: str) -> str:
-    from html import escape
-
-    return escape(words)

@@ -103,15 +103,14 @@ def _read_line(reading: _Reading, line: str) -> None:
 def _fields(line: str) -> tuple[str, list[str]]:
     """Name of the card without its star, and its fields; a continuation is named + or *, or not at all."""
     if "," in line:
-        fields = [word.strip() for word in line.upper().split(",")]
-        card = fields[0]
-        return (card[:1] if card[:1] in ("+", "*") else card.rstrip("*")), [*fields[1:9], *[""] * (9 - len(fields))]
-    line = line.expandtabs(8)
-    card = line[:8].strip().upper()
-    width = 16 if "*" in card else 8
-    text = line[8:72].ljust(64).upper()
-    name = card[:1] if card[:1] in ("+", "*") else card.rstrip("*")
-    return name, [text[i : i + width].strip() for i in range(0, 64, width)]
+        card, *fields = [word.strip() for word in line.upper().split(",")]
+        fields = [*fields[:8], *[""] * (8 - len(fields))]
+    else:
+        line = line.expandtabs(8)
+        card, text = line[:8].strip().upper(), line[8:72].ljust(64).upper()
+        width = 16 if "*" in card else 8
+        fields = [text[i : i + width].strip() for i in range(0, 64, width)]
+    return card[:1] if card[:1] in ("+", "*") else card.rstrip("*"), fields
 
 
 def _begin(reading: _Reading, fields: list[str]) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from mbsvib.common.arguments import shown
+from mbsvib.common.arguments import names_in, shown
 from mbsvib.errors import MbsvibError, ModelError, ResponseError
 
 if TYPE_CHECKING:
@@ -27,8 +27,12 @@ def a_model(value: T, caller: str, field: str = "model") -> T:
     """Return ``value`` if it is a model."""
     if kind_of(value) == "model":
         return value
-    hint = "Give the model that was linearized." if kind_of(value) in ("system", "sparse system", "batch") else \
-        "Read files by mv.load." if isinstance(value, str) else ""  # fmt: skip
+    hint = {
+        "system": "Give the model that was linearized.", "sparse system": "Give the model that was linearized.",
+        "batch": "Give the model that was linearized.",
+        "closed loop": "Give the model that was linearized; how its controller isolates is told by "
+                       "isolation.actuated(model, body, legs=[]).with_gains(controller).isolation().",
+    }.get(kind_of(value) or "", "Read files by mv.load." if isinstance(value, str) else "")  # fmt: skip
     raise _refuse(ModelError, value, caller, field, "a Model", hint)
 
 
@@ -77,12 +81,8 @@ def _refuse(
 
 def names(value: Any, caller: str, field: str, error: Callable[..., MbsvibError] = ResponseError) -> list[str]:
     """Return names as a list, from a text, a part that ``add_...`` returned, or several of either."""
-    several = [value] if isinstance(value, str) or hasattr(value, "name") else value
-    try:
-        listed = [item if isinstance(item, str) else item.name for item in several]
-    except (TypeError, AttributeError):
-        listed = [None]
-    if not all(isinstance(item, str) for item in listed):
+    listed = names_in([value] if isinstance(value, str) or hasattr(value, "name") else value)
+    if listed is None:
         text = f"{caller}: {field} = {shown(value)}; expected a name, or a list of names."
         raise error(text, field=field) if error is ModelError else error(text)
     return listed
@@ -110,6 +110,15 @@ def real(value: Any, caller: str, field: str, expected: str, least: float = -np.
     return float(array)
 
 
+def near_frequency(value: Any) -> float:
+    """Return the frequency [Hz] around which modes are wanted, whose square must not overflow."""
+    expected = f"a frequency [Hz] from 0, for the lowest modes, to {HIGHEST:g}"
+    result = real(value, "modes", "near", expected, least=0.0)
+    if result > HIGHEST:
+        raise ResponseError(f"modes: near = {shown(value)}; expected {expected}.")
+    return result
+
+
 def mode_index(
     number: Any, caller: str, count: int | None = None, table: str = "print(system.modes())",
     error: Callable[[str], MbsvibError] = ResponseError,
@@ -125,15 +134,15 @@ def mode_index(
     return int(number) - 1
 
 
-def angular(omega: Any, caller: str = "frequency_response") -> NDArray[np.float64]:
+def angular(omega: Any) -> NDArray[np.float64]:
     """Return angular frequencies [rad/s] as a vector whose squares neither overflow nor underflow."""
-    w = np.atleast_1d(reals(omega, caller, "omega", "a vector of numbers [rad/s]"))
+    w = np.atleast_1d(reals(omega, "frequency_response", "omega", "a vector of numbers [rad/s]"))
     if w.ndim != 1 or not np.isfinite(w).all():
-        raise ResponseError(f"{caller}: omega has shape {np.shape(omega)}; expected a finite vector [rad/s].")
+        raise ResponseError(f"frequency_response: omega has shape {np.shape(omega)}; expected a finite vector [rad/s].")
     beyond = w[(w != 0.0) & ((np.abs(w) < 1.0 / HIGHEST) | (np.abs(w) > HIGHEST))]
     if len(beyond):
-        raise ResponseError(f"{caller}: omega = {beyond[0]:g} rad/s; expected 0, or from {1.0 / HIGHEST:g} to "
-                            f"{HIGHEST:g} rad/s.")  # fmt: skip
+        raise ResponseError(f"frequency_response: omega = {beyond[0]:g} rad/s; expected 0, or from {1.0 / HIGHEST:g} "
+                            f"to {HIGHEST:g} rad/s.")  # fmt: skip
     return w
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-# Arrays of models with fewer coordinates are small enough to be reused in any case.
+# Matrices with fewer rows are small enough to be reused in any case.
 MANY = 40
 # The largest block that glibc lets the threshold grow to has 32 MB; twice that is kept.
 _BLOCK = 4_000_000
@@ -11,7 +11,7 @@ BATCH_BYTES = 32 * 2**20
 
 
 def keep_freed_memory(size: int) -> None:
-    """Make the allocator keep freed memory, for models of ``size`` coordinates with large matrices.
+    """Make the allocator keep freed memory, for matrices with ``size`` rows or more.
 
     glibc returns memory beyond a threshold to the system, and every page of new memory costs a page fault: with some
     hundred coordinates as much time as the arithmetic. The threshold grows with the largest block freed so far; the

@@ -17,10 +17,9 @@ PAUSE = 0.1  # s between two states of the bar
 
 @contextmanager
 def counting(progress: Progress, total: int, label: str, done: int = 0) -> Iterator[Callable[[int], None]]:
-    """Count points that are done.
+    """Count points that are done: on a bar on standard error, by default if that is a terminal, or by a function.
 
-    ``progress``: True: a bar on standard error; None: if that is a terminal; a function is called with how many are
-    done, and how many there are.
+    A function ``progress`` is called with how many are done, and how many there are.
     """
     if callable(progress):
         count = [done]

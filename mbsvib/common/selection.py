@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from mbsvib.common.arguments import shown
+from mbsvib.common.arguments import names_in, shown
 from mbsvib.errors import ResponseError, counted, nearest
 
 # Names or patterns of signals; None: all.
@@ -43,10 +43,8 @@ def selected(
 def port_numbers(
     outputs: Any, inputs: Any, known: tuple[Sequence[str], Sequence[str]], name: str
 ) -> tuple[list[int], list[int]]:
-    """Return the numbers of outputs and inputs that are selected by name.
-
-    ``outputs``, ``inputs``: names or patterns; None: all. ``known``: names of all outputs and of all inputs. Returns
-    outputs, inputs: numbers from 0, in the order of the names.
+    """Return the numbers of the ``outputs`` and ``inputs`` that are selected among the ``known`` ones by name; None:
+    all.
     """
     rows, columns = known
     return selected(outputs, rows, "output", name, columns), selected(inputs, columns, "input", name, rows)
@@ -55,11 +53,7 @@ def port_numbers(
 def needed_ports(
     outputs: Any, inputs: Any, known: tuple[Sequence[str], Sequence[str]], name: str
 ) -> tuple[list[int], list[int]]:
-    """Return the numbers of outputs and inputs that are selected by name, at least one of each.
-
-    ``outputs``, ``inputs``: names or patterns; None: all. ``known``: names of all outputs and of all inputs. Returns
-    outputs, inputs: numbers from 0, in the order of the names.
-    """
+    """Return the numbers of outputs and inputs as ``port_numbers`` does, at least one of each."""
     numbers = port_numbers(outputs, inputs, known, name)
     for kind, indices, names in zip(("outputs", "inputs"), numbers, known, strict=True):
         if not indices:
@@ -77,11 +71,8 @@ def key_ports(key: Any, name: str) -> tuple[Any, Any]:
 
 
 def _listed(several: Any, kind: str, owner: str) -> list[str]:
-    try:
-        names = [item if isinstance(item, str) else item.name for item in several]
-    except (TypeError, AttributeError):
-        names = [None]
-    if not all(isinstance(name, str) for name in names):
+    names = names_in(several)
+    if names is None:
         hint = " Numbers are refused: signals are selected by name." if _numbers(several) else ""
         raise ResponseError(f"system '{owner}': {kind}s = {shown(several)}; expected a name, a pattern such as "
                             f"'leg*', or a list of these; None or : for all.{hint}")  # fmt: skip
@@ -104,10 +95,9 @@ def _unknown(name: str, known: Sequence[str], kind: str, owner: str, others: Seq
 
 
 def signal_names(requested: Any, count: int, label: str, owner: str) -> tuple[str, ...]:
-    """Return names for the rows or columns of matrices, u1, u2, ... if none are given.
+    """Return ``count`` names for the rows or columns of matrices, u1, u2, ... if none are given.
 
-    ``requested``: the names. ``count``: how many there must be. ``label``: "inputs", "outputs", "states" or
-    "coordinates".
+    ``label``: "inputs", "outputs", "states" or "coordinates".
     """
     if requested is None:
         letter = {"inputs": "u", "outputs": "y", "states": "x", "coordinates": "q"}[label]

@@ -28,12 +28,10 @@ def text(
     *,
     ascii_only: bool | None = None,
 ) -> str:
-    """Return a table as plain text that is as wide as its content.
+    """Return a table as plain text that is as wide as its content, without trailing blanks or a final newline.
 
-    ``title``: a line above the table; empty for none. ``columns``: header of each column, and ``left``, ``center`` or
-    ``right``. ``rows``: one entry a column; other types are shown by ``str``. ``ascii_only``: keep to ASCII. Default:
-    only if standard output cannot encode the rules or the content. Returns lines without escape codes, trailing blanks
-    or a final newline.
+    ``columns``: header of each column, and ``left``, ``center`` or ``right``. ``rows``: one entry a column, shown by
+    ``str``. ``ascii_only``: default: if standard output cannot encode the rules or the content.
     """
     body = [[str(cell) for cell in row] for row in rows]
     if ascii_only is None:
@@ -50,10 +48,8 @@ def show(
     *,
     stream: TextIO | None = None,
 ) -> None:
-    """Print a table: with bold headers on a terminal, unless ``NO_COLOR`` is set, and as plain text anywhere else.
-
-    ``title``: as for ``text``, like the three that follow. ``columns``: header and justification. ``stream``: where it
-    goes. Default: standard output.
+    """Print a table to a ``stream``: with bold headers on a terminal, unless ``NO_COLOR`` is set, and else as plain
+    text.
     """
     to = sys.stdout if stream is None else stream
     body = [[str(cell) for cell in row] for row in rows]
@@ -128,10 +124,7 @@ def listed(names: Sequence[str]) -> str:
 def html(
     title: str, columns: Sequence[tuple[str, str]], rows: Iterable[Sequence[object]], notes: Sequence[str] = ()
 ) -> str:
-    """Return a table as HTML; arguments as those of ``text``.
-
-    ``title``: a line above the table; empty for none. ``columns``: header of each column, and ``left`` or ``right``.
-    """
+    """Return a table as HTML; arguments as those of ``text``."""
     from html import escape
 
     looks = [_LOOKS.get(side, _LOOKS["left"]) for _, side in columns]

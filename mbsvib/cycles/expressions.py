@@ -10,16 +10,16 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.errors import ModelError
+from mbsvib.finite_motion.frames import rate_in_motion
 from mbsvib.finite_motion.momentum import angular_momentum
 from mbsvib.finite_motion.rotations import Expression
-from mbsvib.finite_motion.statement import finite_motion
+from mbsvib.finite_motion.statement import FiniteMotion, finite_motion
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-    from mbsvib.finite_motion.statement import FiniteMotion
     from mbsvib.mechanism.mechanism import Mechanism
 
 
@@ -59,7 +59,7 @@ class Statement:
 
     def rate(self, expression: Expression) -> Expression:
         """Return the time derivative of an expression of q and q'."""
-        return ca.jtimes(expression, self.q, self.qd) + ca.jtimes(expression, self.qd, self.qdd)
+        return rate_in_motion(expression, self.q, self.qd, self.qdd)
 
     def function(self, *outputs: Expression) -> ca.Function:
         """Return a function of (q, q', q'', p, O)."""
@@ -86,21 +86,16 @@ def statement(
         raise ModelError(f"maxwell '{name}': has a state of its own, which a prescribed motion does not determine; "
                          f"make springs and dampers of it for a cycle.", element=name)  # fmt: skip
     kinematics = motion.motion
-    q, qd = kinematics.q, kinematics.qd
-    qdd, about = ca.SX.sym("qdd", q.shape[0]), ca.SX.sym("about", 3)
-    numbers = kinematics.numbers
-
-    def rate(expression: Expression) -> Expression:
-        return ca.jtimes(expression, q, qd) + ca.jtimes(expression, qd, qdd)
-
-    momentum, angular = ca.SX.zeros(3), ca.SX.zeros(3)
+    q, qd, qdd, numbers = kinematics.q, kinematics.qd, ca.SX.sym("qdd", kinematics.q.shape[0]), kinematics.numbers
+    about, momentum, angular = ca.SX.sym("about", 3), ca.SX.zeros(3), ca.SX.zeros(3)
     for body in model.bodies.values():
         r = kinematics.point(body.name, numbers.vector(body, "position"))
-        v = numbers.scalar(body, "mass") * ca.jtimes(r, q, qd)
+        v = numbers.scalar(body, "mass") * kinematics.rate(r)
         momentum += v
         angular += ca.cross(r - about, v) + angular_momentum(body, model.rotors, kinematics)
-    phi = kinematics.closures
-    phi_rate = ca.jtimes(phi, q, qd)
-    required = ca.jtimes(motion.momenta, qd, qdd) - motion.forces
-    return Statement(model, numbers.names, motion, q, qd, qdd, numbers.symbols, about, (phi, phi_rate, rate(phi_rate)),
-                     required, -rate(momentum), -rate(angular))  # fmt: skip
+    phi_rate = kinematics.rate(kinematics.closures)
+    phi_acceleration, force, moment = (
+        rate_in_motion(item, q, qd, qdd) for item in (phi_rate, -momentum, -angular))  # fmt: skip
+    return Statement(model, numbers.names, motion, q, qd, qdd, numbers.symbols, about,
+                     (kinematics.closures, phi_rate, phi_acceleration),
+                     ca.jtimes(motion.momenta, qd, qdd) - motion.forces, force, moment)  # fmt: skip

@@ -13,19 +13,18 @@ from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError
 from mbsvib.linalg.rank import NEAR_SINGULAR, REDUNDANT_LOOPS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
     from mbsvib.cycles.prescribed import Prescribed
+    from mbsvib.finite_motion.loops import Loops
 
 # The longest step [rad, mechanism sizes] along which loops are followed, and the shortest that is still tried.
 LONGEST, SHORTEST = 0.1, 1e-7
-CORRECTIONS = 12
-# Loops count as closed when they are open by less than this [rad, mechanism sizes]: rounding of some products.
-CLOSED = 1e-13
-# Up to this they count as closed where they get no closer: a thousandth of what results are promised to.
+# Loops count as closed when they are open by less than this [rad, mechanism sizes]: a thousandth of what results are
+# promised to.
 ACCEPTED = 1e-12
 # Dependent coordinates that move more than 1e7 times as fast as the drive: rates and forces have no digits left.
 SINGULAR = 1e-7
@@ -35,45 +34,44 @@ USER = 8
 REAL = 1e-9
 # A generic neighbour of the described pose, to tell a singular pose from a freedom that no drive has.
 NEARBY = 0.03
+NO_BASES = np.zeros(0)
 
 
 @dataclass(frozen=True)
-class TreeClosures:
-    """What loops demand of the tree coordinates ``names`` (n,), of which ``driven`` (m,) are prescribed.
+class DrivenLoops:
+    """The loops of a mechanism whose tree coordinates ``names`` (n,) are prescribed where they are ``driven`` (m,).
 
-    ``openings`` returns their openings (rows,) and the derivative (rows, n) at q (n,), both in units of 1 rad and the
-    mechanism's size, coordinates q as well; ``units`` (n,) are those of q [rad, m]. ``rounding`` is how far loops may
-    be open as points are rounded relative to the origin.
+    ``rounding`` is how far loops may be open as points are rounded relative to the origin.
     """
 
     names: tuple[str, ...]
     driven: NDArray[np.intp]
-    units: Array
+    loops: Loops
     rounding: float
-    openings: Callable[[Array], tuple[Array, Array]]
 
     @property
     def dependent(self) -> NDArray[np.intp]:
         """Numbers of the other coordinates."""
         return np.setdiff1d(np.arange(len(self.names)), self.driven)
 
+    def jacobian(self, q: Array) -> Array:
+        """Return the derivative (rows, n) of the openings in units of like size."""
+        return self.loops.scaled(q, NO_BASES)[1]
 
-def followed(loops: TreeClosures, motion: Prescribed) -> Array:
-    """Return the tree coordinates at every sample.
 
-    Returns (samples, n): coordinates [rad, m].
-    """
-    pose, targets = np.zeros(len(loops.names)), motion.values / loops.units[loops.driven]
+def followed(loops: DrivenLoops, motion: Prescribed) -> Array:
+    """Return the tree coordinates (samples, n) [rad, m] at every sample."""
+    pose, depends = np.zeros(len(loops.names)), loops.dependent
     _check_mobility(loops, motion)
-    result: Array = np.zeros((len(targets), len(pose)))
-    if not len(loops.dependent):
+    result: Array = np.zeros((len(motion.values), len(pose)))
+    if not len(depends):
         result[:, loops.driven] = motion.values
         return result
-    least, where = np.inf, 0
-    for i, target in enumerate(targets):
-        pose = _to(loops, pose, target, motion)
+    least, where, matrix = np.inf, 0, loops.jacobian(pose)
+    for i, target in enumerate(motion.values):
+        pose, matrix = _to(loops, (pose, matrix), target, motion)
         result[i] = pose
-        smallest = np.linalg.svd(loops.openings(pose)[1][:, loops.dependent], compute_uv=False)[-1]
+        smallest = np.linalg.svd(matrix[:, depends], compute_uv=False)[-1]
         if smallest < SINGULAR:
             raise _singular(loops, motion, motion.at_sample(i), pose)
         if smallest < least:
@@ -82,49 +80,37 @@ def followed(loops: TreeClosures, motion: Prescribed) -> Array:
         warnings.warn(f"cycle: at {motion.at_sample(where)} the mechanism is near a singular pose (smallest singular "
                       f"value of its loops {least:.1e}); rates and forces lose as many digits there.",
                       NearSingularWarning, stacklevel=USER)  # fmt: skip
-    return result * loops.units
+    return result
 
 
-def _to(loops: TreeClosures, pose: Array, target: Array, motion: Prescribed) -> Array:
-    """Take the driven coordinates to their values in steps along which the loops stay closed."""
-    depends, driven = loops.dependent, loops.driven
-    change = target - pose[driven]
-    start = pose[driven]
-    longest = float(np.abs(change).max(initial=0.0))
+def _to(loops: DrivenLoops, at: tuple[Array, Array], target: Array, motion: Prescribed) -> tuple[Array, Array]:
+    """Take the driven coordinates to their values in steps along which the loops stay closed, from a pose and the
+    derivative of the openings there.
+    """
+    (pose, matrix), depends, driven, scale = at, loops.dependent, loops.driven, loops.loops.coordinate_scale
+    start, change = pose[driven], target - pose[driven]
+    longest = float(np.abs(change / scale[driven]).max(initial=0.0))
     done, step = 0.0, min(1.0, LONGEST / max(longest, LONGEST))
-    _, matrix = loops.openings(pose)
     while done < 1.0:
         share = min(step, 1.0 - done)
         trial = pose.copy()
         trial[driven] = target if done + share >= 1.0 else start + (done + share) * change
-        guess = np.linalg.lstsq(matrix[:, depends], -matrix[:, driven] @ (trial - pose)[driven], rcond=None)[0]
-        trial[depends] += guess
-        closed, after = _closed(loops, trial) if np.abs(guess).max(initial=0.0) < 10.0 * LONGEST else (None, matrix)
-        if closed is not None and _same_side(matrix[:, depends], after[:, depends]):
-            pose, matrix, done = closed, after, done + share
-            step = min(2.0 * step, LONGEST / max(longest, LONGEST))
-            continue
+        moved = (trial - pose)[driven] / scale[driven]
+        guess = np.linalg.lstsq(matrix[:, depends], -matrix[:, driven] @ moved, rcond=None)[0]
+        trial[depends] += scale[depends] * guess
+        opening = np.inf
+        if np.abs(guess).max(initial=0.0) < 10.0 * LONGEST:
+            trial, opening = loops.loops.projected(trial, NO_BASES, depends)
+        if opening < max(ACCEPTED, loops.rounding):
+            after = loops.jacobian(trial)
+            if _same_side(matrix[:, depends], after[:, depends]):
+                pose, matrix, done = trial, after, done + share
+                step = min(2.0 * step, LONGEST / max(longest, LONGEST))
+                continue
         step = 0.5 * share
         if step * longest < SHORTEST:
-            raise _singular(loops, motion, motion.words((start + done * change) * loops.units[driven]), pose)
-    return pose
-
-
-def _closed(loops: TreeClosures, trial: Array) -> tuple[Array | None, Array]:
-    """Close the loops by the dependent coordinates, Newton's method; None where it does not contract."""
-    depends = loops.dependent
-    before = np.inf
-    for _ in range(CORRECTIONS):
-        error, matrix = loops.openings(trial)
-        size = float(np.abs(error).max(initial=0.0))
-        if size < CLOSED:
-            return trial, matrix
-        if size > 0.5 * before:
-            return (trial, matrix) if before < max(ACCEPTED, loops.rounding) else (None, matrix)
-        before = size
-        trial = trial.copy()
-        trial[depends] -= np.linalg.lstsq(matrix[:, depends], error, rcond=None)[0]
-    return None, matrix
+            raise _singular(loops, motion, motion.words(start + done * change), pose)
+    return pose, matrix
 
 
 def _same_side(before: Array, after: Array) -> bool:
@@ -140,9 +126,9 @@ def _same_side(before: Array, after: Array) -> bool:
     return not bool(crossed.any())
 
 
-def _check_mobility(loops: TreeClosures, motion: Prescribed) -> None:
+def _check_mobility(loops: DrivenLoops, motion: Prescribed) -> None:
     """Refuse drives that do not move the mechanism, or do not determine its motion."""
-    _, matrix = loops.openings(np.zeros(len(loops.names)))
+    matrix = loops.jacobian(np.zeros(len(loops.names)))
     if not len(matrix) and not len(loops.dependent):
         return
     undriven = _undetermined(loops, matrix)
@@ -159,7 +145,7 @@ def _check_mobility(loops: TreeClosures, motion: Prescribed) -> None:
     for name, row in zip(motion.names, motions, strict=True):
         if np.linalg.norm(row) < REDUNDANT_LOOPS:
             raise ModelError(f"cycle: the drive '{name}' does not move the mechanism: its loops hold that coordinate. "
-                             f"Drive one of {', '.join(_free(loops, matrix)) or 'none, it is fully locked'}.",
+                             f"Drive one of {', '.join(_moving(loops, matrix)) or 'none, it is fully locked'}.",
                              element=name, field="drive")  # fmt: skip
     rank = np.linalg.matrix_rank(motions, tol=REDUNDANT_LOOPS)
     if rank < len(motion.names):
@@ -179,29 +165,23 @@ def _motions(matrix: Array) -> Array:
     return np.asarray(v[rank:].T)
 
 
-def _undetermined(loops: TreeClosures, matrix: Array) -> list[str]:
-    """Coordinates that move while the driven ones stand still."""
-    motions = _motions(np.vstack([matrix, np.eye(len(loops.names))[loops.driven]]))
-    return [name for name, row in zip(loops.names, motions, strict=True) if np.linalg.norm(row) > REDUNDANT_LOOPS]
-
-
-def _free(loops: TreeClosures, matrix: Array) -> list[str]:
-    """Coordinates that move in some motion."""
+def _moving(loops: DrivenLoops, matrix: Array) -> list[str]:
+    """Coordinates that move in some motion that changes none of the rows."""
     motions = _motions(matrix)
     return [name for name, row in zip(loops.names, motions, strict=True) if np.linalg.norm(row) > REDUNDANT_LOOPS]
 
 
-def _neighbour(loops: TreeClosures) -> Array | None:
+def _undetermined(loops: DrivenLoops, matrix: Array) -> list[str]:
+    """Coordinates that move while the driven ones stand still."""
+    return _moving(loops, np.vstack([matrix, np.eye(len(loops.names))[loops.driven]]))
+
+
+def _neighbour(loops: DrivenLoops) -> Array | None:
     """The derivative of the openings at a generic pose near the described one, where loops close; None: not found."""
-    trial = NEARBY * np.random.default_rng(0).uniform(-1.0, 1.0, len(loops.names))
-    for _ in range(CORRECTIONS):
-        error, matrix = loops.openings(trial)
-        if float(np.abs(error).max(initial=0.0)) < CLOSED:
-            return matrix if np.abs(trial).max() > 1e-3 * NEARBY else None
-        u, values, v = np.linalg.svd(matrix, full_matrices=False)
-        significant = values > REDUNDANT_LOOPS * max(1.0, float(values.max(initial=0.0)))
-        trial = trial - v[significant].T @ ((u.T @ error)[significant] / values[significant])
-    return None
+    scale = loops.loops.coordinate_scale
+    trial = NEARBY * scale * np.random.default_rng(0).uniform(-1.0, 1.0, len(scale))
+    q, opening = loops.loops.projected(trial, NO_BASES)
+    return loops.jacobian(q) if opening < ACCEPTED and np.abs(q / scale).max() > 1e-3 * NEARBY else None
 
 
 def _several(names: Sequence[str]) -> str:
@@ -209,9 +189,8 @@ def _several(names: Sequence[str]) -> str:
     return ", ".join(quoted) + (", ..." if len(names) > 6 else "")
 
 
-def _singular(loops: TreeClosures, motion: Prescribed, where: str, pose: Array) -> SingularPoseError:
-    _, matrix = loops.openings(pose)
-    values, vectors = np.linalg.svd(matrix[:, loops.dependent])[1:]
+def _singular(loops: DrivenLoops, motion: Prescribed, where: str, pose: Array) -> SingularPoseError:
+    values, vectors = np.linalg.svd(loops.jacobian(pose)[:, loops.dependent])[1:]
     most = int(np.argmax(np.abs(vectors[min(len(values), len(vectors)) - 1])))
     moves = loops.names[int(loops.dependent[most])]
     return SingularPoseError(

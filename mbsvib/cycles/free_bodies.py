@@ -8,38 +8,41 @@ derivatives dPhi/dx of its openings. All is stated in terms of the tree coordina
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from mbsvib.cycles.expressions import statement
+from mbsvib.cycles.expressions import Statement, statement
+from mbsvib.finite_motion.forces import velocity
 from mbsvib.finite_motion.joints import openings, point_of
-from mbsvib.finite_motion.rotations import Expression, axial
-from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.finite_motion.rotations import Expression, axial, skew
+from mbsvib.mechanism.mechanism import GROUND, Mechanism
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.cycles.expressions import Statement
     from mbsvib.elements import Joint
-    from mbsvib.mechanism.mechanism import Mechanism
 
 
 @dataclass(frozen=True)
 class FreeBodies:
     """Expressions of the symbols of a statement: ``required`` (6 N,), what bodies lack; ``rows`` (L, 6 N), dPhi/dx of
-    all joints one after the other, ``counts`` of them each; by body, the ``origins`` (3,) of x and the ``first_row`` of
-    its six components; by joint, its ``points`` (3,); ``drive_wrenches`` (6 N, drives + couplers), what one unit
+    all joints one after the other, ``counts`` of them each; ``carried`` (6, L), the wrenches of unit multipliers of
+    these rows on the second bodies, at the joints' points; ``drive_wrenches`` (6 N, drives + couplers), what one unit
     along each driven coordinate, and each coupler, does.
     """
 
     required: Expression
     rows: Expression
     counts: list[int]
-    first_row: dict[str, int]
-    origins: dict[str, Expression]
-    points: dict[str, Expression]
+    carried: Expression
     drive_wrenches: Expression
+
+    @property
+    def slices(self) -> list[slice]:
+        """The rows of each joint."""
+        return [slice(end - count, end) for count, end in zip(self.counts, accumulate(self.counts), strict=True)]
 
 
 def free_bodies(model: Mechanism, expressions: Statement, drives: Sequence[str]) -> FreeBodies:
@@ -57,25 +60,31 @@ def free_bodies(model: Mechanism, expressions: Statement, drives: Sequence[str])
         described = tree.numbers.vector(model.bodies[name], "position")
         origins[name] = tree.point(name, described)
         q[k : k + 3] = origins[name] - described
-        twist = ca.vertcat(tree.rate(origins[name]), tree.frames[name].vector(tree.angular_velocity(name)))
+        twist = ca.vertcat(*velocity(tree, name, described))
         qd[k : k + 6], qdd[k : k + 6] = twist, expressions.rate(twist)
         start = 9 * kinematics.based.index(name)
         bases[start : start + 9] = ca.vec(tree.frames[name].rotation)
-    rows, counts, points = [], [], []
+    rows, counts, points = [], [], {}
     for joint in model.joints.values():
         relative = kinematics.frames[joint.second].seen_from(kinematics.frames[joint.first])
         opened = [value for _, value in openings(joint, tree.numbers, relative)]
         rows += opened
         counts.append(len(opened))
-        points.append(tree.frames[joint.second].point(point_of(joint, tree.numbers)))
+        points[joint.name] = tree.frames[joint.second].point(point_of(joint, tree.numbers))
     phi = ca.vertcat(*rows) if rows else ca.SX.zeros(0)
     p = expressions.p[selected]
     jacobian = ca.Function("f", [free.q, kinematics.bases, free.p, expressions.p], [ca.jacobian(phi, free.q)])
     unbalanced = ca.Function("f", [free.q, free.qd, free.qdd, kinematics.bases, free.p], [free.required])
-    by_joint = dict(zip(model.joints, points, strict=True))
-    drive_wrenches = _drive_wrenches(model, expressions, drives, (first_row, origins, by_joint))
-    return FreeBodies(unbalanced(q, qd, qdd, bases, p), jacobian(q, bases, p, expressions.p), counts, first_row,
-                      origins, by_joint, drive_wrenches)  # fmt: skip
+    of_joints, where = jacobian(q, bases, p, expressions.p), (first_row, origins, points)
+    carried, start = [], 0
+    for joint, count in zip(model.joints.values(), counts, strict=True):
+        end, sign = (joint.second, 1.0) if joint.second != GROUND else (joint.first, -1.0)
+        k, arm = first_row[end], origins[end] - points[joint.name]
+        at_centre = sign * of_joints[start : start + count, k : k + 6].T
+        carried.append(ca.vertcat(at_centre[:3, :], at_centre[3:, :] + skew(arm) @ at_centre[:3, :]))
+        start += count
+    return FreeBodies(unbalanced(q, qd, qdd, bases, p), of_joints, counts, ca.horzcat(ca.SX.zeros(6, 0), *carried),
+                      _drive_wrenches(model, expressions, drives, where))  # fmt: skip
 
 
 def _drive_wrenches(

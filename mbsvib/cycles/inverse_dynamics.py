@@ -9,6 +9,7 @@ import numpy as np
 
 from mbsvib.cycles.result import CycleData
 from mbsvib.finite_motion.evaluation import evaluated
+from mbsvib.finite_motion.forces import velocity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -49,9 +50,9 @@ def inverse_dynamics(plant: Machine, kind: type[C]) -> C:
 def _outputs(expressions: Statement) -> list[Expression]:
     """Generalized forces, shaking force and moment; centres, rotations, twists and their rates of all bodies."""
     kinematics, bodies = expressions.motion.motion, expressions.model.bodies
-    centres = [kinematics.point(name, kinematics.numbers.vector(body, "position")) for name, body in bodies.items()]
-    twists = [ca.vertcat(kinematics.rate(r), kinematics.frames[name].vector(kinematics.angular_velocity(name)))
-              for name, r in zip(bodies, centres, strict=True)]  # fmt: skip
+    described = {name: kinematics.numbers.vector(body, "position") for name, body in bodies.items()}
+    centres = [kinematics.point(name, point) for name, point in described.items()]
+    twists = [ca.vertcat(*velocity(kinematics, name, point)) for name, point in described.items()]
     return [
         expressions.required, expressions.force, expressions.moment, ca.vertcat(*centres),
         ca.horzcat(*(kinematics.frames[name].rotation for name in bodies)), ca.vertcat(*twists),

@@ -11,10 +11,11 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.cycles.expressions import Statement, statement
-from mbsvib.cycles.following import TreeClosures, followed
+from mbsvib.cycles.following import DrivenLoops, followed
 from mbsvib.cycles.prescribed import Prescribed, prescribed
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.evaluation import Called, evaluated, matrices
+from mbsvib.finite_motion.loops import Loops
 from mbsvib.kinematics.characteristic_length import length_of
 from mbsvib.linalg.rank import EPS, RANK_FACTOR
 from mbsvib.mechanism.topology import cut_elsewhere
@@ -124,20 +125,14 @@ def solved(plant: Machine, expressions: Statement) -> Solved:
     """
     kinematics, motion = expressions.motion.motion, plant.motion
     driven = np.array([kinematics.names.index(name) for name in motion.names], dtype=np.intp)
-    units = np.where(kinematics.turns, 1.0, plant.size)
-    row_units = np.where(kinematics.closure_turns, 1.0, plant.size)
+    units, row_units = kinematics.scales(plant.size)
     phi, _, phi_acceleration = expressions.closures
     position = expressions.compiled("closures", lambda: (ca.densify(phi), ca.densify(ca.jacobian(phi, expressions.q))))
     curved = expressions.compiled("bias", lambda: (phi_acceleration,))
     p, zero = plant.values(expressions), np.zeros(len(units))
 
     at = Called(position, zero, zero, zero, p, plant.about)
-
-    def openings(q: Array) -> tuple[Array, Array]:
-        value, matrix = at(q * units)
-        return value[:, 0] / row_units, matrix * units / row_units[:, None]
-
-    loops = TreeClosures(kinematics.names, driven, units, plant.rounding, openings)
+    loops = DrivenLoops(kinematics.names, driven, Loops(lambda q, _: at(q), units, 1.0 / row_units), plant.rounding)
     q = followed(loops, motion)
     matrix = matrices(position, q, zero, zero, p, plant.about)[1] * units / row_units[:, None]
     depends = loops.dependent

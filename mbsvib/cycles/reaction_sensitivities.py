@@ -23,13 +23,10 @@ from mbsvib.cycles.reactions import reactions
 from mbsvib.cycles.total_derivatives import dependent_derivatives, total_derivatives
 from mbsvib.finite_motion.evaluation import matrices
 from mbsvib.linalg.rank import REDUNDANT_LOOPS
-from mbsvib.mechanism.mechanism import GROUND
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-    from mbsvib.cycles.free_bodies import FreeBodies
     from mbsvib.cycles.result import CycleData
-    from mbsvib.elements import Joint
     from mbsvib.finite_motion.rotations import Expression
 
 
@@ -42,12 +39,11 @@ def reaction_sensitivities(cycle: CycleData, names: tuple[str, ...]) -> dict[str
     model, expressions = plant.model, plant.with_symbols(names)
     bodies = free_bodies(model, expressions, cycle.drives)
     drive_wrenches = bodies.drive_wrenches
-    joints = list(model.joints.values())
     loads, tau = ca.SX.sym("lambda", sum(bodies.counts)), ca.SX.sym("tau", len(cycle.drives))
     shared = ca.SX.sym("mu", drive_wrenches.shape[1] - len(cycle.drives))
     unknown = ca.vertcat(loads, shared)
     residual = bodies.rows.T @ loads + drive_wrenches @ ca.vertcat(tau, shared) - bodies.required
-    wrenches = ca.vertcat(*_wrenches(joints, bodies, loads))
+    wrenches = ca.vertcat(*(bodies.carried[:, which] @ loads[which] for which in bodies.slices))
     depends = [i for i in range(len(expressions.motion.motion.names)) if i not in set(motion.driven.tolist())]
     state = ca.vertcat(expressions.q[depends], expressions.qd[depends], expressions.qdd[depends])
     symbols = [expressions.q, expressions.qd, expressions.qdd, expressions.p, expressions.about]
@@ -74,22 +70,9 @@ def reaction_sensitivities(cycle: CycleData, names: tuple[str, ...]) -> dict[str
     change = -inverse @ (h_p + h_z @ d_state + drives @ d_torque)
     total = (w_p + w_z @ d_state + w_l @ change)[:, :, [expressions.names.index(name) for name in names]]
     result, undetermined = {}, reactions(cycle).undetermined
-    for k, joint in enumerate(joints):
+    for k, name in enumerate(model.joints):
         derivatives = total[:, 6 * k : 6 * k + 6].transpose(2, 0, 1).copy()
-        derivatives[:, :, [DIRECTIONS.index(item) for item in undetermined.get(joint.name, ())]] = np.nan
+        derivatives[:, :, [DIRECTIONS.index(item) for item in undetermined.get(name, ())]] = np.nan
         derivatives.flags.writeable = False
-        result[joint.name] = derivatives
-    return result
-
-
-def _wrenches(joints: list[Joint], bodies: FreeBodies, loads: Expression) -> list[Expression]:
-    """Wrenches (6,) on the second bodies at the joints' points, world axes."""
-    result, start = [], 0
-    for joint, count in zip(joints, bodies.counts, strict=True):
-        end, sign = (joint.second, 1.0) if joint.second != GROUND else (joint.first, -1.0)
-        k = bodies.first_row[end]
-        at_centre = sign * (bodies.rows[start : start + count, k : k + 6].T @ loads[start : start + count])
-        arm = bodies.origins[end] - bodies.points[joint.name]
-        result.append(ca.vertcat(at_centre[:3], at_centre[3:] + ca.cross(arm, at_centre[:3])))
-        start += count
+        result[name] = derivatives
     return result

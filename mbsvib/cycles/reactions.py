@@ -17,14 +17,12 @@ from mbsvib.cycles.free_bodies import FreeBodies, free_bodies
 from mbsvib.errors import MbsvibError
 from mbsvib.finite_motion.evaluation import matrices
 from mbsvib.linalg.rank import DETERMINED, REDUNDANT_LOOPS
-from mbsvib.mechanism.mechanism import GROUND
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.common.arrays import Array
     from mbsvib.cycles.result import CycleData
-    from mbsvib.elements import Joint
 
 # What the equations of the bodies leave over, as a share of the forces in them: rounding, and how far loops are open.
 BALANCED = 1e-7
@@ -44,15 +42,13 @@ def reactions(cycle: CycleData) -> Reactions:
     Returns what the first body does to the second, at the joint's point, world axes.
     """
     model, size = cycle.machine.model, cycle.machine.size
-    bodies, (unbalanced, rows, drive_wrenches, points, origins) = _evaluated(cycle)
-    units = np.tile([1.0, 1.0, 1.0, 1 / size, 1 / size, 1 / size], len(bodies.first_row))
-    by_joint = np.split(rows, np.cumsum(bodies.counts)[:-1], axis=1)
-    at = np.split(points, len(by_joint), axis=1)
+    bodies, (unbalanced, rows, carried, drive_wrenches) = _evaluated(cycle)
+    units = np.tile([1.0, 1.0, 1.0, 1 / size, 1 / size, 1 / size], rows.shape[2] // 6)
     effects, frames = [], []
-    for joint, joint_rows, point in zip(model.joints.values(), by_joint, at, strict=True):
-        arms = {name: point - origins[:, 3 * i : 3 * i + 3] for i, name in enumerate(bodies.first_row)}
-        frames.append(_orthonormal(joint_rows, joint, bodies, arms, size))
-        effects.append(_onto(joint, bodies, arms) @ frames[-1])
+    for which in bodies.slices:  # wrenches that joints can carry, orthonormal with moments over the size
+        orthonormal, by_multipliers = np.linalg.qr(carried[:, :, which] / _units(size))
+        frames.append(orthonormal * _units(size))
+        effects.append(rows[:, which].transpose(0, 2, 1) @ np.linalg.inv(by_multipliers))
     drives = len(cycle.drives)
     effects.append(drive_wrenches[:, :, drives:])
     torques = np.column_stack([cycle.torques[name] for name in cycle.drives])
@@ -88,35 +84,12 @@ def _units(size: float) -> Array:
 
 def _evaluated(cycle: CycleData) -> tuple[FreeBodies, list[Array]]:
     """The equations of bodies on their own, and at all samples what these lack (n, 6 N), rows of the joints
-    (n, L, 6 N), what drives and couplers do (n, 6 N, d), points of joints (n, 3 J) and origins of bodies (n, 3 N).
+    (n, L, 6 N), wrenches by their multipliers (n, 6, L), and what drives and couplers do (n, 6 N, d).
     """
     plant, motion = cycle.machine, cycle.machine.solved
     expressions = plant.statement
     bodies = free_bodies(plant.model, expressions, cycle.drives)
-    outputs = (bodies.required, bodies.rows, bodies.drive_wrenches, ca.vertcat(*bodies.points.values()),
-               ca.vertcat(*bodies.origins.values()))  # fmt: skip
+    outputs = (bodies.required, bodies.rows, bodies.carried, bodies.drive_wrenches)
     function = expressions.compiled("free bodies", lambda: list(map(ca.densify, outputs)))
-    arrays = matrices(function, motion.q, motion.qd, motion.qdd, plant.values(expressions), plant.about)
-    return bodies, [arrays[0][:, :, 0], arrays[1], arrays[2], arrays[3][:, :, 0], arrays[4][:, :, 0]]
-
-
-def _orthonormal(rows: Array, joint: Joint, bodies: FreeBodies, arms: Mapping[str, Array], size: float) -> Array:
-    """Wrenches (samples, 6, rows) at the joint's point that it can carry, orthonormal with moments over the size."""
-    end, sign = (joint.second, 1.0) if joint.second != GROUND else (joint.first, -1.0)
-    k = bodies.first_row[end]
-    wrench = sign * rows[:, :, k : k + 6].transpose(0, 2, 1)
-    wrench[:, 3:] -= np.cross(arms[end][:, None, :], wrench[:, :3].transpose(0, 2, 1)).transpose(0, 2, 1)
-    return np.asarray(np.linalg.qr(wrench / _units(size))[0] * _units(size))
-
-
-def _onto(joint: Joint, bodies: FreeBodies, arms: Mapping[str, Array]) -> Array:
-    """(samples, 6 N, 6): what a wrench on the second body at the joint's point does to all bodies."""
-    result = np.zeros((len(next(iter(arms.values()))), 6 * len(arms), 6))
-    for end, sign in ((joint.second, 1.0), (joint.first, -1.0)):
-        if end == GROUND:
-            continue
-        k = bodies.first_row[end]
-        result[:, k : k + 6] = sign * np.eye(6)
-        for i, unit in enumerate(np.eye(3)):
-            result[:, k + 3 : k + 6, i] = sign * np.cross(arms[end], unit)
-    return result
+    required, *others = matrices(function, motion.q, motion.qd, motion.qdd, plant.values(expressions), plant.about)
+    return bodies, [required[:, :, 0], *others]

@@ -60,7 +60,7 @@ def _derivatives(
     if not f_z.shape[2] or not f_p.shape[2]:
         return np.zeros((len(motion.q), f_z.shape[2], f_p.shape[2])), y_z, y_p
     # rows and columns in units in which all are of like size
-    row = np.tile(np.where(expressions.motion.motion.closure_turns, 1.0, plant.size), 3 + len(driven))
+    row = np.tile(expressions.motion.motion.scales(plant.size)[1], 3 + len(driven))
     f_z, f_p = f_z / row[:, None], f_p / row[:, None]
     scale = np.linalg.norm(f_z, axis=1, keepdims=True)
     d_dependent = -np.linalg.pinv(f_z / scale) @ f_p

@@ -13,9 +13,9 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.elements import material as _material
 from mbsvib.elements import sections as _sections
-from mbsvib.elements.bent_pose import bent_nodes, is_unmoved
+from mbsvib.elements.elastic_part import bent_nodes, is_unmoved
 from mbsvib.elements.material import Material
-from mbsvib.elements.part import Composed, ParameterField, derived, vector_field
+from mbsvib.elements.part import Composed, ParameterField, Part, derived, vector_field
 from mbsvib.elements.sections import Properties, Shape
 from mbsvib.errors import ModelError, counted
 from mbsvib.linalg.rotations import exponential
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.bushing import Six
-    from mbsvib.elements.part import Part
     from mbsvib.elements.pose import Pose
 
 ELEMENTS = 8
@@ -112,7 +111,6 @@ class Beam(Composed):
 
     @property
     def node_names(self) -> dict[str, Vector]:
-        """Names and points of the nodes that are bodies of their own."""
         return {body: point for i, (body, point) in enumerate(self.node_bodies) if body == f"{self.name}.{i}"}
 
     @property
@@ -127,12 +125,10 @@ class Beam(Composed):
 
     @property
     def generated_names(self) -> tuple[str, ...]:
-        """Names of the bodies, joints and springs that replace it in the equations."""
         return (*self.node_names, *self.element_names)
 
     @property
     def summary(self) -> str:
-        """Its name and the numbers of its elements and nodes."""
         kind = "Timoshenko" if self.shear else "Euler-Bernoulli"
         elements = counted(len(self.element_names), f"{kind} element")
         return f"beam '{self.name}': {elements}, {counted(len(self.node_names), 'node')} of its own"

@@ -51,21 +51,9 @@ def stiffness(length: float, section: Properties, material: Material, shear: boo
 def mass_rows(length: float, section: Properties, material: Material, shear: bool) -> Array:
     """Return the rows F of the consistent mass matrix F^T F.
 
-    Parameters
-    ----------
-    length : float
-        Length [m].
-    section : Properties
-        The section.
-    material : Material
-        The material.
-    shear : bool
-        Timoshenko beam: shear deformation in the shape functions, and rotary inertia.
-
-    Returns
-    -------
-    array, shape (12, 12) or (18, 12)
-        One row for each Gauss point and direction, over (u1, theta1, u2, theta2) in the element's axes.
+    ``length`` [m]. With ``shear``, a Timoshenko beam, the shape functions have shear deformation and there is rotary
+    inertia. Returns (12, 12) or (18, 12): one row for each Gauss point and direction, over (u1, theta1, u2, theta2) in
+    the element's axes.
     """
     mass, polar_inertia = material.rho * section.A * length, material.rho * (section.Iy + section.Iz) * length
     rows = []

@@ -16,8 +16,8 @@ from mbsvib.elements import beam_element as element
 from mbsvib.elements import bushing as _bushing
 from mbsvib.elements import joint as _joint
 from mbsvib.elements.beam import Beam
-from mbsvib.elements.body import Body
-from mbsvib.elements.elastic_part import ElasticPart, Slopes
+from mbsvib.elements.elastic_part import ElasticPart, Slopes, massless_bodies
+from mbsvib.elements.load import Load
 from mbsvib.elements.shared_rows import ExpandedPart, Node, SharedRows
 from mbsvib.linalg.rotations import rigid_transport
 
@@ -26,21 +26,14 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Bushing, Joint
 
-_NO_INERTIA = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
 
 def expand(beam: Beam, *_: Any) -> ExpandedPart:
     """Return nodes, joints and bushings of a beam, its mass rows, and rows of mass-proportional and modal damping."""
     pairs = elements(beam)
     return ExpandedPart(
-        {body.name: body for body in node_bodies(beam)}, {joint.name: joint for joint, _ in pairs},
+        massless_bodies(beam.node_names), {joint.name: joint for joint, _ in pairs},
         {spring.name: spring for _, spring in pairs}, mass=tuple(masses(beam)), elastic=tuple(dampers(beam)),
     )  # fmt: skip
-
-
-def node_bodies(beam: Beam) -> list[Body]:
-    """Return the massless bodies of the nodes that no other body holds."""
-    return [Body(name, 0.0, _NO_INERTIA, point) for name, point in beam.node_names.items()]
 
 
 def elements(beam: Beam) -> list[tuple[Joint, Bushing]]:
@@ -70,7 +63,19 @@ def masses(beam: Beam) -> list[SharedRows]:
     return result
 
 
-def elastic_part(beam: Beam) -> ElasticPart:
+def weights(beam: Beam, gravity: Vector | None) -> tuple[Load, ...]:
+    """Return the weight of a beam as forces on its nodes that are not on the ground, see ``Beam.node_weights``."""
+    if gravity is None or not any(gravity):
+        return ()
+    (x, y, z), (masses, points) = gravity, beam.node_weights()
+    return tuple([
+        Load(f"{beam.name}.weight{i}", beam.body_of(i), (m * x, m * y, m * z), position=(a, b, c))
+        for i, (m, (a, b, c)) in enumerate(zip(masses.tolist(), points.tolist(), strict=True))
+        if beam.body_of(i) != "ground"
+    ])  # fmt: skip
+
+
+def elastic_part(beam: Beam, gravity: Vector | None = None) -> ElasticPart:
     """Return a beam as an elastic part in the frame of its root, in the displacements of its nodes.
 
     If ``second_order``, a bent element is longer than its projection by half the integral of its squared slope,
@@ -88,7 +93,7 @@ def elastic_part(beam: Beam) -> ElasticPart:
     rows = np.zeros((6 * count, 6 * count + 6))
     values: list[float] = []
     slopes: list[Array] = []
-    weights: list[float] = []
+    factors: list[float] = []
     for i, (length, axes) in enumerate(unloaded.frames()):
         to_local, midpoint = np.kron(np.eye(2), np.array(axes).T), np.array(middle(unloaded, i))
         for j, sign in ((i, -1.0), (i + 1, 1.0)):
@@ -101,14 +106,14 @@ def elastic_part(beam: Beam) -> ElasticPart:
         slopes += [*chord, *rows[[6 * i + 1, 6 * i + 2, 6 * i + 4, 6 * i + 5]]]
         ratios = element.shear_ratios(length, beam.properties, beam.material, beam.shear)
         across = [0.2 / (length * (1.0 + phi) ** 2) for phi in ratios]
-        weights += [length, length, *across, length / 12.0, length / 12.0]
+        factors += [length, length, *across, length / 12.0, length / 12.0]
     state = np.zeros((len(beam.points), 6)) if beam.displacements is None else np.array(beam.displacements)
     columns = [6 * i + j for i in nodes for j in range(6)]
     return ElasticPart(
         beam.name, root, tuple([f"{beam.name}.{i}" for i in nodes]), tuple([bodies[i] for i in nodes]), (),
         beam.points[0], rows[:, columns], np.array(values), state[nodes].reshape(-1),
-        slopes=Slopes(np.array(slopes)[:, columns], np.array(weights), np.repeat(6 * np.arange(count), 6))
-        if beam.second_order else None,
+        slopes=Slopes(np.array(slopes)[:, columns], np.array(factors), np.repeat(6 * np.arange(count), 6))
+        if beam.second_order else None, loads=weights(beam, gravity), damping=beam.beta * np.array(values),
     )  # fmt: skip
 
 

@@ -48,7 +48,6 @@ class Body(Part):
 
     @property
     def body_positions(self) -> Mapping[str, Vector]:
-        """Names and positions [m] of the bodies that it adds to the mechanism."""
         return {self.name: self.position}
 
     def suspects(self, values: Mapping[str, Array]) -> Mask | bool:

@@ -72,18 +72,15 @@ class Bushing(Connection):
 
     @property
     def loaded(self) -> bool:
-        """Whether it has a force in the reference pose."""
         return self.preload is not None and any(self.preload)
 
     @property
     def rest_wrench(self) -> tuple[float, ...]:
-        """Wrench (6,) [N, N m] on the second body in the reference pose."""
         force, moment = (np.array(self.orientation) @ np.array(self.preload or ZERO).reshape(2, 3).T).T.tolist()
         return (*force, *moment)
 
     @property
     def batched_fields(self) -> frozenset[str]:
-        """Fields whose values many variants can have at once."""
         # rows of a 6x6 matrix change with its values in ways of their own
         matrix = isinstance(self.stiffness[0], tuple) or isinstance(self.damping[0], tuple)
         return frozenset({"position", "orientation"} if matrix else {"position", "orientation", "stiffness", "damping"})

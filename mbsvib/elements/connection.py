@@ -43,7 +43,7 @@ class Connection(Part):
     @property
     def loaded(self) -> bool:
         """Whether it has a force in the reference pose."""
-        return False
+        return any(self.rest_wrench)
 
     @property
     def rest_wrench(self) -> tuple[float, ...]:
@@ -86,24 +86,7 @@ def check_ends(who: str, first: str, second: str) -> None:
 def line_between(who: str, start: Any, end: Any, hint: str) -> tuple[Vector, Vector, Vector, float]:
     """Return two points [m], the unit vector from the first to the second, and their distance [m], checked.
 
-    Parameters
-    ----------
-    who : str
-        The element, for messages.
-    start, end : array-like, shape (3,)
-        The points, world axes.
-    hint : str
-        Sentence for the message if both points coincide.
-
-    Returns
-    -------
-    tuple of three vectors and float
-        Start, end, line and length.
-
-    Raises
-    ------
-    ModelError
-        If a point is no vector, or both points coincide.
+    ``start``, ``end`` (3,): the points, world axes. ``hint``: sentence for the message if both points coincide.
     """
     a, b = check.vector(start, who, "start"), check.vector(end, who, "end")
     x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]

@@ -89,19 +89,7 @@ class Contribution:
 def rotation_rows(body: Index, along: Array, ground: int) -> Rows:
     """Return components of the rotations of bodies, along . theta.
 
-    Parameters
-    ----------
-    body : array, shape (n,)
-        Numbers of the bodies.
-    along : array, shape (3, n)
-        Vectors, world axes.
-    ground : int
-        Number of the ground.
-
-    Returns
-    -------
-    Rows
-        Rotations relative to the ground, with the origin as point.
+    ``body`` (n,): numbers of the bodies. ``along`` (3, n): vectors, world axes.
     """
     zero = np.zeros(along.shape)
     return Rows(np.full(len(body), ground), body, zero, zero, along)

@@ -20,17 +20,16 @@ from the respective pose.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from functools import partial
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from mbsvib.common import arguments as check
 from mbsvib.elements.part import ParameterField, Part, derived
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from mbsvib.elements.joint import Joint
 
 Terms = tuple[tuple[str, float], ...]
@@ -65,49 +64,68 @@ class Coupler(Coupling):
         return _coupler(self.name, terms)
 
 
+class Transmission(Coupling):
+    """Two coordinates in a fixed ratio, the second a factor times the first: the three fields of a family after
+    ``terms``, in this order.
+
+    ``directions`` are those of both coordinates; the factor has the ``unit`` and is what is ``expected``.
+    """
+
+    __slots__ = ()
+    directions = (ROTATIONS, ROTATIONS)
+    unit = "-"
+    expected = ""
+
+    def parameter_fields(self) -> Iterator[ParameterField]:
+        factor = _names(type(self))[2]
+        yield ParameterField(factor, getattr(self, factor), self.unit)
+
+    def with_values(self, values: Mapping[str, Any]) -> Self:
+        first, second, factor = _names(type(self))
+        return _transmission(type(self), self.name, getattr(self, first), getattr(self, second), values[factor])
+
+
 @dataclass(frozen=True, slots=True)
-class Gear(Coupling):
+class Gear(Transmission):
     """Two rotations in a fixed ratio: ``second`` = ``ratio`` times ``first`` [rad/rad]."""
+
+    expected = "turns of second per turn of first, negative where they turn against each other, and not zero"
 
     first: str = ""
     second: str = ""
     ratio: float = 0.0
 
-    def parameter_fields(self) -> Iterator[ParameterField]:
-        yield ParameterField("ratio", self.ratio, "-")
-
-    def with_values(self, values: Mapping[str, Any]) -> Gear:
-        return _gear(self.name, self.first, self.second, values["ratio"])
-
 
 @dataclass(frozen=True, slots=True)
-class Worm(Coupling):
+class Worm(Transmission):
     """A worm and its wheel: ``wheel`` = ``ratio`` times ``worm`` [rad/rad], ratio = +-(starts / teeth)."""
+
+    expected = "turns of the wheel per turn of the worm (starts / teeth), signed and not zero"
 
     worm: str = ""
     wheel: str = ""
     ratio: float = 0.0
 
-    def parameter_fields(self) -> Iterator[ParameterField]:
-        yield ParameterField("ratio", self.ratio, "-")
-
-    def with_values(self, values: Mapping[str, Any]) -> Worm:
-        return _worm(self.name, self.worm, self.wheel, values["ratio"])
-
 
 @dataclass(frozen=True, slots=True)
-class Rack(Coupling):
+class Rack(Transmission):
     """A pinion and its rack: ``rack`` [m] = ``radius`` [m, signed] times ``pinion`` [rad]."""
+
+    directions = (ROTATIONS, TRANSLATIONS)
+    unit = "m"
+    expected = "the pitch radius [m], negative where the rack goes against its axis, and not zero"
 
     pinion: str = ""
     rack: str = ""
     radius: float = 0.0
 
-    def parameter_fields(self) -> Iterator[ParameterField]:
-        yield ParameterField("radius", self.radius, "m")
 
-    def with_values(self, values: Mapping[str, Any]) -> Rack:
-        return _rack(self.name, self.pinion, self.rack, values["radius"])
+T = TypeVar("T", bound=Transmission)
+
+
+def _names(family: type[Transmission]) -> list[str]:
+    """Names of the first coordinate, the second one and the factor."""
+    return [item.name for item in fields(family)[2:]]
 
 
 def _coupler(name: str, terms: Mapping[str, Any]) -> Coupler:
@@ -117,22 +135,9 @@ def _coupler(name: str, terms: Mapping[str, Any]) -> Coupler:
     return Coupler(name, checked, checked)
 
 
-def _gear(name: str, first: str, second: str, ratio: Any) -> Gear:
-    ratio = _not_zero(ratio, f"gear '{name}'", "ratio", "turns of second per turn of first, negative where they turn "
-                                                        "against each other, and not zero")  # fmt: skip
-    return Gear(name, ((first, -ratio), (second, 1.0)), first, second, ratio)
-
-
-def _worm(name: str, worm: str, wheel: str, ratio: Any) -> Worm:
-    ratio = _not_zero(ratio, f"worm '{name}'", "ratio", "turns of the wheel per turn of the worm (starts / teeth), "
-                                                        "signed and not zero")  # fmt: skip
-    return Worm(name, ((worm, -ratio), (wheel, 1.0)), worm, wheel, ratio)
-
-
-def _rack(name: str, pinion: str, rack: str, radius: Any) -> Rack:
-    radius = _not_zero(radius, f"rack '{name}'", "radius", "the pitch radius [m], negative where the rack goes against "
-                                                           "its axis, and not zero")  # fmt: skip
-    return Rack(name, ((pinion, -radius), (rack, 1.0)), pinion, rack, radius)
+def _transmission(family: type[T], name: str, first: str, second: str, factor: Any) -> T:
+    number = _not_zero(factor, f"{family.__name__.lower()} '{name}'", _names(family)[2], family.expected)
+    return family(name, ((first, -number), (second, 1.0)), first, second, number)  # type: ignore[call-arg]
 
 
 def make_coupler(name: str, coefficients: Any, joints: Mapping[str, Joint]) -> Coupler:
@@ -153,25 +158,18 @@ def make_coupler(name: str, coefficients: Any, joints: Mapping[str, Joint]) -> C
     return _coupler(name, terms)
 
 
-def make_gear(name: str, first: Any, second: Any, ratio: Any, joints: Mapping[str, Joint]) -> Gear:
-    """Check the values of a gear and build it."""
-    who = f"gear '{name}'"
-    a, b = _pair(who, joints, ("first", first, ROTATIONS), ("second", second, ROTATIONS))
-    return _gear(name, a, b, ratio)
+def _make(family: type[T], name: str, first: Any, second: Any, factor: Any, joints: Mapping[str, Joint]) -> T:
+    """Check the values of a transmission and build it."""
+    who, names = f"{family.__name__.lower()} '{name}'", _names(family)
+    a, b = (coordinate_of(value, joints, who, field, directions)
+            for value, field, directions in zip((first, second), names, family.directions, strict=False))  # fmt: skip
+    if a == b:
+        raise ModelError(f"{who}: couples '{a}' with itself; name two different coordinates.",
+                         element=who, field=names[1])  # fmt: skip
+    return _transmission(family, name, a, b, factor)
 
 
-def make_worm(name: str, worm: Any, wheel: Any, ratio: Any, joints: Mapping[str, Joint]) -> Worm:
-    """Check the values of a worm and its wheel and build them."""
-    who = f"worm '{name}'"
-    a, b = _pair(who, joints, ("worm", worm, ROTATIONS), ("wheel", wheel, ROTATIONS))
-    return _worm(name, a, b, ratio)
-
-
-def make_rack(name: str, pinion: Any, rack: Any, radius: Any, joints: Mapping[str, Joint]) -> Rack:
-    """Check the values of a pinion and its rack and build them."""
-    who = f"rack '{name}'"
-    a, b = _pair(who, joints, ("pinion", pinion, ROTATIONS), ("rack", rack, TRANSLATIONS))
-    return _rack(name, a, b, radius)
+make_gear, make_worm, make_rack = partial(_make, Gear), partial(_make, Worm), partial(_make, Rack)
 
 
 def coordinate_of(
@@ -180,26 +178,7 @@ def coordinate_of(
 ) -> str:  # fmt: skip
     """Return the name "JOINT.direction" of a coordinate; "JOINT" is enough for a joint with one coordinate.
 
-    Parameters
-    ----------
-    value : str or Joint
-        Name of a coordinate, or a joint or its name.
-    joints : mapping
-        The model's joints.
-    who, field : str
-        Element and argument, for messages.
-    directions : tuple of str
-        The directions that are allowed.
-
-    Returns
-    -------
-    str
-        Name of the coordinate.
-
-    Raises
-    ------
-    ModelError
-        If there is no such joint or it has no such coordinate.
+    ``value``: name of a coordinate, or a joint or its name.
     """
     kinds: dict[tuple[str, ...], str] = {ROTATIONS: "a rotation", TRANSLATIONS: "a translation"}
     kind = kinds.get(directions, "a coordinate")
@@ -220,15 +199,6 @@ def coordinate_of(
         return f"{name}.{direction or free[0]}"
     has = ", ".join(d for d, _ in joint.freedom) or "none"
     raise check.refuse(who, field, value, expected, f"The {joint.kind} joint '{name}' has the coordinates {has}.")
-
-
-def _pair(who: str, joints: Mapping[str, Joint], *arguments: tuple[str, Any, tuple[str, ...]]) -> tuple[str, str]:
-    """Two different coordinates, from argument name, value and allowed directions of each."""
-    a, b = (coordinate_of(value, joints, who, field, directions) for field, value, directions in arguments)
-    if a == b:
-        raise ModelError(f"{who}: couples '{a}' with itself; name two different coordinates.",
-                         element=who, field=arguments[1][0])  # fmt: skip
-    return a, b
 
 
 def _not_zero(value: Any, who: str, field: str, expected: str) -> float:

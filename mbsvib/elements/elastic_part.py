@@ -21,15 +21,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arguments import DIRECTIONS, UNIT6, Vector
+from mbsvib.elements.body import Body
 from mbsvib.elements.bushing import ZERO, Bushing
+from mbsvib.elements.joint import Joint
 from mbsvib.elements.load import Load
 from mbsvib.elements.shared_rows import Node, SharedRows
 from mbsvib.linalg.products import eigenrows
-from mbsvib.linalg.rotations import inverse_jacobian, second_order
+from mbsvib.linalg.rank import ZERO_SUM
+from mbsvib.linalg.rotations import exponential, inverse_jacobian, logarithm, second_order
 
 if TYPE_CHECKING:
-    from mbsvib.common.arguments import Vector
+    from collections.abc import Mapping, Sequence
+
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements.part import Composed
+    from mbsvib.elements.pose import Pose
+
+NO_INERTIA = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,10 +70,9 @@ class ElasticPart:
 
     ``nodes`` (n) are pairs of a body and its point [m] in this pose, with the names ``names``. ``carriers`` are the
     bodies of internal coordinates, three each, at ``origin``. ``rows`` D (r, 6 n + internal) and ``values`` k (r,) are
-    its stiffness, ``state`` x (6 n + internal,) its displacements and ``force`` f its weight along them or None;
-    ``slopes`` are those of a beam.
-    ``loads`` are its weight on the root. ``weight_stiffness`` has the stiffness of the weight, whose direction is fixed
-    in the world.
+    its stiffness, ``damping`` (r,) is that in the same rows, ``state`` x (6 n + internal,) its displacements and
+    ``force`` f its weight along them or None; ``slopes`` are those of a beam. ``loads`` are its weight on bodies.
+    ``weight_stiffness`` has the stiffness of the weight ``force``, whose direction is fixed in the world.
     """
 
     owner: str
@@ -80,10 +88,16 @@ class ElasticPart:
     slopes: Slopes | None = None
     loads: tuple[Load, ...] = ()
     weight_stiffness: tuple[SharedRows, ...] = ()
+    damping: Array | None = None
 
-    def forces(self, rows: Array | None = None) -> Array:
-        """Return the forces F (6 n + internal,) along its coordinates, or f + G^T rows for given row forces."""
-        result: Array = (self.row_forces if rows is None else rows) @ self.gradient
+    @property
+    def internal(self) -> int:
+        """Number of internal coordinates."""
+        return int(self.rows.shape[1]) - 6 * len(self.nodes)
+
+    def forces(self, rows: Array) -> Array:
+        """Return the forces F = f + G^T p (6 n + internal,) along its coordinates, for forces p (r,) in its rows."""
+        result: Array = rows @ self.gradient
         return result if self.force is None else result + self.force
 
     @property
@@ -122,6 +136,23 @@ class ElasticPart:
         return result
 
 
+def massless_bodies(points: Mapping[str, Vector]) -> dict[str, Body]:
+    """Return bodies without inertia at some points, by name."""
+    return {name: Body(name, 0.0, NO_INERTIA, point) for name, point in points.items()}
+
+
+def carrier_joints(owner: str, carriers: Sequence[str], origin: Vector, internal: int) -> dict[str, Joint]:
+    """Return the joints of internal coordinates, three for each carrier, by the names of carriers."""
+    result = {}
+    for i, carrier in enumerate(carriers):
+        count = min(3, internal - 3 * i)
+        freedom = tuple([(f"mode{3 * i + j + 1}", UNIT6[j]) for j in range(count)])
+        locked = tuple([(DIRECTIONS[j], UNIT6[j]) for j in range(count, 6)])
+        result[carrier] = Joint(owner, "custom", "ground", carrier, origin, freedom=freedom, locked=locked,
+                                point=origin, free=DIRECTIONS[:count])  # fmt: skip
+    return result
+
+
 def on_carriers(rows: Array, internal: int) -> Array:
     """Return rows in which the six columns of each carrier replace those of its three internal coordinates."""
     count = (internal + 2) // 3
@@ -134,32 +165,20 @@ def on_carriers(rows: Array, internal: int) -> Array:
 
 def stiffness_rows(part: ElasticPart) -> SharedRows:
     """Return the rows of the stiffness G^T diag(k) G + sum k_r e_r w_j S_j^T S_j, with signed values."""
-    internal = part.rows.shape[1] - 6 * len(part.nodes)
     rows, values = part.gradient, part.values
     if part.slopes is not None:
         tension = -part.row_forces[part.slopes.rows] * part.slopes.weights
         used = tension.nonzero()[0]
         rows = np.concatenate((rows, part.slopes.matrix[used]))
         values = np.concatenate((values, tension[used]))
-    return SharedRows(part.owner, part.row_nodes, on_carriers(part.per_rotation(rows), internal), stiffness=values)
+    return SharedRows(part.owner, part.row_nodes, on_carriers(part.per_rotation(rows), part.internal),
+                      stiffness=values)  # fmt: skip
 
 
 def root_rotation_rows(part: ElasticPart, point: Vector, coupling: Array) -> tuple[SharedRows, ...]:
     """Return the stiffness of a potential theta . Q x with the root's rotation theta, as rows with signed values.
 
-    Parameters
-    ----------
-    part : ElasticPart
-        The part.
-    point : tuple of 3 floats
-        A point of the root [m].
-    coupling : array, shape (3, 6 n + internal)
-        Q.
-
-    Returns
-    -------
-    tuple of Piece
-        At most one.
+    ``point``: a point of the root [m]. ``coupling`` (3, 6 n + internal): Q. At most one is returned.
     """
     coupling = part.per_rotation(coupling)
     if not coupling.any():
@@ -170,15 +189,18 @@ def root_rotation_rows(part: ElasticPart, point: Vector, coupling: Array) -> tup
     count = int(used.sum())
     rotations = np.zeros((count, 6))
     rotations[:, 3:] = np.eye(3)[used] * np.sqrt(lengths[used])[:, None]
-    scaled = on_carriers(coupling[used] / np.sqrt(lengths[used])[:, None], part.rows.shape[1] - 6 * len(part.nodes))
+    scaled = on_carriers(coupling[used] / np.sqrt(lengths[used])[:, None], part.internal)
     rows = np.concatenate((np.concatenate((rotations, scaled), axis=1), np.concatenate((rotations, -scaled), axis=1)))
     nodes = (Node(part.root, point), *part.row_nodes)
     return (SharedRows(part.owner, nodes, rows, stiffness=np.repeat((0.5, -0.5), count)),)
 
 
-def second_order_rotation_rows(part: ElasticPart, forces: Array) -> list[SharedRows]:
-    """Return the stiffness -f_rho . d^2 rho of forces along rotation vectors, as rows with signed values."""
-    result = []
+def stiffness_of_forces(part: ElasticPart, row_forces: Array) -> list[SharedRows]:
+    """Return the stiffness of the weight and of forces f along rotation vectors, -f_rho . d^2 rho, as signed rows.
+
+    ``row_forces`` (r,) are the forces in the rows of the part.
+    """
+    result, forces = [*part.weight_stiffness], part.forces(row_forces)
     for i, (rho, (body, point)) in enumerate(zip(part.rotations(), part.nodes, strict=True)):
         moment = forces[6 * i + 3 : 6 * i + 6]
         if rho.any() and moment.any():
@@ -191,33 +213,44 @@ def second_order_rotation_rows(part: ElasticPart, forces: Array) -> list[SharedR
     return result
 
 
-def wrenches(part: ElasticPart, rows: Array | None = None) -> tuple[list[Bushing], list[Load]]:
-    """Return the forces of a part as preloads between root and nodes, and loads on carriers.
+def wrenches(part: ElasticPart, row_forces: Array) -> tuple[list[Bushing], list[Load]]:
+    """Return forces (r,) in the rows of a part as preloads between root and nodes, and loads on carriers.
 
-    Parameters
-    ----------
-    part : ElasticPart
-        The part.
-    rows : array, shape (r,), optional
-        Forces in its rows; default: those of its state.
-
-    Returns
-    -------
-    list of Bushing
-        Preloads without stiffness.
-    list of Load
-        Elastic forces and weights on internal coordinates.
+    The preloads have no stiffness; the loads are elastic forces and weights on internal coordinates.
     """
     bushings, loads = [], []
-    at_nodes, end = part.per_rotation(part.forces(rows)[None])[0], 6 * len(part.nodes)
+    at_nodes, end = part.per_rotation(part.forces(row_forces)[None])[0], 6 * len(part.nodes)
     for i, (body, point) in enumerate(part.nodes):
         six = tuple(at_nodes[6 * i : 6 * i + 6].tolist())
         if any(six):
             bushings.append(Bushing(part.names[i], part.root, body, point, ZERO, ZERO, preload=six))
-    elastic = (part.row_forces if rows is None else rows) @ part.rows
-    for suffix, forces in (("force", elastic), ("weight", part.force)):
+    for suffix, forces in (("force", row_forces @ part.rows), ("weight", part.force)):
         if forces is not None:
             on_bodies = on_carriers(forces[None, end:], len(forces) - end)[0]
             loads += [Load(f"{name}.{suffix}", name, tuple(six[:3]))
                       for name, six in zip(part.carriers, on_bodies.reshape(-1, 6).tolist(), strict=True) if any(six)]
     return bushings, loads
+
+
+def is_unmoved(part: Composed, pose: Pose) -> bool:
+    """Return whether all bodies of an elastic part are in the reference pose."""
+    carriers = [name for name in part.carriers if name in pose.number]
+    return all(map(pose.is_unmoved, (part.root, *(body for body, _ in part.node_bodies), *carriers)))
+
+
+def bent_nodes(part: Composed, before: Array, pose: Pose) -> tuple[Array, Array, bool]:
+    """Return the nodes of an elastic part in another pose.
+
+    ``before`` (n, 6): displacements of its nodes against its root in the reference pose [m, rad], world axes. Returns
+    the points (n, 3) of the nodes [m], their displacements (n, 6) against the root, and whether these have changed by
+    more than rounding.
+    """
+    points, root = np.array(part.points), pose.number[part.root]
+    which, frame = np.array([pose.number[body] for body, _ in part.node_bodies]), np.full(len(points), root)
+    moved_points, turn = pose.points(which, points), pose.rotations[root]
+    change = moved_points - pose.points(frame, points)
+    rotation = logarithm(turn.T @ pose.rotations[which] @ exponential(before[:, 3:]))
+    after = np.concatenate((before[:, :3] @ turn.T + change, rotation @ turn.T), axis=1)
+    extent = float(np.abs(np.concatenate((points, moved_points))).max())
+    turned = np.abs(rotation - before[:, 3:]).max()
+    return moved_points, after, bool(np.abs(change).max() > ZERO_SUM * extent or turned > ZERO_SUM)

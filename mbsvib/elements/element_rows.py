@@ -41,19 +41,9 @@ class ElementRows:
                     inertance: Array | None = None) -> ElementRows:  # fmt: skip
         """Return rows of changes of length.
 
-        Parameters
-        ----------
-        ends : array, shape (3, n)
-            Numbers of the first body, of the second body and of the owner.
-        start, line : array, shape (3, n)
-            A point of each line [m], and its unit vector, world axes.
-        stiffness, damping, inertance : array, shape (n,)
-            Their coefficients.
-
-        Returns
-        -------
-        ElementRows
-            One row a line.
+        ``ends`` (3, n): numbers of the first body, of the second body and of the owner. ``start``, ``line`` (3, n): a
+        point of each line [m], and its unit vector, world axes. ``stiffness``, ``damping``, ``inertance`` (n,): their
+        coefficients.
         """
         first, second, owner = ends.astype(np.intp)
         unit = np.zeros((len(owner), 6))

@@ -69,17 +69,7 @@ def make(name: str, first: str, second: str, start: Any, end: Any, inertance: An
 def rows(parts: Sequence[tuple[int, Inerter]], number: Mapping[str, int]) -> ElementRows:
     """Return the rows of inerters, the changes of their lengths.
 
-    Parameters
-    ----------
-    parts : sequence of (int, Inerter)
-        The inerters and their numbers among the model's connections.
-    number : mapping
-        Number of each body, ground included.
-
-    Returns
-    -------
-    ElementRows
-        One row for each inerter, without stiffness and damping.
+    ``parts`` are the inerters and their numbers among the model's connections.
     """
     table = columns([(number[p.first], number[p.second], i, *p.start, *p.line, p.inertance) for i, p in parts], 10)
     zero = np.zeros(len(parts))

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Any, Self
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
-from mbsvib.elements.part import Part, vector_field
+from mbsvib.elements.part import ParameterField, Part, vector_field
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from mbsvib.elements.part import ParameterField
     from mbsvib.elements.pose import Pose
 
 NONE: Vector = (0.0, 0.0, 0.0)

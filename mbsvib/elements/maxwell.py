@@ -15,14 +15,13 @@ from mbsvib.common.arguments import Vector
 from mbsvib.elements import spring
 from mbsvib.elements.connection import Connection, check_ends, line_between, line_force
 from mbsvib.elements.part import ParameterField, Part, derived, vector_field
-from mbsvib.elements.preload_form import along_line
+from mbsvib.elements.preload_form import PreloadForm, along
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from mbsvib.elements.pose import Pose
-    from mbsvib.elements.preload_form import PreloadForm
 
 # Smaller changes of the length, relative to the length, are rounding errors.
 ROUNDING = 1.6e-14
@@ -47,12 +46,10 @@ class Maxwell(Connection):
 
     @property
     def family(self) -> str:
-        """Name of its family in texts."""
         return "Maxwell element"
 
     @property
     def body_positions(self) -> Mapping[str, Vector]:
-        """Names and positions [m] of the bodies that it adds to the mechanism."""
         return {self.node: self.end}
 
     @property
@@ -61,13 +58,7 @@ class Maxwell(Connection):
         return self.preload or 0.0
 
     @property
-    def loaded(self) -> bool:
-        """Whether it has a force in the reference pose."""
-        return bool(self.preload)
-
-    @property
     def rest_wrench(self) -> tuple[float, ...]:
-        """Wrench (6,) [N, N m] on the second body in the reference pose."""
         return line_force(self.tension, self.line)
 
     @property
@@ -77,8 +68,8 @@ class Maxwell(Connection):
                            self.preload) if self.static_stiffness else None  # fmt: skip
 
     def preload_form(self, size: float) -> PreloadForm | None:
-        return along_line(self, self.static_stiffness, size, lambda tension: {"preload": tension}) \
-            if self.static_stiffness else None  # fmt: skip
+        direction = line_force(1.0, self.line)
+        return along(self, self.start, direction, self.static_stiffness, size, lambda tension: {"preload": tension})
 
     @property
     def node(self) -> str:

@@ -42,17 +42,8 @@ def rows(parts: Sequence[tuple[int, Maxwell]], number: Mapping[str, int]) -> Ele
     k1 acts between the first body and the node, c between the node and the second body, k0 between both bodies. The
     element's force is the sum of those of k1 and k0; the force of c is equal to that of k1.
 
-    Parameters
-    ----------
-    parts : sequence of (int, Maxwell)
-        The elements and their numbers among the model's connections.
-    number : mapping
-        Number of each body and node, ground included.
-
-    Returns
-    -------
-    ElementRows
-        Up to three rows for each element. The direction ``unit`` of the damper's row is zero: it adds no force.
+    ``parts`` are the elements and their numbers among the model's connections. The direction ``unit`` of the damper's
+    row is zero: it adds no force.
     """
     tuples = []
     for i, p in parts:

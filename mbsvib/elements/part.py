@@ -10,6 +10,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, Self
 
 from mbsvib.common.arguments import DIRECTIONS, rotated
+from mbsvib.common.fast_init import fast_init
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,6 +30,7 @@ def derived(default: Any = None) -> Any:
     return field(default=default, repr=False, compare=False, metadata={"derived": True})
 
 
+@fast_init
 @dataclass(frozen=True, slots=True)
 class ParameterField:
     """A field of a part whose values are parameters: a number, a vector or a symmetric 6x6 matrix as tuples.

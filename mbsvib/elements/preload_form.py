@@ -33,27 +33,17 @@ class PreloadForm:
     arguments: Callable[[Array | None], dict[str, Any]]
 
 
-def along_line(
-    part: Any, stiffness: float, size: float, arguments: Callable[[float | None], dict[str, Any]]
-) -> PreloadForm:
-    """Return the form of a preload that is a tension.
+def along(
+    part: Any, point: Vector, direction: tuple[float, ...], stiffness: float, size: float,
+    arguments: Callable[[float | None], dict[str, Any]],
+) -> PreloadForm | None:  # fmt: skip
+    """Return the form of a preload that is an amount of one wrench (6,), a force or a moment; None without stiffness.
 
-    Parameters
-    ----------
-    part : Connection
-        An element with ``start`` and ``line``.
-    stiffness : float
-        Its stiffness at rest [N/m].
-    size : float
-        Size of the mechanism [m].
-    arguments : callable
-        The changed arguments for a tension [N] or None.
-
-    Returns
-    -------
-    PreloadForm
-        One force along the line.
+    ``stiffness`` [N/m, N m/rad] is that at rest along the ``direction``, ``size`` that of the mechanism [m].
+    ``arguments`` returns the changed arguments for an amount [N, N m] or None.
     """
-    line = np.array((*part.line, 0.0, 0.0, 0.0))
-    return PreloadForm(part.start, line[None], np.array(part.rest_wrench), EPS * abs(stiffness) * size,
-                       lambda wrench: arguments(None if wrench is None else -float(wrench @ line)))  # fmt: skip
+    six, unit = np.array(direction), 1.0 if any(direction[:3]) else size
+    return PreloadForm(
+        point, unit * six[None], np.array(part.rest_wrench), EPS * abs(stiffness) * size / unit**2,
+        lambda wrench: arguments(None if wrench is None else float(wrench @ six)),
+    ) if stiffness else None  # fmt: skip

@@ -30,8 +30,25 @@ class Properties:
     kz: float | None
 
 
+class _Checked:
+    """What has numbers that are positive; those that are None by default may be so."""
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        family: Any = type(self)
+        for item in fields(family):
+            value = getattr(self, item.name)
+            if value is None and item.default is None:
+                continue
+            value = check.number(value, family.__name__.lower(), item.name)
+            if value <= 0.0:
+                raise check.refuse(family.__name__.lower(), item.name, value, "a positive number")
+            object.__setattr__(self, item.name, value)
+
+
 @dataclass(frozen=True, slots=True)
-class Section:
+class Section(_Checked):
     """A section by its properties: A [m^2], Iy, Iz, J [m^4]; shear factors are needed by beams with shear."""
 
     A: float
@@ -40,9 +57,6 @@ class Section:
     J: float
     ky: float | None = None
     kz: float | None = None
-
-    def __post_init__(self) -> None:
-        _check(self)
 
     def properties(self, nu: float) -> Properties:
         """Return the properties.
@@ -61,15 +75,12 @@ class Section:
 
 
 @dataclass(frozen=True, slots=True)
-class Circle:
+class Circle(_Checked):
     """A solid circle of ``radius`` [m]; default shear factors after Cowper."""
 
     radius: float
     ky: float | None = None
     kz: float | None = None
-
-    def __post_init__(self) -> None:
-        _check(self)
 
     def properties(self, nu: float) -> Properties:
         """Return the properties; shear factor 6 (1 + nu) / (7 + 6 nu) (Cowper, 1966).
@@ -89,7 +100,7 @@ class Circle:
 
 
 @dataclass(frozen=True, slots=True)
-class Tube:
+class Tube(_Checked):
     """A circular tube of outer ``radius`` and thickness ``wall`` [m]; default shear factors after Cowper."""
 
     radius: float
@@ -98,7 +109,7 @@ class Tube:
     kz: float | None = None
 
     def __post_init__(self) -> None:
-        _check(self)
+        super(Tube, self).__post_init__()
         if self.wall > self.radius:
             raise check.refuse("tube", "wall", self.wall, f"at most the outer radius {self.radius:g} m")
 
@@ -125,16 +136,13 @@ class Tube:
 
 
 @dataclass(frozen=True, slots=True)
-class Rectangle:
+class Rectangle(_Checked):
     """A rectangle, ``width`` along y and ``height`` along z [m]; default shear factors after Cowper."""
 
     width: float
     height: float
     ky: float | None = None
     kz: float | None = None
-
-    def __post_init__(self) -> None:
-        _check(self)
 
     def properties(self, nu: float) -> Properties:
         """Return the properties; torsion after Saint-Venant, shear factor 10 (1 + nu) / (12 + 11 nu) (Cowper, 1966).
@@ -207,15 +215,3 @@ def built(kind: type, kwargs: Mapping[str, Any], who: str, field: str) -> Any:
         return kind(**kwargs)
     except ModelError as error:
         raise ModelError(f"{who}: {field}: {error}", element=who, field=field) from error
-
-
-def _check(shape: Shape) -> None:
-    name = _NAMES[type(shape)] if type(shape) is not Section else "section"
-    for item in fields(shape):
-        value = getattr(shape, item.name)
-        if value is None and item.default is None:
-            continue
-        value = check.number(value, name, item.name)
-        if value <= 0.0:
-            raise check.refuse(name, item.name, value, "a positive number")
-        object.__setattr__(shape, item.name, value)

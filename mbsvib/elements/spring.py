@@ -14,7 +14,7 @@ from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.connection import Connection, check_ends, line_between, line_force
 from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.part import ParameterField, Part, derived, vector_field
-from mbsvib.elements.preload_form import along_line
+from mbsvib.elements.preload_form import PreloadForm, along
 from mbsvib.elements.rows import columns
 from mbsvib.errors import ModelError
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Mask
     from mbsvib.elements.pose import Pose
-    from mbsvib.elements.preload_form import PreloadForm
 
 # Forces below this fraction of stiffness times length are rounding errors of the length.
 ROUNDING = 1e-15
@@ -65,17 +64,14 @@ class Spring(Connection):
 
     @property
     def loaded(self) -> bool:
-        """Whether it has a force in the reference pose."""
         return self.tension != 0.0
 
     @property
     def rest_wrench(self) -> tuple[float, ...]:
-        """Wrench (6,) [N, N m] on the second body in the reference pose."""
         return line_force(self.tension, self.line)
 
     @property
     def batched_fields(self) -> frozenset[str]:
-        """Fields whose values many variants can have at once."""
         # the tension follows from the ends if there is a free length
         ends = frozenset({"start", "end"} if self.free_length is None else ())
         return ends | {"stiffness", "damping"}
@@ -90,8 +86,8 @@ class Spring(Connection):
 
     def preload_form(self, size: float) -> PreloadForm | None:
         free: dict[str, Any] = {"free_length": None}
-        return along_line(self, self.stiffness, size, lambda tension: free | {"preload": tension}) \
-            if self.stiffness else None  # fmt: skip
+        direction = line_force(1.0, self.line)
+        return along(self, self.start, direction, self.stiffness, size, lambda tension: free | {"preload": tension})
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         if pose.is_unmoved(self.first) and pose.is_unmoved(self.second):
@@ -144,17 +140,7 @@ def make(
 def rows(parts: Sequence[tuple[int, Spring]], number: Mapping[str, int]) -> ElementRows:
     """Return the rows of line springs, the changes of their lengths.
 
-    Parameters
-    ----------
-    parts : sequence of (int, Spring)
-        The springs and their numbers among the model's connections.
-    number : mapping
-        Number of each body, ground included.
-
-    Returns
-    -------
-    ElementRows
-        One row a spring.
+    ``parts`` are the springs and their numbers among the model's connections.
     """
     table = columns([(number[s.first], number[s.second], i, *s.start, *s.line, s.stiffness, s.damping)
                      for i, s in parts], 11)  # fmt: skip

@@ -45,7 +45,6 @@ class StrainOutput(ports.Signal):
 
     @property
     def unit(self) -> str:
-        """Its unit."""
         return UNIT
 
 

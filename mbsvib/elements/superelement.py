@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
-from mbsvib.elements.bent_pose import bent_nodes, is_unmoved
+from mbsvib.elements.elastic_part import bent_nodes, is_unmoved
 from mbsvib.elements.part import Composed, derived
 from mbsvib.errors import ModelError, counted
 from mbsvib.linalg.products import eigenrows
@@ -81,10 +81,18 @@ class Superelement(Composed):
         """
         return None if self.grounded else _root([name for name, _ in self.nodes], dict(self.bodies))
 
-    @property
-    def points_without_forces(self) -> list[Vector]:
-        """Points of its nodes without forces [m], in the frame of its root in this pose."""
-        return _without_forces(self.nodes, self.orientation, self.displacements)
+    def without_forces(self) -> Superelement:
+        """Return the superelement without forces, in the frame of its root in this pose."""
+        if self.displacements is None:
+            return self
+        points = _without_forces(self.nodes, self.orientation, self.displacements)
+        return replace(self, nodes=tuple(zip(dict(self.nodes), points, strict=True)), displacements=None)
+
+    def node_weights(self) -> tuple[Array, Array]:
+        """Return masses (nodes,) at which gravity acts on its nodes, none, as it acts along all coordinates, and the
+        points of the nodes (nodes, 3) [m].
+        """
+        return np.zeros(len(self.nodes)), np.array(self.points)
 
     @property
     def internal(self) -> int:
@@ -208,13 +216,7 @@ def _entries(matrix: Array) -> Matrix:
 
 
 def factor(who: str, field: str, matrix: Array) -> tuple[Array, Array]:
-    """Return positive values (r,) and rows (r, n) with matrix = rows^T diag(values) rows.
-
-    Raises
-    ------
-    ModelError
-        If the matrix has a negative eigenvalue beyond rounding.
-    """
+    """Return positive values (r,) and rows (r, n) with matrix = rows^T diag(values) rows."""
     if not matrix.any():
         return np.zeros(0), np.zeros((0, len(matrix)))
     values, rows = eigenrows(matrix)

@@ -12,193 +12,131 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.common.arguments import UNIT6
 from mbsvib.elements import joint as _joint
-from mbsvib.elements.body import Body
-from mbsvib.elements.elastic_part import ElasticPart, on_carriers, root_rotation_rows, stiffness_rows
-from mbsvib.elements.joint import Joint
+from mbsvib.elements.elastic_part import (
+    ElasticPart,
+    carrier_joints,
+    massless_bodies,
+    on_carriers,
+    root_rotation_rows,
+    stiffness_rows,
+)
 from mbsvib.elements.load import NONE, Load
 from mbsvib.elements.shared_rows import ExpandedPart, Node, SharedRows
-from mbsvib.elements.superelement import RIGID, rigid_motions
+from mbsvib.elements.superelement import RIGID, Superelement, rigid_motions
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import axial, skew
 
 if TYPE_CHECKING:
     from mbsvib.common.arguments import Vector
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.superelement import Superelement
-
-_NO_INERTIA = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    from mbsvib.common.arrays import Array
 
 
 def expand(part: Superelement, *_: Any) -> ExpandedPart:
     """Return nodes, joints and shared rows of a superelement."""
-    return ExpandedPart({body.name: body for body in node_bodies(part)}, dict(links(part)), mass=tuple(masses(part)),
-                      elastic=tuple(elastic(part)))  # fmt: skip
-
-
-def node_bodies(part: Superelement) -> list[Body]:
-    """Return the massless bodies of the nodes that no body holds, and those of internal coordinates."""
-    origin = part.nodes[0][1]
-    nodes = [Body(name, 0.0, _NO_INERTIA, point) for name, point in part.node_names.items()]
-    return nodes + [Body(name, 0.0, _NO_INERTIA, origin) for name in part.carriers]
-
-
-def links(part: Superelement) -> list[tuple[str, Joint]]:
-    """Return the free joints from the first node to the others, and the joints of internal coordinates, by name."""
-    result = []
+    joints = {}
     for i, (name, point) in enumerate(part.nodes[1:], 1):
-        key = f"{part.name}.{name}"
-        first, second = part.body_of(0), part.body_of(i)
+        key, first, second = f"{part.name}.{name}", part.body_of(0), part.body_of(i)
         if first != second:
-            axes = part.orientation
-            joint = _joint.make(key, "free", first, second, point, axes, None, None, None, None)
-            result.append((key, joint))
-    origin = part.nodes[0][1]
-    for i, carrier in enumerate(part.carriers):
-        count = min(3, part.internal - 3 * i)
-        freedom = tuple([(f"mode{3 * i + j + 1}", UNIT6[j]) for j in range(count)])
-        names = ("x", "y", "z", "rx", "ry", "rz")
-        locked = tuple([(names[j], UNIT6[j]) for j in range(count, 6)])
-        joint = Joint(part.name, "custom", "ground", carrier, origin, freedom=freedom, locked=locked, point=origin,
-                      free=names[:count])  # fmt: skip
-        result.append((carrier, joint))
-    return result
+            joints[key] = _joint.make(key, "free", first, second, point, part.orientation, None, None, None, None)
+    joints |= carrier_joints(part.name, part.carriers, part.points[0], part.internal)
+    return ExpandedPart(massless_bodies(part.body_positions), joints, mass=tuple(masses(part)),
+                        elastic=tuple(elastic(part)))  # fmt: skip
 
 
 def masses(part: Superelement) -> list[SharedRows]:
     """Return the rows W of M = W^T W."""
     values, rows = part.factors[0]
-    layout = Layout.of(part, None)
-    return [SharedRows(part.name, layout.row_nodes(part), layout.rows(rows * np.sqrt(values)[:, None]))]
+    return [Layout(part, None).shared(rows * np.sqrt(values)[:, None])]
 
 
 def elastic(part: Superelement) -> list[SharedRows]:
     """Return the rows of K and, if there is a C, those of C."""
-    result = []
     _, (k, _), damping = part.factors
-    if len(k):
-        result.append(stiffness_rows(elastic_part(part)))
+    result = [stiffness_rows(elastic_part(part))] if len(k) else []
     if damping is not None and len(damping[0]):
         c, rows = damping
-        layout = Layout.of(part, None if rows.shape[1] == len(part.M) else part.root_node)
-        result.append(SharedRows(part.name, layout.row_nodes(part), layout.rows(rows), damping=c))
+        result.append(Layout(part, None if rows.shape[1] == len(part.M) else part.root_node).shared(rows, damping=c))
     return result
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Coordinates of a superelement: all, or relative to the node ``root`` and without its coordinates.
+    """Coordinates of a superelement: all, or relative to the node ``root`` and without its coordinates."""
 
-    ``nodes`` are numbers of nodes, ``coordinates`` are numbers of coordinates, of which the last ``internal`` are
-    those.
-    """
-
-    nodes: tuple[int, ...]
-    coordinates: Index
-    internal: int
-    axes: Array
+    part: Superelement
     root: int | None
 
-    @classmethod
-    def of(cls, part: Superelement, root: int | None) -> Layout:
-        """Return the layout relative to a node, None: of all coordinates."""
-        count = len(part.nodes)
-        nodes = tuple([i for i in range(count) if i != root])
-        interface = [6 * i + j for i in nodes for j in range(6)]
-        coordinates = np.array([*interface, *range(6 * count, len(part.M))], dtype=np.intp)
-        return cls(nodes, coordinates, part.internal, np.array(part.orientation), root)
+    @property
+    def nodes(self) -> list[int]:
+        """Numbers of its nodes."""
+        return [i for i in range(len(self.part.nodes)) if i != self.root]
+
+    @property
+    def coordinates(self) -> list[int]:
+        """Numbers of its coordinates, internal ones last."""
+        internal = range(6 * len(self.part.nodes), len(self.part.M))
+        return [*(6 * i + j for i in self.nodes for j in range(6)), *internal]
 
     def world(self, rows: Array) -> Array:
         """Return rows (..., n) on coordinates in the axes of the part as rows on coordinates in world axes."""
-        end = 6 * len(self.nodes)
-        in_world = (rows[..., :end].reshape(-1, 3) @ self.axes.T).reshape(*rows.shape[:-1], end)
-        return np.concatenate((in_world, rows[..., end:]), axis=-1)
+        end = rows.shape[-1] - self.part.internal
+        in_world = rows[..., :end].reshape(-1, 3) @ np.array(self.part.orientation).T
+        return np.concatenate((in_world.reshape(*rows.shape[:-1], end), rows[..., end:]), axis=-1)
 
-    def row_nodes(self, part: Superelement) -> tuple[Node, ...]:
-        """Return the nodes of rows, and the bodies of internal coordinates."""
-        relative_to = "ground" if self.root is None else part.body_of(self.root)
-        origin = part.nodes[0][1]
-        bodies = part.node_bodies
-        return (*[Node(*bodies[i], relative_to=relative_to) for i in self.nodes],
-                *[Node(name, origin, moves_with_ground=False) for name in part.carriers])  # fmt: skip
-
-    def rows(self, rows: Array) -> Array:
+    def shared(self, rows: Array, damping: Array | None = None) -> SharedRows:
         """Return rows on coordinates as rows on six displacements in world axes of each node and carrier."""
-        return on_carriers(self.world(rows), self.internal)
+        part, relative_to = self.part, "ground" if self.root is None else self.part.body_of(self.root)
+        bodies = part.node_bodies
+        nodes = [Node(*bodies[i], relative_to=relative_to) for i in self.nodes]
+        carriers = [Node(name, part.points[0], moves_with_ground=False) for name in part.carriers]
+        return SharedRows(part.name, (*nodes, *carriers), on_carriers(self.world(rows), part.internal), damping=damping)
 
 
 def elastic_part(part: Superelement, gravity: Vector | None = None) -> ElasticPart:
-    """Return a superelement as a linear elastic part in the frame of its root.
-
-    Parameters
-    ----------
-    part : Superelement
-        The superelement.
-    gravity : tuple of 3 floats, optional
-        Acceleration of free fall [m/s^2].
-
-    Returns
-    -------
-    ElasticPart
-        Its stiffness, state and weight.
-
-    Raises
-    ------
-    ModelError
-        If gravity acts and the mass matrix does not determine the weight.
-    """
-    layout = Layout.of(part, part.root_node)
-    values, rows = part.factors[1]
-    nodes = layout.row_nodes(part)[: len(layout.nodes)]
-    point = part.points[part.root_node or 0]
+    """Return a superelement as a linear elastic part in the frame of its root, with its weight."""
+    layout, (values, rows), bodies = Layout(part, part.root_node), part.factors[1], part.node_bodies
     state = np.zeros(len(part.M)) if part.displacements is None else np.array(part.displacements)
     result = ElasticPart(
         part.name, part.root, tuple([f"{part.name}.{part.nodes[i][0]}" for i in layout.nodes]),
-        tuple([(node.body, node.point) for node in nodes]), part.carriers, part.nodes[0][1],
-        layout.world(rows), values, layout.world(state[layout.coordinates]),
+        tuple([bodies[i] for i in layout.nodes]), part.carriers, part.points[0], layout.world(rows), values,
+        layout.world(state[layout.coordinates]),
     )  # fmt: skip
-    return result if gravity is None or not any(gravity) else _with_weight(part, result, layout, point, gravity)
+    return result if gravity is None or not any(gravity) else _with_weight(part, result, layout, gravity)
 
 
 def weight_rows(part: Superelement) -> Array:
     """Return the first moments L of the potential -g . L d of weight, on the displacements d of the rows of K.
 
-    Parameters
-    ----------
-    part : Superelement
-        The superelement, without displacements.
-
-    Returns
-    -------
-    array, shape (3, 6 nodes)
-        The mass that moves along world axes per displacement of each node except the root, and of each body of internal
-        coordinates [kg, kg m].
+    Returns (3, 6 nodes): the mass that moves along world axes per displacement of each node except the root, and of
+    each body of internal coordinates [kg, kg m].
     """
-    layout = Layout.of(part, part.root_node)
-    translations = rigid_motions(np.array(part.points_without_forces), layout.axes, len(part.M))[:, :3]
-    moments = translations.T @ np.array(part.M)
-    return layout.rows(layout.axes @ moments[:, layout.coordinates])
+    layout = Layout(part, part.root_node)
+    moments = np.array(part.orientation) @ _moments(part)[1][:, layout.coordinates]
+    return on_carriers(layout.world(moments), part.internal)
 
 
-def _with_weight(
-    part: Superelement, elastic: ElasticPart, layout: Layout, point: Vector, gravity: Vector
-) -> ElasticPart:
+def _moments(part: Superelement) -> tuple[Array, Array]:
+    """Rigid-body motions R (n, 6) without forces, and R_t^T M (3, n) of the translations R_t, in the part's axes."""
+    points = np.array(part.without_forces().points)
+    motions = rigid_motions(points, np.array(part.orientation), len(part.M))
+    return motions, motions[:, :3].T @ np.array(part.M)
+
+
+def _with_weight(part: Superelement, elastic: ElasticPart, layout: Layout, gravity: Vector) -> ElasticPart:
     """The elastic part under gravity g with the potential V = -g . (m p + A (s0 + G x)).
 
     A are the axes and p the point of its frame, x its coordinates, s0 the first moments of mass without displacements
     and G = R^T M, where R are translations of the entire model.
     """
-    mass_matrix, points = np.array(part.M), np.array(part.points_without_forces)
-    translations = rigid_motions(points, layout.axes, len(mass_matrix))
     if part.grounded:
         raise ModelError(
             f"superelement '{part.name}': its mass matrix does not determine how gravity acts on a model that itself "
             f"is fixed to the ground (grounded=True); leave gravity out, or give the model with nodes on the ground.",
             element=part.name, field="grounded",
         )  # fmt: skip
-    moments = translations[:, :3].T @ mass_matrix
-    total, first = moments @ translations[:, :3], moments @ translations[:, 3:]
+    (motions, moments), axes, g = _moments(part), np.array(part.orientation), np.array(gravity)
+    total, first = moments @ motions[:, :3], moments @ motions[:, 3:]
     mass = float(total.trace()) / 3.0
     size = np.abs(first).max(initial=0.0)
     if np.abs(total - mass * np.eye(3)).max() > RIGID * abs(mass) or np.abs(first + first.T).max() > RIGID * size:
@@ -207,16 +145,17 @@ def _with_weight(
             f"so M does not determine how gravity acts; expected the same along all three and none across. Reduce the "
             f"model with nodes that move it as a rigid body, or leave gravity out.", element=part.name, field="M",
         )  # fmt: skip
-    g, world_moments = np.array(gravity), layout.axes @ moments[:, layout.coordinates]
-    # first moment of mass about the root: u = theta x r, so that M_tr = -[s]x
-    first_moment = layout.axes @ axial(-first) - mass * (np.array(point) - points[0])
-    displacements = np.zeros(len(part.M)) if part.displacements is None else np.array(part.displacements)
-    first_moment += world_moments @ displacements[layout.coordinates]
-    force = layout.world(moments[:, layout.coordinates].T @ layout.axes.T @ g)
+    moments = moments[:, layout.coordinates]
+    force = layout.world(moments.T @ axes.T @ g)
     if elastic.root == "ground":
         return replace(elastic, force=force)
+    point = part.points[part.root_node or 0]
+    # first moment of mass about the root: u = theta x r, so that M_tr = -[s]x
+    first_moment = axes @ axial(-first) - mass * (np.array(point) - np.array(part.without_forces().points[0]))
+    if part.displacements is not None:
+        first_moment += axes @ moments @ np.array(part.displacements)[layout.coordinates]
     centre = np.array(point) + first_moment / mass if mass else np.array(point)
     load = Load(f"{part.name}.weight", elastic.root, tuple((mass * g).tolist()), NONE, tuple(centre.tolist()))
-    coupling = skew(g) @ layout.world(world_moments)
+    coupling = skew(g) @ layout.world(axes @ moments)
     return replace(elastic, force=force, loads=(load,) if mass else (),
                    weight_stiffness=root_rotation_rows(elastic, point, coupling))  # fmt: skip

@@ -88,14 +88,21 @@ def read_mat(path: str | PathLike[str], M: str = "M", K: str = "K", C: str | Non
     ModelError
         If the file cannot be read or has no such matrix.
     """
-    names = [name for name in (M, K, C) if name is not None]
-    raw = content_of(path, _error(path), "a MATLAB file")
+    return _read(path, lambda raw, names: _level_4(raw) if 0 in raw[:4] else read_mat_file(raw, names), (M, K, C),
+                 "a MATLAB file", "Save it with version -v7.")  # fmt: skip
+
+
+def _read(
+    path: Any, reader: Callable[[bytes, list[str]], Mapping[str, Any]], matrices: tuple[str, str, str | None],
+    what: str, advice: str,
+) -> Reduced:  # fmt: skip
+    """The matrices of a file by what reads its content."""
+    raw = content_of(path, _error(path), what)
     try:
-        content = _level_4(raw) if 0 in raw[:4] else read_mat_file(raw, names)
+        content = reader(raw, [name for name in matrices if name is not None])
     except ContentError as error:
-        raise ModelError(f"{path}: cannot be read as a MATLAB file: {error}. Save it with version -v7.",
-                         element=str(path)) from error  # fmt: skip
-    return _reduced(path, content, M, K, C)
+        raise ModelError(f"{path}: cannot be read as {what}: {error}. {advice}", element=str(path)) from error
+    return _reduced(path, content, *matrices)
 
 
 def _level_4(raw: bytes) -> dict[str, Any]:
@@ -137,14 +144,7 @@ def read_op4(path: str | PathLike[str], M: str = "MAA", K: str = "KAA", C: str |
     ModelError
         If the file cannot be read, or has no such matrix.
     """
-    names = [name for name in (M, K, C) if name is not None]
-    raw = content_of(path, _error(path), "an OP4 file")
-    try:
-        content = read_op4_file(raw, names)
-    except ContentError as error:
-        raise ModelError(f"{path}: cannot be read as an OP4 file: {error}. Write it again.",
-                         element=str(path)) from error  # fmt: skip
-    return _reduced(path, content, M, K, C)
+    return _read(path, read_op4_file, (M, K, C), "an OP4 file", "Write it again.")
 
 
 def read_punch(

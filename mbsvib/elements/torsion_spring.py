@@ -1,14 +1,12 @@
 """Torsion springs: a spring-damper about one axis, which is fixed in the first body.
 
-tau = preload - k phi - c phi' is the moment on the second body about the axis e. phi is the twist of the second body
-relative to the first since the reference pose: the relative rotation is the product of a rotation about an axis normal
-to e (swing) and a rotation by phi about e (twist). In equations about the reference pose the spring is a bushing with
-stiffness about e only, whose moment rotates with the first body.
+tau = preload - k phi - c phi' is the moment on the second body about the axis e. phi is the twist of the relative
+rotation since the reference pose, a rotation about an axis normal to e (swing) times one by phi about e (twist). About
+the reference pose the spring is a bushing with stiffness about e only, whose moment rotates with the first body.
 
 With the quaternion (w, x, y, z) of the relative rotation, z along e, phi = 2 atan2(z, w). After another small rotation
-rho, phi changes by g . rho - 1/2 (g . rho) (h . rho), g = (w y + z x, z y - w x, w^2 + z^2) / (w^2 + z^2) and
-h = (z y - w x, -w y - z x, 0) / (w^2 + z^2). In a pose with swing the spring is replaced by a bushing with these
-derivatives.
+rho, phi changes by g . rho - 1/2 (g . rho) (h . rho), g = (a, b, 1), h = (b, -a, 0), a = (w y + z x) / (w^2 + z^2),
+b = (z y - w x) / (w^2 + z^2). In a pose with swing the spring is replaced by a bushing with these derivatives.
 
 Source: Dobrowolski (2015), Swing-twist decomposition in Clifford algebra, arXiv:1506.05481.
 """
@@ -26,10 +24,9 @@ from mbsvib.common.arguments import Vector
 from mbsvib.elements import bushing
 from mbsvib.elements.connection import Connection, check_ends
 from mbsvib.elements.part import ParameterField, Part
-from mbsvib.elements.preload_form import PreloadForm
+from mbsvib.elements.preload_form import PreloadForm, along
 from mbsvib.elements.shared_rows import ExpandedPart
 from mbsvib.errors import ModelError
-from mbsvib.linalg.rank import EPS
 from mbsvib.linalg.rotations import quaternion
 
 if TYPE_CHECKING:
@@ -37,10 +34,9 @@ if TYPE_CHECKING:
 
     from mbsvib.elements.pose import Pose
 
-# Sine of half the swing angle below which the swing is a rounding error.
-SWING = 1e-12
-# Squared cosine of half the largest swing angle, 3 rad.
-LARGEST_SWING = 5e-3
+# Sine of half the swing angle below which the swing is a rounding error; squared cosine of half the largest, 3 rad.
+SWING, LARGEST_SWING = 1e-12, 5e-3
+NOWHERE = (0.0, 0.0, 0.0)  # a moment has no point
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,21 +61,11 @@ class TorsionSpring(Connection):
         return make(**self._arguments_with(values))
 
     @property
-    def loaded(self) -> bool:
-        """Whether it has a moment in the reference pose."""
-        return bool(self.preload)
-
-    @property
     def rest_wrench(self) -> tuple[float, ...]:
-        """Wrench (6,) [N, N m] on the second body in the reference pose."""
-        return (0.0, 0.0, 0.0, *((self.preload or 0.0) * entry for entry in self.axis))
+        return (*NOWHERE, *((self.preload or 0.0) * entry for entry in self.axis))
 
     def preload_form(self, size: float) -> PreloadForm | None:
-        about = np.array((0.0, 0.0, 0.0, *self.axis))
-        return PreloadForm(
-            (0.0, 0.0, 0.0), size * about[None], np.array(self.rest_wrench), EPS * abs(self.stiffness) / size,
-            lambda wrench: {"preload": None if wrench is None else float(wrench @ about)},
-        ) if self.stiffness else None  # fmt: skip
+        return along(self, NOWHERE, (*NOWHERE, *self.axis), self.stiffness, size, lambda moment: {"preload": moment})
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         if pose.is_unmoved(self.first) and pose.is_unmoved(self.second):
@@ -91,22 +77,20 @@ class TorsionSpring(Connection):
         w, (x, y, z) = quaternion(pose.rotated(self.first, axes).T @ pose.rotated(self.second, axes))
         square, angle = w * w + z * z, 2.0 * atan2(z, w)
         if square < LARGEST_SWING or abs(angle) > bushing.LARGEST_ANGLE:
-            who = f"torsion spring '{self.name}'"
+            who, swing = f"torsion spring '{self.name}'", degrees(2.0 * atan2(hypot(x, y), sqrt(square)))
             raise ModelError(f"{who}: its bodies are turned by {degrees(abs(angle)):.0f} degrees about its axis and by "
-                             f"{degrees(2.0 * atan2(hypot(x, y), sqrt(square))):.0f} across it, where its angle is not "
-                             f"unique. Describe the model in a nearer pose.",
-                             element=who, field="stiffness")  # fmt: skip
+                             f"{swing:.0f} across it, where its angle is not unique. Describe the model in a nearer "
+                             f"pose.", element=who, field="stiffness")  # fmt: skip
         moment = (self.preload or 0.0) - self.stiffness * angle
         if hypot(x, y) <= SWING:
             return kwargs | ({"preload": moment} if moment or self.preload is not None else {})
-        g = np.array((w * y + z * x, z * y - w * x, square)) / square
-        h = np.array((z * y - w * x, -w * y - z * x, 0.0)) / square
-        second_derivative = -0.5 * (np.outer(g, h) + np.outer(h, g))
+        a, b = (w * y + z * x) / square, (z * y - w * x) / square
+        g, h = np.array((a, b, 1.0)), np.array((b, -a, 0.0))
         stiffness, damping = np.zeros((2, 6, 6))
-        stiffness[3:, 3:] = self.stiffness * np.outer(g, g) - moment * second_derivative
+        stiffness[3:, 3:] = self.stiffness * np.outer(g, g) + 0.5 * moment * (np.outer(g, h) + np.outer(h, g))
         damping[3:, 3:] = self.damping * np.outer(g, g)
-        return bushing.make(self.name, self.first, self.second, (0.0, 0.0, 0.0), stiffness, damping,
-                            pose.rotated_axes(self.first, axes), (0.0, 0.0, 0.0, *(moment * g)))  # fmt: skip
+        return bushing.make(self.name, self.first, self.second, NOWHERE, stiffness, damping,
+                            pose.rotated_axes(self.first, axes), (*NOWHERE, *(moment * g)))  # fmt: skip
 
 
 def make(
@@ -127,8 +111,8 @@ def make(
 
 def expand(part: TorsionSpring, *_: Any) -> ExpandedPart:
     """Return the bushing of the same name about the axis; it has no force, so that its point does not matter."""
-    values = part.stiffness, part.damping, part.preload or 0.0
-    stiffness, damping, preload = [(0.0,) * 5 + (value,) for value in values]
+    stiffness, damping, preload = ((*NOWHERE, 0.0, 0.0, value) for value in (part.stiffness, part.damping,
+                                                                             part.preload or 0.0))  # fmt: skip
     return ExpandedPart(springs={part.name: bushing.make(
-        part.name, part.first, part.second, (0.0, 0.0, 0.0), stiffness, damping, check.frame_along(part.axis),
-        preload if part.preload is not None else None)})  # fmt: skip
+        part.name, part.first, part.second, NOWHERE, stiffness, damping, check.frame_along(part.axis),
+        None if part.preload is None else preload)})  # fmt: skip

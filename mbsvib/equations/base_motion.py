@@ -31,19 +31,8 @@ if TYPE_CHECKING:
 def ground_motion(twist: ArrayLike, origin: ArrayLike, points: Array) -> Array:
     """Return the motions of points (..., 3) that move rigidly with the ground, (..., 6), world axes.
 
-    Parameters
-    ----------
-    twist : array, shape (6,)
-        Translation of the origin and rotation of the ground.
-    origin : array, shape (3,)
-        A point of the ground [m].
-    points : array, shape (..., 3)
-        The points [m].
-
-    Returns
-    -------
-    array, shape (..., 6)
-        Translations and rotations.
+    ``twist`` (6,): translation of the origin and rotation of the ground. ``origin`` (3,): a point of the ground [m].
+    ``points`` (..., 3): the points [m]. Returns (..., 6): translations and rotations.
     """
     linear, angular = np.array(twist).reshape(2, 3)
     translation = np.cross(angular, points - np.array(origin)) + linear
@@ -55,23 +44,8 @@ def inertia_of_ground_motion(
 ) -> Array:
     """Return W u of the motion u of all bodies with the ground, with W of M = W^T W.
 
-    Parameters
-    ----------
-    twist : array, shape (6,)
-        Translation of the origin and rotation of the ground.
-    origin : array, shape (3,)
-        A point of the ground [m].
-    position : array, shape (..., bodies, 3)
-        Centres of mass [m].
-    inertia : SpatialInertia
-        Square roots of the bodies' inertia.
-    shared : Shared or None
-        Mass that more than one body shares.
-
-    Returns
-    -------
-    array, shape (..., rows)
-        Rows of bodies, then shared rows.
+    ``twist`` (6,): translation of the origin and rotation of the ground. ``origin`` (3,): a point of the ground [m].
+    ``position`` (..., bodies, 3): centres of mass [m]. Returns (..., rows): rows of bodies, then shared rows.
     """
     rows = inertia.factor(ground_motion(twist, origin, position)[..., None])
     if shared is not None:
@@ -81,20 +55,7 @@ def inertia_of_ground_motion(
 
 
 def check_rotation(model: Mechanism, source: BaseMotion) -> None:
-    """Refuse a rotation of the ground that changes the direction of gravity, loads or rotors relative to it.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    source : BaseMotion
-        One of its base motions.
-
-    Raises
-    ------
-    ModelError
-        If the ground rotates, and gravity, a load or a rotor has another direction than the axis.
-    """
+    """Refuse a rotation of the ground that changes the direction of gravity, loads or rotors relative to it."""
     axis = source.wrench[3:]
     if not any(axis):
         return

@@ -13,7 +13,7 @@ from mbsvib.equations.batch_equations import FACTORS, BatchEquations
 from mbsvib.equations.batch_geometry import scene_of_variants
 from mbsvib.equations.batch_loops import LoopPivots, loop_pivots, reduce_batch
 from mbsvib.equations.batch_one_by_one import one_by_one
-from mbsvib.equations.batch_values import checked
+from mbsvib.equations.batch_values import Values, checked
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.inertia import check_mass
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
-    from mbsvib.equations.batch_values import Values
     from mbsvib.equations.scene import Scene
     from mbsvib.mechanism.mechanism import Mechanism
 
@@ -51,28 +50,7 @@ def linearize_batch(
 
     M_i q'' + C_i q' + K_i q = B_i u,  y = Cq_i q + Cv_i q' + Ca_i q'' + D_i u
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    values : mapping of str to array-like, shape (n,) or ()
-        Values of parameters, by name or by a pattern that picks several.
-    independent, cut : sequence of str, optional
-        As for a single linearization.
-    form, batch : type
-        The classes of single equations, and of all.
-
-    Returns
-    -------
-    BatchEquations
-        All variants, in the minimal coordinates of the nominal pose.
-
-    Raises
-    ------
-    ModelError
-        If a parameter is unknown or a value refused, by parameter and index of the variant.
-    SingularPoseError
-        If a variant has another number of degrees of freedom, by index.
+    ``values`` (n,) or (): values of parameters, by name or by a pattern that picks several.
     """
     keep_freed_memory(MANY)
     variants = checked(model.parameters, values)

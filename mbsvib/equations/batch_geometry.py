@@ -34,19 +34,8 @@ if TYPE_CHECKING:
 def scene_of_variants(model: Mechanism, scene: Scene, values: Values) -> Scene:
     """Return the arrays of a mechanism in all variants.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism, for its inputs and outputs.
-    scene : Scene
-        The arrays of the nominal mechanism.
-    values : Values
-        Values that vary; no line of a distance joint and no 6x6 matrix.
-
-    Returns
-    -------
-    Scene
-        Arrays (3, n) of vectors become (3, variants, n) where they vary, all others (variants, ...).
+    No line of a distance joint and no 6x6 matrix varies. Arrays (3, n) of vectors become (3, variants, n) where they
+    vary, all others (variants, ...).
     """
     number = scene.topology.body_numbers
     positions = {number[name]: fields["position"] for name, fields in values.fields.items()
@@ -214,20 +203,7 @@ def _inertia(scene: Scene, values: Values, number: Mapping[str, int]) -> Spatial
 
 
 def scene_of_variant(scene: Scene, i: int) -> Scene:
-    """Return the geometry of one variant, of joints and loops.
-
-    Parameters
-    ----------
-    scene : Scene
-        The mechanism in all variants.
-    i : int
-        The number of the variant.
-
-    Returns
-    -------
-    Scene
-        The same with vectors (3, n) of coordinates and locked rows.
-    """
+    """Return the geometry of one variant, of joints and loops."""
     twists, cuts = scene.coordinates, scene.cuts
     linear, angular, point = (_of_variant(array, i) for array in (twists.linear, twists.angular, twists.point))
     if cuts is not None:

@@ -18,9 +18,9 @@ import numpy as np
 
 from mbsvib.equations.batch_geometry import scene_of_variant
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, counted
-from mbsvib.kinematics.loops import Reduction, reduce
+from mbsvib.kinematics.loops import Cuts, Reduction, reduce
 from mbsvib.kinematics.mobility import check_mobility, crossing_axes, phi_nearby, rods_in_loops
-from mbsvib.kinematics.relative_motion import arm
+from mbsvib.kinematics.relative_motion import Twists, arm
 from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, NEIGHBOUR_PIVOT, RANK_FACTOR
 from mbsvib.linalg.rotations import exponential
 
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loop_group import LoopGroup
-    from mbsvib.kinematics.loops import Cuts
-    from mbsvib.kinematics.relative_motion import Twists
 
     Mask = NDArray[np.bool_]
 
@@ -71,20 +69,7 @@ class LoopPivots:
 
 
 def loop_pivots(scene: Scene, nominal: Reduction) -> LoopPivots:
-    """Return the pivots of the nominal pose, which all variants use.
-
-    Parameters
-    ----------
-    scene : Scene
-        The arrays of the mechanism in the nominal pose.
-    nominal : Reduction
-        Its minimal coordinates.
-
-    Returns
-    -------
-    Pivots
-        Columns of each group of loops.
-    """
+    """Return the pivots of the nominal pose, which all variants use."""
     if scene.cuts is None or not nominal.groups:
         return LoopPivots(nominal, ())
     phi = scene.closure(scene.relative())[None]
@@ -105,29 +90,8 @@ def loop_pivots(scene: Scene, nominal: Reduction) -> LoopPivots:
 def reduce_batch(scene: Scene, values: Values, phi: Array, pivots: LoopPivots, first: int) -> Reduction:
     """Return B'' of all variants in the minimal coordinates of the nominal pose.
 
-    Parameters
-    ----------
-    scene : Scene
-        The arrays of the variants.
-    values : Values
-        What varies.
-    phi : array, shape (variants, locked rows, n)
-        Locked rows of their cut joints.
-    pivots : Pivots
-        The pivots of the nominal pose.
-    first : int
-        Index of the first of these variants, for messages.
-
-    Returns
-    -------
-    Reduction
-        The same coordinates, B'' as (variants, n, m).
-
-    Raises
-    ------
-    ModelError, SingularPoseError
-        If in a variant the coordinates are not independent, or the number of degrees of freedom is another one or in
-        doubt, by index.
+    ``phi`` (variants, locked rows, n): locked rows of their cut joints. ``first``: index of the first of these
+    variants, for messages. B'' becomes (variants, n, m).
     """
     nominal, cuts = pivots.reduction, scene.cuts
     if cuts is None or nominal.matrix is None or phi.ndim == 2:
@@ -268,18 +232,7 @@ def _single_decision(
 
 
 def check_freedom(freedom: int, expected: int) -> None:
-    """Refuse a variant with another number of degrees of freedom than the nominal pose.
-
-    Parameters
-    ----------
-    freedom, expected : int
-        Degrees of freedom of the variant, and of the nominal pose.
-
-    Raises
-    ------
-    SingularPoseError
-        If they differ.
-    """
+    """Refuse a variant with another number of degrees of freedom than the nominal pose."""
     if freedom != expected:
         raise SingularPoseError(
             f"its loops leave {counted(freedom, 'degree')} of freedom, those of the nominal pose {expected}. {HELP}"

@@ -33,33 +33,7 @@ ROWS = ("elastic_rows", "row_stiffness", "row_damping")
 def one_by_one(
     model: Mechanism, nominal: Equations, variants: Values, cut: Sequence[str] | None, batch: type[B]
 ) -> B:
-    """Return a batch of any model, whose variants are linearized one after the other.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    nominal : Equations
-        Its equations in the nominal pose.
-    variants : Values
-        Values that vary.
-    cut : sequence of str or None
-        Joints at which loops are to be cut.
-    batch : type
-        The class of the batch.
-
-    Returns
-    -------
-    BatchEquations
-        All variants, in the minimal coordinates of the nominal pose.
-
-    Raises
-    ------
-    ModelError
-        If a variant has other massless motions than the nominal model, or is invalid by itself, by its index.
-    SingularPoseError
-        If a variant has another number of degrees of freedom, by its index.
-    """
+    """Return a batch of any model, whose variants are linearized one after the other."""
     systems = [_linearized(model, nominal, variants, cut, i) for i in range(variants.count)]
     arrays: dict[str, Any] = {key: np.array([getattr(system, key) for system in systems])
                               for key in (*MATRICES, *FACTORS) if key not in ROWS}  # fmt: skip

@@ -59,23 +59,7 @@ class Values:
 def checked(parameters: Parameters, values: Mapping[str, Any]) -> Values:
     """Return the values of a batch, checked as those of a model.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        Those of the model.
-    values : mapping of str to array-like, shape (n,) or ()
-        By name or pattern.
-
-    Returns
-    -------
-    Values
-        Arrays of one length.
-
-    Raises
-    ------
-    ModelError
-        If a parameter is unknown, an array has another length or shape, or a value is refused: with the parameter
-        and the index of the variant.
+    ``values`` (n,) or (): by name or pattern. The result has arrays of one length.
     """
     if not hasattr(values, "items") or not values:
         raise ModelError(f"values = {shown(values)}; expected a mapping from parameters' names to arrays.",
@@ -106,17 +90,7 @@ def checked(parameters: Parameters, values: Mapping[str, Any]) -> Values:
 def refused(parameters: Parameters, values: Mapping[str, Any]) -> Mask:
     """Return a mask of the variants with a value that a part refuses, or with a body without mass.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        Those of the model.
-    values : mapping of str to array, shape (n,)
-        Finite values by name or pattern.
-
-    Returns
-    -------
-    array, shape (n,)
-        True where a variant is refused.
+    ``values`` (n,): finite values by name or pattern. Returns (n,): true where a variant is refused.
     """
     arrays_by_name = {name: np.asarray(value, dtype=float) for name, value in resolved(parameters, values).items()}
     result = np.zeros(len(next(iter(arrays_by_name.values()))), dtype=bool)

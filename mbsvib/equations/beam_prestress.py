@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.elements import beam_element as element
-from mbsvib.elements import load as _load
 from mbsvib.elements.beam_expansion import elastic_part, middle, rotated
 from mbsvib.elements.shared_rows import Node, SharedRows
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
@@ -30,44 +29,16 @@ from mbsvib.kinematics.body_motion import body_motion
 from mbsvib.linalg.rank import STRAINED, ZERO_PRESTRESS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Sequence
 
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
-    from mbsvib.elements import Bushing, Load
+    from mbsvib.elements import Bushing
     from mbsvib.elements.beam import Beam
     from mbsvib.elements.elastic_part import ElasticPart
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.mechanism.mechanism import Mechanism
-
-
-def beam_weights(beams: Iterable[Beam], gravity: Vector | None) -> dict[str, Load]:
-    """Return the weight of beams as forces on their nodes, as ``Beam.node_weights`` says.
-
-    Parameters
-    ----------
-    beams : iterable of Beam
-        The beams.
-    gravity : tuple of 3 floats or None
-        Acceleration of free fall [m/s^2].
-
-    Returns
-    -------
-    dict of str to Load
-        One force for each node that is not on the ground, by name; none without gravity.
-    """
-    if gravity is None or not any(gravity):
-        return {}
-    return {load.name: load for beam in beams for load in _weight(beam, gravity)}
-
-
-def _weight(beam: Beam, gravity: Vector) -> list[Load]:
-    return [
-        _load.make(f"{beam.name}.weight{i}", beam.body_of(i), [m * g for g in gravity], _load.NONE, tuple(point), False)
-        for i, (m, point) in enumerate(zip(*(array.tolist() for array in beam.node_weights()), strict=True))
-        if beam.body_of(i) != "ground"
-    ]  # fmt: skip
 
 
 def element_forces(
@@ -77,21 +48,7 @@ def element_forces(
 
     Forces of given displacements are taken first, then forces of least energy are added for equilibrium.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The expanded mechanism, with the weights of beams and superelements but no other forces in them.
-    beams : sequence of Beam
-        Its beams.
-    reduced : sequence of ElasticPart
-        Its superelements.
-
-    Returns
-    -------
-    dict of str to Bushing
-        The elements by name, in the order of the beams.
-    list of array
-        Forces in the rows of each superelement.
+    Returns the elements by name, in the order of the beams; forces in the rows of each superelement.
     """
     scene = scene_of(with_maxwell_nodes(model))
     names = [name for beam in beams for name in beam.element_names]
@@ -154,21 +111,9 @@ def _deformations(beams: Sequence[Beam]) -> Array:
 def least_energy_forces(rows: Array, open_rows: Array, root: Array, needed: Array) -> Array:
     """Return forces p of least energy with rows^T p = needed along coordinates that deform elements.
 
-    Parameters
-    ----------
-    rows : array, shape (n, m)
-        Deformations of the elements per coordinate.
-    open_rows : array, shape (n, joint coordinates)
-        The same per joint coordinate of the open tree.
-    root : array, shape (n,)
-        Square roots of their stiffness.
-    needed : array, shape (m,)
-        Forces along the coordinates.
-
-    Returns
-    -------
-    array, shape (n,)
-        One force for each row.
+    ``rows`` (n, m): deformations of the elements per coordinate. ``open_rows`` (n, joint coordinates): the same per
+    joint coordinate of the open tree. ``root`` (n,): square roots of their stiffness. ``needed`` (m,): forces along the
+    coordinates. Returns (n,): one force for each row.
     """
     energy, largest = (np.sqrt(np.square(part * root[:, None]).sum(axis=0)) for part in (rows, open_rows))
     rows = rows * (energy > STRAINED * max(energy.max(initial=0.0), largest.max(initial=0.0)))
@@ -199,19 +144,8 @@ def least_energy_forces(rows: Array, open_rows: Array, root: Array, needed: Arra
 def bent_lines(beam: Beam, elements: dict[str, Bushing], gravity: Vector | None) -> list[SharedRows]:
     """Return the geometric stiffness of the bent lines of a beam's elements, in addition to that of rigid halves.
 
-    Parameters
-    ----------
-    beam : Beam
-        The beam.
-    elements : dict of str to Bushing
-        Its elements with their forces as preloads.
-    gravity : tuple of 3 floats or None
-        Acceleration of free fall [m/s^2].
-
-    Returns
-    -------
-    list of SharedRows
-        Rows with signed stiffness for each element under tension, compression or weight along its axis.
+    ``elements`` have their forces as preloads. The rows have signed stiffness, for each element under tension,
+    compression or weight along its axis.
     """
     result = []
     masses, forms = element_masses(beam), zip(bent_forms(beam), weight_forms(beam), strict=True)
@@ -247,15 +181,8 @@ def element_masses(beam: Beam) -> Array:
 def bent_forms(beam: Beam) -> Array:
     """Return the geometric stiffness of bent lines per unit tension, for each element in its axes.
 
-    Parameters
-    ----------
-    beam : Beam
-        The beam.
-
-    Returns
-    -------
-    array, shape (elements, 6, 6)
-        On the displacement of an element's end against its start, at the midpoint [N/m, N, N m per N].
+    Returns (elements, 6, 6): on the displacement of an element's end against its start, at the midpoint [N/m, N, N m
+    per N].
     """
     return _forms(beam, lambda length, s: ((0.2 * s * s + 1.0) / length, 0.5, -length / 6.0))
 
@@ -263,15 +190,7 @@ def bent_forms(beam: Beam) -> Array:
 def weight_forms(beam: Beam) -> Array:
     """Return what the fall of tension along bent lines adds to their geometric stiffness, per unit weight along them.
 
-    Parameters
-    ----------
-    beam : Beam
-        The beam.
-
-    Returns
-    -------
-    array, shape (elements, 6, 6)
-        As of ``bent_forms`` [1/m, 1, m per N].
+    Returns (elements, 6, 6): as of ``bent_forms`` [1/m, 1, m per N].
     """
     return _forms(beam, lambda _, s: (0.0, s / 30.0 - 1.0 / 12.0, 0.0))
 

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.equations.equations import Equations
 
     Mask = NDArray[np.bool_]
 
@@ -37,28 +36,8 @@ def selected_ports(
 ) -> list[int]:
     """Return the numbers of the selected ports, in the system's order.
 
-    Parameters
-    ----------
-    names : tuple of str
-        Names of all ports.
-    selection : str or sequence of str, optional
-        Selected names; default: all.
-    kind : str
-        "inputs" or "outputs".
-    name : str
-        The system's name, for messages.
-    others : tuple of str
-        Names of the ports of the other kind, to recognise exchanged arguments.
-
-    Returns
-    -------
-    list of int
-        At least one number.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown, or there is none.
+    ``selection``: selected names; default: all. ``others``: names of the ports of the other kind, to recognise
+    exchanged arguments.
     """
     numbers = selected(selection, names, kind[:-1], name, others)
     if not numbers:
@@ -72,22 +51,7 @@ def reachable(
 ) -> E:
     """Return the controllable and observable part of a system for the given inputs and outputs, with these ports only.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    outputs, inputs : str or sequence of str, optional
-        Names of ports; default: all.
-
-    Returns
-    -------
-    Equations
-        The same equations without the other coordinates and ports.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown, or there is none.
+    ``outputs``, ``inputs``: names of ports; default: all.
     """
     i = selected_ports(system.inputs, inputs, "inputs", system.name, system.outputs)
     o = selected_ports(system.outputs, outputs, "outputs", system.name, system.inputs)

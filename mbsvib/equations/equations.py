@@ -111,35 +111,13 @@ class Provenance:
     from_matrices: bool = False
 
     def check_mechanism(self, name: str, request: str) -> None:
-        """Refuse a request that needs a mechanism.
-
-        Parameters
-        ----------
-        name, request : str
-            Name of the system, and of the request.
-
-        Raises
-        ------
-        ModelError
-            If the system was made of matrices.
-        """
+        """Refuse a request that needs a mechanism."""
         if self.from_matrices:
             raise ModelError(f"{request}: '{name}' was made of matrices and has no bodies, joints and elements; this "
                              f"needs a mechanism: build a Model and linearize it.")  # fmt: skip
 
     def check_parameters(self, name: str, request: str) -> None:
-        """Refuse a request that needs a mechanism without controllers.
-
-        Parameters
-        ----------
-        name, request : str
-            Name of the system, and of the request.
-
-        Raises
-        ------
-        ModelError
-            If the system was made of matrices, or a controller acts on the mechanism.
-        """
+        """Refuse a request that needs a mechanism without controllers."""
         self.check_mechanism(name, request)
         if self.closed_loop:
             raise ModelError(f"{request}: a controller acts on '{name}', and derivatives with closed loops are not "

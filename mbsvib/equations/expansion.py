@@ -26,21 +26,7 @@ M = TypeVar("M", bound=Mechanism)
 def expanded(model: M) -> M:
     """Return a mechanism in which bodies, joints, springs and outputs replace all parts with an expansion.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-
-    Returns
-    -------
-    Mechanism
-        The expanded mechanism, with shared rows in ``expansion``; the same mechanism if no part has an expansion.
-
-    Raises
-    ------
-    ModelError
-        If gravity acts on a superelement whose mass matrix does not determine its weight, or a force is asked of a
-        part that several others replace.
+    Without such parts it is the same mechanism; shared rows are in its ``expansion``.
     """
     parts = [part for group in (model.composed, model.springs, model.outputs) for part in group.values()
              if type(part) in EXPANSIONS]  # fmt: skip
@@ -79,33 +65,35 @@ def expanded(model: M) -> M:
 
 def _prestressed(result: M, model: M) -> M:
     """The expanded mechanism with the forces in beams and superelements in the loaded pose."""
-    from mbsvib.elements.elastic_part import second_order_rotation_rows
-    from mbsvib.elements.superelement_expansion import elastic_part
-    from mbsvib.equations.beam_prestress import beam_weights, bent_lines, element_forces
+    from mbsvib.elements.beam_expansion import weights
+    from mbsvib.elements.elastic_families import elastic_parts
+    from mbsvib.elements.elastic_part import stiffness_of_forces
+    from mbsvib.equations.beam_prestress import bent_lines, element_forces
 
-    beams = tuple(model.beams.values())
-    reduced = tuple([elastic_part(part, model.gravity) for part in model.superelements.values()])
-    weights = beam_weights(beams, result.gravity) | {load.name: load for part in reduced for load in part.loads}
-    result = result.with_parts(loads=dict(result.loads) | weights)
-    unloaded = _with_node_wrenches(result, [(part, np.zeros(len(part.values))) for part in reduced])
-    loaded_elements, forces = element_forces(unloaded, beams, reduced)
+    beams, gravity = tuple(model.beams.values()), model.gravity
+    reduced = elastic_parts(model.superelements.values(), gravity)
+    loads = [load for group in (*(weights(beam, gravity) for beam in beams), *(part.loads for part in reduced))
+             for load in group]  # fmt: skip
+    result = result.with_parts(loads=dict(result.loads) | {load.name: load for load in loads})
+    unloaded = with_elastic_forces(result, reduced, [np.zeros(len(part.values)) for part in reduced])
+    elements, forces = element_forces(unloaded, beams, reduced)
     assert result.expansion is not None
-    stiffness = [rows for beam in beams for rows in bent_lines(beam, loaded_elements, result.gravity)]
-    for part, rows in zip(reduced, forces, strict=True):
-        stiffness += [*part.weight_stiffness, *second_order_rotation_rows(part, part.forces(rows))]
+    stiffness = [rows for beam in beams for rows in bent_lines(beam, elements, gravity)]
+    for part, row_forces in zip(reduced, forces, strict=True):
+        stiffness += stiffness_of_forces(part, row_forces)
     expansion = replace(result.expansion, elastic=(*result.expansion.elastic, *stiffness))
-    result = _with_node_wrenches(result, list(zip(reduced, forces, strict=True)))
-    return result.with_parts(springs=dict(result.springs) | loaded_elements, expansion=expansion)
+    result = with_elastic_forces(result, reduced, forces)
+    return result.with_parts(springs=dict(result.springs) | elements, expansion=expansion)
 
 
-def _with_node_wrenches(model: M, parts: Sequence[tuple[ElasticPart, Array]]) -> M:
-    """The mechanism with the wrenches of superelements on their nodes, by the forces in their rows."""
+def with_elastic_forces(model: M, parts: Sequence[ElasticPart], forces: Sequence[Array]) -> M:
+    """Return a mechanism with the wrenches of elastic parts on their nodes, for forces (r,) in the rows of each."""
     from mbsvib.elements.elastic_part import wrenches
 
     springs: dict[str, Any] = dict(model.springs)
     loads: dict[str, Any] = dict(model.loads)
-    for part, rows in parts:
-        bushings, node_loads = wrenches(part, rows)
+    for part, row_forces in zip(parts, forces, strict=True):
+        bushings, node_loads = wrenches(part, row_forces)
         springs |= {spring.name: spring for spring in bushings}
         loads |= {load.name: load for load in node_loads}
     return model.with_parts(loads=loads, springs=springs)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.kinematics.mobility import crossed_product
-from mbsvib.mechanism.topology import FLOATS
+from mbsvib.mechanism.topology import FLOATS, Topology
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from mbsvib.elements import Joint
     from mbsvib.elements.rows import Rows
     from mbsvib.kinematics.loops import Cuts
-    from mbsvib.mechanism.topology import Topology
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,17 +95,7 @@ class ForcePaths:
 def force_paths(topology: Topology, position: Array) -> ForcePaths:
     """Return joints and the paths of forces through the tree.
 
-    Parameters
-    ----------
-    topology : Topology
-        The spanning tree.
-    position : array, shape (3, bodies + 1)
-        Centres of mass [m], the origin for ground.
-
-    Returns
-    -------
-    ForcePaths
-        Points, bodies and path signs of the joints.
+    ``position`` (3, bodies + 1): centres of mass [m], the origin for ground.
     """
     first, second, start, point, carrier = joint_ends(topology, position)
     path_sign = np.zeros((position.shape[1], len(topology.joints)))
@@ -125,21 +114,9 @@ def force_paths(topology: Topology, position: Array) -> ForcePaths:
 def joint_ends(topology: Topology, position: Array) -> tuple[Index, Index, Array, Array, Index]:
     """Return the bodies and points of joints.
 
-    Parameters
-    ----------
-    topology : Topology
-        The joints.
-    position : array, shape (3, bodies + 1)
-        Centres of mass [m], the origin for ground.
-
-    Returns
-    -------
-    first, second : array, shape (joints,)
-        Numbers of their bodies.
-    start, point : array, shape (3, joints)
-        Points of the first and of the second body [m], which differ for rods.
-    carrier : array, shape (joints,)
-        Numbers of the bodies with which these points move.
+    ``position`` (3, bodies + 1): centres of mass [m], the origin for ground. Returns ``first, second`` (joints,):
+    numbers of their bodies; ``start, point`` (3, joints): points of the first and of the second body [m], which differ
+    for rods; ``carrier`` (joints,): numbers of the bodies with which these points move.
     """
     number, joints = topology.body_numbers, topology.joints
     first, second, carrier = (np.array(bodies, dtype=np.intp) for bodies in (

@@ -39,29 +39,9 @@ def from_matrices(
 ) -> E:  # fmt: skip
     """Return equations of motion from given matrices.
 
-    Parameters
-    ----------
-    matrices : tuple of array-like, shape (m, m)
-        M, C (or None) and K.
-    ports : tuple of array-like
-        B (m, inputs), Cq, Cv, Ca (outputs, m) and D (outputs, inputs), or None.
-    names : tuple
-        Of inputs, outputs and coordinates, or None.
-    name : str
-        Name of the system.
-    form : type
-        The class of the equations.
-
-    Returns
-    -------
-    Equations
-        With factors of the matrices: a Cholesky factor of M; eigenvectors of the symmetric parts of K and C, with unit
-        diagonals, as rows.
-
-    Raises
-    ------
-    ModelError
-        If shapes do not match, M is not symmetric positive definite, or numbers are not finite.
+    ``matrices`` (m, m): M, C or None, and K. ``ports``: B (m, inputs), Cq, Cv, Ca (outputs, m) and D (outputs,
+    inputs), or None. ``names``: of inputs, outputs and coordinates, or None. Factors are a Cholesky factor of M, and
+    eigenvectors of the symmetric parts of K and C, with unit diagonals, as rows.
     """
     mass = _array(name, "M", matrices[0])
     m = len(mass)

@@ -50,17 +50,7 @@ SQUARES = np.array([
 def forms(pairs: WrenchPairs, position: Array) -> tuple[Array, Array]:
     """Return tr(S) 1 - sym(S) with S = force arm^T, by the rotation of the first body and by that of the second.
 
-    Parameters
-    ----------
-    pairs : WrenchPairs
-        Forces between bodies.
-    position : array, shape (3, bodies + 1)
-        Centres of mass [m].
-
-    Returns
-    -------
-    first, second : array, shape (3, 3, n)
-        Second derivatives [N m].
+    ``position`` (3, bodies + 1): centres of mass [m]. Returns ``first, second`` (3, 3, n): second derivatives [N m].
     """
     result = []
     for arm, sign in zip(pairs.arms(position), (-1.0, 1.0), strict=True):
@@ -101,15 +91,7 @@ class GeometricTerms:
     def contribution(self, force: Array, torque: Array) -> Contribution:
         """Return the geometric stiffness of forces.
 
-        Parameters
-        ----------
-        force, torque : array, shape (3, pairs)
-            Wrenches on the second bodies of all pairs [N, N m].
-
-        Returns
-        -------
-        Contribution
-            Rows and their weights.
+        ``force``, ``torque`` (3, pairs): wrenches on the second bodies of all pairs [N, N m].
         """
         second_order = self.second_order
         moment = self.rows.moment.copy()
@@ -142,21 +124,8 @@ def geometric_terms(
 ) -> GeometricTerms:
     """Return the rows of geometric stiffness of all forces at the pose.
 
-    Parameters
-    ----------
-    pairs : WrenchPairs
-        All wrench pairs with their points: the applied ones, then those in joints; their sizes are not used.
-    applied : AppliedWrenches
-        The applied wrenches.
-    second_order : SecondOrderRows
-        Relative displacements with second-order terms.
-    position : array, shape (3, bodies + 1)
-        Centres of mass [m].
-
-    Returns
-    -------
-    GeometricTerms
-        Rows and products; owners are numbers of pairs, then of bodies.
+    ``pairs``: the applied wrenches, then those in joints; their sizes are not used. ``position`` (3, bodies + 1):
+    centres of mass [m]. Owners are numbers of pairs, then of bodies.
     """
     ground, count, displacements = position.shape[1] - 1, len(pairs.first), len(second_order.owner)
     ends = np.concatenate((pairs.first, pairs.second))

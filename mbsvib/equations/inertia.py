@@ -51,18 +51,7 @@ def inertia_tensor(body: Body) -> Array:
 
 
 def spatial_inertia(bodies: Sequence[Body]) -> SpatialInertia:
-    """Return the square roots of the bodies' inertia in world axes.
-
-    Parameters
-    ----------
-    bodies : sequence of Body
-        The bodies.
-
-    Returns
-    -------
-    SpatialInertia
-        Factors of the masses and tensors.
-    """
+    """Return the square roots of the bodies' inertia in world axes."""
     entries = columns([(body.mass, *body.inertia) for body in bodies], 7)
     regular = np.count_nonzero(entries[:4] > 0.0) == 4 * len(bodies)
     if np.count_nonzero(entries[4:]):
@@ -89,20 +78,7 @@ def tensor_factors(inertia: Array) -> Array:
 
 
 def check_mass(mass: Array, names: tuple[str, ...]) -> None:
-    """Refuse coordinates whose motion moves no mass, by name.
-
-    Parameters
-    ----------
-    mass : array, shape (m, m)
-        The mass matrix.
-    names : tuple of str
-        Names of its coordinates.
-
-    Raises
-    ------
-    ModelError
-        If the mass matrix is singular to rounding.
-    """
+    """Refuse coordinates whose motion moves no mass, by name."""
     if not names:
         return
     diagonal = mass.diagonal()

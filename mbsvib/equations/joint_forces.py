@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.equations.base_motion import ground_motion
-from mbsvib.equations.force_paths import force_paths
+from mbsvib.equations.force_paths import ForcePaths, force_paths
 from mbsvib.equations.inertia import inertia_tensor
-from mbsvib.equations.reactions import reactions
+from mbsvib.equations.reactions import Reactions, reactions
 from mbsvib.equations.shared_forces import shared_wrenches
 from mbsvib.equations.unresisted_motion import product_with_zeros
-from mbsvib.equations.wrench_pairs import WrenchPairs, wrenches_on_bodies
+from mbsvib.equations.wrench_pairs import unit_wrenches
 from mbsvib.kinematics.mobility import crossed_product
 from mbsvib.linalg.rotations import skew
 
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body, Joint
     from mbsvib.equations.draft import Draft
-    from mbsvib.equations.force_paths import ForcePaths
-    from mbsvib.equations.reactions import Reactions
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.self_stress import SelfStress
     from mbsvib.equations.statics import Statics
@@ -55,19 +53,7 @@ class _Motion:
 
 
 def with_joint_forces(draft: Draft) -> Draft:
-    """Return equations of motion with the rows of outputs that are forces in joints or sums of forces on a body.
-
-    Parameters
-    ----------
-    draft : Draft
-        The equations without these rows of Cq, Cv, Ca and D.
-
-    Returns
-    -------
-    Draft
-        The equations with these rows; ``undetermined`` lists those of these outputs that redundant constraints do not
-        determine.
-    """
+    """Return equations of motion with the rows of outputs that are forces in joints or sums of forces on a body."""
     model, scene, relative, reduction = draft.model, draft.scene, draft.relative, draft.reduction
     terms, statics = draft.terms, draft.statics
     position = np.concatenate((scene.position, np.zeros((1, 3)))).T
@@ -201,10 +187,8 @@ def _spring_wrenches(
 ) -> tuple[Array, Array, Array]:  # fmt: skip
     """Wrenches of stiffness, damping and inertance on the bodies, (6, bodies + 1, m) per unit of q, q' and q''."""
     springs, locked = scene.springs, scene.locked
-    rows = springs.rows
     displacements = reduction.apply(relative.dense(locked, locked + len(springs.owner)))
-    unit_pairs = WrenchPairs(rows.first, rows.second, rows.point, rows.point, rows.force, rows.moment)
-    on_bodies = wrenches_on_bodies(unit_pairs, position)
+    on_bodies = unit_wrenches(springs.rows, position)
     result = np.zeros((3, 6, position.shape[1], displacements.shape[1]))
     for order, value in springs.weights:
         result[order] = on_bodies @ (-value[:, None] * displacements)
@@ -214,9 +198,8 @@ def _spring_wrenches(
 def _input_wrenches(scene: Scene, position: Array) -> Array:
     """Wrenches of unit inputs on the bodies, (6, bodies + 1, inputs)."""
     port, rows = scene.port, scene.port.rows.take(slice(len(scene.port.force_inputs)))
-    unit_pairs = WrenchPairs(rows.first, rows.second, rows.point, rows.point, rows.force, rows.moment)
     result = np.zeros((6, position.shape[1], len(port.input_units)))
-    result[:, :, port.force_inputs] = wrenches_on_bodies(unit_pairs, position)
+    result[:, :, port.force_inputs] = unit_wrenches(rows, position)
     return result
 
 

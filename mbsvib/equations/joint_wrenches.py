@@ -12,18 +12,7 @@ if TYPE_CHECKING:
 
 
 def joint_wrenches(system: Equations) -> dict[str, Array]:
-    """Return the wrench in each joint at the pose, on its second body, world axes.
-
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-
-    Returns
-    -------
-    dict of str to array, shape (6,)
-        Force [N] and moment [N m] at the joint's point.
-    """
+    """Return the wrench (6,) [N, N m] in each joint at the pose, at its point on the second body, world axes."""
     system.provenance.check_mechanism(system.name, "reactions")
     joints, statics = system.provenance.topology.joints, system.provenance.statics
     if statics is None:

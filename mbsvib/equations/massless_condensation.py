@@ -55,32 +55,9 @@ def condense(
 
     T = [1; -X_d^-1 X_i],  X = (N^T K N)^-1 N^T K,  S = N (N^T K N)^-1 N^T B
 
-    Parameters
-    ----------
-    null : array, shape (m, k)
-        The motions N.
-    terms : Terms
-        The matrices and factors of the system.
-    unit : array, shape (m,)
-        One unit of length of each coordinate.
-    names : tuple of str
-        Names of the coordinates.
-    required : array, shape (m,)
-        Coordinates that must remain.
-    bodies : tuple of str
-        Names of the bodies, for refusals.
-    force_rows : mapping of str to array, shape (rows, m), optional
-        Rows of the ``circulatory`` forces, by default those along the coordinates.
-
-    Returns
-    -------
-    Condensation
-        T, S and the choice of coordinates.
-
-    Raises
-    ------
-    ModelError
-        If one of the motions has no stiffness, or a required coordinate cannot remain.
+    ``null`` (m, k): the motions N. ``unit`` (m,): one unit of length of each coordinate. ``required`` (m,): coordinates
+    that must remain. ``force_rows`` has rows (rows, m) of the ``circulatory`` forces, by default those along the
+    coordinates.
     """
     _check_stiffness(null, terms, unit, names, bodies, force_rows or {})
     amplitudes, response = _static_amplitudes(null, terms, names)

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import blas, lapack
+from scipy.linalg import lapack
 
+from mbsvib.equations.unresisted_motion import null_motions
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import CERTAIN_MASS, CLOSURE_NOISE, DEPENDENT_ROWS, EPS
 
@@ -68,35 +69,18 @@ def inertia_bounds(coordinates: Twists, reduction: Reduction, inertia: SpatialIn
 def null_space(rows: Array, size: Array, limit: float, rank: int | None = None) -> tuple[Array, float, float]:
     """Return the null space of rows: motions that change none of them.
 
-    Parameters
-    ----------
-    rows : array, shape (n, m)
-        The rows.
-    size : array, shape (m,)
-        Upper bound of the entries of each column; zero: the column is zero.
-    limit : float
-        Pivots of the columns over ``size`` up to this are zero.
-    rank : int, optional
-        The number of independent rows, if known.
-
-    Returns
-    -------
-    tuple of array, shape (m, m - rank), float and float
-        The motions, each with one in a coordinate in which the others are zero; the smallest pivot that counts as
-        nonzero and the largest that counts as zero.
+    ``rows`` (n, m): the rows. ``size`` (m,): upper bound of the entries of each column; zero: the column is zero.
+    ``limit``: pivots of the columns over ``size`` up to this are zero. Returns the motions (m, m - rank), each
+    with one in a coordinate in which the others are zero, the smallest pivot that counts as nonzero and the largest
+    that counts as zero.
     """
-    m = rows.shape[1]
     safe = np.where(size > 0.0, size, 1.0)
     scaled = np.where(size > 0.0, rows / safe, 0.0)
     qr, order, _ = pivoted_qr(scaled)
     pivots = np.abs(qr.diagonal())
     if rank is None:
         rank = int(np.count_nonzero(pivots > limit))
-    null = np.zeros((m, m - rank))
-    null[order[rank:], np.arange(m - rank)] = 1.0
-    if 0 < rank < m:
-        null[order[:rank]] = blas.dtrsm(-1.0, qr[:rank, :rank], qr[:rank, rank:])
-        null *= safe[order[rank:]] / safe[:, None]
+    null = null_motions(qr, order, rank) * (safe[order[rank:]] / safe[:, None])
     return null, float(pivots[rank - 1]) if rank else 1.0, float(pivots[rank]) if rank < len(pivots) else 0.0
 
 
@@ -110,19 +94,9 @@ def without_rounding(null: Array, unit: Array, noise: float) -> Array:
 def unresisted(parts: Sequence[Array], null: Array, unit: Array) -> tuple[Array, Index]:
     """Split motions into those that change no row, and others.
 
-    Parameters
-    ----------
-    parts : sequence of array, shape (n, m)
-        Rows of several kinds; their lengths do not matter.
-    null : array, shape (m, k)
-        The motions.
-    unit : array, shape (m,)
-        One unit of length of each coordinate.
-
-    Returns
-    -------
-    tuple of array, shape (m, k - rank) and array, shape (rank,)
-        The motions that change no row, and numbers of motions that span all of them together with these.
+    ``parts`` have rows (n, m) of several kinds, whose lengths do not matter. ``null`` (m, k): the motions. ``unit``
+    (m,): one unit of length of each coordinate. Returns motions (m, k - rank) that change no row, and numbers (rank,)
+    of motions that span all of them together with these.
     """
     displacements = []
     for rows in parts:

@@ -36,25 +36,7 @@ RANK_GAP = 1e3
 
 
 def separated(draft: Draft) -> Draft:
-    """Return equations of motion with massless motions condensed or separated.
-
-    Parameters
-    ----------
-    draft : Draft
-        The equations, which may have massless motions.
-
-    Returns
-    -------
-    Draft
-        The equations in the remaining coordinates; ``separation`` is None if every motion has mass.
-
-    Raises
-    ------
-    ModelError
-        If a massless motion has neither stiffness nor damping, or an output would need the derivative of an input.
-    SingularPoseError
-        If rounding does not allow to decide which motions have mass.
-    """
+    """Return equations of motion with massless motions condensed or separated; ``separation`` is None without any."""
     scene, terms, names, model = draft.scene, draft.terms, draft.names, draft.model
     if not names:
         return draft
@@ -100,31 +82,10 @@ def separate_massless(
 ) -> tuple[Terms, Condensation | None, tuple[str, ...]]:  # fmt: skip
     """Return the equations of motion with massless motions condensed or separated.
 
-    Parameters
-    ----------
-    null : array, shape (m, k)
-        The motions.
-    terms : Terms
-        The matrices and factors.
-    size : array, shape (m,)
-        Upper bounds of the columns of W [sqrt kg m per unit].
-    scale : Scale
-        Reference sizes.
-    names : tuple of str
-        Names of the coordinates.
-    bodies : tuple of str
-        Names of the bodies, for refusals.
-    ports : tuple of sequences of str
-        Names of the outputs and of the inputs.
-    required : array, shape (m,)
-        Coordinates that must remain.
-    force_rows : mapping of str to array, shape (rows, m), optional
-        Rows of ``gyroscopic`` and ``circulatory`` forces, by default those along the coordinates.
-
-    Returns
-    -------
-    tuple
-        The matrices and factors; the condensation or None; names of remaining coordinates with one first-order state.
+    ``null`` (m, k): the motions. ``size`` (m,): upper bounds of the columns of W [sqrt kg m per unit]. ``ports``: names
+    of the outputs and of the inputs. ``required`` (m,): coordinates that must remain. ``force_rows`` has rows (rows, m)
+    of ``gyroscopic`` and ``circulatory`` forces, by default those along the coordinates. Returns the terms, the
+    condensation or None, and the names of remaining coordinates with one first-order state.
     """
     static, damped = unresisted(_damping_parts(terms, force_rows or {}), null, scale.unit)
     condensation = None

@@ -14,15 +14,7 @@ M = TypeVar("M", bound=Mechanism)
 def with_maxwell_nodes(model: M) -> M:
     """Return a mechanism with the nodes of its connections as bodies, and the joints in which they slide.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-
-    Returns
-    -------
-    Mechanism
-        The same mechanism if no connection has nodes.
+    Without such connections it is the same mechanism.
     """
     added = [NODES[type(part)](part) for part in model.springs.values() if type(part) in NODES]
     if not added:

@@ -48,28 +48,7 @@ class Ports:
 
 
 def ports(model: Mechanism, bodies: list[Body], number: Mapping[str, int]) -> Ports:
-    """Return the ports of a model.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    bodies : list of Body
-        Its bodies in order.
-    number : mapping
-        Number of each body, ground included.
-
-    Returns
-    -------
-    Ports
-        Rows, numbers and units.
-
-    Raises
-    ------
-    ModelError
-        If an output is an absolute displacement or velocity while the ground moves, or the ground rotates relative to
-        gravity, a load or a rotor.
-    """
+    """Return the ports of a model."""
 
     def row(part: Input | Output) -> tuple[float, ...]:
         a, b = number[part.relative_to], number[part.body]
@@ -125,29 +104,9 @@ def port_matrices(
 ) -> dict[str, Array]:
     """Return B, Cq, Cv, Ca and D of q'' M + ... = B u, y = Cq q + Cv q' + Ca q'' + D u, by name.
 
-    Parameters
-    ----------
-    port : Ports
-        Inputs and outputs.
-    port_rows : array, shape (..., rows, m)
-        Their relative displacements in minimal coordinates.
-    springs : ElementRows
-        The spring-dampers.
-    elastic : array, shape (..., elastic rows, m)
-        Their rows in minimal coordinates.
-    inertia : SpatialInertia
-        Square roots of the bodies' inertia.
-    factor : array, shape (..., 6 bodies, m)
-        W of M = W^T W.
-    position : array, shape (..., bodies, 3)
-        Centres of mass [m], world axes.
-    shared : Shared, optional
-        Mass that more than one body shares.
-
-    Returns
-    -------
-    dict of str to array
-        The five matrices.
+    ``port_rows`` (..., rows, m): their relative displacements in minimal coordinates. ``elastic`` (..., elastic rows,
+    m): their rows in minimal coordinates. ``factor`` (..., 6 bodies, m): W of M = W^T W. ``position`` (..., bodies, 3):
+    centres of mass [m], world axes.
     """
     m, forces = factor.shape[-1], len(port.force_inputs)
     variants = port_rows.shape[:-2]

@@ -20,11 +20,10 @@ import numpy as np
 from scipy.linalg import lapack
 
 from mbsvib.equations.force_paths import ForcePaths
-from mbsvib.equations.self_stress import of_loops
+from mbsvib.equations.self_stress import SelfStress, of_loops
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-    from mbsvib.equations.self_stress import SelfStress
     from mbsvib.kinematics.loops import Cuts, Reduction
     from mbsvib.kinematics.relative_motion import Twists
 
@@ -48,16 +47,9 @@ class Reactions:
     def __call__(self, wrench: Array) -> Array:
         """Return the wrenches in the joints that balance wrenches on the bodies.
 
-        Parameters
-        ----------
-        wrench : array, shape (6, bodies + 1, columns)
-            Forces [N] and moments about the centres of mass [N m] on the bodies, world axes, ground last.
-
-        Returns
-        -------
-        array, shape (6, joints, columns)
-            Force at the joint's point and moment about it, as they act on the joint's second body; its first body
-            takes the opposite.
+        ``wrench`` (6, bodies + 1, columns): forces [N] and moments about the centres of mass [N m] on the bodies, world
+        axes, ground last. Returns (6, joints, columns): force at the joint's point and moment about it, as they act on
+        the joint's second body; its first body takes the opposite.
         """
         return self.with_loops(self.paths.of_tree(wrench))
 
@@ -104,25 +96,8 @@ def reactions(
 ) -> Reactions:  # fmt: skip
     """Return the map from body wrenches to joint wrenches.
 
-    Parameters
-    ----------
-    paths : ForcePaths
-        Joints and the bodies behind them.
-    coordinates : Twists
-        The joint coordinates.
-    cuts : Cuts or None
-        Locked rows of the cut joints, and couplers.
-    reduction : Reduction
-        The minimal coordinates.
-    phi : array, shape (locked rows, n)
-        Locked rows per unit joint coordinate.
-    multiplier_wrenches : array, shape (6 joints, locked rows), optional
-        ``paths.of_locked(cuts)``, if available.
-
-    Returns
-    -------
-    Reactions
-        To be called with wrenches on the bodies.
+    ``phi`` (locked rows, n): locked rows per unit joint coordinate. ``multiplier_wrenches`` (6 joints, locked rows):
+    ``paths.of_locked(cuts)``, if available.
     """
     multiplier_wrenches = paths.of_locked(cuts) if multiplier_wrenches is None else multiplier_wrenches
     stress = of_loops(paths, cuts, reduction, phi, multiplier_wrenches)

@@ -52,21 +52,7 @@ def second_order_rows(
 ) -> SecondOrderRows:
     """Return the rows of relative displacement that second-order terms need.
 
-    Parameters
-    ----------
-    applied : AppliedWrenches
-        The applied wrenches.
-    joints : sequence of Joint
-        All joints.
-    number : mapping
-        Number of each body, ground included.
-    coupled : set of str, optional
-        Joints on which couplers act, so that free directions transmit forces too.
-
-    Returns
-    -------
-    SecondOrderRows
-        Rows between bodies.
+    ``coupled``: joints on which couplers act, so that free directions transmit forces too.
     """
     ground = number["ground"]
     tuples, twists, owner = _of_bushings(applied, ground)

@@ -19,22 +19,7 @@ E = TypeVar("E", bound=Equations)
 def with_ports(system: E, outputs: Any = None, inputs: Any = None) -> E:
     """Return a system with some of its outputs and inputs; the coordinates stay.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    outputs, inputs : str, sequence of str or None
-        Names or patterns, in the order in which they are wanted; None: all.
-
-    Returns
-    -------
-    Equations
-        The same equations with rows of Cq, Cv, Ca, D and columns of B, D selected.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown.
+    ``outputs``, ``inputs``: names or patterns, in the order in which they are wanted; None: all.
     """
     return with_port_numbers(system, *port_numbers(outputs, inputs, (system.outputs, system.inputs), system.name))
 

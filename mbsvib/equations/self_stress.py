@@ -86,17 +86,9 @@ class SelfStress:
     def minimum_norm(self, wrench: Array, added_amount: Array | None = None) -> Array:
         """Return wrenches in all joints without their part along the states, both (6, joints, columns).
 
-        Parameters
-        ----------
-        wrench : array, shape (6, joints, columns)
-            Wrenches that balance the bodies, at the joints' points.
-        added_amount : array, shape (r, columns), optional
-            Amount of each state to remove in addition, for forces that change with the pose.
-
-        Returns
-        -------
-        array, shape (6, joints, columns)
-            Wrenches with the same effect on the bodies.
+        ``wrench`` (6, joints, columns): wrenches that balance the bodies, at the joints' points. ``added_amount`` (r,
+        columns): amount of each state to remove in addition, for forces that change with the pose. Returns (6, joints,
+        columns): wrenches with the same effect on the bodies.
         """
         before, unit = wrench[:, self.joints], np.sqrt(self.weight)[..., None]
         amount = np.einsum("cjr,cjn->rn", self.weight[..., None] * self.states, before)
@@ -112,17 +104,7 @@ class SelfStress:
     def undetermined(self, names: Sequence[str], requested: JointOutputs) -> Undetermined:
         """Return the joints and outputs that the states leave undetermined.
 
-        Parameters
-        ----------
-        names : sequence of str
-            Names of all joints.
-        requested : mapping of str to pair of int and array, shape (6,)
-            Outputs by name: the number of the joint, and the direction of the output, world axes.
-
-        Returns
-        -------
-        Undetermined
-            Names of joints and outputs.
+        ``requested`` has outputs by name: the number of the joint, and the direction (6,) of the output, world axes.
         """
         unit = self.states * np.sqrt(self.weight)[..., None]
         index_of = {joint: i for i, joint in enumerate(self.joints.tolist())}
@@ -154,19 +136,8 @@ def warn(model: str, undetermined: Sequence[Undetermined]) -> None:
 def self_stress(joints: Index, length: float, wrenches: Array) -> SelfStress | None:
     """Return orthonormal states of self-stress with the span of given ones.
 
-    Parameters
-    ----------
-    joints : array, shape (j,)
-        Numbers of the joints.
-    length : float
-        Their length L [m].
-    wrenches : array, shape (6, j, r)
-        Wrenches in them without resultant on any body, of size one with moments over the length.
-
-    Returns
-    -------
-    SelfStress or None
-        None if all wrenches are zero.
+    ``joints`` (j,): numbers of the joints. ``length``: their length L [m]. ``wrenches`` (6, j, r): wrenches in them
+    without resultant on any body, of size one with moments over the length. None if all are zero.
     """
     scale = np.repeat((1.0, 1.0 / length), 3)[:, None, None]
     flat = (wrenches * scale).reshape(6 * len(joints), wrenches.shape[2])
@@ -183,23 +154,8 @@ def of_loops(
 ) -> list[SelfStress]:
     """Return the states of self-stress of a mechanism, by loops that have joints or couplers in common.
 
-    Parameters
-    ----------
-    paths : ForcePaths
-        Joints and the bodies behind them.
-    cuts : Cuts or None
-        Locked rows of the cut joints, and couplers.
-    reduction : Reduction
-        The minimal coordinates.
-    phi : array, shape (locked rows, n)
-        Locked rows per unit joint coordinate.
-    multiplier_wrenches : array, shape (6 joints, locked rows)
-        Wrenches in all joints per unit of each multiplier.
-
-    Returns
-    -------
-    list of SelfStress
-        Empty if no constraint is redundant.
+    ``phi`` (locked rows, n): locked rows per unit joint coordinate. ``multiplier_wrenches`` (6 joints, locked rows):
+    wrenches in all joints per unit of each multiplier.
     """
     if cuts is None or not any(group.surplus for group in reduction.groups):
         return []

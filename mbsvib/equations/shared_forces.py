@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.wrench_pairs import WrenchPairs, wrenches_on_bodies
+from mbsvib.equations.wrench_pairs import unit_wrenches
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -21,21 +21,8 @@ def shared_wrenches(
 ) -> tuple[Array, Array, Array, Array]:
     """Return the wrenches of shared rows on bodies, per unit of q, q', q'' and inputs.
 
-    Parameters
-    ----------
-    scene : Scene
-        The arrays of the mechanism.
-    relative : Triplets
-        Its relative displacements.
-    reduction : Reduction
-        Its minimal coordinates.
-    position : array, shape (3, bodies + 1)
-        Centres of mass and the origin [m].
-
-    Returns
-    -------
-    tuple of four arrays, shape (6, bodies + 1, m) and (6, bodies + 1, inputs)
-        Wrenches of stiffness, damping, inertia and base motion, zero without shared rows.
+    ``position`` (3, bodies + 1): centres of mass and the origin [m]. Returns wrenches (6, bodies + 1, m) of
+    stiffness, damping and inertia, and (6, bodies + 1, inputs) of base motion, zero without shared rows.
     """
     bodies, m = position.shape[1], len(reduction.independent)
     elastic, damping, inertia = (np.zeros((6, bodies, m)) for _ in range(3))
@@ -62,10 +49,8 @@ def shared_wrenches(
 
 def _on_bodies(composite: Composite, forces: Array, position: Array) -> Array:
     """Wrenches (6, bodies + 1, n) of forces (rows, n) along composite rows; none on internal coordinates."""
-    rows = composite.rows
-    pairs = WrenchPairs(rows.first, rows.second, rows.point, rows.point, rows.force, rows.moment)
     along_rows = composite.back(forces) * composite.moves_with_ground[:, None]
-    return np.asarray(np.einsum("cbr,rn->cbn", wrenches_on_bodies(pairs, position), along_rows))
+    return np.asarray(np.einsum("cbr,rn->cbn", unit_wrenches(composite.rows, position), along_rows))
 
 
 def _of_masses(composite: Composite, forces: Array, position: Array) -> Array:

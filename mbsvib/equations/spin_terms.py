@@ -20,7 +20,7 @@ from mbsvib.equations.inertia import inertia_tensor
 from mbsvib.equations.statement import antisymmetric, minimal_rows
 from mbsvib.equations.steady_spin import check_steady, point_of, rows_at_point, spin_together, spin_velocities
 from mbsvib.errors import ModelError
-from mbsvib.kinematics.relative_motion import relative_motion
+from mbsvib.kinematics.relative_motion import Twists, relative_motion
 from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from mbsvib.equations.draft import Draft
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Reduction
-    from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.mechanism import Mechanism
 
 
@@ -41,22 +40,7 @@ def spin_contribution(
 ) -> Contribution:
     """Return the contribution of rotors to C and of rotating dampers to K.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    bodies, elements : sequence
-        Its bodies and its spring-dampers, in the order of their numbers.
-
-    Returns
-    -------
-    Contribution
-        Rotations of bodies and relative displacements in dampers, with antisymmetric weights.
-
-    Raises
-    ------
-    ModelError
-        If a spin is not steady, or a body is not symmetric about its spin axis.
+    ``bodies`` and ``elements`` are those of the mechanism in the order of their numbers.
     """
     check_steady(model, bodies, elements)
     _check_base_motion(model)
@@ -78,23 +62,7 @@ def _antisymmetric(matrix: Array) -> Weights:
 
 
 def with_spin(draft: Draft) -> Draft:
-    """Return equations of motion with the terms of rotors.
-
-    Parameters
-    ----------
-    draft : Draft
-        The equations without spin.
-
-    Returns
-    -------
-    Draft
-        The equations with ``gyroscopic`` and ``circulatory`` terms, None if zero, as part of C and K.
-
-    Raises
-    ------
-    ModelError
-        If a spin is not steady, or a body is not symmetric about its spin axis.
-    """
+    """Return equations of motion with the terms of rotors."""
     model, scene, reduction, terms = draft.model, draft.scene, draft.reduction, draft.terms
     part = spin_contribution(model, scene.bodies, scene.elements)
     rows = minimal_rows(part, scene.coordinates, reduction, terms.body_motion)
@@ -132,20 +100,7 @@ class RotatingDamper:
 
 
 def momenta(model: Mechanism, bodies: Sequence[Body]) -> list[tuple[int, Array]]:
-    """Return the number of each body with a rotor, and the rotor's angular momentum (3,) [kg m^2/s], world axes.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    bodies : sequence of Body
-        Its bodies, in the order of their numbers.
-
-    Returns
-    -------
-    list of (int, array)
-        One entry for each rotor.
-    """
+    """Return the number of each body with a rotor, and the rotor's angular momentum (3,) [kg m^2/s], world axes."""
     number, result = {body.name: i for i, body in enumerate(bodies)}, []
     for rotor in model.rotors.values():
         i, axis = number[rotor.body], np.array(rotor.axis)
@@ -159,17 +114,7 @@ def rotating_dampers(
 ) -> list[RotatingDamper]:
     """Return the elements between bodies that spin together; those along lines are on the axis and do not rotate.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    bodies, elements : sequence
-        Its bodies and its spring-dampers, in the order of their numbers.
-
-    Returns
-    -------
-    list of RotatingDamper
-        One for each such element with damping.
+    ``bodies`` and ``elements`` are those of the mechanism in the order of their numbers.
     """
     number, spins, result = {body.name: i for i, body in enumerate(bodies)}, spin_velocities(model), []
     for spring in elements:

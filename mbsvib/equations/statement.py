@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.kinematics.relative_motion import relative_motion
+from mbsvib.kinematics.relative_motion import Twists, relative_motion
 from mbsvib.linalg.rank import ZERO_SUM
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from mbsvib.elements.contribution import Contribution, Weights
     from mbsvib.elements.rows import Rows
     from mbsvib.kinematics.loops import Reduction
-    from mbsvib.kinematics.relative_motion import Twists
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,20 +33,7 @@ class JointRows:
 
 
 def joint_rows(rows: Rows, coordinates: Twists) -> JointRows:
-    """Return relative displacements in joint coordinates, except for rotations of bodies.
-
-    Parameters
-    ----------
-    rows : Rows
-        Relative displacements.
-    coordinates : Twists
-        The joint coordinates of the tree.
-
-    Returns
-    -------
-    JointRows
-        Rotations, and the matrix of the other rows.
-    """
+    """Return relative displacements in joint coordinates, except for rotations of bodies."""
     rotations = (rows.first == len(coordinates.path) - 1) & ~rows.force.any(axis=0)
     others = (~rotations).nonzero()[0]
     matrix = relative_motion(coordinates, rows.take(others)).dense(0, len(others))
@@ -60,23 +46,9 @@ def minimal_rows(
 ) -> Array:  # fmt: skip
     """Return the rows of a contribution in minimal coordinates.
 
-    Parameters
-    ----------
-    contribution : Contribution
-        Relative displacements.
-    coordinates : Twists
-        The joint coordinates of the tree.
-    reduction : Reduction
-        The minimal coordinates.
-    motion : array, shape (bodies, 6, m)
-        Motion of the bodies in minimal coordinates, which contains their rotations.
-    in_joint_coordinates : JointRows, optional
-        ``joint_rows(contribution.rows, coordinates)``, if available.
-
-    Returns
-    -------
-    array, shape (count, m)
-        Rows, with exact zeros for displacements that loops do not allow.
+    ``motion`` (bodies, 6, m): motion of the bodies in minimal coordinates, which contains their rotations.
+    ``in_joint_coordinates``: ``joint_rows(contribution.rows, coordinates)``, if available. Returns rows (count, m) with
+    exact zeros for displacements that loops do not allow.
     """
     rows, known = contribution.rows, in_joint_coordinates or joint_rows(contribution.rows, coordinates)
     base = np.empty((len(rows.first), motion.shape[2]))
@@ -93,19 +65,8 @@ def minimal_rows(
 def signed_squares(weights: Weights, rows: Array) -> tuple[Array, Array, Index]:
     """Return a symmetric form of rows as weighted squares.
 
-    Parameters
-    ----------
-    weights : Weights
-        Weights of squares and products.
-    rows : array, shape (count, m)
-        The rows.
-
-    Returns
-    -------
-    squares : array, shape (n, m)
-        Rows; the form is the sum of their weighted squares.
-    value, owner : array, shape (n,)
-        Signed weights, and numbers of their owners.
+    ``rows`` (count, m). Returns ``squares`` (n, m), rows such that the form is the sum of their weighted squares, and
+    ``value, owner`` (n,), signed weights and numbers of their owners.
     """
     is_square = weights.first == weights.second
     products, squares = (~is_square).nonzero()[0], is_square.nonzero()[0]
@@ -120,17 +81,8 @@ def signed_squares(weights: Weights, rows: Array) -> tuple[Array, Array, Index]:
 def squares_of_products(first: Array, second: Array) -> tuple[Array, Array]:
     """Return rows and signed weights of squares whose sum is the sum of products of two stacks of rows.
 
-    Parameters
-    ----------
-    first, second : array, shape (n, m)
-        Factors of each product.
-
-    Returns
-    -------
-    rows : array, shape (2 n, m)
-        Sums, then differences.
-    value : array, shape (2 n,)
-        1/2, then -1/2; 0 for a product that is zero.
+    ``first``, ``second`` (n, m): factors of each product. Returns ``rows`` (2 n, m): sums, then differences; ``value``
+    (2 n,): 1/2, then -1/2; 0 for a product that is zero.
     """
     first_size, second_size = np.einsum("nm,nm->n", first, first), np.einsum("nm,nm->n", second, second)
     zero = first_size * second_size == 0.0
@@ -146,17 +98,7 @@ def antisymmetric(weights: Weights, rows: Array) -> Array | None:
 
     sum of value (d_i d_j^T - d_j d_i^T), with zeros for rounding errors
 
-    Parameters
-    ----------
-    weights : Weights
-        Weights of products.
-    rows : array, shape (count, m)
-        The rows.
-
-    Returns
-    -------
-    array, shape (m, m), or None
-        The matrix; None if it is zero.
+    ``rows`` (count, m). Returns the matrix (m, m), None if it is zero.
     """
     first, second = rows[weights.first], weights.value[:, None] * rows[weights.second]
     part, size = first.T @ second, np.abs(first).T @ np.abs(second)

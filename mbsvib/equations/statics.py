@@ -6,17 +6,21 @@ Source: principle of virtual work; Haug, Computer Aided Kinematics and Dynamics 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.errors import EquilibriumError
 from mbsvib.linalg.rank import BALANCE, POSITION_ROUNDING
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
+    from mbsvib.elements import Joint
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.second_order_rows import SecondOrderRows
     from mbsvib.equations.self_stress import Undetermined
@@ -27,7 +31,6 @@ if TYPE_CHECKING:
 
 # Lever arms smaller than this share of the largest coordinate are taken for rounding of points.
 LEAST_LEVER = POSITION_ROUNDING / BALANCE
-_DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,29 +56,17 @@ class Statics:
     @property
     def imbalance(self) -> float:
         """The largest unbalanced share of the forces along a coordinate."""
-        share = self.residual / np.where(self.size > 0.0, self.size, 1.0)
-        return float(np.abs(share).max(initial=0.0))
+        return float(shares(self.residual, self.size).max(initial=0.0))
 
 
 def balance(wrench: Array, size: Array, motion: Array, reach: float) -> tuple[Array, Array]:
     """Return the forces along the minimal coordinates and the size of the forces that should cancel there.
 
-    Parameters
-    ----------
-    wrench : array, shape (6, bodies)
-        Forces and moments about the centres of mass [N, N m].
-    size : array, shape (2, bodies)
-        Sizes of the forces and of the moments that add up to them.
-    motion : array, shape (bodies, 6, m)
-        Motion of the bodies.
-    reach : float
-        Largest coordinate of a point [m].
-
-    Returns
-    -------
-    residual, size : array, shape (m,)
-        B''^T B'^T W, and the same with the lengths of all vectors [N or N m], or with the rounding of points as lever
-        arm if that is larger: the lever arm of a weight about an axis through the centre of mass is only rounding.
+    ``wrench`` (6, bodies): forces and moments about the centres of mass [N, N m]. ``size`` (2, bodies): sizes of the
+    forces and of the moments that add up to them. ``motion`` (bodies, 6, m): motion of the bodies. ``reach``: largest
+    coordinate of a point [m]. Returns ``residual, size`` (m,): B''^T B'^T W, and the same with the lengths of all
+    vectors [N or N m], or with the rounding of points as lever arm if that is larger: the lever arm of a weight about
+    an axis through the centre of mass is only rounding.
     """
     m = motion.shape[-1]
     vectors = motion.reshape(2 * len(motion), 3, m)
@@ -88,19 +79,8 @@ def balance(wrench: Array, size: Array, motion: Array, reach: float) -> tuple[Ar
 def rounding(stiffness: Array, position: Array, turns: NDArray[np.bool_]) -> Array:
     """Return the forces due to rounding of the pose along the minimal coordinates.
 
-    Parameters
-    ----------
-    stiffness : array, shape (m, m)
-        K of the springs.
-    position : array, shape (bodies, 3)
-        Centres of mass [m], whose size is that of the mechanism.
-    turns : array, shape (m,)
-        Which coordinates are rotations.
-
-    Returns
-    -------
-    array, shape (m,)
-        Forces [N or N m].
+    ``stiffness`` (m, m): K of the springs. ``position`` (bodies, 3): centres of mass [m], whose size is that of the
+    mechanism. ``turns`` (m,): which coordinates are rotations. Returns (m,): forces [N or N m].
     """
     result: Array = POSITION_ROUNDING * np.abs(stiffness) @ np.where(turns, 1.0, np.abs(position).max())
     return result
@@ -111,23 +91,8 @@ def check_balance(
 ) -> None:
     """Refuse a pose that is not in balance, by body, direction and missing force.
 
-    Parameters
-    ----------
-    residual, size : array, shape (m,)
-        Forces along the minimal coordinates and their sizes.
-    stiffness : array, shape (m, m)
-        K of the springs.
-    scene : Scene
-        The mechanism, to name bodies.
-    reduction : Reduction
-        Its minimal coordinates.
-    model : str
-        Name of the model.
-
-    Raises
-    ------
-    EquilibriumError
-        If the residual exceeds ``BALANCE`` times the forces that should cancel and the forces due to rounding.
+    ``residual``, ``size`` (m,): forces along the minimal coordinates and their sizes. ``stiffness`` (m, m): K of the
+    springs.
     """
     off = (np.abs(residual) > BALANCE * size).nonzero()[0]
     if not len(off):
@@ -136,58 +101,47 @@ def check_balance(
     off = off[np.abs(residual[off]) > (BALANCE * size + rounding(stiffness, scene.position, turns))[off]]
     if not len(off):
         return
-    names = [scene.coordinates.names[i] for i in reduction.independent.tolist()]
-    topology, share = scene.topology, np.abs(residual) / np.where(size > 0.0, size, 1.0)
+    share = shares(residual, size)
     worst = int(off[np.argmax(share[off])])
     more = "" if len(off) == 1 else f" {len(off) - 1} more of the coordinates are off balance too."
+    name = scene.coordinates.names[int(reduction.independent[worst])]
     missing = -float(residual[worst])
-    raise unbalanced(model, names[worst], bool(turns[worst]), missing, float(share[worst]), topology, more)
+    raise unbalanced(model, name, bool(turns[worst]), missing, float(share[worst]), scene.topology, more)
+
+
+def shares(residual: Array, size: Array) -> Array:
+    """Return the sizes (m,) of residuals as shares of the forces that should cancel."""
+    return np.asarray(np.abs(residual / np.where(size > 0.0, size, 1.0)))
 
 
 def unbalanced(
     model: str, coordinate: str, turns: bool, missing: float, share: float, topology: Topology, more: str = ""
 ) -> EquilibriumError:
-    """Return the error of a pose that is not in balance, by body, direction and missing force.
+    """Return the error of a pose that is not in balance, by body, direction and missing force [N or N m].
 
-    Parameters
-    ----------
-    model : str
-        Name of the model.
-    coordinate : str
-        The coordinate with the largest unbalanced share.
-    turns : bool
-        Whether it is a rotation.
-    missing : float
-        The missing force there [N or N m].
-    share : float
-        The same as a share of the forces that should cancel.
-    topology : Topology
-        The graph, to name the body.
-    more : str
-        A sentence on other coordinates.
-
-    Returns
-    -------
-    EquilibriumError
-        The error.
+    ``share`` is that of the forces that should cancel, ``more`` a sentence on other coordinates.
     """
-    kind, unit = ("moment", "N m") if turns else ("force", "N")
-    joint, _, direction = coordinate.rpartition(".")
-    body, where = body_and_direction(joint, direction, topology)
+    joints = {part.name: part for part in topology.joints}
+    text, details = unbalanced_force(coordinate, turns, missing, share, joints)
+    free = "" if coordinate.rpartition(".")[0] in joints else \
+        f" No joint leads from body '{details['body']}' to the ground: join them if it should not move freely."
     return EquilibriumError(
-        f"model '{model}' is not in balance in the given pose: unbalanced {kind} on body '{body}', {missing:.6g} "
-        f"{unit} missing {where} ({share:.1e} of the forces that should cancel there; allowed {BALANCE:g}).{more} Find "
-        f"the pose with model.equilibrium(), or hold it with a load or a preload of a spring.",
-        body=body, coordinate=coordinate, missing=missing, unit=unit,
+        f"model '{model}' is not in balance in the given pose: {text}; allowed {BALANCE:g}).{more}{free} Find the pose "
+        f"with model.equilibrium(), or hold it with a load or a preload of a spring.", **details,
     )  # fmt: skip
 
 
-def body_and_direction(joint: str, direction: str, topology: Topology) -> tuple[str, str]:
-    """Return the body that a coordinate moves, and a description of its direction."""
-    preposition = "along" if direction in _DIRECTIONS[:3] else "about"
-    axis = direction[-1:]
-    for part in topology.joints:
-        if part.name == joint:
-            body = part.second if part.second != "ground" else part.first
-            return body, f"{preposition} {axis} of joint '{joint}' (coordinate '{joint}.{direction}')"
-    return joint, f"{preposition} {axis}"
+def unbalanced_force(
+    coordinate: str, turns: bool, missing: float, share: float, joints: Mapping[str, Joint]
+) -> tuple[str, dict[str, Any]]:
+    """Return an unbalanced force in words, without the last bracket, and the fields of an ``EquilibriumError``."""
+    kind, unit = ("moment", "N m") if turns else ("force", "N")
+    owner, _, direction = coordinate.rpartition(".")
+    joint = joints.get(owner)
+    body = owner if joint is None else joint.first if joint.second == "ground" else joint.second
+    where = f"{'along' if direction in DIRECTIONS[:3] else 'about'} {direction[-1:]}"
+    if joint is not None and "." not in owner:  # those of nodes are no joints of the user
+        where += f" of joint '{owner}' (coordinate '{coordinate}')"
+    text = (f"unbalanced {kind} on body '{body}', {missing:.6g} {unit} missing {where} ({share:.1e} of the forces that "
+            f"should cancel there")  # fmt: skip
+    return text, {"body": body, "coordinate": coordinate, "missing": missing, "unit": unit}

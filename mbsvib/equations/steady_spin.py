@@ -69,18 +69,7 @@ def spin_together(model: Mechanism, spins: Mapping[str, Array], first: str, seco
 def check_steady(model: Mechanism, bodies: Sequence[Body], elements: Sequence[Connection]) -> None:
     """Refuse spins that are not steady, by the names of the rotor and of the part that prevents it.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    bodies, elements : sequence
-        All bodies and spring-dampers of the expanded mechanism.
-
-    Raises
-    ------
-    ModelError
-        If a spinning body is not symmetric about its axis, a joint or spring resists its spin or is not symmetric about
-        the axis, or the spin of a body moves the axis of a rotor on it.
+    ``bodies`` and ``elements`` are those of the expanded mechanism.
     """
     spins = spin_velocities(model)
     rotor_of = {rotor.body: rotor.name for rotor in model.rotors.values() if rotor.inertia is None}

@@ -94,17 +94,8 @@ class Terms(Matrices):
     def with_rows(self, rows: Array, stiffness: Array, owner: Index) -> Terms:
         """Return the terms with more rows of stiffness without damping, K + D^T diag(k) D.
 
-        Parameters
-        ----------
-        rows : array, shape (rows, m)
-            Rows in minimal coordinates.
-        stiffness, owner : array, shape (rows,)
-            Signed values, and numbers of their owners.
-
-        Returns
-        -------
-        Terms
-            The sum.
+        ``rows`` (rows, m): rows in minimal coordinates. ``stiffness``, ``owner`` (rows,): signed values, and numbers of
+        their owners.
         """
         added = rows.T.dot(stiffness[:, None] * rows)
         return replace(

@@ -18,7 +18,7 @@ from mbsvib.linalg.rank import DEPENDENT_ROWS, EPS, LEAST_ROW, MASSLESS, ZERO_SU
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.equations import Equations
 
 
@@ -40,13 +40,18 @@ def free_motions(*parts: Array) -> Array:
     rows = np.concatenate(parts)
     row, column = _scales(np.abs(rows))
     qr, order, _ = pivoted_qr(rows * row[:, None] * column)
-    m = rows.shape[1]
     rank = int(np.count_nonzero(np.abs(qr.diagonal()) > DEPENDENT_ROWS))
-    free = np.zeros((m, m - rank))
-    free[order[rank:], np.arange(m - rank)] = 1.0
+    return np.asarray(column[:, None] * null_motions(qr, order, rank))
+
+
+def null_motions(qr: Array, order: Index, rank: int) -> Array:
+    """Return the null space (m, m - rank) of rows with this pivoted QR, each motion with one in another coordinate."""
+    m = qr.shape[1]
+    result = np.zeros((m, m - rank))
+    result[order[rank:], np.arange(m - rank)] = 1.0
     if 0 < rank < m:
-        free[order[:rank]] = blas.dtrsm(-1.0, qr[:rank, :rank], qr[:rank, rank:])
-    return column[:, None] * free
+        result[order[:rank]] = blas.dtrsm(-1.0, qr[:rank, :rank], qr[:rank, rank:])
+    return result
 
 
 def coordinate_sizes(system: Equations) -> Array:
@@ -122,17 +127,8 @@ def completed_basis(factor: Array, first: Array, motions: Array) -> Array:
 def null_pair(matrix: Array, terms: Array) -> tuple[Array, Array]:
     """Return orthonormal bases of the right and left null space of a square matrix.
 
-    Parameters
-    ----------
-    matrix : array, shape (m, m)
-        The matrix.
-    terms : array, shape (m, m)
-        Sums of the magnitudes of the terms of each entry.
-
-    Returns
-    -------
-    tuple of array, shape (m, m - rank)
-        Right and left null vectors.
+    ``terms`` (m, m): sums of the magnitudes of the terms of each entry. Returns right and left null vectors (m, m -
+    rank).
     """
     size = matrix_scales(matrix, terms)
     scaled = np.where(np.abs(matrix) > NOTHING * terms, matrix, 0.0) / size[:, None] / size

@@ -30,17 +30,7 @@ _PAIRS = ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 0, 2, 1.0), (1, 2, 0, -1.0), (2, 
 def load_stiffness(applied: AppliedWrenches, position: Array) -> Contribution | None:
     """Return the stiffness of follower loads and torques, or None if there are none.
 
-    Parameters
-    ----------
-    applied : AppliedWrenches
-        The applied wrenches.
-    position : array, shape (3, bodies + 1)
-        Centres of mass [m].
-
-    Returns
-    -------
-    Contribution or None
-        Rows and their weights; owners are numbers of the loads.
+    ``position`` (3, bodies + 1): centres of mass [m].
     """
     parts = [_of_load(applied, position, k) for k in range(applied.loads)
              if applied.follower[k] or applied.pairs.torque[:, k].any()]  # fmt: skip

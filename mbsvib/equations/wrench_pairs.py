@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.elements.rows import columns
+from mbsvib.elements.rows import Rows, columns
 from mbsvib.kinematics.mobility import crossed_product
 
 if TYPE_CHECKING:
@@ -56,17 +56,9 @@ class WrenchPairs:
     def on_bodies(self, position: Array) -> tuple[Array, Array]:
         """Return the sum of the wrenches on each body about its centre of mass, and the sizes of the terms.
 
-        Parameters
-        ----------
-        position : array, shape (3, bodies + 1)
-            Centres of mass [m].
-
-        Returns
-        -------
-        wrench : array, shape (6, bodies + 1)
-            Sums over all pairs [N, N m], ground last.
-        size : array, shape (2, bodies + 1)
-            Sums of the lengths of the forces, and of those of torques and moments of forces.
+        ``position`` (3, bodies + 1): centres of mass [m]. Returns ``wrench`` (6, bodies + 1): sums over all pairs [N, N
+        m], ground last; ``size`` (2, bodies + 1): sums of the lengths of the forces, and of those of torques and
+        moments of forces.
         """
         body, n = np.concatenate((self.first, self.second)), len(self.first)
         parts = np.empty((9, 2 * n))
@@ -82,23 +74,14 @@ class WrenchPairs:
         return sums[:6], sums[6:]
 
 
-def wrenches_on_bodies(pairs: WrenchPairs, position: Array) -> Array:
-    """Return the wrenches of pairs on the bodies, one column a pair.
+def unit_wrenches(rows: Rows, position: Array) -> Array:
+    """Return the wrenches of unit forces along rows (n,) on the bodies, (6, bodies + 1, n).
 
-    Parameters
-    ----------
-    pairs : WrenchPairs
-        Forces and torques between bodies.
-    position : array, shape (3, bodies + 1)
-        Centres of mass and the origin [m].
-
-    Returns
-    -------
-    array, shape (6, bodies + 1, n)
-        Forces, then moments about the centres of mass.
+    Forces, then moments about the centres of mass at ``position`` (3, bodies + 1); the origin for ground.
     """
-    first, second = pairs.incidence(position.shape[1] - 1)
-    a, b = (np.concatenate((pairs.force, pairs.torque + crossed_product(arm, pairs.force)))
-            for arm in pairs.arms(position))  # fmt: skip
-    result: Array = b[:, None] * second.T - a[:, None] * first.T
+    n = len(rows.first)
+    result, which = np.zeros((6, position.shape[1], n)), np.arange(n)
+    for body, sign in ((rows.second, 1.0), (rows.first, -1.0)):
+        moment = rows.moment + crossed_product(rows.point - position[:, body], rows.force)
+        result[:, body, which] += sign * np.concatenate((rows.force, moment))
     return result

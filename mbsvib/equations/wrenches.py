@@ -63,20 +63,7 @@ def is_loaded(model: Mechanism) -> bool:
 
 
 def applied_wrenches(model: Mechanism, number: Mapping[str, int]) -> AppliedWrenches:
-    """Return the applied wrenches of a model.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    number : mapping
-        Number of each body, ground included.
-
-    Returns
-    -------
-    AppliedWrenches
-        Weights and pairs of wrenches in the pose of the model.
-    """
+    """Return the applied wrenches of a model."""
     weight = np.zeros((3, len(model.bodies) + 1))
     if model.gravity is not None:
         weight[:, :-1] = np.multiply.outer(model.gravity, [body.mass for body in model.bodies.values()])

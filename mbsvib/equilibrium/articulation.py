@@ -7,14 +7,11 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from mbsvib.elements import beam_expansion, superelement_expansion
-from mbsvib.elements import body as _body
 from mbsvib.elements import joint as _joint
-from mbsvib.elements.elastic_part import second_order_rotation_rows, stiffness_rows, wrenches
-from mbsvib.elements.shared_rows import Expansion
-from mbsvib.equations.beam_prestress import beam_weights
-from mbsvib.equations.expansion import expanded
-from mbsvib.equilibrium.flexible_parts import attachment_points, flexible
+from mbsvib.elements.elastic_families import elastic_parts
+from mbsvib.elements.elastic_part import carrier_joints, massless_bodies, stiffness_of_forces, stiffness_rows
+from mbsvib.elements.shared_rows import Expansion, SharedRows
+from mbsvib.equations.expansion import expanded, with_elastic_forces
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.rebuilding import changed
 
@@ -22,33 +19,28 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.elastic_part import ElasticPart
-    from mbsvib.elements.shared_rows import SharedRows
     from mbsvib.equilibrium.report import Equilibrium
 
 M = TypeVar("M", bound=Mechanism)
 
 
 def articulated(model: M) -> M:
-    """Return the same mechanism with free joints between the nodes of beams and superelements, which bend.
+    """Return the same mechanism with free joints from the root of beams and superelements to their nodes.
 
     Nodes and internal coordinates become bodies. The parts stay in the model, as their forces depend on displacements.
-    The weight of beams acts as loads on their nodes, as in ``linearize``. Without flexible parts the model is returned
-    as it is.
+    Without flexible parts the model is returned as it is.
     """
     if not model.composed:
         return model
     bodies, joints = dict(model.bodies), dict(model.joints)
-    for part in model.superelements.values():
-        bodies |= {body.name: body for body in superelement_expansion.node_bodies(part)}
-        joints |= dict(superelement_expansion.links(part))
-    for beam in model.beams.values():
-        bodies |= {body.name: body for body in beam_expansion.node_bodies(beam)}
-        line = beam_expansion.elastic_part(beam)
-        for name, (node, point) in zip(line.names, line.nodes, strict=True):
-            joints[name] = _joint.make(name, "free", line.root, node, point, None, None, None, None, None)
-    loads = dict(model.loads) | beam_weights(model.beams.values(), model.gravity)
-    return model.with_parts(bodies=bodies, joints=joints, loads=loads)
+    for part in model.composed.values():
+        bodies |= massless_bodies(part.body_positions)
+    for elastic in elastic_parts(model.composed.values(), None):
+        for name, (node, point) in zip(elastic.names, elastic.nodes, strict=True):
+            if node != elastic.root:
+                joints[name] = _joint.make(name, "free", elastic.root, node, point, None, None, None, None, None)
+        joints |= carrier_joints(elastic.owner, elastic.carriers, elastic.origin, elastic.internal)
+    return model.with_parts(bodies=bodies, joints=joints)
 
 
 def expanded_articulation(model: M) -> M:
@@ -57,39 +49,25 @@ def expanded_articulation(model: M) -> M:
 
     These are preloaded bushings, loads, and stiffness between more than two bodies.
     """
-    result = expanded(model.with_parts(composed={}) if model.composed else model)
     if not model.composed:
-        return result
-    springs, loads = dict(result.springs), dict(result.loads)
+        return expanded(model)
+    parts = elastic_parts(model.composed.values(), model.gravity)
+    result = with_elastic_forces(expanded(model.with_parts(composed={})), parts, [part.row_forces for part in parts])
     elastic: list[SharedRows] = []
-    parts = [*map(beam_expansion.elastic_part, model.beams.values()), *_reduced(model)]
     for part in parts:
-        bushings, pulls = wrenches(part)
-        springs |= {spring.name: spring for spring in bushings}
-        loads |= {load.name: load for load in (*pulls, *part.loads)}
         elastic += [stiffness_rows(part)] if len(part.values) else []
-        elastic += [*second_order_rotation_rows(part, part.forces()), *part.weight_stiffness]
+        elastic += stiffness_of_forces(part, part.row_forces)
     expansion = Expansion((), tuple(elastic), frozenset()) if result.expansion is None else \
         replace(result.expansion, elastic=(*result.expansion.elastic, *elastic))  # fmt: skip
-    return result.with_parts(springs=springs, loads=loads, expansion=expansion)
+    loads = dict(result.loads) | {load.name: load for part in parts for load in part.loads}
+    return result.with_parts(loads=loads, expansion=expansion)
 
 
 def elastic_scale(model: Mechanism, names: Sequence[str], energy: Array) -> Array:
     """Return factors (m,) that scale coordinates of beams and superelements to a stiffness like that of the others.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The articulated mechanism.
-    names : sequence of str
-        Names of its minimal coordinates.
-    energy : array, shape (m,)
-        Stiffness of each coordinate in units of equal size.
-
-    Returns
-    -------
-    array, shape (m,)
-        sqrt(smallest stiffness / own stiffness), at most one; one for all other coordinates.
+    ``energy`` (m,): stiffness of the coordinates ``names`` of the articulated mechanism in units of equal size. The
+    factors are sqrt(smallest stiffness / own stiffness), at most one; one for all other coordinates.
     """
     if not model.composed:
         return np.ones(len(names))
@@ -103,33 +81,23 @@ def elastic_scale(model: Mechanism, names: Sequence[str], energy: Array) -> Arra
     return result
 
 
-def _reduced(model: Mechanism) -> list[ElasticPart]:
-    """Superelements with their weight."""
-    return [superelement_expansion.elastic_part(part, model.gravity) for part in model.superelements.values()]
-
-
 def with_rigid_parts(model: M) -> M:
     """Return the same mechanism with fixed joints in place of beams and superelements, and their nodes as bodies.
 
-    The weight of beams acts as loads on their nodes, as in ``linearize``. Inputs and outputs, which may refer to
-    elements of beams, are left out. Without flexible parts the model is returned as it is.
+    Their weight acts as loads, as in ``linearize``. Inputs and outputs, which may refer to elements of beams, are left
+    out. Without flexible parts the model is returned as it is.
     """
     if not model.composed:
         return model
-    bodies, joints = dict(model.bodies), dict(model.joints)
-    loads = dict(model.loads) | beam_weights(model.beams.values(), model.gravity)
-    loads |= {load.name: load for reduced in _reduced(model) for load in reduced.loads}
-    parts = flexible(model)
-    for part in parts:
-        for node, point in part.node_names.items():
-            bodies[node] = _body.make(node, 0.0, (0.0, 0.0, 0.0), point, None)
-    for part in parts:
-        points = attachment_points(part)
-        root = part.root
-        for k, (body, point) in enumerate(points.items()):
-            if body != root:
+    bodies, joints, loads = dict(model.bodies), dict(model.joints), dict(model.loads)
+    for elastic in elastic_parts(model.composed.values(), model.gravity):
+        loads |= {load.name: load for load in elastic.loads}
+    for part in model.composed.values():
+        bodies |= massless_bodies(part.node_names)
+        for k, (body, point) in enumerate(dict(part.node_bodies).items()):
+            if body != part.root:
                 name = f"{part.name} holds {k}"
-                joints[name] = _joint.make(name, "fixed", root, body, point, None, None, None, None, None)
+                joints[name] = _joint.make(name, "fixed", part.root, body, point, None, None, None, None, None)
     return model.with_parts(bodies=bodies, composed={}, joints=joints, loads=loads, inputs={}, outputs={})
 
 

@@ -28,28 +28,8 @@ def at_equilibrium(
 ) -> tuple[M, E | S]:  # fmt: skip
     """Return a model in equilibrium with its equations: the model as it is if it balances.
 
-    Parameters
-    ----------
-    model : Mechanism
-        A model that was in equilibrium before its values changed.
-    independent, cut : sequence of str, optional
-        Requested minimal coordinates and cut joints.
-    method : str, optional
-        "dense" or "sparse"; default: by size.
-    dense, sparse : type
-        The classes of the equations.
-
-    Returns
-    -------
-    Mechanism
-        The model in its pose of equilibrium.
-    Equations or SparseEquations
-        Its equations.
-
-    Raises
-    ------
-    EquilibriumError
-        If no equilibrium can be reached.
+    ``independent``, ``cut``: requested minimal coordinates and cut joints. ``method``: "dense" or "sparse"; default: by
+    size. Returns the model in its pose of equilibrium; its equations.
     """
     try:
         check_displacements(model)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.equations.draft import first_draft
 from mbsvib.equations.scene import scene
+from mbsvib.equations.statics import shares
+from mbsvib.equations.statics import unbalanced_force as in_words
 from mbsvib.equilibrium.articulation import elastic_scale, expanded_articulation
 from mbsvib.equilibrium.moved_parts import model_in_pose
 from mbsvib.errors import NearSingularWarning
@@ -17,6 +19,8 @@ from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
     from mbsvib.equilibrium.motion import PosedModel
@@ -49,12 +53,20 @@ class Balance:
     @property
     def share(self) -> float:
         """The residual over the forces along its coordinate, the largest of all coordinates."""
-        return _share(self.residual, self.size)
+        return float(shares(self.residual, self.size).max(initial=0.0))
 
     @property
     def strict_share(self) -> float:
         """The same without allowance for the rounding of positions, as in ``linearize``."""
-        return _share(self.residual, self.balanced_forces)
+        return float(shares(self.residual, self.balanced_forces).max(initial=0.0))
+
+    @property
+    def depends(self) -> NDArray[np.bool_]:
+        """Which joint coordinates of the tree (n,) depend on the minimal ones."""
+        matrix = self.reduction.matrix
+        result = np.ones(len(self.names) if matrix is None else len(matrix), dtype=bool)
+        result[self.reduction.independent] = False
+        return result
 
     def all_joints(self, step: Array) -> Array:
         """Return the motion of all joints of the tree (n,) for a step (m,) of the minimal coordinates."""
@@ -63,24 +75,10 @@ class Balance:
         return np.asarray(self.reduction.matrix @ step)
 
 
-def _share(residual: Array, size: Array) -> float:
-    return float(np.abs(residual / np.where(size > 0.0, size, 1.0)).max(initial=0.0))
-
-
 def balance(at: PosedModel, independent: Sequence[str] | None = None) -> Balance:
     """Return the forces and their tangent in a pose, with the exact geometry of springs.
 
-    Parameters
-    ----------
-    at : PosedModel
-        The pose, with loops closed.
-    independent : sequence of str, optional
-        Joint coordinates that shall be among the minimal ones.
-
-    Returns
-    -------
-    Balance
-        Residual and tangent.
+    ``independent``: joint coordinates that shall be among the minimal ones.
     """
     model = expanded_articulation(at.reference if at.pose.as_described else model_in_pose(at.reference, at.pose))
     numbers = scene(model, at.cut)
@@ -98,3 +96,13 @@ def balance(at: PosedModel, independent: Sequence[str] | None = None) -> Balance
     size = np.maximum(balanced_forces, EPS / RESOLVED * (np.abs(stiffness) @ lengths))
     scale = lengths * elastic_scale(at.reference, draft.names, stiffness.diagonal() * lengths**2)
     return Balance(draft.reduction, draft.names, residual, balanced_forces, size, stiffness, scale)
+
+
+def unbalanced_force(at: PosedModel, forces: Balance) -> tuple[str, dict[str, Any]]:
+    """Return the largest unbalanced force of a pose in words, and the fields of an ``EquilibriumError``."""
+    worst = int(np.argmax(shares(forces.residual, forces.size)))
+    share, missing = shares(forces.residual, forces.balanced_forces)[worst], -float(forces.residual[worst])
+    k = int(forces.reduction.independent[worst])
+    text, details = in_words(at.coordinates.names[k], bool(at.coordinates.turns[k]), missing, float(share),
+                             at.reference.joints)  # fmt: skip
+    return f"{text})", details

@@ -12,11 +12,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from mbsvib.equilibrium.articulation import articulated
-from mbsvib.equilibrium.balance import balance
-from mbsvib.equilibrium.flexible_parts import flexible
-from mbsvib.equilibrium.motion import close, posed_model
+from mbsvib.equilibrium.balance import Balance, balance
+from mbsvib.equilibrium.motion import PosedModel, close, posed_model
 from mbsvib.equilibrium.path import BALANCED, CLOSED, NEWTON_STEPS, newton_step
-from mbsvib.equilibrium.pose import start
 from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.mechanism.mechanism import Mechanism
 
@@ -24,8 +22,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.equilibrium.balance import Balance
-    from mbsvib.equilibrium.motion import PosedModel
 
 M = TypeVar("M", bound=Mechanism)
 
@@ -37,7 +33,8 @@ STEPS = 80
 
 def elastic_mechanism(model: M) -> M:
     """Return a mechanism in which only beams and superelements resist motion; these carry no forces in its pose."""
-    parts = {part.name: replace(part, displacements=None) for part in flexible(model)}
+    parts: dict[str, Any] = dict(model.composed)
+    parts = {name: replace(part, displacements=None) for name, part in parts.items()}
     return articulated(model.with_parts(composed=parts, springs={}, loads={}, inputs={}, outputs={}, gravity=None))
 
 
@@ -46,21 +43,9 @@ def pose_of_least_energy(
 ) -> tuple[PosedModel, Balance] | None:
     """Return the pose of least elastic energy for values of some joint coordinates, or None if there is none.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        What ``elastic_mechanism`` makes of the model.
-    values : mapping of str to float
-        How far coordinates of its tree move [m, rad].
-    cut : sequence of str
-        Joints at which loops are cut.
-
-    Returns
-    -------
-    tuple of PosedModel and Balance
-        The pose and the forces there.
+    ``values``: how far coordinates of its tree move [m, rad]. ``cut``: joints at which loops are cut.
     """
-    at = posed_model(mechanism, start(mechanism), cut)
+    at = posed_model(mechanism, cut=cut)
     names = list(values)
     if not set(names) <= set(at.coordinates.names):
         return None

@@ -16,14 +16,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import brentq
 
-from mbsvib.equilibrium.held_state import corrected, stepped
+from mbsvib.equilibrium.held_state import State, corrected, stepped
 from mbsvib.errors import EquilibriumError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from mbsvib.common.arrays import Array
-    from mbsvib.equilibrium.held_state import State
 
 # Length of a step [rad, mechanism sizes]: the first, the longest and the shortest that is tried.
 FIRST, LONGEST, SHORTEST = 0.02, 0.1, 1e-7
@@ -55,13 +54,7 @@ class Arc:
     onward: Array
 
     def at(self, share: float) -> tuple[State, Array]:
-        """Return the state at a share of the step, and the direction there.
-
-        Raises
-        ------
-        EquilibriumError
-            If Newton's method does not contract there.
-        """
+        """Return the state at a share of the step, and the direction there."""
         if share in (0.0, 1.0):
             return (self.start, self.along) if share == 0.0 else (self.end, self.onward)
         next_state = corrected(stepped(self.start, share * self.length * self.along))
@@ -95,13 +88,7 @@ class Arc:
 
 
 def arc(start: State, along: Array, length: float) -> tuple[Arc, float]:
-    """Return a step of the curve, shorter than asked for where it bends, and the length for the next one.
-
-    Raises
-    ------
-    EquilibriumError
-        If no step can be taken.
-    """
+    """Return a step of the curve, shorter than asked for where it bends, and the length for the next one."""
     while True:
         reached = corrected(stepped(start, length * along))
         if reached is not None:
@@ -118,22 +105,7 @@ def arc(start: State, along: Array, length: float) -> tuple[Arc, float]:
 def crossing(at: State, sense: int) -> Arc:
     """Return the first step from a branch point onto the path that crosses there.
 
-    Parameters
-    ----------
-    at : State
-        The branch point.
-    sense : int
-        1 to go along the direction of ``softest``, -1 against it.
-
-    Returns
-    -------
-    Arc
-        The step.
-
-    Raises
-    ------
-    EquilibriumError
-        If Newton's method leads back to the path itself.
+    ``sense``: 1 to go along the direction of ``softest``, -1 against it.
     """
     along = sense * at.softest
     next_state = corrected(stepped(at, FIRST * along))
@@ -145,27 +117,9 @@ def crossing(at: State, sense: int) -> Arc:
 def led_to(start: State, along: Array, value: float, switch: int = 0) -> tuple[State, Array, list[Passed], int]:
     """Follow the curve to the next state in which the coordinate has a value.
 
-    Parameters
-    ----------
-    start : State
-        A state on the curve.
-    along : array, shape (m,)
-        Direction of the curve; it is reversed if it leads away from the value.
-    value : float
-        Value of the coordinate [m, rad].
-    switch : int
-        1 or -1: at the next branch point go on along the path that crosses, in this sense; 0: stay on the curve.
-
-    Returns
-    -------
-    tuple of State, array, list of Passed and int
-        The state, the direction there, the states on the way, special ones and those of the steps, and ``switch``, 0
-        after a branch point.
-
-    Raises
-    ------
-    EquilibriumError
-        If the value is not reached.
+    ``along`` (m,): direction of the curve; it is reversed if it leads away from the value. ``value``: value of the
+    coordinate [m, rad]. ``switch``: 1 or -1: at the next branch point go on along the path that crosses, in this sense;
+    0: stay on the curve.
     """
     passed: list[Passed] = []
     if abs(value - start.value) <= SAME * start.forces.scale[start.i]:

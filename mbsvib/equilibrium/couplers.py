@@ -9,7 +9,7 @@ import numpy as np
 from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.equations.expansion import expanded
 from mbsvib.errors import ModelError
-from mbsvib.kinematics.relative_motion import relative_motion
+from mbsvib.kinematics.relative_motion import Twists, relative_motion
 from mbsvib.linalg.rotations import logarithm
 
 if TYPE_CHECKING:
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from mbsvib.elements import Joint
     from mbsvib.equilibrium.pose import Pose
     from mbsvib.kinematics.couplings import Couplings
-    from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.mechanism import Mechanism
 
 # Rotation vectors shorter than this [rad] are rounding of a pose from Newton's method.
@@ -43,19 +42,8 @@ def coupled_coordinates(couplings: Couplings, coordinates: Twists) -> Array:
 def coupler_travel(model: Mechanism, pose: Pose, near: Array | None) -> Array:
     """Return the displacements of coupled coordinates in a pose, one for each term of each coupler.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The model in its reference pose.
-    pose : Pose
-        The pose.
-    near : array, shape (terms,), optional
-        Approximate displacements, from which full turns are counted.
-
-    Returns
-    -------
-    array, shape (terms,)
-        Distances [m] and angles [rad].
+    ``near`` (terms,): approximate displacements, from which full turns are counted. Returns (terms,): distances [m] and
+    angles [rad].
     """
     result = []
     for part in model.couplers.values():
@@ -77,11 +65,6 @@ def check_couplers(model: Mechanism, moved: Mechanism) -> None:
     ``moved`` is the model in the new pose. The components of a rotation vector w from the reference pose change by
     e . J(w) omega, with J of ``rotations.inverse_jacobian``; after a finite w that differs from the coordinates of the
     joint in the new pose.
-
-    Raises
-    ------
-    ModelError
-        If a coupled homokinetic joint has turned.
     """
     if not model.couplers:
         return

@@ -5,13 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mbsvib.equilibrium.articulation import articulated
-from mbsvib.equilibrium.balance import balance
-from mbsvib.equilibrium.flexible_parts import flexible
+from mbsvib.equilibrium.balance import balance, unbalanced_force
 from mbsvib.equilibrium.linear_range import warn_beyond
-from mbsvib.equilibrium.messages import unbalanced_force
 from mbsvib.equilibrium.motion import posed_model
 from mbsvib.equilibrium.moved_parts import static_model
-from mbsvib.equilibrium.pose import start
 from mbsvib.errors import EquilibriumError
 from mbsvib.linalg.rank import BALANCE
 
@@ -22,22 +19,11 @@ if TYPE_CHECKING:
 def check_displacements(model: Mechanism) -> None:
     """Refuse a model whose beams and superelements state displacements that do not balance its loads.
 
-    Without stated displacements nothing is checked, as forces then follow from statics.
-
-    Raises
-    ------
-    EquilibriumError
-        If the residual is more than ``BALANCE`` of the forces that should cancel.
-
-    Warns
-    -----
-    LargeDisplacementWarning
-        If these displacements are not small.
+    Without stated displacements nothing is checked, as forces then follow from statics. Warns if they are not small.
     """
-    if all(part.displacements is None for part in flexible(model)):
+    if all(part.displacements is None for part in model.composed.values()):
         return
-    articulated_model = static_model(articulated(model))
-    at = posed_model(articulated_model, start(articulated_model))
+    at = posed_model(static_model(articulated(model)))
     forces = balance(at)
     if forces.share > BALANCE:
         text, details = unbalanced_force(at, forces)

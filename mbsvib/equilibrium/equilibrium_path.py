@@ -12,12 +12,11 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.elements import bushing
 from mbsvib.equilibrium.articulation import articulated
-from mbsvib.equilibrium.continuation import led_to
-from mbsvib.equilibrium.held_state import started
+from mbsvib.equilibrium.continuation import Passed, led_to
+from mbsvib.equilibrium.held_state import State, started
 from mbsvib.equilibrium.motion import posed_model
 from mbsvib.equilibrium.moved import cut_elsewhere_of
 from mbsvib.equilibrium.moved_parts import static_model
-from mbsvib.equilibrium.pose import start
 from mbsvib.equilibrium.report import modes_of
 from mbsvib.equilibrium.search import balanced_model
 from mbsvib.errors import ModelError, nearest
@@ -27,8 +26,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.common.arrays import Array
-    from mbsvib.equilibrium.continuation import Passed
-    from mbsvib.equilibrium.held_state import State
     from mbsvib.modes import Modes
 
 M = TypeVar("M", bound=Mechanism)
@@ -137,15 +134,7 @@ def _yes(value: bool) -> str:
 
 
 def equilibrium_path(model: M, coordinate: str, values: ArrayLike, switch: int = 0) -> EquilibriumPath[M]:
-    """Return the equilibria of a model along values of a joint coordinate; see ``Model.path``.
-
-    Raises
-    ------
-    ModelError
-        If the coordinate is unknown, or its joint has several rotations.
-    EquilibriumError
-        If a value is not reached.
-    """
+    """Return the equilibria of a model along values of a joint coordinate; see ``Model.path``."""
     coordinate = str(coordinate)
     requested = np.atleast_1d(reals(values, "path", "values", "values of the coordinate [m, rad]")) + 0.0  # no -0
     if requested.ndim != 1 or not len(requested) or not np.isfinite(requested).all():
@@ -154,7 +143,7 @@ def equilibrium_path(model: M, coordinate: str, values: ArrayLike, switch: int =
     if switch not in (-1, 0, 1):
         raise ModelError(f"path: switch = {switch!r}; expected 1 or -1, or 0 to stay on the path.", field="switch")
     articulated_model = static_model(articulated(model))
-    first = posed_model(articulated_model, start(articulated_model), cut_elsewhere_of(articulated_model, [coordinate]))
+    first = posed_model(articulated_model, cut=cut_elsewhere_of(articulated_model, [coordinate]))
     _check(model, coordinate, first.coordinates.names)
     state = started(first, coordinate)
     along, states, points, curve = state.direction, [], [], [state]

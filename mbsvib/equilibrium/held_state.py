@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equilibrium.balance import balance
-from mbsvib.equilibrium.motion import close, same_branch
+from mbsvib.equations.statics import shares
+from mbsvib.equilibrium.balance import Balance, balance
+from mbsvib.equilibrium.motion import PosedModel, close, same_branch
 from mbsvib.equilibrium.path import BALANCED, CLOSED, NEWTON_STEPS
 from mbsvib.errors import EquilibriumError, ModelError, SingularPoseError
 from mbsvib.linalg.rank import EPS, ZERO_STIFFNESS
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-    from mbsvib.equilibrium.balance import Balance
-    from mbsvib.equilibrium.motion import PosedModel
 
 # The longest correction [rad, mechanism sizes].
 FARTHEST = 0.2
@@ -55,8 +54,7 @@ class State:
     @property
     def share(self) -> float:
         """The residual along the other coordinates, as a share of the forces."""
-        size = self.forces.size[self.free]
-        return float(np.abs(self.forces.residual[self.free] / np.where(size > 0.0, size, 1.0)).max(initial=0.0))
+        return float(shares(self.forces.residual[self.free], self.forces.size[self.free]).max(initial=0.0))
 
     @cached_property
     def direction(self) -> Array:
@@ -103,8 +101,7 @@ def stepped(state: State, step: Array) -> State | None:
     """Return the state after a scaled step (m,) with loops closed, forces not balanced; None where loops cannot be."""
     forces = state.forces
     by = forces.scale * step
-    depends = np.ones(len(state.at.scale), dtype=bool)
-    depends[forces.reduction.independent] = False
+    depends = forces.depends
     try:
         at, opening = close(state.at.moved(forces.all_joints(by)), depends)
         if opening > max(CLOSED, at.rounding) or (at.cuts is not None and not same_branch(state.at, at, depends)):
@@ -135,13 +132,7 @@ def corrected(state: State | None, exact: bool = False) -> tuple[State, int] | N
 
 
 def started(at: PosedModel, coordinate: str) -> State:
-    """Return the equilibrium next to a pose while a coordinate is held where it is.
-
-    Raises
-    ------
-    EquilibriumError
-        If Newton's method does not find it.
-    """
+    """Return the equilibrium next to a pose while a coordinate is held where it is."""
     state = State(at, balance(at, [coordinate]), coordinate, 0.0)
     corrected_state = corrected(state, exact=True)
     if corrected_state is None:

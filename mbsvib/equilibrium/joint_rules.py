@@ -10,7 +10,7 @@ both bodies. A distance joint: the length of d is constant.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -20,8 +20,6 @@ from mbsvib.common.arguments import frame_along
 from mbsvib.linalg.rotations import axial, exponential, logarithm, skew
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Joint
     from mbsvib.equilibrium.pose import Pose
@@ -151,19 +149,7 @@ def rule_of(joint: Joint) -> Rule:
 def in_groups(joints: Sequence[Joint], number: Mapping[str, int], origin: Array) -> list[tuple[Rule, Index, Joints]]:
     """Return joints in groups of one rule.
 
-    Parameters
-    ----------
-    joints : sequence of Joint
-        Joints in the reference pose.
-    number : mapping
-        Number of each body, ground included.
-    origin : array, shape (bodies + 1, 3)
-        Centres of mass in the reference pose [m], used as the points of joints that have none.
-
-    Returns
-    -------
-    list of (Rule, array, Joints)
-        For each rule, the numbers (k,) of its joints, and these joints.
+    ``origin`` (bodies + 1, 3): centres of mass in the reference pose [m], used as the points of joints that have none.
     """
     members: dict[int, list[int]] = {}
     rules = [rule_of(joint) for joint in joints]

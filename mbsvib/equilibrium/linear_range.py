@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equilibrium.flexible_parts import flexible
 from mbsvib.errors import LargeDisplacementWarning
 
 if TYPE_CHECKING:
@@ -19,14 +18,8 @@ TURNED = 0.15
 
 
 def warn_beyond(deformed: Mechanism) -> None:
-    """Warn of parts of a deformed model that bend beyond the range of small displacements.
-
-    Warns
-    -----
-    LargeDisplacementWarning
-        If nodes have turned by ``TURNED``.
-    """
-    for part in flexible(deformed):
+    """Warn of parts of a deformed model that bend beyond the range of small displacements, by ``TURNED``."""
+    for part in deformed.composed.values():
         if part.displacements is None:
             continue
         six = np.array(part.displacements).reshape(-1)[: 6 * len(part.points)].reshape(-1, 6)

@@ -66,10 +66,10 @@ class PosedModel:
         """The size of the mechanism [m]."""
         return self.kinematics.size
 
-    @cached_property
+    @property
     def scale(self) -> Array:
         """Units (n,) that make joint coordinates comparable: 1 rad, or the size of the mechanism [m]."""
-        return np.where(self.kinematics.coordinates.turns, 1.0, self.size)
+        return self.kinematics.scale
 
     @cached_property
     def rounding(self) -> float:
@@ -77,25 +77,28 @@ class PosedModel:
         points = self.coordinates.point
         return float(RANK_FACTOR * EPS * points.shape[1] * np.abs(points).max(initial=0.0) / self.size)
 
-    @cached_property
+    @property
     def closure(self) -> Array:
-        """Phi (locked rows, n): Jacobian of the constraints, in units of 1 rad and the size of the mechanism."""
+        """Phi (locked rows, n): Jacobian of the constraints [m, rad per m, rad]."""
         if self.cuts is None or self.pose.as_described:
-            phi = self.kinematics.closure
-        else:
-            phi = locked(self.coordinates, self.cuts)
-        return phi if self.cuts is None else phi * self.cuts.row_scale(self.size)[:, None]
+            return self.kinematics.closure
+        return locked(self.coordinates, self.cuts)
+
+    @cached_property
+    def scaled_closure(self) -> Array:
+        """``closure`` in units of 1 rad and the size of the mechanism, rows and columns."""
+        return self.closure * self.kinematics.row_scale[:, None] * self.scale
 
     @cached_property
     def openings(self) -> Array:
-        """Violation of the constraints, one value for each row of ``closure``, in the same units."""
+        """Violation of the constraints, one value for each row of ``scaled_closure``, in the same units."""
         if self.cuts is None:
             return np.zeros(0)
         values, couplings = self.kinematics.openings(self.pose, self.cuts), self.cuts.couplings
         if couplings is not None:
             values = np.append(values, np.bincount(couplings.row, couplings.value * self.travel,
                                                    len(couplings.touched)))  # fmt: skip
-        return np.asarray(values * self.cuts.row_scale(self.size))
+        return np.asarray(values * self.kinematics.row_scale)
 
     def under(self, model: Mechanism) -> PosedModel:
         """Return the same pose of a model with other loads."""
@@ -110,10 +113,12 @@ class PosedModel:
         return PosedModel(self.reference, pose, self.cut, self.kinematics, travel)
 
 
-def posed_model(reference: Mechanism, pose: Pose, cut: Sequence[str] = ()) -> PosedModel:
-    """Return a model in one pose with the kinematics of its motion."""
+def posed_model(reference: Mechanism, pose: Pose | None = None, cut: Sequence[str] = ()) -> PosedModel:
+    """Return a model in one pose, by default its reference pose, with the kinematics of its motion."""
+    kinematics = pose_kinematics(reference, cut)
+    pose = pose or kinematics.described
     travel = coupler_travel(reference, pose, None) if reference.couplers else np.zeros(0)
-    return PosedModel(reference, pose, tuple(cut), pose_kinematics(reference, cut), travel)
+    return PosedModel(reference, pose, tuple(cut), kinematics, travel)
 
 
 def close(at: PosedModel, may_move: NDArray[np.bool_] | None = None) -> tuple[PosedModel, float]:
@@ -137,7 +142,8 @@ def close(at: PosedModel, may_move: NDArray[np.bool_] | None = None) -> tuple[Po
     """
     if at.cuts is None:
         return at, 0.0
-    allowed = slice(None) if may_move is None else may_move
+    scale = at.scale
+    allowed = np.arange(len(scale)) if may_move is None else may_move.nonzero()[0]
     closer, best, opening = at, at, np.inf
     for _ in range(CORRECTIONS):
         error = closer.openings
@@ -147,11 +153,10 @@ def close(at: PosedModel, may_move: NDArray[np.bool_] | None = None) -> tuple[Po
         best, previous, opening = closer, opening, current
         if current <= CLOSED_EXACTLY or (current < CLOSED and current > 0.1 * previous):
             break
-        scale = closer.scale[allowed]
-        step = np.zeros(len(closer.scale))
+        step = np.zeros(len(scale))
         limit = max(REDUNDANT_LOOPS, closer.rounding)
-        step[allowed] = -scale * minimum_norm_solution(closer.closure[:, allowed] * scale, error, limit)
-        closer = closer.moved(step)
+        step[allowed] = minimum_norm_solution(closer.scaled_closure.take(allowed, axis=1), -error, limit)
+        closer = closer.moved(step * scale)
     return best, opening
 
 
@@ -163,7 +168,7 @@ def same_branch(first: PosedModel, second: PosedModel, depends: NDArray[np.bool_
     """
     if not depends.any():  # all loops are redundant
         return True
-    before, after = ((at.closure * at.scale)[:, depends] for at in (first, second))
+    before, after = (at.scaled_closure[:, depends] for at in (first, second))
     if len(before) > before.shape[1]:  # some rows are redundant
         rows = qr(before.T, mode="r", pivoting=True)[1][: before.shape[1]]
         before, after = before[rows], after[rows]

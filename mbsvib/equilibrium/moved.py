@@ -15,7 +15,6 @@ from mbsvib.equilibrium.bending import elastic_mechanism, pose_of_least_energy
 from mbsvib.equilibrium.linear_range import warn_beyond
 from mbsvib.equilibrium.motion import close, posed_model, same_branch
 from mbsvib.equilibrium.moved_parts import model_in_pose
-from mbsvib.equilibrium.pose import start
 from mbsvib.errors import ModelError, nearest
 from mbsvib.kinematics.loops import reduce
 from mbsvib.kinematics.relative_motion import arm
@@ -84,7 +83,7 @@ def moved(
 
 def _rigid_pose(stiff: Mechanism, displacements: Mapping[str, float], cut: tuple[str, ...] | None) -> Pose:
     """The pose of a mechanism whose parts are rigid."""
-    at = posed_model(stiff, start(stiff), cut_elsewhere_of(stiff, displacements) if cut is None else cut)
+    at = posed_model(stiff, cut=cut_elsewhere_of(stiff, displacements) if cut is None else cut)
     target = np.zeros(len(at.coordinates.names))
     for name, value in displacements.items():
         if name not in at.coordinates.names:
@@ -115,9 +114,8 @@ def _bent_model(model: M, displacements: Mapping[str, float], cut: tuple[str, ..
 def _follow(at: PosedModel, target: Array, names: list[str]) -> PosedModel:
     """Take the independent coordinates to their values in steps along which the loops stay closed."""
     assert at.cuts is not None
-    phi = at.closure / at.cuts.row_scale(at.size)[:, None]
     arms = partial(arm, at.kinematics.topology, at.pose.centre[:-1])
-    reduction = reduce(at.coordinates, at.cuts, phi, names, arms)
+    reduction = reduce(at.coordinates, at.cuts, at.closure, names, arms)
     depends = np.ones(len(target), dtype=bool)
     depends[reduction.independent] = False
     longest = float(np.abs(target / at.scale).max(initial=0.0))
@@ -143,9 +141,9 @@ def _follow(at: PosedModel, target: Array, names: list[str]) -> PosedModel:
 
 def _dependent(at: PosedModel, depends: NDArray[np.bool_], independent: Array) -> Array:
     """First guess of the dependent coordinates for a step of the independent ones."""
-    phi = at.closure * at.scale
-    right = phi[:, ~depends] @ (independent / at.scale[~depends])
-    return np.asarray(minimum_norm_solution(phi[:, depends], -right) * at.scale[depends])
+    phi, scale = at.scaled_closure, at.scale
+    right = phi[:, ~depends] @ (independent / scale[~depends])
+    return np.asarray(minimum_norm_solution(phi[:, depends], -right) * scale[depends])
 
 
 def _near(first: PosedModel, second: PosedModel) -> bool:

@@ -20,19 +20,14 @@ def model_in_pose(model: M, pose: Pose, relaxed: bool = False) -> M:
     Points and axes go with the bodies that they belong to; forces fixed in the world and the directions of inputs and
     outputs stay as they are. If ``relaxed``, springs and bushings keep the forces of the reference pose; otherwise
     these follow from the motion.
-
-    Raises
-    ------
-    ModelError
-        If a part cannot be described in that pose.
     """
     families: dict[type[Part], list[Part]] = {}
     for group in model.groups().values():
         for part in group.values():
             families.setdefault(type(part), []).append(part)
-    moved = {id(part): result for family, parts in families.items()
-             for part, result in zip(parts, family.all_in_pose(parts, pose, relaxed), strict=True)}  # fmt: skip
-    return rebuilt(model, lambda part: moved[id(part)])
+    # parts of a family are rebuilt in the order in which they are listed here
+    moved = {family: iter(family.all_in_pose(parts, pose, relaxed)) for family, parts in families.items()}
+    return rebuilt(model, lambda part: next(moved[type(part)]))
 
 
 def static_model(model: M) -> M:

@@ -12,19 +12,22 @@ load; Dauphin et al., Advances in Neural Information Processing Systems 27 (2014
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from mbsvib.equilibrium.balance import Balance, balance
-from mbsvib.equilibrium.load_steps import with_share
 from mbsvib.equilibrium.motion import PosedModel, close, same_branch
 from mbsvib.errors import ModelError, NoWordsError, SingularPoseError
 from mbsvib.linalg.rank import EPS, ZERO_STIFFNESS
+from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
+    from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
+
+M = TypeVar("M", bound=Mechanism)
 
 # A pose is one of equilibrium if the residual is below this share of the forces.
 BALANCED = 1e-10
@@ -61,6 +64,22 @@ class SearchResult:
     stopped: str = ""
 
 
+def with_share(model: M, share: float) -> M:
+    """Return a model with a share of its gravity and of its loads; preloads of springs stay."""
+    if share == 1.0:
+        return model
+    loads = {} if not share else {
+        name: replace(load, force=_shared(load.force, share), torque=_shared(load.torque, share))
+        for name, load in model.loads.items()
+    }  # fmt: skip
+    return model.with_parts(gravity=None if model.gravity is None else _shared(model.gravity, share), loads=loads)
+
+
+def _shared(vector: Vector, share: float) -> Vector:
+    x, y, z = vector
+    return share * x, share * y, share * z
+
+
 def _after_step(at: PosedModel, step: Array, forces: Balance) -> tuple[PosedModel, Balance] | None:
     """The pose after a motion of all joints with loops closed and the forces there; None if loops cannot be closed
     before a dead point of the coordinates of ``forces``, or the forces are not defined.
@@ -69,9 +88,7 @@ def _after_step(at: PosedModel, step: Array, forces: Balance) -> tuple[PosedMode
         after, opening = close(at.moved(step))
         if opening > max(CLOSED, after.rounding):
             return None
-        depends = np.ones(len(step), dtype=bool)
-        depends[forces.reduction.independent] = False
-        return (after, balance(after)) if at.cuts is None or same_branch(at, after, depends) else None
+        return (after, balance(after)) if at.cuts is None or same_branch(at, after, forces.depends) else None
     except NoWordsError:
         raise
     except (ModelError, SingularPoseError):

@@ -95,11 +95,10 @@ class Pose:
         """Tell whether a body is exactly in its reference pose."""
         return self._still[self.number[body]]
 
-    def moved_to(self, centre: Array, turn: Array) -> Pose:
-        """Return the pose with new centres and further rotations."""
-        same = (turn == IDENTITY).all(axis=(1, 2), keepdims=True)
-        rotations = np.where(same, self.rotations, orthonormal(turn @ self.rotations))
-        return Pose(self.number, self.origin, centre, rotations)
+    def moved_by(self, motion: Array) -> Pose:
+        """Return the pose after motions [R - 1, u] (bodies + 1, 3, 4): rotations R, translations u of centres."""
+        rotations = orthonormal(self.rotations + motion[..., :3] @ self.rotations)
+        return Pose(self.number, self.origin, self.centre + motion[..., 3], rotations)
 
 
 def start(model: Mechanism) -> Pose:

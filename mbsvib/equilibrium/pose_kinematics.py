@@ -38,15 +38,16 @@ if TYPE_CHECKING:
 class PoseKinematics:
     """Kinematic data of a mechanism for all of its poses; ``size`` [m] is the size of the mechanism.
 
-    ``coordinates`` and ``cuts`` are those of the reference pose. Their six-vectors (s), twists first, then locked rows,
-    then the motions that couplers measure, are ``vectors`` (s, 3, 2), a linear and an angular part each. They turn with
-    ``turner`` (s,), the number of a body, or beyond the bodies of a joint in ``own_axes``, and are at ``point`` (s, 3)
-    of body ``holder`` (s,). ``own_axes`` are functions that return the axes of joints in a pose, with the transpose of
-    these axes in the reference pose; ``loops`` are the cut joints in groups of one rule.
+    ``coordinates`` and ``cuts`` are those of the reference pose ``described``. Their six-vectors (s), twists first,
+    then locked rows, then the motions that couplers measure, are ``vectors`` (s, 3, 2), a linear and an angular part
+    each. They turn with ``turner`` (s,), the number of a body, or beyond the bodies of a joint in ``own_axes``, and are
+    at ``point`` (s, 3) of body ``holder`` (s,). ``own_axes`` are functions that return the axes of joints in a pose,
+    with the transpose of these axes in the reference pose; ``loops`` are the cut joints in groups of one rule.
     """
 
     topology: Topology
     size: float
+    described: Pose
     coordinates: Twists
     cuts: Cuts | None
     vectors: Array
@@ -81,12 +82,30 @@ class PoseKinematics:
         return coordinates, replace(cuts, rows=rows, couplings=couplings)
 
     @cached_property
+    def scale(self) -> Array:
+        """Units (n,) that make joint coordinates comparable: 1 rad, or the size of the mechanism [m]."""
+        return np.where(self.coordinates.turns, 1.0, self.size)
+
+    @cached_property
+    def row_scale(self) -> Array:
+        """Factors (locked rows,) that make openings comparable: 1 / rad, or 1 / size of the mechanism."""
+        return np.zeros(0) if self.cuts is None else self.cuts.row_scale(self.size)
+
+    @cached_property
     def closure(self) -> Array:
-        """The constraints of cut joints and couplers in the reference pose (locked rows, n); see ``locked``."""
+        """The constraints of cut joints and couplers in the reference pose (rows, n); see ``locked``."""
         return np.zeros((0, len(self.coordinates.names))) if self.cuts is None else locked(self.coordinates, self.cuts)
+
+    @cached_property
+    def described_openings(self) -> Array:
+        """The openings of cut joints in the reference pose, which rounded points leave."""
+        return np.zeros(0) if self.cuts is None else self._openings(self.described, self.cuts)
 
     def openings(self, pose: Pose, cuts: Cuts) -> Array:
         """Return the violation of the constraints of cut joints in a pose, one value [m, rad] for each locked row."""
+        return self.described_openings if pose.as_described else self._openings(pose, cuts)
+
+    def _openings(self, pose: Pose, cuts: Cuts) -> Array:
         gap, turn = np.zeros((2, len(self.topology.cut), 3))
         for rule, which, joints in self.loops:
             gap[which] = joints.gap(pose)
@@ -131,7 +150,7 @@ def _prepared(model: Mechanism, cut: Sequence[str] = ()) -> PoseKinematics:
         parts += [(part.force, part.moment, part.point) for part in rows]
     linear, angular, point = (np.concatenate([part[i] for part in parts], axis=1).T for i in range(3))
     return PoseKinematics(
-        topology, size_of(model), coordinates, cuts, np.stack((linear, angular), axis=-1), turner[owner], point,
+        topology, size_of(model), pose, coordinates, cuts, np.stack((linear, angular), axis=-1), turner[owner], point,
         holder[owner], tuple(own_axes), tuple(loops), tree_of(topology),
     )  # fmt: skip
 

@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from mbsvib.elements.rows import Rows
-from mbsvib.equilibrium.balance import balance
-from mbsvib.equilibrium.messages import unbalanced_force
-from mbsvib.equilibrium.motion import posed_model
+from mbsvib.equilibrium.balance import Balance, balance, unbalanced_force
+from mbsvib.equilibrium.motion import PosedModel, posed_model
 from mbsvib.equilibrium.moved_parts import static_model
-from mbsvib.equilibrium.pose import start
 from mbsvib.errors import EquilibriumError, ModelError, nearest
 from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.linalg.rank import BALANCE, HOLDS_NOTHING
@@ -24,8 +22,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.preload_form import PreloadForm
-    from mbsvib.equilibrium.balance import Balance
-    from mbsvib.equilibrium.motion import PosedModel
 
 M = TypeVar("M", bound=Mechanism)
 
@@ -37,17 +33,10 @@ def preloaded(model: M, selection: Sequence[Any] | str | bool) -> M:
     """Return the model with the preloads that hold it; see ``Model.equilibrium``.
 
     The preloads have the least norm, with moments divided by the size of the model.
-
-    Raises
-    ------
-    ModelError
-        If a name or pattern selects no spring, or only springs without stiffness.
-    EquilibriumError
-        If no preload of these holds the pose.
     """
     names = _selected(model, selection)
     none = {name: form.arguments(None) for name, form in _forms(model, names, 1.0).items()}
-    at = posed_model(static_model(changed(model, none)), start(model))
+    at = posed_model(static_model(changed(model, none)))
     forms = _forms(model, names, at.size)
     wrenches = _balancing(at, balance(at), forms, [1.0] * len(forms))
     result = changed(model, {name: none[name] | form.arguments(wrench)
@@ -69,7 +58,7 @@ def without_rounding(model: M) -> M:
     The length L of a spring of stiffness k resolves no force below eps k L. Where that is more than the check of
     statics accepts, the spring is given its force as a preload.
     """
-    at = posed_model(static_model(model), start(model))
+    at = posed_model(static_model(model))
     forces = balance(at)
     if forces.strict_share <= RESIDUAL:
         return model

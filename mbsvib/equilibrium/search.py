@@ -6,15 +6,13 @@ from typing import TYPE_CHECKING, TypeVar
 
 from mbsvib.common.expected import names
 from mbsvib.equilibrium.articulation import articulated
-from mbsvib.equilibrium.balance import balance
+from mbsvib.equilibrium.balance import balance, unbalanced_force
 from mbsvib.equilibrium.couplers import check_couplers
 from mbsvib.equilibrium.linear_range import warn_beyond
-from mbsvib.equilibrium.load_steps import with_share
-from mbsvib.equilibrium.messages import unbalanced_force
-from mbsvib.equilibrium.motion import posed_model
+from mbsvib.equilibrium.motion import PosedModel, posed_model
 from mbsvib.equilibrium.moved_parts import model_in_pose, static_model
-from mbsvib.equilibrium.path import BALANCED, descend, follow, is_stable, stiffness
-from mbsvib.equilibrium.pose import start
+from mbsvib.equilibrium.path import BALANCED, SearchResult, descend, follow, is_stable, stiffness, with_share
+from mbsvib.equilibrium.pose import Pose
 from mbsvib.equilibrium.preloads import without_rounding
 from mbsvib.equilibrium.report import Equilibrium, displacements
 from mbsvib.errors import EquilibriumError, ModelError
@@ -24,29 +22,18 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.equilibrium.motion import PosedModel
-    from mbsvib.equilibrium.path import SearchResult
-    from mbsvib.equilibrium.pose import Pose
 
 M = TypeVar("M", bound=Mechanism)
 
 
 def equilibrium(model: M, snap: bool = False, cut: Sequence[str] = ()) -> Equilibrium[M]:
-    """Return the model in equilibrium; see ``Model.equilibrium``.
-
-    Raises
-    ------
-    EquilibriumError
-        If no such pose can be reached.
-    """
+    """Return the model in equilibrium; see ``Model.equilibrium``."""
     cut = tuple(names(cut, "equilibrium", "cut", ModelError))
-    articulated_model = static_model(articulated(model))
-    pose = start(articulated_model)
-    first = posed_model(articulated_model, pose, cut)
+    first = posed_model(static_model(articulated(model)), cut=cut)
     before = balance(first)
     if before.share <= BALANCED:
-        model_there = balanced_model(model, pose)
-        return Equilibrium(model_there, 0, (before.share,), (), _displacements(model, pose))
+        model_there = balanced_model(model, first.pose)
+        return Equilibrium(model_there, 0, (before.share,), (), _displacements(model, first.pose))
     result = descend(first) if snap or not _is_held(first) else follow(first)
     if result.stopped:
         raise _unreachable(result)

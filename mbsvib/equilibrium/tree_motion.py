@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.topology import Topology
 
 ORIGIN = (0.0, 0.0, 0.0)
+DIAGONAL = np.arange(4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +31,8 @@ class Tree:
     one more for the second of two successive rotations. Of these joints (j,), ``group`` (j,) is the first group and
     ``body`` (j,) the outer body. The other arrays hold numbers of joints (k,) among these: ``then`` (2, k) of those
     with a second group, and that group; ``back`` of those whose second body is the inner one; ``rod`` of distance
-    joints, with their ``length`` (k, 1). ``levels`` are the bodies and their parents from level to level of the tree,
-    without the bodies that are joined to ground.
+    joints, with their ``length`` (k, 1). ``carried`` are the bodies that are not joined to ground, and ``parent`` the
+    bodies that carry them; ``levels`` are the slices of both that belong to one level of the tree, from ground on.
     """
 
     start: Index
@@ -40,7 +42,9 @@ class Tree:
     back: Index
     rod: Index
     length: Array
-    levels: tuple[tuple[Index, Index], ...]
+    carried: Index
+    parent: Index
+    levels: tuple[slice, ...]
 
     def moved(self, pose: Pose, coordinates: Twists, q: Array) -> Pose:
         """Return the pose after finite joint motions, one coordinate after the other along the tree.
@@ -59,7 +63,6 @@ class Tree:
         Pose
             The pose after it.
         """
-        centres = pose.centre
         sums = np.add.reduceat(np.concatenate((coordinates.linear, coordinates.angular)) * q, self.start, axis=1).T
         rotations, shifts = exponential(sums[:, 3:]), sums.take(self.group, axis=0)[:, :3]
         turned = rotations.take(self.group, axis=0)
@@ -68,22 +71,23 @@ class Tree:
         if len(self.rod):
             shifts[self.rod] = self._swing(pose, coordinates, shifts[self.rod])
         # the second body goes from x to p + shift + rotation (x - p), the first one the other way round
+        centres = pose.centre
         arm = centres.take(self.body, axis=0) - coordinates.point.take(self.start[self.group], axis=1).T
         if len(self.back):
             arm[self.back] -= shifts[self.back]
             shifts[self.back] *= -1.0
             turned[self.back] = turned[self.back].swapaxes(-1, -2)
-        centre, turn = centres.copy(), np.empty((len(centres), 3, 3))
-        centre[self.body] += shifts + ((turned - IDENTITY) @ arm[..., None])[..., 0]
-        turn[:] = IDENTITY
-        turn[self.body] = turned
-        for body, parent in self.levels:
-            # x moves with the parent: by its translation, and by its rotation less 1 times the arm
-            rotation, before, x = turn.take(parent, axis=0), centres.take(parent, axis=0), centre.take(body, axis=0)
-            turn[body] = rotation @ turn.take(body, axis=0)
-            translation = centre.take(parent, axis=0) - before
-            centre[body] = x + translation + ((rotation - IDENTITY) @ (x - before)[..., None])[..., 0]
-        return pose.moved_to(centre, turn)
+        # a motion is [R - 1, u] with the translation u of the centre of mass, here first that by the body's own joint
+        motion = np.zeros((len(centres), 3, 4))
+        motion[self.body, :, :3] = turning = turned - IDENTITY
+        motion[self.body, :, 3] = shifts + (turning @ arm[..., None])[..., 0]
+        carried = np.zeros((len(self.carried), 4, 4))
+        carried[:, :3] = motion.take(self.carried, axis=0)
+        carried[:, :3, 3] += centres.take(self.carried, axis=0) - centres.take(self.parent, axis=0)
+        carried[:, DIAGONAL, DIAGONAL] += 1.0
+        for level in self.levels:
+            motion[self.carried[level]] += motion.take(self.parent[level], axis=0) @ carried[level]
+        return pose.moved_by(motion)
 
     def _swing(self, pose: Pose, coordinates: Twists, across: Array) -> Array:
         """Displacements of the ends of rods (k, 3) along arcs whose lengths are the coordinates ``across``."""
@@ -109,6 +113,8 @@ def tree_of(topology: Topology) -> Tree:
     for branch in topology.branches:
         depth[branch.body] = depth[branch.parent] + 1
         levels.setdefault(depth[branch.body], []).append((branch.body, branch.parent))
+    carried = [pair for k in range(1, len(levels)) for pair in levels[k]]
+    ends = list(accumulate([len(levels[k]) for k in range(1, len(levels))], initial=0))
     column = 0
     floats = [branch for branch in topology.branches if branch.joint == FLOATS]
     for branch in sorted(topology.branches, key=lambda branch: branch.joint)[len(floats) :] + floats:
@@ -130,6 +136,6 @@ def tree_of(topology: Topology) -> Tree:
         np.array(start, dtype=np.intp), np.array(group, dtype=np.intp), np.array(body, dtype=np.intp),
         np.array(then, dtype=np.intp).reshape(-1, 2).T, np.array(back, dtype=np.intp),
         np.array([k for k, _ in rods], dtype=np.intp), np.array([[length] for _, length in rods]),
-        tuple([(bodies, parents) for bodies, parents in (np.array(levels[k], dtype=np.intp).T
-                                                         for k in range(1, len(levels)))]),
+        np.array([body for body, _ in carried], dtype=np.intp),
+        np.array([parent for _, parent in carried], dtype=np.intp), tuple(map(slice, ends[:-1], ends[1:])),
     )  # fmt: skip

@@ -13,7 +13,7 @@ from mbsvib.feedback.feedback_loop import FeedbackLoop
 from mbsvib.feedback.participation import eigen
 from mbsvib.feedback.resolution import Resolution
 from mbsvib.linalg.discrete import tustin
-from mbsvib.responses.frequency_grid import resolving_frequencies, span
+from mbsvib.responses.frequency_grid import frequency_grid
 
 if TYPE_CHECKING:
 
@@ -220,12 +220,8 @@ class SampledLoop(FeedbackLoop):
         ResponseError
             If a name is unknown, n is less than 2, or f_min and f_max are not positive and in ascending order.
         """
-        part, poles = self.continuous.with_ports(outputs, inputs), self.poles()
-        zeros = [part.transmission_zeros(y, u) for y in part.outputs for u in part.inputs]
-        low, high = span(poles, f_min, f_max)
-        if f_max is None:
-            high = min(high, 0.5 * self.rate)
-        return 2.0 * np.pi * resolving_frequencies(np.concatenate((poles, *zeros)), poles, low, high, n)
+        return frequency_grid(self.continuous.with_ports(outputs, inputs), self.poles(), n, f_min=f_min, f_max=f_max,
+                              highest=0.5 * self.rate)  # fmt: skip
 
     def state_space(self, realization: str = "modal") -> NoReturn:
         """Refuse: samples have no continuous equations.

@@ -21,21 +21,19 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, eigh
 
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.elements import beam_expansion, superelement_expansion
-from mbsvib.elements.beam import Beam
-from mbsvib.elements.superelement import Superelement
+from mbsvib.elements.elastic_families import elastic_parts
+from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.errors import ModelError
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.linalg.rank import MASSLESS
 from mbsvib.linalg.rotations import skew
+from mbsvib.mechanism.mechanism import GROUND, Mechanism
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.elastic_part import ElasticPart, Slopes
     from mbsvib.elements.shared_rows import Node, SharedRows
-    from mbsvib.mechanism.mechanism import Mechanism
 
 
 ALL_SIX = (0, 1, 2, 3, 4, 5)
@@ -115,12 +113,10 @@ class ElasticBlock:
 def elastic_blocks(model: Mechanism) -> tuple[ElasticBlock, ...]:
     """Return all beams and superelements of a mechanism as elastic blocks."""
     used = _used(model)
-    result = []
-    for part in model.composed.values():
-        block = _BLOCKS[type(part)](part, model, used)
+    blocks = tuple([_block(part, model, used) for part in model.composed.values()])
+    for block in blocks:
         _check_carrier(model, block)
-        result.append(block)
-    return tuple(result)
+    return blocks
 
 
 def with_interface(block: ElasticBlock, touched: Mapping[str, tuple[int, ...]]) -> ElasticBlock:
@@ -129,7 +125,7 @@ def with_interface(block: ElasticBlock, touched: Mapping[str, tuple[int, ...]]) 
     ``touched``: these directions by the names of links; all of those that are not named.
     """
     held = tuple([touched.get(joint, ALL_SIX) for joint in block.joints])
-    columns = [6 * i + j for i in block.elastic for j in range(6)] + list(range(6 * len(block.points), len(block.mass)))
+    columns = _columns(block.elastic, len(block.points), block.internal)
     retained = [6 * k + d for k, directions in zip(block.interface, held, strict=True) for d in directions]
     modes, static, values = _craig_bampton(block.mass[np.ix_(columns, columns)], block.stiffness, retained)
     return replace(block, held=held, modes=modes, static=static, eigenvalues=values)
@@ -148,70 +144,50 @@ def _used(model: Mechanism) -> set[str]:
     return result
 
 
-def _of_beam(beam: Beam, model: Mechanism, used: set[str]) -> ElasticBlock:
-    rest, flexible = beam.without_forces(), beam_expansion.elastic_part(beam)
-    points = np.array(rest.points)
-    elastic = tuple([i for i in range(len(points)) if beam.body_of(i) != beam.root])
-    names = {beam.body_of(i): i for i in reversed(range(len(points)))}
-    mass = _matrix(beam_expansion.masses(rest), names, points, 0)
-    damping = _matrix(beam_expansion.dampers(rest), names, points, 0)
-    masses, centres = beam.node_weights()
-    weights = np.outer(masses, model.gravity or (0.0, 0.0, 0.0)), centres - np.array(beam.points)
-    return _block(flexible, points, elastic, 0, mass, damping, beam.beta, weights, used)
-
-
-def _of_superelement(part: Superelement, model: Mechanism, used: set[str]) -> ElasticBlock:
-    falls = model.gravity is not None and any(model.gravity)
-    if falls and superelement_expansion.elastic_part(part).root != "ground":
+def _block(part: Any, model: Mechanism, used: set[str]) -> ElasticBlock:
+    flexible, = elastic_parts([part], model.gravity)
+    if flexible.force is not None and flexible.root != GROUND:
         raise ModelError(
-            f"superelement '{part.name}': gravity on a superelement that a moving body carries has no statement in "
+            f"{part.family} '{part.name}': gravity on a {part.family} that a moving body carries has no statement in "
             f"finite motion yet; leave gravity out, or give its weight as loads on its nodes.", element=part.name,
         )  # fmt: skip
-    flexible = superelement_expansion.elastic_part(part, model.gravity)
-    points = np.array(part.points_without_forces)
-    count = len(points)
-    elastic = tuple([i for i in range(count) if i != part.root_node and part.body_of(i) != flexible.root])
-    names = {part.body_of(i): i for i in range(count)}
-    names |= {name: count + i for i, name in enumerate(part.carriers)}
-    mass = _matrix(superelement_expansion.masses(part), names, points, part.internal)
-    damped = [piece for piece in superelement_expansion.elastic(part) if piece.damping is not None]
-    damping = _matrix(damped, names, points, part.internal)
-    return _block(flexible, points, elastic, part.internal, mass, damping, 0.0, (np.zeros((count, 3)),) * 2, used)
-
-
-_BLOCKS: dict[type, Callable[[Any, Mechanism, set[str]], ElasticBlock]] = {
-    Beam: _of_beam, Superelement: _of_superelement,
-}  # fmt: skip
-
-
-def _block(
-    part: ElasticPart, points: Array, elastic: tuple[int, ...], internal: int, mass: Array, damping: Array,
-    beta: float, weights: tuple[Array, Array], used: set[str],
-) -> ElasticBlock:  # fmt: skip
+    rest = part.without_forces()
+    expansion, points = EXPANSIONS[type(part)](rest), np.array(rest.points)
+    count, internal = len(points), flexible.internal
+    station_of = {part.body_of(i): i for i in reversed(range(count))}
+    station_of |= {name: count + i for i, name in enumerate(part.carriers)}
+    dampers = [rows for rows in expansion.elastic if rows.damping is not None]
+    mass, damping = (_matrix(rows, station_of, points, internal) for rows in (expansion.mass, dampers))
+    elastic = tuple([i for i in range(count) if part.body_of(i) != part.root])
+    weights, centres = part.node_weights()
     # nodes that the root holds as well do not move against it
-    moving = [k for k, (body, _) in enumerate(part.nodes) if body != part.root]
-    inner_ones = range(6 * len(part.nodes), part.rows.shape[1])
-    moving_columns = [6 * k + j for k in moving for j in range(6)] + list(inner_ones)
-    rows, state = part.rows[:, moving_columns], part.state[moving_columns]
-    force = np.zeros(len(state)) if part.force is None else part.force[moving_columns]
-    nodes = [(part.names[k], part.nodes[k][0]) for k in moving]
-    stiffness = rows.T @ (part.values[:, None] * rows)
+    moving = [k for k, (body, _) in enumerate(flexible.nodes) if body != part.root]
+    columns = _columns(moving, len(flexible.nodes), internal)
+    rows, state, values = flexible.rows[:, columns], flexible.state[columns], flexible.values
+    row_damping = np.zeros(len(values)) if flexible.damping is None else flexible.damping
+    stiffness, relative_damping = (rows.T @ (value[:, None] * rows) for value in (values, row_damping))
+    nodes = [(flexible.names[k], flexible.nodes[k][0]) for k in moving]
     interface = tuple([k for k, (_, body) in enumerate(nodes) if body in used])
-    columns = [6 * i + j for i in elastic for j in range(6)] + list(range(6 * len(points), len(mass)))
-    elastic_mass = mass[np.ix_(columns, columns)]
-    modes, static, values = _craig_bampton(elastic_mass, stiffness, [6 * k + j for k in interface for j in range(6)])
+    own = _columns(elastic, count, internal)
+    held = [6 * k + j for k in interface for j in range(6)]
+    modes, static, eigenvalues = _craig_bampton(mass[np.ix_(own, own)], stiffness, held)
+    bending = None
+    if flexible.slopes is not None:
+        axial, number = np.unique(flexible.slopes.rows, return_inverse=True)
+        bending = Bending(rows[axial], values[axial], row_damping[axial], flexible.slopes.matrix[:, columns],
+                          flexible.slopes.weights, number)  # fmt: skip
     return ElasticBlock(
-        part.owner, part.root, points, elastic, internal, state, mass, damping, beta * stiffness, stiffness, *weights,
-        force, interface, tuple([nodes[k][0] for k in interface]), tuple([nodes[k][1] for k in interface]),
-        (ALL_SIX,) * len(interface), modes, static, values, tuple([body for _, body in nodes]),
-        None if part.slopes is None else _bending(part, part.slopes, moving_columns, beta),
+        part.name, part.root, points, elastic, internal, state, mass, damping, relative_damping, stiffness,
+        np.outer(weights, model.gravity or (0.0, 0.0, 0.0)), centres - np.array(part.points),
+        np.zeros(len(state)) if flexible.force is None else flexible.force[columns], interface,
+        tuple([nodes[k][0] for k in interface]), tuple([nodes[k][1] for k in interface]),
+        (ALL_SIX,) * len(interface), modes, static, eigenvalues, tuple([body for _, body in nodes]), bending,
     )  # fmt: skip
 
 
-def _bending(part: ElasticPart, slopes: Slopes, columns: list[int], beta: float) -> Bending:
-    axial, number = np.unique(slopes.rows, return_inverse=True)
-    return Bending(part.rows[axial][:, columns], part.values[axial], beta * part.values[axial],
-                   slopes.matrix[:, columns], slopes.weights, number)  # fmt: skip
+def _columns(nodes: Sequence[int], count: int, internal: int) -> list[int]:
+    """Numbers of the coordinates of some of ``count`` nodes, and of all internal ones."""
+    return [6 * i + j for i in nodes for j in range(6)] + list(range(6 * count, 6 * count + internal))
 
 
 def _craig_bampton(mass: Array, stiffness: Array, interface: list[int]) -> tuple[Array, Array, Array]:

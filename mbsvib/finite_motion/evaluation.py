@@ -12,14 +12,10 @@ if TYPE_CHECKING:
 
 
 class Called:
-    """A function of its first argument alone, evaluated in place: calls take microseconds where it is short.
+    """A function of CasADi with dense outputs, of its first argument alone, evaluated in place.
 
-    Parameters
-    ----------
-    function : casadi.Function
-        Any function whose outputs are dense.
-    *arguments : array, shape (k,)
-        All its arguments; values of the first do not count.
+    Calls take microseconds where it is short. ``arguments`` (k,) are all its arguments; values of the first do not
+    count.
     """
 
     def __init__(self, function: ca.Function, *arguments: Array) -> None:

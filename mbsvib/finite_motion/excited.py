@@ -11,7 +11,7 @@ from mbsvib.elements.body import Body
 from mbsvib.elements.joint import make as make_joint
 from mbsvib.finite_motion.elastic_nodes import point_as_described
 from mbsvib.linalg.groups import part_numbers
-from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.mechanism.mechanism import GROUND, Mechanism
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.finite_motion.elastic_block import ElasticBlock
     from mbsvib.finite_motion.lagrange import FiniteMotion
-    from mbsvib.mechanism.mechanism import Mechanism
 
 # Derivatives below this share of the largest of their kind are rounding of zeros.
 ROUNDING = 1e-11
@@ -68,8 +67,7 @@ def touched(statement: FiniteMotion, blocks: Sequence[ElasticBlock]) -> dict[str
     size = np.zeros(len(names))
     for _ in range(STATES):
         where, rates = (SIZE * generator.standard_normal(len(names)) for _ in range(2))
-        values = np.abs(np.asarray(function(where, rates, 0.1 * np.ones(statement.yields.shape),
-                                            np.tile(np.eye(3).reshape(-1), len(motion.based)))))  # fmt: skip
+        values = np.abs(np.asarray(function(where, rates, 0.1 * np.ones(statement.yields.shape), motion.no_turns)))
         values /= np.maximum(values.max(axis=0), 1e-300)
         size = np.maximum(size, values.max(axis=1, initial=0.0))
     return {joint: tuple([d for d in range(6) if size[k + d] > ROUNDING]) for joint, k in number_of.items()}
@@ -113,7 +111,7 @@ def _coupling(
     """
     motion, n = statement.motion, len(statement.motion.names)
     generator = np.random.default_rng(0)
-    yields, bases = np.zeros(statement.yields.shape), np.tile(np.eye(3).reshape(-1), len(motion.based))
+    yields, bases = np.zeros(statement.yields.shape), motion.no_turns
     links, force = np.zeros((n, n)), np.zeros(n)
     rows = np.zeros((statement.jacobian.shape[0], n))
     inside = np.zeros(n, dtype=bool)

@@ -50,6 +50,11 @@ def rate(expression: Expression, q: Expression, qd: Expression) -> Expression:
     return ca.jtimes(expression, q, qd)
 
 
+def rate_in_motion(expression: Expression, q: Expression, qd: Expression, qdd: Expression) -> Expression:
+    """Return the time derivative of an expression of coordinates q and rates qd (n,) with accelerations qdd (n,)."""
+    return ca.jtimes(expression, q, qd) + ca.jtimes(expression, qd, qdd)
+
+
 def angular_velocity(frame: Frame, q: Expression, qd: Expression) -> Expression:
     """Return the angular velocity (3,) [rad/s] of a body, in the axes that turn with it.
 

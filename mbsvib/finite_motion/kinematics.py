@@ -15,19 +15,19 @@ from mbsvib.finite_motion.elastic_nodes import coordinates_of, node_displacement
 from mbsvib.finite_motion.frames import REST, Frame, angular_velocity, rate
 from mbsvib.finite_motion.joints import displacement, openings, small_displacement, virtual_displacement
 from mbsvib.finite_motion.rotations import Expression
-from mbsvib.mechanism.mechanism import GROUND
-from mbsvib.mechanism.topology import FLOATS, cut_elsewhere, span
+from mbsvib.mechanism.mechanism import GROUND, Mechanism
+from mbsvib.mechanism.topology import FLOATS, Topology, cut_elsewhere, span
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
+    from mbsvib.common.arrays import Array
     from mbsvib.elements import Joint
+    from mbsvib.elements.coupler import Coupling
     from mbsvib.finite_motion.elastic_block import ElasticBlock
     from mbsvib.finite_motion.numbers import Numbers
-    from mbsvib.mechanism.mechanism import Mechanism
-    from mbsvib.mechanism.topology import Branch, Topology
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,15 @@ class Kinematics:
     bases: Expression
     based: tuple[str, ...]
     elastic: Mapping[str, tuple[Expression, Expression]] = field(default_factory=dict)
+
+    @property
+    def no_turns(self) -> Array:
+        """Bases (9 b,) in the pose as described."""
+        return np.tile(np.eye(3).reshape(-1), len(self.based))
+
+    def scales(self, size: float) -> tuple[Array, Array]:
+        """Return units (n,) of coordinates and (rows,) of closures: 1 rad, or the size of the mechanism [m]."""
+        return np.where(self.turns, 1.0, size), np.where(self.closure_turns, 1.0, size)
 
     def point(self, body: str, at: Expression) -> Expression:
         """Return where the point (3,) of a body is that was ``at`` [m] as described."""
@@ -88,71 +97,107 @@ def kinematics(
     of the second body against the first, and of the ground itself.
     """
     topology = span(model, coupled_in_tree(model) if cut is None else cut)
-    ways = {branch.joint: branch for branch in topology.branches if branch.joint != FLOATS}
-    joints = {topology.joints[k].name: (topology.joints[k], ways[k]) for k in sorted(ways)}
-    floating = {b.body: _floating(topology, model, b) for b in topology.branches if b.joint == FLOATS}
-    order = [*joints.values(), *((floating[k], None) for k in topology.floating)]
+    branches = {branch.joint: branch for branch in topology.branches if branch.joint != FLOATS}
+    joints = {branches[k].body: topology.joints[k] for k in sorted(branches)}
+    joints |= {k: _floating(topology, model, k) for k in topology.floating}
     links = {name: (block, k) for block in blocks for k, name in enumerate(block.joints)}
-    by_joint = {joint.name: _directions(joint, links) for joint, _ in order}
-    names = [f"{joint}.{d}" for joint in by_joint for d in by_joint[joint] if f"{joint}.{d}" not in inactive]
-    names += [name for block in blocks for name in block.mode_names if name not in inactive]
-    names += [f"{joint}.virtual.{d}" for joint in virtual for d in DIRECTIONS]
-    turns = [name.rpartition(".")[2][0] == "r" for name in names]
+    by_joint = {joint.name: _directions(joint, links) for joint in joints.values()}
+    names = [f"{joint}.{d}" for joint in by_joint for d in by_joint[joint]]
+    names += [name for block in blocks for name in block.mode_names]
+    names = [name for name in names if name not in inactive] + [f"{v}.virtual.{d}" for v in virtual for d in DIRECTIONS]
     q, qd = ca.SX.sym("q", len(names)), ca.SX.sym("qd", len(names))
     symbol = {name: q[i] for i, name in enumerate(names)}
-
-    def values(names: Iterable[str]) -> Expression:
-        return ca.vertcat(*(symbol.get(name, ca.SX(0.0)) for name in names))
-
-    three_rotations = [joint.name for joint, _ in order if len(joint.rotation_axes) == 3]
-    based = tuple(three_rotations) if bases else ()
+    based = tuple([joint.name for joint in joints.values() if bases and len(joint.rotation_axes) == 3])
     symbols = ca.SX.sym("base", 9 * len(based))
-    extra = {name: values(f"{name}.virtual.{d}" for d in DIRECTIONS) for name in virtual}
+    base_of = {name: ca.reshape(symbols[9 * k : 9 * k + 9], 3, 3) for k, name in enumerate(based)}
+    tree = _Tree(model, numbers, symbol, by_joint, base_of, links, virtual)
     frames: dict[str, Frame] = {GROUND: REST}
-    if GROUND in extra:
-        frames[GROUND] = small_displacement(ca.SX.eye(3), ca.SX.zeros(3), extra[GROUND])
+    if GROUND in virtual:
+        frames[GROUND] = small_displacement(ca.SX.eye(3), ca.SX.zeros(3), tree.virtual_values(GROUND))
     for branch in topology.branches:
-        joint = floating[branch.body] if branch.joint == FLOATS else topology.joints[branch.joint]
-        own_q = values(f"{joint.name}.{d}" for d in by_joint[joint.name])
-        base = None
-        if joint.name in based:
-            k = 9 * based.index(joint.name)
-            base = ca.reshape(symbols[k : k + 9], 3, 3)
-        if joint.name in links:
-            block, k = links[joint.name]
-            both = ca.vertcat(values(block.mode_names), values(block.interface_names))
-            motion = node_displacement(block, block.interface[k], both)
-        else:
-            motion = displacement(joint, numbers, own_q, base)
-        if joint.name in extra:
-            motion = virtual_displacement(joint, numbers, model.bodies, motion, extra[joint.name]).then(motion)
+        relative = tree.displacement(joints[branch.body])
         parent = GROUND if branch.parent == len(topology.bodies) else topology.bodies[branch.parent]
-        frames[topology.bodies[branch.body]] = frames[parent].then(motion if branch.sign > 0 else motion.inverse())
-    rows: list[tuple[str, Expression, bool]] = []
-    for k in topology.cut:
-        joint = topology.joints[k]
-        if joint.name in links:  # its coordinates follow
-            continue
-        relative = frames[joint.second].seen_from(frames[joint.first])
-        if joint.name in extra:
-            moved = virtual_displacement(joint, numbers, model.bodies, relative, extra[joint.name])
-            relative = moved.inverse().then(relative)
-        rows += [(f"{joint.name}.{name}", value, name[0] == "r") for name, value in openings(joint, numbers, relative)]
-    for part in model.couplers.values():
-        absent = next((name for name, _ in part.terms if name not in symbol and name not in inactive), None)
-        if absent is not None:
-            joint_name = absent.rpartition(".")[0]
-            raise ModelError(f"coupler '{part.name}': joint '{joint_name}' of its coordinate '{absent}' is cut, so "
-                             f"that the tree has no such coordinate; cut another joint of that loop: "
-                             f"linearize(cut=[...]).", element=part.name)  # fmt: skip
-        rows.append((part.name, sum((value * symbol[name] for name, value in part.terms), ca.SX(0.0)),
-                     all(name.rpartition(".")[2][0] == "r" for name, _ in part.terms)))  # fmt: skip
+        frames[topology.bodies[branch.body]] = frames[parent].then(relative if branch.sign > 0 else relative.inverse())
+    # the coordinates of links that are cut follow
+    cut_joints = [topology.joints[k] for k in topology.cut if topology.joints[k].name not in links]
+    rows = [row for joint in cut_joints for row in tree.openings(joint, frames)]
+    rows += [_coupled(part, symbol, inactive) for part in model.couplers.values()]
     return Kinematics(
-        topology, numbers, tuple(names), np.array(turns, dtype=bool), q, qd, frames,
+        topology, numbers, tuple(names), np.array([_turns(name) for name in names], dtype=bool), q, qd, frames,
         ca.vertcat(*(value for _, value, _ in rows)) if rows else ca.SX.zeros(0),
         tuple([name for name, _, _ in rows]), np.array([turn for _, _, turn in rows], dtype=bool), symbols, based,
-        {block.name: (_interface(block, values, by_joint, frames), values(block.mode_names)) for block in blocks},
+        {block.name: (tree.interface(block, frames), tree.values(block.mode_names)) for block in blocks},
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Tree:
+    """Displacements of joints by symbols of coordinates; those without a symbol are zero.
+
+    ``directions`` are those of the coordinates of each joint of the tree, ``base_of`` rotations on top of which others
+    come, ``links`` the blocks and numbers of interface nodes, ``virtual`` joints with virtual displacements.
+    """
+
+    model: Mechanism
+    numbers: Numbers
+    symbol: Mapping[str, Expression]
+    directions: Mapping[str, tuple[str, ...]]
+    base_of: Mapping[str, Expression]
+    links: Mapping[str, tuple[ElasticBlock, int]]
+    virtual: Sequence[str]
+
+    def values(self, names: Iterable[str]) -> Expression:
+        return ca.vertcat(*(self.symbol.get(name, ca.SX(0.0)) for name in names))
+
+    def virtual_values(self, joint: str) -> Expression:
+        return self.values(f"{joint}.virtual.{d}" for d in DIRECTIONS)
+
+    def displacement(self, joint: Joint) -> Frame:
+        """The displacement of the second body of a joint of the tree against the first."""
+        if joint.name in self.links:
+            block, k = self.links[joint.name]
+            both = ca.vertcat(self.values(block.mode_names), self.values(block.interface_names))
+            result = node_displacement(block, block.interface[k], both)
+        else:
+            own = self.values(f"{joint.name}.{d}" for d in self.directions[joint.name])
+            result = displacement(joint, self.numbers, own, self.base_of.get(joint.name))
+        return self._moved(joint, result).then(result) if joint.name in self.virtual else result
+
+    def openings(self, joint: Joint, frames: Mapping[str, Frame]) -> list[tuple[str, Expression, bool]]:
+        """Names of the locked directions of a cut joint, how far it is open, and whether that is a rotation."""
+        relative = frames[joint.second].seen_from(frames[joint.first])
+        if joint.name in self.virtual:
+            relative = self._moved(joint, relative).inverse().then(relative)
+        return [(f"{joint.name}.{name}", value, name[0] == "r")
+                for name, value in openings(joint, self.numbers, relative)]  # fmt: skip
+
+    def interface(self, block: ElasticBlock, frames: Mapping[str, Frame]) -> Expression:
+        """Displacements b of the interface of a block: coordinates of the tree, or what follows from the frames."""
+        return ca.vertcat(*(
+            self.values(f"{joint}.{DIRECTIONS[d]}" for d in held) if joint in self.directions else
+            coordinates_of(block, station, frames[body].seen_from(frames[block.root]))
+            for joint, body, station, held in zip(block.joints, block.bodies, block.interface, block.held, strict=True)
+        ))  # fmt: skip
+
+    def _moved(self, joint: Joint, relative: Frame) -> Frame:
+        return virtual_displacement(joint, self.numbers, self.model.bodies, relative, self.virtual_values(joint.name))
+
+
+def _turns(name: str) -> bool:
+    return name.rpartition(".")[2][0] == "r"
+
+
+def _coupled(
+    part: Coupling, symbol: Mapping[str, Expression], inactive: Collection[str]
+) -> tuple[str, Expression, bool]:
+    """Name of a coupler, the sum that it holds at zero, and whether that is of rotations only."""
+    for name, _ in part.terms:
+        if name not in symbol and name not in inactive:
+            raise ModelError(f"coupler '{part.name}': joint '{name.rpartition('.')[0]}' of its coordinate '{name}' is "
+                             f"cut, so that the tree has no such coordinate; cut another joint of that loop: "
+                             f"linearize(cut=[...]).", element=part.name)  # fmt: skip
+    total = sum((value * symbol[name] for name, value in part.terms), ca.SX(0.0))
+    return part.name, total, all(_turns(name) for name, _ in part.terms)
 
 
 def _directions(joint: Joint, links: Mapping[str, tuple[ElasticBlock, int]]) -> tuple[str, ...]:
@@ -163,22 +208,9 @@ def _directions(joint: Joint, links: Mapping[str, tuple[ElasticBlock, int]]) -> 
     return tuple([DIRECTIONS[d] for d in block.held[k]])
 
 
-def _interface(
-    block: ElasticBlock, values: Callable[[Iterable[str]], Expression], by_joint: Collection[str],
-    frames: Mapping[str, Frame],
-) -> Expression:  # fmt: skip
-    """Displacements b of the interface of a block: coordinates of the tree, or what follows from the frames."""
-    parts = [
-        values(f"{joint}.{DIRECTIONS[d]}" for d in held) if joint in by_joint else
-        coordinates_of(block, station, frames[body].seen_from(frames[block.root]))
-        for joint, body, station, held in zip(block.joints, block.bodies, block.interface, block.held, strict=True)
-    ]  # fmt: skip
-    return ca.vertcat(*parts)
-
-
-def _floating(topology: Topology, model: Mechanism, branch: Branch) -> Joint:
+def _floating(topology: Topology, model: Mechanism, body: int) -> Joint:
     """The free joint on which a floating body hangs, called like the body."""
-    name = topology.bodies[branch.body]
+    name = topology.bodies[body]
     return make_joint(name, "free", GROUND, name, model.bodies[name].position, None, None, None, None, None)
 
 

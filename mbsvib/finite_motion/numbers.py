@@ -22,20 +22,7 @@ ENDS = {"inertia": ("xx", "yy", "zz", "xy", "xz", "yz"), "stiffness": DIRECTIONS
 
 
 class Numbers:
-    """The numbers of parts by name; those of ``parameters`` are symbols.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    parameters : sequence of str
-        Names of numbers that are to be symbols, ``"crank.mass"``.
-
-    Raises
-    ------
-    ModelError
-        If a name is no parameter of the model, or is given twice.
-    """
+    """The numbers of parts by name; those of ``parameters``, ``"crank.mass"``, are symbols."""
 
     def __init__(self, model: Mechanism, parameters: Sequence[str] = ()) -> None:
         known = model.parameters

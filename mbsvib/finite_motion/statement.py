@@ -9,10 +9,10 @@ import casadi as ca
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.connections import connected
 from mbsvib.finite_motion.elastic import elastic_energies
-from mbsvib.finite_motion.elastic_block import ALL_SIX, elastic_blocks, with_interface
+from mbsvib.finite_motion.elastic_block import ALL_SIX, ElasticBlock, elastic_blocks, with_interface
 from mbsvib.finite_motion.excited import at_rest, touched, with_interfaces
 from mbsvib.finite_motion.forces import base_power, input_power, load_power
-from mbsvib.finite_motion.kinematics import kinematics
+from mbsvib.finite_motion.kinematics import Kinematics, kinematics
 from mbsvib.finite_motion.lagrange import FiniteMotion
 from mbsvib.finite_motion.momentum import of_body, of_rotor
 from mbsvib.finite_motion.numbers import Numbers
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
     from mbsvib.elements import Body
     from mbsvib.elements.rotor import Rotor
-    from mbsvib.finite_motion.elastic_block import ElasticBlock
-    from mbsvib.finite_motion.kinematics import Kinematics
     from mbsvib.finite_motion.rotations import Expression
     from mbsvib.mechanism.mechanism import Mechanism
 

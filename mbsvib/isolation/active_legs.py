@@ -64,9 +64,9 @@ def active_legs(model: Model, legs: Sequence[str] | None) -> tuple[ActiveLeg, ..
     else:
         requested = [hit for name in names(legs, "actuated", "legs", ModelError) for hit in _hits(model, name, known)]
     if not requested and not (legs is not None and model.inputs and model.outputs):
-        raise ModelError(f"active: model '{model.name}' has no line spring beside which an actuator could act, and no "
-                         f"prismatic joint; add legs by add_spring, name directions of bushings (legs=['mount.z']), or "
-                         f"give the model inputs and outputs of its own and say legs=[].", field="legs")  # fmt: skip
+        raise ModelError(f"actuated: model '{model.name}' has no line spring beside which an actuator could act, and "
+                         f"no prismatic joint; add legs by add_spring, name directions of bushings (legs=['mount.z']), "
+                         f"or give the model inputs and outputs of its own and say legs=[].", field="legs")  # fmt: skip
     return tuple([_leg(model, name) for name in dict.fromkeys(requested)])
 
 
@@ -75,10 +75,10 @@ def _hits(model: Model, name: str, known: list[str]) -> list[str]:
     if hits:
         return hits
     if isinstance(model.springs.get(name), Bushing):
-        raise ModelError(f"active: leg '{name}' is a bushing, which has no line; say in which of its directions the "
+        raise ModelError(f"actuated: leg '{name}' is a bushing, which has no line; say in which of its directions the "
                          f"actuator acts: {', '.join(f'{name}.{axis}' for axis in AXES)}.",
                          element=name, field="legs")  # fmt: skip
-    raise ModelError(f"active: leg '{name}' is no line spring, Maxwell element, prismatic joint or direction of a "
+    raise ModelError(f"actuated: leg '{name}' is no line spring, Maxwell element, prismatic joint or direction of a "
                      f"bushing of model '{model.name}'.{nearest(name, known)} It has {', '.join(known) or 'none'}.",
                      element=name, field="legs")  # fmt: skip
 

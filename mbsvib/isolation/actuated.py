@@ -143,7 +143,7 @@ def actuated(
     changed = study_scene.model
     for leg in selected:
         if leg.elements[0] not in changed.springs and leg.elements[0] not in changed.joints:
-            raise ModelError(f"active: leg '{leg.name}' is below the base '{base}'; choose legs above it.",
+            raise ModelError(f"actuated: leg '{leg.name}' is below the base '{base}'; choose legs above it.",
                              element=leg.name, field="legs")  # fmt: skip
     active = active_legs(changed, [leg.name for leg in selected]) if selected else ()
     attached = _attached_bodies(changed, body, {name for leg in active for name in leg.elements})

@@ -36,6 +36,9 @@ def structured_singular_values(
     A loop with ``Delta_i`` in its way, each of a gain below 1 at all frequencies, is stable where mu of what it sees
     stays below 1.
 
+    A real parameter alone counts only at the frequencies where M is real, which a grid misses: mu is 0 beside them. A
+    small complex share e makes it continuous: with ``t = [[1], [sqrt(e)]]``, the blocks 0 (real) and 1 of ``t M t^T``.
+
     Parameters
     ----------
     matrices : array-like, shape (n, n) or (n, n, points)

@@ -29,38 +29,34 @@ PORTS = 2.0**-20
 def balanced(a: Array, b: Array, c: Array, transform: Array) -> tuple[Array, Array, Array, Array, Exponents]:
     """Return first-order equations with their states scaled by powers of two, every bit of their entries kept.
 
-    x = T z,  z' = T^-1 A T z + T^-1 B u,  y = C T z + D u,  T = diag(2^k)
+    x = T z, z' = T^-1 A T z + T^-1 B u, y = C T z + D u, T = diag(2^k), k (n,)
 
-    ``a``, ``b``, ``c`` (n, n), (n, inputs), (outputs, n): first-order equations. ``transform`` (rows, n): matrix from
-    the states to other coordinates. Returns A, B, C and the transform of the scaled states, and k (n,).
+    ``transform`` (rows, n): matrix from the states to other coordinates, which is scaled with them.
     """
     power = exponents(a, b, c)
     while True:
-        scaled = np.ldexp(a, power[None, :] - power[:, None]), np.ldexp(b, -power[:, None]), np.ldexp(c, power)
-        back = (np.ldexp(scaled[0], power[:, None] - power[None, :]), np.ldexp(scaled[1], power[:, None]),
-                np.ldexp(scaled[2], -power))  # fmt: skip
-        scaled_transform = np.ldexp(transform, power)
-        if all(map(np.array_equal, (*back, np.ldexp(scaled_transform, -power)), (a, b, c, transform))):
-            return *scaled, scaled_transform, power
+        result, scaled_transform = scaled_by(power, a, b, c), np.ldexp(transform, power)
+        back = (*scaled_by(-power, *result), np.ldexp(scaled_transform, -power))
+        if all(map(np.array_equal, back, (a, b, c, transform))):
+            return *result, scaled_transform, power
         power = np.trunc(power / 2).astype(np.int64)  # less scaling where numbers leave the range of floating point
 
 
-def scaled(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
-    """Return A, B, C with their states scaled as by ``balanced``.
+def scaled_by(power: Exponents, a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
+    """Return T^-1 A T, T^-1 B, C T with T = diag(2^k), k (n,)."""
+    return np.ldexp(a, power[None, :] - power[:, None]), np.ldexp(b, -power[:, None]), np.ldexp(c, power)
 
-    ``a``, ``b``, ``c`` (n, n), (n, inputs), (outputs, n): first-order equations. Returns T^-1 A T, T^-1 B, C T.
-    """
+
+def scaled(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
+    """Return T^-1 A T, T^-1 B, C T with the states scaled as by ``balanced``."""
     return balanced(a, b, c, np.empty((0, len(a))))[:3]
 
 
 def scaled_matrix(a: Array) -> Array:
-    """Return T^-1 A T, T = diag(2^k), for eigenvalues and participation factors.
+    """Return T^-1 A T (n, n), T = diag(2^k), for eigenvalues and participation factors.
 
     Parts whose states act on each other both ways are balanced each for itself. Between parts that act one way, any
-    scaling is possible: entries there are made small.
-
-    ``a`` (n, n): square matrix. Returns (n, n): the scaled matrix; no entry is rounded, and some between parts may
-    underflow.
+    scaling is possible: entries there are made small, and some may underflow; no entry is rounded.
     """
     part = part_numbers(a != 0.0, strong=True)
     inside, none = part[:, None] == part, np.empty((len(a), 0))
@@ -81,10 +77,9 @@ def scaled_matrix(a: Array) -> Array:
 
 
 def exponents(a: Array, b: Array, c: Array) -> Exponents:
-    """Return k, so that with T = diag(2^k) the rows and columns of [[T^-1 A T, T^-1 B], [C T, 0]] are of like size.
+    """Return k (n,), so that with T = diag(2^k) rows and columns of [[T^-1 A T, T^-1 B], [C T, 0]] are of like size.
 
-    ``a`` (n, n): matrix A. ``b`` (n, inputs): matrix B; the unit of an input does not matter. ``c`` (outputs, n):
-    matrix C; the unit of an output does not matter. Returns (n,): exponents of two.
+    The units of inputs and outputs do not matter.
 
     Source: E. E. Osborne, J. ACM 7 (1960) 338; the stopping rule of LAPACK's gebal.
     """

@@ -21,10 +21,9 @@ LEVELS, ONE_SIDED = 4, 7
 
 
 def slope(of: Callable[[float], Array], step: float, sides: int = 0) -> tuple[Array, Array]:
-    """Return the slope of a function at 0.
+    """Return the slope of a function at 0, and the change by the last extrapolation, an estimate of its error.
 
-    ``sides``: 0: both sides; 1 or -1: arguments of this sign only. Returns slopes, and the change that the last
-    extrapolation made, an estimate of their error.
+    ``sides``: 0: both sides; 1 or -1: arguments of this sign only.
     """
     if sides:
         start = of(0.0)

@@ -19,11 +19,17 @@ def items_of_groups(count: Index) -> tuple[Index, Index]:
     return group, np.arange(len(group)) - np.repeat(np.cumsum(count) - count, count)
 
 
-def part_numbers(links: NDArray[np.bool_] | spmatrix | sparray, strong: bool = False) -> Index:
-    """Return the number, from 0 on, of the connected part of each item.
+def by_label(label: Index) -> list[Index]:
+    """Return the items with each label, ascending, in the order of the labels."""
+    order = np.argsort(label, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(label[order])) + 1) if len(order) else []
 
-    ``links`` (n, n): its nonzero entries link items, in both directions. ``strong``: take each link in one direction
-    only; items of one part then reach each other (strongly connected parts). Returns (n,): numbers of parts.
+
+def part_numbers(links: NDArray[np.bool_] | spmatrix | sparray, strong: bool = False) -> Index:
+    """Return the number (n,), from 0 on, of the connected part of each item, by the nonzero entries of ``links`` (n,
+    n).
+
+    Links work in both directions; ``strong``: in one only, and items of one part reach each other.
     """
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components

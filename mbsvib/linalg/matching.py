@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.linalg.rank import EPS
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
 # many times.
 ALIKE = 0.7
 HALVINGS = 6
-# Eigenvalues that differ by less than this share of the largest coincide.
+# Eigenvalues that differ by less than this share of their own size, or by a rounding of the largest, coincide.
 REPEATED = 1e-9
 
 
@@ -58,7 +60,9 @@ def upper(pairs: Complex) -> Complex:
 
 def clusters(values: Complex) -> Mask:
     """Tell which eigenvalues coincide, shape (modes, modes)."""
-    return np.asarray(np.abs(values[:, None] - values) <= REPEATED * np.abs(values).max(initial=0.0))
+    size = np.abs(values)
+    near = np.maximum(REPEATED * np.maximum(size[:, None], size), EPS * size.max(initial=0.0))
+    return np.asarray(np.abs(values[:, None] - values) <= near)
 
 
 def is_simple(values: Complex) -> Mask:
@@ -67,10 +71,7 @@ def is_simple(values: Complex) -> Mask:
 
 
 def mac(first: NDArray[Any], second: NDArray[Any]) -> Array:
-    """Return the modal assurance criterion of shapes, 1 for equal ones.
-
-    ``first``, ``second`` (rows, modes): weighted shapes. Returns (modes of first, modes of second): modal assurance
-    criterion; 0 for a vector that is zero.
+    """Return the modal assurance criterion of weighted shapes (rows, modes) with others: 1 for equal ones, 0 for zeros.
     """
     return np.asarray(np.abs(_unit(first).conj().T @ _unit(second)) ** 2)
 
@@ -83,11 +84,10 @@ def reference(station: Station) -> Reference:
 def match_next(
     before: Reference, at: float, after: Station, between: Callable[[float], Station] | None, halvings: int = HALVINGS
 ) -> tuple[Index, Reference]:
-    """Match tracks with the modes of the next station, by stations in between where shapes change much.
+    """Return the number of each track's mode at the next station, and the reference for the one after it.
 
-    ``between``: returns the station at a value in between; default: there are none. ``halvings``: how often the
-    interval may be halved. Returns the number of each track's mode at the station, and the reference for the next
-    station.
+    ``between``: returns stations in between, for intervals in which shapes change much; they are halved ``halvings``
+    times.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -114,10 +114,9 @@ def match_next(
 
 
 def track_modes(stations: Sequence[Station], between: Callable[[float], Station] | None = None) -> list[Index]:
-    """Track all modes of the first station.
+    """Return, for each station, the numbers (modes,) of the modes that the tracks of all modes of the first have there.
 
-    ``between``: returns the station at a value between two. Returns (modes,): for each station the numbers of the modes
-    that the tracks have there.
+    ``between``: returns the station at a value between two.
     """
     order = [np.arange(len(stations[0].values))]
     tracks = reference(stations[0])

@@ -15,12 +15,11 @@ if TYPE_CHECKING:
 
 
 def minimum_norm_solution(a: Array, right: Any, limit: float = REDUNDANT_LOOPS) -> Any:
-    """Return the least-squares solution of a x = right of least norm.
+    """Return the least-squares solution (n,) or (n, r) of a x = right of least norm, real or complex.
 
-    ``a`` (k, n): equations with rows and unknowns of like size, of which the largest entries are about 1. ``right``
-    (k,) or (k, r): their right-hand sides, real or complex. ``limit``: singular values up to this limit, or this share
-    of the largest, belong to redundant rows. As a share alone it would take rounding for equations where all rows are
-    redundant. Returns (n,) or (n, r): the solution.
+    ``a`` (k, n) has rows and unknowns of like size, the largest entries about 1. ``limit``: singular values up to it,
+    or this share of the largest, belong to redundant rows; as a share alone it would take rounding for equations where
+    all rows are redundant.
     """
     if right.ndim == 1 and not np.iscomplexobj(right):
         packed, order, tau = pivoted_qr(a)

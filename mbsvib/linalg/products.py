@@ -1,8 +1,9 @@
-"""Gram matrices W^T W and D^T diag(k) D, exactly symmetric; rows that are zero are skipped."""
+"""Gram matrices W^T W and D^T diag(k) D, exactly symmetric, with rows that are zero skipped; other products."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from math import prod
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from mbsvib.common.memory import MANY
 from mbsvib.linalg.rank import ZERO_EIGENVALUE
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from mbsvib.common.arrays import Array, Index
 
 
@@ -62,6 +65,20 @@ def _combined(rows: Array, value: Array) -> Array:
     upper += weighted_gram(rows[~varies], value[0, ~varies])[i, j]
     result[:, i, j] = result[:, j, i] = upper
     return result
+
+
+def product(matrix: Array, values: NDArray[Any]) -> NDArray[Any]:
+    """Return the product (v, ...) of a real matrix (v, k) and numbers (k, ...), complex ones by their two parts."""
+    flat = np.ascontiguousarray(values).reshape(len(values), prod(values.shape[1:]))
+    kind = flat.dtype
+    result: NDArray[Any] = matrix @ (flat.view(float) if kind.kind == "c" else flat)
+    return result.view(kind).reshape(len(matrix), *values.shape[1:])
+
+
+def square_difference(square: Array, w: Array) -> Array:
+    """Return omega^2 - w^2 of squares omega^2, which may be negative; as a product where digits would cancel."""
+    root = np.sqrt(np.abs(square))
+    return np.where(square >= 0.0, (root - w) * (root + w), square - w * w)
 
 
 def single_entries(rows: Array) -> Index | None:

@@ -29,3 +29,9 @@ def triangle(factor: Array) -> Array:
     """Return R upper triangular with R^T R = factor^T factor, from a QR of the factor."""
     m = factor.shape[1]
     return np.triu(lapack.dgeqrf(factor)[0][:m])
+
+
+def gram_solution(factor: Array, right: Array) -> Array:
+    """Return (W^T W)^-1 right, from a QR of the factor W."""
+    root = triangle(factor)
+    return np.asarray(np.linalg.solve(root, np.linalg.solve(root.T, right)))

@@ -46,14 +46,6 @@ def moved(motion: Field, arm: NDArray[np.float64]) -> Field:
     return result
 
 
-def product(matrix: NDArray[np.float64], values: Field) -> Field:
-    """Products of a real matrix (v, k) and numbers (k, ...), complex ones by their two parts."""
-    flat = np.ascontiguousarray(values).reshape(len(values), prod(values.shape[1:]))
-    kind = flat.dtype
-    result: Field = matrix @ (flat.view(float) if kind.kind == "c" else flat)
-    return result.view(kind).reshape(len(matrix), *values.shape[1:])
-
-
 def transformed(matrices: NDArray[np.float64], vectors: Field) -> Field:
     """Return products of matrices (k, i, j) and vectors (k, j, ...)."""
     tail = vectors.shape[2:]

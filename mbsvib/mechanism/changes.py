@@ -20,11 +20,6 @@ def parts_with(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, P
     """Return the parts that some values change; they are checked like new parts.
 
     Values are by name or pattern; names have precedence.
-
-    Raises
-    ------
-    ModelError
-        If a parameter is unknown or a value refused.
     """
     arrays = {}
     for name, value in resolved(parameters, values).items():
@@ -38,11 +33,6 @@ def resolved(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, Any
     """Return the value of every parameter that is named or matches a pattern, by name.
 
     A name has precedence over patterns that match it; values are not checked.
-
-    Raises
-    ------
-    ModelError
-        If a parameter is unknown, or two patterns match the same one.
     """
     if not isinstance(values, Mapping):
         raise check.refuse("values", "values", values, "a mapping of parameters to values, {'body.mass': 1.0}")
@@ -64,20 +54,10 @@ def resolved(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, Any
 
 
 def changed_fields(parameters: Parameters, values: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
-    """Return the complete fields of parts in which some entries have new values.
+    """Return the complete fields of parts in which some entries have new values, by part and field.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        Those of the model.
-    values : mapping
-        Arrays of shape (n,) by the names of the parameters.
-
-    Returns
-    -------
-    dict of str to dict of str to array
-        By part and field: arrays whose last axis is that of the values (position: (3, n)); orientations as rotation
-        vectors from the present pose.
+    ``values``: arrays (n,) by the names of parameters. The last axis of fields is that of the values (position:
+    (3, n)); orientations are rotation vectors from the present pose.
     """
     result: dict[str, dict[str, Array]] = {}
     for name, array in values.items():
@@ -96,11 +76,6 @@ def variant(part: Part, fields: Mapping[str, Array], i: int) -> Part:
     """Return a part with other values, checked like a new part.
 
     ``fields`` are those of ``changed_fields``, ``i`` is the index along their last axis.
-
-    Raises
-    ------
-    ModelError
-        If a value is refused.
     """
     return part.with_values({field: _plain(array[..., i]) for field, array in fields.items()})
 
@@ -116,17 +91,7 @@ def _plain(array: Array) -> Any:
 def scale_of(parameters: Parameters, name: str) -> float:
     """Return the scale of a parameter: its own value, or the largest entry of its field.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        Those of the model.
-    name : str
-        Name of the parameter.
-
-    Returns
-    -------
-    float
-        A positive number [unit of the parameter]; 1 where all entries are 0, and for orientations, which have no size.
+    It is 1 where all entries are 0, and for orientations, which have no size.
     """
     entry = parameters.entry(name)
     if entry.value or entry.field == "orientation":

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from operator import attrgetter
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 from mbsvib.common import arguments as check
+from mbsvib.common.tables import listed
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.load import Gravity
 from mbsvib.elements.superelement import Superelement
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError, an, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import Self
-
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arguments import Vector
@@ -306,8 +304,9 @@ class Mechanism:
             return key
         who = f"{family} '{name}'"
         hint = nearest(str(key), [*self._bodies, *self._nodes, GROUND])
-        raise ModelError(f"{who}: {field} = {key!r} is not a body of model '{self.name}'.{hint} "
-                         f"Add bodies before what refers to them.", element=who, field=field)  # fmt: skip
+        raise ModelError(f"{who}: {field} = {key!r} is not a body of model '{self.name}'.{hint} It has "
+                         f"{listed([GROUND, *self._bodies, *self._nodes])}. Add bodies before what refers to them.",
+                         element=who, field=field)  # fmt: skip
 
 
 def check_name(name: str, family: str, *groups: Mapping[str, Part]) -> None:
@@ -317,6 +316,6 @@ def check_name(name: str, family: str, *groups: Mapping[str, Part]) -> None:
     for group in groups:
         if name in group:
             raise ModelError(
-                f"{family} '{name}': the name is taken by a {group[name].family}; choose another.",
+                f"{family} '{name}': the name is taken by {an(group[name].family)}; choose another.",
                 element=name, field="name",
             )  # fmt: skip

@@ -34,7 +34,7 @@ by two, turns with all of its axes. The position of a body is that of its centre
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cached_property
@@ -44,8 +44,6 @@ from mbsvib.common.display import Displayed
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from mbsvib.elements.part import Part
 
 class UnknownParameterError(ModelError, KeyError):

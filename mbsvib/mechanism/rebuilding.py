@@ -17,12 +17,8 @@ M = TypeVar("M", bound=Mechanism)
 def rebuilt(model: M, words: Callable[[Any], Mapping[str, Any] | Part]) -> M:
     """Return a mechanism with all parts rebuilt.
 
-    ``constructor_kwargs`` returns the arguments of a part's adder, or the part that replaces it unchecked.
-
-    Raises
-    ------
-    ModelError
-        If an argument is refused.
+    ``words`` takes the parts in the order of ``groups()`` and returns the arguments of a part's adder, or the part that
+    replaces it unchecked.
     """
 
     def rebuilt_part(part: Part) -> Part:
@@ -37,11 +33,5 @@ def rebuilt(model: M, words: Callable[[Any], Mapping[str, Any] | Part]) -> M:
 
 
 def changed(model: M, changes: Mapping[str, Mapping[str, Any]]) -> M:
-    """Return a mechanism in which some parts have other arguments.
-
-    Raises
-    ------
-    ModelError
-        If an argument is refused.
-    """
+    """Return a mechanism in which some parts have other arguments."""
     return rebuilt(model, lambda part: part.constructor_kwargs() | changes[part.name] if part.name in changes else part)

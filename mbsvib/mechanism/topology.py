@@ -88,22 +88,7 @@ class Topology:
 def span(model: Mechanism, cut: Sequence[str] | None = None) -> Topology:
     """Return the spanning tree of smallest cumulative degree of freedom.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    cut : sequence of str, optional
-        Names of joints that must not be in the tree.
-
-    Returns
-    -------
-    Topology
-        Tree, cut joints and floating bodies.
-
-    Raises
-    ------
-    ModelError
-        If the model has no body, a name is unknown, or the cut disconnects bodies from ground.
+    ``cut``: names of joints that must not be in the tree.
 
     Source: Chaudhary & Saha (2009), appendix B.
     """
@@ -114,19 +99,8 @@ def span(model: Mechanism, cut: Sequence[str] | None = None) -> Topology:
 def cut_elsewhere(model: Mechanism, requested: Iterable[str]) -> tuple[tuple[str, ...], str | None]:
     """Return joints to cut so that some joints are part of the tree.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    requested : iterable of str
-        Names of the joints that are to be part of it.
-
-    Returns
-    -------
-    tuple of str
-        Names of joints to cut; none where the tree has the wanted ones anyway.
-    str or None
-        One of the wanted that closes a loop of wanted joints only, which no cut brings into the tree.
+    ``requested``: names of the joints that are to be part of it. Returns names of joints to cut, and a wanted
+    joint or None that closes a loop of wanted joints only, which no cut brings into the tree.
     """
     keep = set(requested)
     cut: list[str] = []

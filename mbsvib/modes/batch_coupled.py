@@ -60,10 +60,8 @@ class Start:
 
 
 def starts(gamma: Array, square: Array) -> list[Start]:
-    """Return eigenvalues and vectors of (lambda^2 + lambda Gamma + Omega^2) y = 0.
-
-    ``gamma`` (n, m, m): damping in the basis of undamped modes. ``square`` (n, m): squares of their frequencies,
-    positive.
+    """Return eigenvalues and vectors of (lambda^2 + lambda Gamma + Omega^2) y = 0 for Gamma (n, m, m), Omega^2 (n, m) >
+    0.
     """
     m = square.shape[1]
     values, y, converged = _from_unit_vectors(gamma, square)
@@ -157,11 +155,10 @@ def refined(
 ) -> tuple[Complex, Complex, Complex, Array, Array]:
     """Improve eigenvalues by their two-sided Rayleigh quadratics, and vectors by the projections of the residual.
 
-    ``values``, ``y`` (n, h) and (n, m, h): eigenvalues and vectors as in ``Start``. ``square``, ``errors`` (n, m):
-    undamped modes and the relative errors of their frequencies. ``complex_count``: number of eigenvalues that also
-    represent their conjugates. Returns values, y, slopes: eigenvalues, vectors of unit length, and y^T (2 lambda +
-    Gamma) y; bound (n, h): relative errors of the eigenvalues; reducible (n,): the largest of them, without the
-    contribution of the errors of the undamped modes.
+    ``values``, ``y`` (n, h) and (n, m, h): as in ``Start``; ``errors`` (n, m): relative ones of the undamped
+    frequencies; the first ``complex_count`` represent their conjugates. Returns values, unit vectors y, slopes y^T (2
+    lambda + Gamma) y; bound (n, h) of the relative errors; reducible (n,): the largest of them, without the undamped
+    modes' part.
     """
     y = y / _lengths(y)
     inertia, damping, elastic = _times(forms.mass, y), _times(forms.damping, y), _times(forms.stiffness, y)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 import numpy as np
 
 from mbsvib.common.display import Displayed
-from mbsvib.common.expected import real
+from mbsvib.common.expected import near_frequency, real
 from mbsvib.common.fast_init import fast_init
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
 from mbsvib.modes.classical import NO_DAMPER, proportional
@@ -167,8 +167,8 @@ class Modes(Displayed):
         """
         if not isinstance(count, (int, np.integer)) or isinstance(count, bool) or count < 1:
             raise ResponseError(f"modes: count = {count!r}; expected how many modes are wanted, 1 or more.")
-        frequency = real(frequency, "modes", "near", "a frequency [Hz]")
-        return self._selected(np.sort(np.argsort(np.abs(self.frequencies - frequency), kind="stable")[:count]))
+        distance = np.abs(self.frequencies - near_frequency(frequency))
+        return self._selected(np.sort(np.argsort(distance, kind="stable")[:count]))
 
     def _selected(self, modes: NDArray[np.intp]) -> Self:
         which = np.concatenate([np.arange(0), *(np.arange(*self.starts[i : i + 2]) for i in modes)])

@@ -75,10 +75,10 @@ class StateModes(Modes):
 
 
 def state_modes(a: Array, name: str, states: tuple[str, ...], rate: float | None = None) -> StateModes:
-    """Return the modes of a state matrix, x' = A x, or of one from sample to sample, x+ = A x.
+    """Return the modes of a state matrix (n, n), x' = A x, or of one from sample to sample, x+ = A x.
 
-    ``a`` (n, n): state matrix. ``rate``: samples a second [Hz] of equations from sample to sample, whose eigenvalues
-    are rate log z; those that are forgotten within a few samples are left out.
+    With a ``rate`` [Hz] of samples eigenvalues are rate log z; those that are forgotten within a few samples are left
+    out.
     """
     from scipy.linalg import eig, matrix_balance
 

@@ -85,10 +85,8 @@ class DamperForces:
 
 
 def forces(square: Array, dampers: Array, zeros: int) -> DamperForces:
-    """Return the equations with no more damper rows than motions.
-
-    ``square`` (n,): squares of the undamped frequencies of the basis. ``dampers`` (rows, n): L, one row per damper. A
-    triangle takes the place of L, by a QR that keeps the digits of small rows.
+    """Return the equations with no more rows than motions of dampers L (rows, n), by a QR that keeps digits of small
+    rows.
     """
     qr, order, _ = pivoted_qr(dampers[np.argsort(-np.abs(dampers).max(axis=1), kind="stable")])
     root = np.triu(qr[: dampers.shape[1]])[:, np.argsort(order)]
@@ -98,11 +96,11 @@ def forces(square: Array, dampers: Array, zeros: int) -> DamperForces:
 def improved(
     equations: DamperForces, values: Complex, uncertainty: Array, rtol: float
 ) -> tuple[Complex, Complex, Complex, Array]:
-    """Improve the eigenvalues whose error may exceed ``rtol``.
+    """Improve the eigenvalues ``values`` (k,), all but 0, whose relative error ``uncertainty`` (k,) may exceed
+    ``rtol``.
 
-    ``values`` (k,): all eigenvalues but 0, roughly. ``uncertainty`` (k,): their relative errors, at most. Returns
-    eigenvalues; and of those which were improved, others being 0: modes y (n, k), slopes (k,) y^T (2 lambda + Gamma) y
-    and relative errors (k,), infinite for the others.
+    Returns eigenvalues; and of those which were improved, others being 0: modes y (n, k), slopes (k,) y^T (2 lambda +
+    Gamma) y and relative errors (k,), infinite for the others.
 
     Source: Aberth, Math. Comp. 27 (1973), for the simultaneous steps.
     """

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import schur, solve_sylvester
 
-from mbsvib.linalg.balancing import exponents
+from mbsvib.linalg.balancing import exponents, scaled_by
 from mbsvib.linalg.rank import DECAYS
 from mbsvib.reduction.gramians import gramian_factors
 
@@ -43,16 +43,13 @@ class Balanced:
 
 
 def balanced(a: Array, b: Array, c: Array) -> Balanced:
-    """Return the balancing transformation of a state space.
-
-    ``a``, ``b``, ``c`` (n, n), (n, i), (o, n): the state space; poles that do not decay stay as they are.
+    """Return the balancing transformation of a state space; poles that do not decay stay as they are.
 
     Source: Tombs & Postlethwaite, Truncated balanced realization of a stable non-minimal state-space system,
     International Journal of Control 46 (1987), the square-root method.
     """
     power = exponents(a, b, c)
-    scaled = np.ldexp(a, power[None, :] - power[:, None])
-    b, c = np.ldexp(b, -power[:, None]), np.ldexp(c, power[None, :])
+    scaled, b, c = scaled_by(power, a, b, c)
     lasting, decaying, lasting_rows, decaying_rows = _split(scaled)
     n = decaying.shape[1]
     left = right = np.zeros((len(a), 0))

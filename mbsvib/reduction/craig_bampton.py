@@ -21,17 +21,8 @@ class CraigBampton:
     """q = P u + N Phi z: static shapes P of the interface displacements u = R q, and modes Phi in the motions N that
     hold the interface, R N = 0.
 
-    The rows R are displacement outputs, and the directions in which inputs act.
-
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-
-    Raises
-    ------
-    ResponseError
-        If holding the interface leaves the mechanism free to move.
+    The rows R are displacement outputs, and the directions in which inputs act. An interface that leaves the mechanism
+    free to move is refused.
 
     Source: Craig & Bampton, Coupling of substructures for dynamic analyses, AIAA Journal 6 (1968).
     """

@@ -26,10 +26,7 @@ STEPS = 100
 
 
 def gramian_factors(a: Array, b: Array, c: Array) -> tuple[Array, Array]:
-    """Return factors L_p and L_q of the controllability and the observability Gramian.
-
-    ``a``, ``b``, ``c`` (n, n), (n, i), (o, n): a stable state space. Returns (n, p) and (n, q): factors with as many
-    columns as they have rank.
+    """Return factors L_p (n, p) and L_q (n, q) of the Gramians of a stable state space, with as many columns as ranks.
     """
     n = len(a)
     sign, left, right = a, b, c.T

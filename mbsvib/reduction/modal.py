@@ -24,12 +24,7 @@ RTOL = 1e-12
 class ModalTruncation:
     """Undamped modes in the order of their contributions, of which the first ones make a reduced model.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    corrected : bool
-        Whether the static response of the modes left out goes into D.
+    ``corrected``: whether the static response of the modes left out goes into D.
     """
 
     def __init__(self, system: Equations, corrected: bool) -> None:
@@ -61,13 +56,10 @@ class ModalTruncation:
 
 
 def peaks(system: Equations, modes: Undamped, corrected: bool) -> Array:
-    """Return how large the contribution of each mode to the frequency response becomes.
+    """Return how large the contribution of each mode to the frequency response becomes, (m,), in SI units.
 
     max over w of |c(i w) / (w0^2 + 2 i zeta w0 w - w^2)| |b|, about |c(i w0)| |b| / (2 zeta w0^2), infinite for free
-    motions; damping that couples modes does not count.
-
-    ``corrected``: whether the static part of the contribution is left out. Returns (m,): contributions; output by input
-    in SI units.
+    motions; damping that couples modes does not count, nor the static part if responses are ``corrected`` by it.
     """
     omega, shapes = modes.omega, modes.shapes
     damping = np.einsum("ik,ij,jk->k", shapes, system.C, shapes)

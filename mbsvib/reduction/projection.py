@@ -21,12 +21,10 @@ E = TypeVar("E", bound=Equations)
 
 
 def projected(system: E, shapes: Array, names: Sequence[str], units: Sequence[str]) -> E:
-    """Return equations of motion in the amplitudes of some shapes.
+    """Return equations of motion in the amplitudes of shapes T (m, n), their factors projected before products are
+    formed.
 
-    T^T M T z'' + T^T C T z' + T^T K T z = T^T B u,  y = Cq T z + Cv T z' + Ca T z'' + D u
-
-    ``system``: the equations of motion, without motions that move no mass. ``shapes`` (m, n): columns of T. Returns the
-    same form; factors are projected before products are formed.
+    T^T M T z'' + T^T C T z' + T^T K T z = T^T B u, y = Cq T z + Cv T z' + Ca T z'' + D u
     """
     factor, rows = system.inertia_factor @ shapes, system.elastic_rows @ shapes
     # a free motion deforms no spring, not even by rounding

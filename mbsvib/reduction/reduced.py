@@ -23,11 +23,11 @@ METHODS = ("balanced", "modal", "static-corrected", "craig-bampton")
 
 
 def reduced_space(space: StateSpace, order: int | None = None, error: float | None = None) -> StateSpace:
-    """Return a state space with fewer states by balanced truncation.
+    """Return a state space of an ``order``, or of an ``error`` at most, by balanced truncation: states hankel1,
+    hankel2, ...
 
-    ``space``: continuous equations. States that do not decay are kept. ``order``: number of states. ``error``: largest
-    error of the frequency response, as its largest singular value, output by input in SI units. Returns the smallest
-    one of this order or error, with ``error_bound``; states hankel1, hankel2, ...
+    States that do not decay are kept. The error is the largest singular value of that of the frequency response, output
+    by input in SI units.
     """
     _check(space.name, order, error, len(space.states), "states")
     realization = balanced(space.A, space.B, space.C)
@@ -50,11 +50,7 @@ def reduced_space(space: StateSpace, order: int | None = None, error: float | No
 
 
 def hankel_singular_values(space: StateSpace) -> Array:
-    """Return the Hankel singular values of the states that decay, in descending order.
-
-    sigma_i = sqrt(lambda_i(P Q)), of the controllability and the observability Gramian
-
-    Returns (n,): positive values, output by input in SI units.
+    """Return the Hankel singular values sqrt(lambda_i(P Q)) of the states that decay, P and Q the Gramians, descending.
     """
     return balanced(space.A, space.B, space.C).hankel
 
@@ -62,14 +58,10 @@ def hankel_singular_values(space: StateSpace) -> Array:
 def reduced_equations(
     system: Equations, method: str, order: int | None = None, error: float | None = None
 ) -> Equations:
-    """Return equations of motion in fewer coordinates.
+    """Return equations of motion in ``order`` coordinates, or in as few as an ``error`` of the response allows.
 
-    modal: the modes that contribute most;  static-corrected: these, and the static response of the others in D;
+    modal: the modes that contribute most; static-corrected: these, and the static response of the others in D;
     craig-bampton: displacements of outputs and of the points where inputs act, and modes with these held
-
-    ``method``: "modal", "static-corrected" or "craig-bampton". ``order``: number of coordinates. ``error``: largest
-    error of the frequency response, as its largest singular value, output by input in SI units. Returns the smallest
-    model of this order or error, with ``error_bound``.
     """
     if method not in METHODS[1:]:
         raise ResponseError(f"reduced: method = {method!r}; expected one of {', '.join(map(repr, METHODS))}."

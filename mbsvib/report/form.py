@@ -144,7 +144,7 @@ def _blocks(system: Any, space: StateSpace, o: Sequence[int], i: Sequence[int]) 
     direct = np.where((order == 2)[:, None], feedthrough[output], 0.0)
     accelerates = np.zeros(len(o), dtype=bool)
     accelerates[output[order == 2]] = True
-    return Form(tuple(sizes.tolist()), space.A, b, rows, order, output, direct, cleaned(motion, rate, b, direct),
+    return Form(tuple(sizes.tolist()), space.A, b, rows, order, output, direct, cleaned(motion, rate, b, direct=direct),
                 np.where(accelerates[:, None], 0.0, d), 0.0)  # fmt: skip
 
 

@@ -22,16 +22,9 @@ RESPONSE_RTOL = 1e-13
 
 
 class Basis:
-    """Modes and bases of one set of equations; each is computed once.
+    """Modes of the class ``form`` and bases of one set of equations; each is computed once.
 
-    Parameters
-    ----------
-    equations : Equations
-        The equations of motion.
-    form : type
-        The class of their modes.
-    source : Basis, optional
-        That of the same equations with other inputs and outputs, whose modes are shared.
+    ``source``: the basis of the same equations with other inputs and outputs, whose modes are shared.
     """
 
     def __init__(self, equations: Equations, form: type[Modes] = Modes, source: Basis | None = None) -> None:
@@ -60,11 +53,7 @@ class Basis:
         return modes(self.equations, RTOL, False, self.form)
 
     def modes_within(self, rtol: float) -> Modes:
-        """Return all modes at an accuracy.
-
-        ``rtol``: required relative accuracy of every eigenvalue. Returns the modes; cached ones if they are accurate
-        enough.
-        """
+        """Return all modes at a relative accuracy ``rtol``; cached ones if they are accurate enough."""
         rtol = real(rtol, "modes", "rtol", "a relative accuracy such as 1e-12", least=0.0)
         good = float(self.modes.errors.max(initial=0.0)) <= rtol
         return self.modes if good else modes(self.equations, rtol, False, self.form)

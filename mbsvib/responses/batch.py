@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.linalg.rank import EPS
+from mbsvib.linalg.products import square_difference
 from mbsvib.modes.batch import batch_modes
 from mbsvib.modes.result import RTOL, Modes
 from mbsvib.responses.basis import RESPONSE_RTOL
-from mbsvib.responses.modal_sum import CANCELLED
+from mbsvib.responses.general_terms import cleaned
+from mbsvib.responses.modal_sum import partial_sums
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,15 +37,7 @@ PIECE_BYTES = 2**22
 
 
 class BatchBasis:
-    """Modes of all variants of a batch; they are computed once.
-
-    Parameters
-    ----------
-    batch : BatchEquations
-        The equations of all variants.
-    form : type
-        The class of the modes of single variants.
-    """
+    """Modes of all variants of a batch, with those of single variants of the class ``form``; they are computed once."""
 
     def __init__(self, batch: BatchEquations, form: type[Modes] = Modes) -> None:
         self.batch = batch
@@ -116,7 +109,7 @@ def _motions(square: Array, gamma: Array, b: Array, w: Array) -> tuple[Complex, 
     root = np.sqrt(np.abs(square))[:, None]
     wide = w[:, None]
     brake = np.asarray((1j * w)[:, None, None] * gamma[:, None], dtype=complex)
-    stiff = np.where(square[:, None] >= 0.0, (root - wide) * (root + wide), square[:, None] - wide**2)
+    stiff = square_difference(square[:, None], wide)
     eta: Complex = np.full((len(b), len(w), *b.shape[1:]), np.nan, dtype=complex)
     if not gamma[:, ~np.eye(len(at), dtype=bool)].any():  # modes are uncoupled
         down = stiff + brake[..., at, at]
@@ -133,18 +126,6 @@ def _motions(square: Array, gamma: Array, b: Array, w: Array) -> tuple[Complex, 
 
 
 def _sums(c: Array, b: Array, direct: Array) -> Array:
-    """Sums of ``direct`` + c_j b_j over the first 0, 1 .. m modes, from below or from above, whichever cancels less.
-
-    Shape (variants, rows, inputs, m + 1).
-    """
+    """Sums of ``direct`` + c_j b_j over the first 0, 1 .. m modes, (variants, rows, inputs, m + 1)."""
     terms = c[:, :, None] * b.swapaxes(1, 2)[:, None]
-    shape = (*terms.shape[:3], terms.shape[3] + 1)
-    up, left, down, right = (np.zeros(shape) for _ in range(4))
-    np.cumsum(terms, axis=3, out=up[..., 1:])
-    np.cumsum(np.abs(terms), axis=3, out=left[..., 1:])
-    down[..., :-1] = np.cumsum(terms[..., ::-1], axis=3)[..., ::-1]
-    right[..., :-1] = np.cumsum(np.abs(terms[..., ::-1]), axis=3)[..., ::-1]
-    total = c @ b + direct
-    total[np.abs(total) <= CANCELLED * EPS * (np.abs(c) @ np.abs(b) + np.abs(direct))] = 0.0
-    near = left + np.abs(direct)[..., None] <= right + np.abs(total)[..., None]
-    return np.where(near, direct[..., None] + up, total[..., None] - down)
+    return partial_sums(terms, np.abs(terms), direct, cleaned(c, b, direct=direct))

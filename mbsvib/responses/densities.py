@@ -9,7 +9,10 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
+from mbsvib.common.expected import reals
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.rank import DECAYS
+from mbsvib.responses.realized import realized
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -119,30 +122,31 @@ def shaped(numerator: ArrayLike, denominator: ArrayLike, level: float = 1.0) -> 
     Raises
     ------
     ResponseError
-        If the filter is not proper or not stable.
+        If coefficients are no finite numbers, or the filter is not proper or not stable.
     """
-    top = np.trim_zeros(np.atleast_1d(np.asarray(numerator, dtype=float)), "f")
-    below = np.trim_zeros(np.atleast_1d(np.asarray(denominator, dtype=float)), "f")
+    top, below = (_coefficients(value, name) for name, value in (("numerator", numerator),
+                                                                 ("denominator", denominator)))  # fmt: skip
     if not len(below) or len(top) > len(below) or not (np.isfinite(top).all() and np.isfinite(below).all()):
         raise ResponseError(f"shaped: numerator has degree {len(top) - 1}, denominator {len(below) - 1}; expected "
                             f"finite coefficients, and no higher degree above: the filter must be proper.")  # fmt: skip
     n = len(below) - 1
-    below, top = below / below[0], np.concatenate((np.zeros(len(below) - len(top)), top)) / below[0]
     # time in units of the filter's mean pole, so that the companion matrix has entries of one size
-    unit = abs(below[-1]) ** (1.0 / n) if n and below[-1] else 1.0
+    unit = abs(below[-1] / below[0]) ** (1.0 / n) if n and below[-1] else 1.0
     powers = unit ** -np.arange(n + 1.0)
-    below, top = below * powers, top * powers
-    a = np.zeros((n, n))
-    a[1:, :-1] = np.eye(max(n - 1, 0))
-    if n:
-        a[0] = -below[1:]
-    if n and np.linalg.eigvals(a).real.max() >= 0.0:
+    top, below = top * powers[len(below) - len(top) :], below * powers
+    poles = np.roots(below)
+    if (poles.real >= -DECAYS * np.abs(poles)).any():
         raise ResponseError(f"shaped: the filter with denominator {check.shown(denominator)} is not stable; expected "
                             f"roots with negative real parts, or the noise would have no mean square.")  # fmt: skip
-    b = np.zeros((n, 1))
-    b[:1] = 1.0
-    level = density_level(level, "shaped noise")
-    return Shaped(level, a * unit, b * unit, (top[1:] - top[0] * below[1:])[None, :], float(top[0]))
+    a, b, c, d = realized([[top]], [[below]], "shaped")
+    return Shaped(density_level(level, "shaped noise"), a * unit, b * unit, c, float(d[0, 0]))
+
+
+def _coefficients(value: ArrayLike, name: str) -> Array:
+    result = np.atleast_1d(reals(value, "shaped", name, "coefficients of s, the highest power first"))
+    if result.ndim > 1:
+        raise ResponseError(f"shaped: {name} has shape {result.shape}; expected a row of coefficients of s.")
+    return np.asarray(np.trim_zeros(result, "f"))
 
 
 def table(points: ArrayLike, name: str = "spectrum") -> Table:

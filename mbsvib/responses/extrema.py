@@ -51,12 +51,11 @@ SECANTS = 30  # at most; some six where the function is nearly straight
 def panels(
     poles: Complex, low: float, high: float, marks: ArrayLike = (), longest: float = np.inf, period: float = np.inf
 ) -> Array:  # fmt: skip
-    """Return the ends of panels over a band, each no longer than the distance of its middle to the nearest pole.
+    """Return the ends (panels + 1,) of panels over a band, none longer than the way from its middle to the nearest
+    pole.
 
-    ``poles`` (poles,): poles of the response, in units of the frequencies. ``low``, ``high``: first and last frequency,
-    0 <= low < high. ``marks`` (marks,): frequencies at which a panel is to end, where they are in the band.
-    ``longest``: maximum length of a panel, for responses that are not rational. Returns (panels + 1,): ascending
-    frequencies.
+    ``poles``: in units of the frequencies. ``marks``: frequencies at which a panel is to end, where they are in the
+    band. ``longest``: length of a panel, for responses that are not rational.
     """
     if high - low > MOST_PANELS * longest:
         raise ResponseError(f"the band from {low:.4g} to {high:.4g} Hz is {(high - low) / longest:.1e} times the "
@@ -90,10 +89,10 @@ def gauss_rule(ends: Array) -> tuple[Array, Array]:
 
 
 def excited(size: Callable[[Array], Array], poles: Complex, low: float, high: float) -> Array:
-    """Return the frequencies of undamped poles in a band at which a response has no bound.
+    """Return the frequencies of undamped poles in a band at which a response has no bound, ascending.
 
-    ``size``: takes frequencies (n,), and returns how large the response is, (n,). ``poles`` (poles,): poles, in units
-    of the frequencies. Returns (n,): ascending frequencies.
+    ``size`` takes frequencies (n,), and returns how large the response is, (n,). ``poles``: in units of the
+    frequencies.
     """
     undamped = np.unique(np.abs(poles[np.abs(poles.real) <= UNDAMPED * np.abs(poles)]))
     undamped = undamped[(undamped >= low) & (undamped <= high) & (undamped > 0.0)]
@@ -130,10 +129,9 @@ class Band:
         return float(where[at]), float(value[at])
 
     def maxima(self, measure: Measure, share: float = 0.0) -> tuple[Array, Array]:
-        """Return the local maxima, those at the ends of the band among them.
+        """Return frequencies and values of the local maxima, one at least, those at the ends of the band among them.
 
-        ``share``: smallest value to be returned, in parts of the largest. Returns frequencies, values (maxima,): at
-        least one.
+        ``share``: smallest value to be returned, in parts of the largest.
         """
         w, value = self._samples(measure, share)
         before, after = np.concatenate(([-np.inf], value[:-1])), np.concatenate((value[1:], [-np.inf]))
@@ -143,10 +141,8 @@ class Band:
         return _raised(lambda x: measure(self.response(x)), w, np.flatnonzero(top))
 
     def crossings(self, measure: Measure) -> Array:
-        """Return the frequencies at which a number changes its sign.
-
-        ``measure``: the quantity whose zeros are returned; not a number where a change of sign is not a crossing.
-        Returns (crossings,): ascending frequencies.
+        """Return the frequencies, ascending, at which a number changes its sign, or is not a number: there it does not
+        cross.
         """
         w, value = self._samples(measure)
         # between samples near an extremum close to zero there may be two crossings

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.linalg.groups import part_numbers
-from mbsvib.linalg.qr import triangle
+from mbsvib.linalg.qr import gram_solution
 from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
@@ -19,27 +19,19 @@ ROUNDING = 32 * EPS
 
 
 def accelerations(system: Equations, forces: Array) -> Array:
-    """Return M^-1 F; coordinates whose accelerations M does not tie to the forces have exactly 0.
-
-    ``system``: equations of motion without massless motions. ``forces`` (m, n): generalized forces. Returns (m, n):
-    accelerations.
+    """Return M^-1 F (m, n) of regular M; coordinates whose accelerations M does not tie to the forces have exactly 0.
     """
-    root = triangle(system.inertia_factor)
-    result = np.linalg.solve(root, np.linalg.solve(root.T, forces))
+    result = gram_solution(system.inertia_factor, forces)
     part = part_numbers(system.M != 0.0)
     if part.any():
         acted_on = np.zeros((part.max() + 1, forces.shape[1]), dtype=bool)
         np.logical_or.at(acted_on, part, forces != 0.0)
         result[~acted_on[part]] = 0.0
-    return np.asarray(result)
+    return result
 
 
 def feedthrough(system: Equations) -> Array:
-    """Return D + Ca M^-1 B, 0 where it is rounding.
-
-    ``system``: equations of motion without massless motions. Returns (outputs, inputs): what outputs see of inputs at
-    once.
-    """
+    """Return D + Ca M^-1 B (outputs, inputs) of regular M, 0 where it is rounding."""
     if not system.Ca.any():
         return np.array(system.D)
     inverse = accelerations(system, np.eye(system.dof))

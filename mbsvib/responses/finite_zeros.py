@@ -18,10 +18,8 @@ REGULAR = 1e3
 
 
 def finite_zeros(a: Array, b: Array, c: Array, d: Array) -> Complex:
-    """Return the finite s at which [[A - s, B], [C, D]] loses rank.
-
-    ``a``, ``b``, ``c``, ``d`` (n, n), (n, inputs), (outputs, n) and (outputs, inputs): state-space matrices, with rows
-    of C and D and columns of B of the size of one.
+    """Return the finite s at which [[A - s, B], [C, D]] loses rank; rows of C and D and columns of B are of the size of
+    one.
 
     Source: Emami-Naeini & Van Dooren, Automatica 18 (1982).
     """

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.equations.massless_null_motion import independent_coordinates
-from mbsvib.linalg.qr import triangle
+from mbsvib.linalg.qr import gram_solution
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 # Maximum number of coordinates in the name of a rate that is a sum.
 SPELLED = 3
-_RATE = {"m": "m/s", "rad": "rad/s"}
+RATE_UNITS = {"m": "m/s", "rad": "rad/s", "modal": "modal/s"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,15 +61,14 @@ def physical(system: Equations) -> FirstOrder:
     a, b = np.empty((n, n)), np.empty((n, inputs))
     a[:m], b[:m] = transform[m:], through[m:]
     if len(dependent):
-        root = triangle(system.inertia_factor[:, dependent])
         forces = np.concatenate(
             (-system.K[dependent] @ transform[:m] - system.C[dependent] @ transform[m:],
              system.B[dependent] - system.C[dependent] @ through[m:]), axis=1,
         )  # fmt: skip
-        solution = np.linalg.solve(root, np.linalg.solve(root.T, forces))
+        solution = gram_solution(system.inertia_factor[:, dependent], forces)
         a[m:], b[m:] = solution[:, :n], solution[:, n:]
     rates = [rate_name(system.coordinates, null, i) for i in dependent.tolist()]
-    units = tuple(_RATE[system.coordinate_units[i]] for i in dependent.tolist())
+    units = tuple(RATE_UNITS[system.coordinate_units[i]] for i in dependent.tolist())
     return FirstOrder(a, b, transform, through, system.coordinates + tuple(rates), system.coordinate_units + units)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from mbsvib.common.expected import angular, reals
 from mbsvib.common.memory import BATCH_BYTES
 from mbsvib.errors import ResponseError
-from mbsvib.linalg.balancing import exponents
+from mbsvib.linalg.balancing import exponents, scaled_by
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.energy_schur import triangular_solutions
 from mbsvib.responses.time_response import checked_record
@@ -44,11 +44,7 @@ class FirstOrderSolver:
     vectors: Complex
 
     def frequency_response(self, omega: ArrayLike, b: Array, c: Array, d: Array) -> Complex:
-        """Return G(i w) = C (i w - A)^-1 B + D.
-
-        ``omega`` (n,): angular frequencies [rad/s]. ``b``, ``c``, ``d`` (states, inputs), (outputs, states), (outputs,
-        inputs): matrices of inputs and outputs. Returns (outputs, inputs, n): complex responses.
-        """
+        """Return G(i w) = C (i w - A)^-1 B + D, (outputs, inputs, n), at ``omega`` (n,) [rad/s]."""
         w = angular(omega)
         right, observed = np.ldexp(b, -self.power[:, None]), np.ldexp(c, self.power)
         result: Complex = np.empty((len(c), b.shape[1], len(w)), dtype=complex)
@@ -107,10 +103,9 @@ def time_response(
     space: tuple[Array, Array, Array, Array], inputs: Sequence[str],
     record: tuple[ArrayLike, ArrayLike, str, ArrayLike | None],
 ) -> Array:  # fmt: skip
-    """Return outputs at the times of a record of inputs; exact for inputs that are held or linear between samples.
+    """Return outputs (outputs, n) of A, B, C, D; exact for inputs that are held or linear between samples.
 
     ``record``: times (n,) [s], inputs (inputs, n), hold "first" or "zero", and initial states (states,) or None.
-    Returns (outputs, n): outputs.
     """
     a, b, c, d = space
     t, u, hold, initial = record
@@ -119,9 +114,8 @@ def time_response(
     if not len(a):
         return np.asarray(d @ samples)
     power = exponents(a, b, c)
-    scaled, into = np.ldexp(a, power[None, :] - power[:, None]), np.ldexp(b, -power[:, None])
-    x = stepped(scaled, into, np.ldexp(start, -power), (time, samples, hold == "first"))
-    return np.asarray(np.ldexp(c, power) @ x + d @ samples)
+    a, b, c = scaled_by(power, a, b, c)
+    return np.asarray(c @ stepped(a, b, np.ldexp(start, -power), (time, samples, hold == "first")) + d @ samples)
 
 
 def _start(initial: Any, n: int) -> Array:

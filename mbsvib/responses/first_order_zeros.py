@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.linalg.balancing import exponents
+from mbsvib.linalg.balancing import exponents, scaled_by
 from mbsvib.responses.finite_zeros import finite_zeros
 
 if TYPE_CHECKING:
@@ -14,15 +14,10 @@ if TYPE_CHECKING:
 
 
 def first_order_zeros(a: Array, b: Array, c: Array, d: Array) -> Complex:
-    """Return the finite s at which [[A - s, B], [C, D]] has less than its normal rank.
-
-    ``a``, ``b``, ``c``, ``d`` (n, n), (n, inputs), (outputs, n), (outputs, inputs): first-order equations. Returns
-    (zeros,): zeros [1/s] in ascending magnitude.
-    """
+    """Return the finite s [1/s] at which [[A - s, B], [C, D]] has less than its normal rank, in ascending magnitude."""
     if not len(a) or not d.size:
         return np.zeros(0, dtype=complex)
-    power = exponents(a, b, c)
-    a, b, c = np.ldexp(a, power[None, :] - power[:, None]), np.ldexp(b, -power[:, None]), np.ldexp(c, power)
+    a, b, c = scaled_by(exponents(a, b, c), a, b, c)
     unit = float(np.linalg.norm(a, 2)) or 1.0
     # columns of B and rows of (C, D) of unit size: zeros do not depend on units of inputs and outputs
     size = np.linalg.norm(b, axis=0)

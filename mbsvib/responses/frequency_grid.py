@@ -8,7 +8,7 @@ constant ratio until they reach the even spacing.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,10 +16,7 @@ from mbsvib.common.expected import real
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
-
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.common.selection import Names
-    from mbsvib.responses.basis import Basis
 
 
 PER_DECADE = 150
@@ -37,45 +34,35 @@ EXCLUDED = 1e-9  # share of the frequency of an undamped pole in which no point 
 
 
 def frequency_grid(
-    basis: Basis, outputs: Names = None, inputs: Names = None,
-    n: int | None = None, *, f_min: float | None = None, f_max: float | None = None,
+    linear: Any, poles: Complex, n: int | None = None, *, f_min: float | None = None, f_max: float | None = None,
+    highest: float = np.inf,
 ) -> Array:  # fmt: skip
-    """Return angular frequencies that resolve every resonance and antiresonance from inputs to outputs.
+    """Return angular frequencies [rad/s] that resolve every resonance and antiresonance of linear equations, ascending.
 
     The points next to a frequency f are nowhere farther apart than half the distance |2 pi i f - r| to the nearest
     pole or zero r of any single response, and half of that within its half-power points, each of which is a point, as
     is the peak. Undamped poles and zeros are approached to a millionth of their frequency.
 
-    ``outputs``, ``inputs``: names; default: all. Each pair's zeros count, so that a choice saves points and time.
-    ``n``: number of points on an even logarithmic spacing, to which the others are added; default: 150 a decade.
-    ``f_min``, ``f_max``: first and last frequency [Hz]; default: a tenth of the lowest and three times the highest
-    natural frequency, rounded outwards to 1, 2 or 5. Returns (points,): ascending angular frequencies [rad/s], as
-    ``frequency_response`` takes them.
+    ``linear``: the equations whose zeros count. ``n``: number of points on an even logarithmic spacing, to which the
+    others are added; default: 150 a decade. ``highest`` [Hz] limits the last frequency, unless ``f_max`` is given.
     """
-    low, high = span(basis.poles, f_min, f_max)
-    return 2.0 * np.pi * resolving_frequencies(roots(basis, outputs, inputs), basis.poles, low, high, n)
+    low, high = span(poles, f_min, f_max)
+    high = min(high, highest) if f_max is None else high
+    return 2.0 * np.pi * resolving_frequencies(roots(linear, poles), poles, low, high, n)
 
 
-def roots(basis: Basis, outputs: Names, inputs: Names) -> Complex:
-    """Return all poles, and the zeros of each single response.
-
-    ``outputs``, ``inputs``: names; default: all. Returns (roots,): poles and zeros [1/s].
-    """
-    from mbsvib.responses.transmission_zeros import numbers, transmission_zeros
-
-    system = basis.equations
-    sources = [system.inputs[i] for i in numbers(system, "input", inputs)]
-    results = [system.outputs[i] for i in numbers(system, "output", outputs)]
-    zeros = [transmission_zeros(basis, result, source) for source in sources for result in results]
-    return np.concatenate([basis.poles, *zeros])
+def roots(linear: Any, poles: Complex) -> Complex:
+    """Return some poles, and the zeros [1/s] of each single response of linear equations."""
+    zeros = [linear.transmission_zeros(output, source) for source in linear.inputs for output in linear.outputs]
+    return np.concatenate([poles, *zeros])
 
 
 def resolving_frequencies(roots: Complex, poles: Complex, low: float, high: float, n: int | None = None) -> Array:
-    """Return frequencies from ``low`` to ``high`` that follow each of some poles and zeros.
+    """Return frequencies from ``low`` to ``high`` [Hz] that follow each of some poles and zeros ``roots`` [1/s],
+    ascending.
 
-    ``roots`` (roots,): poles and zeros [1/s]. ``poles`` (poles,): those of them that points must avoid if they are
-    undamped. ``low``, ``high``: first and last frequency [Hz]. ``n``: number of evenly spaced points among them;
-    default: 150 a decade. Returns (points,): ascending frequencies [Hz].
+    ``poles``: those of them that points must avoid if they are undamped. ``n``: number of evenly spaced points among
+    them; default: 150 a decade.
     """
     decades = np.log10(high / low)
     count = max(2, round(PER_DECADE * decades) + 1) if n is None else n

@@ -18,6 +18,7 @@ from scipy.linalg import lapack
 from mbsvib.common.expected import angular
 from mbsvib.common.memory import BATCH_BYTES
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.products import product, square_difference
 from mbsvib.linalg.qr import sorted_qr
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
@@ -42,14 +43,13 @@ NEARLY_STATIC = 1e-3  # in parts of the lowest eigenvalue
 
 
 def frequency_response(basis: Basis, omega: ArrayLike) -> Complex:
-    """Return G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D.
+    """Return G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D, (outputs, inputs, n), at ``omega`` (n,)
+    [rad/s].
 
     The relative error is that of rounding, times frequency / half-width of a resonance there. Sums that cancel for a
     reason other than inertia (far above the modes, if only a long chain of springs connects the input to the output)
     are accurate relative to their largest term. Where this may leave less than six digits, responses are computed from
     the factors of the matrices in twice the working precision (``tiny_outputs``).
-
-    ``omega`` (n,): angular frequencies [rad/s]. Returns (outputs, inputs, n): complex responses.
     """
     w = angular(omega)
     system, modal, size = basis.equations, basis.modal, np.abs(w)
@@ -93,9 +93,8 @@ def _general(basis: Basis, modal: General, w: Array) -> Complex:
 
 
 def trusted(modal: Damped, b: Array, w: Array) -> bool:
-    """Tell whether the sum over modes solves (Omega^2 - w^2 + i w Gamma) eta = b, at a few of the frequencies.
-
-    ``b`` (m, inputs): inputs in the basis. ``w`` (n,): angular frequencies [rad/s], none negative.
+    """Tell whether the sum over modes solves (s^2 + s Gamma + Omega^2) eta = b (m, inputs), at a few s = i w, w (n,) >=
+    0.
     """
     inside, size = w[w > 0.0], np.abs(modal.pairs)
     if not b.size or not size.any():
@@ -128,12 +127,9 @@ def conditions(modal: Damped) -> Array:
 
 def _residual(modal: Damped, s: Complex, b: Array, eta: Complex) -> tuple[Complex, Array]:
     """Residual b - Q(s) eta at s = i w, (m, inputs, n), and its size relative to the terms, (n,), as motions."""
-    w, root = s.imag, np.sqrt(np.abs(modal.square))[:, None, None]
-    square = modal.square[:, None, None]
-    stiff = np.where(square >= 0.0, (root - w) * (root + w), square - w * w)
-    flat = np.ascontiguousarray(eta.reshape(len(b), -1))
-    brake = s * (modal.gamma @ flat.view(float)).view(complex).reshape(eta.shape)
-    residual = b[:, :, None] - stiff * eta - brake
+    w, square = s.imag, modal.square[:, None, None]
+    brake = s * product(modal.gamma, eta)
+    residual = b[:, :, None] - square_difference(square, w) * eta - brake
     scale = np.abs(square) + w * w
     size = np.maximum(np.abs(eta), np.maximum(np.abs(b)[:, :, None], np.abs(brake)) / scale).max(axis=0)
     small = (np.abs(residual) / scale).max(axis=0)
@@ -185,9 +181,7 @@ def _solver(basis: Basis, modal: Damped, w: Array, by_modes: bool) -> Callable[[
     if not by_modes:
         return partial(basis.schur.solve, s)
     if modal.vectors is None:
-        root, square = np.sqrt(np.abs(modal.square))[:, None], modal.square[:, None]
-        matrix: Complex = np.where(square >= 0.0, (root - w) * (root + w), square - w * w).astype(complex)
-        matrix += s * modal.gamma[:, None]
+        matrix: Complex = square_difference(modal.square[:, None], w) + s * modal.gamma[:, None]
         return lambda right: right / matrix[:, None]
     y, weight = residues(modal, s)
     return lambda right: _product(y, weight[:, None] * _product(y.T, right))
@@ -202,14 +196,12 @@ def direct_solutions(modal: Damped, b: Array, w: Array, which: NDArray[np.intp])
     m = len(b)
     result = np.empty((*b.shape, len(which)), dtype=complex)
     batch = max(1, BATCH_BYTES // (16 * m * m))
-    diagonal, root = np.arange(m), np.sqrt(np.abs(modal.square))
+    diagonal = np.arange(m)
     for start in range(0, len(which), batch):
         batch_points = which[start : start + batch]
         part = w[batch_points, None]
         matrix = 1j * part[:, :, None] * modal.gamma
-        matrix[:, diagonal, diagonal] += np.where(
-            modal.square >= 0.0, (root - part) * (root + part), modal.square - part * part
-        )
+        matrix[:, diagonal, diagonal] += square_difference(modal.square, part)
         try:
             result[:, :, start : start + batch] = np.linalg.solve(matrix, b).transpose(1, 2, 0)
         except np.linalg.LinAlgError:
@@ -226,11 +218,10 @@ def separated_solutions(modal: Damped, dampers: Array, b: Array, w: Array, which
     """
     (m, inputs), rows = b.shape, min(dampers.shape)
     result = np.empty((m, inputs, len(which)), dtype=complex)
-    root, motion = np.sqrt(np.abs(modal.square)), np.arange(m)
-    turn = np.empty((m, m))
+    motion, turn = np.arange(m), np.empty((m, m))
     for k, i in enumerate(which):
         scale = 1.0 / np.sqrt(np.abs(modal.square) + w[i] ** 2)
-        stiff = np.where(modal.square >= 0.0, (root - w[i]) * (root + w[i]), modal.square - w[i] ** 2) * scale**2
+        stiff = square_difference(modal.square, w[i]) * scale**2
         upper, order = sorted_qr(dampers * scale)
         pivots = upper[:rows].diagonal()
         damped_motions = int(np.count_nonzero(pivots))

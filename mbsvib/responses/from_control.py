@@ -24,28 +24,18 @@ def is_transfer_function(value: Any) -> bool:
 
 
 def arguments(value: Any) -> dict[str, Any]:
-    """Return matrices and names as arguments of ``StateSpace.from_arrays``.
+    """Return matrices and names as arguments of ``StateSpace.from_arrays``; of a transfer function as ``realized`` has
+    them.
 
-    ``value``: in continuous time; a transfer function gets states as ``realized`` tells. Returns A, B, C, D, inputs,
-    outputs, states, name. Raises ResponseError if it is discrete, or an improper transfer function.
+    Refused if it is discrete, or an improper transfer function.
     """
-    if is_transfer_function(value):
-        return _realized(value)
-    _check_continuous(value)
-    return {label: getattr(value, label) for label in "ABCD"} | {
-        "inputs": list(value.input_labels), "outputs": list(value.output_labels), "states": list(value.state_labels),
-        "name": str(value.name)}  # fmt: skip
-
-
-def _realized(value: Any) -> dict[str, Any]:
-    """Return the arguments of a transfer function."""
-    _check_continuous(value)
-    a, b, c, d = realized(value.num, value.den, str(value.name))
-    return {"A": a, "B": b, "C": c, "D": d, "inputs": list(value.input_labels), "outputs": list(value.output_labels),
-            "states": [f"x{i}" for i in range(len(a))], "name": str(value.name)}  # fmt: skip
-
-
-def _check_continuous(value: Any) -> None:
     if getattr(value, "dt", None) not in (None, 0):
         raise ResponseError(f"'{value.name}': dt = {value.dt}; expected a system in continuous time. Sampled "
                             f"loops are made by loop.sampled(rate).")  # fmt: skip
+    if is_transfer_function(value):
+        matrices = dict(zip("ABCD", realized(value.num, value.den, str(value.name)), strict=True))
+        states = [f"x{i}" for i in range(len(matrices["A"]))]
+    else:
+        matrices, states = {label: getattr(value, label) for label in "ABCD"}, list(value.state_labels)
+    return {**matrices, "inputs": list(value.input_labels), "outputs": list(value.output_labels), "states": states,
+            "name": str(value.name)}  # fmt: skip

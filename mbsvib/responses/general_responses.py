@@ -61,7 +61,7 @@ def realization(system: Equations, state: EnergyState) -> Realization:
         )
     b = state.basis.T @ system.B
     d = system.D + cleaned(system.Cv @ state.basis, e1, b)
-    d = cleaned(system.Ca @ state.basis, e2, b, system.D) + (d - system.D)
+    d = cleaned(system.Ca @ state.basis, e2, b, direct=system.D) + (d - system.D)
     return Realization(state.a, state.force @ system.B, c, d)
 
 
@@ -73,8 +73,8 @@ def summable(modal: General) -> bool:
 def trusted(modal: General, b: Array, w: Array, residual: float = BACKWARD) -> bool:
     """Tell whether the sum over modes solves the equations, at a few frequencies next to the worst eigenvalues.
 
-    ``b`` (m, inputs): inputs in the basis. ``w`` (n,): angular frequencies [rad/s], none negative. ``residual``:
-    largest residual of the equations, relative to their terms.
+    ``b`` (m, inputs): inputs in the basis. ``w`` (n,) [rad/s]: none negative. ``residual``: largest one, relative to
+    the terms.
     """
     if not summable(modal):
         return False
@@ -122,21 +122,14 @@ def _matrix(state: EnergyState, s: Complex) -> Complex:
 
 
 def solved(system: Equations, state: EnergyState, s: Complex) -> Complex:
-    """Return the transfer matrix by one factorisation a point; not a number where the equations are singular.
-
-    ``s`` (n,): points [1/s]. Returns (outputs, inputs, n): transfer matrix.
-    """
+    """Return the transfer matrix (outputs, inputs, n) by one factorisation a point ``s`` (n,); NaN at singular ones."""
     b = (state.basis.T @ system.B).astype(complex)
     outputs = [c @ state.basis for c in (system.Cq, system.Cv, system.Ca)]
     result: Complex = np.empty((len(system.outputs), b.shape[1], len(s)), dtype=complex)
     batch = max(1, BATCH_BYTES // (16 * max(1, len(b)) ** 2))
     for start in range(0, len(s), batch):
         part = s[start : start + batch]
-        matrix = _matrix(state, part)
-        try:
-            eta = np.linalg.solve(matrix, b)
-        except np.linalg.LinAlgError:
-            eta = np.stack([_solution(a, b) for a in matrix])
+        eta = _solutions(_matrix(state, part), b)
         powers = part[:, None, None]
         value = outputs[0] @ eta + powers * (outputs[1] @ eta + powers * (outputs[2] @ eta))
         result[:, :, start : start + batch] = value.transpose(1, 2, 0) + system.D[:, :, None]
@@ -157,10 +150,9 @@ def cancels(system: Equations, state: EnergyState) -> bool:
 
 
 def refined_solutions(system: Equations, state: EnergyState, w: Array) -> Complex:
-    """Return the transfer matrix by solutions that are refined on the factors in twice the working precision.
+    """Return the transfer matrix (outputs, inputs, n) by solutions that are refined in twice the working precision.
 
-    ``w`` (n,): angular frequencies [rad/s], none negative. Returns (outputs, inputs, n): transfer matrix; not a number
-    where the equations are singular.
+    ``w`` (n,) [rad/s]: none negative. Not a number where the equations are singular.
     """
     from mbsvib.responses.refined import Factors, refined
 
@@ -173,11 +165,7 @@ def refined_solutions(system: Equations, state: EnergyState, w: Array) -> Comple
 
         def solve(load: Complex, matrix: Complex = matrix) -> Complex:
             right = np.ascontiguousarray(load.transpose(2, 0, 1))
-            try:
-                eta = np.linalg.solve(matrix, right)
-            except np.linalg.LinAlgError:
-                eta = np.stack([_solution(a, b) for a, b in zip(matrix, right, strict=True)])
-            return np.ascontiguousarray(eta.transpose(1, 2, 0))
+            return np.ascontiguousarray(_solutions(matrix, right).transpose(1, 2, 0))
 
         load = np.broadcast_to(system.B[:, :, None], (*system.B.shape, len(part))).astype(complex)
         transfer = refined(Factors.of(system, part), state.basis, load, (outputs, system.D), solve)
@@ -185,8 +173,12 @@ def refined_solutions(system: Equations, state: EnergyState, w: Array) -> Comple
     return result
 
 
-def _solution(matrix: Complex, b: Complex) -> Complex:
+def _solutions(matrices: Complex, right: Complex) -> Complex:
+    """Solutions of several systems (n, m, m) with right sides (m, k) or (n, m, k); NaN where a matrix is singular."""
     try:
-        return np.asarray(np.linalg.solve(matrix, b))
+        return np.asarray(np.linalg.solve(matrices, right))
     except np.linalg.LinAlgError:
-        return np.full_like(b, np.nan)
+        if len(matrices) == 1:
+            return np.full((1, *right.shape[-2:]), np.nan, dtype=complex)
+        each = np.broadcast_to(right, (len(matrices), *right.shape[-2:]))
+        return np.concatenate([_solutions(*pair) for pair in zip(matrices[:, None], each[:, None], strict=True)])

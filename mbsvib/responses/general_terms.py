@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +14,9 @@ if TYPE_CHECKING:
     from mbsvib.modes.energy_state import EnergyState
     from mbsvib.modes.general import General
 
-CANCELLED = 32.0  # products that must cancel do so to this many roundings of their terms
+# Sums that must cancel (two bodies share no inertia, a point rests in space) do so to a few roundings of their terms; a
+# sum smaller than this many roundings is zero.
+CANCELLED = 32.0
 
 
 def asymptotic_terms(state: EnergyState) -> tuple[Array, Array]:
@@ -33,25 +36,19 @@ def asymptotic_terms(state: EnergyState) -> tuple[Array, Array]:
     return e1, e2
 
 
-def cleaned(c: Array, middle: Array, b: Array, direct: Array | None = None) -> Array:
-    """Return c middle b (+ direct), 0 where terms cancel to rounding.
-
-    ``direct``: a term to be added. Returns (rows of c, columns of b): the sum.
-    """
-    result = c @ middle @ b
-    size = np.abs(c) @ np.abs(middle) @ np.abs(b)
-    if direct is not None:
-        result, size = result + direct, size + np.abs(direct)
+def cleaned(*factors: Array, direct: Array | float = 0.0) -> Array:
+    """Return the product of matrices plus a ``direct`` term, 0 where terms cancel to rounding."""
+    result = reduce(np.matmul, factors) + direct
+    size = reduce(np.matmul, map(np.abs, factors)) + np.abs(direct)
     result[np.abs(result) <= CANCELLED * EPS * size] = 0.0
     return np.asarray(result)
 
 
 def terms(modal: General, c: Array, b: Array) -> tuple[Complex, Array, Array, Array, Array, Index]:
-    """Return the parts of a sum over modes: pairs, real eigenvalues, their coefficients and mode numbers.
+    """Return the parts of a sum over modes from inputs ``b`` (m, inputs) to ``c`` (rows, m).
 
-    ``c`` (rows, m): outputs of the motions. ``b`` (m, inputs): inputs. Returns pairs (p, 2) and real eigenvalues (q,);
-    sums of lambda R and of R of the pairs (rows inputs, p), R of the real ones (rows inputs, q); numbers of the modes
-    (p + q,).
+    Pairs (p, 2) and real eigenvalues (q,); sums of lambda R and of R of the pairs (rows inputs, p), R of the real ones
+    (rows inputs, q); numbers of the modes (p + q,).
     """
     spectrum, state = modal.spectrum, modal.state
     turns = spectrum.turns

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Self
 
-import numpy as np
-
 from mbsvib.common.selection import key_ports
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.common.selection import Names
     from mbsvib.responses.norms import Norm
     from mbsvib.responses.step_info import StepInfo
-
 
 
 class StepVerbs:
@@ -124,12 +120,9 @@ class LinearVerbs(StepVerbs):
         ResponseError
             If a name is unknown, n is less than 2, or f_min and f_max are not positive and in ascending order.
         """
-        from mbsvib.responses.frequency_grid import resolving_frequencies, span
+        from mbsvib.responses.frequency_grid import frequency_grid
 
-        part, poles = self.with_ports(outputs, inputs), self.poles()
-        zeros = [part.transmission_zeros(y, u) for y in part.outputs for u in part.inputs]
-        low, high = span(poles, f_min, f_max)
-        return 2.0 * np.pi * resolving_frequencies(np.concatenate([poles, *zeros]), poles, low, high, n)
+        return frequency_grid(self.with_ports(outputs, inputs), self.poles(), n, f_min=f_min, f_max=f_max)
 
     def h2_norm(self, outputs: Names = None, inputs: Names = None, parameters: Any = None) -> Norm:
         """Return the H2 norm of the frequency response, the rms of all outputs under white noise.

@@ -32,11 +32,8 @@ def pair_block(a: Array, l1: complex, l2: complex, first: Complex, second: Compl
 
     T = [(l2 v1 - l1 v2), (v2 - v1)] / (l2 - l1); of a close pair T = Z [S c - tr(S) c, c] with A Z = Z S
 
-    A close pair with independent vectors, such as two equal motions of first order, has no companion block but
-    N = diag(l1, l2) with T = [v1, v2], or its real form.
-
-    ``a`` (n, n): the state matrix A. ``l1``, ``l2``: the pair: real, or conjugate. ``first``, ``second`` (n,): its
-    eigenvectors v1, v2.
+    A close pair with independent vectors, such as two equal motions of first order, has no companion block but N =
+    diag(l1, l2) with T = [v1, v2], or its real form. ``first``, ``second`` (n,): the eigenvectors v1, v2.
     """
     if abs(l2 - l1) > CLOSE * abs(l1):
         pair = np.stack((l2 * first - l1 * second, second - first), axis=1) / (l2 - l1)
@@ -69,9 +66,7 @@ def modal_inputs(
 
     Rounding of B is eps times the condition number of T = [T1 T2 ...], with orthonormal columns in each block. It grows
     with the shares Ti Bi, which cancel in F: nearly dependent blocks lose no accuracy if inputs excite them equally.
-
-    ``a``, ``blocks``, ``columns`` (n, n): a in energy coordinates, N and T with A T = T N. ``forces`` (n, n_inputs):
-    the inputs F in energy coordinates. Returns (n, n_inputs): B.
+    ``a``, ``blocks``, ``columns`` (n, n): A in energy coordinates, N and T with A T = T N; ``forces``: F in these.
     """
     if not len(columns):
         return np.zeros_like(forces)

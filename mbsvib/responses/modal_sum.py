@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.linalg.rank import EPS
+from mbsvib.linalg.products import product
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.general_terms import asymptotic_terms, cleaned, terms
 
@@ -28,9 +28,6 @@ if TYPE_CHECKING:
     from mbsvib.modes.general import General
 
 
-# Sums over modes that must cancel (two bodies share no inertia, a point rests in space) do so to a few roundings of
-# their terms; a sum smaller than this many roundings is zero.
-CANCELLED = 32.0
 # Weights of one block of points stay in the cache.
 BLOCK_BYTES = 2**20
 
@@ -65,7 +62,6 @@ class ModalSum:
     def at(self, s: Complex) -> Complex:
         """Return the transfer matrix at the points ``s`` (n,), shape (outputs, inputs, n); infinite at its poles."""
         outputs, inputs = self.feedthrough.shape
-        rows = len(self.order)
         result: Complex = np.empty((outputs, inputs, len(s)), dtype=complex)
         result[:] = self.feedthrough[:, :, None]
         below = np.searchsorted(self.corner, np.abs(s), side="left")
@@ -75,12 +71,10 @@ class ModalSum:
         for start in range(0, len(s), block):
             part = slice(start, start + block)
             weights = self._weights(s[part], inverse[part])
-            value: Complex = (self.coefficients @ weights.view(float)).view(complex)
-            sums = self.gammas[:, below[part]]
-            shape = (rows, inputs, value.shape[1])
-            value = value.reshape(shape)
+            shape = (len(self.order), inputs, weights.shape[1])
+            value: Complex = product(self.coefficients, weights).reshape(shape)
             less = (self.alphas[:, below[part]] * inverse[part]).reshape(shape)
-            sums = sums.reshape(shape)
+            sums = self.gammas[:, below[part]].reshape(shape)
             for row, (order, output) in enumerate(zip(self.order.tolist(), self.output.tolist(), strict=True)):
                 power = powers[order][part]
                 if order == 2:  # D is part of the sums, and the remainder is not scaled up
@@ -133,10 +127,8 @@ def modal_sum(
     system: Equations, modal: Damped | General, inputs: Sequence[int] | None = None,
     outputs: Sequence[int] | None = None,
 ) -> ModalSum:
-    """Return the sum over modes of a system's transfer functions.
-
-    ``inputs``, ``outputs``: numbers of the inputs and outputs wanted; default: all. Returns coefficients of all
-    eigenvalues, to be summed at any points.
+    """Return the sum over modes of a system's transfer functions, of the ``inputs`` and ``outputs`` with some numbers
+    or all.
     """
     pick = slice(None) if inputs is None else list(inputs)
     show = slice(None) if outputs is None else list(outputs)
@@ -157,21 +149,11 @@ def sum_of_motions(modal: Damped, b: Array) -> ModalSum:
 
 
 def _sum_of(modal: Damped, c: Array, order: Index, output: Index, b: Array, d: Array) -> ModalSum:
-    accelerates = np.zeros(len(d), dtype=bool)
-    accelerates[output[order == 2]] = True
-    direct = np.where((order == 2)[:, None], d[output], 0.0).reshape(-1)
-    feedthrough = np.where(accelerates[:, None], 0.0, d)
-    terms = _classical(modal, c, b) if modal.vectors is None else _coupled(modal, c, b)
-    pairs = terms[0]
-    if modal.vectors is None:
-        natural, total, product = np.sqrt(np.abs(modal.square)), modal.gamma, modal.square
-    else:
-        natural, total, product = np.abs(pairs[:, 0]), -2.0 * pairs[:, 0].real, np.abs(pairs[:, 0]) ** 2
-    total_residues = (c @ b).reshape(-1) + direct
-    size = (np.abs(c) @ np.abs(b)).reshape(-1) + np.abs(direct)
-    total_residues[np.abs(total_residues) <= CANCELLED * EPS * size] = 0.0
-    ends = (np.zeros_like(total_residues), total_residues, direct)
-    return _gathered(terms, (natural, total, product), ends, (order, output, feedthrough))
+    rows, residues = (order, output, d), ((c[:, :0], b[:0]), (c, b))
+    if modal.vectors is not None:
+        return _gathered(_coupled(modal, c, b), rows, residues)
+    shape = np.sqrt(np.abs(modal.square)), modal.gamma, modal.square
+    return _gathered(_classical(modal, c, b), rows, residues, shape)
 
 
 def general_sum(
@@ -179,29 +161,28 @@ def general_sum(
 ) -> ModalSum:
     """Return the sum over modes of a system without symmetry.
 
-    ``c`` (rows, m): rows of outputs, in coordinates and in the basis. ``order``, ``output`` (rows,): how often each row
-    is differentiated, and the number of its output. ``b`` (m, inputs): inputs, in coordinates and in the basis. ``d``
-    (outputs, inputs): feedthrough.
+    ``c`` (rows, m) and ``b`` (m, inputs): outputs and inputs, in coordinates and in the basis. ``order``, ``output``
+    (rows,): how often each row is differentiated, and the number of its output. ``d`` (outputs, inputs): feedthrough.
     """
-    accelerates = np.zeros(len(d), dtype=bool)
-    accelerates[output[order == 2]] = True
-    direct = np.where((order == 2)[:, None], d[output], 0.0)
-    feedthrough = np.where(accelerates[:, None], 0.0, d)
     e1, e2 = asymptotic_terms(modal.state)
-    ends = (cleaned(c[1], e1, b[1]).reshape(-1), cleaned(c[1], e2, b[1], direct).reshape(-1), direct.reshape(-1))
-    mode_terms = terms(modal, c[0], b[0])
-    first = mode_terms[0][:, 0]
-    shape = np.abs(first), -2.0 * first.real, np.abs(first) ** 2
-    return _gathered(mode_terms, shape, ends, (order, output, feedthrough))
+    residues = (c[1], e1, b[1]), (c[1], e2, b[1])
+    return _gathered(terms(modal, c[0], b[0]), (order, output, d), residues)
 
 
 def _gathered(
-    terms: _Terms, shape: tuple[Array, Array, Array], ends: tuple[Array, Array, Array],
-    rows: tuple[Index, Index, Array],
+    terms: _Terms, rows: tuple[Index, Index, Array], residues: tuple[tuple[Array, ...], tuple[Array, ...]],
+    shape: tuple[Array, Array, Array] | None = None,
 ) -> ModalSum:  # fmt: skip
-    """Assemble the sum from the terms, the parts of each denominator, the sums of all terms, and the rows."""
-    pairs, real_poles, gamma, alpha, single, number = terms
-    (natural, total, product), (total_alpha, total_gamma, direct), (order, output, feedthrough) = shape, ends, rows
+    """Assemble the sum from the terms, the rows with D, and the factors of the sums of all R and of all lambda R.
+
+    ``shape``: natural, total and product of each pair if they are known by other means than its eigenvalues.
+    """
+    (pairs, real_poles, gamma, alpha, single, number), (order, output, d) = terms, rows
+    first = pairs[:, 0]
+    natural, total, product = shape or (np.abs(first), -2.0 * first.real, np.abs(first) ** 2)
+    direct, feedthrough = np.where((order == 2)[:, None], d[output], 0.0), d.copy()
+    feedthrough[output[order == 2]] = 0.0
+    total_alpha, total_gamma = cleaned(*residues[0]).reshape(-1), cleaned(*residues[1], direct=direct).reshape(-1)
     # a real pair counts as below only beyond its fast root: up to there its own quotient is accurate
     pair_corner = np.abs(pairs).max(axis=1, initial=0.0)
     corner = np.concatenate((pair_corner, np.abs(real_poles)))
@@ -215,23 +196,20 @@ def _gathered(
     parts = (gamma, single) if alpha is None else (gamma, alpha, single)
     return ModalSum(
         natural, total, product, real_poles, pair_corner, np.concatenate(parts, axis=1), corner[ascending],
-        _sums(of_alpha, size_alpha, np.zeros_like(total_alpha), total_alpha),
-        _sums(of_gamma, size_gamma, direct, total_gamma),
+        partial_sums(of_alpha, size_alpha, np.zeros_like(total_alpha), total_alpha),
+        partial_sums(of_gamma, size_gamma, direct.reshape(-1), total_gamma),
         order, output, feedthrough, number,
     )  # fmt: skip
 
 
-def _sums(terms: Array, size: Array, start: Array, total: Array) -> Array:
-    """Sums ``start`` + terms[:, :j] = ``total`` - terms[:, j:] for all j, each by the side with less rounding."""
-    rows, count = terms.shape
-    up, left, right = (np.zeros((rows, count + 1)) for _ in range(3))
-    np.cumsum(terms, axis=1, out=up[:, 1:])
-    np.cumsum(size, axis=1, out=left[:, 1:])
-    down = np.zeros((rows, count + 1))
-    down[:, :-1] = np.cumsum(terms[:, ::-1], axis=1)[:, ::-1]
-    right[:, :-1] = np.cumsum(size[:, ::-1], axis=1)[:, ::-1]
-    near = left + np.abs(start)[:, None] <= right + np.abs(total)[:, None]
-    return np.where(near, start[:, None] + up, total[:, None] - down)
+def partial_sums(terms: Array, size: Array, start: Array, total: Array) -> Array:
+    """Return sums ``start`` + terms[..., :j] = ``total`` - terms[..., j:] for all j, by the side with less rounding."""
+    up, down, left, right = np.zeros((4, *terms.shape[:-1], terms.shape[-1] + 1))
+    for values, below, above in ((terms, up, down), (size, left, right)):
+        np.cumsum(values, axis=-1, out=below[..., 1:])
+        above[..., :-1] = np.cumsum(values[..., ::-1], axis=-1)[..., ::-1]
+    near = left + np.abs(start)[..., None] <= right + np.abs(total)[..., None]
+    return np.asarray(np.where(near, start[..., None] + up, total[..., None] - down))
 
 
 def _classical(modal: Damped, c: Array, b: Array) -> _Terms:
@@ -246,26 +224,34 @@ def _outer(left: Any, right: Any) -> Any:
     return np.einsum("rk,ki->rik", left, right).reshape(rows * inputs, k)
 
 
-def _coupled(modal: Damped, c: Array, b: Array) -> _Terms:
-    """Conjugate pairs together; real eigenvalues one by one, as pairs of them need not cancel; free rigid modes."""
+def half_spectrum(modal: Damped) -> tuple[Complex, Complex, Complex, Index, Array]:
+    """Return nonzero eigenvalues (k,), of conjugate pairs the first, of coupled damping, and motions that stay free.
+
+    Their vectors y (m, k) with slopes y^T (2 lambda + Gamma) y, and the numbers of their modes; the second eigenvalues
+    of real pairs come last. Motions (m, r) without stiffness and damping have two eigenvalues 0 each.
+    """
     assert modal.vectors is not None
     assert modal.slopes is not None
-    pairs, slopes = modal.pairs, modal.slopes
-    turns = pairs[:, 0].imag != 0.0
-    free = (pairs == 0.0).all(axis=1)
-    real = np.nonzero(~turns & ~free)[0]
-    y, rigid_vectors = modal.vectors[:, turns, 0], modal.vectors[:, free, 0].real
-    residue = _outer(c @ y, (y.T @ b) / slopes[turns, :1])
-    rigid = _outer(c @ rigid_vectors, rigid_vectors.T @ b)
-    gamma = np.concatenate((rigid, 2.0 * (residue * pairs[turns, 0]).real), axis=1)
-    alpha = np.concatenate((np.zeros_like(rigid), 2.0 * residue.real), axis=1)
-    z = np.concatenate([modal.vectors[:, real, k].real for k in (0, 1)], axis=1)
-    theta = np.concatenate([slopes[real, k].real for k in (0, 1)])
+    free = (modal.pairs == 0.0).all(axis=1)
+    first, second = np.flatnonzero(~free), np.flatnonzero(~free & (modal.pairs[:, 0].imag == 0.0))
+    value, slope = (np.concatenate((a[first, 0], a[second, 1])) for a in (modal.pairs, modal.slopes))
+    vectors = np.concatenate((modal.vectors[:, first, 0], modal.vectors[:, second, 1]), axis=1)
+    return value, vectors, slope, np.concatenate((first, second)), modal.vectors[:, free, 0].real
+
+
+def _coupled(modal: Damped, c: Array, b: Array) -> _Terms:
+    """Conjugate pairs together; real eigenvalues one by one, as pairs of them need not cancel; free rigid modes."""
+    value, y, slope, number, rigid_vectors = half_spectrum(modal)
+    turns = value.imag != 0.0
     with np.errstate(divide="ignore", invalid="ignore"):  # a defective pair: the sum is not used
-        single = _outer(c @ z, (z.T @ b) / theta[:, None])
-    real_values = np.concatenate([pairs[real, k].real for k in (0, 1)])
-    number = np.concatenate((np.nonzero(free)[0], np.nonzero(turns)[0], real, real))
-    return np.concatenate((pairs[free], pairs[turns])), real_values, gamma, alpha, single, number
+        residue = _outer(c @ y, (y.T @ b) / slope[:, None])
+    rigid = _outer(c @ rigid_vectors, rigid_vectors.T @ b)
+    gamma = np.concatenate((rigid, 2.0 * (residue * value)[:, turns].real), axis=1)
+    alpha = np.concatenate((np.zeros_like(rigid), 2.0 * residue[:, turns].real), axis=1)
+    free = np.flatnonzero((modal.pairs == 0.0).all(axis=1))
+    pairs = np.concatenate((modal.pairs[free], modal.pairs[number[turns]]))
+    return pairs, value[~turns].real, gamma, alpha, residue[:, ~turns].real, np.concatenate(
+        (free, number[turns], number[~turns]))  # fmt: skip
 
 
 def residues(modal: Damped, s: Complex) -> tuple[Complex, Complex]:
@@ -284,10 +270,7 @@ def residues(modal: Damped, s: Complex) -> tuple[Complex, Complex]:
 
 
 def general_motions(modal: General, b: Array) -> ModalSum:
-    """Return the sum over modes of all motions in the basis to forces b (m, inputs) in it.
-
-    ``b`` (m, inputs): forces in the basis. Returns (s^2 M + s C + K)^-1 b in the basis.
-    """
+    """Return the sum over modes of (s^2 M + s C + K)^-1 b in the basis, for forces b (m, inputs) in it."""
     state = modal.state
     m = len(state.basis)
     back = np.asarray(np.linalg.inv(state.basis), dtype=float)

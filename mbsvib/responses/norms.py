@@ -70,14 +70,12 @@ def h2(space: tuple[Array, Array, Array, Array], names: tuple[tuple[str, ...], t
     return Norm(float(np.sqrt(max(0.0, np.sum(c @ covariance * c)))))
 
 
-def hinf(response: Callable[[Array], Complex], poles: Complex, direct: Array) -> Norm:
-    """Return the highest peak of the largest singular value of a frequency response.
+def hinf(response: Callable[[Array], Complex], poles: Complex, direct: Array | Complex) -> Norm:
+    """Return the highest peak of a frequency response: max over w of sigma(G(i w)).
 
-    ||G|| = max over w of sigma(G(i w))
-
-    ``response``: takes angular frequencies (n,) and returns G (outputs, inputs, n). ``poles`` (poles,): poles [1/s],
-    all with negative real parts. ``direct`` (outputs, inputs): D, the response at infinite frequency. Returns value and
-    frequency, inf where the response only tends to its largest value.
+    ``response`` takes w (n,) [rad/s] and returns G (outputs, inputs, n); all ``poles`` have negative real parts;
+    ``direct``: D, the response at infinite frequency. The frequency is inf where the response only tends to its largest
+    value.
     """
     if not direct.size:
         return Norm(0.0, omega=0.0)

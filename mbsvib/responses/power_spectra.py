@@ -87,8 +87,8 @@ def base_noise(
 
     ``spectra``: one-sided acceleration density by direction: a number is white noise, pairs (frequency [Hz], density)
     are a table; ``white`` and ``shaped`` make others. Several directions may share one, ``{"x y z": 1e-6}``.
-    ``directions``: those in which the base can be shaken. ``correlation`` (n, n): Hermitian matrix with ones on its
-    diagonal, in the order of the spectra; default: independent.
+    ``directions``: those in which the base can be shaken. ``correlation`` (n, n): Hermitian with ones on its diagonal,
+    in the order of the spectra.
     """
     if isinstance(spectra, BaseNoise):
         return spectra
@@ -105,7 +105,10 @@ def base_noise(
                 raise ResponseError(f"base: direction '{name}' has two spectra; give one of them.")
             densities[name] = _spectrum(density, f"base {name}")
     n = len(densities)
-    matrix = np.eye(n, dtype=complex) if correlation is None else np.asarray(correlation, dtype=complex)
+    try:
+        matrix = np.eye(n, dtype=complex) if correlation is None else np.asarray(correlation, dtype=complex)
+    except (TypeError, ValueError) as error:
+        raise ResponseError(f"base: correlation = {check.shown(correlation)}; expected a matrix of numbers.") from error
     if matrix.shape != (n, n) or not np.isfinite(matrix).all():
         raise ResponseError(f"base: correlation has shape {matrix.shape}; expected ({n}, {n}), finite, for the "
                             f"directions {' '.join(densities)}.")  # fmt: skip

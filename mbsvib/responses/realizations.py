@@ -10,6 +10,7 @@ import numpy as np
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.modes.general import is_general
 from mbsvib.responses.feedthrough import accelerations, feedthrough
+from mbsvib.responses.first_order import RATE_UNITS, physical
 from mbsvib.responses.general_terms import cleaned
 from mbsvib.responses.state_space import StateSpace
 
@@ -21,22 +22,19 @@ if TYPE_CHECKING:
 
 
 REALIZATIONS = ("physical", "modal", "balanced")
-_RATE = {"m": "m/s", "rad": "rad/s", "modal": "modal/s"}
 S = TypeVar("S", bound=StateSpace)
 
 
 def state_space(basis: Basis, realization: str = "physical", form: type[S] = StateSpace) -> S:  # type: ignore[assignment]
     """Return first-order equations of a system.
 
-    physical: x = (q, q'),  A = [[0, 1], [-M^-1 K, -M^-1 C]];  modal: x = (z1, z1', z2, z2', ...) with one block
-    [[0, 1], [-l1 l2, l1 + l2]] for each mode's eigenvalues l1, l2 (one state for a mode of first order);  balanced:
-    the physical states scaled by powers of two, so that rows and columns of A, B and C are of like size
+    physical: x = (q, q'), A = [[0, 1], [-M^-1 K, -M^-1 C]]; modal: x = (z1, z1', z2, z2', ...) with one block [[0, 1],
+    [-l1 l2, l1 + l2]] for each mode's eigenvalues l1, l2 (one state for a mode of first order); balanced: the physical
+    states scaled by powers of two, so that rows and columns of A, B and C are of like size
 
-    The equations are proper, with as many states as eigenvalues. The system contains no undamped massless motions (they
-    are condensed). Damped massless motions have no rates among the states: the physical states are then q and the rates
-    that move mass (``"d(node.z + body.z)/dt"`` if a rate is a sum).
-
-    ``realization``: "physical", "modal" or "balanced".
+    The equations are proper, with as many states as eigenvalues. Damped massless motions have no rates among the
+    states: the physical states are then q and the rates that move mass (``"d(node.z + body.z)/dt"`` if a rate is a
+    sum).
     """
     if not isinstance(realization, str) or realization not in REALIZATIONS:
         raise ResponseError(f"state_space: realization = {realization!r}; expected one of {', '.join(REALIZATIONS)}."
@@ -57,10 +55,7 @@ def state_space(basis: Basis, realization: str = "physical", form: type[S] = Sta
 
 
 def balanced_states(space: S) -> S:
-    """Return the same equations in states of similar magnitude, scaled by powers of two.
-
-    Returns the same with ``realization`` "balanced"; the unit of a state includes its scale (``"2^-13 rad"``).
-    """
+    """Return the same equations in states scaled by powers of two, which their units include (``"2^-13 rad"``)."""
     from mbsvib.linalg.balancing import balanced
 
     a, b, c, transform, power = balanced(space.A, space.B, space.C, space.transform)
@@ -70,18 +65,17 @@ def balanced_states(space: S) -> S:
 
 def _massless(basis: Basis, realization: str, form: type[S]) -> S:
     from mbsvib.modes.general import General
-    from mbsvib.responses import first_order
     from mbsvib.responses.general_states import modal_states
 
     system = basis.equations
     modal = basis.modal if realization == "modal" else None
-    reduced = modal_states(system, modal) if isinstance(modal, General) else first_order.physical(system)
+    reduced = modal_states(system, modal) if isinstance(modal, General) else physical(system)
     m = system.dof
     q, rate = reduced.transform[:m], reduced.transform[m:]
     through = reduced.through[m:]
     # q'' = rate x' + through u': linearize ensures that no output depends on the rate of an input
     c = system.Cq @ q + system.Cv @ rate + system.Ca @ (rate @ reduced.a)
-    d = cleaned(system.Ca, rate, reduced.b, system.D + system.Cv @ through)
+    d = cleaned(system.Ca, rate, reduced.b, direct=system.D + system.Cv @ through)
     return form(
         system.name, realization, reduced.a, reduced.b, c, d, reduced.transform, reduced.names, reduced.units,
         system.inputs, system.input_units, system.outputs, system.output_units,
@@ -99,7 +93,7 @@ def _physical(system: Equations) -> tuple[Array, Array, Array, tuple[str, ...], 
         a[m:] = -solution[:, : 2 * m]
         b[m:] = solution[:, 2 * m :]
     names = (*system.coordinates, *(f"d({name})/dt" for name in system.coordinates))
-    units = (*system.coordinate_units, *(_RATE.get(unit, "") for unit in system.coordinate_units))
+    units = (*system.coordinate_units, *(RATE_UNITS.get(unit, "") for unit in system.coordinate_units))
     return a, b, np.eye(2 * m), names, units
 
 

@@ -17,13 +17,11 @@ if TYPE_CHECKING:
 def realized(
     numerators: Sequence[Sequence[Any]], denominators: Sequence[Sequence[Any]], name: str
 ) -> tuple[Array, Array, Array, Array]:
-    """Return A, B, C, D of a matrix of transfer functions.
+    """Return A, B, C, D of a matrix of transfer functions, coefficients in descending powers of s for each output and
+    input.
 
     Entries of one input with one denominator share the states of a controllable canonical form; entries without
     dynamics have none. A pole that several inputs have in common may then be there more often than it must.
-
-    ``numerators``, ``denominators``: coefficients of each output and input in descending powers of s. Returns A, B, C,
-    D (n, n), (n, inputs), (outputs, n), (outputs, inputs): first-order equations.
     """
     shape = len(numerators), len(numerators[0])
     d, blocks = np.zeros(shape), []

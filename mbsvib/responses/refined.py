@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.linalg.double_double import DoubleDouble, Sliced, double_double
+from mbsvib.linalg.products import product
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -117,8 +118,8 @@ def refined(
     """Return transfer functions from solutions in twice the working precision.
 
     ``shapes`` (m, m): basis of the solutions, normalised by mass. ``load`` (m, loads, n): right-hand sides.
-    ``outputs``: orders of differentiation with their rows (outputs, m), and the feedthrough (outputs, loads).
-    ``solve``: takes loads (m, loads, n) in the basis and returns approximate solutions of the same shape.
+    ``outputs``: orders of differentiation with their rows (outputs, m), and the feedthrough. ``solve``: solves for
+    loads in the basis approximately.
     """
     # powers of two make the coordinates comparable without rounding
     scale = np.ldexp(1.0, np.frexp(np.linalg.norm(shapes, axis=1))[1])
@@ -127,8 +128,8 @@ def refined(
     basis = shapes / scale[:, None]
 
     def correction(residual: Array) -> Array:
-        eta = _parts(solve(_complex(_times(basis.T, residual))))
-        return _times(basis, eta)
+        eta = _parts(solve(_complex(product(basis.T, residual))))
+        return product(basis, eta)
 
     b = _parts(scale[:, None, None] * load)
     x, exact = double_double(correction(b)), double_double(b)
@@ -181,12 +182,8 @@ class _Equations:
 
     def of_small(self, x: Array) -> Array:
         """Return the same in working precision."""
-        result = _times(self.rows.T, _parts(self.ordinary(_complex(_times(self.rows, x)))))
-        return result if self.mass is None else result - _times(self.mass.high, x) * self.square.high
-
-
-def _times(left: Array, right: Array) -> Array:
-    return (left @ right.reshape(len(right), -1)).reshape(-1, *right.shape[1:])
+        result = product(self.rows.T, _parts(self.ordinary(_complex(product(self.rows, x)))))
+        return result if self.mass is None else result - product(self.mass.high, x) * self.square.high
 
 
 def _doubled(values: Array) -> Array:
@@ -227,7 +224,7 @@ class _Outputs:
         """Changes of the outputs by a change of motions, in working precision."""
         result: Complex = np.zeros((*self.direct.shape, len(self.w)), dtype=complex)
         for order, _, rows in self.rows:
-            result += _complex(_times(rows, _parts(motion))) * (1j * self.w) ** order
+            result += _complex(product(rows, _parts(motion))) * (1j * self.w) ** order
         return result
 
     def size(self, x: DoubleDouble) -> Array:
@@ -240,5 +237,5 @@ class _Outputs:
     def _sum(self, magnitude: Array) -> Array:
         result = np.broadcast_to(np.abs(self.direct)[:, :, None], (*self.direct.shape, len(self.w))).copy()
         for order, _, rows in self.rows:
-            result += _times(np.abs(rows), magnitude) * self.w**order
+            result += product(np.abs(rows), magnitude) * self.w**order
         return result

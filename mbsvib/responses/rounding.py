@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.products import product, square_difference
 from mbsvib.linalg.rank import EPS
+from mbsvib.responses.modal_sum import half_spectrum
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -61,11 +63,9 @@ class Noise:
         return Noise(b, output_rows, terms, tuple(parts), direct)
 
     def at(self, w: Array, by_modes: bool) -> Array:
-        """Return the bound at angular frequencies.
+        """Return the bound (outputs, inputs, n) at frequencies ``w`` (n,) [rad/s], none negative.
 
-        ``w`` (n,): angular frequencies [rad/s], none negative. ``by_modes``: whether responses are sums over modes,
-        which avoid the cancellation above a mode; else they are solutions. Returns (outputs, inputs, n): in the
-        outputs' units.
+        Responses that are sums over modes, ``by_modes``, avoid the cancellation above a mode; others are solutions.
         """
         gain, fade = self.terms.gain(w)
         result = np.zeros((*self.direct.shape, len(w)))
@@ -106,15 +106,11 @@ class TermSizes:
         if modal.vectors is None or modal.slopes is None:
             corner = np.abs(modal.pairs).max(axis=1)
             return TermSizes(modal, np.zeros(0, complex), 0, np.ones(len(corner)), 2, corner, np.sort(corner), None)
-        turns, free = modal.pairs[:, 0].imag != 0.0, (modal.pairs == 0.0).all(axis=1)
-        first, second = ~free, ~free & ~turns
-        value: Complex = np.concatenate((modal.pairs[first, 0], modal.pairs[second, 1]))
-        size = 2.0 / np.abs(np.concatenate((modal.slopes[first, 0], modal.slopes[second, 1])))
-        y = modal.vectors
-        vectors: Complex = np.concatenate((y[:, first, 0], y[:, second, 1], y[:, free, 0]), axis=1)
-        rigid = np.zeros(int(np.count_nonzero(free)))
-        corner = np.concatenate((np.abs(value), rigid))
-        return TermSizes(modal, value, len(rigid), np.concatenate((size, rigid)), 1, corner, np.sort(corner), vectors)
+        value, y, slope, _, free = half_spectrum(modal)
+        vectors: Complex = np.concatenate((y, free), axis=1)
+        rigid = np.zeros(free.shape[1])
+        strength, corner = (np.concatenate((a, rigid)) for a in (2.0 / np.abs(slope), np.abs(value)))
+        return TermSizes(modal, value, len(rigid), strength, 1, corner, np.sort(corner), vectors)
 
     def gain(self, w: Array) -> tuple[Array, Array]:
         """Return magnitudes (k, n) of 1 / (s - lambda), and of the remainder above the mode, without the known sums."""
@@ -122,10 +118,8 @@ class TermSizes:
         if self.vectors is None:
             square, turn = self.modal.square[:, None], w * w
             size, brake = np.abs(square), np.abs(self.modal.gamma)[:, None] * w
-            root = np.sqrt(size)
-            stiff = np.where(square >= 0.0, (root - w) * (root + w), square - turn)
             fade = np.where(corner < w, (size + brake) / turn, 1.0)
-            return 1.0 / np.maximum(np.abs(stiff), brake), fade
+            return 1.0 / np.maximum(np.abs(square_difference(square, w)), brake), fade
         value = self.value[:, None]
         count = len(value)
         gain = np.empty((count + self.free, len(w)))
@@ -178,17 +172,16 @@ class Changes:
         return Changes(rows, stiffness[:, None], system.row_damping[used][:, None], sizes, orders, np.abs(system.D))
 
     def at(self, w: Array, motion: Complex, relative_motion: Complex | None = None) -> Array:
-        """Return the sum over all numbers.
+        """Return the sum over all numbers (outputs, inputs, n) at frequencies ``w`` (n,) [rad/s], none negative.
 
-        ``w`` (n,): angular frequencies [rad/s], none negative. ``motion`` (m, inputs + outputs, n): forward and adjoint
-        motions. ``relative_motion`` (rows, inputs + outputs, n): relative motions along the rows; default: from
-        ``motion``, as accurate as its rounding allows. Returns (outputs, inputs, n): in the outputs' units.
+        ``motion`` (m, inputs + outputs, n): forward and adjoint motions. ``relative_motion`` (rows, ...): the same
+        along the rows; default: from ``motion``, as accurate as its rounding allows.
         """
         outputs, inputs = self.direct.shape
         count, springs = len(self.rows), len(self.stiffness)
         near = product(self.sizes, _magnitude(motion))
         if relative_motion is None:
-            forces = _magnitude(real_product(self.rows, motion))
+            forces = _magnitude(product(self.rows, motion))
             forces -= ROUNDING * EPS * near[:count]
             np.maximum(forces, 0.0, out=forces)
         else:
@@ -210,18 +203,6 @@ class Changes:
 def differentiated(system: Equations) -> list[tuple[int, Array]]:
     """Return the nonzero rows (outputs, m) of displacements, velocities and accelerations, with the order 0, 1 or 2."""
     return [(order, c) for order, c in enumerate((system.Cq, system.Cv, system.Ca)) if c.any()]
-
-
-def product(left: Array, right: Array) -> Array:
-    """Return left (k, m) right (m, loads, n)."""
-    return (left @ right.reshape(len(right), -1)).reshape(-1, *right.shape[1:])
-
-
-def real_product(left: Array, right: Complex) -> Complex:
-    """Return left (k, m) right (m, loads, n) with one real factor."""
-    parts = np.ascontiguousarray(right).reshape(len(right), -1).view(float)
-    result: Complex = (left @ parts).view(complex)
-    return result.reshape(-1, *right.shape[1:])
 
 
 def _magnitude(values: Complex) -> Array:

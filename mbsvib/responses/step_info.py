@@ -12,11 +12,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import matrix_balance
+from scipy.linalg import matrix_balance, schur
 
 from mbsvib.common.display import Displayed
 from mbsvib.common.units import pretty, ratio
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.groups import linked_items
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
@@ -33,9 +34,9 @@ PER_PERIOD, COUNTS = 32, 1e-3
 MOST_SAMPLES = 4_000_000
 # A final value below this share of the largest one is zero but for rounding.
 ZERO_FINAL = 1e-11
-# Condition of the eigenvectors of balanced equations up to which the sum has seven digits: a double pole
-# makes it 1e8.
-WORST_CONDITION = 1e9
+# Condition of the eigenvectors of balanced equations up to which the sum has seven digits: a double pole makes it 1e8,
+# or infinite, in which case its two values are moved apart by this share of it; a triple pole makes it larger.
+WORST_CONDITION, APART = 1e9, 1e-7
 # Halvings of an interval between samples.
 HALVINGS = 50
 
@@ -119,9 +120,26 @@ def _eigen(a: Array, name: str) -> tuple[Complex, Complex]:
     even, scale = matrix_balance(a, permute=False)
     values, vectors = np.linalg.eig(even)
     if np.linalg.cond(vectors) > WORST_CONDITION:
-        raise ResponseError(f"step_info: poles of '{name}' coincide, so that its step responses are no sum of "
-                            f"exponentials; use time_response.")  # fmt: skip
+        values, vectors = _apart(even)
+    if np.linalg.cond(vectors) > WORST_CONDITION:
+        raise ResponseError(f"step_info: three or more poles of '{name}' coincide, so that its step "
+                            f"responses are no sum of exponentials; use time_response.")  # fmt: skip
     return values.astype(complex), (scale @ vectors).astype(complex)
+
+
+def _apart(a: Array) -> tuple[Complex, Complex]:
+    """Eigenvalues and eigenvectors of a matrix whose coinciding eigenvalues are moved apart from their mean.
+
+    The sum over two of them is a divided difference, whose error is of second order in their distance.
+    """
+    upper, basis = schur(a, output="complex")
+    values = upper.diagonal().copy()
+    size = np.abs(values)
+    for group in linked_items(np.abs(values[:, None] - values) <= APART * np.maximum(size, size[:, None])):
+        values[group] = values[group].mean() * (1.0 + APART * (np.arange(len(group)) - 0.5 * (len(group) - 1)))
+    upper[np.arange(len(a)), np.arange(len(a))] = values
+    values, vectors = np.linalg.eig(upper)
+    return values, basis @ vectors
 
 
 def _residues(space: Any, values: Complex, vectors: Complex) -> Complex:

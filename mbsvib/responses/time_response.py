@@ -16,6 +16,7 @@ from mbsvib.common.expected import reals
 from mbsvib.errors import ResponseError
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.modal_steps import Exponentials, Oscillators
+from mbsvib.responses.modal_sum import half_spectrum
 from mbsvib.responses.time_steps import Block, run, stepped
 
 if TYPE_CHECKING:
@@ -39,13 +40,12 @@ def time_response(
     basis: Basis, t: ArrayLike, u: ArrayLike, hold: str = "first",
     initial: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> Array:  # fmt: skip
-    """Return the outputs at the times ``t``.
+    """Return the outputs (outputs, n) at the times ``t`` (n,) [s].
 
     x(t + h) = exp(A h) x(t) + integral over the step of exp(A (h - s)) B u(t + s) ds
 
-    ``t`` (n,): ascending times [s]. ``u`` (inputs, n), or (n,) for a single input: inputs at these times. ``hold``:
-    "first" (linear between samples) or "zero" (constant from each sample to the next). ``initial`` (m,): q and q' at
-    t[0]; default: rest. Returns (outputs, n): outputs at these times.
+    ``u`` (inputs, n): linear between samples, or held if ``hold`` is "zero". ``initial``: q and q' at t[0]; default:
+    rest.
     """
     system, modal, first = basis.equations, basis.modal, hold == "first"
     time, inputs, state = checked_question(system, t, u, hold, initial)
@@ -84,19 +84,11 @@ def _oscillators(square: Array, gamma: Array, b: Array, rates: tuple[Array, ...]
 
 def _complex(modal: Damped, b: Array, rates: tuple[Array, ...], start: Array) -> list[Block]:
     """One state for each conjugate pair and for each real eigenvalue, two for each free rigid-body mode."""
-    assert modal.vectors is not None
-    assert modal.slopes is not None
-    free = (modal.pairs == 0.0).all(axis=1)
-    turns = modal.pairs[:, 0].imag != 0.0
-    first, second = ~free, ~free & ~turns
-    value = np.concatenate((modal.pairs[first, 0], modal.pairs[second, 1]))
-    y = np.concatenate((modal.vectors[:, first, 0], modal.vectors[:, second, 1]), axis=1)
-    left = y.T / np.concatenate((modal.slopes[first, 0], modal.slopes[second, 1]))[:, None]
-    twice = np.concatenate((1.0 + turns[first], np.ones(np.count_nonzero(second))))
+    value, y, slope, _, vectors = half_spectrum(modal)
+    left, twice = y.T / slope[:, None], 1.0 + (value.imag != 0.0)
     cq, cv, ca = (c @ y * twice for c in rates)
     matrices = np.eye(len(start)), modal.gamma, np.diag(modal.square)
     state = _amplitudes(value, left, matrices, start.T)[None]
-    vectors = modal.vectors[:, free, 0].real
     none = np.zeros(vectors.shape[1])
     rigid = _oscillators(none, none, vectors.T @ b, tuple(c @ vectors for c in rates), vectors.T @ start)
     return [Block(Exponentials(value), left @ b, (cq + value * (cv + value * ca))[:, None], state), rigid]

@@ -38,17 +38,23 @@ def run(block: Block, time: Array, u: Array, first: bool) -> Array:
     outputs = len(block.show)
     y = np.empty((outputs, len(time)))
     y[:, 0] = np.tensordot(block.show, block.state, axes=2).real
-    n = len(time) - 1
-    h = (time[-1] - time[0]) / max(n, 1)
-    # time stamps that are even up to their rounding are treated as even
-    even = np.abs(time - (time[0] + h * np.arange(n + 1))).max() <= 4.0 * EPS * np.abs(time[[0, -1]]).max()
-    march = _even_steps(block, h) if even and n > 1 else _uneven_steps(block, np.diff(time))
+    steps, even = _steps(time)
+    n = len(steps)
+    march = _even_steps(block, steps[0]) if even and n > 1 else _uneven_steps(block, steps)
     state = block.state
     for start in range(0, n, CHUNK):
         stop = min(n, start + CHUNK)
         samples, change = u[:, start:stop], np.diff(u[:, start : stop + 1]) if first else None
         y[:, start + 1 : stop + 1], state = march(state, samples, change, start)
     return y
+
+
+def _steps(time: Array) -> tuple[Array, bool]:
+    """Lengths of the steps, and whether all are equal: those that are up to the rounding of times are made so."""
+    steps = np.diff(time)
+    even = (time[-1] - time[0]) / max(1, len(steps))
+    equal = np.abs(time - (time[0] + even * np.arange(len(time)))).max() <= 4.0 * EPS * np.abs(time[[0, -1]]).max()
+    return np.full_like(steps, even) if equal else steps, bool(equal)
 
 
 def _even_steps(block: Block, h: float) -> Callable[[Any, Array, Array | None, int], tuple[Array, Any]]:
@@ -125,11 +131,7 @@ def stepped(a: Array, b: Array, start: Array, record: tuple[Array, Array, bool])
     x = np.empty((n, len(time)))
     x[:, 0] = start
     steps: dict[float, tuple[Array, Array, Array]] = {}
-    lengths = np.diff(time)
-    even = (time[-1] - time[0]) / max(1, len(lengths))
-    if len(lengths) and np.abs(time - time[0] - even * np.arange(len(time))).max() <= 4.0 * EPS * np.abs(time).max():
-        lengths[:] = even
-    for i, h in enumerate(lengths.tolist()):
+    for i, h in enumerate(_steps(time)[0].tolist()):
         if h not in steps:
             augmented = np.zeros((n + 2 * k, n + 2 * k))
             augmented[:n, :n] = a * h

@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import AccuracyWarning
+from mbsvib.linalg.products import product
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.refined import Factors, Refined, refined
-from mbsvib.responses.rounding import differentiated, real_product
+from mbsvib.responses.rounding import differentiated
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -42,11 +43,10 @@ BATCH_BYTES = 2**16
 
 
 def recomputed(basis: Basis, modal: Damped, w: Array, responses: tuple[Complex, bool], solver: Solver) -> Complex:
-    """Return the responses; those that may be inaccurate are computed again from the equations.
+    """Return the responses (outputs, inputs, n); those that may be inaccurate are computed again from the equations.
 
-    ``w`` (n,): angular frequencies [rad/s], none negative. ``responses``: responses (outputs, inputs, n), and whether
-    they are sums over modes. ``solver``: takes frequencies (k,) and returns a solver of the equations in the basis for
-    loads (m, inputs, k). Returns (outputs, inputs, n): transfer functions.
+    ``w`` (n,) [rad/s]: none negative. ``responses``, and whether they are sums over modes. ``solver``: takes
+    frequencies (k,) and returns a solver of the equations in the basis for loads (m, inputs, k).
     """
     system = basis.equations
     value, by_modes = responses
@@ -101,7 +101,7 @@ def _entries(basis: Basis, modal: Damped, w: Array, responses: tuple[Complex, bo
 
 def _motions(basis: Basis, modal: Damped, w: Array, solve: Callable[[Complex], Complex]) -> Complex:
     """Forward and adjoint motions (m, inputs + outputs, n), in working precision."""
-    return real_product(modal.shapes, solve(_loads(basis.rounding.b, basis.rounding.outputs, w)))
+    return product(modal.shapes, solve(_loads(basis.rounding.b, basis.rounding.outputs, w)))
 
 
 def _loads(b: Array, outputs: Sequence[tuple[int, Array]], w: Array) -> Complex:

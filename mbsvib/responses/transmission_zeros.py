@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.selection import selected
-from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.finite_zeros import finite_zeros
-from mbsvib.responses.modal_sum import CANCELLED, ModalSum, modal_sum
+from mbsvib.responses.general_terms import cleaned
+from mbsvib.responses.modal_sum import ModalSum, modal_sum
 from mbsvib.responses.zero_rounding import (
     determined_zeros,
     improved_at_poles,
@@ -29,7 +29,6 @@ from mbsvib.responses.zero_rounding import (
 )
 
 if TYPE_CHECKING:
-
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Complex
@@ -55,13 +54,10 @@ INTEGER_POWER = 0.1
 
 
 def transmission_zeros(basis: Basis, outputs: Names = None, inputs: Names = None) -> Complex:
-    """Return the invariant zeros of a system from some of its inputs to some of its outputs.
+    """Return the finite s at which [[K + s C + s^2 M, -B], [Cq + s Cv + s^2 Ca, D]] has less than its normal rank.
 
-    The finite s at which [[K + s C + s^2 M, -B], [Cq + s Cv + s^2 Ca, D]] has less than its normal rank.
-
-    ``outputs``, ``inputs``: names; default: all. Their numbers may differ. Returns (zeros,): zeros [1/s] in ascending
-    magnitude. An uncontrollable or unobservable mode is one too: exactly, or up to double precision, such as a mode
-    localized far along a chain from both.
+    In ascending magnitude. An uncontrollable or unobservable mode is one too: exactly, or up to double precision, such
+    as a mode localized far along a chain from both.
     """
     system, modal = basis.equations, basis.modal
     sources, results = numbers(system, "input", inputs), numbers(system, "output", outputs)
@@ -82,10 +78,7 @@ def transmission_zeros(basis: Basis, outputs: Names = None, inputs: Names = None
 
 
 def numbers(system: Equations, kind: str, names: Names) -> list[int]:
-    """Return the numbers of the named inputs or outputs; None: of all.
-
-    ``kind``: "input" or "output". ``names``: their names.
-    """
+    """Return the numbers of the named inputs or outputs (``kind``); None: of all."""
     known, others = (system.inputs, system.outputs) if kind == "input" else (system.outputs, system.inputs)
     return selected(names, known, kind, system.name, others)
 
@@ -127,11 +120,9 @@ def _in_energy(
     scale, a = energy_matrix(modal)
     b, d = modal.shapes.T @ system.B[:, sources], matrices["D"]
     cq, cv, ca = (matrices[name] @ modal.shapes for name in ("Cq", "Cv", "Ca"))
-    at_once = d + ca @ b
-    at_once[np.abs(at_once) <= CANCELLED * EPS * (np.abs(d) + np.abs(ca) @ np.abs(b))] = 0.0
     gamma = ca * modal.gamma if modal.gamma.ndim == 1 else ca @ modal.gamma
     c = np.concatenate(((cq - ca * modal.square) / scale, cv - gamma), axis=1)
-    return a, np.concatenate((np.zeros_like(b), b)), c, at_once
+    return a, np.concatenate((np.zeros_like(b), b)), c, cleaned(ca, b, direct=d)
 
 
 def _even(equations: tuple[Array, Array, Array, Array], highest: float) -> tuple[Array, Array, Array, Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -83,39 +83,24 @@ def transfer_rounding(
     system: Equations, modal: Damped | General, total: ModalSum | Resolvent, ports: tuple[list[int], list[int]],
     z: Complex,
 ) -> Array:
-    """Return the rounding of the transfer matrix at the points z, (outputs, inputs, n)."""
-    return _of_modal_sum(system, modal, *ports, z) if isinstance(total, ModalSum) else total.noise(z)
+    """Return the rounding of the transfer matrix at the points z, (outputs, inputs, n).
 
-
-def _of_modal_sum(
-    system: Equations, modal: Damped | General, sources: list[int], results: list[int], z: Complex
-) -> Array:
-    """Rounding of a sum over modes at the points z, (outputs, inputs, n): a shape has that of its largest part."""
-    if not isinstance(modal, Damped):
-        return _of_general_sum(system, modal, (sources, results), z)
-    b = np.abs(modal.shapes.T @ system.B[:, sources])
-    highest = b.max(axis=0)
-    result = np.zeros((len(results), len(sources), len(z)))
-    with np.errstate(all="ignore"):
-        down = 1.0 / np.abs((z - modal.pairs[:, :1]) * (z - modal.pairs[:, 1:]))
-        for order, rate in enumerate((system.Cq, system.Cv, system.Ca)):
-            c = np.abs(rate[results] @ modal.shapes)
-            terms = np.einsum("om,i->oim", c, highest) + np.einsum("o,mi->oim", c.max(axis=1), b)
-            result += np.tensordot(terms, down, axes=1) * np.abs(z) ** order
-    return EPS * result
-
-
-def _of_general_sum(
-    system: Equations, modal: General, ports: tuple[list[int], list[int]], z: Complex
-) -> Array:
-    """The same with right and left vectors."""
+    That of a sum over modes is the rounding of the largest entry of each vector.
+    """
+    if not isinstance(total, ModalSum):
+        return total.noise(z)
     sources, results = ports
-    values, right, left, slopes = modal.spectrum.complete()
-    b = np.abs(left.T @ system.B[:, sources]) / np.abs(slopes)[:, None]
-    highest = b.max(axis=0, initial=0.0)
     result = np.zeros((len(results), len(sources), len(z)))
     with np.errstate(all="ignore"):
-        down = 1.0 / np.abs(z - values[:, None])
+        if isinstance(modal, Damped):
+            right: NDArray[Any] = modal.shapes
+            left: NDArray[Any] = modal.shapes
+            down = 1.0 / np.abs((z - modal.pairs[:, :1]) * (z - modal.pairs[:, 1:]))
+        else:
+            values, right, left, slopes = modal.spectrum.complete()
+            left, down = left / slopes, 1.0 / np.abs(z - values[:, None])
+        b = np.abs(left.T @ system.B[:, sources])
+        highest = b.max(axis=0, initial=0.0)
         for order, rate in enumerate((system.Cq, system.Cv, system.Ca)):
             c = np.abs(rate[results] @ right)
             terms = np.einsum("om,i->oim", c, highest) + np.einsum("o,mi->oim", c.max(axis=1, initial=0.0), b)

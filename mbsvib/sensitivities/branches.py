@@ -50,7 +50,7 @@ def branches(
         pair = norms[rows]
         with np.errstate(all="ignore"):
             inverse = _inverse(pair)
-            product = np.asarray(-(inverse @ forms[rows].reshape(n, k, k * count)), dtype=complex)
+            product = np.asarray(-inverse @ forms[rows].reshape(n, k, k * count), dtype=complex)
             matrix: Complex = np.moveaxis(product.reshape(n, k, k, count), 0, 2)
             if k == 2:
                 values = _of_pairs(matrix)

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.memory import keep_freed_memory
 from mbsvib.linalg.rank import ZERO_RIGID_FORM, ZERO_RIGID_FORM_BY_MATRICES
 from mbsvib.sensitivities.adjoint_fields import fields, motions
 from mbsvib.sensitivities.branches import branches
-from mbsvib.sensitivities.products import forms, picked
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex, Index
@@ -26,9 +26,6 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.parameter_groups import ParameterGroups
     from mbsvib.sensitivities.spectrum import Spectrum
     from mbsvib.sensitivities.variables import Requested
-
-# Rows beyond the last parameter, so that the last part of a group has as many behind it as the others.
-PADDING = 64
 
 
 def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Requested = None) -> Complex:
@@ -61,6 +58,7 @@ def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Requested = No
     """
     system, groups = basis.equations, basis.groups(parameters)
     spectrum, pairs = basis.spectrum
+    keep_freed_memory(groups.size)
     if len(pairs.groups) and spectrum.left is None and groups.unsymmetric:
         spectrum = replace(spectrum, left=spectrum.right)
     widened = spectrum if spectrum.left is not None else spectrum.with_sums(pairs)
@@ -130,40 +128,14 @@ def _fields(network: Network, motion: Motions, values: Complex, scale: Complex, 
 def _simple(groups: ParameterGroups, spectrum: Spectrum, left: Fields | None, right: Fields) -> tuple[Complex, Complex]:
     """Forms of all eigenvalues, conjugates included, (variables, eigenvalues), and those of sums behind them."""
     first, second = (right, None) if left is None else (left, right)
-    lead = len(spectrum.lead)
-    if groups.variables.identity and groups.loaded is None and spectrum.alternates:
-        padded = groups.size + PADDING
-        result = np.zeros((padded, spectrum.count), dtype=complex)
-        of_sums = np.zeros((padded, right.wrench.shape[-1] - lead), dtype=complex)
-        for rows, stride, block in forms(groups.members, first, second):
-            view, sums = picked(result, rows, stride), picked(of_sums, rows, stride)
-            if view is None:
-                into = np.empty((*rows.shape, spectrum.count), dtype=complex)
-                _with_conjugates(into, block, lead)
-                result[rows], of_sums[rows] = into, _joined(block[..., lead:])  # -1 is the padding
-            else:
-                _with_conjugates(view, block, lead)
-                if len(sums.T):
-                    sums[:] = _joined(block[..., lead:])
-        result, of_sums = result[: groups.size], of_sums[: groups.size]
-        result[groups.loses_freedom] = np.nan
-        return result, of_sums
-    form = _joined(groups.chain(groups.forms(first, second)))
+    form, lead = groups.chain(groups.forms(first, second)), len(spectrum.lead)
     result = np.empty((len(form), spectrum.count), dtype=complex)
-    _set(result, spectrum, np.arange(lead), form[:, :lead])
-    return result, form[:, lead:]
-
-
-def _with_conjugates(result: Complex, form: Field, count: int) -> None:
-    """Set eigenvalue after eigenvalue (..., 2 count) and conjugate, from forms in real or in complex arithmetic."""
-    if form.shape[-2] == 1:
-        result[..., ::2] = form[..., 0, :count]
-        np.conjugate(form[..., 0, :count], out=result[..., 1::2])
-        return
-    real, imag = form[..., 0, :count], form[..., 1, :count]
-    flat = result.view(float)
-    flat[..., ::4], flat[..., 2::4], flat[..., 1::4] = real, real, imag
-    np.negative(imag, out=flat[..., 3::4])
+    if spectrum.alternates:
+        result[:, ::2] = _joined(form[..., :lead])
+        np.conjugate(result[:, ::2], out=result[:, 1::2])
+    else:
+        _set(result, spectrum, np.arange(lead), _joined(form[..., :lead]))
+    return result, _joined(form[..., lead:])
 
 
 def _joined(form: Field) -> Complex:

@@ -25,7 +25,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.linalg.vectors import cross, dot, moved, product, transformed, wide
+from mbsvib.linalg.products import product
+from mbsvib.linalg.vectors import cross, dot, moved, transformed, wide
 from mbsvib.sensitivities.adjoint_fields import Fields
 from mbsvib.sensitivities.families import rules_of
 from mbsvib.sensitivities.force_changes import force_changes, force_rates, parameter_rates

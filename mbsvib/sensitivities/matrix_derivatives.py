@@ -13,7 +13,7 @@ from mbsvib.linalg.rank import SAME_TRANSPOSE, ZERO_FACTOR
 from mbsvib.sensitivities.adjoint_fields import fields, motions
 from mbsvib.sensitivities.port_forms import feedthrough, port_forms
 from mbsvib.sensitivities.ports import no_loads
-from mbsvib.sensitivities.products import MatrixDerivativeGroup, factored
+from mbsvib.sensitivities.products import factored
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -106,7 +106,7 @@ def matrix_derivatives(
 
     def chained(form: Field, key: str) -> Array:
         if groups.matrix_group is not None:
-            form[groups.matrix_group.rows[:, 0], ..., 0] = groups.matrix_group.slopes[key]
+            form[groups.matrix_group.rows, ..., 0] = groups.matrix_group.slopes[key]
         return np.asarray(groups.chain(form[..., 0]))
 
     def ports(
@@ -152,13 +152,12 @@ def _factors(groups: ParameterGroups, variable: int, matrix: str) -> tuple[Array
     rate = np.zeros(groups.size)
     np.add.at(rate, groups.variables.parameter[entries], groups.variables.rate[entries])
     first, second = [np.zeros((0, m))], [np.zeros((0, m))]
-    for group in groups.members:
-        if isinstance(group, MatrixDerivativeGroup):
-            for row in group.rows[rate[group.rows] != 0.0].tolist():
-                p, q = group.factors(row, matrix, groups.variables.names[variable])
-                first.append(rate[row] * p)
-                second.append(q)
-            continue
+    matrices = groups.matrix_group
+    for row in () if matrices is None else matrices.rows[rate[matrices.rows] != 0.0].tolist():
+        p, q = matrices.factors(row, matrix, groups.variables.names[variable])
+        first.append(rate[row] * p)
+        second.append(q)
+    for group in groups.by_rule:
         which = np.flatnonzero(((group.rows >= 0) & (rate[group.rows] != 0.0)).any(axis=1))
         for k in which.tolist():
             number, data, rows = group.part(k, k + 1)

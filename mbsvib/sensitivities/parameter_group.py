@@ -10,19 +10,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.sensitivities.families import rules_of
-from mbsvib.sensitivities.families.body import moved_floating
 from mbsvib.sensitivities.families.rules import any_field
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.part import Part
-    from mbsvib.sensitivities.families.rules import PartRules
+    from mbsvib.sensitivities.families.rules import PartRules, RuleAndData
     from mbsvib.sensitivities.families.terms import Rule
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.shared_wrenches import Spin
-    from mbsvib.sensitivities.variables import FieldLayout
+    from mbsvib.sensitivities.variables import FieldLayout, PartFields
 
 # Fields of springs that say what force they have at the pose, and are no part of K by themselves.
 FORCES = ("preload", "free_length")
@@ -61,14 +62,15 @@ def have_rules(network: Network, layout: FieldLayout) -> NDArray[np.bool_]:
     """
     parts = network.named
     alike = not network.limits and network.spin is None  # parts of a class then differ in nothing
-    known: dict[tuple[type, str], bool] = {}
+    known: dict[tuple[type, PartFields], list[bool]] = {}
     result = []
-    for name, field, _ in layout.fields:
+    for name, fields in zip(layout.names, layout.fields, strict=True):
         part = parts[name][1] if name in parts else None
-        rules = None if part is None else rules_of(part)
-        key = type(part), field
-        if not alike or key not in known or (rules is not None and rules.has_rule is not any_field):
-            known[key] = rules is not None and _has_rule(network, field, rules, part)
+        key = type(part), fields
+        if not alike or key not in known or rules_of(part).has_rule is not any_field:
+            known[key] = []
+            for field, *_, count in fields.fields:
+                known[key] += [part is not None and _has_rule(network, field, rules_of(part), part)] * count
         result.append(known[key])
     return layout.of_parameters(result)
 
@@ -79,36 +81,21 @@ def groups_by_rule(network: Network, layout: FieldLayout) -> list[ParameterGroup
     ``layout``: the parameters by the fields of their parts; those that have a rule get a group. Returns groups of the
     parameters of bodies, connections and parts that are made of these.
     """
-    parts, starts, number = network.named, layout.starts, layout.number
-    used = [True] * len(layout.fields)
-    if number is not None:
-        counts = np.concatenate(([0], np.cumsum(number >= 0)))[starts]
-        used = (counts[1:] > counts[:-1]).tolist()
+    parts = network.named
+    members: dict[tuple[Any, ...], list[tuple[int, int, Any]]] = {}
     groups: list[ParameterGroup] = []
-    members: dict[tuple[Any, ...], tuple[list[int], list[int], list[Any]]] = {}
-    floating = set(network.floating.tolist())
-    for (name, field, depth), width, start, requested in zip(layout.fields, layout.width, starts, used, strict=False):
-        if not requested or name not in parts or field in FORCES:
+    for name, fields, start in zip(layout.names, layout.fields, layout.starts, strict=False):
+        if name not in parts:
             continue
         k, part = parts[name]
         rules = rules_of(part)
         if rules.single is not None:
-            entries = range(start, start + width) if number is None else number[start : start + width].tolist()
-            for i, row in enumerate(entries):
-                if row >= 0:
-                    own_rule, data = rules.single(network, part, field, _index(i, depth))
-                    groups.append(ParameterGroup(rules.kind, field, _ONE, own_rule, data, np.array([[row]]), 0))
-            continue
-        kind = rules.kind
-        if rules.rule is None:
-            continue
-        separate = part.end is not None if kind == "joint" else kind == "body" and field == "position" and k in floating
-        numbers, first, same = members.setdefault((kind, field, type(part), width, separate), ([], [], []))
-        numbers.append(k)
-        first.append(start)
-        same.append(part)
-    groups += [_group(network, key, sorted(zip(*lists, strict=True), key=itemgetter(0)), number)
-               for key, lists in members.items()]  # fmt: skip
+            groups += _of_entries(network, rules.single, part, fields, start, layout.number)
+        elif rules.rule is not None:
+            floats = rules.floats and k in network.floating_number
+            members.setdefault((type(part), fields, floats), []).append((k, start, part))
+    for (_, fields, _), alike in members.items():
+        groups += _of_fields(network, fields, sorted(alike, key=itemgetter(0)), layout.number)
     return groups
 
 
@@ -137,24 +124,41 @@ def _turns_along(spin: Spin, field: str, kind: str, part: Any) -> bool:
     return field not in ("stiffness", "damping") or (field == "damping" and spin.circulatory is not None)
 
 
-def _group(
-    network: Network, key: tuple[Any, ...], members: list[tuple[int, int, Any]], number: Index | None
-) -> ParameterGroup:  # fmt: skip
-    """The group of one field of many parts, each with its number and the first entry of the field."""
-    kind, field, _, width, separate = key
-    numbers, first, same = zip(*members, strict=True)
-    index = np.array(numbers)
-    rows, lead, follow = np.array(first)[:, None] + np.arange(width), list(first), True
-    if number is not None:
-        rows = number[rows]
-        lead, follow = rows[:, 0].tolist(), bool((rows == rows[:, :1] + np.arange(width)).all())
-    stride = _stride(lead, width) if follow else 0
-    if kind == "body" and separate:
-        among = (index[:, None] == network.floating).argmax(axis=1)
-        return ParameterGroup(kind, field, index, moved_floating, (among,), rows, stride)
-    rules = rules_of(same[0])
+def _of_entries(
+    network: Network, single: Callable[..., RuleAndData], part: Any, fields: PartFields, start: int,
+    number: Index | None,
+) -> Iterator[ParameterGroup]:  # fmt: skip
+    """The groups of a part each of whose entries has a rule of its own; its entries begin at ``start``."""
+    for field, depth, shift, count in fields.fields:
+        if field in FORCES:
+            continue
+        entries = np.arange(count) + start + shift
+        for i, row in enumerate((entries if number is None else number[entries]).tolist()):
+            if row >= 0:
+                rule, data = single(network, part, field, _index(i, depth))
+                yield ParameterGroup(rules_of(part).kind, field, _ONE, rule, data, np.array([[row]]), 0)
+
+
+def _of_fields(
+    network: Network, fields: PartFields, members: list[tuple[int, int, Any]], number: Index | None
+) -> Iterator[ParameterGroup]:
+    """The groups of the fields of parts of one class, each with its number, its first entry and the part."""
+    numbers, starts, parts = zip(*members, strict=True)
+    index, first, rules = np.array(numbers), np.array(starts), rules_of(parts[0])
     assert rules.rule is not None
-    return ParameterGroup(kind, field, index, rules.rule(same[0], field), rules.constants(same, field), rows, stride)
+    stride = _stride(list(starts), fields.width)
+    for field, _, shift, count in fields.fields:
+        if field in FORCES:
+            continue
+        rows = first[:, None] + np.arange(shift, shift + count)
+        if number is not None:
+            rows = number[rows]
+            if not (rows >= 0).any():
+                continue
+            follow = bool((rows == rows[:, :1] + np.arange(count)).all())
+            stride = _stride(rows[:, 0].tolist(), count) if follow else 0
+        yield ParameterGroup(rules.kind, field, index, rules.rule(network, parts[0], field),
+                             rules.constants(network, parts, field), rows, stride)  # fmt: skip
 
 
 def internal_groups(network: Network, first: int, gravity: int | None) -> list[ParameterGroup]:

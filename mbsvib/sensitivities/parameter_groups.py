@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.sparse import csr_array, eye_array
 
+from mbsvib.linalg.products import product
 from mbsvib.linalg.rank import ZERO_STRESS_WORK
-from mbsvib.linalg.vectors import incidence_sum, product
+from mbsvib.linalg.vectors import incidence_sum
 from mbsvib.sensitivities.adjoint_fields import fields, motions
 from mbsvib.sensitivities.parameter_group import ParameterGroup, groups_by_rule
 from mbsvib.sensitivities.pose_motion import pose_motion
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ParameterGroups:
-    """The variables asked for and the groups of the parameters that they move.
+    """The variables asked for and the groups of the parameters that they move ``by_rule``, or with whole matrices.
 
     Where these go through an equilibrium, the parameters are all there are of the network ``loaded``: variables move
     them at ``rates`` (variables, parameters), None one by one, and the pose by ``motion`` (variables, c), those
@@ -47,8 +48,9 @@ class ParameterGroups:
 
     network: Network
     variables: Variables
-    members: tuple[ParameterGroup | MatrixDerivativeGroup, ...]
+    by_rule: tuple[ParameterGroup, ...]
     slopes: MatrixSlopes
+    matrix_group: MatrixDerivativeGroup | None = None
     loaded: LoadedNetwork | None = None
     rates: csr_array | None = None
     motion: Array | None = None
@@ -76,16 +78,6 @@ class ParameterGroups:
             return self.loaded.size
         return len(self.variables.parameters) + len(self.variables.directions)
 
-    @property
-    def by_rule(self) -> tuple[ParameterGroup, ...]:
-        """The groups that have rules."""
-        return tuple(group for group in self.members if isinstance(group, ParameterGroup))
-
-    @cached_property
-    def matrix_group(self) -> MatrixDerivativeGroup | None:
-        """The parameters whose derivatives are whole matrices, if there are any."""
-        return next((group for group in self.members if isinstance(group, MatrixDerivativeGroup)), None)
-
     @cached_property
     def variable_slopes(self) -> Mapping[str, Array]:
         """Derivatives of whole matrices to the variables, for outputs that are no motions and no forces in springs."""
@@ -101,7 +93,9 @@ class ParameterGroups:
         ``left``, ``right``: the motions x and y; right None: y = x, and half of each form is returned. Returns (size,
         ...): forms.
         """
-        result = form_table(self.members, self.size, left, right)
+        result = form_table(self.by_rule, self.size, left, right)
+        if self.matrix_group is not None:
+            result[self.matrix_group.rows] = self.matrix_group.forms(left, right)
         if self.loaded is not None:
             self.loaded.add_forms(result, left, right)
         return result
@@ -143,10 +137,8 @@ def grouped_by_rule(
         layout = layout.only(ruled)
         names = [requested.parameters[k].name for k in rows.tolist()]
         directions = tuple(Direction(name, ((name, 1.0),)) for name in names)
-    groups: list[ParameterGroup | MatrixDerivativeGroup] = [*groups_by_rule(network, layout)]
-    if directions:
-        groups.append(MatrixDerivativeGroup(rows[:, None], slopes(directions, every)))
-    return ParameterGroups(network, requested, tuple(groups), slopes, every=every)
+    matrices = MatrixDerivativeGroup(rows, slopes(directions, every)) if directions else None
+    return ParameterGroups(network, requested, tuple(groups_by_rule(network, layout)), slopes, matrices, every=every)
 
 
 def grouped_through_equilibrium(
@@ -171,8 +163,8 @@ def grouped_through_equilibrium(
         openings = joint_openings.toarray().reshape(len(requested.names), len(loaded.network.joints), 6)
         loaded = loaded.with_openings(openings.transpose(1, 2, 0), forces)
     motion, unresisted = pose_motion(loaded, rates)
-    return ParameterGroups(loaded.network, requested, loaded.groups, slopes, loaded, rates, motion, unresisted, every)
-
+    return ParameterGroups(loaded.network, requested, loaded.groups, slopes, None, loaded, rates, motion, unresisted,
+                           every)  # fmt: skip
 
 
 

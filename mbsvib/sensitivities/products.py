@@ -16,7 +16,7 @@ from mbsvib.linalg.rank import ZERO_MATRIX_SLOPE
 from mbsvib.linalg.vectors import any_nonzero
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Mapping
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.linalg.vectors import Field
@@ -30,16 +30,13 @@ _POWERS = {"K": "stiff", "C": "rate", "M": "square"}
 
 @dataclass(frozen=True, slots=True)
 class MatrixDerivativeGroup:
-    """The derivatives ``slopes`` of all matrices to the parameters ``rows`` (k, 1)."""
+    """The derivatives ``slopes`` of all matrices to the parameters ``rows`` (k,)."""
 
     rows: Index
     slopes: Mapping[str, Array]
-    stride: int = 0
 
     def forms(self, left: Fields, right: Fields | None = None) -> Field:
-        """Return x^T (dK + s dC + s^2 dM) y, (k, 1, ...); right None: y = x, and half of each form is returned.
-
-        Returns (k, 1, ...): forms.
+        """Return x^T (dK + s dC + s^2 dM) y, (k, ...); right None: y = x, and half of each form is returned.
         """
         other = left if right is None else right
         result: Any = 0.0
@@ -55,7 +52,7 @@ class MatrixDerivativeGroup:
         if isinstance(result, float):
             tail = np.broadcast_shapes(left.vectors.shape[1:], other.vectors.shape[1:], np.shape(left.stiff))
             result = np.zeros((len(self.rows), *tail), dtype=left.vectors.dtype)
-        return np.asarray(result[:, None])
+        return np.asarray(result)
 
     @property
     def symmetric(self) -> bool:
@@ -76,7 +73,7 @@ class MatrixDerivativeGroup:
         """
         (i, o), (right, left) = ports, vectors
         counts = np.array([k not in excluded for k in range(len(o))])[:, None, None]
-        for k, row in enumerate(self.rows[:, 0].tolist()):
+        for k, row in enumerate(self.rows.tolist()):
             result[row] += counts * self.slopes["D"][k][np.ix_(o, i)][:, :, None]
             result[row] += np.einsum("mi,mon->oin", self.slopes["B"][k][:, i], left[:, :, 0])
             for key, power in zip(("Cq", "Cv", "Ca"), powers, strict=True):
@@ -88,7 +85,7 @@ class MatrixDerivativeGroup:
         ``row``: the parameter; ``matrix``: "M", "C" or "K"; ``name``: what the derivative is to, for the message.
         Returns (rank, m): factors. Raises an error if the derivative is not symmetric, or not a number.
         """
-        return factored(self.slopes[matrix][self.rows[:, 0].tolist().index(row)], matrix, name, ZERO_MATRIX_SLOPE)
+        return factored(self.slopes[matrix][self.rows.tolist().index(row)], matrix, name, ZERO_MATRIX_SLOPE)
 
 
 def factored(change: Array, matrix: str, name: str, rounding: float) -> tuple[Array, Array]:
@@ -113,62 +110,50 @@ BLOCK = 80_000
 SMALL = 2_000
 
 
-def forms(
-    groups: Iterable[ParameterGroup | MatrixDerivativeGroup], left: Fields, right: Fields | None = None
-) -> Iterator[tuple[Index, int, Field]]:
-    """Return x^T (dT/dp) y of parameters, block by block; what is zero for all parts of a large block is left out.
+def form_table(
+    groups: Iterable[ParameterGroup], size: int, left: Fields, right: Fields | None = None
+) -> Field:  # fmt: skip
+    """Return x^T (dT/dp) y of the parameters of some groups, zero for all others.
 
-    ``left``, ``right``: the motions x and y; right None: y = x, and half of each form is returned. Returns (parts,
-    entries), int and (parts, entries, ...): the parameters, -1 where none is asked for; the stride from part to part
-    where entries follow each other, else 0; and their forms.
+    ``left``, ``right``: the motions x and y; right None: y = x, and half of each form is returned. Returns (size, ...):
+    forms. They are computed block by block; what is zero for all parts of a large block is left out.
     """
-    size = prod(_tail(left, right))
+    kind = np.result_type(left.body_wrench, left.wrench, *(() if right is None else (right.body_wrench, right.wrench)))
+    tail = _tail(left, right)
+    result, numbers = np.zeros((size, *tail), dtype=kind), prod(tail)
     for group in groups:
-        if isinstance(group, MatrixDerivativeGroup):
-            yield group.rows, group.stride, group.forms(left, right)
-            continue
         count, width = group.rows.shape
-        step = max(1, BLOCK // max(1, size * width))
+        step = max(1, BLOCK // max(1, numbers * width))
         for start in range(0, count, step):
             number, data, rows = group.part(start, start + step)
             first = group.rule(left, number, data)
             second = None if right is None else group.rule(right, number, data)
-            look = size * len(rows) > SMALL or not all(first) or not all(second or [True])
+            look = numbers * len(rows) > SMALL or not all(first) or not all(second or [True])
             coupled = _acting(first, second) if look else None
             if coupled is None:
-                yield rows, group.stride, _block(first, second, len(rows))
+                _put(result, rows, group.stride, _block(first, second, len(rows)))
                 continue
             for i in coupled:
-                second_part = None if second is None else second[i : i + 1]
-                yield rows[:, i : i + 1], group.stride, _block(first[i : i + 1], second_part, len(rows))
-
-
-def form_table(
-    groups: Iterable[ParameterGroup | MatrixDerivativeGroup], size: int, left: Fields, right: Fields | None = None
-) -> Field:
-    """Return x^T (dT/dp) y of the parameters of some groups, (size, ...), zero for all others."""
-    kind = np.result_type(left.body_wrench, left.wrench, *(() if right is None else (right.body_wrench, right.wrench)))
-    result = np.zeros((size, *_tail(left, right)), dtype=kind)
-    for rows, stride, block in forms(groups, left, right):
-        into = picked(result, rows, stride)
-        if into is None:
-            requested = rows >= 0
-            result[rows[requested]] = block[requested]
-        else:
-            into[:] = block
+                of_one = None if second is None else second[i : i + 1]
+                _put(result, rows[:, i : i + 1], group.stride, _block(first[i : i + 1], of_one, len(rows)))
     return result
 
 
-def picked(array: Any, rows: Index, stride: int) -> Any:
-    """Return the view (parts, entries, ...) of an array (parameters, ...) whose rows follow each other, else None."""
+def _put(result: Field, rows: Index, stride: int, block: Field) -> None:
+    """Set the forms (parts, entries, ...) of the parameters ``rows``, -1 for none; ``stride`` leads from part to part
+    where entries follow each other, and is 0 elsewhere.
+    """
     if not stride:
-        return None
-    first, count = int(rows[0, 0]), len(rows)
-    if first + count * stride <= len(array):
-        return array[first : first + count * stride].reshape(count, stride, *array.shape[1:])[:, : rows.shape[1]]
-    step, *inner = array.strides
-    start = array[first:]
-    return np.lib.stride_tricks.as_strided(start, (*rows.shape, *array.shape[1:]), (stride * step, step, *inner))
+        requested = rows >= 0
+        result[rows[requested]] = block[requested]
+        return
+    first, (count, width) = int(rows[0, 0]), rows.shape
+    if first + count * stride <= len(result):
+        result[first : first + count * stride].reshape(count, stride, *block.shape[2:])[:, :width] = block
+        return
+    step, *inner = result.strides
+    shape = (count, width, *block.shape[2:])
+    np.lib.stride_tricks.as_strided(result[first:], shape, (stride * step, step, *inner))[:] = block
 
 
 def _tail(left: Fields, right: Fields | None) -> tuple[int, ...]:

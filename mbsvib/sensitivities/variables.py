@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import accumulate, combinations_with_replacement
+from functools import cached_property, lru_cache
+from itertools import accumulate, chain, combinations_with_replacement
 from math import prod
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -50,50 +50,72 @@ class ListedLater(Sequence[T]):
         return self._entries[k]
 
 
+@dataclass(frozen=True, eq=False)
+class PartFields:
+    """The fields of parts of one class ``kind`` with as many numbers: name, number of indices, first entry and number
+    of entries of each, and the number of all entries, ``width``. Equal ones are the same object.
+    """
+
+    kind: type
+    fields: tuple[tuple[str, int, int, int], ...]
+    width: int
+
+
+@lru_cache(maxsize=1024)
+def _part_fields(kind: type, *shapes: tuple[str, int, int]) -> PartFields:
+    ends = list(accumulate((count for *_, count in shapes), initial=0))
+    fields = [(name, depth, start, count) for (name, depth, count), start in zip(shapes, ends, strict=False)]
+    return PartFields(kind, tuple(fields), ends[-1])
+
+
+def fields_of(part: Part) -> PartFields:
+    """Return the fields of a part whose numbers are parameters."""
+    shapes = []
+    for field in part.parameter_fields():
+        if field.suffixes is None:
+            shapes.append((field.name, 0, 1))
+        elif isinstance(field.value[0], tuple):
+            shapes.append((field.name, 2, len(_COLUMN)))
+        else:
+            shapes.append((field.name, 1, len(field.suffixes)))
+    return _part_fields(type(part), *shapes)
+
+
 @dataclass(frozen=True, slots=True)
 class FieldLayout:
-    """The numbers of some parts that are parameters, field after field: part, field, number of indices and ``width`` of
+    """The numbers of some parts that are parameters, part after part: the ``names`` of these and the ``fields`` of
     each. Entry e is the parameter ``number`` (entries,) of e, -1 for none; None: entries are parameters, one by one.
     """
 
-    fields: list[tuple[str, str, int]]
-    width: list[int]
+    names: list[str]
+    fields: list[PartFields]
     number: Index | None
 
     @staticmethod
     def of(parts: Iterable[Part]) -> FieldLayout:
         """Return the layout in which all numbers of some parts are parameters, one after the other."""
-        fields: list[tuple[str, str, int]] = []
-        width: list[int] = []
-        for part in parts:
-            for field in part.parameter_fields():
-                if field.suffixes is None:
-                    fields.append((part.name, field.name, 0))
-                    width.append(1)
-                elif isinstance(field.value[0], tuple):
-                    fields.append((part.name, field.name, 2))
-                    width.append(len(_COLUMN))
-                else:
-                    fields.append((part.name, field.name, 1))
-                    width.append(len(field.suffixes))
-        return FieldLayout(fields, width, None)
+        named = [(part.name, fields_of(part)) for part in parts]
+        return FieldLayout([name for name, _ in named], [fields for _, fields in named], None)
 
     @property
     def starts(self) -> list[int]:
-        """The first entry of each field, and the number of entries behind them."""
-        return list(accumulate(self.width, initial=0))
+        """The first entry of each part, and the number of entries behind them."""
+        return list(accumulate([fields.width for fields in self.fields], initial=0))
 
     def picked(self, parameters: Sequence[Parameter]) -> FieldLayout:
         """Return the same fields with some of their entries as parameters."""
-        start = {field[:2]: first for field, first in zip(self.fields, self.starts, strict=False)}
-        number = np.full(sum(self.width), -1, dtype=np.intp)
+        starts = self.starts
+        start = {(name, field): first + shift
+                 for name, fields, first in zip(self.names, self.fields, starts, strict=False)
+                 for field, _, shift, _ in fields.fields}  # fmt: skip
+        number = np.full(starts[-1], -1, dtype=np.intp)
         for k, entry in enumerate(parameters):
             number[start[entry.part, entry.field] + _COLUMN.get(entry.index, entry.index[0] if entry.index else 0)] = k
-        return FieldLayout(self.fields, self.width, number)
+        return FieldLayout(self.names, self.fields, number)
 
-    def of_parameters(self, values: Sequence[bool]) -> Mask:
-        """Return a value of each field as one of each of its parameters."""
-        flat = np.repeat(np.array(values, dtype=np.bool_), self.width)
+    def of_parameters(self, values: Sequence[Sequence[bool]]) -> Mask:
+        """Return values of the entries of each part as one of each parameter."""
+        flat = np.array(list(chain.from_iterable(values)), dtype=np.bool_)
         if self.number is None:
             return flat
         result = np.empty(int(self.number.max(initial=-1)) + 1, dtype=np.bool_)
@@ -103,7 +125,7 @@ class FieldLayout:
     def only(self, which: Mask) -> FieldLayout:
         """Return the layout with only some of the parameters, numbered as before."""
         number = np.arange(len(which)) if self.number is None else self.number
-        return FieldLayout(self.fields, self.width, np.where((number >= 0) & which[number], number, -1))
+        return FieldLayout(self.names, self.fields, np.where((number >= 0) & which[number], number, -1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,7 +258,7 @@ def variables(known: Parameters, requested: Requested) -> Variables:
     """
     if requested is None:
         layout = FieldLayout.of(known.parts.values())
-        numbers = np.arange(sum(layout.width))
+        numbers = np.arange(layout.starts[-1])
         count = len(numbers)
         return Variables(ListedLater(count, lambda: tuple(known)), ListedLater(count, lambda: known.entries),
                          known.parts, numbers, numbers, np.ones(count), every=layout)  # fmt: skip

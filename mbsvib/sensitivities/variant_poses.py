@@ -10,7 +10,6 @@ import numpy as np
 
 from mbsvib.equilibrium.articulation import articulated, with_rigid_parts
 from mbsvib.equilibrium.balance import balance
-from mbsvib.equilibrium.flexible_parts import flexible
 from mbsvib.equilibrium.motion import close, posed_model
 from mbsvib.equilibrium.moved_parts import model_in_pose, static_model
 from mbsvib.equilibrium.pose import start
@@ -114,7 +113,7 @@ class VariantPoses:
 
 
 def _posed_model(model: Mechanism, cut: Sequence[str]) -> PosedModel:
-    bends = any(part.displacements is not None for part in flexible(model))
+    bends = any(part.displacements is not None for part in model.composed.values())
     articulated_model = static_model(articulated(model) if bends else with_rigid_parts(model))
     remaining = tuple(name for name in cut if name in articulated_model.joints)
     return posed_model(articulated_model, start(articulated_model), remaining)

@@ -9,14 +9,13 @@ import numpy as np
 
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.beam_expansion import elements
-from mbsvib.elements.strain_output import expand
+from mbsvib.elements.strain_output import StrainOutput, expand
 from mbsvib.finite_motion.elastic import strain_of_slopes
 from mbsvib.finite_motion.elastic_nodes import node_row
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements.ports import ForceOutput
-    from mbsvib.elements.strain_output import StrainOutput
     from mbsvib.finite_motion.elastic_block import ElasticBlock
     from mbsvib.finite_motion.lagrange import FiniteMotion
     from mbsvib.finite_motion.rotations import Expression

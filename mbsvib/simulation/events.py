@@ -32,12 +32,7 @@ class Event:
 class Events:
     """Values at which a run ends; what is compared with them is counted from interval to interval.
 
-    Parameters
-    ----------
-    start : Trace
-        A trace of the first sample alone.
-    levels : mapping of str to float
-        Values [m, rad, or the unit of the output] of coordinates or outputs.
+    ``start`` is a trace of the first sample alone, ``levels`` are values [m, rad, or the unit of the output] by name.
     """
 
     def __init__(self, start: Trace, levels: Mapping[str, float]) -> None:

@@ -42,7 +42,7 @@ def initial_state(run: Session, displaced: Any, time: float) -> State:
         q[k], qd[k] = check.numbers(pair, (2,), "simulate", f"initial['{name}']", "a displacement, or (displacement, "
                                     "rate)")  # fmt: skip
         fixed.append(k)
-    bases = np.tile(np.eye(3).reshape(-1), len(run.free_rotations))
+    bases = run.statement.motion.no_turns
     moved = _moved(run, q, np.array(fixed, dtype=np.intp), bases)
     return State(time, moved, _rates(run, moved, qd, fixed, bases), np.zeros(run.equations.yields), np.zeros(3))
 

@@ -29,18 +29,9 @@ STEPS, SHORTEST = 200_000, 1e-10
 class Integrator:
     """CVODES for the equations of a mechanism; keeps what it compiled by the grids it was asked for.
 
-    Parameters
-    ----------
-    equations : MotionEquations
-        The equations.
-    scale : array, shape (n,)
-        Units of the coordinates.
-    degree : int
-        Degree of the polynomials of the inputs.
-    tolerance : float
-        Error of results that is asked for.
-    stiff : bool
-        Whether dampers are so strong that steps should not be bound to how fast they work.
+    ``scale`` (n,) are units of the coordinates, ``degree`` is that of the polynomials of the inputs, ``tolerance`` the
+    error of results that is asked for; ``stiff``: dampers are so strong that steps should not be bound to how fast they
+    work.
     """
 
     equations: MotionEquations

@@ -11,14 +11,13 @@ from mbsvib.errors import ModelError
 from mbsvib.finite_motion.statement import finite_motion
 from mbsvib.simulation.outputs import measured
 from mbsvib.simulation.reactions import is_reaction
-from mbsvib.simulation.second_order import second_order
+from mbsvib.simulation.second_order import SecondOrder, second_order
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.equations import Equations
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.modes.result import Modes
-    from mbsvib.simulation.second_order import SecondOrder
 
 # Parts of outputs below this share of the terms that they are sums of are rounding.
 ROUNDING = 1e-10
@@ -52,7 +51,7 @@ def linear_range(system: Equations, modes: Modes, share: float) -> tuple[Array, 
     outputs = measured(model.with_parts(outputs=motions), statement)
     independent = np.array([names.index(name) for name in system.coordinates], dtype=np.intp)
     parts = second_order(statement, outputs, independent, np.zeros(len(statement.inputs)))
-    scale = np.where(statement.motion.turns, 1.0, size_of(model))
+    scale, _ = statement.motion.scales(size_of(model))
     values, travel = (np.full((len(modes), len(system.outputs)), np.nan) for _ in range(2))
     columns = [outputs.names.index(name) for name in system.outputs if name in outputs.names]
     selected = [i for i, name in enumerate(system.outputs) if name in outputs.names]

@@ -11,9 +11,10 @@ import numpy as np
 from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.finite_motion.elastic_nodes import point_as_described
 from mbsvib.finite_motion.forces import velocity
+from mbsvib.finite_motion.frames import rate_in_motion
 from mbsvib.finite_motion.momentum import angular_momentum
-from mbsvib.finite_motion.rotations import logarithm
-from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.finite_motion.rotations import Expression, logarithm
+from mbsvib.mechanism.mechanism import GROUND, Mechanism
 from mbsvib.simulation.beam_outputs import beam_of, element_force, strain
 from mbsvib.simulation.reactions import ReactionOutputs, is_reaction, reaction_outputs
 from mbsvib.simulation.states import continued
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements.ports import ForceOutput, Output
     from mbsvib.finite_motion.lagrange import FiniteMotion
-    from mbsvib.finite_motion.rotations import Expression
-    from mbsvib.mechanism.mechanism import Mechanism
 
 # Where the force of an element stands among the six of its axes.
 ABOUT_Z, ALONG_Z = 5, 2
@@ -140,8 +139,7 @@ class _State:
 
     def onward(self, expression: Expression) -> Expression:
         """The rate of an expression of q and q'."""
-        motion = self.statement.motion
-        return motion.rate(expression) + ca.jtimes(expression, motion.qd, self.qdd)
+        return rate_in_motion(expression, self.statement.motion.q, self.statement.motion.qd, self.qdd)
 
     @property
     def ground(self) -> Expression:
@@ -210,5 +208,4 @@ def _in_element(part: ForceOutput, state: _State) -> Expression:
         return along
     q, qd, y = statement.motion.q, statement.motion.qd, statement.yields
     rest = ca.Function("rest", [q, qd, y, statement.motion.bases], [along])
-    eye = np.tile(np.eye(3).reshape(-1), len(statement.motion.based))
-    return along - float(rest(np.zeros(q.shape), np.zeros(qd.shape), np.zeros(y.shape), eye))
+    return along - float(rest(np.zeros(q.shape), np.zeros(qd.shape), np.zeros(y.shape), statement.motion.no_turns))

@@ -22,7 +22,7 @@ from mbsvib.equilibrium.pose_kinematics import size_of
 from mbsvib.finite_motion.evaluation import matrices
 from mbsvib.finite_motion.statement import with_virtual_displacements
 from mbsvib.linalg.rank import DETERMINED, REDUNDANT_LOOPS
-from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.mechanism.mechanism import GROUND, Mechanism
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.finite_motion.lagrange import FiniteMotion
-    from mbsvib.mechanism.mechanism import Mechanism
 
 
 @dataclass(frozen=True)
@@ -101,13 +100,13 @@ def reaction_outputs(
     for i, part in enumerate(forces.values()):
         k = 6 * joints.index(part.element)
         directions[i, k : k + 6] = [-value for value in part.wrench]
-    size = size_of(model)
-    scale, rows = np.where(motion.turns, 1.0, size), np.where(motion.closure_turns, 1.0, 1.0 / size)
+    scale, closure_scale = motion.scales(size_of(model))
+    rows = 1.0 / closure_scale
     in_pose = ReactionOutputs(tuple(forces), _function(model, statement, joints, ()), directions, np.zeros(len(forces)),
                            scale, rows)  # fmt: skip
     n = len(motion.names)
     at = [np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(statement.yields.shape[0]),
-          np.tile(np.eye(3).reshape(-1), len(motion.based)), np.zeros(len(statement.inputs))]  # fmt: skip
+          motion.no_turns, np.zeros(len(statement.inputs))]  # fmt: skip
     arguments = [array[:, None] for array in at]
     determined = np.flatnonzero(in_pose.undetermined_shares(arguments) <= DETERMINED)
     at_rest = np.array(list(in_pose.values(arguments).values()))[:, 0]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -12,20 +12,18 @@ from scipy.linalg import eigh
 from mbsvib.elements.bushing import LARGEST_ANGLE
 from mbsvib.equilibrium.pose_kinematics import size_of
 from mbsvib.errors import ModelError, SingularPoseError
+from mbsvib.finite_motion.loops import Loops
 from mbsvib.linalg.rank import MASSLESS
-from mbsvib.simulation.charts import ScaledClosures, chart_at
+from mbsvib.simulation.charts import chart_at
 from mbsvib.simulation.equations import MotionEquations, motion_equations
 from mbsvib.simulation.integrator import Integrator
-from mbsvib.simulation.states import free_rotations
+from mbsvib.simulation.states import FreeRotation, free_rotations
 
 if TYPE_CHECKING:
-    from typing import Any
-
     from mbsvib.common.arrays import Array
     from mbsvib.finite_motion.lagrange import FiniteMotion
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.simulation.signals import Signals
-    from mbsvib.simulation.states import FreeRotation
 
 # Poses this far off (rad, mechanism sizes), in which as many closures must be independent as where a run starts.
 NEIGHBOUR = 1e-3
@@ -46,7 +44,7 @@ class Session:
     model: Mechanism
     statement: FiniteMotion
     equations: MotionEquations
-    loops: ScaledClosures
+    loops: Loops
     free_rotations: tuple[FreeRotation, ...]
     integrator: Integrator
     signals: Signals
@@ -70,17 +68,15 @@ class Session:
 def session(model: Mechanism, statement: FiniteMotion, signals: Signals, tolerance: float) -> Session:
     """Return a mechanism that is ready to be integrated."""
     motion = statement.motion
-    size = size_of(model)
-    scale = np.where(motion.turns, 1.0, size)
-    rows = np.where(motion.closure_turns, 1.0, 1.0 / size)
-    bases = np.tile(np.eye(3).reshape(-1), len(motion.based))
+    scale, closure_scale = motion.scales(size_of(model))
+    rows, bases = 1.0 / closure_scale, motion.no_turns
     rank = _rank(model, statement, scale, rows, bases)
     if rank == len(motion.names):
         raise ModelError(f"simulate: model '{model.name}' is fully locked; it has no motion to follow.",
                          element=model.name)  # fmt: skip
     equations = motion_equations(statement, rank, scale)
-    loops = ScaledClosures(equations, scale, rows)
-    mass = _checked_mass(loops, motion.names, bases)
+    loops = Loops(equations.closures, scale, rows, rank)
+    mass = _checked_mass(equations, loops, motion.names, bases)
     stiff = _fastest_decay(statement, mass, bases) * float(np.ptp(signals.breaks)) > STIFF
     angles = {name: part.angle for name, part in statement.connections.items() if part.angle is not None}
     return Session(
@@ -96,13 +92,12 @@ def _rank(model: Mechanism, statement: FiniteMotion, scale: Array, rows: Array, 
         return 0
     motion = statement.motion
     closures = ca.Function("closures", [motion.q, motion.bases], [motion.closures, statement.jacobian])
-    blank = MotionEquations(len(scale), 0, 0, (), closures, None, None, None, None)
-    loops, origin = ScaledClosures(blank, scale, rows), np.zeros(len(scale))
-    rank = loops.rank(origin, bases)
+    loops, origin = Loops(closures, scale, rows), np.zeros(len(scale))
+    rank = loops.rank_at(origin, bases)
     generator = np.random.default_rng(0)
     step = loops.rates(origin, bases, NEIGHBOUR * generator.standard_normal(len(scale)) * scale)
     next_to, opening = loops.projected(step, bases)
-    if opening > NEIGHBOUR**2 or loops.rank(next_to, bases) != rank:
+    if opening > NEIGHBOUR**2 or loops.rank_at(next_to, bases) != rank:
         raise SingularPoseError(
             f"simulate: the loops of model '{model.name}' have another number of degrees of freedom in the pose as "
             f"described than next to it; start from a pose a little off, model.moved(...).simulate(...)."
@@ -124,14 +119,15 @@ def _fastest_decay(statement: FiniteMotion, reduced: tuple[Array, Array], bases:
     return float(max(rates, default=0.0))
 
 
-def _checked_mass(loops: ScaledClosures, names: tuple[str, ...], bases: Array) -> tuple[Array, Array]:
+def _checked_mass(
+    equations: MotionEquations, loops: Loops, names: tuple[str, ...], bases: Array
+) -> tuple[Array, Array]:
     """Motions (n, m) of the independent coordinates and their mass; refuse those without inertia by name."""
-    n = loops.equations.n
-    origin = np.zeros(n)
+    origin = np.zeros(equations.n)
     chart = chart_at(loops, origin, bases)
-    jacobian = chart.rows @ np.asarray(loops.equations.closures(origin, bases)[1])
-    to_all = np.linalg.solve(np.concatenate((chart.select, jacobian)), np.eye(n)[:, : loops.equations.dof])
-    mass = to_all.T @ np.asarray(loops.equations.mass(origin, bases)) @ to_all
+    jacobian = chart.rows @ np.asarray(equations.closures(origin, bases)[1])
+    to_all = np.linalg.solve(np.concatenate((chart.select, jacobian)), np.eye(equations.n)[:, : equations.dof])
+    mass = to_all.T @ np.asarray(equations.mass(origin, bases)) @ to_all
     diagonal = mass.diagonal()
     scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     values, vectors = np.linalg.eigh(mass / scale[:, None] / scale)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +13,6 @@ from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from mbsvib.common.arrays import Array
 
 # Degree of the polynomials that functions are told by, and the share of its size to which they tell it.

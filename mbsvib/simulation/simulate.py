@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+import casadi as ca
 import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import names as as_names
 from mbsvib.common.interrupts import noticing_interrupts
-from mbsvib.common.progress import counting
-from mbsvib.errors import ModelError, SimulationError, nearest
+from mbsvib.common.progress import Progress, counting
+from mbsvib.equilibrium.linear_range import TURNED
+from mbsvib.errors import LargeDisplacementWarning, ModelError, SimulationError, nearest
 from mbsvib.finite_motion.statement import finite_motion
-from mbsvib.simulation.bending import warn_of_bending
 from mbsvib.simulation.events import events
 from mbsvib.simulation.initial import initial_state
 from mbsvib.simulation.session import session
@@ -23,10 +24,7 @@ from mbsvib.simulation.stepping import march, restarted_sample
 from mbsvib.simulation.trace import Trace, trace
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from mbsvib.common.arrays import Array
-    from mbsvib.common.progress import Progress
     from mbsvib.mechanism.mechanism import Mechanism
 
 # Tolerances for which the integrator is made.
@@ -56,8 +54,7 @@ def simulate(
                              element=name, field="inputs")  # fmt: skip
     driven = signals(inputs, tuple(statement.inputs), time)
     run = session(model, statement, driven, error)
-    bases = np.tile(np.eye(3).reshape(-1), len(run.free_rotations))
-    last = restarted_sample(run, initial_state(run, initial, float(time[0])), bases)
+    last = restarted_sample(run, initial_state(run, initial, float(time[0])), statement.motion.no_turns)
     samples, intervals, requested = [last], [0], set(np.searchsorted(driven.breaks, time).tolist())
     start = trace(run, samples, intervals)
     ends, complete, event = events(start, until), True, None
@@ -82,7 +79,7 @@ def simulate(
         warnings.warn(f"simulate: interrupted at t = {samples[-1].state.time:g} s; the run holds what was reached.",
                       RuntimeWarning, stacklevel=3)  # fmt: skip
     result = start.with_samples(samples, intervals, None if event is None else event.name)
-    warn_of_bending(result, 3)
+    _warn_of_bending(result)
     return result, complete
 
 
@@ -105,3 +102,20 @@ def _dropped(model: Mechanism, without: Any) -> tuple[str, ...]:
                              f"It has {', '.join(model.loads) or 'none'}.", element=str(name),
                              field="without")  # fmt: skip
     return result
+
+
+def _warn_of_bending(run: Trace) -> None:
+    """Warn of beams and superelements that bend too far for small displacements."""
+    statement = run.session.statement
+    if not statement.bends:
+        return
+    motion = statement.motion
+    function = ca.Function("bending", [motion.q, motion.bases],
+                           [ca.vertcat(*(part.angle for part in statement.bends.values()))])  # fmt: skip
+    q = np.array([sample.state.q for sample in run.samples]).T
+    bases = np.array([sample.chart.bases for sample in run.samples]).T
+    for name, angle in zip(statement.bends, np.asarray(function(q, bases)).max(axis=1).tolist(), strict=True):
+        if angle > TURNED:
+            warnings.warn(f"simulate: '{name}' bends by {angle:.2g} rad; its displacements are small ones in the frame "
+                          f"of the body that carries it, good to about {0.5 * angle**2:.0%} there. Make several parts "
+                          f"of it, with a body between them.", LargeDisplacementWarning, stacklevel=4)  # fmt: skip

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import SimulationError
-from mbsvib.simulation.charts import LONG_TURN, LONGEST_TURN, POOR_IN_BLOCK, SINGULAR, chart_at, conditioning
+from mbsvib.simulation.charts import LONG_TURN, LONGEST_TURN, POOR_IN_BLOCK, SINGULAR, Chart, chart_at, conditioning
 from mbsvib.simulation.states import State, restarted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from mbsvib.common.arrays import Array
-    from mbsvib.simulation.charts import Chart
     from mbsvib.simulation.session import Session
 
 # Intervals in one call of the integrator at most, and at first.

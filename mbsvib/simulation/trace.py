@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -14,7 +14,6 @@ from mbsvib.simulation.stepping import Sample, reached
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from typing import Any
 
     from mbsvib.common.arrays import Array
     from mbsvib.simulation.session import Session

@@ -27,14 +27,13 @@ GROWTH = 0.3
 class Ritz:
     """Ritz ``values`` (m,) by descending size with relative ``residuals`` (m,), and ``vectors`` (m, m) in a basis.
 
-    The ``basis`` (n, m) is orthonormal, and an invariant subspace if ``exhausted``.
+    The ``basis`` (n, m) is orthonormal.
     """
 
     values: Complex
     residuals: Array
     vectors: NDArray[Any]
     basis: NDArray[Any]
-    exhausted: bool
 
     def converged(self, tolerance: float) -> int:
         """Return how many of the first values have smaller residuals, conjugates together."""
@@ -60,21 +59,9 @@ def arnoldi(
 ) -> Ritz:  # fmt: skip
     """Return Ritz values and vectors of a linear operator, the largest first.
 
-    Parameters
-    ----------
-    apply : callable
-        The operator on columns (n, b).
-    start : array, shape (n, b)
-        The first block.
-    enough : callable
-        Tells whether the Ritz values suffice, which ends the iteration.
-    dimensions : tuple of int
-        Dimension of the basis at which they are first computed, and the maximum.
-
-    Returns
-    -------
-    Ritz
-        The values; they may not suffice if the basis has its maximum dimension.
+    ``apply``: the operator on columns (n, b). ``start`` (n, b): the first block. ``enough``: tells whether the Ritz
+    values suffice, which ends the iteration. ``dimensions``: those of the basis at which they are first computed, and
+    at most; there they may not suffice.
     """
     block = np.linalg.qr(start)[0]
     n, limit = len(block), min(dimensions[1], len(block))
@@ -121,4 +108,4 @@ def _ritz(inner: NDArray[Any], below: NDArray[Any], basis: NDArray[Any]) -> Ritz
     norms = np.linalg.norm(below @ vectors[len(inner) - below.shape[1] :], axis=0)
     size = np.abs(values)
     residuals = np.divide(norms, size, out=np.full(len(size), np.inf), where=size > 0.0)
-    return Ritz(values, residuals, vectors, basis, not len(below))
+    return Ritz(values, residuals, vectors, basis)

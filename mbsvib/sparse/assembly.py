@@ -43,30 +43,10 @@ def linearized(
     model: Mechanism, cut: Sequence[str] | None = None, removed: frozenset[str] = frozenset(),
     form: type[S] = SparseEquations,  # type: ignore[assignment]
 ) -> S:  # fmt: skip
-    """Return the linear equations of motion about the model's pose, as sparse matrices.
+    """Return the linear equations of motion about the model's pose, as sparse matrices of the class ``form``.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    cut : sequence of str, optional
-        Joints at which loops are to be cut; default: chosen by the smallest cumulative degree of freedom.
-    removed : frozenset of str, optional
-        Bodies that were removed from the model but are still named by springs and ports: they are fixed.
-    form : type
-        The class of the equations.
-
-    Returns
-    -------
-    SparseEquations
-        Rows, the tableau and names.
-
-    Raises
-    ------
-    ModelError
-        If a name is unknown or a cut leaves bodies hanging.
-    SingularPoseError
-        If the number of degrees of freedom is not defined in this pose.
+    ``cut``: joints at which loops are to be cut; default: by the smallest cumulative degree of freedom. ``removed``:
+    bodies that were removed from the model but are still named by springs and ports: they are fixed.
     """
     nodes = with_maxwell_nodes(model)
     draft = first_draft(model, nodes, short_span(nodes, cut), removed)
@@ -156,20 +136,15 @@ def _tableau(draft: SparseDraft) -> SparseDraft:
 
 def _joint_forces(draft: SparseDraft) -> SparseDraft:
     """Add rows of outputs that are forces in joints, or sums of all forces on a body."""
-    port = draft.port
-    if not port.wrench_outputs:
+    if not draft.port.wrench_outputs:
         return draft
     from mbsvib.sparse.forces import ForceSums
 
-    sums = ForceSums(
-        draft.topology, draft.structure, draft.layout, draft.closure, draft.number, draft.springs, draft.elastic,
-        draft.inertia, draft.body_factor, port, draft.port_rows[: len(port.force_inputs)], draft.shared,
-        draft.geometric, draft.regions, draft.spins,
-    )  # fmt: skip
-    force_rows, feedthrough = sums.outputs()
+    sums = ForceSums.of(draft)
+    force_rows, feedthrough = sums.rows_of_outputs()
     q, v, a = (rows + more for rows, more in zip(draft.outputs, force_rows, strict=True))
     return replace(draft, outputs=(q, v, a), D=draft.D + feedthrough,
-                   undetermined=sums.undetermined(tuple(draft.model.outputs)))  # fmt: skip
+                   undetermined=sums.undetermined_outputs(tuple(draft.model.outputs)))  # fmt: skip
 
 
 def _massless(draft: SparseDraft) -> SparseDraft:
@@ -193,20 +168,7 @@ STEPS: tuple[Callable[[SparseDraft], SparseDraft], ...] = (
 
 
 def with_stiffness(system: SparseEquations, stiffness: Array) -> SparseEquations:
-    """Return a system with other stiffness in its elastic rows.
-
-    Parameters
-    ----------
-    system : SparseEquations
-        The system.
-    stiffness : array, shape (rows,)
-        One value for each elastic row.
-
-    Returns
-    -------
-    SparseEquations
-        The same unknowns and rows.
-    """
+    """Return a system with other stiffness (rows,) in its elastic rows, and the same unknowns."""
     factor, translational = system.inertia_factor, system.constraints.translational
     tableau = build(
         system.structure, system.layout, kinematics(system.structure, system.layout), system.elastic_rows, stiffness,

@@ -33,26 +33,9 @@ def wants_sparse(
     model: Mechanism, method: str | None, independent: Sequence[str] | None, cut: Sequence[str] | None,
     values: Mapping[str, ArrayLike] | None = None,
 ) -> bool:  # fmt: skip
-    """Return whether a model is to be linearized by the sparse path.
+    """Return whether a model is to be linearized by the sparse path, by size if ``method`` is None.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    method : str or None
-        "dense", "sparse", or None for a choice by size.
-    independent, cut, values
-        As given to ``linearize``; minimal coordinates and variants need dense equations.
-
-    Returns
-    -------
-    bool
-        The choice.
-
-    Raises
-    ------
-    ModelError
-        If the method is unknown or does not support the arguments.
+    Minimal coordinates and variants, which ``independent`` and ``values`` ask for, need dense equations.
     """
     if method not in (None, *METHODS):
         raise ModelError(f"linearize: method = {method!r}; expected 'dense', 'sparse', or None for a choice by size."
@@ -74,28 +57,8 @@ def linearized(
     model: Mechanism, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None,
     method: str | None = None, dense: type[E] = Equations, sparse: type[S] = SparseEquations,  # type: ignore[assignment]
 ) -> E | S:  # fmt: skip
-    """Return the equations of motion of a mechanism, dense or sparse.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    independent, cut : sequence of str, optional
-        Requested minimal coordinates and cut joints.
-    method : str, optional
-        "dense" or "sparse"; default: by size.
-    dense, sparse : type
-        The classes of the equations.
-
-    Returns
-    -------
-    Equations or SparseEquations
-        The equations of motion.
-
-    Raises
-    ------
-    ModelError
-        If the method is unknown or does not support the arguments.
+    """Return the equations of motion of a mechanism: of the class ``dense`` or ``sparse``, by size if ``method`` is
+    None.
     """
     result = expanded(model)
     if not (method is None and is_small(result)) and wants_sparse(result, method, independent, cut):

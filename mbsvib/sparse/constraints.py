@@ -23,7 +23,7 @@ from mbsvib.equations.scene import cut_rows
 from mbsvib.errors import NearSingularWarning, SingularPoseError
 from mbsvib.kinematics.loop_group import LoopGroup, decided, measures
 from mbsvib.kinematics.relative_motion import arm
-from mbsvib.linalg.groups import connected_parts, items_of_groups
+from mbsvib.linalg.groups import by_label, connected_parts, items_of_groups
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import (
     CERTAIN_DISTANCE,
@@ -38,21 +38,19 @@ from mbsvib.sparse.couplers import locked_entries, row_scale
 from mbsvib.sparse.rows import relative_rows
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
     from scipy.sparse import csr_matrix
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body
-    from mbsvib.kinematics.loops import Arms
     from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.couplers import Coupled
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree
 
     Mask = NDArray[np.bool_]
-    Scales = Callable[[Index, float], Array]
     Rod = tuple[int, int, int, int, Array, Array]
 
 # Groups up to this many entries (rows times coordinates) are decided by one dense QR: 0.1 s.
@@ -83,8 +81,7 @@ class Constraints:
     @property
     def independent(self) -> Rows:
         """The rows of cut joints that the tableau contains."""
-        mask = self.is_independent[: len(self.rows.first)]
-        return Rows(*(getattr(self.rows, key)[..., mask] for key in Rows.__slots__))
+        return self.rows.take(np.flatnonzero(self.is_independent[: len(self.rows.first)]))
 
     @property
     def translational(self) -> Mask:
@@ -118,31 +115,7 @@ class Constraints:
 def constraints(
     topology: Topology, bodies: list[Body], number: Mapping[str, int], tree: Tree, couplers: Coupled | None = None
 ) -> Constraints:
-    """Return the locked rows of the cut joints and which of them are independent.
-
-    Parameters
-    ----------
-    topology : Topology
-        The spanning tree and the cut joints.
-    bodies : list of Body
-        The bodies in order.
-    number : mapping
-        Number of each body, ground included.
-    tree : Tree
-        The tree's arrays.
-    couplers : Coupled, optional
-        Linear relations of joint coordinates.
-
-    Returns
-    -------
-    Constraints
-        Rows and rank decisions.
-
-    Raises
-    ------
-    SingularPoseError
-        If the rank of a group is in doubt.
-    """
+    """Return the locked rows of the cut joints and which of them are independent; refused if a rank is in doubt."""
     cuts = cut_rows(topology, bodies, number)
     rows = Rows.stack([]) if cuts is None else cuts.rows
     names: list[str] = [] if cuts is None else [*cuts.names]
@@ -161,18 +134,16 @@ def constraints(
         names += couplers.names
         cut += couplers.names
     entries = Entries(*locked_entries(tree, rows, couplers), np.array(loop, dtype=np.intp), len(names))
-    scales, arms = partial(row_scale, rows, couplers), partial(arm, topology, tree.position)
+    decision = _Decision(topology, tree, rows, couplers, names, cut, entries)
+    decisions = [decision.of(members) for members in entries.groups()]
     independent = np.ones(len(names), dtype=bool)
-    groups: list[LoopGroup] = []
-    for members in entries.groups():
-        group = _decide(tree, rows, names, cut, entries, members, scales, arms)
-        groups.append(group)
-        redundant = set(group.redundant)
-        independent[[row for row in group.rows.tolist() if names[row] in redundant]] = False
+    for _, redundant in decisions:
+        independent[redundant] = False
     number_of = np.cumsum(independent) - 1
     used = independent[entries.row]
     path_joints = number_of[entries.row[used]], tree.coordinate_body[entries.column[used]]
-    return Constraints(rows, tuple(names), entries.loop, independent, tuple(groups), tuple(crossing), rods, path_joints,
+    groups = tuple([group for group, _ in decisions])
+    return Constraints(rows, tuple(names), entries.loop, independent, groups, tuple(crossing), rods, path_joints,
                        couplers)  # fmt: skip
 
 
@@ -198,9 +169,7 @@ class Entries:
         if not len(self.loop):
             return []
         shape = int(self.loop.max()) + 1, int(self.column.max(initial=-1)) + 1
-        label = connected_parts(self.loop[self.row], self.column, shape)[0][self.loop]
-        order = np.argsort(label, kind="stable")
-        parts = np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
+        parts = by_label(connected_parts(self.loop[self.row], self.column, shape)[0][self.loop])
         return sorted(parts, key=lambda part: int(part[0]))
 
     def of(self, rows: Index) -> tuple[Index, Index, Array]:
@@ -210,59 +179,84 @@ class Entries:
         entry = self.begin[rows][row] + nth
         return row, self.column[entry], self.value[entry]
 
-
-def _decide(
-    tree: Tree, rows: Rows, names: list[str], cut: list[str], entries: Entries, members: Index, scales: Scales,
-    arms: Arms,
-) -> LoopGroup:  # fmt: skip
-    columns = np.unique(entries.of(members)[1])
-    loops = np.unique(entries.loop[members])
-    if len(loops) == 1 or len(members) * len(columns) <= MOST_DENSE_ENTRIES:
-        return _decide_dense(tree, rows, names, cut, entries, members, scales, arms)
-    parts = [_decide_dense(tree, rows, names, cut, entries, members[entries.loop[members] == k], scales, arms)
-             for k in loops]  # fmt: skip
-    redundant = {name for part in parts for name in part.redundant}
-    remaining = np.array([row for row in members.tolist() if names[row] not in redundant], dtype=np.intp)
-    noise = max(part.noise for part in parts)
-    limit = max(DEPENDENT_DISTANCE, RANK_FACTOR * noise)
-    dependent, smallest_kept, dropped = _dependent(_unit_rows(tree, entries, remaining, columns, scales), limit)
-    _check_gap([name for part in parts for name in part.joints], smallest_kept, dropped)
-    redundant |= {names[remaining[k]] for k in dependent.tolist()}
-    return LoopGroup(
-        tuple(name for part in parts for name in part.joints), members, columns, len(remaining) - len(dependent),
-        smallest_kept, max([dropped, *(part.dropped for part in parts)]), max(part.length for part in parts),
-        noise, partial(tuple, [names[row] for row in members.tolist() if names[row] in redundant]),
-    )  # fmt: skip
+    def dense(self, rows: Index) -> tuple[Index, Array]:
+        """Return the coordinates (n,) that some rows contain, and the rows over these, (rows, n)."""
+        row, column, value = self.of(rows)
+        columns, local_column = np.unique(column, return_inverse=True)
+        result = np.zeros((len(rows), len(columns)))
+        result[row, local_column] = value
+        return columns, result
 
 
-def _decide_dense(
-    tree: Tree, rows: Rows, names: list[str], cut: list[str], entries: Entries, members: Index, scales: Scales,
-    arms: Arms, reach: float = 0.0,
-) -> LoopGroup:  # fmt: skip
-    """The dense path's rank decision for some rows, in the coordinates that they contain."""
-    row, column, value = entries.of(members)
-    columns, local_column = np.unique(column, return_inverse=True)
-    phi = np.zeros((len(members), len(columns)))
-    phi[row, local_column] = value
-    of_joints = members[members < len(rows.first)]
-    points = np.concatenate((rows.point[:, of_joints], tree.point[:, columns]), axis=1)
-    length, noise = measures(points, max(len(members), len(columns)), tree.pitch, reach)
-    scale = np.where(tree.turns[columns], 1.0, length)
-    scale *= 1.0 - TIE_BREAK / max(1, len(columns)) * np.arange(len(columns))
-    a = phi * scales(members, length)[:, None] * scale
-    rank, smallest_kept, dropped, limit = decided(pivoted_qr(a)[0].diagonal().tolist(), noise)
-    joints = tuple(cut[k] for k in dict.fromkeys(entries.loop[members].tolist()))
-    if not reach and (smallest_kept < NEAR_SINGULAR or limit > NEAR_SINGULAR):
-        reach = arms([*joints, *(tree.names[k].rpartition(".")[0] for k in columns.tolist())])
-        if reach:
-            return _decide_dense(tree, rows, names, cut, entries, members, scales, arms, reach)
-    redundant: list[int] = []
-    if rank < len(members):
-        weight = 1.0 - TIE_BREAK * np.arange(len(members)) / len(members)
-        redundant = sorted(pivoted_qr((a * weight[:, None]).T)[1][rank:].tolist())
-    _check_gap(joints, smallest_kept, dropped)
-    implied = partial(tuple, [names[members[k]] for k in redundant])
-    return LoopGroup(joints, members, columns, rank, smallest_kept, dropped, length, noise, implied)
+@dataclass(frozen=True, slots=True)
+class _Decision:
+    """What the rank of locked ``rows`` and couplers depends on, with the ``names`` of both and of the ``cut`` loops."""
+
+    topology: Topology
+    tree: Tree
+    rows: Rows
+    couplers: Coupled | None
+    names: list[str]
+    cut: list[str]
+    entries: Entries
+
+    def of(self, members: Index) -> tuple[LoopGroup, list[int]]:
+        """Return the decision for the rows of one group of loops, and the redundant ones."""
+        columns = np.unique(self.entries.of(members)[1])
+        loop = self.entries.loop[members]
+        loops = np.unique(loop)
+        if len(loops) == 1 or len(members) * len(columns) <= MOST_DENSE_ENTRIES:
+            return self._dense(members)
+        parts, redundant_rows = zip(*[self._dense(members[loop == k]) for k in loops], strict=True)
+        redundant = [row for part in redundant_rows for row in part]
+        remaining = np.setdiff1d(members, redundant)
+        noise = max(part.noise for part in parts)
+        limit = max(DEPENDENT_DISTANCE, RANK_FACTOR * noise)
+        dependent, smallest_kept, dropped = _dependent(self._unit_rows(remaining, columns), limit)
+        joints = tuple(name for part in parts for name in part.joints)
+        _check_gap(joints, smallest_kept, dropped)
+        redundant = sorted([*redundant, *remaining[dependent].tolist()])
+        return LoopGroup(
+            joints, members, columns, len(members) - len(redundant), smallest_kept,
+            max([dropped, *(part.dropped for part in parts)]), max(part.length for part in parts), noise,
+            partial(tuple, [self.names[row] for row in redundant]),
+        ), redundant  # fmt: skip
+
+    def _dense(self, members: Index, reach: float = 0.0) -> tuple[LoopGroup, list[int]]:
+        """The dense path's rank decision for some rows, in the coordinates that they contain."""
+        tree, count = self.tree, len(members)
+        columns, phi = self.entries.dense(members)
+        of_joints = members[members < len(self.rows.first)]
+        points = np.concatenate((self.rows.point[:, of_joints], tree.point[:, columns]), axis=1)
+        length, noise = measures(points, max(phi.shape), tree.pitch, reach)
+        scale = np.where(tree.turns[columns], 1.0, length)
+        scale *= 1.0 - TIE_BREAK / max(1, len(columns)) * np.arange(len(columns))
+        a = phi * row_scale(self.rows, self.couplers, members, length)[:, None] * scale
+        rank, smallest_kept, dropped, limit = decided(pivoted_qr(a)[0].diagonal().tolist(), noise)
+        joints = tuple(self.cut[k] for k in dict.fromkeys(self.entries.loop[members].tolist()))
+        if not reach and (smallest_kept < NEAR_SINGULAR or limit > NEAR_SINGULAR):
+            names = [*joints, *(tree.names[k].rpartition(".")[0] for k in columns.tolist())]
+            reach = arm(self.topology, tree.position, names)
+            if reach:
+                return self._dense(members, reach)
+        redundant: list[int] = []
+        if rank < count:
+            weight = 1.0 - TIE_BREAK * np.arange(count) / count
+            redundant = members[np.sort(pivoted_qr((a * weight[:, None]).T)[1][rank:])].tolist()
+        _check_gap(joints, smallest_kept, dropped)
+        implied = partial(tuple, [self.names[row] for row in redundant])
+        return LoopGroup(joints, members, columns, rank, smallest_kept, dropped, length, noise, implied), redundant
+
+    def _unit_rows(self, rows: Index, columns: Index) -> csr_matrix:
+        """Some rows of Phi with lengths in links, scaled to unit length."""
+        from scipy.sparse import csr_matrix
+
+        row, column, value = self.entries.of(rows)
+        length = self.tree.length
+        value = value * np.where(self.tree.turns[column], 1.0, length)
+        value *= row_scale(self.rows, self.couplers, rows, length)[row]
+        norm = np.sqrt(np.bincount(row, value * value, minlength=len(rows)))
+        return csr_matrix((value / norm[row], (row, np.searchsorted(columns, column))), shape=(len(rows), len(columns)))
 
 
 def _check_gap(joints: Sequence[str], smallest_kept: float, dropped: float) -> None:
@@ -281,29 +275,17 @@ def _check_gap(joints: Sequence[str], smallest_kept: float, dropped: float) -> N
         )  # fmt: skip
 
 
-def _unit_rows(tree: Tree, entries: Entries, rows: Index, columns: Index, scales: Scales) -> csr_matrix:
-    """Some rows of Phi with lengths in links, scaled to unit length."""
-    from scipy.sparse import csr_matrix
-
-    row, column, value = entries.of(rows)
-    length = tree.length
-    value = value * np.where(tree.turns[column], 1.0, length)
-    value *= scales(rows, length)[row]
-    norm = np.sqrt(np.bincount(row, value * value, minlength=len(rows)))
-    return csr_matrix((value / norm[row], (row, np.searchsorted(columns, column))), shape=(len(rows), len(columns)))
-
-
 def _dependent(s: csr_matrix, limit: float) -> tuple[Index, float, float]:
     """Rows no farther than ``limit`` from the span of the others; the smallest distance of an independent row, and the
     largest of a dependent one.
     """
-    distance, _ = _distances(s, REGULARISATION)
+    distance, _ = _distances(s)
     is_certain = distance > CERTAIN_DISTANCE
     smallest_kept = float(np.sqrt(distance[is_certain].min(initial=1.0)))
     if is_certain.all():
         return np.zeros(0, dtype=np.intp), smallest_kept, 0.0
     while True:
-        distance, lu = _distances(s[is_certain], REGULARISATION)
+        distance, lu = _distances(s[is_certain])
         close = distance < 0.5 * CERTAIN_DISTANCE
         if not close.any():
             break
@@ -318,11 +300,11 @@ def _dependent(s: csr_matrix, limit: float) -> tuple[Index, float, float]:
     return dependent, min([smallest_kept, *pivots[:rank].tolist()]), float(pivots[rank:].max(initial=0.0))
 
 
-def _distances(s: csr_matrix, delta: float) -> tuple[Array, Any]:
+def _distances(s: csr_matrix) -> tuple[Array, Any]:
     """Squared distance of every row from the span of those before it in the order of elimination, and the factors."""
     from scipy.sparse import eye
     from scipy.sparse.linalg import splu
 
-    lu = splu((s @ s.T + delta * eye(s.shape[0])).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+    lu = splu((s @ s.T + REGULARISATION * eye(s.shape[0])).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
               options={"SymmetricMode": True})  # fmt: skip
     return np.abs(lu.U.diagonal())[lu.perm_c], lu

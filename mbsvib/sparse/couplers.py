@@ -98,26 +98,7 @@ class Coupled:
 def coupled(
     parts: Sequence[Coupling], topology: Topology, bodies: Sequence[Body], number: Mapping[str, int], tree: Tree
 ) -> Coupled | None:
-    """Return the couplers of a mechanism as arrays.
-
-    Parameters
-    ----------
-    parts : sequence of Coupler, Gear, Worm or Rack
-        The couplers.
-    topology : Topology
-        The spanning tree.
-    bodies : sequence of Body
-        The bodies in order.
-    number : mapping
-        Number of each body, ground included.
-    tree : Tree
-        The tree's arrays.
-
-    Returns
-    -------
-    Coupled or None
-        Their terms; None if there is none.
-    """
+    """Return the couplers of a mechanism as arrays, or None if there is none."""
     if not parts:
         return None
     coupling_terms, of_joint = terms(parts, tree.names, topology, bodies, number)
@@ -127,22 +108,7 @@ def coupled(
 
 
 def locked_entries(tree: Tree, rows: Rows, couplers: Coupled | None) -> Entry:
-    """Return the entries of all locked rows and couplers over the joint coordinates.
-
-    Parameters
-    ----------
-    tree : Tree
-        The spanning tree.
-    rows : Rows
-        Locked rows of the cut joints.
-    couplers : Coupled or None
-        The couplers, whose rows follow.
-
-    Returns
-    -------
-    tuple of arrays
-        Row (ascending), coordinate and value of every entry.
-    """
+    """Return row (ascending), joint coordinate and value of all entries of locked rows and, after them, of couplers."""
     row, column, value, _ = path_entries(tree, rows, None)
     if couplers is None:
         return row, column, value
@@ -152,23 +118,9 @@ def locked_entries(tree: Tree, rows: Rows, couplers: Coupled | None) -> Entry:
 
 
 def row_scale(rows: Rows, couplers: Coupled | None, members: Index, length: float) -> Array:
-    """Return the factors that make some locked rows dimensionless.
+    """Return the factors (n,) that make the locked rows ``members`` (n,) dimensionless.
 
-    Parameters
-    ----------
-    rows : Rows
-        Locked rows of the cut joints.
-    couplers : Coupled or None
-        The couplers.
-    members : array, shape (n,)
-        Numbers of the rows.
-    length : float
-        Unit of length [m].
-
-    Returns
-    -------
-    array, shape (n,)
-        1 / length for translations, 1 for rotations, 1 / the largest coefficient for couplers.
+    1 / ``length`` for translations, 1 for rotations, 1 / the largest coefficient for couplers
     """
     count = len(rows.first)
     of_joints = members[members < count]

@@ -30,17 +30,7 @@ FEW = 8
 def short_span(model: Mechanism, cut: Sequence[str] | None = None) -> Topology:
     """Return the spanning tree of smallest cumulative degree of freedom, or one with shorter loops.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    cut : sequence of str, optional
-        Joints that must not be in the tree; then the tree is not optimized.
-
-    Returns
-    -------
-    Topology
-        Tree, cut joints and floating bodies.
+    Joints that are to be ``cut`` leave no choice of the tree.
     """
     topology = span(model, cut)
     if cut or len(topology.cut) <= FEW:

@@ -34,21 +34,9 @@ NEW = 1e-4
 
 
 def decoupled(space: Subspace, result: Modes, z: Array) -> bool:
-    """Return whether the undamped modes are also modes of the damped system.
+    """Return whether the undamped modes ``z`` (size, n) are also modes of the damped system.
 
-    Parameters
-    ----------
-    space : Subspace
-        The subspace that contains them.
-    result : Modes
-        Modes of the projected small system.
-    z : array, shape (size, n)
-        Their displacements and coordinates.
-
-    Returns
-    -------
-    bool
-        Whether each eigenvalue and shape satisfies the full system's equations.
+    ``result``: modes of the projected small system, of which each eigenvalue and shape is put into the full equations.
     """
     t, system = space.operator, space.operator.system
     if not system.row_damping.any():
@@ -70,21 +58,8 @@ def coupled(
 ) -> tuple[Equations, Modes, Array, Index]:
     """Return the damped modes whose natural frequencies are nearest to a frequency, of rigid-body modes the slowest.
 
-    Parameters
-    ----------
-    space : Subspace
-        The undamped subspace.
-    k : int
-        Number of modes.
-    near : float
-        Frequency [Hz], 0 for the lowest.
-    form : type
-        The class of the small dense equations.
-
-    Returns
-    -------
-    tuple
-        The small system, its modes, a bound of the relative error of each eigenvalue (2n,), and which modes to take.
+    ``space``: the undamped subspace. ``near`` [Hz], 0 for the lowest. Returns the small system of the class ``form``,
+    its modes, a bound of the relative error of each eigenvalue (2n,), and which modes to take.
     """
     t, rigid = space.operator, space.rigid
     complete = not np.isfinite(space.reach)
@@ -116,12 +91,8 @@ def coupled(
 
 def _kinetic(t: Operator, force: NDArray[np.inexact]) -> tuple[NDArray[np.inexact], NDArray[np.inexact]]:
     """The motion under generalised forces, without rigid-body modes, and its rows of kinetic energy."""
-    motion = t.factor.solve(t.right(force))
-    rows = t.w @ motion
-    if t.rigid.shape[1]:
-        amplitudes = t.deflated[:, : t.rigid.shape[1]].T @ rows
-        motion, rows = motion - t.rigid @ amplitudes, rows - t.deflated[:, : t.rigid.shape[1]] @ amplitudes
-    return motion, rows
+    motion = t.flexible(t.factor.solve(t.right(force)))
+    return motion, t.w @ motion
 
 
 def _extended(t: Operator, basis: Array, added: Array) -> Array:

@@ -195,21 +195,9 @@ class Disc:
 
 
 def disc(quadratic: Quadratic, sigma: complex, speed: float | None = None) -> Disc:
-    """Return the empty disc around a shift.
+    """Return the empty disc around a shift ``sigma`` [1/s], not 0; ``grown`` adds eigenvalues.
 
-    Parameters
-    ----------
-    quadratic : Quadratic
-        P(s).
-    sigma : complex
-        The shift [1/s], real or not; not 0.
-    speed : float, optional
-        Upper estimate of the magnitude of the wanted eigenvalues [1/s]; default: that of the shift.
-
-    Returns
-    -------
-    Disc
-        Without eigenvalues; ``grown`` adds them.
+    ``speed``: upper estimate of the magnitude of the wanted eigenvalues [1/s]; default: that of the shift.
     """
     factor = quadratic.system.tableau.factor(s=sigma)
     shifted = Shifted(quadratic, sigma, abs(sigma) if speed is None else speed, factor)

@@ -110,21 +110,9 @@ def _sum(a: csr_matrix | None, b: csr_matrix | None) -> csr_matrix | None:
 
 
 def first_draft(model: Mechanism, nodes: Mechanism, topology: Topology, removed: frozenset[str]) -> SparseDraft:
-    """Return the rows of bodies, joints and connections.
+    """Return the rows of bodies, joints and connections of an expanded model, of which ``nodes`` has all Maxwell nodes.
 
-    Parameters
-    ----------
-    model, nodes : Mechanism
-        The expanded mechanism, without and with the nodes of its Maxwell elements.
-    topology : Topology
-        The spanning tree of ``nodes``.
-    removed : frozenset of str
-        Bodies that were removed from the mechanism but are still named by springs and ports: they are fixed.
-
-    Returns
-    -------
-    SparseDraft
-        The rows, without those of other parts.
+    ``removed`` bodies are not in the model but still named by springs and ports: they are fixed.
     """
     bodies = list(nodes.bodies.values())
     number = topology.body_numbers | dict.fromkeys(removed, len(bodies))
@@ -149,19 +137,7 @@ def first_draft(model: Mechanism, nodes: Mechanism, topology: Topology, removed:
 
 
 def inertia_rows(layout: Layout, inertia: SpatialInertia) -> csr_matrix:
-    """Return W of M = W^T W over the unknowns: three rows for the translation of each body and three for its rotation.
-
-    Parameters
-    ----------
-    layout : Layout
-        Positions of the displacements among the unknowns.
-    inertia : SpatialInertia
-        Square roots of the bodies' inertia.
-
-    Returns
-    -------
-    csr_matrix, shape (6 bodies, size)
-        The factor.
+    """Return W (6 bodies, size) of M = W^T W: three rows for the translation of each body and three for its rotation.
     """
     from scipy.sparse import csr_matrix
 

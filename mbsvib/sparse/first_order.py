@@ -23,21 +23,9 @@ NOTHING = 1e-12
 
 
 def split_massless(system: SparseEquations, motions: Array) -> tuple[Array, Array]:
-    """Split motions into parts in which the amplitudes of damped massless motions are 0, and massless parts.
+    """Split motions (size, n) into those without damped massless motions (size, k), and massless motions (size, r).
 
-    Parameters
-    ----------
-    system : SparseEquations
-        The full system.
-    motions : array, shape (size, n)
-        Motions.
-
-    Returns
-    -------
-    array, shape (size, k)
-        Motions with mass; those that are only rounding are omitted.
-    array, shape (size, r)
-        Independent motions without mass, of unit damping.
+    Those with mass that are only rounding are left out; the massless ones are independent and of unit damping.
     """
     if system.separation is None or not system.massless:
         return motions, np.zeros((len(motions), 0))
@@ -71,21 +59,9 @@ def independent_with_mass(system: SparseEquations, mass: Array) -> Array:
 
 
 def with_static_motions(system: SparseEquations, basis: Array) -> Array:
-    """Return motions with the static massless motions that they cause.
+    """Return motions (size, dof) with the static massless motions that they cause, from those (size, n) that span all.
 
-    z - N (N^T K N)^-1 N^T K z, as many as there are degrees of freedom
-
-    Parameters
-    ----------
-    system : SparseEquations
-        The full system.
-    basis : array, shape (size, n)
-        Motions that span all.
-
-    Returns
-    -------
-    array, shape (size, dof)
-        The motions.
+    z - N (N^T K N)^-1 N^T K z
     """
     if system.separation is None or not system.separation.static.shape[1]:
         return basis

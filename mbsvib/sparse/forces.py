@@ -9,7 +9,7 @@ its rate of change of momentum.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -19,69 +19,41 @@ from mbsvib.elements.rows import Rows
 from mbsvib.equations.base_motion import inertia_of_ground_motion
 from mbsvib.equations.force_paths import carrier_of, point_of
 from mbsvib.mechanism.topology import FLOATS
+from mbsvib.sparse.draft import SparseDraft
 from mbsvib.sparse.rotated_forces import RotatedForces
 from mbsvib.sparse.rows import relative_rows
 from mbsvib.sparse.virtual_displacements import Release
 from mbsvib.sparse.virtual_motions import JointRelease, Motion, RegionRelease, all_rotations
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
 
     from scipy.sparse import csr_matrix
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.element_rows import ElementRows
-    from mbsvib.equations.inertia import SpatialInertia
-    from mbsvib.equations.ports import Ports
     from mbsvib.equations.self_stress import Undetermined
-    from mbsvib.kinematics.shared_rows import Composite, Shared
-    from mbsvib.mechanism.topology import Topology
-    from mbsvib.sparse.constraints import Constraints
-    from mbsvib.sparse.layout import Layout
-    from mbsvib.sparse.loads import Geometric
+    from mbsvib.kinematics.shared_rows import Composite
     from mbsvib.sparse.self_stress import Region
-    from mbsvib.sparse.spin_forces import SpinForces
-    from mbsvib.sparse.tree import Tree
 
 
 @dataclass(frozen=True)
-class ForceSums:
-    """All forces on the bodies, from which forces in joints and sums of forces are computed.
+class ForceSums(SparseDraft):
+    """A draft with all forces on its bodies, from which forces in joints and sums of forces are computed."""
 
-    ``springs`` with their ``elastic`` rows over the unknowns, ``inertia`` with its ``factor``, ``port`` with the rows
-    ``input_rows`` of its inputs, mass and stiffness ``shared`` by several bodies, ``geometric`` stiffness with the
-    forces at the pose, and those of ``spin``, each None if there are none. ``regions`` are the loops with redundant
-    constraints, by joint.
-    """
-
-    topology: Topology
-    tree: Tree
-    layout: Layout
-    closure: Constraints
-    number: Mapping[str, int]
-    springs: ElementRows
-    elastic: csr_matrix
-    inertia: SpatialInertia
-    factor: csr_matrix
-    port: Ports
-    input_rows: csr_matrix
-    shared: Shared | None
-    geometric: Geometric | None
-    regions: Mapping[int, Region]
-    spin: SpinForces | None = None
+    @staticmethod
+    def of(draft: SparseDraft) -> ForceSums:
+        """Return those of a draft."""
+        return ForceSums(*[getattr(draft, entry.name) for entry in fields(draft)])
 
     @cached_property
     def virtual_displacements(self) -> Release:
         """Virtual displacements that release cut joints."""
-        return Release(self.tree, self.layout, self.closure)
+        return Release(self.structure, self.layout, self.closure)
 
-    def outputs(self) -> tuple[tuple[csr_matrix, csr_matrix, csr_matrix], Array]:
-        """Return rows of all outputs that are forces in joints or sums of forces, and zeros for the others.
+    def rows_of_outputs(self) -> tuple[tuple[csr_matrix, csr_matrix, csr_matrix], Array]:
+        """Return rows of the outputs that are forces in joints or sums of forces, and zeros for the others.
 
-        Returns
-        -------
-        tuple
-            Rows (outputs, size) for displacement, velocity and acceleration, and D (outputs, inputs).
+        Rows (outputs, size) for displacement, velocity and acceleration, and D (outputs, inputs)
         """
         from scipy.sparse import csr_matrix
 
@@ -99,7 +71,7 @@ class ForceSums:
             matrices.append(csr_matrix((value, (row_of.astype(int), column.astype(int))), shape=shape))
         return (matrices[0], matrices[1], matrices[2]), through
 
-    def undetermined(self, names: tuple[str, ...]) -> tuple[Undetermined, ...]:
+    def undetermined_outputs(self, names: tuple[str, ...]) -> tuple[Undetermined, ...]:
         """Return the outputs, by ``names``, that redundant constraints do not determine."""
         outputs: dict[Region, list[str]] = {region: [] for region in self.regions.values()}
         for row, kind, number, wrench in self.port.wrench_outputs:
@@ -111,19 +83,19 @@ class ForceSums:
 
     def _sum(self, body: int, wrench: Array) -> tuple[dict[int, Array], Array]:
         """Sum of all forces on a body, its rate of change of momentum; on the ground, minus the sum of the others."""
-        n = len(self.tree.parent)
+        n = len(self.structure.parent)
         if body < n:
             sign = np.zeros(n + 1)
             sign[body] = -1.0
-            motion = JointRelease(sign, wrench[:3], wrench[3:], self.tree.position[body])
+            motion = JointRelease(sign, wrench[:3], wrench[3:], self.structure.position[body])
             inertia, base = self._of_inertia(motion)
             rotations = motion.rotations
         else:
             inertia, base = self._inertia_forces(self._rigid_inertia(wrench, np.zeros(3)))
             rotations = np.tile(wrench[3:], (n + 1, 1))
         rows = {2: inertia}
-        if self.spin is not None:
-            rows[1] = self.spin.of_rotors(rotations)
+        if self.spins is not None:
+            rows[1] = self.spins.of_rotors(rotations)
         if body == n and self._rotated is not None:
             rows[0] = self._rotated.on_ground(wrench)
         return rows, base
@@ -145,14 +117,16 @@ class ForceSums:
                 result[derivative] -= rows.T @ (value * along)
         if self._rotated is not None:
             result[0] += self._rotated.of_joints(motion)
-        if self.spin is not None:
-            result[0] += self.spin.of_dampers(motion)
-            result[1] += self.spin.of_rotors(all_rotations(motion, self.layout))
+        if self.spins is not None:
+            result[0] += self.spins.of_dampers(motion)
+            result[1] += self.spins.of_rotors(all_rotations(motion, self.layout))
         inertia, through = self._of_inertia(motion)
         result[2] += inertia
         inputs = self.port.force_inputs
         work = motion.along(self.port.rows)[: len(inputs)]
-        through[inputs] += work if motion.tree_motion is None else work + self.input_rows @ motion.tree_motion
+        through[inputs] += work
+        if motion.tree_motion is not None:
+            through[inputs] += self.port_rows[: len(inputs)] @ motion.tree_motion
         return result, through
 
     def _step(self, number: int, wrench: Array) -> Array:
@@ -165,7 +139,7 @@ class ForceSums:
     def _region_release(self, region: Region, step: Array) -> RegionRelease:
         """The motion that releases the joints of a region by the compatible part of their displacements."""
         stress, motion = region.split(step)
-        centre = np.concatenate((self.tree.position, np.zeros((1, 3))))
+        centre = np.concatenate((self.structure.position, np.zeros((1, 3))))
         compatible = step - region.scale**2 * stress
         return RegionRelease(region.displacements(motion, centre), centre, region.joints, compatible)
 
@@ -174,14 +148,14 @@ class ForceSums:
         assert self.geometric is not None
         wrenches = self.geometric.joints[:, region.joints]
         motion = self._region_release(region, region.scale**2 * wrenches)
-        state = RotatedForces(self.tree, self.layout, self.geometric.of_joints(region.joints, stress))
+        state = RotatedForces(self.structure, self.layout, self.geometric.of_joints(region.joints, stress))
         work = float((wrenches[3:] * stress[3:]).sum())
         return self._moment_weight_change(region) * work - state.of_joints(motion)
 
     def _release(self, number: int, wrench: Array) -> JointRelease:
         """The motion that releases a joint along its axes."""
         joint, rows = self.topology.joints[number], self.closure.rows
-        centre = np.concatenate((self.tree.position, np.zeros((1, 3)))).T
+        centre = np.concatenate((self.structure.position, np.zeros((1, 3)))).T
         axes, point = np.array(joint.axes), np.array(point_of(joint, self.number, centre), dtype=float)
         motion = JointRelease(np.zeros(centre.shape[1]), axes @ wrench[:3], axes @ wrench[3:], point, number)
         couplers, target = self.closure.couplers, np.zeros(len(self.closure.names))
@@ -214,11 +188,11 @@ class ForceSums:
 
     def _of_inertia(self, motion: Motion) -> tuple[Array, Array]:
         """Work of inertia forces in a motion, per unit of the unknowns' acceleration (size,) and of the inputs."""
-        rows = self.inertia.factor(motion.of_bodies(self.tree.position)[:, :, None])[:, 0]
+        rows = self.inertia.factor(motion.of_bodies(self.structure.position)[:, :, None])[:, 0]
         if self.shared is not None and self.shared.mass is not None:
             rows = np.concatenate((rows, _along_composite(self.shared.mass, motion)))
         if motion.tree_motion is not None:
-            rows = rows + self.factor @ motion.tree_motion
+            rows = rows + self.body_factor @ motion.tree_motion
         return self._inertia_forces(rows)
 
     def _inertia_forces(self, rows: Array) -> tuple[Array, Array]:
@@ -226,7 +200,7 @@ class ForceSums:
         through = np.zeros(len(self.port.input_units))
         for column, base_motion in self._base:
             through[column] = -(rows @ base_motion)
-        return -(self.factor.T @ rows), through
+        return -(self.body_factor.T @ rows), through
 
     def _moment_weight_change(self, region: Region) -> Array:
         """Derivative of the weight 1 / L^2 of moments in a region with respect to the pose, a row (size,)."""
@@ -234,14 +208,14 @@ class ForceSums:
         from_centre = point - point.mean(axis=1, keepdims=True)
         carrier = np.array([carrier_of(self.topology.joints[k], self.number)
                             for k in region.joints[region.force_joints].tolist()])  # fmt: skip
-        ground = np.full(len(carrier), len(self.tree.parent))
+        ground = np.full(len(carrier), len(self.structure.parent))
         directions = Rows(ground, carrier, point, from_centre, np.zeros_like(from_centre))
-        rows = relative_rows(self.tree, self.layout, directions)
+        rows = relative_rows(self.structure, self.layout, directions)
         return np.asarray(rows.sum(axis=0)).reshape(-1) * (-2.0 / (len(carrier) * region.length**4))
 
     @cached_property
     def _rotated(self) -> RotatedForces | None:
-        return None if self.geometric is None else RotatedForces(self.tree, self.layout, self.geometric)
+        return None if self.geometric is None else RotatedForces(self.structure, self.layout, self.geometric)
 
     @cached_property
     def _base(self) -> list[tuple[int, Array]]:
@@ -251,7 +225,7 @@ class ForceSums:
 
     def _rigid_inertia(self, six: Array, origin: Array) -> Array:
         """Square roots of inertia times a rigid motion (6,) of all bodies with the ground, about an origin."""
-        return inertia_of_ground_motion(six, origin, self.tree.position, self.inertia, self.shared)
+        return inertia_of_ground_motion(six, origin, self.structure.position, self.inertia, self.shared)
 
     @cached_property
     def _shared_rows(self) -> csr_matrix | None:
@@ -259,7 +233,7 @@ class ForceSums:
         if self.shared is None or self.shared.elastic is None:
             return None
         composite = self.shared.elastic.composite
-        return composite.of_sparse(relative_rows(self.tree, self.layout, composite.rows))
+        return composite.of_sparse(relative_rows(self.structure, self.layout, composite.rows))
 
     @cached_property
     def _tree_joints(self) -> dict[int, tuple[int, int]]:
@@ -269,7 +243,7 @@ class ForceSums:
     @cached_property
     def _subtrees(self) -> tuple[Index, Index]:
         """Numbering of bodies in which each subtree is a range: begin and end of the ranges, (bodies,)."""
-        n, parent, outward = len(self.tree.parent), self.tree.parent.tolist(), self.tree.outward.tolist()
+        n, parent, outward = len(self.structure.parent), self.structure.parent.tolist(), self.structure.outward.tolist()
         size, begin, free = [1] * (n + 1), [0] * (n + 1), [0] * (n + 1)
         for body in reversed(outward):
             size[parent[body]] += size[body]

@@ -57,20 +57,7 @@ class Eigenvectors:
 
 
 def eigenvectors(result: Modes, numbers: Index) -> Eigenvectors:
-    """Return the eigenvalues and vectors of some modes of a small system.
-
-    Parameters
-    ----------
-    result : Modes
-        Its modes.
-    numbers : array
-        Numbers of modes.
-
-    Returns
-    -------
-    Eigenvectors
-        Nonzero eigenvalues and vectors.
-    """
+    """Return the nonzero eigenvalues and the vectors of the modes ``numbers`` of a small system."""
     modal, starts = result.damped, result.starts
     if isinstance(modal, General):
         spectrum = modal.spectrum
@@ -93,24 +80,10 @@ def parts(z: NDArray[np.inexact]) -> Array:
 
 
 def extended(quadratic: Quadratic, basis: Array, added: Array, speed: float) -> Array:
-    """Return a basis extended by some motions, orthonormal in kinetic energy, basis^T M basis = 1.
+    """Return a basis (size, n) extended by motions ``added`` (size, k), orthonormal in kinetic energy, z^T M z = 1.
 
-    Parameters
-    ----------
-    quadratic : Quadratic
-        P(s).
-    basis : array, shape (size, n)
-        Orthonormal motions.
-    added : array, shape (size, k)
-        Further motions.
-    speed : float
-        A frequency [rad/s] at which new directions are projected on motions that the joints allow: small remainders
-        after the orthogonalization violate the constraints by rounding.
-
-    Returns
-    -------
-    array, shape (size, n + new)
-        The motions.
+    ``speed``: a frequency [rad/s] at which new directions are projected on motions that the joints allow: small
+    remainders after the orthogonalization violate the constraints by rounding.
     """
     if not added.shape[1]:
         return basis
@@ -253,23 +226,9 @@ def _inverse_iteration(quadratic: Quadratic, s: complex, z: Complex, transposed:
 
 
 def residuals(quadratic: Quadratic, basis: Array, vectors: Eigenvectors) -> Array:
-    """Return the residuals of the full system's equations as motions, relative to the vectors, in energy.
+    """Return the residuals (2, h) of the full equations for right and left vectors in a basis (size, n), in energy.
 
     |P(s)^-1 P(lambda) x| / |x| with s = |lambda| to a power of two, and for left vectors with the transposed P
-
-    Parameters
-    ----------
-    quadratic : Quadratic
-        P(s).
-    basis : array, shape (size, n)
-        The subspace.
-    vectors : Eigenvectors
-        Eigenvalues with right and left vectors in it.
-
-    Returns
-    -------
-    array, shape (2, h)
-        For right and left vectors.
     """
     values = vectors.values
     octave = np.round(np.log2(ABOVE * np.abs(values)))
@@ -289,27 +248,11 @@ def residuals(quadratic: Quadratic, basis: Array, vectors: Eigenvectors) -> Arra
 def error_bound(
     system: SparseEquations, small: Equations, result: Modes, vectors: Eigenvectors, errors: Array
 ) -> Array:
-    """Return bounds of the relative errors of eigenvalues: truncation of the subspace and rounding of displacements.
+    """Return bounds of the relative errors of all eigenvalues, by truncation of the subspace and by rounding.
 
-    |x| |y| / |lambda y^T P'(lambda) x| times the sum of both, in energy at the speed |lambda|
+    |x| |y| / |lambda y^T P'(lambda) x| times the sum of both, in energy at the speed |lambda|; 0 without a vector
 
-    Parameters
-    ----------
-    system : SparseEquations
-        The full system.
-    small : Equations
-        The system in the subspace.
-    result : Modes
-        Its modes.
-    vectors : Eigenvectors
-        Eigenvalues and vectors of the modes.
-    errors : array, shape (h,)
-        Their truncation errors.
-
-    Returns
-    -------
-    array
-        Bounds for all eigenvalues of the modes, 0 for those without a vector.
+    ``errors`` (h,): truncation errors of the eigenvalues of the ``vectors``.
     """
     values, x, y = vectors.values, vectors.right, vectors.left
     speed = np.abs(values)

@@ -17,6 +17,8 @@ import numpy as np
 from mbsvib.linalg.groups import items_of_groups
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from scipy.sparse import csr_matrix
 
     from mbsvib.common.arrays import Array, Index
@@ -47,12 +49,9 @@ class Layout:
         return np.where(self.displacement >= 0, self.displacement + self.behind[:, None], -1)
 
     def balance(self) -> tuple[Index, Array]:
-        """Return for every unknown the equation with the forces that do work on it, and their sign in this equation.
+        """Return for every unknown the equation with the forces that do work on it, and their sign in it, (size,) each.
 
-        Returns
-        -------
-        tuple of arrays, shape (size,)
-            Row of the tableau, and -1 for displacements, +1 for coordinates and multipliers, 0 for h.
+        The sign is -1 for displacements, +1 for coordinates and multipliers, 0 for h.
         """
         row, sign = np.arange(self.size), np.zeros(self.size)
         at = self.displacement >= 0
@@ -64,21 +63,9 @@ class Layout:
 
 
 def layout(tree: Tree, loops: int = 0, path_joints: tuple[Index, Index] | None = None) -> Layout:
-    """Return the layout of a tree with multipliers.
+    """Return the layout of a tree with ``loops`` multipliers.
 
-    Parameters
-    ----------
-    tree : Tree
-        The spanning tree.
-    loops : int
-        Number of multipliers.
-    path_joints : pair of arrays, optional
-        Multiplier and outer body of every joint on the path of a loop.
-
-    Returns
-    -------
-    Layout
-        Positions of all unknowns.
+    ``path_joints``: multiplier and outer body of every joint on the path of a loop.
     """
     n = len(tree.parent)
     inward = tree.outward[::-1]
@@ -104,19 +91,9 @@ def layout(tree: Tree, loops: int = 0, path_joints: tuple[Index, Index] | None =
 
 
 def kinematics(tree: Tree, layout: Layout) -> csr_matrix:
-    """Return the equations of the joints, without stiffness: x = X(c - c_parent) x_parent + T q, and force balance.
+    """Return the equations of the joints without stiffness (size, size), and their forces in the other equations.
 
-    Parameters
-    ----------
-    tree : Tree
-        The spanning tree.
-    layout : Layout
-        Positions of the unknowns.
-
-    Returns
-    -------
-    csr_matrix, shape (size, size)
-        The equations of kinematics, and the contributions of the joints' forces to the other equations.
+    x = X(c - c_parent) x_parent + T q, h = sum of X^T h_child + ..., T^T h + ... = 0
     """
     from scipy.sparse import csr_matrix
 
@@ -141,3 +118,23 @@ def kinematics(tree: Tree, layout: Layout) -> csr_matrix:
     parts.append((layout.coordinate[k], force[body, direction], twist))
     row, column, entry = (np.concatenate([part[i] for part in parts]) for i in range(3))
     return csr_matrix((entry, (row, column)), shape=(layout.size, layout.size))
+
+
+def motions(tree: Tree, layout: Layout) -> Callable[[Array], Array]:
+    """Return the function that maps joint coordinates (m, ...) to motions over the unknowns (size, ...).
+
+    x = X(c - c_parent) x_parent + T q from the root to the leaves
+    """
+    from scipy.sparse.linalg import splu
+
+    x = layout.displacement[tree.outward][tree.moves[tree.outward]]
+    rows = kinematics(tree, layout)[x].tocsc()
+    factor, twists = splu(rows[:, x], permc_spec="NATURAL", diag_pivot_thresh=0.0), rows[:, layout.coordinate]
+
+    def of(q: Array) -> Array:
+        result = np.zeros((layout.size, *q.shape[1:]))
+        result[layout.coordinate] = q
+        result[x] = factor.solve(-(twists @ q))
+        return result
+
+    return of

@@ -77,36 +77,10 @@ def geometric(
     model: Mechanism, topology: Topology, tree: Tree, layout: Layout, closure: Constraints, number: Mapping[str, int],
     springs: ElementRows, regions: Iterable[Region] = (),
 ) -> Geometric:  # fmt: skip
-    """Return the geometric stiffness of a loaded mechanism.
+    """Return the geometric stiffness of a loaded mechanism; refused if the pose is not in balance.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism; its loads are dead forces.
-    topology : Topology
-        The spanning tree.
-    tree : Tree
-        The same in arrays.
-    layout : Layout
-        Positions of the unknowns.
-    closure : Constraints
-        Locked rows of the cut joints.
-    number : mapping
-        Number of each body, ground included.
-    springs : ElementRows
-        Springs and dampers; rounding of the pose causes forces in them.
-    regions : iterable of Region
-        Loops in which redundant constraints share forces of least norm; elsewhere redundant constraints have none.
-
-    Returns
-    -------
-    Geometric
-        Rows over the unknowns.
-
-    Raises
-    ------
-    EquilibriumError
-        If the pose is not in balance.
+    ``springs``: rounding of the pose causes forces in them. ``regions``: loops in which redundant constraints share
+    forces of least norm; elsewhere redundant constraints have none.
     """
     position = np.concatenate((tree.position, np.zeros((1, 3)))).T
     applied = applied_wrenches(model, number)

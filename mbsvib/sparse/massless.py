@@ -17,7 +17,7 @@ from mbsvib.equations.equations import Separation
 from mbsvib.equations.massless_null_motion import Scale
 from mbsvib.equations.massless_separation import separate_massless
 from mbsvib.equations.terms import Terms
-from mbsvib.linalg.groups import part_numbers
+from mbsvib.linalg.groups import by_label, part_numbers
 from mbsvib.linalg.rank import DEPENDENT_ROWS, EPS
 
 if TYPE_CHECKING:
@@ -52,38 +52,11 @@ def separation(
     antisymmetric: tuple[csr_matrix | None, csr_matrix | None], inputs: csr_matrix,
     outputs: tuple[csr_matrix, csr_matrix, csr_matrix], ports: tuple[Sequence[str], Sequence[str]],
 ) -> SparseSeparation:  # fmt: skip
-    """Return the classification of the motions without mass.
+    """Return the classification of the motions without mass; refused if one has neither stiffness nor damping.
 
-    Parameters
-    ----------
-    motions : Motions
-        The motions.
-    tree : Tree
-        The spanning tree.
-    layout : Layout
-        Positions of the unknowns.
-    bodies : sequence of str
-        Names of the bodies.
-    elastic : tuple of csr_matrix, shape (rows, size), and arrays, shape (rows,)
-        Elastic rows with their stiffness and damping.
-    antisymmetric : pair of csr_matrix, shape (size, size), or None
-        Antisymmetric parts of stiffness and damping.
-    inputs : csr_matrix, shape (inputs, size)
-        Rows of the inputs.
-    outputs : tuple of csr_matrix, shape (outputs, size)
-        Rows of the outputs for displacement, velocity and acceleration.
-    ports : pair of sequences of str
-        Names of the outputs and of the inputs.
-
-    Returns
-    -------
-    SparseSeparation
-        Names, motions, and the direct contribution of inputs to outputs.
-
-    Raises
-    ------
-    ModelError
-        If one of the motions has neither stiffness nor damping, or an output would need the derivative of an input.
+    ``elastic``: rows (rows, size) with their stiffness and damping. ``antisymmetric``: parts of both (size, size).
+    ``inputs`` (inputs, size) and ``outputs`` (outputs, size) of displacement, velocity and acceleration, ``ports`` the
+    names of outputs and inputs. An output that would need the derivative of an input is refused.
     """
     from scipy.sparse import hstack
 
@@ -161,9 +134,7 @@ class _Parts:
 
         rows = vstack([self.rows, *(matrix for matrix in self.antisymmetric if matrix is not None)]).tocsr()
         rows.data = np.ones(len(rows.data))
-        part_of_motion = part_numbers(rows.T @ rows)
-        order = np.argsort(part_of_motion, kind="stable")
-        parts = np.split(order, np.flatnonzero(np.diff(part_of_motion[order])) + 1)
+        parts = by_label(part_numbers(rows.T @ rows))
         single = np.array([part[0] for part in parts if len(part) == 1], dtype=np.intp)
         return [part for part in parts if len(part) > 1], single
 

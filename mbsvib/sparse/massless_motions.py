@@ -40,14 +40,12 @@ TINY = float(np.finfo(float).tiny)
 class Motions:
     """Massless motions: ``shapes`` (size, n) over the unknowns, and the number ``coordinate`` (n,) of each of them.
 
-    The coordinate is nonzero in one motion only. ``movable`` (bodies,) is the mask of bodies that may move. Of the
-    pivots of inertia rows ``kept_pivot`` is the smallest that counts as mass, ``dropped_pivot`` the largest that
-    counts as zero.
+    The coordinate is nonzero in one motion only. Of the pivots of inertia rows ``kept_pivot`` is the smallest that
+    counts as mass, ``dropped_pivot`` the largest that counts as zero.
     """
 
     shapes: csc_matrix
     coordinate: Index
-    movable: Mask
     kept_pivot: float
     dropped_pivot: float
 
@@ -56,43 +54,16 @@ def massless_motions(
     tree: Tree, layout: Layout, inertia: SpatialInertia, shared: Shared | None, kinematics: csr_matrix,
     factor: csr_matrix, loops: csr_matrix,
 ) -> Motions | None:  # fmt: skip
-    """Return the motions without mass that joints and loops allow.
+    """Return the motions without mass that joints and loops allow, None if there are none.
 
-    x - X x_parent - T q = 0,  W x = 0,  Phi (x, q) = 0
+    x - X x_parent - T q = 0, W x = 0, Phi (x, q) = 0
 
-    Parameters
-    ----------
-    tree : Tree
-        The spanning tree.
-    layout : Layout
-        Positions of the unknowns.
-    inertia : SpatialInertia
-        Square roots of the bodies' inertia.
-    shared : Shared or None
-        Inertia shared by several bodies.
-    kinematics : csr_matrix, shape (size, size)
-        The equations of kinematics.
-    factor : csr_matrix, shape (inertia rows, size)
-        W of M = W^T W.
-    loops : csr_matrix, shape (multipliers, size)
-        Independent locked rows.
-
-    Returns
-    -------
-    Motions or None
-        None if every motion has mass.
-
-    Raises
-    ------
-    SingularPoseError
-        If rounding does not allow to decide which motions have mass.
+    ``factor`` (inertia rows, size): W of M = W^T W. ``loops`` (multipliers, size): independent locked rows.
     """
     if inertia.regular:
         return None
     movable = ~_bodies_at_rest(tree, inertia, shared)
-    if not movable.any():
-        return None
-    return _by_parts(tree, layout, movable, kinematics, factor, loops)
+    return _by_parts(tree, layout, movable, kinematics, factor, loops) if movable.any() else None
 
 
 def _bodies_at_rest(tree: Tree, inertia: SpatialInertia, shared: Shared | None) -> Mask:
@@ -193,7 +164,7 @@ def _by_parts(
         return None
     unknown, number, value = (np.concatenate([shape[i] for shape in shapes]) for i in range(3))
     matrix = csc_matrix((value, (unknown, number)), shape=(layout.size, count))
-    return Motions(matrix, np.concatenate(own_coordinate), movable, kept_pivot, dropped_pivot)
+    return Motions(matrix, np.concatenate(own_coordinate), kept_pivot, dropped_pivot)
 
 
 def _connected(

@@ -26,24 +26,7 @@ if TYPE_CHECKING:
 
 
 def check_mobility(tree: Tree, closure: Constraints, layout: Layout, tableau: Tableau) -> None:
-    """Refuse a pose in which fewer constraints are independent than in neighbouring poses.
-
-    Parameters
-    ----------
-    tree : Tree
-        The spanning tree.
-    closure : Constraints
-        Locked rows and rank decisions.
-    layout : Layout
-        Positions of the unknowns.
-    tableau : Tableau
-        The equations, of which the kinematics are used.
-
-    Raises
-    ------
-    SingularPoseError
-        If the rank of the constraints is higher in neighbouring poses.
-    """
+    """Refuse a pose in which fewer constraints are independent than in neighbouring poses."""
     groups = [group for group in closure.groups if group.redundant]
     if not groups or len(tree.names) <= len(layout.multiplier):
         return
@@ -116,10 +99,7 @@ def _displaced(tree: Tree, closure: Constraints, displacement: Array) -> tuple[T
 
 
 def _rank(tree: Tree, closure: Constraints, entries: Entries, members: Index, length: float, limit: float) -> int:
-    row, column, value = entries.of(members)
-    columns, local_column = np.unique(column, return_inverse=True)
-    a = np.zeros((len(members), len(columns)))
-    a[row, local_column] = value
+    columns, a = entries.dense(members)
     a *= np.where(tree.turns[columns], 1.0, length)
     a *= row_scale(closure.rows, closure.couplers, members, length)[:, None]
     pivots = np.abs(pivoted_qr(a)[0].diagonal())

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from mbsvib.common.expected import near_frequency
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError
 from mbsvib.modes import Modes
@@ -59,33 +60,12 @@ def modes(
     system: SparseEquations, k: int, near: float = 0.0, dense: type[Equations] = Equations,
     form: type[M] = SomeModes,  # type: ignore[assignment]
 ) -> M:  # fmt: skip
-    """Return the k lowest modes, or the k nearest to a frequency.
+    """Return the k lowest modes, or the k nearest to a frequency ``near`` [Hz], in ascending natural frequency.
 
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-    k : int
-        Number of modes.
-    near : float
-        Frequency [Hz], 0 for the lowest.
-    dense : type
-        The class of the small dense equations.
-    form : type
-        The class of the modes.
-
-    Returns
-    -------
-    SomeModes
-        Modes in ascending natural frequency.
-
-    Raises
-    ------
-    ResponseError
-        If k or the frequency are not valid.
+    ``dense``, ``form``: the classes of the small dense equations and of the modes.
     """
-    _check(system, k, near)
-    missed = None
+    _check(system, k)
+    near, missed = near_frequency(near), None
     if system.circulatory is not None or system.gyroscopic is not None or system.massless:
         small, result, truncation, selected = general_modes(system, k, near, dense)
         errors = result.errors + truncation
@@ -149,7 +129,7 @@ def _unknown_overdamped(system: SparseEquations, result: Modes, selected: Index)
     return None if negative is None else abs(negative - known)
 
 
-def _check(system: SparseEquations, k: int, near: float) -> None:
+def _check(system: SparseEquations, k: int) -> None:
     if not system.dof:
         raise ResponseError(f"modes: '{system.name}' is fully locked: it has no modes. Its responses are constant: ask "
                             f"linearize(method='dense') for them, or frequency_response.")  # fmt: skip
@@ -158,8 +138,6 @@ def _check(system: SparseEquations, k: int, near: float) -> None:
             f"modes: count = {k!r}; expected a whole number from 1 to {system.dof}, the degrees of freedom of "
             f"'{system.name}'."
         )
-    if not (isinstance(near, (int, float)) and 0.0 <= near < np.inf):
-        raise ResponseError(f"modes: near = {near!r}; expected a frequency [Hz], or 0 for the lowest modes.")
 
 
 def _nearest(system: SparseEquations, space: Subspace, k: int) -> tuple[Array | None, Array, int]:

@@ -66,10 +66,9 @@ class Operator:
         """Return right sides of the tableau for generalised forces (size, n) on displacements and coordinates."""
         return self.quadratic.right(force)
 
-    def solve(self, h: NDArray[Any], refinements: int = 0) -> NDArray[Any]:
+    def solve(self, h: NDArray[Any]) -> NDArray[Any]:
         """Return displacements and coordinates (size, n) under the loads W^T h, h (rows, n) or (rows,)."""
-        h = self.without_rigid(h)
-        return self.factor.solve(self.right(self.wt @ h), refinements)
+        return self.factor.solve(self.right(self.wt @ self.without_rigid(h)), 0)
 
     def apply(self, h: NDArray[Any]) -> NDArray[Any]:
         """Return T h."""
@@ -79,15 +78,19 @@ class Operator:
         """Return vectors (h, n) without their components along the deflated rigid-body modes."""
         return h - self.deflated @ (self.deflated.T @ h) if self.deflated.shape[1] else h
 
+    def flexible(self, z: NDArray[Any]) -> NDArray[Any]:
+        """Return motions (size, n) without their components along the rigid-body modes."""
+        count = self.rigid.shape[1]
+        return z - self.rigid @ (self.deflated[:, :count].T @ (self.w @ z)) if count else z
+
     def diverging(self) -> int:
         """Return the number of modes that diverge by negative stiffness; all modes if they cannot be counted."""
         if (self.system.row_stiffness >= 0.0).all():
             return 0
         try:
-            factor = self.system.tableau.factor(square=-SAME_ENERGY * abs(self.sigma), pivot=0.0)
+            count = count_below(self.system, -SAME_ENERGY * abs(self.sigma))
         except np.linalg.LinAlgError:
-            return self.system.dof
-        count = factor.negative(self.system.layout)
+            count = None
         return self.system.dof if count is None else count
 
     def deflating(self, motions: Array) -> Operator:
@@ -96,21 +99,9 @@ class Operator:
 
 
 def operator(system: SparseEquations, sigma: float | None, requested: int) -> Operator:
-    """Return T at a shift, or near zero for the lowest modes.
+    """Return T at a shift ``sigma`` [rad^2/s^2], or near zero for the lowest modes.
 
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-    sigma : float, optional
-        Square of an angular frequency [rad^2/s^2]; None for the lowest modes.
-    requested : int
-        Number of wanted modes, which limits the number of rigid-body modes.
-
-    Returns
-    -------
-    Operator
-        The factored operator.
+    ``requested``: number of wanted modes, which limits that of rigid-body modes.
     """
     quadratic = Quadratic(system)
     first = Operator(quadratic, sigma or 0.0, _factor(system, sigma or 0.0), np.zeros((system.layout.size, 0)),
@@ -190,17 +181,15 @@ def _with_rigid_modes(locked: Operator, modes: Array) -> Operator:
 def _shifted(first: Operator) -> Operator:
     """A shift below zero, of the size of the lowest flexible mode, from counts of modes."""
     system = first.system
-    highest = float(np.abs(system.row_stiffness) @ np.asarray(system.elastic_rows.power(2).sum(axis=1))[:, 0])
-    highest /= float(system.inertia_factor.power(2).sum()) or 1.0
-    highest = highest or 1.0
-    counts = [_below(system, shift * highest) for shift in SHIFTS]
-    last, diverging = counts[-1], _below(system, -SHIFTS[-1] * highest)
+    highest = first.quadratic.speed**2
+    counts = [count_below(system, shift * highest) for shift in SHIFTS]
+    last, diverging = counts[-1], count_below(system, -SHIFTS[-1] * highest)
     larger = [shift for shift, count in zip(SHIFTS, counts, strict=True) if count is not None and count != last]
     sigma = -highest * float(min(larger, default=SHIFTS[0])) if last is not None else -1e-6 * highest
     total = None if last is None or diverging is None else last - diverging
     return replace(first, sigma=sigma, factor=system.tableau.factor(square=sigma), total=total)
 
 
-def _below(system: SparseEquations, square: float) -> int | None:
-    """The number of modes whose squared angular frequency is below one; None if they cannot be counted."""
+def count_below(system: SparseEquations, square: float) -> int | None:
+    """Return the number of modes with squared angular frequencies below one; None if they cannot be counted."""
     return system.tableau.factor(square=square, pivot=0.0).negative(system.layout)

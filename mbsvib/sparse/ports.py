@@ -16,18 +16,7 @@ if TYPE_CHECKING:
 
 
 def with_ports(draft: SparseDraft) -> SparseDraft:
-    """Return a draft with the rows of its inputs and outputs, except forces in joints.
-
-    Parameters
-    ----------
-    draft : SparseDraft
-        The equations without ports.
-
-    Returns
-    -------
-    SparseDraft
-        The same with ``inputs``, ``outputs`` by derivative, and the feedthrough ``D``.
-    """
+    """Return a draft with the rows of its inputs and outputs, and the feedthrough D, except forces in joints."""
     from scipy.sparse import coo_matrix, csr_matrix
 
     port, springs, layout = draft.port, draft.springs, draft.layout

@@ -55,6 +55,13 @@ class Quadratic:
         signs = (system.row_stiffness >= 0.0).all() and (system.row_damping >= 0.0).all()
         return bool(signs) and system.circulatory is None
 
+    @cached_property
+    def speed(self) -> float:
+        """A typical frequency [rad/s], by all springs and all inertia; 1 without either."""
+        rows = np.asarray(self.system.elastic_rows.power(2).sum(axis=1))[:, 0]
+        stiffness, inertia = float(np.abs(self.system.row_stiffness) @ rows), float(self.w.power(2).sum())
+        return float(np.sqrt(stiffness / (inertia or 1.0))) or 1.0
+
     def force(self, values: Any, z: NDArray[Any], transposed: bool = False) -> NDArray[Any]:
         """Return P(lambda) z, column by column (size, n), or P(lambda)^T z."""
         system, rows = self.system, self.system.elastic_rows

@@ -32,24 +32,8 @@ S = TypeVar("S", bound=SparseEquations)
 def reachable(
     system: S, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
 ) -> S:
-    """Return the controllable and observable bodies for the given inputs and outputs, with these ports only.
-
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-    outputs, inputs : str or sequence of str, optional
-        Names of ports; default: all.
-
-    Returns
-    -------
-    SparseEquations
-        The same equations without the other bodies.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown, no port is selected, or no body remains.
+    """Return the equations of the controllable and observable bodies for some inputs and outputs, with these ports
+    only.
     """
     model = system.model
     i = {system.inputs[k] for k in selected_ports(system.inputs, inputs, "inputs", system.name, system.outputs)}

@@ -28,25 +28,9 @@ RTOL = 1e-13
 def reduced(
     system: SparseEquations, z: Array, rigid: int, form: type[Equations] = Equations, massless: int = 0
 ) -> Equations:
-    """Return the system in the amplitudes of some shapes.
+    """Return the system in the amplitudes of the shapes ``z`` (size, n), coordinates mode1, mode2, ...
 
-    Parameters
-    ----------
-    system : SparseEquations
-        The whole system.
-    z : array, shape (size, n)
-        Displacements and coordinates of the shapes, one column each.
-    rigid : int
-        Number of the first shapes that deform no spring.
-    form : type
-        The class of the small dense equations.
-    massless : int
-        Number of the last shapes, which have damping but no mass.
-
-    Returns
-    -------
-    Equations
-        Equations of motion in the coordinates mode1, mode2, ...
+    The first ``rigid`` shapes deform no spring, the last ``massless`` ones have damping but no mass.
     """
     n = z.shape[1]
     elastic, _ = strains(system, z, rigid)
@@ -78,18 +62,7 @@ def reduced(
 
 
 def rounding(system: SparseEquations) -> float:
-    """Return the relative error of a frequency by sums along the longest path and by nearly singular loops.
-
-    Parameters
-    ----------
-    system : SparseEquations
-        The whole system.
-
-    Returns
-    -------
-    float
-        The relative error.
-    """
+    """Return the relative error of a frequency by sums along the longest path and by nearly singular loops."""
     smallest_pivot = min((group.retained for group in system.constraints.groups), default=1.0)
     path = ACCUMULATE * float(np.sqrt(system.structure.depth.max(initial=1)))
     return EPS * (1.0 + path + (1.0 / smallest_pivot if smallest_pivot < WELL_CLOSED else 0.0))

@@ -8,14 +8,13 @@ import numpy as np
 
 from mbsvib.common.expected import angular
 from mbsvib.errors import ResponseError
+from mbsvib.sparse.quadratic import Quadratic
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.sparse.equations import SparseEquations
-    from mbsvib.sparse.layout import Layout
-
 
 # If a step of refinement is larger than this share of the solution, the next residual has extended precision.
 FINE = 1e-11
@@ -23,50 +22,10 @@ FINE = 1e-11
 SINGULAR = 1e-3
 
 
-def forces(layout: Layout, rows: Any) -> Array:
-    """Return right sides of the tableau for unit forces that act along rows of relative displacement.
-
-    Parameters
-    ----------
-    layout : Layout
-        Positions of the unknowns.
-    rows : csr_matrix, shape (n, size)
-        The rows.
-
-    Returns
-    -------
-    array, shape (size, n)
-        One column per row.
-    """
-    row_of, sign = layout.balance()
-    entries = rows.tocoo()
-    right = np.zeros((layout.size, rows.shape[0]))
-    np.add.at(right, (row_of[entries.col], entries.row), sign[entries.col] * entries.data)
-    return right
-
-
 def frequency_response(system: SparseEquations, omega: ArrayLike) -> Complex:
-    """Return G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D.
-
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-    omega : array-like, shape (n,)
-        Angular frequencies [rad/s].
-
-    Returns
-    -------
-    array, shape (outputs, inputs, n)
-        Complex responses.
-
-    Raises
-    ------
-    ResponseError
-        If a frequency is not finite or is an undamped pole.
-    """
+    """Return G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D, (outputs, inputs, n), at ``omega`` (n,)."""
     w = angular(omega)
-    right = forces(system.layout, system.input_rows)
+    right = Quadratic(system).right(system.input_rows.toarray().T)
     damped = bool(system.row_damping.any()) or system.gyroscopic is not None
     displacement, velocity, acceleration = system.output_rows
     through = _through(system)
@@ -85,24 +44,8 @@ def frequency_response(system: SparseEquations, omega: ArrayLike) -> Complex:
 
 
 def static_compliance(system: SparseEquations) -> Array:
-    """Return Cq K^-1 B + D.
-
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-
-    Returns
-    -------
-    array, shape (outputs, inputs)
-        Static displacements per unit input.
-
-    Raises
-    ------
-    ResponseError
-        If the stiffness is singular.
-    """
-    answer = _answer(system, forces(system.layout, system.input_rows), 0.0, False)
+    """Return Cq K^-1 B + D, (outputs, inputs)."""
+    answer = _answer(system, Quadratic(system).right(system.input_rows.toarray().T), 0.0, False)
     if answer is None:
         raise ResponseError(
             f"static_compliance: the stiffness of '{system.name}' is singular, a motion of the mechanism has no "

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.linalg.groups import connected_parts
+from mbsvib.linalg.groups import by_label, connected_parts
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import DEPENDENT_ROWS
 
@@ -31,21 +31,11 @@ def far_rows(system: SparseEquations) -> NDArray[np.bool_]:
 
 
 def coordinates_without_stiffness(system: SparseEquations) -> Index:
-    """Return coordinates that must be locked so that every motion deforms a spring along a short path.
+    """Return the coordinates that must be locked so that every motion deforms a spring along a short path.
 
     Springs and loops couple coordinates into parts; within each part a pivoted QR of all its rows determines the free
     coordinates. A coordinate that is the only entry of some row is not free. Parts that are too large are assumed to
     have no free coordinates.
-
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-
-    Returns
-    -------
-    array
-        Numbers of the coordinates, one for each free motion.
     """
     m = len(system.joint_coordinates)
     row, column, value = _entries(system)
@@ -92,28 +82,15 @@ def _parts(row: Index, column: Index, value: Array) -> list[tuple[Index, Index, 
     """Entries by independent parts."""
     if not len(row):
         return []
-    label = connected_parts(row, column, (int(row.max()) + 1, int(column.max()) + 1))[0][row]
-    order = np.argsort(label, kind="stable")
-    cuts = np.flatnonzero(np.diff(label[order])) + 1
-    return [(row[part], column[part], value[part]) for part in np.split(order, cuts)]
+    shape = int(row.max()) + 1, int(column.max()) + 1
+    return [(row[part], column[part], value[part]) for part in by_label(connected_parts(row, column, shape)[0][row])]
 
 
 def without_far(system: SparseEquations, lock: Index, modes: Array) -> tuple[Index, Array]:
     """Return the remaining locks and free motions, after springs along long paths are taken into account.
 
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-    lock : array, shape (n,)
-        Coordinates that the other springs leave free.
-    modes : array, shape (size, n)
-        The free motions: each moves its own lock by one, and no other.
-
-    Returns
-    -------
-    tuple
-        The locks, and the motions that deform no spring.
+    ``lock`` (n,): coordinates that the other springs leave free. ``modes`` (size, n): the free motions: each moves its
+    own lock by one, and no other.
     """
     rows = system.elastic_rows[far_rows(system)]
     block = np.asarray(rows @ modes)

@@ -49,18 +49,7 @@ class RotatedForces:
         return self.geometric.pairs.arms(np.concatenate((self.tree.position, np.zeros((1, 3)))).T)
 
     def of_joints(self, motion: Motion) -> Array:
-        """Return the work of the changes of forces by a motion, without the rotations of joint axes, (size,).
-
-        Parameters
-        ----------
-        motion : JointRelease or RegionRelease
-            The motion that releases joints.
-
-        Returns
-        -------
-        array
-            The row over the unknowns.
-        """
+        """Return the work of the changes of forces by a motion, without the rotations of joint axes, (size,)."""
         applied, pairs, second_order = self.geometric.applied, self.geometric.pairs, self.geometric.second_order
         count, arm_a, arm_b = len(pairs.first), *self._arms
         f, t, along = pairs.force, pairs.torque, pairs.end - pairs.start
@@ -118,17 +107,7 @@ class RotatedForces:
                                  + (second_axis * relative).sum(axis=0) * first_axis)  # fmt: skip
 
     def on_ground(self, wrench: Array) -> Array:
-        """Return the change of the sum of gravity and loads by a motion, moments about the origin, as a row (size,).
-
-        Parameters
-        ----------
-        wrench : array, shape (6,)
-            Direction of the output.
-
-        Returns
-        -------
-        array
-            The row over the unknowns.
+        """Return the change of the sum of gravity and loads along a wrench (6,) about the origin by a motion, (size,).
         """
         applied, pairs, n = self.geometric.applied, self.geometric.pairs, len(self.tree.parent)
         loads = slice(0, applied.loads)

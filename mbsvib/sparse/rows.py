@@ -26,22 +26,10 @@ SHORT = 32
 
 
 def paths(tree: Tree, first: Index, second: Index, longest: int | None = SHORT) -> tuple[Index, Index, Array, Array]:
-    """Return the joints between pairs of bodies.
+    """Return the joints between pairs of bodies (pairs,); ground is the number of bodies.
 
-    Parameters
-    ----------
-    tree : Tree
-        The spanning tree.
-    first, second : array, shape (pairs,)
-        Body numbers; ground is the number of bodies.
-    longest : int, optional
-        Pairs with more joints between them are skipped; None: no limit.
-
-    Returns
-    -------
-    tuple of arrays
-        Pair (ascending) and body of every joint on a path; its sign, +1 on the second body's side and -1 on the
-        first's; and the mask (pairs,) of those that were skipped.
+    Pairs with more than ``longest`` joints between them are skipped. Returns pair (ascending) and body of every joint
+    on a path; its sign, +1 on the second body's side and -1 on the first's; and the mask (pairs,) of those skipped.
     """
     a, b = first.copy(), second.copy()
     parent = np.concatenate((tree.parent, [len(tree.parent)]))
@@ -89,23 +77,11 @@ def _climbed(tree: Tree, active: Index, a: Index, b: Index) -> list[tuple[Index,
 
 
 def path_entries(tree: Tree, rows: Rows, longest: int | None = SHORT) -> tuple[Index, Index, Array, Array]:
-    """Return the entries of rows over joint coordinates, by the path rule.
+    """Return row, joint coordinate and value of all entries of rows, by the path rule, and the mask of rows skipped.
 
     d_r = sum over the coordinates k between first and second of +-(f_r . v_k + w_k . ((p_r - p_k) x f_r + m_r)) q_k
 
-    Parameters
-    ----------
-    tree : Tree
-        The spanning tree.
-    rows : Rows
-        The relative displacements.
-    longest : int, optional
-        Rows with more joints on their path get no entries; None: no limit.
-
-    Returns
-    -------
-    tuple of arrays
-        Row, coordinate and value of every entry, and the mask (rows,) of those that were skipped.
+    Rows with more than ``longest`` joints on their path are skipped.
     """
     ends, of_row = np.unique(np.stack((rows.first, rows.second)), axis=1, return_inverse=True)
     of_row = of_row.reshape(-1)
@@ -122,22 +98,7 @@ def path_entries(tree: Tree, rows: Rows, longest: int | None = SHORT) -> tuple[I
 
 
 def row_values(tree: Tree, rows: Rows, row: Index, column: Index) -> Array:
-    """Return f . v + w . ((p_r - p_k) x f + m) for pairs of a row and a coordinate.
-
-    Parameters
-    ----------
-    tree : Tree
-        The joint coordinates.
-    rows : Rows
-        The relative displacements.
-    row, column : array, shape (n,)
-        Numbers of rows and coordinates.
-
-    Returns
-    -------
-    array, shape (n,)
-        The displacement of the row per unit of the coordinate.
-    """
+    """Return f . v + w . ((p_r - p_k) x f + m), (n,), for pairs of a row and a coordinate, (n,) each."""
     point, start = rows.point.take(row, axis=1), tree.point.take(column, axis=1)
     linear, angular = tree.linear.take(column, axis=1), tree.angular.take(column, axis=1)
     rx, ry, rz = point - start
@@ -152,22 +113,7 @@ def row_values(tree: Tree, rows: Rows, row: Index, column: Index) -> Array:
 
 
 def relative_rows(tree: Tree, layout: Layout, rows: Rows) -> csr_matrix:
-    """Return rows of relative displacement over the unknowns of the tableau.
-
-    Parameters
-    ----------
-    tree : Tree
-        The spanning tree.
-    layout : Layout
-        Positions of displacements and coordinates among the unknowns.
-    rows : Rows
-        The relative displacements.
-
-    Returns
-    -------
-    csr_matrix, shape (rows, unknowns)
-        One row per relative displacement.
-    """
+    """Return rows of relative displacement over the unknowns of the tableau, (rows, size)."""
     from scipy.sparse import csr_matrix
 
     row, coordinate, value, skipped = path_entries(tree, rows)

@@ -18,25 +18,7 @@ if TYPE_CHECKING:
 
 
 def with_ports(system: S, outputs: Any = None, inputs: Any = None) -> S:
-    """Return a system with some of its outputs and inputs, and the same unknowns.
-
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-    outputs, inputs : str, sequence of str or None
-        Names or patterns, in the order in which they are wanted; None: all.
-
-    Returns
-    -------
-    SparseEquations
-        The same equations with rows of outputs and inputs selected.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown.
-    """
+    """Return a system with some of its outputs and inputs, by name or pattern, and the same unknowns."""
     o, i = port_numbers(outputs, inputs, (system.outputs, system.inputs), system.name)
     ports = port_fields(system, o, i)
     separation: SparseSeparation | None = system.separation

@@ -73,19 +73,10 @@ class Region:
         return np.repeat((1.0, 1.0 / self.length), 3)[:, None]
 
     def split(self, step: Array) -> tuple[Array, Array]:
-        """Split displacements in the joints into parts of self-stress and of motion.
+        """Split displacements in the joints (6, j) [m, rad] into parts of self-stress and of motion.
 
-        Parameters
-        ----------
-        step : array, shape (6, j)
-            Displacements in the joints [m, rad].
-
-        Returns
-        -------
-        wrench : array, shape (6, j)
-            The self-equilibrated wrenches w; they do work on the part D^2 w of the step only.
-        motion : array, shape (b, 6)
-            Displacements of the bodies, equal to the other part of the step in the locked directions.
+        Returns the self-equilibrated wrenches w (6, j), which do work on the part D^2 w of the step only, and the
+        displacements (b, 6) of the bodies, equal to the other part of the step in the locked directions.
         """
         wrench, motion = self._solve((step / self.scale).T.reshape(-1))
         return wrench.reshape(-1, 6).T / self.scale, motion.reshape(-1, 6) * self.scale[:, 0]
@@ -183,26 +174,7 @@ def _of_large(region: Region, matrix: csr_matrix) -> Split:
 def regions(
     topology: Topology, tree: Tree, closure: Constraints, number: Mapping[str, int], joints: Iterable[int]
 ) -> dict[int, Region]:
-    """Return the loops with redundant constraints that contain given joints.
-
-    Parameters
-    ----------
-    topology : Topology
-        The spanning tree and the cut joints.
-    tree : Tree
-        The tree's arrays.
-    closure : Constraints
-        Locked rows of the cut joints and rank decisions.
-    number : mapping
-        Number of each body, ground included.
-    joints : iterable of int
-        Numbers of joints.
-
-    Returns
-    -------
-    dict of int to Region
-        By joint; no entry for joints without redundant constraints.
-    """
+    """Return, by joint, the loops with redundant constraints that contain given joints; others have no entry."""
     if not any(group.surplus for group in closure.groups):
         return {}
     loop, joint = _joints_of_loops(topology, tree, closure, number)

@@ -18,7 +18,7 @@ from mbsvib.modes import modes as dense_modes
 from mbsvib.sparse.disc import disc
 from mbsvib.sparse.first_order import independent, independent_with_mass, split_massless, with_static_motions
 from mbsvib.sparse.galerkin import Galerkin, eigenvectors, error_bound, extended, parts
-from mbsvib.sparse.layout import kinematics
+from mbsvib.sparse.layout import motions
 from mbsvib.sparse.operator import COUPLED_RIGID, operator
 from mbsvib.sparse.quadratic import Quadratic
 from mbsvib.sparse.reduction import RTOL, reduced
@@ -75,22 +75,8 @@ def general_modes(
 ) -> tuple[Equations, Modes, Array, Index]:
     """Return the modes whose natural frequencies are nearest to a frequency, of unsymmetric equations.
 
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-    k : int
-        Number of modes.
-    near : float
-        Frequency [Hz], 0 for the lowest.
-    form : type
-        The class of the small dense equations.
-
-    Returns
-    -------
-    tuple
-        The small system, its modes, a bound of the relative error of each eigenvalue by truncation of the subspace, and
-        the numbers of the wanted modes.
+    ``near`` [Hz], 0 for the lowest. Returns the small system of the class ``form``, its modes, a bound of the relative
+    error of each eigenvalue by truncation of the subspace, and the numbers of the wanted modes.
     """
     quadratic, centre = Quadratic(system), 2.0 * np.pi * near
 
@@ -244,17 +230,15 @@ def rigid_motions(quadratic: Quadratic, count: int) -> Array:
 
 def lowest_speed(quadratic: Quadratic) -> float:
     """Return the approximate magnitude of the smallest nonzero eigenvalue."""
-    system = quadratic.system
-    square = float(np.abs(system.row_stiffness) @ np.asarray(system.elastic_rows.power(2).sum(axis=1))[:, 0])
-    speed = np.sqrt(square / (float(system.inertia_factor.power(2).sum()) or 1.0)) or 1.0
-    sigma = NOISE * float(speed)
+    speed = quadratic.speed
+    sigma = NOISE * speed
     while sigma < speed:  # increase the shift until a nonzero eigenvalue is among the nearest ones
         size = _nearest_to(quadratic, sigma)
         size = size[size > sigma]
         if len(size):
             return float(size.min())
         sigma *= ABOVE
-    return float(speed)
+    return speed
 
 
 def highest_speed(quadratic: Quadratic, centre: float) -> float:
@@ -277,20 +261,7 @@ def _nearest_to(quadratic: Quadratic, sigma: complex) -> Array:
 
 
 def coordinates(system: SparseEquations) -> Array:
-    """Return a basis of all motions: unit joint coordinates, combined in loops.
-
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-
-    Returns
-    -------
-    array, shape (size, dof)
-        Displacements and joint coordinates; exact up to the rounding of the geometry.
-    """
-    from scipy.sparse.linalg import splu
-
+    """Return a basis of all motions (size, dof): unit joint coordinates, combined in loops; exact up to rounding."""
     layout, tree, m = system.layout, system.structure, len(system.joint_coordinates)
     free = np.eye(m)
     if len(layout.multiplier):
@@ -298,9 +269,4 @@ def coordinates(system: SparseEquations) -> Array:
         loops = np.zeros((len(layout.multiplier), m))
         np.add.at(loops, (row, column), value)
         free = free_motions(loops)
-    result = np.zeros((layout.size, free.shape[1]))
-    result[layout.coordinate] = free
-    x = layout.displacement[tree.moves]
-    equations = kinematics(tree, layout)[x].tocsc()
-    result[x] = splu(equations[:, x], permc_spec="NATURAL").solve(-(equations[:, layout.coordinate] @ free))
-    return result
+    return motions(tree, layout)(free)

@@ -65,24 +65,7 @@ class SpinForces:
 
 
 def spin_forces(model: Mechanism, bodies: Sequence[Body], tree: Tree, layout: Layout) -> SpinForces | None:
-    """Return the forces of a model's rotors, or None if it has none.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    bodies : sequence of Body
-        Its bodies, as they are numbered.
-    tree : Tree
-        The spanning tree.
-    layout : Layout
-        Positions of the unknowns.
-
-    Returns
-    -------
-    SpinForces or None
-        Momenta and rotating dampers.
-    """
+    """Return the forces of a model's rotors, or None if it has none."""
     if not model.rotors:
         return None
     dampers = [(damper, relative_rows(tree, layout, damper.rows))

@@ -18,22 +18,7 @@ if TYPE_CHECKING:
 
 
 def unknown_rows(part: Contribution, tree: Tree, layout: Layout) -> csr_matrix:
-    """Return the rows of a contribution over the unknowns.
-
-    Parameters
-    ----------
-    part : Contribution
-        Relative displacements.
-    tree : Tree
-        The spanning tree.
-    layout : Layout
-        Positions of the unknowns.
-
-    Returns
-    -------
-    csr_matrix, shape (count, unknowns)
-        The rows.
-    """
+    """Return the rows of a contribution over the unknowns, (count, unknowns)."""
     from scipy.sparse import csr_matrix, vstack
 
     rows, ground = part.rows, len(tree.position)
@@ -61,19 +46,7 @@ def _rotations(layout: Layout, body: Index, along: Array) -> csr_matrix:
 def signed_squares(weights: Weights, rows: csr_matrix) -> tuple[csr_matrix, Array, Index]:
     """Return a symmetric form of rows as weighted squares, as ``equations.statement.signed_squares`` does.
 
-    Parameters
-    ----------
-    weights : Weights
-        Weights of squares and products.
-    rows : csr_matrix, shape (count, unknowns)
-        The rows.
-
-    Returns
-    -------
-    squares : csr_matrix, shape (n, unknowns)
-        Rows of which the form is the sum of weighted squares; none of them is empty.
-    value, owner : array, shape (n,)
-        Signed weights, none of them zero, and their owners.
+    Returns rows (n, unknowns), none of them empty, with signed weights (n,), none of them zero, and their owners (n,).
     """
     from scipy.sparse import diags, vstack
 
@@ -95,20 +68,7 @@ def signed_squares(weights: Weights, rows: csr_matrix) -> tuple[csr_matrix, Arra
 
 
 def antisymmetric(weights: Weights, rows: csr_matrix) -> csr_matrix | None:
-    """Return an antisymmetric form of rows as a matrix, sum of value (d_i d_j^T - d_j d_i^T).
-
-    Parameters
-    ----------
-    weights : Weights
-        Weights of products.
-    rows : csr_matrix, shape (count, unknowns)
-        The rows.
-
-    Returns
-    -------
-    csr_matrix, shape (unknowns, unknowns), or None
-        The matrix; None if it is zero.
-    """
+    """Return sum of value (d_i d_j^T - d_j d_i^T), an antisymmetric form of rows (unknowns, unknowns); None if zero."""
     if not len(weights.value):
         return None
     from scipy.sparse import diags

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.linalg.rank import ZERO_SUM
-from mbsvib.sparse.operator import operator
+from mbsvib.sparse.operator import count_below, operator
+from mbsvib.sparse.quadratic import Quadratic
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -25,6 +26,8 @@ DENSE_DOF = 24
 SEARCHES = 6
 # Below this share of the shift, the square of a frequency may be that of a rigid-body mode.
 RIGID = 1e-8
+# Below this share of a typical frequency, modes are rigid-body modes but for rounding of the stiffness.
+SLOW = 1e-8
 # A shift within this fraction of the square of a frequency is too close,
 TOO_CLOSE = 1e-6
 # and is moved by one of these.
@@ -55,22 +58,7 @@ class Subspace:
 
 
 def subspace(system: SparseEquations, k: int, near: float) -> Subspace:
-    """Return vectors that span the k lowest modes, or the k nearest to a frequency, and some more.
-
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-    k : int
-        Number of modes.
-    near : float
-        Frequency [Hz], 0 for the lowest.
-
-    Returns
-    -------
-    Subspace
-        The vectors and estimates of their accuracy.
-    """
+    """Return vectors that span the k lowest modes, or the k nearest to a frequency ``near`` [Hz], and some more."""
     t, centre = _operator_near(system, near, k)
     rigid = t.rigid.shape[1]
     flexible = system.dof - ((t.total or 0) if t.sigma == 0.0 else 0)
@@ -100,16 +88,17 @@ def _operator_near(system: SparseEquations, near: float, k: int) -> tuple[Operat
     """The operator around a frequency, and the angular frequency to which modes are nearest.
 
     A frequency far above all modes is reduced to the highest ones, so that they can be separated; the nearest modes
-    stay the same. A shift that coincides with a mode is moved, since every solve would return only that mode.
+    stay the same, and the lowest ones if all have the frequency 0. A shift that coincides with a mode is moved, since
+    every solve would return only that mode.
     """
-    if not near:
-        return operator(system, None, k), 0.0
-    centre = 2.0 * np.pi * near
+    centre, slowest = 2.0 * np.pi * near, SLOW * Quadratic(system).speed
     try:
-        while system.tableau.factor(square=0.25 * centre**2, pivot=0.0).negative(system.layout) == system.dof:
+        while centre > slowest and count_below(system, 0.25 * centre**2) == system.dof:
             centre *= 0.5
     except np.linalg.LinAlgError:
         pass
+    if centre <= slowest:
+        return operator(system, None, k), 0.0
     for offset in OFFSETS:
         sigma = (1.0 + offset) * centre**2
         try:
@@ -146,14 +135,13 @@ def _missed(t: Operator, theta: Array, requested: int) -> int | None:
     """Number of missed modes that are nearer to the shift than the last wanted one, by counts of eigenvalues."""
     distance = np.sort(1.0 / np.abs(theta))
     radius = float(distance[min(requested, len(distance)) - 1]) * (1.0 - BEFORE)
-    layout, tableau = t.system.layout, t.system.tableau
     try:
-        above = tableau.factor(square=t.sigma + radius, pivot=0.0).negative(layout)
+        above = count_below(t.system, t.sigma + radius)
         # at a shift of zero the rigid-body modes are deflated; without negative springs no mode is below zero
         deflated = (t.total or 0) if t.sigma == 0.0 else 0
         below: int | None = 0
         if t.sigma - radius > 0.0 or (t.system.row_stiffness < 0.0).any():
-            below = tableau.factor(square=t.sigma - radius, pivot=0.0).negative(layout)
+            below = count_below(t.system, t.sigma - radius)
     except np.linalg.LinAlgError:
         return None
     if above is None or below is None:
@@ -167,11 +155,8 @@ def _solved(t: Operator, h: Array, reach: float, missed: int | None, centre: flo
     right = t.right(t.wt @ t.without_rigid(h))
     scale = t.factor.row_scale[:, None], t.factor.column_scale[:, None]
     correction = t.factor.lu.solve(right * scale[0] - t.factor.matrix @ (rough / scale[1])) * scale[1]
-    z = rough + correction
+    z = t.flexible(rough + correction)
     hz = t.w @ z
-    if t.deflated.shape[1] and t.rigid.shape[1]:
-        z -= t.rigid @ (t.deflated[:, : t.rigid.shape[1]].T @ hz)
-        hz = t.w @ z
     length = np.sqrt(np.einsum("ij,ij->j", hz, hz))
     theta = np.einsum("ij,ij->j", h, hz)
     residual = np.linalg.norm(hz / theta - h, axis=0)
@@ -209,9 +194,8 @@ def _rigid_separated(space: Subspace) -> Subspace:
     if at_zero.sigma < 0.0:
         return _rigid_by_strain(space, min(at_zero.total, near_zero))
     others = np.sort(np.argsort(strain, kind="stable")[at_zero.rigid.shape[1] :])
-    z = space.z[:, others]
-    z = z - at_zero.rigid @ (at_zero.deflated.T @ (t.w @ z))
-    flexible = replace(space, z=z, residual=space.residual[others], noise=space.noise[others])
+    flexible = replace(space, z=at_zero.flexible(space.z[:, others]), residual=space.residual[others],
+                       noise=space.noise[others])  # fmt: skip
     return _with_rigid_first(flexible, at_zero.rigid)
 
 
@@ -229,21 +213,9 @@ def _rigid_by_strain(space: Subspace, total: int) -> Subspace:
 
 
 def strains(system: SparseEquations, z: Array, rigid: int) -> tuple[Array, Array]:
-    """Return the elastic displacements D z, with exact zeros for rounding errors, and the sizes of their terms.
+    """Return the elastic displacements D z (rows, n), rounding as exact zeros, and the sums of the sizes of the terms.
 
-    Parameters
-    ----------
-    system : SparseEquations
-        The equations of motion.
-    z : array, shape (size, n)
-        Displacements and coordinates.
-    rigid : int
-        Number of the first vectors that deform no spring.
-
-    Returns
-    -------
-    tuple of arrays, shape (rows, n)
-        Elastic displacements, and the sum of the sizes of their terms.
+    The first ``rigid`` of the vectors ``z`` (size, n) deform no spring.
     """
     e = np.asarray(system.elastic_rows @ z)
     terms = np.asarray(abs(system.elastic_rows) @ np.abs(z))

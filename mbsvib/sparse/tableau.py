@@ -58,28 +58,11 @@ class Tableau:
     def factor(
         self, square: float = 0.0, s: complex = 0.0, lock: Index | None = None, pivot: float | None = None
     ) -> Factor:
-        """Factor A0 + K + s C + (s^2 - square) M.
+        """Factor A0 + K + s C + (s^2 - square) M; a singular matrix is a LinAlgError.
 
-        Parameters
-        ----------
-        square : float
-            Shift of the undamped problem: square of an angular frequency [rad^2/s^2].
-        s : complex
-            Point at which damping is included [1/s].
-        lock : array, optional
-            Positions of coordinates that are locked by an additional spring.
-        pivot : float, optional
-            Threshold below which the pivot is not taken from the diagonal.
-
-        Returns
-        -------
-        Factor
-            The factored matrix.
-
-        Raises
-        ------
-        numpy.linalg.LinAlgError
-            If the matrix is singular.
+        ``square``: shift of the undamped problem [rad^2/s^2]. ``s``: point at which damping is included [1/s].
+        ``lock``: positions of coordinates that an additional spring locks. ``pivot``: threshold below which the pivot
+        is not taken from the diagonal.
         """
         data: NDArray[Any] = self.fixed + self.stiffness
         if s:
@@ -92,20 +75,7 @@ class Tableau:
         return self.factor_data(data, pivot)
 
     def factor_data(self, data: NDArray[Any], pivot: float | None = None) -> Factor:
-        """Factor a matrix on the tableau's pattern, given by its scaled entries.
-
-        Parameters
-        ----------
-        data : array
-            The entries.
-        pivot : float, optional
-            Threshold below which the pivot is not taken from the diagonal.
-
-        Returns
-        -------
-        Factor
-            The factored matrix.
-        """
+        """Factor a matrix on the tableau's pattern, given by its scaled entries."""
         from scipy.sparse import csc_matrix
         from scipy.sparse.linalg import splu
 
@@ -148,22 +118,11 @@ class Factor:
         return x
 
     def solve_closely(self, right: Array, fine: float) -> tuple[NDArray[Any], float]:
-        """Return the solution for several right sides, and the last step of refinement as a share of it.
+        """Return the solution for right sides (size, n), and the last step of refinement as a share of it.
 
         Near a lightly damped resonance, and with nearly singular loops, residuals are not accurate enough for
-        refinement. If the first step shows this, they are computed in extended precision.
-
-        Parameters
-        ----------
-        right : array, shape (size, n)
-            Right sides.
-        fine : float
-            Largest share that counts as rounding.
-
-        Returns
-        -------
-        tuple
-            The solution (size, n) and the share; infinite if there is no finite solution.
+        refinement. If the first step exceeds the share ``fine``, they are computed in extended precision. The share is
+        infinite if there is no finite solution.
         """
         b = np.asfortranarray(right * self.row_scale[:, None], dtype=self.matrix.dtype)
         x: NDArray[Any] = self.lu.solve(b)
@@ -185,15 +144,7 @@ class Factor:
     def negative(self, layout: Layout) -> int | None:
         """Return how many eigenvalues of the symmetric problem lie below the shift, by Sylvester's law of inertia.
 
-        Parameters
-        ----------
-        layout : Layout
-            Positions of coordinates and multipliers.
-
-        Returns
-        -------
-        int or None
-            Negative pivots minus the multipliers; None if rows were exchanged, which is no congruence.
+        Negative pivots minus the multipliers; None if rows were exchanged, which is no congruence.
         """
         if not np.array_equal(self.lu.perm_r, self.lu.perm_c):
             return None
@@ -207,35 +158,11 @@ def build(
     inertia: csr_matrix, loops: csr_matrix, translational: NDArray[np.bool_], ordering: str = "NATURAL",
     circulatory: csr_matrix | None = None, gyroscopic: csr_matrix | None = None,
 ) -> Tableau:  # fmt: skip
-    """Return the tableau.
+    """Return the tableau of the equations of kinematics, ``fixed`` (size, size), and the forces of all parts.
 
-    Parameters
-    ----------
-    tree : Tree
-        The spanning tree.
-    layout : Layout
-        Positions of the unknowns.
-    fixed : csr_matrix, shape (size, size)
-        Equations of kinematics.
-    rows : csr_matrix, shape (elastic rows, size)
-        Relative displacements of the springs and dampers.
-    stiffness, damping : array, shape (elastic rows,)
-        Their coefficients.
-    inertia : csr_matrix, shape (size, size)
-        Mass matrix of the bodies over the displacements.
-    loops : csr_matrix, shape (multipliers, size)
-        Independent locked rows.
-    translational : array, shape (multipliers,)
-        Which of them lock a translation.
-    ordering : str
-        SuperLU's column ordering.
-    circulatory, gyroscopic : csr_matrix, shape (size, size), optional
-        Antisymmetric parts of stiffness and damping.
-
-    Returns
-    -------
-    Tableau
-        The parts on one pattern.
+    ``rows`` (elastic rows, size) with their coefficients; ``inertia`` (size, size): M over the displacements; ``loops``
+    (multipliers, size): independent locked rows, of which the ``translational`` ones lock a translation; ``ordering``:
+    SuperLU's of the columns; antisymmetric parts of K and C, (size, size) or None.
     """
     from scipy.sparse import coo_matrix, diags
 

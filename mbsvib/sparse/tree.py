@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arguments import DIRECTIONS, UNIT6
 from mbsvib.elements.rows import columns
+from mbsvib.kinematics.mobility import crossed_product
 from mbsvib.kinematics.relative_motion import largest_pitch
 from mbsvib.mechanism.topology import FLOATS
 
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
 
     Mask = NDArray[np.bool_]
 
-_FREE = tuple((d, tuple(float(i == j) for j in range(6))) for i, d in enumerate(("x", "y", "z", "rx", "ry", "rz")))
+_FREE = tuple(zip(DIRECTIONS, UNIT6, strict=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,20 +74,7 @@ class Tree:
 
 
 def tree(topology: Topology, bodies: list[Body]) -> Tree:
-    """Return the tree's arrays.
-
-    Parameters
-    ----------
-    topology : Topology
-        The spanning tree.
-    bodies : list of Body
-        The bodies in the topology's order.
-
-    Returns
-    -------
-    Tree
-        Coordinates in the order of the dense path: by joint as added, those of floating bodies last.
-    """
+    """Return the tree's arrays, coordinates as in the dense path: by joint as added, those of floating bodies last."""
     n = len(bodies)
     names: list[str] = []
     six: list[tuple[float, ...]] = []
@@ -130,17 +119,13 @@ def tree(topology: Topology, bodies: list[Body]) -> Tree:
     position = np.array([body.position for body in bodies])
     sign = np.array(signs, dtype=float)
     arm = position[body_of].T - points
-    motion = np.concatenate((table[:3] + _cross(table[3:], arm), table[3:])) * sign
+    motion = np.concatenate((table[:3] + crossed_product(table[3:], arm), table[3:])) * sign
     outward = np.array([b.body for b in branches], dtype=np.intp)
     depth, moves = _directions(outward, parent, position, body_of, motion)
     return Tree(position, parent, depth, first, count, moves, outward, tuple(names), body_of, table[:3], table[3:],
                 points, sign, np.ascontiguousarray(motion.T), np.array(turns, dtype=bool),
                 np.array(carrier, dtype=np.intp), np.array(halfway, dtype=np.intp), np.array(holder, dtype=np.intp),
                 largest_pitch(joints))  # fmt: skip
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def _directions(outward: Index, parent: Index, position: Array, body_of: Index, motion: Array) -> tuple[Index, Mask]:

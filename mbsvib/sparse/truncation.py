@@ -37,25 +37,8 @@ def corrected(system: SparseEquations, small: E, count: int) -> E:
     D + Cq (K^-1 - sum_i phi_i phi_i^T / omega_i^2) B, the sum over the included modes without free motions; with spin,
     circulatory forces or motions without mass, the static response of the small system replaces the sum
 
-    Parameters
-    ----------
-    system : SparseEquations
-        The whole system.
-    small : Equations
-        That of its lowest modes.
-    count : int
-        Number of modes, for messages.
-
-    Returns
-    -------
-    Equations
-        The same with another D.
-
-    Raises
-    ------
-    ResponseError
-        If free motions are not all among the modes, or cannot be distinguished from slow ones, or exist together with
-        spin, circulatory forces or motions without mass.
+    Refused if free motions are not all among the ``count`` modes, or exist together with spin, circulatory forces or
+    motions without mass.
     """
     if is_general(small):
         # G(0) - G_small(0); K is regular, or static_compliance refuses
@@ -75,10 +58,7 @@ def corrected(system: SparseEquations, small: E, count: int) -> E:
     if rigid:
         momentum = t.wt @ t.deflated[:, :rigid]
         force = force - momentum @ (t.rigid.T @ force)
-    motion = t.factor.solve(t.right(force))
-    if rigid:
-        motion = motion - t.rigid @ (t.deflated[:, :rigid].T @ (t.w @ motion))
-    full = np.asarray(system.output_rows[0] @ motion)
+    full = np.asarray(system.output_rows[0] @ t.flexible(t.factor.solve(t.right(force))))
     phi = basis.shapes[:, basis.rigid :]
     modal = (small.Cq @ phi / basis.square[basis.rigid :]) @ (phi.T @ small.B)
     at_once = 0.0 if system.separation is None else system.separation.at_once  # is in ``full`` too
@@ -86,28 +66,9 @@ def corrected(system: SparseEquations, small: E, count: int) -> E:
 
 
 def truncation_error(system: SparseEquations, small: Equations, omega: ArrayLike) -> Array:
-    """Return the errors of the responses of a reduced system.
+    """Return the errors of the responses of a reduced system at ``omega`` (n,) [rad/s], (outputs, inputs, n).
 
-    |G_small - G| / max over omega of |G|, for each output and input
-
-    Parameters
-    ----------
-    system : SparseEquations
-        The full system.
-    small : Equations
-        The reduced system.
-    omega : array-like, shape (n,)
-        Angular frequencies [rad/s].
-
-    Returns
-    -------
-    array, shape (outputs, inputs, n)
-        Errors; 0 where the response is 0.
-
-    Raises
-    ------
-    ResponseError
-        If the ports are not the same, a frequency is not finite, or is an undamped pole.
+    |G_small - G| / max over omega of |G|, for each output and input; 0 where the response is 0
     """
     if (small.inputs, small.outputs) != (system.inputs, system.outputs):
         raise ResponseError(f"truncation_error: '{small.name}' has the inputs {', '.join(small.inputs)} and outputs "

@@ -17,7 +17,7 @@ from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import COLUMN_REGULARISATION, EPS, RANK_FACTOR
 from mbsvib.sparse.constraints import MOST_DENSE_ENTRIES
 from mbsvib.sparse.couplers import row_scale
-from mbsvib.sparse.layout import kinematics
+from mbsvib.sparse.layout import motions
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -52,39 +52,17 @@ class Release:
         return result
 
     @cached_property
-    def _bodies(self) -> Any:
-        """Factored kinematics that map coordinates to displacements of bodies, from the root to the leaves."""
-        from scipy.sparse.linalg import splu
-
-        tree, layout = self._tree, self._layout
-        fixed = kinematics(tree, layout)
-        x = layout.displacement[tree.outward][tree.moves[tree.outward]]
-        rows = fixed[x]
-        return x, splu(rows[:, x].tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0), rows[:, layout.coordinate]
+    def _motions(self) -> Callable[[Array], Array]:
+        return motions(self._tree, self._layout)
 
     def unknowns(self, target: Array) -> Array:
-        """Return coordinates and displacements (size,) of the motion.
-
-        Parameters
-        ----------
-        target : array, shape (locked rows,)
-            Prescribed displacement of each row.
-
-        Returns
-        -------
-        array
-            The motion over the unknowns of the tableau.
-        """
+        """Return the motion (size,) with prescribed displacements ``target`` (locked rows,)."""
         q = np.zeros(len(self._tree.names))
         for k in np.unique(self._group[np.flatnonzero(target)]).tolist():
             group = self._closure.groups[k]
             solve, scale, column_scale = self._solver(k, group)
             q[group.columns] = column_scale * solve(scale * target[group.rows])
-        result = np.zeros(self._layout.size)
-        result[self._layout.coordinate] = q
-        x, factor, twists = self._bodies
-        result[x] = factor.solve(-(twists @ q))
-        return result
+        return self._motions(q)
 
     def _solver(self, k: int, group: LoopGroup) -> tuple[Callable[[Array], Array], Array, Array]:
         if k not in self._solvers:

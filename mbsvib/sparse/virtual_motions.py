@@ -103,20 +103,7 @@ Motion = JointRelease | RegionRelease
 
 
 def all_rotations(motion: Motion, layout: Layout) -> Array:
-    """Return the rotations of bodies and ground in a motion, with those of ``tree_motion``, (bodies + 1, 3).
-
-    Parameters
-    ----------
-    motion : JointRelease or RegionRelease
-        The motion.
-    layout : Layout
-        Positions of the unknowns.
-
-    Returns
-    -------
-    array
-        World axes.
-    """
+    """Return the rotations (bodies + 1, 3) of bodies and ground in a motion, with those of ``tree_motion``."""
     rotations = motion.rotations
     if motion.tree_motion is not None:
         column = layout.displacement[:, 3:]

@@ -152,7 +152,8 @@ def optimize(
     start : mapping of str to float, optional
         Initial values; default: those of the model.
     method : str
-        "SLSQP" or "trust-constr" of scipy, or "ipopt" of CasADi (extra ``casadi``).
+        "SLSQP" or "trust-constr" of scipy, or "ipopt" of CasADi (extra ``casadi``). Where SLSQP fails with
+        an objective above that of the start, trust-constr searches from there, unless ``options`` are given.
     options : mapping of str to object, optional
         The solver's own.
     starts : int
@@ -192,6 +193,9 @@ def optimize(
     for x in _points(search, starts, seed):
         try:
             ends.append(_descended(search, x, lambda at, z: solve(at, z, dict(options or {}))))
+            if options is None and method.lower() == "slsqp" and _failed_above_start(ends[-1]):
+                other = _descended(search, x, lambda at, z: solver("trust-constr")(at, z, {}))
+                ends[-1] = min(ends[-1], other, key=_rank)
             descents.append(ends[-1].starts[0])
         except MbsvibError as error:  # another start may be no mechanism, or lead to none
             if starts == 1:
@@ -201,7 +205,7 @@ def optimize(
     if not ends:
         raise ModelError(f"optimize: none of {starts} starts leads anywhere, the first: {descents[0].message}",
                          field="starts")  # fmt: skip
-    best = min(ends, key=lambda end: (max(end.violation, FEASIBLE), end.objective))
+    best = min(ends, key=_rank)
     iterations = sum(end.iterations for end in ends)
     return replace(best, starts=tuple(descents), iterations=iterations, evaluations=search.evaluations)
 
@@ -242,7 +246,27 @@ def _descended(search: Search, x: Array, solve: Callable[[Search, Array], Solver
         z, exchanged = search.exchange(np.clip(solver_result.z, *search.bounds()))
         if not exchanged:
             break
+    _check_failures(search, z, solver_result)
     return _optimum(search, z, replace(solver_result, iterations=iterations), search.scales.values(x), began)
+
+
+def _check_failures(search: Search, z: Array, solver_result: SolverResult) -> None:
+    """Raise the error that a solver met on its way if it did not get away from there to an optimum."""
+    if not solver_result.failures:
+        return
+    for at, error in solver_result.failures:
+        if np.abs(at - z).max() <= ACTIVE:
+            raise error
+    if _left_over(search, z) > OPTIMAL:
+        raise solver_result.failures[0][1]
+
+
+def _failed_above_start(end: Optimum) -> bool:
+    return not end.success and end.objective > end.began
+
+
+def _rank(end: Optimum) -> tuple[float, float]:
+    return max(end.violation, FEASIBLE), end.objective
 
 
 def _named(search: Search, values: Array) -> dict[str, float]:

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
-from mbsvib.errors import ModelError
+from mbsvib.errors import MbsvibError, ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from mbsvib.common.arrays import Array
-    from mbsvib.studies.search import Search
+    from mbsvib.studies.search import Search, Value
 
 
 FTOL = 1e-12  # of SLSQP, in parts of the objective where the search began
@@ -23,12 +23,15 @@ INFINITE = 1e20  # IPOPT's value for no bound
 
 @dataclass(frozen=True)
 class SolverResult:
-    """Result of a solver: unknowns, success, message and number of iterations."""
+    """Result of a solver: unknowns, success, message, number of iterations, and the points of steps that led to no
+    result, with the errors there.
+    """
 
     z: Array
     success: bool
     message: str
     iterations: int
+    failures: tuple[tuple[Array, MbsvibError], ...] = ()
 
 
 def solver(method: str) -> Callable[[Search, Array, Mapping[str, Any]], SolverResult]:
@@ -51,16 +54,37 @@ def solver(method: str) -> Callable[[Search, Array, Mapping[str, Any]], SolverRe
 def _slsqp(search: Search, z: Array, options: Mapping[str, Any]) -> SolverResult:
     from scipy.optimize import minimize
 
+    trials = _Trials(search, search.at(z))
     constraints = [
-        {"type": kind, "fun": lambda z, part=part: getattr(search.at(z), part).value,
+        {"type": kind, "fun": lambda z, part=part: trials.at(z, part),
          "jac": lambda z, part=part: getattr(search.at(z), part).slope}
         for kind, part in (("ineq", "g"), ("eq", "h"))
-        if len(getattr(search.at(z), part).value)
+        if len(getattr(trials.first, part).value)
     ]  # fmt: skip
-    end = minimize(lambda z: float(search.at(z).f.value[0]), z, jac=lambda z: search.at(z).f.slope[0], method="SLSQP",
-                   bounds=list(zip(*search.bounds(), strict=True)), constraints=constraints,
+    end = minimize(lambda z: float(trials.at(z, "f")[0]), z, jac=lambda z: search.at(z).f.slope[0],
+                   method="SLSQP", bounds=list(zip(*search.bounds(), strict=True)), constraints=constraints,
                    options={"ftol": FTOL, "maxiter": 300, **options})  # fmt: skip
-    return SolverResult(np.asarray(end.x), bool(end.success), str(end.message), int(end.nit))
+    return SolverResult(np.asarray(end.x), bool(end.success), str(end.message), int(end.nit), tuple(trials.failures))
+
+
+class _Trials:
+    """Values at trial points of a line search.
+
+    A step may lead to where the mechanism has no response or cannot be built. The objective is infinite there, so that
+    the solver takes a shorter step; constraints are those of the first point, as they do not count beside it.
+    """
+
+    def __init__(self, search: Search, first: Value) -> None:
+        self.search, self.first = search, first
+        self.failures: list[tuple[Array, MbsvibError]] = []
+
+    def at(self, z: Array, part: str) -> Array:
+        try:
+            value = self.search.at(z)
+        except MbsvibError as error:
+            self.failures.append((z.copy(), error))
+            return np.array([np.inf]) if part == "f" else np.asarray(getattr(self.first, part).value)
+        return np.asarray(getattr(value, part).value)
 
 
 def _trust(search: Search, z: Array, options: Mapping[str, Any]) -> SolverResult:

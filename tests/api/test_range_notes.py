@@ -38,3 +38,10 @@ def test_of_modes_that_coincide_the_best_counts():
     assert notes(10.0 * (1.0 + 1e-13), 0.4) == []
     assert notes(10.0 * (1.0 + 1e-13), 1e-3) == ["3"]
     assert notes(11.0, 0.4) == ["2"]
+
+
+def test_amplitudes_that_are_not_finite_are_explained():
+    printed = str(mv.library.pendulum_chain(2).linearize().linear_range())
+    assert "inf: no second-order part; parts of third order" in printed
+    assert "nan: outputs without second derivatives" in printed
+    assert "third order" not in str(mv.library.toggle().linearize().linear_range())

@@ -46,6 +46,12 @@ def test_responses_are_rows_and_columns_of_all():
     np.testing.assert_allclose(part["x", "Fx"].transmission_zeros(), SYSTEM.transmission_zeros("x", "Fx"))
 
 
+def test_names_in_arrays_are_names():
+    assert SYSTEM[np.array(["z", "x"]), "Fx"].outputs == ("z", "x")
+    with pytest.raises(mv.ResponseError, match=r"^output 'height': system"):
+        SYSTEM.with_ports(np.array(["height"]))
+
+
 def test_exports_and_interconnect_without_warnings():
     """Warnings are errors here: a signal that control.interconnect does not connect warns."""
     plant = mx.to_control(SYSTEM, outputs="z", inputs="Fz")

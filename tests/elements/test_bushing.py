@@ -7,7 +7,6 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.equilibrium.motion import posed_model
-from mbsvib.equilibrium.pose import start
 
 SIX = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 
@@ -85,7 +84,7 @@ def test_several_go_to_another_pose_as_each_of_them_does():
         model.add_bushing(f"k{i}", "ground", f"b{i}", (0.3, 0.1 * i, 0.2), **{"stiffness": SIX} | words)
     model.add_body("still", 1.0, (1, 1, 1))
     model.add_bushing("rests", "ground", "still", (0, 0, 0), SIX)
-    here = posed_model(model, start(model))
+    here = posed_model(model)
     pose = here.moved(np.where(np.arange(len(here.scale)) < 15, 0.2, 0.0)).pose
     for there in model.moved(dict.fromkeys(here.coordinates.names[:15], 0.2)).springs.values():
         single = model.springs[there.name].in_pose(pose, False)

@@ -6,7 +6,6 @@ import pytest
 import mbsvib as mv
 from mbsvib.equilibrium.couplers import joint_travel
 from mbsvib.equilibrium.motion import posed_model
-from mbsvib.equilibrium.pose import start
 from mbsvib.linalg.rotations import exponential
 from tests.equilibrium.test_moved import four_bar
 from tests.support.sizes import few
@@ -90,7 +89,7 @@ def test_both_angles_of_a_universal_joint_are_read_off(angles):
     model.add_body("cross", 1.0, (0.1, 0.1, 0.1))
     first, second = np.array([1.0, 0.2, 0.0]), np.array([0.3, 1.0, 0.4])
     model.add_joint("u", "universal", "ground", "cross", (0, 0, 0), axis=first, axis2=second)
-    there = posed_model(model, start(model)).moved(np.array(angles))
+    there = posed_model(model).moved(np.array(angles))
     joint = model.joints["u"]
     unit = [v / np.linalg.norm(v) for v in (first, second)]
     expected = exponential(angles[0] * unit[0]) @ exponential(angles[1] * unit[1])

@@ -49,7 +49,7 @@ def test_a_cantilever_bends_as_the_text_books_say():
 
 def test_another_load_needs_another_pose():
     there = cantilever((0, 0, -0.3)).equilibrium()
-    with pytest.raises(mv.EquilibriumError, match=r"body 'rod\.5', -0\.03 N missing along 'rod\.5\.z'.*displacements"):
+    with pytest.raises(mv.EquilibriumError, match=r"body 'rod\.5', -0\.03 N missing along z \(.*displacements"):
         there.with_values({"P.force.z": -0.27}).linearize()
     model, system = at_equilibrium(there.with_values({"P.force.z": -0.6}))
     assert model.beams["rod"].points[-1][2] == pytest.approx(-0.6 * LENGTH**3 / (3 * EI), rel=1e-9)

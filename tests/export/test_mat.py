@@ -157,3 +157,9 @@ def test_places_that_cannot_be_written(tmp_path):
     assert not list(tmp_path.iterdir())
     with pytest.raises(mv.ExportError, match="to_mat: system = Model"):
         mx.to_mat(library.stewart(), tmp_path / "x.mat")
+
+
+def test_names_that_matlab_does_not_take_for_a_mat_file_are_refused(tmp_path):
+    with pytest.raises(mv.ExportError, match=r"expected a name that ends in \.mat"):
+        mx.to_mat(slider(), tmp_path / "x")
+    assert not list(tmp_path.iterdir())

@@ -6,7 +6,6 @@ import pytest
 import mbsvib as mv
 from mbsvib import isolation
 from mbsvib.feedback.pole_track import Track
-from tests.support.slow_cases import some
 
 GRIDS = (np.array([0.0, 2.0]), np.linspace(0.0, 2.0, 5), np.linspace(0.0, 2.0, 24), np.linspace(0.0, 2.0, 101))
 
@@ -117,7 +116,8 @@ def test_branches_of_any_family_are_the_same_on_all_grids(seed):
 LAWS = [isolation.force_feedback, isolation.velocity_feedback]
 
 
-@pytest.mark.parametrize("law", some(LAWS, isolation.force_feedback))
+@pytest.mark.slow
+@pytest.mark.parametrize("law", LAWS)
 def test_branches_of_a_symmetric_hexapod_are_the_same_on_all_grids(law):
     """Modes of x and y are equal; with tilting they meet integrators on the real axis, four poles at a time."""
     plant = isolation.actuated(mv.library.stewart_isolator(), "platform")

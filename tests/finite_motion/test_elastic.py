@@ -146,6 +146,24 @@ def test_superelement(carrier):
     assert_same(all_moved(model, "se.c"), rtol=1e-7)
 
 
+def test_mass_of_a_bent_superelement():
+    """The inertia about the pivot is that of the nodes where they are, as in linearize."""
+    model = mv.Model("se")
+    model.add_body("hub", 2.0, (0.02, 0.02, 0.02), (0.0, 0.05, 0.0))
+    model.add_joint("pivot", "spherical", "ground", "hub", (0, 0, 0))
+    model.add_bushing("k", "ground", "hub", (0, 0, 0), (0, 0, 0, 5e5, 6e5, 7e5))
+    superelement(model, a="hub")
+    model.add_load("push", "se.c", force=(0, 2000, 1500))
+    model = all_moved(model.equilibrium(), "se.c")
+    fm, system = finite_motion(model), model.linearize()
+    mass = np.array(ca.Function("f", [fm.motion.q], [fm.mass])(np.zeros(fm.motion.q.shape)))
+    ours, theirs = (matrix[np.ix_(i, i)] for matrix, i in (
+        (mass, [fm.motion.names.index(f"pivot.r{d}") for d in "xyz"]),
+        (system.M, [system.coordinates.index(f"pivot.r{d}") for d in "xyz"])))  # fmt: skip
+    assert abs(theirs[0, 1]) > 3e-3  # its bend matters
+    np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-15)
+
+
 def test_beam_between_bodies_that_joints_hold_is_refused():
     model = mv.Model("coupler")
     for name, x in (("crank", 0.0), ("rocker", 0.7)):

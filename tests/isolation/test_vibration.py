@@ -244,6 +244,14 @@ def test_other_mistakes():
         study.under({"x": 1.0}, band=(10.0, 1.0))
     with pytest.raises(mv.ResponseError, match="not stable"):
         isolation.shaped([1], [1, -1])
+    for poles in ((-1, 2j, -2j), (-0.5, -1, -2, -3, 7j, -7j)):  # on the imaginary axis but for rounding
+        with pytest.raises(mv.ResponseError, match="not stable"):
+            isolation.shaped([1], np.poly(poles).real)
+    for numerator in ("abc", [1j], [[1.0, 2.0], [3.0, 4.0]]):
+        with pytest.raises(mv.ResponseError, match=r"numerator .*; expected"):
+            isolation.shaped(numerator, [1, 2, 3])
+    with pytest.raises(mv.ResponseError, match="correlation = 'no'; expected a matrix"):
+        study.under({"x": 1.0}, "no")
     with pytest.raises(mv.ResponseError, match="must be proper"):
         isolation.shaped([1, 0, 0], [1, 1])
 

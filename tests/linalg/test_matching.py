@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mbsvib.linalg.matching import Station, mac, track_modes, upper
+from mbsvib.linalg.matching import Station, is_simple, mac, track_modes, upper
 
 RNG = np.random.default_rng(7)
 BASIS = np.linalg.qr(RNG.standard_normal((6, 4)))[0]
@@ -63,3 +63,9 @@ def test_mac_is_that_of_the_definition():
 def test_of_real_pairs_the_one_nearer_to_instability_stands_for_the_mode():
     pairs = np.array([[-1 + 2j, -1 - 2j], [-3.0, -0.5], [0.0, 0.0]], dtype=complex)
     assert upper(pairs).tolist() == [-1 + 2j, -0.5, 0.0]
+
+
+def test_slow_modes_stay_apart_beside_a_fast_one():
+    """A strong damper has an eigenvalue many decades above the others."""
+    assert is_simple(np.array([1j, 1.0005j, 1e4j, -1e10])).all()
+    assert is_simple(np.array([1j, 1j, 1e4j, 0.0])).tolist() == [False, False, True, True]

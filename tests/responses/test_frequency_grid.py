@@ -63,7 +63,7 @@ def test_every_root_near_the_axis_has_its_extremum(ratio):
     system = lightly_damped(ratio)
     w = system.frequency_grid()
     gap, middle = np.diff(w), 1j * w
-    for root in roots(system.basis, None, None):
+    for root in roots(system, system.poles()):
         distance = np.abs(middle - root)
         assert (gap <= SHARE * 1.05 * np.maximum(distance[1:], distance[:-1])).all()
         inside = np.maximum(distance[1:], distance[:-1]) < np.sqrt(2) * abs(root.real)
@@ -92,14 +92,14 @@ def test_undamped_roots_are_approached_and_not_hit():
     w = system.frequency_grid()
     magnitude = np.abs(system.frequency_response(w))[0, 0]
     assert np.isfinite(magnitude).all()
-    for root in roots(system.basis, None, None):
+    for root in roots(system, system.poles()):
         distance = np.abs(w / abs(root) - 1)
         assert distance.min() < 1.01 * CLOSEST
     for pole in system.poles():
         assert np.abs(w / abs(pole) - 1).min() > EXCLUDED
     within = SHARE * 1.05
     gap = np.diff(w)
-    for root in roots(system.basis, None, None):
+    for root in roots(system, system.poles()):
         distance = np.abs(1j * w - root)
         assert (gap <= within * np.maximum(distance[1:], distance[:-1]) + 4 * CLOSEST * w[1:]).all()
 

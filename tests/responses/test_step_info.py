@@ -4,6 +4,7 @@ import control
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.linalg import block_diag
 
 import mbsvib as mv
 from mbsvib import library
@@ -118,9 +119,20 @@ def test_what_does_not_settle_is_refused():
         mv.StateSpace.from_arrays(np.eye(3, k=1) - np.eye(3), np.eye(3)[:, 2:], np.eye(3)[:1], 0).step_info()
 
 
-def test_a_double_pole():
-    """Critical damping but for rounding: x = 1 - (1 + w t) exp(-w t)."""
-    info = slider(20.0 * (1.0 - 1e-12)).step_info()
+@pytest.mark.parametrize("ratio", [1.0 - 1e-12, 1.0, 1.0 + 1e-9])
+def test_a_double_pole(ratio):
+    """Critical damping, exactly or nearly: x = 1 - (1 + w t) exp(-w t)."""
+    info = slider(20.0 * ratio).step_info()
     t = float(info.settling_time[0, 0])
-    assert_allclose((1.0 + 10.0 * t) * np.exp(-10.0 * t), 0.02, rtol=1e-5)
+    assert_allclose((1.0 + 10.0 * t) * np.exp(-10.0 * t), 0.02, rtol=1e-6)
     assert_allclose(info.overshoot, 0.0, atol=1e-4)
+
+
+def test_double_poles_beside_others():
+    """(2 / (s + 2))^2, twice 8 / (s + 2), and two poles that differ by 1e-5 of them: each keeps its own response."""
+    blocks = [np.array([[-2.0, 1.0], [0.0, -2.0]]), *(np.array([[pole]]) for pole in (-2.0, -2.0, -5.0, -5.00005))]
+    a = block_diag(*blocks)
+    b, c = block_diag([[0.0], [4.0]], *[[[8.0]]] * 4), block_diag([[1.0, 0.0]], *[[[1.0]]] * 4)
+    settling = np.diag(mv.StateSpace.from_arrays(a, b, c, 0).step_info().settling_time)
+    assert_allclose((1.0 + 2.0 * settling[0]) * np.exp(-2.0 * settling[0]), 0.02, rtol=1e-6)
+    assert_allclose(settling[1:], np.log(50.0) / [2.0, 2.0, 5.0, 5.00005], rtol=2e-7)

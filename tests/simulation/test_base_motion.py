@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 
 import mbsvib as mv
 from mbsvib import beams
+from tests.support.slow_cases import some
 
 
 def swing(gravity=(0.0, 0.0, -9.81)):
@@ -97,7 +98,7 @@ def with_superelements():
     return model
 
 
-@pytest.mark.parametrize("make", [flexible, with_superelements])
+@pytest.mark.parametrize("make", some([flexible, with_superelements], with_superelements))
 def test_what_bends_in_a_ground_that_accelerates(make):
     """For small motion it answers as the linear equations do, but for what falls with the square."""
     model, t = make(), np.linspace(0.0, 0.06, 7)
@@ -111,7 +112,7 @@ def test_what_bends_in_a_ground_that_accelerates(make):
     assert np.all(off[1] <= np.maximum(off[0] / 13.0, 1e-8 * largest))
 
 
-@pytest.mark.parametrize("elements", [1, 3])
+@pytest.mark.parametrize("elements", some([1, 3], 1))
 def test_the_weight_of_beams_is_that_of_an_accelerated_ground(elements):
     """Loads at the nodes are consistent with the mass matrix: not half of each element's mass at either node."""
     t, runs = np.linspace(0.0, 0.05, 26), []

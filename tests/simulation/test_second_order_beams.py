@@ -33,7 +33,7 @@ def flapping(model, speed, end=0.25):
     return omega / UNIT
 
 
-@pytest.mark.parametrize(("speed", "exact"), [(3.0, 4.7973), (6.0, 7.3604)])
+@pytest.mark.parametrize(("speed", "exact"), [(3.0, 4.7973), pytest.param(6.0, 7.3604, marks=pytest.mark.slow)])
 def test_a_spinning_blade_flaps_faster(speed, exact):
     """Source: Wright et al., J. Appl. Mech. 49 (1982), table of rotating uniform beams. The error falls with h^2."""
     errors = [flapping(blade(elements), speed) / exact - 1.0 for elements in (1, 2)]

@@ -61,7 +61,7 @@ def test_what_needs_a_number_of_modes_says_so():
         with pytest.raises(mv.ResponseError, match=word):
             call()
     for name in ("M", "C", "K", "B", "Cq", "Cv", "Ca"):
-        with pytest.raises(AttributeError, match=f"no dense matrix {name}: system.reduced"):
+        with pytest.raises(AttributeError, match=f"no attribute '{name}'; dense systems have it, system.reduced"):
             getattr(system, name)
     with pytest.raises(AttributeError, match="no attribute 'masses'"):
         _ = system.masses
@@ -73,10 +73,19 @@ def test_bad_numbers_of_modes(count):
         mv.library.chain(700, line=(0, 1, 0)).linearize().modes(count)
 
 
-@pytest.mark.parametrize("near", [-1.0, np.nan, np.inf, "low"])
-def test_bad_frequencies(near):
+@pytest.mark.parametrize("method", ["dense", "sparse"])
+def test_frequencies_may_be_numbers_of_any_type(method):
+    system = mv.library.chain(30).linearize(method=method)
+    expected = system.modes(2, near=3.0).frequencies
+    for near in (3, np.float32(3.0), np.int64(3), np.array(3.0)):
+        assert np.array_equal(system.modes(2, near=near).frequencies, expected)
+
+
+@pytest.mark.parametrize("method", ["dense", "sparse"])
+@pytest.mark.parametrize("near", [-1.0, np.nan, np.inf, 1e200, "low"])
+def test_bad_frequencies(method, near):
     with pytest.raises(mv.ResponseError, match="expected a frequency"):
-        mv.library.chain(700, line=(0, 1, 0)).linearize().modes(3, near=near)
+        mv.library.chain(30).linearize(method=method).modes(3, near=near)
 
 
 def test_frequencies_that_are_none():

@@ -1,5 +1,6 @@
 """Couplers in sparse equations: the dense path's answers, in trees, loops and under loads, and closed forms of many."""
 
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -164,3 +165,25 @@ def test_parts_that_gears_join_are_within_reach_of_each_other():
     assert part.bodies == ("s0", "s1")
     assert part.dof == 1
     assert_allclose(part.frequency_response(OMEGA), system.frequency_response(OMEGA)[:1], rtol=1e-12)
+
+
+def test_a_coupler_with_the_name_of_a_redundant_constraint():
+    """Five bars with two degrees of freedom, of which a coupler takes one, whatever its name."""
+    points = np.array([(0.0, 0.0), (0.0, 1.0), (0.6, 1.5), (1.1, 1.0), (1.0, 0.0)])
+
+    def five_bar(name):
+        model = mv.Model("five bars")
+        chain = ["ground", *(model.add_body(f"b{i}", 1.0, (1, 1, 1), (*points[i : i + 2].mean(axis=0), 0.0)).name
+                             for i in range(4)), "ground"]  # fmt: skip
+        for i, (first, second) in enumerate(pairwise(chain)):
+            at = (*points[i], 0.0)
+            model.add_joint(f"p{i}", "revolute", first, second, at)
+            model.add_bushing(f"k{i}", first, second, at, (0, 0, 0, 0, 0, 100.0 + i))
+        model.add_coupler(name, {"p0.rz": 1.0, "p1.rz": -2.0})
+        return model.linearize(method="sparse")
+
+    system = five_bar("gear")
+    for name in system.redundant:
+        other = five_bar(name)
+        assert (other.dof, other.redundant) == (system.dof, system.redundant) == (1, system.redundant)
+        assert_allclose(other.modes(1).frequencies, system.modes(1).frequencies, rtol=1e-12)

@@ -228,3 +228,21 @@ def test_free_motions_are_no_missed_modes(count):
     modes = carriage(40).linearize(method="sparse").modes(count)
     assert modes.rigid == 1
     assert modes.missed == 0
+
+
+@pytest.mark.parametrize("damping", [0.0, 2.0])
+def test_around_a_frequency_where_all_modes_are_rigid(damping):
+    """Nothing but dampers: the nearest modes are the slowest ones, wherever they are asked for."""
+    model, below = mv.Model("sliders"), "ground"
+    for i in range(30):
+        model.add_body(f"b{i}", 1.0, scenes.INERTIA, (float(i), 0.0, 0.0))
+        model.add_joint(f"j{i}", "prismatic", below, f"b{i}", axis=(1, 0, 0))
+        if damping:
+            model.add_bushing(f"d{i}", below, f"b{i}", (float(i), 0.0, 0.0), (0.0,) * 6, (damping, 0, 0, 0, 0, 0))
+        below = f"b{i}"
+    modes = model.linearize(method="sparse").modes(5, near=3.0)
+    assert modes.natural.tolist() == [0.0] * 5
+    assert modes.missed == 0
+    expected = model.linearize(method="dense").modes().eigenvalues
+    slowest = np.sort(np.abs(expected[expected != 0.0]))[:5]
+    assert_allclose(np.sort(np.abs(modes.eigenvalues[modes.eigenvalues != 0.0])), slowest, rtol=1e-11)

@@ -84,3 +84,19 @@ def test_what_cannot_be_corrected_or_compared_is_refused():
         system.reduced(5, near=3.0, correction=True)
     with pytest.raises(mv.ResponseError, match="expected those of 'shaft700', M and rz"):
         system.truncation_error(mv.library.chain(3).linearize(), [1.0])
+
+
+@pytest.mark.parametrize(("words", "asked"), [
+    ({}, "no order"), ({"error": 1e-6}, "error = 1e-06"), ({"order": 4, "method": "balanced"}, "method = 'balanced'"),
+])  # fmt: skip
+def test_reductions_that_only_dense_systems_have_are_refused(words, asked):
+    system = mv.library.chain(20).linearize(method="sparse")
+    with pytest.raises(mv.ResponseError, match=rf"reduced: {asked}; 'C20RF1' is held sparse .* truncation_error"):
+        system.reduced(**words)
+
+
+def test_static_correction_by_the_name_of_the_method():
+    system = mv.library.chain(20).linearize(method="sparse")
+    one, other = system.reduced(order=4, correction=True), system.reduced(4, method="static-corrected")
+    assert np.array_equal(one.D, other.D)
+    assert one.D.any()

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from mbsvib.elements import Body
     from mbsvib.sensitivities.adjoint_fields import Fields
     from mbsvib.sensitivities.families.pose_changes import PoseRates, ReferenceTerms
-    from mbsvib.sensitivities.families.terms import Terms
+    from mbsvib.sensitivities.families.terms import Rule, Terms
     from mbsvib.sensitivities.force_layout import RowTerms
     from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.network import Network
@@ -37,7 +37,7 @@ def _moved_body(fields: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:
     return cross_terms(fields.body_wrench[k, :3], fields.body[k, 3:])
 
 
-def moved_floating(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+def _moved_floating(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
     """A body that floats: its coordinates are those of its centre of mass, so that all that hangs on it follows."""
     support = cross_terms(fields.support[data[0], :3], -fields.body[k, 3:])
     return [a + b for a, b in zip(_moved_body(fields, k, ()), support, strict=True)]
@@ -47,7 +47,15 @@ def _turned_body(fields: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:
     return cross_terms(fields.body_wrench[k, 3:], fields.body[k, 3:])
 
 
-def _constants(parts: Sequence[Body], field: str) -> tuple[Array, ...]:
+def _rule(network: Network, body: Body, field: str) -> Rule:
+    floats = network.body_number[body.name] in network.floating_number
+    return _moved_floating if floats and field == "position" else _OF_FIELDS[field]
+
+
+def _constants(network: Network, parts: Sequence[Body], field: str) -> tuple[Array, ...]:
+    """Axes for the inertia; the numbers of bodies that float among these."""
+    if field == "position":
+        return (np.array([network.floating_number.get(network.body_number[part.name], 0) for part in parts]),)
     return (np.array([part.orientation for part in parts]).transpose(0, 2, 1),) if field == "inertia" else ()
 
 
@@ -68,8 +76,10 @@ def _add_reference_terms(terms: ReferenceTerms, body: Body, _: int) -> None:
         terms.turns(body.name, field, terms.pose.turn(body.name))
 
 
-_OF_FIELDS = {"mass": _mass, "inertia": _inertia, "position": _moved_body, "orientation": _turned_body}
+_OF_FIELDS: dict[str, Rule] = {
+    "mass": _mass, "inertia": _inertia, "position": _moved_body, "orientation": _turned_body,
+}  # fmt: skip
 RULES = PartRules(
-    "body", lambda _, field: _OF_FIELDS[field], _constants, add_force_terms=_add_force_terms, follow=_follow,
+    "body", _rule, _constants, floats=True, add_force_terms=_add_force_terms, follow=_follow,
     add_reference_terms=_add_reference_terms,
 )  # fmt: skip

@@ -35,12 +35,12 @@ def _matrix(power: str, pairs: tuple[tuple[int, int], ...]) -> Rule:
     return rule
 
 
-def _rule(bushing: Bushing, field: str) -> Rule:
+def _rule(_: Network, bushing: Bushing, field: str) -> Rule:
     full = field in ("stiffness", "damping") and isinstance(getattr(bushing, field)[0], tuple)
     return _OF_FIELDS[f"full {field}" if full else field]
 
 
-def _constants(parts: Sequence[Bushing], field: str) -> tuple[Array, ...]:
+def _constants(_: Network, parts: Sequence[Bushing], field: str) -> tuple[Array, ...]:
     if field in ("stiffness", "damping"):
         return (np.array([part.orientation for part in parts]).transpose(0, 2, 1),)
     return ()

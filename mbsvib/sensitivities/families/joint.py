@@ -44,11 +44,11 @@ def _turned_about(fields: Fields, k: Any, rho: Array) -> Terms:
     return [(force[:, i], d[:, i]) for i in range(3)] + [(moment[:, i], d[:, 3 + i]) for i in range(3)]
 
 
-def _rule(joint: Joint, field: str) -> Rule:
+def _rule(_: Network, joint: Joint, field: str) -> Rule:
     return (_OF_JOINTS if joint.end is None else _OF_RODS)[field]
 
 
-def _constants(parts: Sequence[Any], field: str) -> tuple[Array, ...]:
+def _constants(_: Network, parts: Sequence[Any], field: str) -> tuple[Array, ...]:
     """How rods turn; axes of screws."""
     if parts[0].end is not None:
         return (line_turn_rates(np.array([np.subtract(part.end, part.position) for part in parts])),)

@@ -41,7 +41,7 @@ def _line_end(end: bool) -> Rule:
     return rule
 
 
-def _constants(parts: Sequence[Any], field: str) -> tuple[Array, ...]:
+def _constants(_: Network, parts: Sequence[Any], field: str) -> tuple[Array, ...]:
     """Directions, and the ways from start to end where one of these moves."""
     line = np.array([part.line for part in parts])
     if field not in ("start", "end"):
@@ -110,7 +110,7 @@ _OF_FIELDS: dict[str, Rule] = {
     "start": _line_end(end=False), "end": _line_end(end=True),
 }  # fmt: skip
 SPRING = PartRules(
-    "spring", lambda _, field: _OF_FIELDS[field], _constants, at_rest=_at_rest, add_force_terms=_add_force_terms,
+    "spring", lambda _, __, field: _OF_FIELDS[field], _constants, at_rest=_at_rest, add_force_terms=_add_force_terms,
     follow=_follow, force_rates=_force_rates, add_reference_terms=_add_reference_terms,
 )  # fmt: skip
 INERTER = replace(SPRING, add_reference_terms=_turn_ends)

@@ -52,7 +52,8 @@ class PartRules:
     """What a family of parts says of its parameters; ``kind`` names the groups of these.
 
     How they enter the equations: ``rule`` gives the rule of a field of many parts at once, with ``constants`` of these,
-    ``single`` that of one entry. ``has_rule`` tells whether a field has one at all.
+    ``single`` that of one entry; those that float are parts of a kind of their own where it ``floats``. ``has_rule``
+    tells whether a field has one at all.
 
     Under loads: ``is_exception`` tells of which parts derivatives through the equilibrium are not known, ``at_rest``
     gives the force of a connection. ``add_force_terms`` says what parameters change of the forces, ``follow`` how they
@@ -65,8 +66,9 @@ class PartRules:
     """
 
     kind: str
-    rule: Callable[[Any, str], Rule] | None = None
-    constants: Callable[[Sequence[Any], str], tuple[Array, ...]] = lambda *_: ()
+    rule: Callable[[Network, Any, str], Rule] | None = None
+    constants: Callable[[Network, Sequence[Any], str], tuple[Array, ...]] = lambda *_: ()
+    floats: bool = False
     single: Callable[[Network, Any, str, tuple[int, ...]], RuleAndData] | None = None
     has_rule: Callable[[Any, str], bool] = any_field
     is_exception: Callable[[Any, bool, frozenset[str]], bool] = lambda *_: False
