@@ -8,12 +8,12 @@ those alone that enter affinely: positions and orientations too. There are no se
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.api.system import System
+from mbsvib.common.casadi_function import casadi_function
 from mbsvib.equilibrium.at_equilibrium import at_equilibrium
 from mbsvib.errors import ExportError, MbsvibError
 from mbsvib_export.affine import origin_of
@@ -167,75 +167,8 @@ def _callback(name: str, system: System, names: tuple[str, ...], value: Ask, der
             result = np.full(shape, complex(np.nan, np.nan))
         return [np.ascontiguousarray(result.real), np.ascontiguousarray(result.imag)]
 
-    callback = _kinds()[0](name, rows, len(names), lambda p: ask(value, p, (rows,)),
-                       lambda p: ask(derivatives, p, (rows, len(names))))  # fmt: skip
+    shape = rows, len(names)
+    callback = casadi_function(name, shape, ("real", "imag"), lambda p: ask(value, p, (rows,)),
+                               lambda p: ask(derivatives, p, shape))  # fmt: skip
     callback.parameters, callback.values = names, np.array([origin.parameters[key] for key in names])
     return callback
-
-
-@cache
-def _kinds() -> tuple[Any, Any]:
-    """Classes of the callback and of its Jacobian; they exist where CasADi is."""
-    casadi = need("casadi", "to_casadi_eigenvalues", INSTALL)
-
-    class Jacobian(casadi.Callback):  # type: ignore[misc, name-defined]
-        """(p, real, imag) -> derivatives of both parts to p."""
-
-        def __init__(self, name: str, owner: Any, options: dict[str, Any]) -> None:
-            casadi.Callback.__init__(self)
-            self.owner = owner
-            self.construct(name, options)
-
-        def get_n_in(self) -> int:
-            return 3
-
-        def get_n_out(self) -> int:
-            return 2
-
-        def get_sparsity_in(self, k: int) -> Any:
-            return casadi.Sparsity.dense(self.owner.columns if k == 0 else self.owner.rows, 1)
-
-        def get_sparsity_out(self, k: int) -> Any:
-            return casadi.Sparsity.dense(self.owner.rows, self.owner.columns)
-
-        def eval(self, arguments: Any) -> Any:
-            return [casadi.DM(array) for array in self.owner.slopes(arguments[0].full().ravel())]
-
-    class Parts(casadi.Callback):  # type: ignore[misc, name-defined]
-        """p -> real and imaginary parts."""
-
-        def __init__(self, name: str, rows: int, columns: int, value: Any, slopes: Any) -> None:
-            casadi.Callback.__init__(self)
-            self.rows, self.columns, self.value, self.slopes = rows, columns, value, slopes
-            self.jacobians: list[Any] = []  # CasADi keeps no reference to them
-            self.construct(name, {})
-
-        def get_n_in(self) -> int:
-            return 1
-
-        def get_n_out(self) -> int:
-            return 2
-
-        def get_name_in(self, k: int) -> str:
-            return "p"
-
-        def get_name_out(self, k: int) -> str:
-            return ("real", "imag")[k]
-
-        def get_sparsity_in(self, k: int) -> Any:
-            return casadi.Sparsity.dense(self.columns, 1)
-
-        def get_sparsity_out(self, k: int) -> Any:
-            return casadi.Sparsity.dense(self.rows, 1)
-
-        def eval(self, arguments: Any) -> Any:
-            return [casadi.DM(array) for array in self.value(arguments[0].full().ravel())]
-
-        def has_jacobian(self) -> bool:
-            return True
-
-        def get_jacobian(self, name: str, inputs: Any, outputs: Any, options: dict[str, Any]) -> Any:
-            self.jacobians.append(Jacobian(name, self, options))
-            return self.jacobians[-1]
-
-    return Parts, Jacobian

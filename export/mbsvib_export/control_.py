@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Any, overload
 
 from mbsvib.errors import ExportError
 from mbsvib_export.names_ import SignalNames
@@ -22,16 +22,18 @@ if TYPE_CHECKING:
     from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
     from mbsvib.feedback.controller import Controller
+    from mbsvib.feedback.feedback_loop import FeedbackLoop
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.neutral import SystemData
 
 
 _INSTALL = "control>=0.10.1"
+SAME = 1e-9  # share by which two sample times may differ and be one
 
 
 @overload
 def to_control(
-    system: System | ClosedLoop | Controller | StateSpace | SystemData, realization: str = ...,
+    system: System | FeedbackLoop | Controller | StateSpace | SystemData, realization: str = ...,
     dt: float | None = ..., *, method: str = ..., outputs: Names = ..., inputs: Names = ...,
 ) -> control.StateSpace: ...  # fmt: skip
 
@@ -44,7 +46,7 @@ def to_control(
 
 
 def to_control(
-    system: System | ClosedLoop | Controller | StateSpace | SystemData | Batch, realization: str = "physical",
+    system: System | FeedbackLoop | Controller | StateSpace | SystemData | Batch, realization: str = "physical",
     dt: float | None = None, *, method: str = "zoh", outputs: Names = None, inputs: Names = None,
 ) -> control.StateSpace | list[control.StateSpace]:  # fmt: skip
     """Return a system as a state space of python-control, with the names of its states, inputs and outputs.
@@ -61,14 +63,14 @@ def to_control(
 
     Parameters
     ----------
-    system : System, ClosedLoop, Controller, StateSpace, control.StateSpace, SystemData or Batch
+    system : System, ClosedLoop, SampledLoop, Controller, StateSpace, control.StateSpace, SystemData or Batch
         The equations of motion, a closed loop, or a state space that is ready; a batch gives a list. Of a system that
         is held sparse give some modes, ``system.reduced(20, correction=True)``; ``system.truncation_error`` tells what
-        is missing.
+        is missing. A sampled loop becomes a discrete system, exact for inputs that are held over each sample.
     realization : str
         The states of a System: "physical" (q and q'), "modal" or "balanced".
     dt : float, optional
-        Step [s] of a discrete system; default: continuous in time.
+        Step [s] of a discrete system; default: continuous in time. A sampled loop has its own.
     method : str
         How a discrete system is made: "zoh", exact for inputs that are held over each step; "foh", exact for inputs
         that are linear over each step; "tustin", s = 2/dt (z - 1)/(z + 1).
@@ -85,8 +87,8 @@ def to_control(
     Raises
     ------
     ExportError
-        If python-control is not installed or cannot hold the system, the step is not a positive number, or the method
-        is unknown.
+        If python-control is not installed or cannot hold the system, the step is not a positive number or that of a
+        sampled loop, or the method is unknown.
     ResponseError
         If the realization or a name is unknown.
 
@@ -97,19 +99,28 @@ def to_control(
     """
     need("control", "to_control", _INSTALL)
     from mbsvib.api.batch import Batch
+    from mbsvib.feedback.sampled import SampledLoop
 
     if isinstance(system, Batch):
         return [to_control(variant, realization, dt, method=method, outputs=outputs, inputs=inputs)
                 for variant in system.state_space(realization)]  # fmt: skip
-    space = state_space_of(system, realization, "to_control").with_ports(outputs, inputs)
-    if not space.inputs and 1 in (len(space.outputs), len(space.states)):
+    if isinstance(system, SampledLoop):
+        space: Any = system.with_ports(outputs, inputs)
+        a, b, c, d, states = space.sample_to_sample
+        if dt is not None and abs(dt - space.period) > SAME * space.period:
+            raise ExportError(f"to_control: dt = {dt!r}; expected {space.period!r}, the sample time of "
+                              f"'{space.name}', or none.")  # fmt: skip
+        dt = space.period
+    else:
+        space = state_space_of(system, realization, "to_control").with_ports(outputs, inputs)
+        states = space.states
+        a, b, c, d = (space.A, space.B, space.C, space.D) if dt is None else discretised(
+            space, dt, method, "to_control")  # fmt: skip
+    if not space.inputs and 1 in (len(space.outputs), len(states)):
         raise ExportError(
             f"to_control: '{space.name}' has no inputs, and python-control cannot hold that together with a single "
             f"output or state; add an input (model.add_input), or another output (model.add_output)."
         )
-    a, b, c, d = space.A, space.B, space.C, space.D
-    if dt is not None:
-        a, b, c, d = discretised(space, dt, method, "to_control")
     same = [name for name in space.inputs if name in space.outputs]
     if same:
         warnings.warn(f"to_control: input and output '{same[0]}' of '{space.name}' have one name, and "
@@ -121,7 +132,7 @@ def to_control(
     return NamedStateSpace(
         a, b, c, d, dt or 0,
         name=SignalNames.system_to_control(space.name, space.inputs + space.outputs),
-        inputs=_names(space.inputs), outputs=_names(space.outputs), states=_names(space.states),
+        inputs=_names(space.inputs), outputs=_names(space.outputs), states=_names(states),
         remove_useless_states=False,
     )  # fmt: skip
 

@@ -100,27 +100,23 @@ def arrays_of(data: SystemData | FirstOrder) -> dict[str, Any]:
 
     ``data_from`` leads back.
     """
-    if not isinstance(data, SystemData):
-        return {
-            "format": np.array(SPACE_FORMAT),
-            "version": np.array(VERSION),
-            "name": np.array(data.name),
-            "realization": np.array(data.realization),
-            **{key: np.array(getattr(data, key), dtype=str) for key in (*PORT_TEXTS, *STATE_TEXTS)},
-            **{f"state_space.{key}": getattr(data, key) for key in "ABCD"},
-            **({} if data.error_bound is None else {f"state_space.{ERROR_BOUND}": np.array(data.error_bound)}),
-        }
-    space = data.state_space
+    texts: tuple[str, ...]
+    if isinstance(data, SystemData):
+        space, form, texts = data.state_space, FORMAT, TEXTS
+        matrices = {key: getattr(data, key) for key in (*SECOND_ORDER, "body_motion")}
+        states = first_order(space)
+    else:
+        space, form, texts, matrices = data, SPACE_FORMAT, PORT_TEXTS, {}
+        bound = {} if data.error_bound is None else {ERROR_BOUND: np.array(data.error_bound)}
+        states = {key: getattr(data, key) for key in "ABCD"} | bound
     return {
-        "format": np.array(FORMAT),
-        "version": np.array(VERSION),
-        "name": np.array(data.name),
+        "format": np.array(form), "version": np.array(VERSION), "name": np.array(data.name),
         "realization": np.array(space.realization),
-        **{key: np.array(getattr(data, key), dtype=str) for key in TEXTS},
+        **{key: np.array(getattr(data, key), dtype=str) for key in texts},
         **{key: np.array(getattr(space, key), dtype=str) for key in STATE_TEXTS},
-        **{key: getattr(data, key) for key in (*SECOND_ORDER, "body_motion")},
-        **{f"state_space.{key}": array for key, array in first_order(space).items()},
-    }
+        **matrices,
+        **{f"state_space.{key}": array for key, array in states.items()},
+    }  # fmt: skip
 
 
 def from_npz(path: str | os.PathLike[str]) -> SystemData | StateSpace:

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.selection import Names
     from mbsvib.feedback.closed_loop import ClosedLoop
+    from mbsvib.feedback.sampled import SampledLoop
 
 
 class Connecting:
@@ -16,7 +17,7 @@ class Connecting:
     def feedback(
         self, controller: Any, sensors: Names = None, actuators: Names = None,
         name: str | None = None,
-    ) -> ClosedLoop:  # fmt: skip
+    ) -> ClosedLoop | SampledLoop:  # fmt: skip
         """Return the closed loop with a controller from sensors to actuators, u = w + K y: positive feedback.
 
         G + G_u (1 - K G_yu)^-1 K G_y, with the inputs w and outputs of the open loop; a controller that opposes what it
@@ -25,7 +26,8 @@ class Connecting:
         Parameters
         ----------
         controller : Controller, StateSpace, control.StateSpace, control.TransferFunction or array-like
-            In continuous time; an array, shape (actuators, sensors), is a static gain.
+            An array, shape (actuators, sensors), is a static gain. One of python-control in discrete time runs at its
+            sample time, behind a zero-order hold; ``loop.sampled(rate, delay)`` adds a delay.
         sensors, actuators : str or sequence of str, optional
             Names or patterns of outputs and of inputs, in the order of the controller's signals; default: the names
             that the controller has.
@@ -34,13 +36,13 @@ class Connecting:
 
         Returns
         -------
-        ClosedLoop
+        ClosedLoop, or SampledLoop with a discrete controller
             With all methods of a system, ``margins`` and ``sampled``.
 
         Raises
         ------
         ResponseError
-            If a name is unknown, shapes do not match, or the controller is discrete.
+            If a name is unknown, shapes do not match, or a discrete controller has no sample time or a pole at z = -1.
         """
         from mbsvib.feedback.closed_loop import feedback
 

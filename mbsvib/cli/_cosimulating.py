@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import JSON, Command, file_argument, number, option, positional
-from mbsvib.cli._figures import check_format, write_figure
+from mbsvib.cli._figures import check_format, deliver
 
 if TYPE_CHECKING:
     from mbsvib_export import CosimulationCheck
@@ -34,9 +34,7 @@ def cosim(
     else:
         shell.say(str(result))
     if file is not None:
-        write_figure(result.plot(), file)
-        if not as_json:
-            shell.say(f"Written: {shell.shown(file)}")
+        deliver(result.plot(), file, as_json)
     if not result.passed:
         raise shell.CheckFailed
 

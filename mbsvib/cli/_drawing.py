@@ -21,7 +21,7 @@ from mbsvib.cli._arguments import (
     option,
     whole_number,
 )
-from mbsvib.cli._figures import FORMATS, check_format, default_path, write_figure
+from mbsvib.cli._figures import FORMATS, check_format, default_path, deliver, write_figure
 from mbsvib.cli._lookup import model_of, ports, system_of
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def sigma(
         from mbsvib import plots
 
         figure = plots.singular_values(system, outputs, inputs, span=(first, last))
-        _deliver(figure, file, default_path(system.name, "sigma.png"), "", as_json)
+        deliver(figure, file or default_path(system.name, "sigma.png"), as_json)
 
 
 def step(
@@ -107,7 +107,7 @@ def step(
 
         sources, results, remark = ports(system, inputs, outputs)
         figure = plots.step(system, results, sources, duration)
-        _deliver(figure, file, default_path(system.name, "step.png"), remark, as_json)
+        deliver(figure, file or default_path(system.name, "step.png"), as_json, remark)
 
 
 def draw(model: str, view: str = "3-D", file: Path | None = None, as_json: bool = False) -> None:
@@ -150,7 +150,7 @@ def _frequency_curves(
     if file is not None or not as_json:
         sources, results, remark = ports(system, inputs, outputs)
         figure = plot(system, results, sources, span=span)
-        _deliver(figure, file, default_path(system.name, f"{name}.png"), remark, as_json)
+        deliver(figure, file or default_path(system.name, f"{name}.png"), as_json, remark)
 
 
 def _signals(system: System) -> dict[str, Any]:
@@ -171,15 +171,6 @@ def _by_names(system: System, values: NDArray[Any], record: Callable[[Any], Any]
     """{output: {input: values}} of an array (outputs, inputs, n)."""
     return {output: {source: record(values[i, j]) for j, source in enumerate(system.inputs)}
             for i, output in enumerate(system.outputs)}  # fmt: skip
-
-
-def _deliver(figure: Figure, file: Path | None, default: Path, remark: str, as_json: bool) -> None:
-    path = write_figure(figure, file if file is not None else default)
-    if as_json:
-        return  # standard output has the numbers
-    if remark:
-        shell.say(remark)
-    shell.say(f"Written: {shell.shown(path)}")
 
 
 VIEW = option("--view", to="view", metavar="VIEW", default="3-D", completes=("3-D", "x", "y", "z"),

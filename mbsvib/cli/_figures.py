@@ -21,6 +21,13 @@ def write_figure(figure: Figure, path: Path) -> Path:
     return write_atomic(path, lambda stream: figure.savefig(stream, format=path.suffix[1:].lower()))
 
 
+def deliver(figure: Figure, path: Path, as_json: bool, remark: str = "") -> None:
+    """Write a figure, and say so below a ``remark`` where standard output does not have numbers."""
+    write_figure(figure, path)
+    if not as_json:
+        shell.say("\n".join(filter(None, [remark, f"Written: {shell.shown(path)}"])))
+
+
 def check_format(path: Path | None) -> None:
     """Refuse a suffix that figures do not have.
 

@@ -36,9 +36,11 @@ def model_of(word: str) -> Model:
     except ModelError as error:
         if error.element != word:
             raise
+        files = [str(path.parent / file.name) for file in _models_in_folder(path) if file.stem == path.name]
+        hint = f" Did you mean '{files[0]}'?" if files else nearest(word, library.models())
         raise UsageProblem(
             f"there is no model '{word}': it is no file that ends in {', '.join(SUFFIXES)}, and no built-in name."
-            f"{nearest(word, library.models())} Built in: {', '.join(library.models())}."
+            f"{hint} Built in: {', '.join(library.models())}."
         ) from error
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import INPUTS, JSON, MODEL, OUTPUTS, Command, file_argument, number, option, positional
-from mbsvib.cli._figures import check_format, write_figure
+from mbsvib.cli._figures import check_format, deliver
 from mbsvib.cli._lookup import ports, system_of
 from mbsvib.errors import ModelError
 
@@ -54,9 +54,7 @@ def loop(
         from mbsvib import plots
 
         sources, results, remark = ports(plant, inputs, outputs)
-        write_figure(plots.bode([plant, continuous], results, sources, labels=["open", "closed"]), file)
-        if not as_json:
-            shell.say("\n".join(filter(None, [remark, f"Written: {shell.shown(file)}"])))
+        deliver(plots.bode([plant, continuous], results, sources, labels=["open", "closed"]), file, as_json, remark)
     if not closed.stable:
         raise shell.CheckFailed
 

@@ -38,7 +38,7 @@ def sweep(
 ) -> None:
     """Compute natural frequencies over one or more parameters."""
     from mbsvib import studies
-    from mbsvib.cli._figures import FORMATS, write_figure
+    from mbsvib.cli._figures import FORMATS, deliver
 
     if file is not None and file.suffix.lower() not in (*FORMATS, ".csv"):
         raise shell.UsageProblem(f"'{file}': sweeps end in {', '.join(FORMATS)} or .csv.")
@@ -61,11 +61,10 @@ def sweep(
         from mbsvib.common import tables
 
         tables.show(**result.table())
-    if file is not None:
-        if file.suffix.lower() == ".csv":
-            result.to_csv(file)
-        else:
-            write_figure(_over_ranges(result), file)
+    if file is not None and file.suffix.lower() != ".csv":
+        deliver(_over_ranges(result), file, as_json)
+    elif file is not None:
+        result.to_csv(file)
         if not as_json:
             shell.say(f"Written: {shell.shown(file)}")
 

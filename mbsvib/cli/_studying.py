@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._arguments import JSON, MODEL, Command, file_argument, number, option, positional
-from mbsvib.cli._figures import check_format, write_figure
+from mbsvib.cli._figures import check_format, deliver
 from mbsvib.cli._lookup import as_misuse, model_of
 from mbsvib.cli._ranges import range_of
 
@@ -62,9 +62,7 @@ def path(
     if file is not None:
         from mbsvib import plots
 
-        write_figure(plots.path(result), file)
-        if not as_json:
-            shell.say(f"Written: {shell.shown(file)}")
+        deliver(plots.path(result), file, as_json)
 
 
 def isolation(
@@ -99,9 +97,7 @@ def isolation(
         from mbsvib import plots
 
         labels = ["open loop", f"{feedback} feedback"] if len(results) == 2 else [results[0].name]
-        write_figure(plots.isolation(results, labels), file)
-        if not as_json:
-            shell.say(f"Written: {shell.shown(file)}")
+        deliver(plots.isolation(results, labels), file, as_json)
 
 
 def _closed(source: Model, body: str, base: str, feedback: str, gain: float, leak: float) -> ClosedLoop:

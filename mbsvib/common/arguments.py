@@ -7,6 +7,7 @@ hundreds.
 from __future__ import annotations
 
 from math import hypot, inf, isfinite, pi, sin, sqrt
+from numbers import Integral
 from operator import mul
 from typing import Any
 
@@ -67,6 +68,13 @@ def number(value: Any, who: str, field: str, expected: str = "a finite number") 
     if not isfinite(value):
         raise refuse(who, field, value, expected, "NaN and infinity are not values a mechanism can have.")
     return value  # type: ignore[no-any-return]
+
+
+def count(value: Any, who: str, field: str, least: int) -> int:
+    """Return ``value`` as an integer that is ``least`` or more."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
+        raise refuse(who, field, value, f"a whole number, at least {least}")
+    return int(value)
 
 
 def listed(value: Any, who: str, field: str, expected: str) -> Any:

@@ -33,6 +33,9 @@ def content_of(path: str | os.PathLike[str], error: Callable[[str], MbsvibError]
     ``expected``: what the file should be, for the message: "a file of to_npz".
     """
     name = os.fspath(path)
+    if isinstance(name, str) and "\n" in name:
+        first = name.lstrip().partition("\n")[0]
+        raise error(f"path = '{first} ...': this is the content of a file; expected the path of {expected}.")
     try:
         mode = os.stat(path).st_mode
         if stat.S_ISREG(mode):

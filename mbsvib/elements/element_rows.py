@@ -68,12 +68,10 @@ class ElementRows:
         """Return the rows with some numbers, in ascending order."""
         if len(which) == len(self.owner):
             return self
-        rows = self.rows
         return ElementRows(
-            Rows(rows.first.take(which), rows.second.take(which), rows.point.take(which, axis=-1),
-                 rows.force.take(which, axis=-1), rows.moment.take(which, axis=-1)),
-            self.stiffness.take(which, axis=-1), self.damping.take(which, axis=-1), self.owner.take(which),
-            self.unit.take(which, axis=-2), None if self.inertance is None else self.inertance.take(which),
+            self.rows.take(which), self.stiffness.take(which, axis=-1), self.damping.take(which, axis=-1),
+            self.owner.take(which), self.unit.take(which, axis=-2),
+            None if self.inertance is None else self.inertance.take(which),
         )  # fmt: skip
 
     @property

@@ -23,12 +23,6 @@ if TYPE_CHECKING:
 TURNED = 1e-9
 
 
-def point_of(joint: Joint, model: Mechanism, pose: Pose) -> tuple[float, float, float]:
-    """Return a joint's point in the reference pose; the centre of mass of its first body where a joint has none."""
-    inner = min(joint.first, joint.second, key=pose.number.__getitem__)
-    return joint.point or model.bodies[inner].position
-
-
 def coupled_coordinates(couplings: Couplings, coordinates: Twists) -> Array:
     """Return the coupled coordinates (terms, n) per unit joint coordinate."""
     measured = relative_motion(coordinates, couplings.measured).dense(0, len(couplings.measured.first))
@@ -45,18 +39,12 @@ def coupler_travel(model: Mechanism, pose: Pose, near: Array | None) -> Array:
     ``near`` (terms,): approximate displacements, from which full turns are counted. Returns (terms,): distances [m] and
     angles [rad].
     """
-    result = []
-    for part in model.couplers.values():
-        for name, _ in part.terms:
-            owner, _, direction = name.rpartition(".")
-            joint = model.joints[owner]
-            result.append(joint_travel(joint, direction, pose, point_of(joint, model, pose)))
-    values = np.array(result)
+    names = [name.rpartition(".") for part in model.couplers.values() for name, _ in part.terms]
+    values = np.array([joint_travel(model.joints[owner], direction, pose) for owner, _, direction in names])
     if near is None:
         return values
-    turns = np.array([name.rpartition(".")[2][0] == "r" for part in model.couplers.values() for name, _ in part.terms])
     full_turns = 2.0 * np.pi * np.round((near - values) / (2.0 * np.pi))
-    return np.where(turns, values + full_turns, values)
+    return np.where([direction[0] == "r" for *_, direction in names], values + full_turns, values)
 
 
 def check_couplers(model: Mechanism, moved: Mechanism) -> None:
@@ -87,11 +75,12 @@ def check_couplers(model: Mechanism, moved: Mechanism) -> None:
                 )  # fmt: skip
 
 
-def joint_travel(joint: Joint, direction: str, pose: Pose, at: tuple[float, float, float]) -> float:
+def joint_travel(joint: Joint, direction: str, pose: Pose) -> float:
     """Return the displacement of one coordinate of a joint [m, rad], angles within half a turn."""
     k = DIRECTIONS.index(direction)
     first, second = pose.rotated(joint.first, joint.axes), pose.rotated(joint.second, joint.axes)
     if k < 3:
+        at = joint.point or pose.origin[min(pose.number[joint.first], pose.number[joint.second])].tolist()
         return float(first[:, k] @ np.subtract(pose.point(joint.second, at), pose.point(joint.first, at)))
     relative, axes = first.T @ second, joint.rotation_axes
     if len(axes) == 1:

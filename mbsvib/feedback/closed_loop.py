@@ -17,6 +17,7 @@ from mbsvib.feedback.plant import SystemPlant
 from mbsvib.feedback.regularity import regular
 from mbsvib.feedback.resolution import Resolution
 from mbsvib.feedback.sampled import SampledLoop, sampled
+from mbsvib.responses.from_control import of_control, sample_time
 
 if TYPE_CHECKING:
 
@@ -116,7 +117,7 @@ class ClosedLoop(FeedbackLoop):
             return balanced_states(self.state_space("physical" if self.plant.system.kind == "system" else "modal"))
         else:
             a, b, c, d, space = self._closed(self.plant.system.state_space(realization))
-        k, shown = len(a) - len(space.A), self._shown
+        k, shown = len(a) - len(space.A), self.selected_ports
         states = tuple([f"controller{i + 1}" for i in range(k)])
         wide = np.concatenate((space.transform, np.zeros((len(space.transform), k))), axis=1)
         result = replace(space, name=self.name, A=a.copy(), B=b.copy(), C=c.copy(), D=d.copy(), transform=wide,
@@ -251,11 +252,21 @@ def close(plant: LoopPlant, *controllers: Controller, form: type[ClosedLoop] = C
 
 def feedback(
     system: Any, controller: Any, sensors: Names = None, actuators: Names = None, name: str | None = None
-) -> ClosedLoop:
+) -> ClosedLoop | SampledLoop:
     """Return a system or state space with a controller that feeds outputs back to inputs, u = w + K y.
 
-    ``controller``: from sensors to actuators; an array has the shape (actuators, sensors). ``sensors``, ``actuators``:
-    names or patterns of outputs and inputs; default: the names that the controller has. ``name``: name of the
-    controller in tables.
+    ``controller``: from sensors to actuators; an array has the shape (actuators, sensors); one of python-control in
+    discrete time makes a sampled loop. ``sensors``, ``actuators``: names or patterns of outputs and inputs; default:
+    the names that the controller has. ``name``: name of the controller in tables.
     """
-    return close(SystemPlant(system), as_controller(controller, system, sensors, actuators, name))
+    return connected(SystemPlant(system), controller, sensors, actuators, name)
+
+
+def connected(
+    plant: LoopPlant, controller: Any, sensors: Names, actuators: Names, name: str | None,
+    form: type[ClosedLoop] = ClosedLoop,
+) -> ClosedLoop | SampledLoop:  # fmt: skip
+    """Return a plant with one controller, in discrete time if the controller is; arguments as in ``feedback``."""
+    period = sample_time(controller) if of_control(controller) else None
+    loop = close(plant, as_controller(controller, plant.system, sensors, actuators, name, period), form=form)
+    return loop if period is None else loop.sampled(1.0 / period)

@@ -10,7 +10,9 @@ import numpy as np
 from mbsvib.common.display import Displayed
 from mbsvib.common.selection import port_numbers, selected
 from mbsvib.errors import ResponseError, counted
-from mbsvib.responses.from_control import is_control, is_transfer_function, of_control
+from mbsvib.feedback.regularity import regular
+from mbsvib.linalg.discrete import inverse_tustin
+from mbsvib.responses.from_control import arguments, is_control, is_transfer_function, of_control, sample_time
 from mbsvib.responses.linear import LinearVerbs
 from mbsvib.responses.state_space import StateSpace
 
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.common.selection import Names
     from mbsvib.modes.state_modes import StateModes
+
+SAME = 1e-9  # share of a sample time by which two of them may differ and be one
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -242,13 +246,16 @@ def _gains(law: Any, name: str) -> Array:
                         f"transfer function of python-control, or a matrix of gains.")  # fmt: skip
 
 
-def as_controller(value: Any, plant: Any, sensors: Any = None, actuators: Any = None, name: str | None = None) -> \
-        Controller:  # fmt: skip
+def as_controller(
+    value: Any, plant: Any, sensors: Any = None, actuators: Any = None, name: str | None = None,
+    period: float | None = None,
+) -> Controller:  # fmt: skip
     """Return what was given as a controller from named sensors to named actuators of a plant.
 
     ``value``: the controller; an array, shape (actuators, sensors), is a static gain. ``plant``: whose outputs are
     sensors and whose inputs are actuators. ``sensors``, ``actuators``: names or patterns; default: the names that the
-    controller has. ``name``: name for tables; default: its own.
+    controller has. ``name``: name for tables; default: its own. ``period``:
+    sample time [s] that a discrete controller must have; it becomes the one of which Tustin's rule makes it.
     """
     known = isinstance(value, Controller) or getattr(value, "kind", None) == "state space"
     foreign = is_control(value) or is_transfer_function(value)
@@ -268,8 +275,25 @@ def as_controller(value: Any, plant: Any, sensors: Any = None, actuators: Any = 
             raise ResponseError(f"feedback: {value!r}; expected {len(into)} sensors and {len(out)} actuators: "
                                 f"{', '.join(into)}; {', '.join(out)}.")  # fmt: skip
         return replace(value, name=called, inputs=into, outputs=out).for_plant(plant)
-    equations = StateSpace.from_control(value) if is_transfer_function(value) else value
-    return controller(equations, into, out, called).for_plant(plant)
+    return controller(_continuous(value, period) if foreign else value, into, out, called).for_plant(plant)
+
+
+def _continuous(value: Any, period: float | None) -> Any:
+    """Equations of python-control in continuous time."""
+    step = sample_time(value)
+    if step is None:
+        return value if is_control(value) else StateSpace.from_control(value)
+    if period is None or abs(step - period) > SAME * period:
+        expected = "one in continuous time" if period is None else f"{period:g} s as the loop has, or continuous time"
+        raise ResponseError(f"feedback: the controller '{value.name}' is discrete, dt = {step:g} s; expected "
+                            f"{expected}. system.feedback(controller) takes a discrete one, and makes a sampled loop."
+                            )  # fmt: skip
+    equations = arguments(value)
+    a, b, c, d = (np.array(equations[label], dtype=float, ndmin=2) for label in "ABCD")
+    if not regular(-a):
+        raise ResponseError(f"feedback: the controller '{value.name}' has a pole at z = -1; expected poles below half "
+                            f"the sampling rate.")  # fmt: skip
+    return StateSpace.from_arrays(**equations | dict(zip("ABCD", inverse_tustin(a, b, c, d, step), strict=True)))
 
 
 def _labels(labels: Sequence[str], known: Sequence[str]) -> list[str] | None:

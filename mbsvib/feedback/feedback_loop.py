@@ -13,6 +13,7 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.expected import angular
 from mbsvib.common.selection import port_numbers, united
 from mbsvib.errors import ResponseError
+from mbsvib.feedback.combined_controller import combined
 from mbsvib.feedback.controller import Controller, as_controller
 from mbsvib.feedback.integrand import response
 from mbsvib.feedback.margins import margins
@@ -114,7 +115,8 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         Parameters
         ----------
         controller : Controller, StateSpace, control.StateSpace, control.TransferFunction or array-like
-            From sensors to actuators, in continuous time; an array, shape (actuators, sensors), is a static gain.
+            From sensors to actuators, in continuous time or, of a sampled loop, at its rate; an array, shape
+            (actuators, sensors), is a static gain.
         sensors, actuators : str or sequence of str, optional
             Names or patterns of outputs and of inputs of the plant; default: the names that the controller has.
         name : str, optional
@@ -128,30 +130,21 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         Raises
         ------
         ResponseError
-            If a name is unknown, shapes do not match, or the controller is discrete.
+            If a name is unknown, shapes do not match, or the controller is discrete at another rate.
         """
-        law = as_controller(controller, self.plant.system, sensors, actuators, name)
+        law = as_controller(controller, self.plant.system, sensors, actuators, name, self.period)
         return replace(self, controllers=(*self.controllers, law), sensors=united(self.sensors, law.inputs),
                        actuators=united(self.actuators, law.outputs))  # fmt: skip
 
     @cached_property
     def law(self) -> Controller:
         """All controllers as one."""
-        sizes = [len(controller.A) for controller in self.controllers]
-        n, start = sum(sizes), 0
-        a, b = np.zeros((n, n)), np.zeros((n, len(self.sensors)))
-        c, d = np.zeros((len(self.actuators), n)), np.zeros((len(self.actuators), len(self.sensors)))
-        for controller, size in zip(self.controllers, sizes, strict=True):
-            part = slice(start, start + size)
-            into = [self.sensors.index(name) for name in controller.inputs]
-            out = [self.actuators.index(name) for name in controller.outputs]
-            a[part, part] = controller.A
-            b[part, into] = controller.B
-            c[out, part] = controller.C
-            d[np.ix_(out, into)] += controller.D
-            start += size
-        name = " + ".join(controller.name for controller in self.controllers)
-        return Controller(name, a, b, c, d, self.sensors, self.actuators).for_plant(self.plant.system)
+        return combined(self.controllers, self.sensors, self.actuators).for_plant(self.plant.system)
+
+    @property
+    def period(self) -> float | None:
+        """Sample time of the controllers [s], None in continuous time."""
+        return None
 
     @property
     def ports(self) -> tuple[list[int], list[int]]:
@@ -160,7 +153,7 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         return [system.outputs.index(n) for n in self.sensors], [system.inputs.index(n) for n in self.actuators]
 
     @property
-    def _shown(self) -> tuple[list[int], list[int]]:
+    def selected_ports(self) -> tuple[list[int], list[int]]:
         """Numbers of the outputs and inputs among those of the plant."""
         system = self.plant.system
         return [system.outputs.index(n) for n in self.outputs], [system.inputs.index(n) for n in self.inputs]
@@ -299,7 +292,7 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
             Complex responses.
         """
         y, u = self.ports
-        o, i = self._shown
+        o, i = self.selected_ports
         system = self.plant.system
         rows, columns = sorted({*o, *y}), sorted({*i, *u})
         g = system.with_ports([system.outputs[k] for k in rows], [system.inputs[k] for k in columns])

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeVar
 
 import numpy as np
 
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.feedback_loop import FeedbackLoop
+from mbsvib.feedback.held_mechanism import HeldMechanism, held_mechanism, split_delay
 from mbsvib.feedback.participation import eigen
 from mbsvib.feedback.resolution import Resolution
+from mbsvib.feedback.sampled_norm import h2_norm
 from mbsvib.linalg.discrete import tustin
+from mbsvib.linalg.rank import EPS
+from mbsvib.responses.first_order_zeros import first_order_zeros
 from mbsvib.responses.frequency_grid import frequency_grid
+from mbsvib.responses.norms import Norm, check_decays
 
 if TYPE_CHECKING:
 
@@ -26,6 +31,16 @@ if TYPE_CHECKING:
 
 
 TURN = 2.0  # maximum phase change [rad] of delay and hold in a panel, which its twelve nodes resolve
+
+
+class SampleToSample(NamedTuple):
+    """Equations x+ = A x + B u, y = C x + D u, and the names of their states."""
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    states: tuple[str, ...]
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -42,43 +57,19 @@ class SampledLoop(FeedbackLoop):
     delay: float = 0.0
     continuous_form: type[Any] | None = field(default=None, repr=False, kw_only=True)
 
+    @property
+    def period(self) -> float:
+        """Sample time of the controllers [s]."""
+        return 1.0 / self.rate
+
     @cached_property
     def discrete(self) -> tuple[Array, Array, Array, Array]:
         """The controller z+ = A z + B y, u = C z + D y, by Tustin's rule."""
         return tustin(self.law.A, self.law.B, self.law.C, self.law.D, 1.0 / self.rate)
 
     @cached_property
-    def _mechanism(self) -> tuple[Array, Array, Array]:
-        """A, B, C from forces of the controller to sensors, from sample to sample; the last are delayed forces."""
-        from scipy.linalg import expm
-
-        space = self.plant.space
-        y, u = self.ports
-        n, m = len(space.A), len(u)
-        period = 1.0 / self.rate
-        periods = int(np.floor(self.delay / period + 1e-9))
-        remainder = max(self.delay - periods * period, 0.0)
-
-        def zero_order_hold(time: float) -> tuple[Array, Array]:
-            block = np.zeros((n + m, n + m))
-            block[:n, :n], block[:n, n:] = space.A * time, space.B[:, u] * time
-            result = expm(block)
-            return result[:n, :n], result[:n, n:]
-
-        first, previous_force = zero_order_hold(remainder)
-        transition, newest_force = zero_order_hold(period - remainder)
-        # the newest force is the first of the delayed forces; the last one acts when a sample is taken
-        size = n + m * (periods + 1)
-        a, b, c = np.zeros((size, size)), np.zeros((size, m)), np.zeros((len(y), size))
-        a[:n, :n], a[:n, size - m :] = transition @ first, transition @ previous_force
-        if periods:
-            a[:n, size - 2 * m : size - m] += newest_force
-        else:
-            b[:n] = newest_force
-        a[n + m :, n : size - m] = np.eye(size - n - m)
-        b[n : n + m] = np.eye(m)
-        c[:, :n], c[:, size - m :] = space.C[y], space.D[np.ix_(y, u)]
-        return a, b, c
+    def _mechanism(self) -> HeldMechanism:
+        return held_mechanism(self.plant.space, self.ports[1], self.rate, self.delay)
 
     def _loop(self, omega: Array, plant_response: Complex) -> tuple[Complex, Complex, Complex]:
         a, b, c, d = self.discrete
@@ -86,20 +77,31 @@ class SampledLoop(FeedbackLoop):
         k = np.broadcast_to(d, (len(z), *d.shape)).astype(complex)
         if len(a):
             k = k + c @ _resolved(a, b, z)
-        pa, pb, pc = self._mechanism
+        plant = self._mechanism
         hold = np.sinc(omega / (2.0 * np.pi * self.rate)) * np.exp(-1j * omega * (0.5 / self.rate + self.delay))
-        return k, k @ (pc @ _resolved(pa, pb, z)), hold
+        return k, k @ (plant.outputs[self.ports[0]] @ _resolved(plant.a, plant.forces, z)), hold
 
     @cached_property
-    def _transition(self) -> Array:
-        """From sample to sample: states of the mechanism, delayed forces, states of the controllers."""
+    def sample_to_sample(self) -> SampleToSample:
+        """The loop at its samples, x+ = A x + B w, y = C x + D w, exact for inputs that are held from sample to sample.
+
+        States: those of the mechanism, delayed forces, states of the controllers.
+        """
         a, b, c, d = self.discrete
-        pa, pb, pc = self._mechanism
-        return np.asarray(np.block([[pa + pb @ d @ pc, pb @ c], [b @ pc, a]]))
+        plant, (y, _), (shown, sources) = self._mechanism, self.ports, self.selected_ports
+        observed, direct = plant.outputs[y], plant.direct[np.ix_(y, sources)]
+        space, delayed = self.plant.space, len(plant.a) - len(self.plant.space.A)
+        states = (*space.states, *[f"force{i + 1}" for i in range(delayed)],
+                  *[f"controller{i + 1}" for i in range(len(a))])  # fmt: skip
+        return SampleToSample(
+            np.block([[plant.a + plant.forces @ d @ observed, plant.forces @ c], [b @ observed, a]]),
+            np.concatenate((plant.inputs[:, sources] + plant.forces @ d @ direct, b @ direct)),
+            np.concatenate((plant.outputs[shown], np.zeros((len(shown), len(a)))), axis=1),
+            plant.direct[np.ix_(shown, sources)], states)  # fmt: skip
 
     @cached_property
     def _eigen(self) -> tuple[Complex, Array]:
-        return eigen(self._transition, self.rate)
+        return eigen(self.sample_to_sample.A, self.rate)
 
     @cached_property
     def continuous(self) -> Any:
@@ -118,10 +120,68 @@ class SampledLoop(FeedbackLoop):
         """
         from mbsvib.modes.state_modes import state_modes
 
-        space, count = self.plant.space, len(self._transition) - len(self.law.A) - len(self.plant.space.A)
-        names = (*space.states, *[f"force{i + 1}" for i in range(count)],
-                 *[f"controller{i + 1}" for i in range(len(self.law.A))])  # fmt: skip
-        return state_modes(self._transition, self.name, names, self.rate)
+        at_samples = self.sample_to_sample
+        return state_modes(at_samples.A, self.name, at_samples.states, self.rate)
+
+    def transmission_zeros(self, outputs: Names = None, inputs: Names = None) -> Complex:
+        """Return the zeros from inputs that are held from sample to sample to outputs at the samples, s = rate log z.
+
+        The finite z at which [[A - z, B], [C, D]] of ``sample_to_sample`` has less than its normal rank, without those
+        at 0 that delays have.
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all. Their numbers may differ.
+
+        Returns
+        -------
+        array, shape (zeros,)
+            Zeros [1/s] in ascending magnitude. Among them are those that sampling adds, with imaginary parts up to pi
+            times the rate.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown.
+
+        Source: Astrom, Hagander & Sternby, Automatica 20 (1984) 31, for zeros of sampling.
+        """
+        part = self.with_ports(outputs, inputs).sample_to_sample
+        z = first_order_zeros(part.A, part.B, part.C, part.D)
+        delays = split_delay(self.rate, self.delay)[0] + 1
+        z = z[np.abs(z) > EPS ** (1.0 / (delays + 1))]  # as many delays in a row are a multiple zero at z = 0
+        zeros = self.rate * np.log(z)
+        return np.asarray(zeros[np.lexsort((-zeros.imag, np.abs(zeros)))])
+
+    def h2_norm(self, outputs: Names = None, inputs: Names = None, parameters: None = None) -> Norm:
+        """Return the H2 norm, the rms of all outputs under white noise, averaged over time, between samples as well.
+
+        What sampling folds from other frequencies is in it.
+
+        Parameters
+        ----------
+        outputs, inputs : str or sequence of str, optional
+            Names or patterns; default: all. Their units are not weighed.
+        parameters : None
+            Derivatives belong to systems of a mechanism; here there are none.
+
+        Returns
+        -------
+        Norm
+            ``value``.
+
+        Raises
+        ------
+        ResponseError
+            If the norm is infinite, because a pole does not decay, an input acts directly on an output, or noise is
+            sampled without a filter; or if a name is unknown.
+        ModelError
+            If parameters are given.
+        """
+        self._refuse_parameters("h2_norm", parameters)
+        check_decays(self.poles(), self.name, "H2")
+        return Norm(h2_norm(self.with_ports(outputs, inputs)))
 
     def demanded(self, measured: Array) -> Array:
         """Return the forces that the controllers demand at each sample, from rest.
@@ -137,13 +197,13 @@ class SampledLoop(FeedbackLoop):
             Forces.
         """
         a, b, c, d = self.discrete
-        pa, pb, pc = self._mechanism
-        x, z, forces = np.zeros(len(pa)), np.zeros(len(a)), np.empty((len(d), measured.shape[1]))
+        plant, observed = self._mechanism, self._mechanism.outputs[self.ports[0]]
+        x, z, forces = np.zeros(len(plant.a)), np.zeros(len(a)), np.empty((len(d), measured.shape[1]))
         for k, passive in enumerate(measured.T):
-            y = passive + pc @ x
+            y = passive + observed @ x
             forces[:, k] = c @ z + d @ y
             z = a @ z + b @ y
-            x = pa @ x + pb @ forces[:, k]
+            x = plant.a @ x + plant.forces @ forces[:, k]
         return forces
 
     def time_response(
@@ -241,9 +301,9 @@ class SampledLoop(FeedbackLoop):
         ResponseError
             Always.
         """
-        raise ResponseError("state_space: a sampled loop has no continuous equations, so that norms, zeros, step_info "
-                            "and exports are refused: ask loop.continuous. For mean squares give a band, or a table of "
-                            "densities.")  # fmt: skip
+        raise ResponseError("state_space: a sampled loop has no continuous equations, so that hinf_norm, step_info "
+                            "and most exports are refused: ask loop.continuous. For mean squares give a band, or a "
+                            "table of densities.")  # fmt: skip
 
     def sampled(self, rate: float, delay: float = 0.0) -> SampledLoop:
         """Return the loop with its controllers at another rate.

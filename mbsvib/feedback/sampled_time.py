@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -13,47 +13,12 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
-    from mbsvib.feedback.plant import LoopPlant
+    from mbsvib.feedback.sampled_plant import Sampled
 
 SAME = 1e-9  # share of a period within which an instant of the controllers and a time of the record are one
 MOST_SAMPLES = 2_000_000  # of the controllers in one record
 # The parts that are added up grow with an unstable plant, and their sum does not: at most six digits are lost.
 MOST_GROWTH = 1e6
-
-
-class Sampled(Protocol):
-    """A plant whose controllers take ``rate`` samples a second [Hz] and act ``delay`` [s] later."""
-
-    @property
-    def plant(self) -> LoopPlant:
-        """The plant."""
-
-    @property
-    def rate(self) -> float:
-        """Samples a second [Hz]."""
-
-    @property
-    def delay(self) -> float:
-        """Between measuring and acting [s]."""
-
-    @property
-    def sensors(self) -> tuple[str, ...]:
-        """Names of the sensors."""
-
-    @property
-    def actuators(self) -> tuple[str, ...]:
-        """Names of the actuators."""
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the outputs wanted."""
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the inputs given."""
-
-    def demanded(self, measured: Array) -> Array:
-        """Return the forces (actuators, samples) that the controllers demand."""
 
 
 class Record(NamedTuple):

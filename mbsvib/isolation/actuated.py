@@ -10,11 +10,12 @@ import numpy as np
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_model
 from mbsvib.errors import ModelError, counted
+from mbsvib.feedback.closed_loop import connected
 from mbsvib.feedback.controller import Controller, as_controller
 from mbsvib.isolation.active_legs import active_legs
 from mbsvib.isolation.isolation_study import figures
 from mbsvib.isolation.plant import Plant
-from mbsvib.isolation.study_loops import close
+from mbsvib.isolation.study_loops import ClosedLoop, SampledLoop, close
 from mbsvib.isolation.study_scene import scene
 from mbsvib.mechanism.mechanism import GROUND
 
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from mbsvib.common.selection import Names
     from mbsvib.isolation.active_legs import ActiveLeg
     from mbsvib.isolation.isolation_study import Isolation
-    from mbsvib.isolation.study_loops import ClosedLoop
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -43,13 +43,14 @@ class Active(Plant, Displayed):
     def feedback(
         self, controller: Any, sensors: Names = None, actuators: Names = None,
         name: str | None = None,
-    ) -> ClosedLoop:  # fmt: skip
+    ) -> ClosedLoop | SampledLoop:  # fmt: skip
         """Return the closed loop with a controller from any sensors to any actuators, u = w + K y.
 
         Parameters
         ----------
         controller : Controller, StateSpace, control.StateSpace, control.TransferFunction or array-like
-            In continuous time; an array, shape (actuators, sensors), is a static gain.
+            An array, shape (actuators, sensors), is a static gain. One of python-control in discrete time runs at its
+            sample time, behind a zero-order hold.
         sensors, actuators : str or sequence of str, optional
             Names or patterns of outputs and of inputs; default: the names that the controller has.
         name : str, optional
@@ -57,15 +58,17 @@ class Active(Plant, Displayed):
 
         Returns
         -------
-        ClosedLoop
+        ClosedLoop, or SampledLoop with a discrete controller
             The mechanism with the loop closed.
 
         Raises
         ------
         ResponseError
-            If a name is unknown, shapes do not match, or the controller is discrete.
+            If a name is unknown, shapes do not match, or a discrete controller has no sample time or a pole at z = -1.
         """
-        return close(self, as_controller(controller, self.system, sensors, actuators, name))
+        loop = connected(self, controller, sensors, actuators, name, ClosedLoop)
+        assert isinstance(loop, ClosedLoop | SampledLoop)
+        return loop
 
     def with_gains(self, *controllers: Any) -> ClosedLoop:
         """Return the closed loop; several controllers act together (HAC-LAC: an inner and an outer one).

@@ -45,7 +45,6 @@ class Pair(Displayed):
     passive: bool
     poles: Array
     zeros: Array
-    minimum_phase: bool
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -124,7 +123,7 @@ def _pair(plant: Plant, undamped: System | None, actuator: str, sensor: str) -> 
     kind = np.concatenate((np.zeros(len(poles)), np.ones(len(zeros))))[np.argsort(both, kind="stable")]
     interlaced = None if undamped is None else minimum and bool((np.diff(kind) != 0.0).all())
     passive = _passive(system if system.C.any() else _damped(system), i, j, force, order)
-    return Pair(actuator, sensor, dual, interlaced, passive, poles, zeros, minimum)
+    return Pair(actuator, sensor, dual, interlaced, passive, poles, zeros)
 
 
 def removable(plant: Plant, legs: Sequence[str]) -> bool:

@@ -12,6 +12,7 @@ from mbsvib.api.system import System
 from mbsvib.feedback.integrand import response
 from mbsvib.feedback.resolution import resolution
 from mbsvib.isolation.asymptote import Asymptote, asymptote
+from mbsvib.isolation.linear import numbers, responses
 from mbsvib.isolation.study_scene import ACCELERATIONS, StudyScene
 from mbsvib.responses import extrema
 
@@ -79,9 +80,7 @@ class Figures:
         w = 2.0 * np.pi * np.asarray(frequencies, dtype=float)
         if isinstance(self.linear, System):
             return _frobenius(self._scaled(response(self.linear, w, ACCELERATIONS, self.scene.inputs)))
-        into = [self.linear.inputs.index(name) for name in self.scene.inputs]
-        out = [self.linear.outputs.index(name) for name in ACCELERATIONS]
-        return _frobenius(self._scaled(self.linear.frequency_response(w)[np.ix_(out, into)]))
+        return _frobenius(self._scaled(responses(self.linear, w, ACCELERATIONS, self.scene.inputs)))
 
     @cached_property
     def _band(self) -> extrema.Band | None:
@@ -129,8 +128,7 @@ class Figures:
     @cached_property
     def _asymptote(self) -> Asymptote | None:
         far = self._far
-        into = [far.inputs.index(name) for name in self.scene.inputs]
-        out = [far.outputs.index(name) for name in ACCELERATIONS]
+        out, into = numbers(far, ACCELERATIONS, self.scene.inputs)
         left = self.scene.scale() / np.sqrt(len(into))
         result = asymptote(far, into, out, left, 1.0 / self.scene.scale(self.scene.base_directions))
         # the response of a hold has ripples at high frequency, and decreases with the frequency

@@ -11,6 +11,7 @@ from mbsvib.common.display import Displayed
 from mbsvib.feedback.frequencies import checked
 from mbsvib.isolation.figures import Figures
 from mbsvib.isolation.frequencies import default
+from mbsvib.isolation.linear import numbers
 from mbsvib.isolation.study_scene import ACCELERATIONS, DISPLACEMENTS, LOADS, StudyScene, scene
 from mbsvib.isolation.tables import isolation_csv, isolation_table
 from mbsvib.isolation.vibration import vibration
@@ -143,9 +144,8 @@ def figures(study_scene: StudyScene, linear: Linear, frequencies: ArrayLike | No
     """
     f = default(linear) if frequencies is None else checked(frequencies)
     response = linear.frequency_response(2.0 * np.pi * f)
-    into, out = linear.inputs.index, linear.outputs.index
-    shaken = response[np.ix_([out(name) for name in ACCELERATIONS], [into(name) for name in study_scene.inputs])]
-    loaded = response[np.ix_([out(name) for name in DISPLACEMENTS], [into(name) for name in LOADS])]
+    shaken, loaded = (response[np.ix_(*numbers(linear, *ports))] for ports in
+                      ((ACCELERATIONS, study_scene.inputs), (DISPLACEMENTS, LOADS)))  # fmt: skip
     for array in (f, shaken, loaded):
         array.setflags(write=False)
     return Isolation(study_scene, linear, f, shaken, loaded)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
+import numpy as np
+
 from mbsvib.api.system import System
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
 
     from numpy.typing import ArrayLike
 
@@ -18,6 +21,10 @@ if TYPE_CHECKING:
 
 class LoopResponse(Protocol):
     """Responses of a mechanism with closed loops."""
+
+    @property
+    def name(self) -> str:
+        """Name of the mechanism, and those of the controllers."""
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -53,3 +60,13 @@ class LoopResponse(Protocol):
 
 
 Linear: TypeAlias = System | LoopResponse
+
+
+def numbers(linear: Linear, outputs: Iterable[str], inputs: Iterable[str]) -> tuple[list[int], list[int]]:
+    """Return the numbers of some outputs and inputs."""
+    return [linear.outputs.index(name) for name in outputs], [linear.inputs.index(name) for name in inputs]
+
+
+def responses(linear: Linear, omega: Array, outputs: Iterable[str], inputs: Iterable[str]) -> Complex:
+    """Return responses (outputs, inputs, n) at angular frequencies (n,) [rad/s], of all ports at once."""
+    return np.asarray(linear.frequency_response(omega)[np.ix_(*numbers(linear, outputs, inputs))])

@@ -13,6 +13,7 @@ import numpy as np
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.resolution import resolution
 from mbsvib.isolation.asymptote import direct as at_once
+from mbsvib.isolation.linear import numbers, responses
 from mbsvib.linalg.balancing import scaled
 from mbsvib.responses import extrema
 
@@ -41,8 +42,7 @@ def moments(linear: Linear, inputs: Sequence[str], outputs: Sequence[str], filte
     from scipy.linalg import block_diag
 
     space = linear.state_space("modal")
-    into = [linear.inputs.index(name) for name in inputs]
-    out = [linear.outputs.index(name) for name in outputs]
+    out, into = numbers(linear, outputs, inputs)
     a, b, c, d = space.A, space.B[:, into], space.C[out], space.D[np.ix_(out, into)]
     fa, fb = block_diag(*[f.a for f in filters]), block_diag(*[f.b for f in filters])
     fc, fd = block_diag(*[f.c for f in filters]), np.diag([f.d for f in filters])
@@ -117,17 +117,14 @@ def integrals(linear: Linear, inputs: Sequence[str], outputs: Sequence[str], noi
     ``ends`` (panels + 1,): ends of the panels [Hz]. ``power``: of the angular frequency [rad/s]: -2 makes velocities of
     accelerations. Returns (outputs, panels): mean squares.
     """
-    into = [linear.inputs.index(name) for name in inputs]
-    out = [linear.outputs.index(name) for name in outputs]
     f, weight = extrema.gauss_rule(ends)
-    density = np.empty((len(out), len(f)))
+    density = np.empty((len(outputs), len(f)))
     for start in range(0, len(f), BATCH):
         part = slice(start, start + BATCH)
-        g = linear.frequency_response(2.0 * np.pi * f[part])[np.ix_(out, into)]
-        density[:, part] = _density(g, noise.at(f[part]))
+        density[:, part] = _density(responses(linear, 2.0 * np.pi * f[part], outputs, inputs), noise.at(f[part]))
     if power:
         density *= (2.0 * np.pi * f) ** power
-    return np.asarray((density * weight).reshape(len(out), len(ends) - 1, -1).sum(axis=2))
+    return np.asarray((density * weight).reshape(len(outputs), len(ends) - 1, -1).sum(axis=2))
 
 
 def _density(g: Complex, s: Complex) -> Array:
@@ -139,5 +136,5 @@ def _density(g: Complex, s: Complex) -> Array:
 
 
 def _largest(linear: Linear, noise: BaseNoise, frequencies: Array) -> Array:
-    into = [linear.inputs.index(f"base.{direction}") for direction in noise.directions]
-    return np.asarray(np.abs(linear.frequency_response(2.0 * np.pi * frequencies)[:, into]).max(axis=(0, 1)))
+    g = responses(linear, 2.0 * np.pi * frequencies, linear.outputs, [f"base.{name}" for name in noise.directions])
+    return np.asarray(np.abs(g).max(axis=(0, 1)))

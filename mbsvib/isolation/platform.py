@@ -19,6 +19,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
 from mbsvib.elements.ports import Port
 from mbsvib.errors import ModelError, nearest
+from mbsvib.isolation.bodies import check_body
 from mbsvib.isolation.leg_motion import Following
 from mbsvib.isolation.legs import legs_between
 from mbsvib.isolation.rings import UNITS, ring_of
@@ -170,11 +171,8 @@ def platform(
     ModelError
         If there is no leg, one is no chain between base and platform, does not slide, or has an end on the axis.
     """
-    for argument, name in (("body", body), ("base", base)):
-        known = [*model.bodies, *([GROUND] if argument == "base" else [])]
-        if name not in known:
-            raise ModelError(f"platform: {argument} = {name!r}; expected a body of model '{model.name}'."
-                             f"{nearest(str(name), known)}", element=str(name), field=argument)  # fmt: skip
+    check_body(model, body, "platform", "body")
+    check_body(model, base, "platform", "base")
     if body == base:
         raise ModelError(f"platform: body and base are both '{body}'; legs lead from one to the other.",
                          element=body, field="base")  # fmt: skip

@@ -12,6 +12,7 @@ from mbsvib.common.display import Displayed
 from mbsvib.elements import Maxwell
 from mbsvib.errors import ModelError, nearest
 from mbsvib.isolation.active_legs import line_springs
+from mbsvib.isolation.bodies import check_body, radius_of_gyration
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -79,9 +80,7 @@ def struts(model: Model, body: str, legs: Sequence[str] | None = None, point: Ar
     ModelError
         If a name is unknown.
     """
-    if body not in model.bodies:
-        raise ModelError(f"struts: body = {body!r}; expected a body of model '{model.name}'."
-                         f"{nearest(str(body), model.bodies)}", element=str(body), field="body")  # fmt: skip
+    check_body(model, body, "struts", "body")
     part = model.bodies[body]
     origin = np.array(part.position if point is None else check.vector(point, "struts", "point"))
     leg_names = _lines(model, legs)
@@ -92,8 +91,8 @@ def struts(model: Model, body: str, legs: Sequence[str] | None = None, point: Ar
         rows.append(np.concatenate((line, np.cross(np.array(leg.end) - origin, line))))
         k.append(leg.static_stiffness if isinstance(leg, Maxwell) else leg.stiffness)
     jacobian = np.array(rows)
-    length = float(np.sqrt(0.5 * sum(part.inertia[:3]) / part.mass)) if part.mass > 0.0 else 1.0
-    return Struts(leg_names, jacobian, jacobian.T @ (np.array(k)[:, None] * jacobian), length or 1.0)
+    stiffness = jacobian.T @ (np.array(k)[:, None] * jacobian)
+    return Struts(leg_names, jacobian, stiffness, radius_of_gyration(part) or 1.0)
 
 
 def ring(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +15,7 @@ from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.superelement import Superelement
 from mbsvib.equations.base_motion import fixed_in_world
 from mbsvib.errors import ModelError, nearest
+from mbsvib.isolation.bodies import check_body, radius_of_gyration
 from mbsvib.mechanism.mechanism import GROUND
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from mbsvib.api.system import System
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
-    from mbsvib.elements import Body
 
 DIRECTIONS = check.DIRECTIONS
 ACCELERATIONS = tuple(f"acceleration.{direction}" for direction in DIRECTIONS)
@@ -91,18 +90,14 @@ def scene(
     """
     who = "isolation"
     a_model(model, who)
-    for field, name in (("body", body), ("base", base)):
-        known = [*model.bodies, *([GROUND] if field == "base" else [])]
-        if name not in known:
-            raise ModelError(f"{who}: {field} = {name!r}; expected a body of model '{model.name}'."
-                             f"{nearest(str(name), known)} It has {', '.join(known)}.",
-                             element=str(name), field=field)  # fmt: skip
+    check_body(model, body, who, "body")
+    check_body(model, base, who, "base")
     if body == base:
         raise ModelError(f"{who}: body and base are both '{body}', so that nothing is isolated; name another base.",
                          element=body, field="base")  # fmt: skip
     part = model.bodies[body]
     at = part.position if point is None else check.vector(point, who, "point")
-    size = _size(part) if length is None else check.number(length, who, "length", "a positive length [m]")
+    size = radius_of_gyration(part) if length is None else check.number(length, who, "length", "a positive length [m]")
     if size <= 0.0:
         hint = "A body of no extent has no length of its own: give one." if length is None else ""
         raise check.refuse(who, "length", length, "a positive length [m]", hint)
@@ -118,11 +113,6 @@ def scene(
     legs = _measured(copy)
     system = copy.linearize(method="dense")
     return StudyScene(copy, system, body, base, at, float(size), base_directions, legs, notes)
-
-
-def _size(body: Body) -> float:
-    """Root mean square distance of a body's mass from its centre."""
-    return sqrt(0.5 * sum(body.inertia[:3]) / body.mass) if body.mass > 0.0 else 0.0
 
 
 def _with_base(model: Model, base: str, keep_ports: bool) -> Model:

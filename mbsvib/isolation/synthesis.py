@@ -54,9 +54,7 @@ def lqg(
     ResponseError
         If a weight is not positive, a name unknown, or no stabilising controller exists.
     """
-    for name, value in (("effort", effort), ("base", base), ("noise", noise)):
-        if not 0.0 < value < np.inf:
-            raise ResponseError(f"lqg: {name} = {value!r}; expected a positive number.")
+    _check_positive("lqg", effort=effort, base=base, noise=noise)
     a, b, bw, c, d, dw, z, zd, scale = _weighted(plant, sensors, performance)
     m, n = b.shape[1], len(c)
     back = _feedback(a, b, z.T @ z, zd.T @ zd + effort * np.eye(m), z.T @ zd)
@@ -106,9 +104,7 @@ def hinf(
     Systems & Control Letters 11 (1988); SLICOT's SB10FD.
     """
     need_ctrlsys("hinf", ", or use lqg, which does without")
-    for name, value in (("effort", effort), ("noise", noise)):
-        if not 0.0 < value < np.inf:
-            raise ResponseError(f"hinf: {name} = {value!r}; expected a positive number.")
+    _check_positive("hinf", effort=effort, noise=noise)
     if not 1.0 <= relaxation < np.inf:
         raise ResponseError(f"hinf: relaxation = {relaxation!r}; expected a number from 1 on.")
     a, b, bw, c, d, dw, z, zd, scale = _weighted(plant, sensors, performance)
@@ -123,6 +119,12 @@ def hinf(
     law = Controller("Hinf", synthesis.A * scale, synthesis.B * scale, synthesis.C, synthesis.D, tuple(sensors),
                      plant.names("actuator")).for_plant(plant.system)  # fmt: skip
     return law, float(synthesis.norm or 0.0)
+
+
+def _check_positive(who: str, **weights: float) -> None:
+    for name, value in weights.items():
+        if not 0.0 < value < np.inf:
+            raise ResponseError(f"{who}: {name} = {value!r}; expected a positive number.")
 
 
 def _feedback(a: Array, b: Array, state: Array, effort: Array, cross: Array) -> Array:

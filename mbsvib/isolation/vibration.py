@@ -13,6 +13,7 @@ from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.frequencies import checked
 from mbsvib.isolation import octaves
+from mbsvib.isolation.linear import responses
 from mbsvib.isolation.mean_square import integrals, moments, panels
 from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS
 from mbsvib.responses.densities import Shaped
@@ -91,9 +92,7 @@ class Vibration(Displayed):
             Densities [(m/s^2)^2/Hz, (rad/s^2)^2/Hz].
         """
         f = checked(self.study.frequencies if frequencies is None else frequencies)
-        linear = self.study.linear
-        into = [linear.inputs.index(name) for name in self._inputs]
-        g = linear.frequency_response(2.0 * np.pi * f)[np.ix_([linear.outputs.index(n) for n in ACCELERATIONS], into)]
+        g = responses(self.study.linear, 2.0 * np.pi * f, ACCELERATIONS, self._inputs)
         return np.asarray(np.einsum("oin,nij,ojn->on", g, self.noise.at(f), g.conj()).real)
 
     def velocity(self, centres: ArrayLike | None = None) -> Array:

@@ -22,3 +22,17 @@ def tustin(a: Array, b: Array, c: Array, d: Array, step: float) -> tuple[Array, 
     left = np.linalg.inv(np.eye(n) - half * a) if n else np.zeros((0, 0))
     gain = c @ left
     return left @ (np.eye(n) + half * a), step * (left @ b), gain, d + half * gain @ b
+
+
+def inverse_tustin(a: Array, b: Array, c: Array, d: Array, step: float) -> tuple[Array, Array, Array, Array]:
+    """Return the continuous equations of which Tustin's rule makes these discrete-time ones.
+
+    A = 2/h (Ad - 1) L,  B = 2/h L Bd,  C = 2 Cd L,  D = Dd - Cd L Bd  with  L = (1 + Ad)^-1
+
+    ``a``, ``b``, ``c``, ``d`` (n, n), (n, i), (o, n), (o, i): discrete-time equations without a pole at z = -1.
+    ``step``: time between samples h [s].
+    """
+    n = len(a)
+    left = np.linalg.inv(np.eye(n) + a) if n else np.zeros((0, 0))
+    gain = c @ left
+    return 2.0 / step * (a - np.eye(n)) @ left, 2.0 / step * (left @ b), 2.0 * gain, d - gain @ b

@@ -67,12 +67,18 @@ def _combined(rows: Array, value: Array) -> Array:
     return result
 
 
+def real_product(matrix: Any, values: NDArray[Any]) -> NDArray[Any]:
+    """Return the products of real matrices (..., i, k) and numbers (..., k, n), complex ones by their two parts."""
+    if values.dtype.kind != "c":
+        return np.asarray(matrix @ values)
+    result = np.ascontiguousarray(matrix @ np.ascontiguousarray(values).view(float))
+    return result.view(values.dtype)
+
+
 def product(matrix: Array, values: NDArray[Any]) -> NDArray[Any]:
     """Return the product (v, ...) of a real matrix (v, k) and numbers (k, ...), complex ones by their two parts."""
-    flat = np.ascontiguousarray(values).reshape(len(values), prod(values.shape[1:]))
-    kind = flat.dtype
-    result: NDArray[Any] = matrix @ (flat.view(float) if kind.kind == "c" else flat)
-    return result.view(kind).reshape(len(matrix), *values.shape[1:])
+    flat = values.reshape(len(values), prod(values.shape[1:]))
+    return real_product(matrix, flat).reshape(len(matrix), *values.shape[1:])
 
 
 def square_difference(square: Array, w: Array) -> Array:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.sparse import csr_array
 
+from mbsvib.linalg.products import real_product
 from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
@@ -49,13 +50,13 @@ def moved(motion: Field, arm: NDArray[np.float64]) -> Field:
 def transformed(matrices: NDArray[np.float64], vectors: Field) -> Field:
     """Return products of matrices (k, i, j) and vectors (k, j, ...)."""
     tail = vectors.shape[2:]
-    result: Field = matrices @ vectors.reshape(*vectors.shape[:2], prod(tail))
+    result = real_product(matrices, vectors.reshape(*vectors.shape[:2], prod(tail)))
     return result.reshape(*result.shape[:2], *tail)
 
 
 def incidence_sum(incidence: csr_array, wrench: Field) -> Field:
     """Return sums of wrenches (w, 6, n) that a matrix (rows, w) picks, (rows, 6, n)."""
-    total: Field = incidence @ wrench.reshape(len(wrench), prod(wrench.shape[1:]))
+    total = real_product(incidence, wrench.reshape(len(wrench), prod(wrench.shape[1:])))
     return total.reshape(incidence.shape[0], *wrench.shape[1:])
 
 
@@ -76,7 +77,7 @@ def moved_wrench(wrench: Field, arm: NDArray[np.float64]) -> Field:
     result = np.array(wrench)
     moves: list[bool] = np.asarray(arm.any(axis=0)).tolist()
     if all(moves):
-        result[:, 3:] += skew(arm) @ wrench[:, :3]
+        result[:, 3:] += real_product(skew(arm), wrench[:, :3])
         return result
     for axis, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         if moves[j]:

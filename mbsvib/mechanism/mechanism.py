@@ -195,7 +195,16 @@ class Mechanism:
         -------
         Mechanism
             The changed mechanism, of the same class; this one does not change.
+
+        Raises
+        ------
+        ModelError
+            If there is no such group.
         """
+        for key in groups:
+            if key not in GROUPS:
+                raise ModelError(f"with_parts: there is no group {key!r}.{nearest(key, GROUPS)} There are "
+                                 f"{', '.join(GROUPS)}; beams and superelements are 'composed'.")  # fmt: skip
         result = self.__copy__()
         result.__setstate__({f"_{key}": dict(parts) for key, parts in groups.items()})
         if gravity is not _SAME:

@@ -12,19 +12,26 @@ if TYPE_CHECKING:
 
 # Radius of gyration over the size of the mechanism, beyond which inertia is likely to be in g mm^2 or kg cm^2
 FAR = 10.0
+# Speeds of sound sqrt(E / rho) [m/s] of solids: 30 in soft rubber, 5200 in steel, 18000 in diamond. Moduli in MPa or
+# GPa and densities in g/cm^3 are beyond these by their factors of 1000 and more.
+SLOWEST, FASTEST = 10.0, 3e4
 
 
 def unit_warnings(parts: Sequence[Any]) -> list[str]:
     """Return the warnings, one sentence each.
 
-    They are about bodies whose radius of gyration is far larger than the mechanism.
+    They are about materials with a speed of sound that no solid has, and bodies whose radius of gyration is far larger
+    than the mechanism.
     """
+    result = [f"beam '{part.name}': E = {material.E:.3g} and rho = {material.rho:.3g}, a speed of sound of {speed:.3g} "
+              f"m/s; are they in N/m^2 and kg/m^3?"
+              for part in parts if (material := getattr(part, "material", None)) is not None
+              if not SLOWEST < (speed := sqrt(material.E / material.rho)) < FASTEST]  # fmt: skip
     points = [getattr(part, field, None) for part in parts for field in ("position", "start", "end")]
     known = [point for point in points if point is not None]
     if not known:
-        return []
+        return result
     size = dist([min(axis) for axis in zip(*known, strict=True)], [max(axis) for axis in zip(*known, strict=True)])
-    result = []
     for part in parts:
         if part.symbol == "body" and part.mass > 0.0 and size > 0.0:
             radius = sqrt(max(principal(*part.inertia)[2], 0.0) / part.mass)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -10,10 +11,14 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 LEAST = 0.6  # of the size of texts: less is not legible in print
+TOUCH = 3.0  # pixels by which boxes of texts may overlap or leave the figure: their margins
 
 
 class ScaledFigure(Figure):
-    """A figure of matplotlib; where it is made smaller, texts shrink in proportion, to 60 % of their size at most."""
+    """A figure of matplotlib; where it is made smaller, texts shrink in proportion, to 60 % of their size at most.
+
+    Warns if a smaller figure has no room for its texts.
+    """
 
     def __init__(self, *args: Any, **settings: Any) -> None:
         super().__init__(*args, **settings)
@@ -28,11 +33,21 @@ class ScaledFigure(Figure):
         ----------
         renderer : matplotlib.backend_bases.RendererBase
             What draws.
+
+        Warns
+        -----
+        UserWarning
+            If the figure is too small for its texts.
         """
         scale = float(np.clip((self.get_size_inches() / self._designed).min(), LEAST, 1.0))
         if scale != self._scale:
             self._resize_texts(scale)
         super().draw(renderer)
+        if scale < 1.0 and self._crowded(renderer):
+            size, designed = (" x ".join(f"{side:.3g}" for side in inches)
+                              for inches in (self.get_size_inches(), self._designed))  # fmt: skip
+            warnings.warn(f"figure of {size} in: texts meet or are cut. It is designed for {designed} in; make it "
+                          f"larger, or draw fewer panels.", stacklevel=2)  # fmt: skip
 
     def _resize_texts(self, scale: float) -> None:
         for text in self.findobj(Text):
@@ -42,3 +57,19 @@ class ScaledFigure(Figure):
             for axis in (axes.xaxis, axes.yaxis):  # ticks that are made later
                 axis.set_tick_params("both", labelsize=axis.get_major_ticks(1)[0].label1.get_fontsize())
         self._scale = scale
+
+    def _crowded(self, renderer: Any) -> bool:
+        """Whether titles, labels, legends and remarks meet each other or are cut."""
+        shown = [axes for axes in self.axes if axes.get_visible()]
+        parts: list[Any] = [*self.texts, *self.legends]
+        for axes in shown:
+            parts += [axes.xaxis.label, axes.yaxis.label, axes.get_legend(), *axes.texts,
+                      *(child for child in axes.get_children() if isinstance(child, Text))]  # fmt: skip
+        drawn = {id(part): part for part in parts if part is not None and part.get_visible()
+                 and not (isinstance(part, Text) and not part.get_text())}  # fmt: skip
+        boxes = np.array([part.get_window_extent(renderer).extents for part in drawn.values()]).reshape(-1, 4)
+        low, high = boxes[:, :2], boxes[:, 2:]
+        if (low < -TOUCH).any() or (high > np.array(self.bbox.size) + TOUCH).any():
+            return True
+        shared = np.minimum(high[:, None], high) - np.maximum(low[:, None], low)
+        return bool(np.triu((shared > TOUCH).all(axis=2), 1).any())

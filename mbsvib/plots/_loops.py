@@ -32,6 +32,10 @@ class Loop(Protocol):
         """Name of the loop."""
 
     @property
+    def title(self) -> str:
+        """The controllers, and how they run."""
+
+    @property
     def actuators(self) -> tuple[str, ...]:
         """Names of the actuators."""
 

@@ -37,6 +37,7 @@ MARKS: dict[str, tuple[str, float, str, str, float]] = {
 }  # fmt: skip
 FACE = (0.56, 0.69, 0.85, 0.35)
 MARGIN = 0.06
+SLIMMEST = 0.5  # width over height of a drawing, or the reverse: at its corner the axes are beside the mechanism
 HEAD, HALF_ANGLE = 0.022, np.radians(24.0)  # of arrows: length as a share of the size, and half of the opening angle
 CORNER = 44.0  # size [pt] of the corner with the directions of the axes
 
@@ -99,9 +100,10 @@ class Picture:
                                      zorder=3.5)  # fmt: skip
         axes.add_collection(self._heads)
         low, high = (flat.min(axis=0), flat.max(axis=0)) if len(flat) else (-np.ones(3), np.ones(3))
-        room = MARGIN * scene.size + reach
-        axes.set_xlim(low[0] - room, high[0] + room)
-        axes.set_ylim(low[1] - room, high[1] + room)
+        middle, half = 0.5 * (low + high)[:2], 0.5 * (high - low)[:2] + MARGIN * scene.size + reach
+        half = np.maximum(half, SLIMMEST * half.max())
+        axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
+        axes.set_ylim(middle[1] - half[1], middle[1] + half[1])
         axes.set_aspect("equal")
         axes.set_axis_off()
         self.set_points(scene.points)

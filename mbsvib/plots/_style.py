@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
     from numpy.typing import NDArray
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")  # Okabe and Ito
@@ -133,9 +133,13 @@ def frequency_axis(axes: Axes, low: float, high: float, label: str = "frequency 
 
 def head(figure: Figure, words: str) -> None:
     """Write the title of a whole figure, in as many lines as it takes."""
-    width = int(figure.get_figwidth() * LETTERS_PER_INCH)
-    lines = [part for line in words.split("\n") for part in wrap(line, width) or [""]]
-    figure.suptitle("\n".join(lines), x=0.02, ha="left", fontsize=10.5)
+    figure.suptitle(wrapped(figure, words), x=0.02, ha="left", fontsize=10.5)
+
+
+def wrapped(figure: Figure | SubFigure, words: str, share: float = 1.0) -> str:
+    """Return words in lines that are no longer than a ``share`` of the width of a figure."""
+    width = int(share * figure.bbox.width / figure.dpi * LETTERS_PER_INCH)
+    return "\n".join(part for line in words.split("\n") for part in wrap(line, width) or [""])
 
 
 def tell_left_out(figure: Figure, shown: int, count: int, items: str, how: str = "") -> None:

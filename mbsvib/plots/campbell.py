@@ -114,8 +114,12 @@ def campbell(data: Campbell, orders: Sequence[float] = (1.0,), modes: int | None
         if data.growing.any():
             handles.append(Line2D([], [], marker="x", linestyle="none", color=style.INK, markersize=4.0,
                                   label="unstable"))  # fmt: skip
+        handles += [Line2D([], [], color=style.MARK, linewidth=0.8, label=f"{order:g} × speed") for order in orders]
+        if data.critical:
+            handles.append(Line2D([], [], marker="o", linestyle="none", color=style.INK, markersize=5.0, mfc="white",
+                                  label="critical speed"))  # fmt: skip
         if handles:
-            style.legend(figure, handles, "outside lower center", len(handles))
+            style.legend(figure, handles, "outside lower center", 3)
         style.name_aside(axes, data.name)
         if modes is None:
             style.tell_left_out(figure, count, data.frequencies.shape[1], "modes", "ask for more by modes=...")

@@ -26,12 +26,20 @@ class Bodies(Protocol):
         """Name of the base."""
 
 
+class Named(Protocol):
+    """The equations of a study."""
+
+    @property
+    def name(self) -> str:
+        """Name of the model, and those of its controllers."""
+
+
 class Isolation(Protocol):
     """Data of a study of isolation; ``mbsvib.isolation.study`` returns one."""
 
     @property
-    def name(self) -> str:
-        """Name of the model."""
+    def linear(self) -> Named:
+        """The system, or the closed loop."""
 
     @property
     def scene(self) -> Bodies:
@@ -66,7 +74,7 @@ def isolation(studies: Isolation | Sequence[Isolation], labels: Sequence[str] | 
     studies : Isolation or sequence of Isolation
         What is compared, for one with the range of its singular values.
     labels : sequence of str, optional
-        Names for the legend; default: those of the models.
+        Names for the legend; default: those of the models, and of their controllers.
 
     Returns
     -------
@@ -79,7 +87,7 @@ def isolation(studies: Isolation | Sequence[Isolation], labels: Sequence[str] | 
         If there are no studies, or not as many labels.
     """
     listed = list(studies) if isinstance(studies, Iterable) else [studies]
-    names = [study.name for study in listed] if labels is None else list(labels)
+    names = [study.linear.name for study in listed] if labels is None else list(labels)
     if not listed or len(names) != len(listed):
         raise ModelError(f"isolation plot: {len(listed)} studies and {len(names)} labels; expected at least one study, "
                          f"and a label for each.", field="labels")  # fmt: skip

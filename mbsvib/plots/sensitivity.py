@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.plots._loops import Loop
 
+LINE = 48  # letters below a panel
 LEVEL = 1e-3  # share by which a peak is above the ends of its curve
 
 
@@ -56,7 +57,7 @@ def sensitivity(
     """
     several = list(loop) if isinstance(loop, Sequence) else [loop]
     group = [loops.closed(loop, "plots.sensitivity") for loop in several]
-    names = [loop.law.name for loop in group] if labels is None else list(labels)
+    names = [loop.title for loop in group] if labels is None else list(labels)
     if len(names) != len(group) or not group:
         raise ResponseError(f"plots.sensitivity: {len(names)} labels for {len(group)} loops; give one for each.")
     with style.context():
@@ -70,8 +71,9 @@ def sensitivity(
             verdict = "" if loop.margins().stable else " (unstable)"
             for axes, matrices in zip(panels, (s, np.eye(len(loop.actuators)) - s), strict=True):
                 largest = np.asarray(np.linalg.svd(matrices, compute_uv=False)[:, 0], dtype=float)
+                words = f"{name}{verdict}:", _highest(f, largest, decibels)
                 axes.plot(f, 20.0 * np.log10(largest) if decibels else largest, **style.line(number),
-                          label=f"{name}{verdict}: {_highest(f, largest, decibels)}")  # fmt: skip
+                          label=(" " if sum(map(len, words)) < LINE else "\n").join(words))  # fmt: skip
         for axes, title in zip(panels, ("sensitivity S", "complementary sensitivity T"), strict=True):
             style.frequency_axis(axes, ends[0], ends[1])
             if not decibels:

@@ -67,7 +67,7 @@ def trade_off(data: TradeOff) -> Figure:
         for axes, pair in zip(panels, pairs, strict=False):
             _panel(figure, axes, data, pair)
         if len(pairs) == 1:
-            panels[0].set_title("trade-off")
+            panels[0].set_title("Trade-off")
             style.name_aside(panels[0], data.name)
         else:
             style.head(figure, f"Trade-off of {data.name}")
@@ -85,6 +85,6 @@ def _panel(figure: Figure, axes: Axes, data: TradeOff, pair: tuple[str, str]) ->
     else:
         axes.plot(data.values[x], data.values[y], ".-" if not third else ".", color=style.COLOURS[0], label="designs")
     axes.plot(data.ideal[x], data.ideal[y], "x", color=style.INK, label="least of each on its own")
-    axes.plot(data.began[x], data.began[y], "*", color=style.COLOURS[1], markersize=9, label="given model")
+    axes.plot(data.began[x], data.began[y], "*", color=style.COLOURS[1], markersize=9, zorder=2, label="given model")
     axes.set_xlabel(units.pretty(data.labels[x]))
     axes.set_ylabel(units.pretty(data.labels[y]))

@@ -141,11 +141,12 @@ class StateSpace(LinearVerbs, Displayed):
         ResponseError
             If it is neither, or discrete, or an improper transfer function.
         """
-        from mbsvib.responses.from_control import arguments, is_control, is_transfer_function
+        from mbsvib.responses.from_control import arguments, check_continuous, is_control, is_transfer_function
 
         if not (is_control(space) or is_transfer_function(space)):
             raise ResponseError(f"from_control: {type(space).__name__}; expected a control.StateSpace "
                                 f"or control.TransferFunction.")  # fmt: skip
+        check_continuous(space)
         return cls.from_arrays(**arguments(space))
 
     @cached_property

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.linalg.products import real_product
 from mbsvib.linalg.vectors import transformed
 from mbsvib.sensitivities.second_order_work import geometric_wrenches
 from mbsvib.sensitivities.transmitted_wrenches import transmitted
@@ -91,17 +92,17 @@ def motions(network: Network, vectors: Field) -> Motions:
     """
     tail = vectors.shape[1:]
     flat = vectors.reshape(len(vectors), prod(tail))
-    of_joints = flat if network.reduction is None else network.reduction @ flat
-    relative: Field = network.relative @ of_joints
+    of_joints = flat if network.reduction is None else real_product(network.reduction, flat)
+    relative = real_product(network.relative, of_joints)
     body: Field = np.zeros((6 * len(network.bodies), flat.shape[1]), dtype=flat.dtype)
     moves = network.moves
     if len(moves) == len(body):
-        np.matmul(network.displacements, flat, out=body)
+        body = real_product(network.displacements, flat)
     else:
-        body[moves] = network.displacements[moves] @ flat
+        body[moves] = real_product(network.displacements[moves], flat)
     body, relative = body.reshape(len(network.bodies), 6, *tail), relative.reshape(len(network.point), 6, *tail)
     strained = relative[len(network.joints) :]
-    nodes = None if network.shared is None else network.shared.base @ of_joints
+    nodes = None if network.shared is None else real_product(network.shared.base, of_joints)
     return Motions(vectors, body, relative, momentum(network, body), transformed(network.stiffness, strained),
                    transformed(network.damping, strained) if network.damped else None,
                    None if nodes is None else nodes.reshape(len(nodes), *tail))  # fmt: skip

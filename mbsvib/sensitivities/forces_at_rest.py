@@ -15,21 +15,15 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements import Body, Joint, Load
-    from mbsvib.elements.connection import Connection
+    from mbsvib.elements import Body, Joint
     from mbsvib.equations.equations import Equations
+    from mbsvib.sensitivities.network import Network
 
 
-def forces_at_rest(
-    system: Equations, bodies: Sequence[Body], joints: Sequence[Joint], springs: Sequence[Connection],
-    loads: Sequence[Load], number: dict[str, int], point: Array, gravity: Array,
-) -> Forces:  # fmt: skip
-    """Return the forces at the pose of a system.
-
-    They act in joints and springs, and come of ``gravity`` (3,) and loads; ``point`` (joints + springs, 3) are the
-    points of the connections.
-    """
-    statics = system.provenance.statics
+def forces_at_rest(system: Equations, network: Network) -> Forces:
+    """Return the forces at the pose of a system: those in joints and springs, of gravity and of loads."""
+    statics, loads, point, gravity = system.provenance.statics, network.loads, network.point, network.gravity
+    bodies, joints, springs, number = network.bodies, network.joints, network.springs, network.body_number
     ground, j = len(bodies), len(joints)
     connections: tuple[Any, ...] = (*joints, *springs)
     n = len(connections) + len(bodies) + len(loads)
@@ -37,8 +31,9 @@ def forces_at_rest(
     first, second = np.full(n, ground), np.empty(n, dtype=np.intp)
     first[: len(connections)] = [number[part.first] for part in connections]
     second[:] = [*(number[part.second] for part in connections), *range(ground), *(number[p.body] for p in loads)]
+    first[first < 0], second[second < 0] = ground, ground
     points[: len(connections)] = point
-    halves = np.array([k for k, joint in enumerate(joints) if joint.kind == "homokinetic"], dtype=np.intp)
+    halves = np.array([k for k, joint in enumerate(joints) if joint.bisects], dtype=np.intp)
     for k, joint in enumerate(joints):
         if statics is not None:
             at = statics.pairs.end[:, len(statics.applied.names) + k]

@@ -25,11 +25,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.equilibrium.articulation import with_rigid_parts
+from mbsvib.equilibrium.moved_parts import static_model
+from mbsvib.equilibrium.pose_kinematics import size_of
 from mbsvib.linalg.products import product
 from mbsvib.linalg.vectors import cross, dot, moved, transformed, wide
 from mbsvib.sensitivities.adjoint_fields import Fields
 from mbsvib.sensitivities.families import rules_of
 from mbsvib.sensitivities.force_changes import force_changes, force_rates, parameter_rates
+from mbsvib.sensitivities.network_assembly import model_in_pose
 from mbsvib.sensitivities.parameter_group import groups_by_rule, internal_groups
 from mbsvib.sensitivities.products import form_table
 from mbsvib.sensitivities.second_order_work import point_slopes, turn_slopes, work_slopes, wrench_slopes
@@ -47,7 +51,8 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.force_layout import ForceChanges
     from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.parameter_group import ParameterGroup
+    from mbsvib.sensitivities.network_assembly import model_in_pose
+from mbsvib.sensitivities.parameter_group import ParameterGroup
 
 
 @dataclass(frozen=True)
@@ -57,7 +62,8 @@ class LoadedNetwork:
 
     The pose may make the ``motions`` (bodies, 6, c), first those along the m coordinates; parameters are then
     carried along at ``parameter_rates`` (p, c), and forces change at ``force_rates`` (e, c) beside these. Forces of
-    ``size_of_forces`` (m,) [N, N m] cancel along the coordinates.
+    ``size_of_forces`` (m,) [N, N m] cancel along the coordinates, of which ``steps`` (m,) are large: 1 rad, or the
+    size of the mechanism [m].
     """
 
     network: Network
@@ -69,6 +75,7 @@ class LoadedNetwork:
     parameter_rates: Array
     force_rates: Array
     size_of_forces: Array
+    steps: Array
 
     @property
     def dof(self) -> int:
@@ -279,19 +286,24 @@ def _put(row: Field, at: slice, part: Field) -> None:
 
 def loaded_network(network: Network, system: Equations) -> LoadedNetwork:
     """Return a network in balance."""
-    statics = system.provenance.statics
+    statics, model = system.provenance.statics, model_in_pose(system)
     assert network.forces is not None
+    assert network.coordinates is not None
+    assert model is not None
     forces, entries = network.forces, system.parameters.entries
     layout = FieldLayout.of(system.parameters.parts.values())
     changes = force_changes(network, forces, entries)
     reactions, size = network.reactions, np.zeros(system.dof) if statics is None else statics.size
     motions = network.displacements.reshape(len(network.bodies), 6, -1)
+    turns = network.coordinates.turns[system.provenance.reduction.independent]
     if reactions is not None:
         motions, size = motions @ reactions.motions, abs(reactions.motions).T @ size
+        turns = turns[reactions.independent]
+    steps = np.where(turns, 1.0, size_of(static_model(with_rigid_parts(model))))
     gravity = changes.row.get(("gravity", "", (0,)))
     groups = (*groups_by_rule(network, layout), *internal_groups(network, len(entries), gravity))
     return LoadedNetwork(
         network, forces, entries, groups, changes, motions,
         parameter_rates(network, forces, changes, motions),
-        force_rates(network, forces, changes, motions), size,
+        force_rates(network, forces, changes, motions), size, steps,
     )  # fmt: skip

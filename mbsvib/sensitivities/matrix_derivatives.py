@@ -152,11 +152,11 @@ def _factors(groups: ParameterGroups, variable: int, matrix: str) -> tuple[Array
     rate = np.zeros(groups.size)
     np.add.at(rate, groups.variables.parameter[entries], groups.variables.rate[entries])
     first, second = [np.zeros((0, m))], [np.zeros((0, m))]
-    matrices = groups.matrix_group
-    for row in () if matrices is None else matrices.rows[rate[matrices.rows] != 0.0].tolist():
-        p, q = matrices.factors(row, matrix, groups.variables.names[variable])
-        first.append(rate[row] * p)
-        second.append(q)
+    if (matrices := groups.matrix_group) is not None:
+        for row in matrices.rows[rate[matrices.rows] != 0.0].tolist():
+            p, q = matrices.factors(row, matrix, groups.variables.names[variable])
+            first.append(rate[row] * p)
+            second.append(q)
     for group in groups.by_rule:
         which = np.flatnonzero(((group.rows >= 0) & (rate[group.rows] != 0.0)).any(axis=1))
         for k in which.tolist():

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.elements import BaseMotion, Body, Input, Maxwell, Output
+from mbsvib.equations.expansion import expanded
 from mbsvib.equations.terms import MATRICES
+from mbsvib.sensitivities.element_matrices import element_matrices
+from mbsvib.sensitivities.families.element import point_of
+from mbsvib.sensitivities.network import maxwell_parts
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -17,6 +22,10 @@ if TYPE_CHECKING:
 
 # Entries are as good as this share of the largest in their matrix deserves.
 SMALL = 1e-6
+# Entries are as good as this share of the terms that are summed in them deserves: rounding of these, a hundred times
+# where loops are closed, is 1e-12 of them over the first step, and as much as is accepted of entries of this size.
+ROUNDED = 1e-5
+_BY_ORDER = ("Cq", "Cv", "Ca")
 # Outputs of forces are sums of rows of these matrices, and as good as these rows.
 _LIKE = {"Cq": "K", "Cv": "C", "Ca": "M", "D": "B"}
 
@@ -51,7 +60,7 @@ class MatrixEntries:
 
     def measured(self, values: Array) -> Array:
         """The geometric mean of the largest of the row and of the column of entries, and at least a small share of the
-        largest in their matrix, coordinates being scaled alike.
+        largest in their matrix, coordinates being scaled alike, and of the terms that are summed in them.
         """
         system, parts, start = self.system, [], 0
         unit = np.sqrt(np.abs(np.diagonal(system.M)) / (np.abs(np.diagonal(system.M)).max(initial=0.0) or 1.0))
@@ -70,8 +79,52 @@ class MatrixEntries:
             if key in _LIKE:
                 like = np.abs(getattr(system, _LIKE[key])) / (1.0 if key == "D" else unit)
                 least = np.maximum(least, levers * like.max(initial=0.0))
-            parts.append((mean + SMALL * least * unlike).reshape(-1))
+            parts.append((mean + SMALL * least * unlike + ROUNDED * self._terms[key]).reshape(-1))
         return np.concatenate(parts)
+
+    @cached_property
+    def _terms(self) -> dict[str, Array]:
+        """Sizes of the terms that are summed in entries of C, K, B, Cq, Cv and Ca, which may cancel; 0 of M and D.
+
+        They are those of springs, dampers, ports and masses of bodies that all move as far as any does.
+        """
+        system, parts, motions = self.system, self.system.provenance.parts, self._motions
+        result = {key: np.zeros(getattr(system, key).shape) for key in MATRICES}
+        origin = system.provenance.origin
+        connections = () if origin is None else tuple(expanded(origin).springs.values())
+        springs = [part for part in connections if not isinstance(part, Maxwell)] + maxwell_parts(connections)[1]
+        points = np.array([point_of(part) for part in springs]).reshape(-1, 3)
+        stiffness, damping = (dict(zip([part.name for part in springs], np.abs(matrices), strict=True))
+                              for matrices in element_matrices(springs, points)[:2])  # fmt: skip
+        result["K"] += motions.T @ sum(stiffness.values(), np.zeros((6, 6))) @ motions
+        result["C"] += motions.T @ sum(damping.values(), np.zeros((6, 6))) @ motions
+        mass = sum(part.mass for part in parts if isinstance(part, Body))
+        ports: Any = system.provenance.ports
+        for part in ports:
+            wrench = np.abs(getattr(part, "wrench", np.zeros(6)))
+            if part.name in system.inputs and isinstance(part, (Input, BaseMotion)):
+                moves = mass * motions[0] * (wrench @ self._reach) if part.moves_ground else wrench @ motions
+                result["B"][:, system.inputs.index(part.name)] = moves
+            elif part.name in system.outputs and isinstance(part, Output):
+                result[_BY_ORDER[part.order]][system.outputs.index(part.name)] = wrench @ motions
+            elif part.name in system.outputs and part.element in stiffness:
+                row = system.outputs.index(part.name)
+                result["Cq"][row] = (stiffness[part.element] @ motions).max(axis=0)
+                result["Cv"][row] = (damping[part.element] @ motions).max(axis=0)
+        return result
+
+    @cached_property
+    def _reach(self) -> Array:
+        """How far (6,) a unit shift and a unit turn move any point of the mechanism, three times each."""
+        points = np.array([getattr(part, key) for part in self.system.provenance.parts for key in part.point_fields])
+        return np.repeat([1.0, float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0], 3)
+
+    @cached_property
+    def _motions(self) -> Array:
+        """How far any point of a body shifts and any body turns along each coordinate, (6, m), three times each."""
+        system = self.system
+        shift, turn = np.linalg.norm(system.body_motion.reshape(-1, 2, 3, system.dof), axis=2).max(axis=0, initial=0.0)
+        return np.repeat([shift + self._reach[-1] * turn, turn], 3, axis=0)
 
     @cached_property
     def _levers(self) -> Array:

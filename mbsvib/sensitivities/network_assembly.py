@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -21,7 +22,7 @@ from mbsvib.sensitivities.element_reactions import element_reactions
 from mbsvib.sensitivities.families import rules_of
 from mbsvib.sensitivities.families.element import point_of
 from mbsvib.sensitivities.forces_at_rest import forces_at_rest
-from mbsvib.sensitivities.network import Network, gravity_of, maxwell_parts
+from mbsvib.sensitivities.network import Network, maxwell_parts
 from mbsvib.sensitivities.network_kinematics import JointCoordinates
 from mbsvib.sensitivities.shared_wrenches import shared_forces, spin
 
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
     from mbsvib.elements.part import Part
     from mbsvib.equations.equations import Equations
     from mbsvib.mechanism.mechanism import Mechanism
+    from mbsvib.sensitivities.element_reactions import ElementReactions
+    from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.network_kinematics import Kinematics
 
 # Kinds of parts that are springs of the network; others are made of these.
@@ -111,68 +114,87 @@ def assembled(system: Equations, kinematics: Kinematics | None = None) -> Networ
 
     Its coordinates are ``kinematics``, joint coordinates unless others are given.
     """
-    topology = system.provenance.topology
-    parts = system.provenance.parts
-    of_kind: dict[str, list[Any]] = {}
-    for part in parts:
-        of_kind.setdefault(rules_of(part).kind, []).append(part)
-    bodies, joints = tuple(of_kind.get("body", ())), tuple(of_kind.get("joint", ()))
-    springs: tuple[Any, ...] = tuple([part for part in parts if _is_spring(part)])
-    origin = model_in_pose(system)
+    members = _members(system)
+    network, forces = _unloaded(system, members, kinematics or JointCoordinates.of(system, members.bodies)), None
+    if kinematics is None and follows(system):  # amplitudes of some modes do not tell how the pose moves
+        forces = _forces(system, network)
+    if forces is not None:
+        network = replace(network, forces=forces[0], reactions=forces[1])
+    if members.plain is None or (forces is None and is_loaded(system)):
+        return network
+    spins = spin(members.plain, members.bodies, members.springs)
+    return network if spins is None else replace(network, spin=spins)
+
+
+class _Members(NamedTuple):
+    """Bodies, joints and springs of a system, with those that beams, superelements and Maxwell elements are made of,
+    and its ``plain`` model in which these are replaced; None where there is no model.
+    """
+
+    bodies: tuple[Body, ...]
+    joints: tuple[Joint, ...]
+    springs: tuple[Any, ...]
+    plain: Mechanism | None
+
+
+def _members(system: Equations) -> _Members:
+    parts, topology, origin = system.provenance.parts, system.provenance.topology, model_in_pose(system)
     plain = None if origin is None else expanded(origin)
-    if (plain is not None and plain.expansion is not None) or "maxwell" in of_kind:
-        nodes, lines = maxwell_parts(parts)
-        known = ({} if plain is None else dict(plain.bodies)) | {body.name: body for body in (*bodies, *nodes)}
-        names = {spring.name for spring in springs}
-        generated = [] if plain is None else [
-            part for part in plain.springs.values() if part.name not in names and _is_spring(part)]
-        bodies, joints = tuple([known[name] for name in topology.bodies]), topology.joints
-        springs += (*generated, *lines)
+    springs: tuple[Any, ...] = tuple([part for part in parts if _is_spring(part)])
+    nodes, lines = maxwell_parts(parts)
+    known: dict[str, Any] = {} if plain is None else dict(plain.bodies)
+    known |= {part.name: part for part in (*parts, *nodes) if rules_of(part).kind == "body"}
+    names = {spring.name for spring in springs}
+    generated = [] if plain is None or plain.expansion is None else [
+        part for part in plain.springs.values() if part.name not in names and _is_spring(part)]
+    return _Members(tuple([known[name] for name in topology.bodies]), topology.joints, (*springs, *generated, *lines),
+                    plain)  # fmt: skip
+
+
+def _unloaded(system: Equations, members: _Members, kinematics: Kinematics) -> Network:
+    """The network without forces at the pose."""
+    topology, (bodies, joints, springs, plain) = system.provenance.topology, members
     number = {body.name: i for i, body in enumerate(bodies)} | {"ground": len(bodies)}
-    analytic = kinematics is None and follows(system)  # amplitudes of some modes do not tell how the pose moves
-    kinematics = JointCoordinates.of(system, bodies) if kinematics is None else kinematics
-    point = np.array([*(_point(joint, bodies, number) for joint in joints),
-                      *(point_of(part) for part in springs),
+    point = np.array([*(_point(joint, bodies, number) for joint in joints), *(point_of(part) for part in springs),
                       ]).reshape(-1, 3)  # fmt: skip
     first, second = (np.array([number[getattr(part, end)] for part in (*joints, *springs)], dtype=np.intp)
                      for end in ("first", "second"))  # fmt: skip
-    behind, sign = _outer_bodies(system)
-    axes = np.array([body.orientation for body in bodies])
+    position, axes = np.array([body.position for body in bodies]), np.array([body.orientation for body in bodies])
     tensors = np.array([body.inertia for body in bodies])[:, _TENSOR].reshape(-1, 3, 3)
-    position = np.array([body.position for body in bodies])
-    all_points = np.concatenate((point, position))
-    displacements = system.body_motion.reshape(6 * len(bodies), -1)
-    centre = 0.5 * (all_points.min(axis=0) + all_points.max(axis=0))
-    ties = kinematics.constraints(bodies, number, centre)
+    every = np.concatenate((point, position))
+    centre = 0.5 * (every.min(axis=0) + every.max(axis=0))
     six = np.tile(_SIX, (len(first), 1)).T
     rows = Rows(np.repeat(first, 6), np.repeat(second, 6), np.repeat(point, 6, axis=0).T, six[:3], six[3:])
     stiffness, damping, inertance = element_matrices(springs, point[len(joints) :])
-    loads = () if plain is None else tuple(plain.loads.values())
-    relative, reactions, forces = kinematics.relative(rows), None, None
-    if analytic and "composed" in of_kind:
-        at_joints = relative if kinematics.reduction is None else relative @ kinematics.reduction
-        moves = np.asarray(at_joints @ np.eye(system.dof)).reshape(-1, 6, system.dof)[len(joints) :]
-        elements = [rules_of(part).reactions(part) for part in of_kind["composed"]]
-        reactions = element_reactions(elements, {part.name: k for k, part in enumerate(springs)}, moves,
-                                      dict(zip(system.bodies, system.body_motion, strict=True)))  # fmt: skip
-        analytic = reactions is not None
-    if analytic:
-        forces = forces_at_rest(system, bodies, joints, springs, loads, number, point, gravity_of(parts))
+    displacements = system.body_motion.reshape(6 * len(bodies), -1)
+    behind, sign = _outer_bodies(system)
     return Network(
-        parts, bodies, joints, springs, kinematics.coordinates, kinematics.reduction,
-        np.array([body.mass for body in bodies]),
-        axes @ tensors @ axes.transpose(0, 2, 1), position, axes, point,
-        relative, stiffness, damping,
-        tuple((branch.body, branch.parent) for branch in topology.branches), behind, sign,
+        system.provenance.parts, bodies, joints, springs, kinematics.coordinates, kinematics.reduction,
+        np.array([body.mass for body in bodies]), axes @ tensors @ axes.transpose(0, 2, 1), position, axes, point,
+        kinematics.relative(rows), stiffness, damping,
+        tuple([(branch.body, branch.parent) for branch in topology.branches]), behind, sign,
         _incidence(first[len(joints) :], second[len(joints) :], len(bodies)),
-        _incidence(first[: len(joints)], second[: len(joints)], len(bodies)), ties, centre,
-        displacements, np.flatnonzero(displacements.any(axis=1)), np.array(topology.floating, dtype=np.intp),
-        limits(system),
-        forces=forces, loads=loads, reactions=reactions,
+        _incidence(first[: len(joints)], second[: len(joints)], len(bodies)),
+        kinematics.constraints(bodies, number, centre), centre, displacements,
+        np.flatnonzero(displacements.any(axis=1)), np.array(topology.floating, dtype=np.intp), limits(system),
+        loads=() if plain is None else tuple(plain.loads.values()), inertance=inertance,
         shared=None if plain is None else shared_forces(plain, bodies, number, kinematics),
-        inertance=inertance,
-        spin=spin(plain, bodies, springs) if plain is not None and (analytic or not is_loaded(system)) else None,
     )  # fmt: skip
+
+
+def _forces(system: Equations, network: Network) -> tuple[Forces, ElementReactions | None] | None:
+    """The forces at the pose, and the elements of beams and superelements whose forces statics gives; None where it
+    does not determine these.
+    """
+    composed, reactions = [part for part in network.parts if rules_of(part).kind == "composed"], None
+    if composed:
+        at_joints = network.relative if network.reduction is None else network.relative @ network.reduction
+        moves = np.asarray(at_joints @ np.eye(system.dof)).reshape(-1, 6, system.dof)[len(network.joints) :]
+        reactions = element_reactions([rules_of(part).reactions(part) for part in composed], network.spring_number,
+                                      moves, dict(zip(system.bodies, system.body_motion, strict=True)))  # fmt: skip
+        if reactions is None:
+            return None
+    return forces_at_rest(system, network), reactions
 
 
 def _is_spring(part: Part) -> bool:

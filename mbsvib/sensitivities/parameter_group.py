@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.families.rules import PartRules, RuleAndData
     from mbsvib.sensitivities.families.terms import Rule
     from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.shared_wrenches import Spin
     from mbsvib.sensitivities.variables import FieldLayout, PartFields
 
 # Fields of springs that say what force they have at the pose, and are no part of K by themselves.
@@ -65,12 +64,15 @@ def have_rules(network: Network, layout: FieldLayout) -> NDArray[np.bool_]:
     known: dict[tuple[type, PartFields], list[bool]] = {}
     result = []
     for name, fields in zip(layout.names, layout.fields, strict=True):
-        part = parts[name][1] if name in parts else None
-        key = type(part), fields
-        if not alike or key not in known or rules_of(part).has_rule is not any_field:
+        if name not in parts:
+            result.append([False] * fields.width)
+            continue
+        part = parts[name][1]
+        key, rules = (type(part), fields), rules_of(part)
+        if not alike or key not in known or rules.has_rule is not any_field:
             known[key] = []
             for field, *_, count in fields.fields:
-                known[key] += [part is not None and _has_rule(network, field, rules_of(part), part)] * count
+                known[key] += [_has_rule(network, field, rules, part)] * count
         result.append(known[key])
     return layout.of_parameters(result)
 
@@ -103,25 +105,11 @@ def _has_rule(network: Network, field: str, rules: PartRules, part: Any) -> bool
     """Whether a parameter acts by what its own part does alone."""
     if field in FORCES or (rules.rule is None and rules.single is None) or not rules.has_rule(part, field):
         return False
-    if network.spin is not None and _turns_along(network.spin, field, rules.kind, part):
+    if network.spin is not None and rules.alters_spin(network.spin, part, field):
         return False
     # the tension of a spring with a free length comes from its stiffness
     pulls = field == "stiffness" and getattr(part, "free_length", None) is not None
     return all((rules.kind, field) in limit and not pulls for limit in network.limits)
-
-
-def _turns_along(spin: Spin, field: str, kind: str, part: Any) -> bool:
-    """Whether a parameter may take a spinning body, or what joins it, off its axis, or change how dampers turn along.
-
-    Such parameters are differenced: variants say whether the spin is steady still.
-    """
-    if kind == "rotor":
-        return part.inertia is None and spin.circulatory is not None
-    if kind == "body":
-        return part.name in spin.bodies and field != "mass"
-    if kind not in ("joint", "spring", "torsion", "element") or not spin.bodies.intersection((part.first, part.second)):
-        return False
-    return field not in ("stiffness", "damping") or (field == "damping" and spin.circulatory is not None)
 
 
 def _of_entries(

@@ -37,7 +37,7 @@ def pose_motion(loaded: LoadedNetwork, rates: csr_array | None) -> tuple[Array, 
         forces = forces + loaded.parameter_rates[:, m:].T @ direct + loaded.generalized_force_jacobian[count + m :]
     # K but for couplers of several rotations of one joint, which go by small rotations in each pose anew
     stiffness = -(loaded.parameter_rates[:, :m].T @ direct + loaded.generalized_force_jacobian[count : count + m]).T
-    unit = inverse_root(np.abs(np.diagonal(stiffness)) + _least(loaded))
+    unit = inverse_root(np.abs(np.diagonal(stiffness)) + loaded.size_of_forces / loaded.steps)
 
     def terms() -> Array:
         # forces that all but vanish at rest are rounding of those that cancel
@@ -96,14 +96,6 @@ def _sizes(loaded: LoadedNetwork) -> Sizes:
     v, w = np.linalg.norm(relative[:, :3], axis=1), np.linalg.norm(relative[:, 3:], axis=1)
     f, t = (np.linalg.norm(part, axis=1)[:, None] for part in (forces.wrench[:, :3], forces.wrench[:, 3:]))
     return f, t, np.abs(forces.tension_over_length)[:, None], v, w
-
-
-def _least(loaded: LoadedNetwork) -> Array:
-    """Sizes (m,) of the stiffness that the forces, which cancel, have at least along each coordinate."""
-    m = loaded.dof
-    turns = np.abs(loaded.motions[:, 3:, :m]).max(axis=(0, 1), initial=0.0) > 0.0
-    reach = float(np.ptp(loaded.forces.point, axis=0).max(initial=0.0)) or 1.0
-    return loaded.size_of_forces / np.where(turns, 1.0, reach)
 
 
 def _term_sizes(loaded: LoadedNetwork, sizes: Sizes) -> Array:

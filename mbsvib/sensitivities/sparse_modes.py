@@ -134,12 +134,9 @@ class LoopForces:
         """Return the forces (rows, ...) that generalized forces (coordinates, ...) ask for."""
         rows, columns = self.independent.shape
         flat = forces.reshape(columns, prod(forces.shape[1:]))
-        parts = [flat.real, flat.imag] if flat.dtype.kind == "c" else [flat]
-        right = np.concatenate([np.ascontiguousarray(part) for part in parts], axis=1)
-        solution = self._factor.solve(np.concatenate((right, np.zeros((rows, right.shape[1])))))[columns:]
-        both = np.split(solution, len(parts), axis=1)
-        result = np.zeros((self.shape[0], flat.shape[1]), dtype=flat.dtype)
-        result[self.system.constraints.is_independent] = both[0] if len(both) == 1 else both[0] + 1j * both[1]
+        result = np.zeros((self.shape[0], flat.shape[1]))
+        result[self.system.constraints.is_independent] = self._factor.solve(
+            np.concatenate((flat, np.zeros((rows, flat.shape[1])))))[columns:]
         return result.reshape(self.shape[0], *forces.shape[1:])
 
     @property

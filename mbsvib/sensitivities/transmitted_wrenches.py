@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.products import real_product
 from mbsvib.linalg.vectors import incidence_sum, moved, moved_wrench, transformed
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ def _closed(network: Network, behind: Field, mu: Field) -> tuple[Field, Field]:
     ties, closes = network.constraints, network.closing
     assert ties is not None
     assert closes is not None
-    closing = incidence_sum(ties.closing, ties.wrench[:, :, None] * (ties.share @ mu)[:, None])
+    closing = incidence_sum(ties.closing, ties.wrench[:, :, None] * real_product(ties.share, mu)[:, None])
     pull = incidence_sum(closes, moved_wrench(closing, network.point[: len(network.joints)] - network.origin))
     return behind - _behind(network, pull), closing
 
@@ -89,7 +90,7 @@ def multipliers(network: Network, behind: Field) -> Field:
     assert ties is not None
     wrench = moved_wrench(behind[ties.body], ties.arm)
     on_dependent = transformed(ties.twist[:, None], wrench)[:, 0]
-    return np.asarray(ties.pull @ on_dependent)
+    return real_product(ties.pull, on_dependent)
 
 
 def joint_release_motion(network: Network, gap: Field) -> Field:

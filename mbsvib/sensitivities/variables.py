@@ -52,20 +52,19 @@ class ListedLater(Sequence[T]):
 
 @dataclass(frozen=True, eq=False)
 class PartFields:
-    """The fields of parts of one class ``kind`` with as many numbers: name, number of indices, first entry and number
-    of entries of each, and the number of all entries, ``width``. Equal ones are the same object.
+    """The fields of a part whose numbers are parameters: name, number of indices, first entry and number of entries of
+    each, and the number of all entries, ``width``. Equal ones are the same object.
     """
 
-    kind: type
     fields: tuple[tuple[str, int, int, int], ...]
     width: int
 
 
 @lru_cache(maxsize=1024)
-def _part_fields(kind: type, *shapes: tuple[str, int, int]) -> PartFields:
+def _part_fields(*shapes: tuple[str, int, int]) -> PartFields:
     ends = list(accumulate((count for *_, count in shapes), initial=0))
     fields = [(name, depth, start, count) for (name, depth, count), start in zip(shapes, ends, strict=False)]
-    return PartFields(kind, tuple(fields), ends[-1])
+    return PartFields(tuple(fields), ends[-1])
 
 
 def fields_of(part: Part) -> PartFields:
@@ -78,7 +77,7 @@ def fields_of(part: Part) -> PartFields:
             shapes.append((field.name, 2, len(_COLUMN)))
         else:
             shapes.append((field.name, 1, len(field.suffixes)))
-    return _part_fields(type(part), *shapes)
+    return _part_fields(*shapes)
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import a_model, names, reals
 from mbsvib.errors import ModelError, nearest
+from mbsvib.feedback.pole_track import ratios
 from mbsvib.linalg.matching import track_modes
 from mbsvib.modes.pairs import growing
 from mbsvib.studies.speed_sweep import CriticalSpeed, critical_speeds, speed_sweep, stability_limits, upper_eigenvalues
@@ -62,8 +63,7 @@ class Campbell(Displayed):
     @cached_property
     def damping_ratios(self) -> Array:
         """Damping ratios, shape (n, modes); 0 where the eigenvalue is."""
-        size = np.abs(self.eigenvalues)
-        return np.divide(0.0 - self.eigenvalues.real, size, out=np.zeros_like(size), where=size > 0.0)
+        return ratios(self.eigenvalues)
 
     @cached_property
     def directions(self) -> NDArray[np.str_]:

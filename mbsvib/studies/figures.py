@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 MOST_LINES = 12
 MOST_DOTS = 60  # points of a sweep that are marked one by one on its lines
-BINS = 60
+BINS = 10, 60  # fewest and most in a histogram
 
 
 def over_variables(
@@ -62,14 +62,20 @@ def histograms(axes: Axes, values: NDArray[Any]) -> None:
     """Draw histograms of columns with distant values on one axis, with separate bins for each."""
     for i in range(min(values.shape[1], MOST_LINES)):
         column = values[np.isfinite(values[:, i]), i]
-        axes.hist(column, bins=BINS, color=style.COLOURS[i % len(style.COLOURS)], alpha=0.75, label=f"{i + 1}")
+        colour = style.COLOURS[i % len(style.COLOURS)]
+        axes.hist(column, bins=bins(len(column)), color=colour, alpha=0.75, label=f"{i + 1}")
     if values.shape[1] > 1:
         axes.legend(title=_counted("entry", "entries", values.shape[1]))
 
 
+def bins(count: int) -> int:
+    """Return into how many bins a histogram sorts so many numbers: twice the root of their number."""
+    return int(np.clip(2.0 * count**0.5, *BINS))
+
+
 def title(axes: Axes, words: str, name: str) -> None:
     """Write a title, and the model's name where there is room."""
-    axes.set_title(words)
+    axes.set_title(style.wrapped(axes.figure, words, style.ROOM))
     if len(words) + len(name) < 55:
         style.name_aside(axes, name)
 
@@ -123,7 +129,7 @@ def tolerances(labels: Sequence[str], sampled: Array, linear: Array, nominal: Ar
         for i, (axes, label) in enumerate(zip(panels.flat, labels, strict=False)):
             shown, first = (table[np.isfinite(table[:, i]), i] for table in (sampled, linear))
             low, high = np.quantile(np.concatenate((shown, first)), (0.0005, 0.9995))
-            edges = np.linspace(low, high, BINS + 1)
+            edges = np.linspace(low, high, bins(len(shown)) + 1)
             axes.hist(shown, bins=edges, color=style.COLOURS[5], label="samples")
             if len(first):
                 axes.hist(first, bins=edges, histtype="step", color=style.COLOURS[1], label="first order")

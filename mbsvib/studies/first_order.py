@@ -108,7 +108,8 @@ def _parting(
             continue
         start, slope = parting(system, group, point.rates)
         known = values[group, 0]
-        changes = np.concatenate([_eigenvalues(start + np.tensordot(chunk, slope, axes=1)) for chunk in _chunks(off)])
+        changes = np.concatenate([_eigenvalues(start + np.tensordot(off[i : i + CHUNK], slope, axes=1))
+                                  for i in range(0, len(off), CHUNK)])  # fmt: skip
         changes = changes - known[np.argsort(np.abs(known), kind="stable")]
         for first, quantity, numbers in modal:
             for k, mode in enumerate(np.array(group)[np.argsort(np.abs(known), kind="stable")].tolist()):
@@ -121,10 +122,6 @@ def _parting(
                 result.append((first + numbers.index(mode), np.asarray((rate * changes[:, k]).real),
                                np.linalg.norm(half, 2, axis=(1, 2)), np.linalg.norm(half, axis=(1, 2))))  # fmt: skip
     return result
-
-
-def _chunks(off: Array) -> list[Array]:
-    return [off[i : i + CHUNK] for i in range(0, len(off), CHUNK)]
 
 
 def _eigenvalues(matrices: Complex) -> Complex:

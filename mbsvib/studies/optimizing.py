@@ -219,9 +219,8 @@ def _watched(observed: Mapping[str, Quantity] | None) -> dict[str, Quantity]:
 
 def _points(search: Search, starts: int, seed: int) -> Array:
     """Unknowns (starts, variables) to begin at: those of the start, then a Latin hypercube within the bounds."""
-    for field_, value, least in (("starts", starts, 1), ("seed", seed, 0)):
-        if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < least:
-            raise check.refuse("optimize", field_, value, f"a whole number, at least {least}")
+    check.count(starts, "optimize", "starts", 1)
+    check.count(seed, "optimize", "seed", 0)
     own_start = np.zeros((1, len(search.scales.start)))
     if starts == 1:
         return own_start

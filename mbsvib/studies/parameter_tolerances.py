@@ -72,8 +72,7 @@ def random_values(
     is three standard deviations; "uniform": all values within it have the same density. ``seed``: of the random
     numbers. Returns (samples,): values by variable.
     """
-    if not isinstance(samples, (int, np.integer)) or isinstance(samples, bool) or samples < 2:
-        raise check.refuse("tolerances", "samples", samples, "a whole number, at least 2")
+    check.count(samples, "tolerances", "samples", 2)
     if distribution not in DEVIATION:
         raise check.refuse("tolerances", "distribution", distribution, "'normal' or 'uniform'")
     random = np.random.default_rng(seed)

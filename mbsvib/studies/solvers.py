@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.casadi_function import casadi_function
 from mbsvib.errors import MbsvibError, ModelError
 
 if TYPE_CHECKING:
@@ -112,60 +113,16 @@ def _ipopt(search: Search, z: Array, options: Mapping[str, Any]) -> SolverResult
 
     first = search.at(z)
     n, sizes = len(z), (1, len(first.g.value), len(first.h.value))
-    rows = sum(sizes)
 
-    def stacked_values(z: Any, part: str) -> Array:
-        value = search.at(np.asarray(z, dtype=float).reshape(-1))
-        return np.concatenate([getattr(dual, part) for dual in (value.f, value.g, value.h)])
+    def stacked(part: str) -> Callable[[Array], list[Array]]:
+        def at(z: Array) -> list[Array]:
+            value = search.at(z)
+            return [np.concatenate([getattr(dual, part) for dual in (value.f, value.g, value.h)])]
 
-    class Slopes(ca.Callback):
-        def __init__(self) -> None:
-            ca.Callback.__init__(self)
-            self.construct("slopes", {})
+        return at
 
-        def get_n_in(self) -> int:
-            return 2
-
-        def get_n_out(self) -> int:
-            return 1
-
-        def get_sparsity_in(self, i: int) -> Any:
-            return ca.Sparsity.dense(n, 1) if i == 0 else ca.Sparsity(rows, 1)
-
-        def get_sparsity_out(self, i: int) -> Any:
-            return ca.Sparsity.dense(rows, n)
-
-        def eval(self, arguments: Any) -> Any:
-            return [ca.DM(stacked_values(arguments[0], "slope"))]
-
-    class Values(ca.Callback):
-        def __init__(self) -> None:
-            ca.Callback.__init__(self)
-            self.slopes = Slopes()
-            self.construct("values", {})
-
-        def get_n_in(self) -> int:
-            return 1
-
-        def get_n_out(self) -> int:
-            return 1
-
-        def get_sparsity_in(self, i: int) -> Any:
-            return ca.Sparsity.dense(n, 1)
-
-        def get_sparsity_out(self, i: int) -> Any:
-            return ca.Sparsity.dense(rows, 1)
-
-        def eval(self, arguments: Any) -> Any:
-            return [ca.DM(stacked_values(arguments[0], "value"))]
-
-        def has_jacobian(self) -> bool:
-            return True
-
-        def get_jacobian(self, name: str, inames: Any, onames: Any, opts: Any) -> Any:
-            return self.slopes
-
-    unknowns, values = ca.MX.sym("z", n), Values()
+    values = casadi_function("values", (sum(sizes), n), ("fgh",), stacked("value"), stacked("slope"))
+    unknowns = ca.MX.sym("z", n)
     outputs = values(unknowns)
     quiet = {"ipopt.hessian_approximation": "limited-memory", "ipopt.print_level": 0, "print_time": False,
              "ipopt.sb": "yes", "ipopt.tol": 1e-9, "ipopt.max_iter": 500}  # fmt: skip

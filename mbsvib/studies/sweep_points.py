@@ -30,10 +30,6 @@ class Points:
     def __len__(self) -> int:
         return prod(self.shape)
 
-    def some(self, which: Any) -> dict[str, Any]:
-        """Return the values at some points."""
-        return {name: column[which] for name, column in self.columns.items()}
-
 
 def points(values: Mapping[str, Any], how: str) -> Points:
     """Return the points of a sweep.

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.api.in_equilibrium import in_equilibrium
-from mbsvib.common.display import Displayed
 from mbsvib.common.expected import mode_index
 from mbsvib.errors import MbsvibError, ModelError, nearest
 from mbsvib.linalg.matching import Reference, Station, match_next, reference
@@ -36,7 +35,7 @@ UNITS = {"eigenvalues": "1/s", "frequencies": "Hz", "damped_frequencies": "Hz", 
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Tracks(Sweep, Displayed):
+class Tracks(Sweep):
     """Modes over the points of a sweep: results "eigenvalues" (n, modes), those of them without negative imaginary
     parts, "frequencies", "damped_frequencies" and "damping_ratios", one column for each of ``modes``, their names.
     """

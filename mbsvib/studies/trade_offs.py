@@ -178,9 +178,7 @@ def trade_off(
     names = _checked(quantities)
     conditions = tuple(constraints) if isinstance(constraints, Iterable) else (constraints,)
     count = DIVISIONS.get(len(names), FEWEST) if divisions is None else divisions
-    if not isinstance(count, (int, np.integer)) or isinstance(count, bool) or count < 1:
-        raise check.refuse("trade_off", "divisions", divisions, "a whole number, at least 1")
-    grid = _grid(len(names), int(count))
+    grid = _grid(len(names), check.count(count, "trade_off", "divisions", 1))
 
     def best(objective: Quantity, start: Mapping[str, float] | None) -> Optimum:
         return optimize(model, variables, objective, conditions, ties=ties, start=start, method=method, options=options,

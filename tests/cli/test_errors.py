@@ -15,6 +15,7 @@ from mbsvib.errors import NearSingularWarning
     ("line", "status", "words"),
     [
         ("modes stewrt", 2, ["no model 'stewrt'", "Did you mean 'stewart'?", "quarter_car"]),
+        ("modes slider", 2, ["no model 'slider'", "Did you mean 'slider.yaml'?"]),
         ("modes slidr.yaml", 2, ["no file 'slidr.yaml'", "Did you mean 'slider.yaml'?"]),
         ("modes nowhere/slider.yaml", 2, ["no file 'nowhere/slider.yaml'"]),
         ("check faulty.yaml", 1, ["faulty.yaml", "line 5", "mas", "Did you mean 'mass'?"]),

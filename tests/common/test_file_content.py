@@ -26,3 +26,8 @@ def test_bytes(tmp_path):
     path = tmp_path / "a"
     path.write_bytes(b"\0\r\n\xff")
     assert content_of(path, mv.ModelError, "a file") == b"\0\r\n\xff"
+
+
+def test_the_content_of_a_file_in_place_of_its_path_is_told():
+    with pytest.raises(mv.ModelError, match=r"^path = '<robot name=\"arm\"> \.\.\.': this is the content of a file"):
+        mv.load_urdf('<robot name="arm">\n<link name="base"/>\n</robot>')

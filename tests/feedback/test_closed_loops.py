@@ -163,7 +163,7 @@ def test_transfer_functions_of_python_control_are_controllers():
 
 
 @pytest.mark.parametrize(("law", "message"), [
-    (control.tf([1, 0], [1]), "numerator has degree 1"), (control.tf([1], [1, 0.5], 0.1), "dt = 0.1"),
+    (control.tf([1, 0], [1]), "numerator has degree 1"),
     (control.frd([1, 2], [1, 2]), "it is a FrequencyResponseData"), ("gain", "it is a str"),
 ])  # fmt: skip
 def test_controllers_that_have_no_equations(law, message):
@@ -261,7 +261,12 @@ REFUSALS = [
     (lambda: chain().feedback(PI, "Fx", "x"), r"'Fx' is an input, and no output"),
     (lambda: chain().feedback(PI, "x", "Fxx"), r"input 'Fxx': .*Did you mean 'Fx'"),
     (lambda: chain().feedback([[1.0, 2.0]], "x", "Fx"), r"shape \(1, 2\); expected \(1, 1\)"),
-    (lambda: chain().feedback(control.ss([[0.5]], [[1]], [[1]], [[0]], 0.1), "x", "Fx"), "it is discrete"),
+    (lambda: chain().feedback(control.ss([[0.5]], [[1]], [[1]], [[0]], True), "x", "Fx"), "without a sample time"),
+    (lambda: chain().feedback(control.ss([[-1.0]], [[1]], [[1]], [[0]], 0.1), "x", "Fx"), "a pole at z = -1"),
+    (lambda: chain().feedback([[-1.0]], "x", "Fx").feedback(control.ss([[0.5]], [[1]], [[1]], [[0]], 0.1), "x", "Fx"),
+     r"discrete, dt = 0\.1 s; expected one in continuous time"),
+    (lambda: chain().feedback([[-1.0]], "x", "Fx").sampled(20.0).feedback(
+        control.ss([[0.5]], [[1]], [[1]], [[0]], 0.1), "x", "Fx"), r"expected 0\.05 s as the loop has"),
     (lambda: chain().feedback(isolation.controller([[1.0]], ["a"], ["b"])), r"output 'a': .*no such output"),
     (lambda: chain().feedback([[1e6]], "x", "Fx").frequency_response([1.0]), "not stable with controller"),
     (lambda: chain().feedback([[1e6]], "x", "Fx").h2_norm(), "does not decay"),

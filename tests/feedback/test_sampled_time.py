@@ -112,7 +112,7 @@ def test_continuous_and_sampled_loops_in_one_figure():
 
 
 @pytest.mark.parametrize(("ask", "message"), [
-    (lambda: loop().sampled(100.0).h2_norm(), r"ask loop\.continuous"),
+    (lambda: loop().sampled(100.0).step_info(), r"ask loop\.continuous"),
     (lambda: loop().sampled(100.0).time_response([0.0, 1.0], np.zeros((2, 2)), initial=np.zeros(2)), "starts at rest"),
     (lambda: loop().sampled(1e9).time_response([0.0, 1.0], np.zeros((2, 2))), r"1e\+09 samples at 1e\+09 Hz"),
     (lambda: integrated().sampled(100.0).frequency_response([0.0]), "a pole at one of the frequencies"),

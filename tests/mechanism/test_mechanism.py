@@ -97,3 +97,9 @@ def test_gravity_is_checked_whenever_it_is_given():
         model.gravity = "down"
     with pytest.raises(mv.ModelError, match="gravity"):
         model.with_parts(gravity=(0, 1))
+
+
+def test_groups_that_are_none_are_refused():
+    model = mv.library.quarter_car()
+    with pytest.raises(mv.ModelError, match=r"no group 'load'. Did you mean 'loads'\? There are bodies, composed"):
+        model.with_parts(load={})

@@ -27,3 +27,15 @@ def test_nodes_and_bodies_at_one_point_have_no_size():
     model = mv.Model("point")
     model.add_body("b", 1.0, (1, 1, 1))
     assert "doubtful" not in model.linearize().explain()
+
+
+@pytest.mark.parametrize(("modulus", "density", "doubted"), [
+    (2.1e11, 7800.0, False), (1e6, 1100.0, False), (210.0, 7800.0, True), (2.1e5, 7800.0, True), (2.1e11, 7.8, True),
+])  # fmt: skip
+def test_materials_in_other_units(modulus, density, doubted):
+    model = mv.Model("mast")
+    model.add_beam("tube", "ground", None, {"type": "tube", "radius": 0.02, "wall": 0.002},
+                   {"E": modulus, "nu": 0.3, "rho": density}, start=(0, 0, 0), end=(0, 0, 1), elements=2)
+    stated = model.linearize().explain()
+    assert ("beam 'tube': E = " in stated) is doubted
+    assert ("N/m^2 and kg/m^3?" in stated) is doubted

@@ -199,7 +199,7 @@ def test_an_unstable_loop_has_no_marks():
     assert not loop.stable
     assert "unstable" in plots.loop_gain(loop).axes[0].get_title(loc="left")
     assert plots.loop_nyquist(loop).axes[0].get_title(loc="left") == "F: unstable"
-    assert all(words.startswith("controller (unstable): ") for words in legends(plots.sensitivity(loop)))
+    assert all(words.startswith("controller (unstable):") for words in legends(plots.sensitivity(loop)))
 
 
 def test_a_loop_without_a_critical_frequency_says_so():

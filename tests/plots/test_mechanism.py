@@ -180,3 +180,10 @@ def test_torques_have_two_heads():
     np.testing.assert_allclose(second[1], (0.5, 0.0), atol=1e-12)
     assert first[1][0] < second[1][0]  # along x, one behind the other
     assert first[1][1] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("name", "view"), [("quarter_car", "y"), ("four_bar", "z")])
+def test_slim_mechanisms_leave_the_corner_to_the_directions(name, view):
+    axes = mechanism(mv.library.build(name), view).axes[0]
+    sizes = np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())
+    assert min(sizes) == pytest.approx(0.5 * max(sizes))

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+import mbsvib as mv
 from mbsvib import isolation, library, plots
+from mbsvib.campbell import campbell
 from mbsvib.plots import _style as style
 
 SMALL = (4.0, 3.0)
@@ -35,6 +37,7 @@ def locus():
     return isolation.root_locus(plant, lambda gain: isolation.force_feedback(plant, gain, 1.0), [0.0, 40.0, 90.0])
 
 
+@pytest.mark.filterwarnings("ignore:figure of 1.28 x")
 def test_texts_shrink_with_the_figure_and_grow_back():
     figure = drawn(plots.modes(library.engine_on_mounts().linearize()))
     (width, height), axes = figure.get_size_inches(), figure.axes[0]
@@ -104,6 +107,36 @@ def test_one_figure_has_one_style_of_labels():
         words = {axes.get_ylabel().partition(" [")[0] for axes in figure.axes[::2]}
         assert words == {"|G|" if decibels else "magnitude"}
     assert plots.bode(system, "z", "Fz").axes[0].get_ylabel() == "|z / Fz| [m/N]"
+
+
+@pytest.mark.parametrize("draw", [
+    lambda: plots.bode(library.stewart_isolator().linearize(), ["x", "y", "z"], ["Fx", "Fy", "Fz"]),
+    lambda: plots.mechanism(library.stewart()),
+])  # fmt: skip
+def test_a_figure_too_small_for_its_panels_says_so(draw):
+    with pytest.warns(UserWarning, match=r"figure of 4 x 3 in: texts meet or are cut. It is designed for .* in"):
+        drawn(draw(), SMALL)
+
+
+def test_campbell_diagrams_and_long_titles_fit_small_figures():
+    """Legends and titles ran out of the figure."""
+    data = campbell(library.rotor_stator(), np.linspace(0.0, 500.0, 6))
+    drawn(plots.campbell(data, (1.0, 2.0)), SMALL)
+    damping = np.geomspace(50.0, 5e3, 5)
+    swept = mv.sweep(library.quarter_car(), {"suspension.damping": damping, "suspension.stiffness": 10.0 * damping,
+                                             "body.mass": damping}, "modes.frequencies", how="paired")  # fmt: skip
+    figure = drawn(swept.plot())
+    assert within(figure, boxes([figure.axes[0].title, figure.axes[0]._left_title])[0])
+
+
+def test_loops_and_studies_of_one_model_have_different_names():
+    plant = isolation.actuated(library.stewart_isolator(), "platform")
+    loop = plant.with_gains(isolation.force_feedback(plant, 80.0, 1.0))
+    names = [line.get_label().split(":")[0] for line in plots.sensitivity([loop, loop.sampled(1e4)]).axes[0].lines[:2]]
+    assert names == ["IFF", "IFF at 10000 Hz"]
+    studied = plots.isolation([plant.isolation([10.0, 20.0]), loop.isolation([10.0, 20.0])])
+    words = [text.get_text() for text in studied.legends[0].get_texts()]
+    assert words == ["stewart_isolator", "stewart_isolator with IFF"]
 
 
 def test_a_name_without_room_is_left_out():

@@ -9,14 +9,6 @@ from mbsvib_export.fmu_.variables import attributes, unit_definitions
 if TYPE_CHECKING:
     from mbsvib_export.fmu_.variables import Variable, Variables
 
-_CAUSALITY = {
-    "input": {"causality": "input", "variability": "continuous"},
-    "output": {"causality": "output", "variability": "continuous", "initial": "calculated"},
-    "state": {"causality": "local", "variability": "continuous", "initial": "exact"},
-    "derivative": {"causality": "local", "variability": "continuous", "initial": "calculated"},
-    "parameter": {"causality": "parameter", "variability": "tunable", "initial": "exact"},
-}
-
 
 def description_2(variables: Variables, head: dict[str, str], identifier: str, token: str) -> str:
     """Return modelDescription.xml of FMI 2.0.
@@ -42,11 +34,7 @@ def description_2(variables: Variables, head: dict[str, str], identifier: str, t
 
 
 def _variable(variable: Variable) -> str:
-    common = attributes(name=variable.name, valueReference=variable.reference, description=variable.description,
-                     **_CAUSALITY[variable.kind])  # fmt: skip
-    # variables are numbered from 1 in the order of their references
-    real = attributes(unit=variable.unit or None, start=variable.start, nominal=variable.nominal,
-                      derivative=variable.state)  # fmt: skip
+    common, real = variable.described()  # numbered from 1 in the order of their references
     return f"<ScalarVariable{common}><Real{real}/></ScalarVariable>"
 
 

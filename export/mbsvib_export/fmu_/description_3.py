@@ -9,14 +9,6 @@ from mbsvib_export.fmu_.variables import attributes, unit_definitions
 if TYPE_CHECKING:
     from mbsvib_export.fmu_.variables import Variable, Variables
 
-_CAUSALITY: dict[str, dict[str, object]] = {
-    "input": {"causality": "input", "variability": "continuous", "intermediateUpdate": True},
-    "output": {"causality": "output", "variability": "continuous", "initial": "calculated", "intermediateUpdate": True},
-    "state": {"causality": "local", "variability": "continuous", "initial": "exact"},
-    "derivative": {"causality": "local", "variability": "continuous", "initial": "calculated"},
-    "parameter": {"causality": "parameter", "variability": "tunable", "initial": "exact"},
-}
-
 
 def description_3(variables: Variables, head: dict[str, str], identifier: str, token: str) -> str:
     """Return modelDescription.xml of FMI 3.0.
@@ -55,11 +47,8 @@ def _time(variables: Variables) -> str:
 
 
 def _variable(variable: Variable) -> str:
-    common = attributes(name=variable.name, valueReference=variable.reference, description=variable.description,
-                     **_CAUSALITY[variable.kind])  # fmt: skip
-    more = attributes(unit=variable.unit or None, start=variable.start, nominal=variable.nominal,
-                      derivative=variable.state)  # fmt: skip
-    return f"<Float64{common}{more}/>"
+    updated = {"intermediateUpdate": True} if variable.kind in ("input", "output") else {}
+    return f"<Float64{''.join(variable.described(**updated))}/>"
 
 
 def _structure(variables: Variables) -> list[str]:

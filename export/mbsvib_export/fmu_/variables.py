@@ -16,6 +16,14 @@ if TYPE_CHECKING:
 
     from mbsvib_export.fmu_.plant import Plant
 
+# What both standards say of each kind of variable.
+CAUSALITY: dict[str, dict[str, object]] = {
+    "input": {"causality": "input", "variability": "continuous"},
+    "output": {"causality": "output", "variability": "continuous", "initial": "calculated"},
+    "state": {"causality": "local", "variability": "continuous", "initial": "exact"},
+    "derivative": {"causality": "local", "variability": "continuous", "initial": "calculated"},
+    "parameter": {"causality": "parameter", "variability": "tunable", "initial": "exact"},
+}
 # The relative tolerance that importers take if nothing is said.
 TOLERANCE = 1e-6
 
@@ -32,6 +40,13 @@ class Variable:
     start: float | None = None
     nominal: float | None = None
     state: int | None = None  # of a derivative: the reference of its state
+
+    def described(self, **more: object) -> tuple[str, str]:
+        """Return the XML attributes of the variable, and those of its number."""
+        return (attributes(name=self.name, valueReference=self.reference, description=self.description,
+                           **CAUSALITY[self.kind], **more),
+                attributes(unit=self.unit or None, start=self.start, nominal=self.nominal,
+                           derivative=self.state))  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

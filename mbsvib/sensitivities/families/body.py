@@ -80,6 +80,8 @@ _OF_FIELDS: dict[str, Rule] = {
     "mass": _mass, "inertia": _inertia, "position": _moved_body, "orientation": _turned_body,
 }  # fmt: skip
 RULES = PartRules(
-    "body", _rule, _constants, floats=True, add_force_terms=_add_force_terms, follow=_follow,
+    "body", _rule, _constants, floats=True,
+    alters_spin=lambda spin, body, field: body.name in spin.bodies and field != "mass",
+    add_force_terms=_add_force_terms, follow=_follow,
     add_reference_terms=_add_reference_terms,
 )  # fmt: skip

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.sensitivities.displaced_bodies import holds_turns
-from mbsvib.sensitivities.families.rules import AtRest, PartRules
+from mbsvib.sensitivities.families.rules import AtRest, PartRules, joins_spinning_body
 from mbsvib.sensitivities.families.terms import among_springs, in_axes, moved_point, square_terms, turned_axes
 
 if TYPE_CHECKING:
@@ -116,6 +116,7 @@ _OF_FIELDS: dict[str, Rule] = {
     "position": moved_point(1), "orientation": turned_axes(1),
 }  # fmt: skip
 RULES = PartRules(
-    "spring", _rule, _constants, is_exception=_is_exception, at_rest=_at_rest, add_force_terms=_add_force_terms,
+    "spring", _rule, _constants, alters_spin=joins_spinning_body,
+    is_exception=_is_exception, at_rest=_at_rest, add_force_terms=_add_force_terms,
     follow=_follow, force_rates=_force_rates, add_reference_terms=_add_reference_terms,
 )  # fmt: skip

@@ -10,7 +10,7 @@ from mbsvib.elements.families import has_rows
 from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.sensitivities.element_matrices import element_matrices
 from mbsvib.sensitivities.families.part_slopes import part_slopes
-from mbsvib.sensitivities.families.rules import PartRules
+from mbsvib.sensitivities.families.rules import PartRules, joins_spinning_body
 from mbsvib.sensitivities.families.terms import factors, form_terms
 
 if TYPE_CHECKING:
@@ -65,5 +65,5 @@ def _single(network: Network, part: Connection, field: str, index: tuple[int, ..
     return rule, ()
 
 
-RULES = PartRules("element", single=_single, has_rule=lambda part, _: bool(_stand_ins(part)),
-                  is_exception=lambda *_: True)  # fmt: skip
+RULES = PartRules("element", single=_single, alters_spin=joins_spinning_body, is_exception=lambda *_: True,
+                  has_rule=lambda part, _: bool(_stand_ins(part)))  # fmt: skip

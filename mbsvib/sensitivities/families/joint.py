@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.linalg.vectors import cross, wide
-from mbsvib.sensitivities.families.rules import PartRules
+from mbsvib.sensitivities.families.rules import PartRules, joins_spinning_body
 from mbsvib.sensitivities.families.terms import along, line_turn_rates, moved_point, turned_axes
 
 if TYPE_CHECKING:
@@ -129,6 +129,7 @@ def _add_rod_terms(terms: ReferenceTerms, described: Any, joint: Any, k: int) ->
 _OF_RODS: dict[str, Rule] = {"position": _rod_start, "end": _rod_end}
 _OF_JOINTS: dict[str, Rule] = {"position": moved_point(-1), "orientation": turned_axes(-1), "pitch": _pitch}
 RULES = PartRules(
-    "joint", _rule, _constants, is_exception=_is_exception, add_force_terms=_add_force_terms, follow=_follow,
+    "joint", _rule, _constants, alters_spin=joins_spinning_body,
+    is_exception=_is_exception, add_force_terms=_add_force_terms, follow=_follow,
     add_reference_terms=_add_reference_terms,
 )  # fmt: skip

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.sensitivities.families.rules import AtRest, PartRules
-from mbsvib.sensitivities.families.terms import along, among_springs, moved_end
+from mbsvib.linalg.vectors import transformed
+from mbsvib.sensitivities.families.rules import AtRest, PartRules, joins_spinning_body
+from mbsvib.sensitivities.families.terms import along, among_springs, line_end_rates
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,21 +33,18 @@ def _line(power: str) -> Rule:
     return rule
 
 
-def _line_end(end: bool) -> Rule:
-    def rule(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
-        change = moved_end(data[0], data[1], fields.relative[k], end)
-        tension = along(data[0], fields.wrench[k, :3])
-        return [[(tension, change[:, i])] for i in range(3)]
-
-    return rule
+def _line_end(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+    change, tension = transformed(data[1], fields.relative[k]), along(data[0], fields.wrench[k, :3])
+    return [[(tension, change[:, i])] for i in range(3)]
 
 
 def _constants(_: Network, parts: Sequence[Any], field: str) -> tuple[Array, ...]:
-    """Directions, and the ways from start to end where one of these moves."""
+    """Directions, and how elongations change where one of their ends moves."""
     line = np.array([part.line for part in parts])
     if field not in ("start", "end"):
         return (line,)
-    return line, np.array([part.end for part in parts]) - np.array([part.start for part in parts])
+    span = np.array([part.end for part in parts]) - np.array([part.start for part in parts])
+    return line, line_end_rates(line, span, field == "end")
 
 
 def _at_rest(part: Any) -> AtRest:
@@ -107,10 +105,11 @@ def _add_reference_terms(terms: ReferenceTerms, part: Any, k: int) -> None:
 
 _OF_FIELDS: dict[str, Rule] = {
     "stiffness": _line("stiff"), "damping": _line("rate"), "inertance": _line("square"),
-    "start": _line_end(end=False), "end": _line_end(end=True),
+    "start": _line_end, "end": _line_end,
 }  # fmt: skip
 SPRING = PartRules(
-    "spring", lambda _, __, field: _OF_FIELDS[field], _constants, at_rest=_at_rest, add_force_terms=_add_force_terms,
+    "spring", lambda _, __, field: _OF_FIELDS[field], _constants, alters_spin=joins_spinning_body,
+    at_rest=_at_rest, add_force_terms=_add_force_terms,
     follow=_follow, force_rates=_force_rates, add_reference_terms=_add_reference_terms,
 )  # fmt: skip
 INERTER = replace(SPRING, add_reference_terms=_turn_ends)

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.linalg.vectors import transformed
 from mbsvib.sensitivities.families.rules import PartRules
-from mbsvib.sensitivities.families.terms import along, coefficient, moved_end
+from mbsvib.sensitivities.families.terms import along, coefficient, line_end_rates
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -30,11 +31,12 @@ def _single(network: Network, part: Maxwell, field: str, index: tuple[int, ...])
     if field not in ("start", "end"):
         direction = np.concatenate((part.line, np.zeros(3)))
         return coefficient(direction, lines[field], "rate" if field == "damping" else "stiff"), ()
-    line, span = np.array([part.line]), np.array([np.subtract(part.end, part.start)])
+    line = np.array([part.line])
+    rates = line_end_rates(line, np.array([np.subtract(part.end, part.start)]), field == "end")
     static, in_series = joints + lines["static_stiffness"], joints + lines["stiffness"]
 
     def point(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
-        change = moved_end(line, span, fields.relative[static : static + 1], field == "end")
+        change = transformed(rates, fields.relative[static : static + 1])
         tension = along(line, (fields.wrench[static, :3] + fields.wrench[in_series, :3])[None])
         return [[(tension, change[:, index[0]])]]
 

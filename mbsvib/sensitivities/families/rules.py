@@ -16,9 +16,18 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.force_layout import RowTerms
     from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.network import Network
+    from mbsvib.sensitivities.shared_wrenches import Spin
 
 # A rule with what is constant of each part
 RuleAndData = tuple["Rule", "tuple[Array, ...]"]
+
+
+def joins_spinning_body(spin: Spin, part: Any, field: str) -> bool:
+    """Return whether a field of a connection may take a spinning body off its axis, or change dampers that turn along.
+    """
+    if not spin.bodies.intersection((part.first, part.second)):
+        return False
+    return field not in ("stiffness", "damping") or (field == "damping" and spin.circulatory is not None)
 
 
 def any_field(*_: Any) -> bool:
@@ -53,7 +62,8 @@ class PartRules:
 
     How they enter the equations: ``rule`` gives the rule of a field of many parts at once, with ``constants`` of these,
     ``single`` that of one entry; those that float are parts of a kind of their own where it ``floats``. ``has_rule``
-    tells whether a field has one at all.
+    tells whether a field has one at all. Where bodies spin, parameters that may take one off its axis, or change how
+    dampers turn along, ``alters_spin``, are differenced: variants say whether the spin is steady still.
 
     Under loads: ``is_exception`` tells of which parts derivatives through the equilibrium are not known, ``at_rest``
     gives the force of a connection. ``add_force_terms`` says what parameters change of the forces, ``follow`` how they
@@ -71,6 +81,7 @@ class PartRules:
     floats: bool = False
     single: Callable[[Network, Any, str, tuple[int, ...]], RuleAndData] | None = None
     has_rule: Callable[[Any, str], bool] = any_field
+    alters_spin: Callable[[Spin, Any, str], bool] = lambda *_: False
     is_exception: Callable[[Any, bool, frozenset[str]], bool] = lambda *_: False
     at_rest: Callable[[Any], AtRest] | None = None
     add_force_terms: Callable[[RowTerms, Network, Forces, Any, int], None] = lambda *_: None

@@ -19,8 +19,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.linalg.products import real_product
 from mbsvib.linalg.rank import ZERO_SLOPE
-from mbsvib.linalg.vectors import any_nonzero, cross, transformed, wide
+from mbsvib.linalg.rotations import skew
+from mbsvib.linalg.vectors import any_nonzero, transformed
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -56,22 +58,20 @@ def along(axis: Array, vectors: Field) -> Field:
     return transformed(axis[:, None], vectors)[:, 0]
 
 
-def moved_end(line: Array, span: Array, relative: Field, end: bool) -> Field:
-    """Return how elongations change as an end of lines moves, (parts, 3, ...).
+def line_end_rates(line: Array, span: Array, end: bool) -> Array:
+    """Return how elongations change as an end of lines moves, (parts, 3, 6).
 
     With e the line and L its length, moving an end by dp changes the elongation by
     dp . (+-(1 - e e^T) u / L + e x theta), u the relative motion there.
 
-    ``line``, ``span`` (parts, 3): directions, and the ways from start to end [m]; ``relative`` (parts, 6, ...): motions
-    of second bodies against first ones at the starts; ``end``: whether the end moves, or the start. Returns (parts, 3,
-    ...): per unit motion of the end.
+    ``line``, ``span`` (parts, 3): directions, and the ways from start to end [m]; ``end``: whether the end moves, or
+    the start. Returns (parts, 3, 6): per unit motion of the end, on motions of second bodies against first ones at the
+    starts.
     """
-    u, theta = relative[:, :3], relative[:, 3:]
-    if end:
-        u = u + cross(theta, wide(span, relative))
-    e, sign = wide(line, u), 1.0 if end else -1.0
-    across = u - e * along(line, u)[:, None]
-    return np.asarray(across * wide(sign / np.linalg.norm(span, axis=1), u) + cross(e, theta))
+    per_length = (1.0 if end else -1.0) / np.linalg.norm(span, axis=1)[:, None, None]
+    across = per_length * (np.eye(3) - line[:, :, None] * line[:, None])
+    turned = skew(line) - across @ skew(span) if end else skew(line)
+    return np.concatenate((across, turned), axis=2)
 
 
 def line_turn_rates(span: Array) -> Array:
@@ -92,7 +92,7 @@ def in_axes(axes: Array, vectors: Field) -> Field:
     if bool((axes == _WORLD).all()):
         return vectors
     flat = vectors.reshape(len(vectors), vectors.shape[1] // 3, 3, prod(vectors.shape[2:]))
-    return np.asarray((axes[:, None] @ flat).reshape(vectors.shape))
+    return real_product(axes[:, None], flat).reshape(vectors.shape)
 
 
 def among_springs(fields: Fields, k: Any) -> Any:

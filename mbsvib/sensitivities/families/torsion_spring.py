@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.linalg.rotations import quaternion
-from mbsvib.sensitivities.families.rules import InternalRule, PartRules
+from mbsvib.sensitivities.families.rules import InternalRule, PartRules, joins_spinning_body
 from mbsvib.sensitivities.families.terms import coefficient, turned_axes
 
 if TYPE_CHECKING:
@@ -46,6 +46,7 @@ def _add_reference_terms(terms: ReferenceTerms, part: TorsionSpring, _: int) -> 
 
 
 RULES = PartRules(
-    "torsion", single=_single, internal=("orientation", 3), internal_rules=_internal_rules,
+    "torsion", single=_single, alters_spin=joins_spinning_body,
+    internal=("orientation", 3), internal_rules=_internal_rules,
     add_force_terms=_add_force_terms, add_reference_terms=_add_reference_terms, twist_axis=lambda part: part.axis,
 )  # fmt: skip

@@ -1,0 +1,127 @@
+"""H2 norm of loops with discrete-time controllers: the rms under white noise, between samples as well."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from mbsvib.errors import ResponseError
+from mbsvib.feedback.held_mechanism import split_delay
+from mbsvib.linalg.balancing import scaled
+from mbsvib.linalg.rank import EPS
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
+    from mbsvib.feedback.sampled_plant import Sampled
+
+# Integrals over times of at most this many time constants, by Gauss's rule with so many nodes, are exact to rounding.
+SHORT, NODES = 0.5, 8
+LONGEST = 60  # doublings, after which a pole that is less than 1 by a rounding has decayed
+
+
+class Stretch(NamedTuple):
+    """A stretch of time or an event: x+ = E x + noise.
+
+    ``transition`` E (after, before); ``noise`` (after, after) covariance of what white noise adds; ``weight`` (before,
+    before), so that x^T weight x is the integral of y^T y without noise; ``own`` the integral of the variance of y that
+    noise within the stretch causes.
+    """
+
+    transition: Array
+    noise: Array
+    weight: Array
+    own: float
+
+    @classmethod
+    def event(cls, transition: Array) -> Stretch:
+        """Return a change of the state that takes no time."""
+        after, before = transition.shape
+        return cls(transition, np.zeros((after, after)), np.zeros((before, before)), 0.0)
+
+    def then(self, other: Stretch) -> Stretch:
+        """Return both in a row."""
+        e, f = self.transition, other.transition
+        return Stretch(f @ e, f @ self.noise @ f.T + other.noise, self.weight + e.T @ other.weight @ e,
+                       self.own + other.own + float(np.sum(other.weight * self.noise)))  # fmt: skip
+
+
+def free_motion(a: Array, b: Array, c: Array, time: float) -> Stretch:
+    """Return the motion x' = A x + B w,  y = C x under white noise w over a time [s].
+
+    noise = integral of exp(A s) B B^T exp(A^T s),  weight = integral of exp(A^T s) C^T C exp(A s),
+    own = integral of (t - s) tr(C exp(A s) B B^T exp(A^T s) C^T), over s from 0 to a short time t, which is doubled
+    """
+    from scipy.linalg import expm
+
+    _, doublings = np.frexp(float(np.linalg.norm(a, 2)) * time / SHORT)
+    doublings = max(int(doublings), 0)
+    step = np.ldexp(time, -doublings)
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    noise, weight, own = np.zeros_like(a), np.zeros_like(a), 0.0
+    for s, share in zip(0.5 * step * (nodes + 1.0), 0.5 * step * weights, strict=True):
+        turn = expm(a * s)
+        reached, seen = turn @ b, c @ turn
+        noise, weight = noise + share * reached @ reached.T, weight + share * seen.T @ seen
+        own += share * (step - s) * float(np.sum((c @ reached) ** 2))
+    result = Stretch(expm(a * step), noise, weight, own)
+    for _ in range(doublings):
+        result = result.then(result)
+    return result
+
+
+def period(loop: Sampled) -> Stretch:
+    """Return the closed loop from one sample to the next; its state is that of ``loop.sample_to_sample``."""
+    space, (y, u), (shown, sources) = loop.plant.space, loop.ports, loop.selected_ports
+    a, b, c = scaled(space.A, space.B, space.C)
+    ka, kb, kc, kd = loop.discrete
+    n, m, k = len(a), len(u), len(ka)
+    periods, remainder = split_delay(loop.rate, loop.delay)
+    delayed = m * (periods + 1)
+    size = n + m + delayed + k  # between sample and action, the demanded forces stand before the delayed ones
+    last = slice(n + delayed, n + m + delayed)  # what acts
+    # a sample: the forces demanded join the state, and the controller's states advance
+    observed = np.zeros((len(y), n + delayed + k))
+    observed[:, :n], observed[:, n + delayed - m : n + delayed] = c[y], space.D[np.ix_(y, u)]
+    sample = np.zeros((size, n + delayed + k))
+    sample[:n, :n], sample[n + m : n + m + delayed, n : n + delayed] = np.eye(n), np.eye(delayed)
+    sample[n : n + m], sample[n + m + delayed :] = kd @ observed, kb @ observed
+    sample[n : n + m, n + delayed :] += kc
+    sample[n + m + delayed :, n + delayed :] += ka
+    # an action: each force moves up by one place, the last one is dropped
+    act = np.delete(np.eye(size), np.s_[last], axis=0)
+    flow, noise, seen = np.zeros((size, size)), np.zeros((size, len(sources))), np.zeros((len(shown), size))
+    flow[:n, :n], flow[:n, last], noise[:n] = a, b[:, u], b[:, sources]
+    seen[:, :n], seen[:, last] = c[shown], space.D[np.ix_(shown, u)]
+    after = [*range(n), *range(n + m, size)]  # the same without a place for demanded forces
+    waiting = free_motion(flow, noise, seen, remainder)
+    acting = free_motion(flow[np.ix_(after, after)], noise[after], seen[:, after], 1.0 / loop.rate - remainder)
+    return Stretch.event(sample).then(waiting).then(Stretch.event(act)).then(acting)
+
+
+def h2_norm(loop: Sampled) -> float:
+    """Return the H2 norm of a stable loop: the rms of its outputs under white noise, averaged over a period h.
+
+    ||G||^2 = (tr(weight P) + own) / h,  P = E P E^T + noise
+
+    P is the noise of so many periods that nothing lasts, doubled from one period on.
+
+    Source: Bamieh & Pearson, Syst. Control Lett. 19 (1992) 1: the H2 problem for sampled-data systems.
+    """
+    direct, (y, _), (shown, sources) = loop.plant.space.D, loop.ports, loop.selected_ports
+    system = loop.plant.system
+    for rows, why in ((shown, "acts directly on output"), (y, "acts directly on what the controller samples,")):
+        entries = direct[np.ix_(rows, sources)]
+        if entries.any():
+            o, i = np.unravel_index(int(np.abs(entries).argmax()), entries.shape)
+            raise ResponseError(f"H2 norm of '{loop.name}': input '{system.inputs[sources[i]]}' {why} "
+                                f"'{system.outputs[rows[o]]}', so that the norm is infinite. Choose displacements or "
+                                f"velocities, and other inputs: outputs=[...], inputs=[...].")  # fmt: skip
+    interval = period(loop)
+    lasting = interval
+    for _ in range(LONGEST):
+        if np.abs(lasting.transition).max(initial=0.0) <= EPS**2:
+            break
+        lasting = lasting.then(lasting)
+    total = float(np.sum(interval.weight * lasting.noise)) + interval.own
+    return float(np.sqrt(max(0.0, total * loop.rate)))

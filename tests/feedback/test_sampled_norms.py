@@ -1,0 +1,137 @@
+"""Norms, zeros and equations at the samples of sampled loops: closed forms, python-control, simulated covariances."""
+
+import control
+import numpy as np
+import pytest
+from scipy.linalg import block_diag, expm, solve_discrete_lyapunov
+
+import mbsvib as mv
+from tests.feedback.test_closed_loops import slider
+
+LAW = control.ss([[-5.0, 0.0], [0.0, -300.0]], [[1.0, 0.3], [0.0, 1.0]], [[-3e2, -40.0]], [[-20.0, -9.0]])
+
+
+def loop():
+    return slider(800.0, 4.0).feedback(LAW, ["x", "v"], "F", name="law")["x", "disturbance"]
+
+
+@pytest.mark.parametrize(("gain", "rate"), [(1.0, 10.0), (3.0, 2.0), (0.01, 1000.0), (1.9, 1.0)])
+def test_h2_norm_of_an_integrator_in_closed_form(gain, rate):
+    """x' = w - k x(sample): the variance at samples is 1 / (k (2 - k h)), and x is (1 - k t) x(sample) + noise."""
+    plant = mv.StateSpace.from_arrays([[0.0]], [[1.0]], [[1.0]], [[0.0]], inputs=["w"], outputs=["x"])
+    h = 1.0 / rate
+    exact = (1.0 - gain * h + (gain * h) ** 2 / 3.0) / (gain * (2.0 - gain * h)) + 0.5 * h
+    sampled = plant.feedback([[-gain]], "x", "w").sampled(rate)
+    assert sampled.h2_norm().value == pytest.approx(exact**0.5, rel=1e-14 + 1e-16 / (gain * h))
+
+
+def covariances(sampled, steps):
+    """Mean square of the outputs: covariances propagated in steps from sample to sample, by the trapezoidal rule."""
+    space, (y, u) = sampled.plant.space, sampled.ports
+    rows, columns = ([names.index(name) for name in chosen] for names, chosen in
+                     ((space.outputs, sampled.outputs), (space.inputs, sampled.inputs)))  # fmt: skip
+    law = control.c2d(control.ss(*(getattr(sampled.law, part) for part in "ABCD")), 1 / sampled.rate, "tustin")
+    n, k, m, step = len(space.A), len(sampled.law.A), len(u), 1.0 / sampled.rate / steps
+    late = round(sampled.delay / step)
+    van_loan = expm(np.block([[-space.A, space.B[:, columns] @ space.B[:, columns].T],
+                              [np.zeros((n, n)), space.A.T]]) * step)  # fmt: skip
+    noise = van_loan[n:, n:].T @ van_loan[:n, n:]
+    held = expm(np.block([[space.A, space.B[:, u]], [np.zeros((m, n + m))]]) * step)[:n]
+    queue = late + 1  # forces on their way, one place a step; the last one acts
+    size = n + m * queue + k
+    sample, move = np.eye(size), np.zeros((size, size))
+    acts = slice(n + m * late, n + m * queue)
+    observed = np.zeros((len(y), size))
+    observed[:, :n], observed[:, acts] = space.C[y], space.D[np.ix_(y, u)]
+    sample[n + m * queue :] = law.B @ observed
+    sample[n + m * queue :, n + m * queue :] += law.A
+    sample[n : n + m] = law.D @ observed
+    sample[n : n + m, n + m * queue :] += law.C
+    move[:n, :n], move[:n, acts] = held[:, :n], held[:, n:]
+    move[n : n + m, n : n + m] = np.eye(m)  # a demand is held until the next one
+    move[n + m : n + m * queue, n : n + m * late] = np.eye(m * late)
+    move[n + m * queue :, n + m * queue :] = np.eye(k)
+    added = block_diag(noise, np.zeros((size - n, size - n)))
+    whole, total = sample, np.zeros((size, size))
+    for _ in range(steps):
+        whole, total = move @ whole, move @ total @ move.T + added
+    covariance = solve_discrete_lyapunov(whole, total)
+    mean, covariance = 0.0, sample @ covariance @ sample.T
+    for i in range(steps + 1):
+        mean += (0.5 if i in (0, steps) else 1.0) * np.sum(space.C[rows] @ covariance[:n, :n] * space.C[rows]) / steps
+        covariance = move @ covariance @ move.T + added
+    return mean**0.5
+
+
+@pytest.mark.parametrize(("rate", "delay"), [(200.0, 0.0), (200.0, 0.4), (100.0, 1.0), (400.0, 2.25)])
+def test_h2_norm_against_propagated_covariances(rate, delay):
+    sampled = loop().sampled(rate, delay / rate)
+    coarse, fine = (covariances(sampled, steps) for steps in (40, 80))
+    assert sampled.h2_norm().value == pytest.approx((4.0 * fine - coarse) / 3.0, rel=1e-7)
+
+
+def test_h2_norm_of_fast_samples_is_that_in_continuous_time():
+    exact = loop().h2_norm().value
+    errors = [abs(loop().sampled(rate).h2_norm().value / exact - 1.0) for rate in (1e4, 1e6)]
+    assert errors[1] < 0.02 * errors[0] < 1e-3
+
+
+def test_h2_norm_has_what_sampling_folds():
+    """The components at the frequency of the excitation alone have less variance than the outputs."""
+    sampled = loop().sampled(12.0)
+    w = np.linspace(0.0, 2e4, 400_001)
+    direct = np.trapezoid(np.abs(sampled.frequency_response(w)[0, 0]) ** 2, w) / np.pi
+    assert direct**0.5 < 0.999 * sampled.h2_norm().value
+
+
+@pytest.mark.parametrize("delay", [0.0, 2.0])
+def test_zeros_and_poles_against_python_control(delay):
+    rate = 150.0
+    sampled = slider(800.0, 4.0).feedback(LAW, ["x", "v"], "F").sampled(rate, delay / rate)
+    space = sampled.plant.space
+    plant = control.c2d(control.ss(space.A, space.B, space.C, space.D), 1.0 / rate)
+    shift = control.ss([[0, 1], [0, 0]], [[0], [1]], [[1, 0]], 0, 1.0 / rate) if delay else control.ss(
+        [], [], [], [[1.0]], 1.0 / rate)  # fmt: skip
+    names, force = space.outputs, space.inputs.index("F")
+    rows = [names.index("x"), names.index("v")]
+    law = shift * control.c2d(LAW, 1.0 / rate, "tustin")
+    select = np.zeros((len(space.inputs), 1))
+    select[force] = 1.0
+    closed = control.feedback(plant, control.ss([], [], [], select, 1.0 / rate) * law * control.ss(
+        [], [], [], np.eye(len(names))[rows], 1.0 / rate), sign=1)  # fmt: skip
+    for source in space.inputs:
+        part = closed[names.index("x"), space.inputs.index(source)]
+        exact = rate * np.log(part.zeros().astype(complex))
+        exact = exact[np.abs(np.exp(exact / rate)) > 1e-5]
+        zeros = sampled.transmission_zeros("x", source)
+        assert len(zeros) == len(exact)
+        made, expected = (np.sort_complex(np.exp(values / rate)) for values in (zeros, exact))
+        np.testing.assert_allclose(made, expected, atol=1e-8)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.4, 1.0, 2.25])
+def test_equations_at_the_samples_are_the_time_response(delay):
+    rate = 200.0
+    sampled = slider(800.0, 4.0).feedback(LAW, ["x", "a"], "F").sampled(rate, delay / rate)
+    a, b, c, d, states = sampled.sample_to_sample
+    u = np.random.default_rng(5).normal(size=(b.shape[1], 40))
+    x, exact = np.zeros(len(a)), np.empty((len(c), 40))
+    for i, w in enumerate(u.T):
+        exact[:, i], x = c @ x + d @ w, a @ x + b @ w
+    response = sampled.time_response(np.arange(40) / rate, u, "zero")
+    assert len(states) == len(a)
+    keep = [i for i, name in enumerate(sampled.outputs) if name != "a"]  # an acceleration jumps where a force begins
+    np.testing.assert_allclose(response[keep], exact[keep], atol=1e-9 * np.abs(exact[keep]).max())
+
+
+@pytest.mark.parametrize(("ask", "message"), [
+    (lambda: slider(800.0, 4.0).feedback([[-0.3]], "a", "F")["x", "disturbance"].sampled(100.0).h2_norm(),
+     "'disturbance' acts directly on what the controller samples, 'a'"),
+    (lambda: slider(800.0, 4.0).feedback(LAW, ["x", "v"], "F")["a", "disturbance"].sampled(1e3).h2_norm(),
+     "'disturbance' acts directly on output 'a'"),
+    (lambda: loop().sampled(100.0, 0.1).h2_norm(), "does not decay"),
+    (lambda: loop().sampled(100.0).hinf_norm(), r"ask loop\.continuous"),
+])  # fmt: skip
+def test_infinite_and_missing_norms_are_refused(ask, message):
+    with pytest.raises(mv.ResponseError, match=message):
+        ask()
