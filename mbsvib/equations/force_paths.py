@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.kinematics.mobility import crossed_product
+from mbsvib.linalg.products import product_with_zeros
 from mbsvib.mechanism.topology import FLOATS, Topology
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from mbsvib.elements import Joint
     from mbsvib.elements.rows import Rows
     from mbsvib.kinematics.loops import Cuts
+    from mbsvib.mechanism.mechanism import Mechanism
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,3 +145,15 @@ def point_of(joint: Joint, number: Mapping[str, int], position: Array) -> Array 
         return joint.point
     bodies = (number[joint.second], number[joint.first])
     return position[:, bodies[1] if bodies[0] == position.shape[1] - 1 else bodies[0]]
+
+
+def carries_nothing(joint: Joint, direction: Array, model: Mechanism, loaded: bool) -> bool:
+    """Return whether a component of the wrench in a joint is zero in every motion, along its free directions.
+
+    ``direction`` (6,): of the component, world axes. Under load, the free rotations must be about axes that the first
+    body carries, or about all; couplers act along free directions.
+    """
+    if (loaded and len(joint.rotation_axes) == 2) or any(
+            name.rpartition(".")[0] == joint.name for part in model.couplers.values() for name, _ in part.terms):
+        return False
+    return not product_with_zeros(np.array([row for _, row in joint.locked]).reshape(-1, 6), direction).any()

@@ -17,20 +17,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.equations.base_motion import ground_motion
-from mbsvib.equations.force_paths import ForcePaths, force_paths
+from mbsvib.equations.force_paths import ForcePaths, carries_nothing, force_paths
 from mbsvib.equations.inertia import inertia_tensor
 from mbsvib.equations.reactions import Reactions, reactions
 from mbsvib.equations.shared_forces import shared_wrenches
-from mbsvib.equations.unresisted_motion import product_with_zeros
 from mbsvib.equations.wrench_pairs import unit_wrenches
 from mbsvib.kinematics.mobility import crossed_product
+from mbsvib.linalg.products import product_with_zeros
 from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements import Body, Joint
+    from mbsvib.elements import Body
     from mbsvib.equations.draft import Draft
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.self_stress import SelfStress
@@ -90,7 +90,7 @@ def with_joint_forces(draft: Draft) -> Draft:
             axes = np.array(scene.topology.joints[number].axes)
             direction = -np.concatenate((axes @ wrench[:3], axes @ wrench[3:]))
             outputs[list(model.outputs)[row]] = (number, direction)
-            zero = _carries_nothing(scene.topology.joints[number], direction, model, loaded=change is not None)
+            zero = carries_nothing(scene.topology.joints[number], direction, model, loaded=change is not None)
             for key, wrenches in in_joints.items():
                 rows[key][row] = 0.0 if zero else direction @ wrenches[:, number]
         else:
@@ -98,18 +98,6 @@ def with_joint_forces(draft: Draft) -> Draft:
     names = [joint.name for joint in scene.topology.joints]
     undetermined = tuple([stress.undetermined(names, outputs) for stress in to_joints.stress])
     return replace(draft, terms=replace(terms, **rows), undetermined=undetermined)
-
-
-def _carries_nothing(joint: Joint, direction: Array, model: Mechanism, loaded: bool) -> bool:
-    """Return whether a component of the wrench in a joint is zero in every motion, along its free directions.
-
-    ``direction`` (6,): of the component, world axes. Under load, the free rotations must be about axes that the first
-    body carries, or about all; couplers act along free directions.
-    """
-    if (loaded and len(joint.rotation_axes) == 2) or any(
-            name.rpartition(".")[0] == joint.name for part in model.couplers.values() for name, _ in part.terms):
-        return False
-    return not product_with_zeros(np.array([row for _, row in joint.locked]).reshape(-1, 6), direction).any()
 
 
 def _of_least_norm(changes: Array, to_joints: Reactions, statics: Statics, pose_change: _PoseForceChange) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import blas
 
 from mbsvib.linalg.qr import pivoted_qr
-from mbsvib.linalg.rank import DEPENDENT_ROWS, EPS, LEAST_ROW, MASSLESS, ZERO_SUM
+from mbsvib.linalg.rank import DEPENDENT_ROWS, EPS, LEAST_ROW, MASSLESS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,13 +26,6 @@ if TYPE_CHECKING:
 ROUNDS = 2
 # Entries below this fraction of their terms are zero.
 NOTHING = EPS**2
-
-
-def product_with_zeros(left: Array, right: Array) -> Array:
-    """Return left @ right, with zeros for sums whose terms cancel to rounding."""
-    result: Array = left @ right
-    result[np.abs(result) <= ZERO_SUM * (np.abs(left) @ np.abs(right))] = 0.0
-    return result
 
 
 def free_motions(*parts: Array) -> Array:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.memory import MANY
-from mbsvib.linalg.rank import ZERO_EIGENVALUE
+from mbsvib.linalg.rank import ZERO_EIGENVALUE, ZERO_SUM
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -106,3 +106,10 @@ def eigenrows(matrix: Array) -> tuple[Array, Array]:
     size = np.abs(values)
     values[size <= ZERO_EIGENVALUE * size.max(axis=-1, keepdims=True)] = 0.0
     return values, np.swapaxes(vectors * scale[..., None], -1, -2)
+
+
+def product_with_zeros(left: Array, right: Array) -> Array:
+    """Return left @ right, with zeros for sums whose terms cancel to rounding."""
+    result: Array = left @ right
+    result[np.abs(result) <= ZERO_SUM * (np.abs(left) @ np.abs(right))] = 0.0
+    return result

@@ -17,8 +17,8 @@ import numpy as np
 from scipy.linalg import lapack
 
 from mbsvib.common.fast_init import fast_init
-from mbsvib.equations.unresisted_motion import completed_basis, product_with_zeros
-from mbsvib.linalg.products import weighted_gram
+from mbsvib.equations.unresisted_motion import completed_basis
+from mbsvib.linalg.products import product_with_zeros, weighted_gram
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.classical import (
     COMMUTES,

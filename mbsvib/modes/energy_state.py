@@ -24,10 +24,9 @@ from mbsvib.equations.unresisted_motion import (
     free_motions,
     null_pair,
     orthonormal,
-    product_with_zeros,
     rounding_scale,
 )
-from mbsvib.linalg.products import gram_matrix, weighted_gram
+from mbsvib.linalg.products import gram_matrix, product_with_zeros, weighted_gram
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.rigid_motions import unbraked

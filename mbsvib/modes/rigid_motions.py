@@ -10,10 +10,9 @@ from mbsvib.equations.unresisted_motion import (
     coordinate_sizes,
     free_motions,
     null_pair,
-    product_with_zeros,
     rounding_scale,
 )
-from mbsvib.linalg.products import weighted_gram
+from mbsvib.linalg.products import product_with_zeros, weighted_gram
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array

@@ -17,7 +17,7 @@ import numpy as np
 
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.base_motion import inertia_of_ground_motion
-from mbsvib.equations.force_paths import carrier_of, point_of
+from mbsvib.equations.force_paths import carrier_of, carries_nothing, point_of
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.draft import SparseDraft
 from mbsvib.sparse.rotated_forces import RotatedForces
@@ -102,6 +102,10 @@ class ForceSums(SparseDraft):
 
     def _in_joint(self, number: int, wrench: Array) -> tuple[dict[int, Array], Array]:
         """Rows of the force or moment in a joint along a wrench, by derivative, and its feedthrough."""
+        joint, axes = self.topology.joints[number], np.array(self.topology.joints[number].axes)
+        if carries_nothing(joint, np.concatenate((axes @ wrench[:3], axes @ wrench[3:])), self.model,
+                           loaded=self.geometric is not None):  # fmt: skip
+            return {}, np.zeros(len(self.port.input_units))
         result = dict(enumerate(np.zeros((3, self.layout.size))))
         region = self.regions.get(number)
         if region is None:

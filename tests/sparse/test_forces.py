@@ -127,6 +127,8 @@ def test_static_parts_where_the_mechanism_floats():
     model = scenes.floating(40)
     model.add_input("F", "b39", (0.3, 1.0, 0.2, 0.1, 0.2, 0.3))
     with_forces(model, joints=["j0", "j20"], bodies=["b3"])
+    for direction in ("rx", "ry", "rz"):
+        model.add_force_output(f"s38!{direction}", "s38", direction)
     dense, sparse = (model.linearize(method=method) for method in ("dense", "sparse"))
     low = 1e-2 * dense.modes().natural[6:7]
     expected = dense.frequency_response(low)
