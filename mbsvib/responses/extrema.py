@@ -78,9 +78,8 @@ def panels(
 
 
 def gauss_rule(ends: Array) -> tuple[Array, Array]:
-    """Return nodes and weights of Gauss' rule on panels.
-
-    ``ends`` (panels + 1,): ends of the panels. Returns (GAUSS panels,): the nodes, panel by panel, and their weights.
+    """Return nodes and weights (GAUSS panels,) of Gauss' rule, panel by panel; ``ends`` (panels + 1,) are those of
+    panels.
     """
     node, weight = np.polynomial.legendre.leggauss(GAUSS)
     half = 0.5 * np.diff(ends)
@@ -141,8 +140,8 @@ class Band:
         return _raised(lambda x: measure(self.response(x)), w, np.flatnonzero(top))
 
     def crossings(self, measure: Measure) -> Array:
-        """Return the frequencies, ascending, at which a number changes its sign, or is not a number: there it does not
-        cross.
+        """Return the frequencies, ascending, at which a number changes its sign; next to values that are not a number
+        there are none.
         """
         w, value = self._samples(measure)
         # between samples near an extremum close to zero there may be two crossings

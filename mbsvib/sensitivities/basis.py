@@ -40,15 +40,7 @@ if TYPE_CHECKING:
 
 
 class SensitivityBasis:
-    """The network, the spectrum and the groups of parameters of one set of equations, each kept once it is known.
-
-    Parameters
-    ----------
-    responses : Basis
-        The equations of motion and their modes.
-    network : Network, optional
-        Bodies and connections, where they are known already.
-    """
+    """The network, the spectrum and the groups of parameters of one set of equations, each kept once it is known."""
 
     def __init__(self, responses: Basis, network: Network | None = None) -> None:
         self.responses = responses
