@@ -19,11 +19,10 @@ if TYPE_CHECKING:
 
 
 def node_displacement(block: ElasticBlock, station: int, both: Expression) -> Frame:
-    """Return the displacement of an interface node against the root since the pose as described, in the axes of the
-    root as described.
+    """Return the displacement of an interface node against the root, in the axes of the root as described.
 
-    ``station``: number of the node among the elastic ones. ``both`` (modes + interface,): coordinates (z, b) of the
-    block.
+    It is that since the pose as described. ``station``: number of the node among the elastic ones. ``both``
+    (modes + interface,): coordinates (z, b) of the block.
     """
     rho, rows = block.state[6 * station + 3 : 6 * station + 6], block.span[6 * station : 6 * station + 6]
     b = ca.sparsify(ca.DM(rows)) @ both

@@ -13,13 +13,12 @@ if TYPE_CHECKING:
 
 
 def length_of(points: Array, *centres: Array) -> float:
-    """Return the root mean square distance [m] of points (n, 3) from their mean; 1 where there is no point, or all
-    coincide within rounding.
+    """Return the root mean square distance of points (n, 3) [m] from their mean [m].
 
     L^2 = 1/n sum of |p_i - 1/n sum of p_j|^2
 
-    It is the same in all frames and for all orders of the points. ``centres`` (n, 3) [m]: centres of mass of the bodies
-    that have these points.
+    It is the same in all frames and for all orders of the points; 1 where there is no point, or all coincide within
+    rounding. ``centres`` (n, 3): centres of mass of the bodies that have these points [m].
     """
     if not len(points):
         return 1.0

@@ -157,9 +157,9 @@ def refined(
     """Improve eigenvalues by their two-sided Rayleigh quadratics, and vectors by the projections of the residual.
 
     ``values``, ``y`` (n, h) and (n, m, h): as in ``Start``; the first ``complex_count`` represent their conjugates.
-    ``errors`` (n, m): relative ones of the undamped frequencies. Returns values, unit vectors y, and slopes (n, h), y^T
-    (2 lambda + Gamma) y; a bound (n, h) of the relative errors; and the largest relative error (n,) without the part
-    that comes from the undamped modes.
+    ``errors`` (n, m): relative ones of the undamped frequencies. Returns values; unit vectors y; the slopes (n, h) of
+    these, y^T (2 lambda + Gamma) y; a bound (n, h) of the relative errors; and the largest relative error (n,) without
+    the part that comes from the undamped modes.
     """
     y = y / _lengths(y)
     inertia, damping, elastic = _times(forms.mass, y), _times(forms.damping, y), _times(forms.stiffness, y)

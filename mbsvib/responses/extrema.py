@@ -55,7 +55,8 @@ def panels(
     pole.
 
     ``poles``: in units of the frequencies. ``marks``: frequencies at which a panel is to end, where they are in the
-    band. ``longest``: length of a panel, for responses that are not rational.
+    band. ``longest``: largest length of a panel, for responses that are not rational. ``period``: that of the poles
+    along the frequency, for sampled responses.
     """
     if high - low > MOST_PANELS * longest:
         raise ResponseError(f"the band from {low:.4g} to {high:.4g} Hz is {(high - low) / longest:.1e} times the "

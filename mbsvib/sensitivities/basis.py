@@ -69,10 +69,10 @@ class SensitivityBasis:
 
     @cached_property
     def modes(self) -> Modes:
-        """All modes as accurate as responses need them; modes of less accuracy are not computed before.
+        """All modes, as accurate as responses need them, without modes of the default accuracy before.
 
-        Those of the default accuracy will not do, even where their errors are small: vectors of coupled modes that are
-        as close as 1e-5 then have ten times the residual, and derivatives ten times the error.
+        Those will not do, even where their errors are small: vectors of coupled modes that are as close as 1e-5 then
+        have ten times the residual, and derivatives ten times the error.
         """
         if self.responses.computed & {"modes", "response_modes"}:
             return self.responses.response_modes
