@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 
 def node_displacement(block: ElasticBlock, station: int, both: Expression) -> Frame:
-    """Return the displacement of an interface node against the root by the coordinates of the block.
+    """Return the displacement of an interface node against the root, in the axes of the root as described.
 
-    ``station``: number of the node among the elastic ones. ``both`` (modes + interface,): its coordinates (z, b).
-    Returns the displacement since the pose as described, in the axes of the root as described.
+    It is that since the pose as described. ``station``: number of the node among the elastic ones. ``both``
+    (modes + interface,): coordinates (z, b) of the block.
     """
     rho, rows = block.state[6 * station + 3 : 6 * station + 6], block.span[6 * station : 6 * station + 6]
     b = ca.sparsify(ca.DM(rows)) @ both
@@ -47,11 +47,11 @@ def point_as_described(block: ElasticBlock, station: int) -> Array:
 
 
 def node_row(block: ElasticBlock, body: str, point: Sequence[float], wrench: Sequence[float]) -> Array:
-    """Return the row (6 e + internal,) that makes of x the small displacement of a point along a direction.
+    """Return the row (6 e + internal,) that makes of x the small displacement of a point along a direction; 0 for the
+    root.
 
-    ``body``: name of one of its nodes, which carries the point, or of its root. ``point`` (3,): the point as described
-    [m]. ``wrench`` (6,): the direction, translation and rotation, in the axes of the root as described. Returns (6 e +
-    internal,): the row; 0 for the root.
+    ``body``: name of the node, or of the root, that carries the point. ``point`` (3,): the point as described [m].
+    ``wrench`` (6,): the direction, translation and rotation, in the axes of the root as described.
     """
     row = np.zeros(len(block.state))
     if body in block.nodes:

@@ -38,19 +38,17 @@ class Called:
 
 
 def evaluated(function: ca.Function, *arguments: Array) -> list[Array]:
-    """Return the outputs of a function at every sample, columns without their second axis.
+    """Return the outputs of a function at every sample, (samples, rows, columns), columns as (samples, rows).
 
-    ``*arguments`` (samples, k) or (k,): its arguments; those of one axis are the same at every sample. Returns
-    (samples, rows, columns) or (samples, rows): its outputs.
+    ``arguments`` (samples, k) or (k,): those of one axis are the same at every sample.
     """
     return [array[:, :, 0] if array.shape[2] == 1 else array for array in matrices(function, *arguments)]
 
 
 def matrices(function: ca.Function, *arguments: Array) -> list[Array]:
-    """Return the outputs of a function at every sample, all as matrices.
+    """Return the outputs of a function at every sample, all as matrices (samples, rows, columns).
 
-    ``*arguments`` (samples, k) or (k,): its arguments; those of one axis are the same at every sample. Returns
-    (samples, rows, columns): its outputs.
+    ``arguments`` (samples, k) or (k,): those of one axis are the same at every sample.
     """
     samples = max(len(array) for array in arguments if array.ndim == 2)
     columns: list[Any] = [array.T if array.ndim == 2 else np.repeat(array[:, None], samples, axis=1)

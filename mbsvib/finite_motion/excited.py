@@ -49,8 +49,8 @@ def with_interfaces(model: Mechanism, blocks: Sequence[ElasticBlock]) -> Mechani
 def touched(statement: FiniteMotion, blocks: Sequence[ElasticBlock]) -> dict[str, tuple[int, ...]]:
     """Return the directions of interface nodes that the rest of the mechanism acts on, by the names of their links.
 
-    ``statement``: the statement with all directions of all interface nodes as coordinates. Returns directions; links
-    that are no coordinates of the tree are not among them.
+    Links that are no coordinates of the tree are not among them. ``statement``: has all directions of all interface
+    nodes as coordinates.
     """
     motion = statement.motion
     q, qd, names = motion.q, motion.qd, motion.names

@@ -35,10 +35,7 @@ def generalized(motion: Kinematics, power: Expression) -> Expression:
 
 
 def load_power(part: Load, model: Mechanism, motion: Kinematics) -> Expression:
-    """Return the power [W] of a load.
-
-    Returns force times velocity and torque times angular velocity.
-    """
+    """Return the power [W] of a load: force times velocity and torque times angular velocity."""
     numbers = motion.numbers
     point = numbers.vector(model.bodies[part.body], "position") if part.position is None else \
         numbers.vector(part, "position")  # fmt: skip

@@ -39,11 +39,11 @@ class Loops:
                 np.asarray(jacobian) * self.row_scale[:, None] * self.coordinate_scale)  # fmt: skip
 
     def projected(self, q: Array, bases: Array, may_move: Index | None = None) -> tuple[Array, float]:
-        """Return the coordinates nearest by that close the loops, and how far they are left open.
+        """Return the coordinates (n,) nearest by that close the loops, and the largest opening left, in units of 1 rad
+        and the size of the mechanism.
 
         ``q`` (n,): coordinates next to such a pose. ``bases`` (9 b,): rotations on top of which those of q come.
-        ``may_move``: coordinates that may change; default: all. Returns (n,): the coordinates; the largest opening
-        left, in units of 1 rad and the size of the mechanism.
+        ``may_move``: coordinates that may change; default: all.
         """
         if not len(self.row_scale):
             return q, 0.0

@@ -14,21 +14,13 @@ if TYPE_CHECKING:
 
 
 def body_motion(coordinates: Twists, position: Array) -> Array:
-    """Return the open-loop constraint matrix B': displacements of the bodies per unit joint coordinate.
+    """Return the open-loop constraint matrix B' (..., bodies, 6, n): displacements of the bodies per unit joint
+    coordinate.
 
     x_j = sum over the coordinates k on the path ground -> j of (v_k + w_k x (c_j - p_k), w_k) q_k
 
-    Parameters
-    ----------
-    coordinates : Twists
-        The joint coordinates.
-    position : array, shape (..., bodies, 3)
-        Centres of mass [m], world axes.
-
-    Returns
-    -------
-    array, shape (..., bodies, 6, n)
-        Translations of the centres of mass, then rotations, world axes.
+    ``position`` (..., bodies, 3): centres of mass [m], world axes. Displacements are translations of the centres of
+    mass, then rotations, world axes.
 
     Source: Jiang, Chen & Luo (2011), open-loop constraint matrix B'.
     """

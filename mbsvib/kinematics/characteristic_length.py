@@ -13,23 +13,12 @@ if TYPE_CHECKING:
 
 
 def length_of(points: Array, *centres: Array) -> float:
-    """Return the root mean square distance of points from their mean.
+    """Return the root mean square distance of points (n, 3) [m] from their mean [m].
 
     L^2 = 1/n sum of |p_i - 1/n sum of p_j|^2
 
-    It is the same in all frames and for all orders of the points.
-
-    Parameters
-    ----------
-    points : array, shape (n, 3)
-        Points [m].
-    *centres : array, shape (n, 3)
-        Centres of mass of the bodies that have these points [m].
-
-    Returns
-    -------
-    float
-        Length [m]; 1 where there is no point, or all coincide within rounding.
+    It is the same in all frames and for all orders of the points; 1 where there is no point, or all coincide within
+    rounding. ``centres`` (n, 3): centres of mass of the bodies that have these points [m].
     """
     if not len(points):
         return 1.0

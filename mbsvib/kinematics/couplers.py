@@ -66,27 +66,11 @@ def terms(
     parts: Sequence[Coupling], names: Sequence[str], topology: Topology, bodies: Sequence[Body],
     number: Mapping[str, int],
 ) -> tuple[Couplings, Index]:  # fmt: skip
-    """Return the terms of all couplers without ``touched``, and the cut joints whose motion they need.
+    """Return the terms of all couplers, and the numbers (measured terms,) of the cut joints in which terms are
+    measured.
 
-    Parameters
-    ----------
-    parts : sequence of Coupler, Gear, Worm or Rack
-        The model's couplers.
-    names : sequence of str
-        Names of the joint coordinates of the tree.
-    topology : Topology
-        The spanning tree.
-    bodies : sequence of Body
-        The bodies in order.
-    number : mapping
-        Number of each body, ground included.
-
-    Returns
-    -------
-    Couplings
-        One row for each coupler, ``touched`` (couplers, 0).
-    array, shape (measured terms,)
-        Numbers of the cut joints in which terms are measured.
+    Each coupler is one row; ``touched`` (couplers, 0) is still empty. ``names`` are those of the joint coordinates of
+    the tree, ``bodies`` are in order, ``number`` is that of each body by name, ground included.
     """
     index_of = {name: i for i, name in enumerate(names)}
     joints = {joint.name: (k, joint) for k, joint in enumerate(topology.joints)}

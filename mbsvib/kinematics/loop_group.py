@@ -54,26 +54,12 @@ class LoopGroup:
 
 
 def measures(points: Array, count: int, pitch: float, arm: float = 0.0) -> tuple[float, float]:
-    """Return the unit of length of loops, and the rounding of rows that are scaled by it.
+    """Return the unit of length of loops [m], and the rounding of the entries of rows that are scaled by it.
 
-    Parameters
-    ----------
-    points : array, shape (3, n)
-        Points of the joints [m].
-    count : int
-        Number of the rows or of the coordinates, whichever is larger.
-    pitch : float
-        Largest pitch of a screw [m].
-    arm : float
-        Largest distance of the points from the centres of mass of their bodies [m].
-
-    Returns
-    -------
-    length : float
-        The size of the loops [m]; where all points coincide within rounding, the pitch, or 1 m.
-    noise : float
-        Rounding of an entry: that of unit vectors, and of points relative to their distance from the origin, or from
-        the centre of mass about which their body was turned.
+    The length is the size of the loops; where all ``points`` (3, n) of the joints [m] coincide within rounding, the
+    largest ``pitch`` of a screw [m], or 1 m. The rounding is that of unit vectors, and of points relative to their
+    distance from the origin, or to ``arm`` [m], the largest distance of the points from the centres of mass about which
+    their bodies were turned. ``count``: number of the rows or of the coordinates, whichever is larger.
     """
     if not points.size:  # a coupler of coordinates that other joints lock
         return 1.0, EPS * count

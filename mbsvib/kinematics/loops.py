@@ -107,31 +107,12 @@ def reduce(
 ) -> Reduction:  # fmt: skip
     """Return the minimal coordinates and B'' with Phi B'' = 0.
 
-    Parameters
-    ----------
-    coordinates : Twists
-        The joint coordinates of the tree.
-    cuts : Cuts or None
-        The locked rows of the cut joints; None where nothing is cut.
-    phi : array, shape (locked rows, n)
-        Relative displacements of these rows per unit joint coordinate.
-    independent : sequence of str, optional
-        Coordinates that must be among the minimal ones.
-    arms : callable, optional
-        Function of names of joints: their largest distance from the centres of mass of their bodies [m], by which
-        points of a rotated body are rounded. It is called only where the rank is doubtful.
-
-    Returns
-    -------
-    Reduction
-        The choice of coordinates, B'' and the rank decisions.
-
-    Raises
-    ------
-    ModelError
-        If a pinned coordinate is unknown or cannot be independent.
-    SingularPoseError
-        If the number of degrees of freedom differs in neighbouring poses, or the rank is doubtful.
+    ``cuts``: None where nothing is cut. ``phi`` (locked rows, n): relative displacements of these rows per unit joint
+    coordinate. ``independent``: coordinates that must be among the minimal ones. ``arms``: takes names of joints and
+    returns their largest distance from the centres of mass of their bodies [m], by which points of a rotated body are
+    rounded; it is called only where the rank is doubtful. Raises an error if a coordinate of ``independent`` is unknown
+    or cannot be independent, if the number of degrees of freedom differs in neighbouring poses, or if the rank is
+    doubtful.
 
     Source: Jiang, Chen & Luo (2011), cut-joint constraint matrix B''.
     """

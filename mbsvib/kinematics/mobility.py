@@ -51,28 +51,8 @@ def check_mobility(
 ) -> bool:
     """Refuse a pose in which fewer constraints are independent than in neighbouring poses.
 
-    Parameters
-    ----------
-    topology : Topology
-        The spanning tree.
-    coordinates : Twists
-        The joint coordinates.
-    cuts : Cuts or None
-        Locked rows of the cut joints.
-    reduction : Reduction
-        The minimal coordinates; only groups of loops with redundant rows are checked.
-    position : array, shape (bodies, 3)
-        Centres of mass [m], world axes.
-
-    Returns
-    -------
-    bool
-        Whether loops are planar, which makes a check of neighbouring poses unnecessary.
-
-    Raises
-    ------
-    SingularPoseError
-        If the rank of the constraints is higher in neighbouring poses.
+    Only groups of loops with redundant rows are checked. ``position`` (bodies, 3): centres of mass [m], world axes.
+    Returns whether loops are planar, which makes a check of neighbouring poses unnecessary.
     """
     groups = [group for group in reduction.groups if group.surplus]
     if cuts is None or reduction.matrix is None or not groups or not reduction.matrix.shape[1]:
@@ -126,29 +106,11 @@ def phi_nearby(
     topology: Topology, coordinates: Twists, cuts: Cuts, reduction: Reduction, position: Array,
     crossing: list[tuple[int, Array, Array]], rods: list[Rod],
 ) -> Array:  # fmt: skip
-    """Return the constraints of the loops in a neighbouring pose, which the mechanism reaches to first order.
+    """Return the constraints Phi (..., locked rows, n) of the loops in a neighbouring pose, which the mechanism reaches
+    to first order.
 
-    Parameters
-    ----------
-    topology : Topology
-        The spanning tree.
-    coordinates : Twists
-        The joint coordinates.
-    cuts : Cuts
-        Locked rows of the cut joints.
-    reduction : Reduction
-        The minimal coordinates.
-    position : array, shape (..., bodies, 3)
-        Centres of mass [m], world axes.
-    crossing : list of (int, array, array)
-        Result of ``crossing_axes``; axes (3,) or (3, variants).
-    rods : list of Rod
-        Result of ``rods_in_loops``.
-
-    Returns
-    -------
-    array, shape (..., locked rows, n)
-        Relative displacements of the locked rows per unit joint coordinate.
+    ``position`` (..., bodies, 3): centres of mass [m], world axes. ``crossing``, ``rods``: results of
+    ``crossing_axes``, with axes (3,) or (3, variants), and of ``rods_in_loops``.
     """
     matrix = reduction.matrix
     assert matrix is not None

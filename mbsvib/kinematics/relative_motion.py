@@ -147,21 +147,10 @@ def largest_pitch(joints: Sequence[Joint]) -> float:
 
 
 def arm(topology: Topology, position: Array, names: Iterable[str]) -> float:
-    """Return the largest distance of joints from the centres of mass of the bodies they connect.
+    """Return the largest distance [m], along one of the world axes, of joints from the centres of mass of the bodies
+    they connect.
 
-    Parameters
-    ----------
-    topology : Topology
-        The joints.
-    position : array, shape (bodies, 3)
-        Centres of mass [m].
-    names : iterable of str
-        Names of joints; others are ignored.
-
-    Returns
-    -------
-    float
-        The largest distance [m] along one of the world axes.
+    ``position`` (bodies, 3): centres of mass [m]. ``names``: those of joints; others are ignored.
     """
     number = {name: i for i, name in enumerate(topology.bodies)}
     joints, requested = {joint.name: joint for joint in topology.joints}, set(names)
@@ -251,16 +240,11 @@ def _of_variants(vectors: tuple[Array, ...], row: Index, column: Index) -> Array
 
 
 def clear_rounding(value: Array, *vectors: Array) -> None:
-    """Set entries of relative motion to zero that are rounding.
+    """Set entries of relative motion to zero, in place, that are rounding.
 
-    Directions are rounded by eps of one, points by eps of their distance from the origin.
-
-    Parameters
-    ----------
-    value : array, shape (entries,) or (entries, variants)
-        f . v + w . ((p_r - p_k) x f + m), changed in place.
-    *vectors : array, shape (3, entries), or (3, entries, variants) and (3, entries, 1)
-        f, m, v, w, p_r and p_k of each.
+    ``value`` (entries,) or (entries, variants): f . v + w . ((p_r - p_k) x f + m). ``vectors`` (3, entries), or
+    (3, entries, variants) and (3, entries, 1): f, m, v, w, p_r and p_k of each. Directions are rounded by eps of one,
+    points by eps of their distance from the origin.
     """
     size = np.abs(value)
     small = (size < LARGEST_ROUNDING) & (value != 0.0)

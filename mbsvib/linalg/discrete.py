@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 def tustin(a: Array, b: Array, c: Array, d: Array, step: float) -> tuple[Array, Array, Array, Array]:
     """Return discrete-time equations by Tustin's rule, s = 2/h (z - 1)/(z + 1), h the ``step`` [s].
 
-    z+ = Ad z + Bd u, y = Cd z + Dd u with L = (1 - h/2 A)^-1, Ad = L (1 + h/2 A), Bd = h L B, Cd = C L, Dd = D + h/2 C
-    L B
+    z+ = Ad z + Bd u,  y = Cd z + Dd u  with  L = (1 - h/2 A)^-1,
+    Ad = L (1 + h/2 A),  Bd = h L B,  Cd = C L,  Dd = D + h/2 C L B
 
     Source: Franklin, Powell & Workman, Digital Control of Dynamic Systems (1998), section 6.1.
     """

@@ -26,10 +26,9 @@ def by_label(label: Index) -> list[Index]:
 
 
 def part_numbers(links: NDArray[np.bool_] | spmatrix | sparray, strong: bool = False) -> Index:
-    """Return the number (n,), from 0 on, of the connected part of each item, by the nonzero entries of ``links`` (n,
-    n).
+    """Return the number (n,), from 0 on, of the connected part of each item, linked by the nonzero entries of a matrix.
 
-    Links work in both directions; ``strong``: in one only, and items of one part reach each other.
+    ``links`` (n, n) work in both directions; with ``strong`` in one only, and items of one part reach each other.
     """
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components

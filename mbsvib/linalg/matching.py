@@ -71,7 +71,7 @@ def is_simple(values: Complex) -> Mask:
 
 
 def mac(first: NDArray[Any], second: NDArray[Any]) -> Array:
-    """Return the modal assurance criterion of weighted shapes (rows, modes) with others: 1 for equal ones, 0 for zeros.
+    """Return the modal assurance criterion of weighted shapes (rows, modes) with others, 1 for equal ones, 0 for zeros.
     """
     return np.asarray(np.abs(_unit(first).conj().T @ _unit(second)) ** 2)
 

@@ -60,8 +60,9 @@ class Start:
 
 
 def starts(gamma: Array, square: Array) -> list[Start]:
-    """Return eigenvalues and vectors of (lambda^2 + lambda Gamma + Omega^2) y = 0 for Gamma (n, m, m), Omega^2 (n, m) >
-    0.
+    """Return eigenvalues and vectors of (lambda^2 + lambda Gamma + Omega^2) y = 0.
+
+    ``gamma`` (n, m, m): Gamma. ``square`` (n, m): Omega^2, all positive.
     """
     m = square.shape[1]
     values, y, converged = _from_unit_vectors(gamma, square)
@@ -155,10 +156,10 @@ def refined(
 ) -> tuple[Complex, Complex, Complex, Array, Array]:
     """Improve eigenvalues by their two-sided Rayleigh quadratics, and vectors by the projections of the residual.
 
-    ``values``, ``y`` (n, h) and (n, m, h): as in ``Start``; ``errors`` (n, m): relative ones of the undamped
-    frequencies; the first ``complex_count`` represent their conjugates. Returns values, unit vectors y, slopes y^T (2
-    lambda + Gamma) y; bound (n, h) of the relative errors; reducible (n,): the largest of them, without the undamped
-    modes' part.
+    ``values``, ``y`` (n, h) and (n, m, h): as in ``Start``; the first ``complex_count`` represent their conjugates.
+    ``errors`` (n, m): relative ones of the undamped frequencies. Returns values; unit vectors y; the slopes (n, h) of
+    these, y^T (2 lambda + Gamma) y; a bound (n, h) of the relative errors; and the largest relative error (n,) without
+    the part that comes from the undamped modes.
     """
     y = y / _lengths(y)
     inertia, damping, elastic = _times(forms.mass, y), _times(forms.damping, y), _times(forms.stiffness, y)

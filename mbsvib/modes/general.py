@@ -135,9 +135,8 @@ def _sorted(
 
 
 def rigid_shapes(state: EnergyState) -> tuple[Array, Array]:
-    """Return the motions without stiffness: those that come to rest, and those in chains, which drift.
-
-    Returns (m, r): both, as displacements.
+    """Return the motions without stiffness as displacements (m, r): those that come to rest, and those in chains, which
+    drift.
     """
     if state.long:  # motions cannot be assigned to chains: take as many as there are pairs of zeros
         u = np.linalg.svd(state.show @ state.right)[0]

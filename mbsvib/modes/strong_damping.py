@@ -99,8 +99,8 @@ def improved(
     """Improve the eigenvalues ``values`` (k,), all but 0, whose relative error ``uncertainty`` (k,) may exceed
     ``rtol``.
 
-    Returns eigenvalues; and of those which were improved, others being 0: modes y (n, k), slopes (k,) y^T (2 lambda +
-    Gamma) y and relative errors (k,), infinite for the others.
+    Returns eigenvalues (k,), modes y (n, k), slopes (k,), which are y^T (2 lambda + Gamma) y, and relative errors (k,).
+    Where an eigenvalue was not improved, y and slope are 0 and the error is infinite.
 
     Source: Aberth, Math. Comp. 27 (1973), for the simultaneous steps.
     """

@@ -63,9 +63,9 @@ class BatchBasis:
 
 
 def few_frequencies(batch: BatchEquations, damped: DampedBatch, w: Array) -> Complex:
-    """Return the responses of all variants at a few frequencies, (n, outputs, inputs, k); not finite at poles.
+    """Return the complex responses (n, outputs, inputs, k) of all variants at few frequencies; not finite at poles.
 
-    ``w`` (k,): angular frequencies [rad/s], none negative. Returns (n, outputs, inputs, k): complex responses.
+    ``w`` (k,): angular frequencies [rad/s], none negative.
     """
     rates = [batch.Cq, batch.Cv, batch.Ca]
     order, output = np.nonzero([c.any(axis=(0, 2)) for c in rates])

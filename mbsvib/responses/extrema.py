@@ -55,7 +55,8 @@ def panels(
     pole.
 
     ``poles``: in units of the frequencies. ``marks``: frequencies at which a panel is to end, where they are in the
-    band. ``longest``: length of a panel, for responses that are not rational.
+    band. ``longest``: largest length of a panel, for responses that are not rational. ``period``: that of the poles
+    along the frequency, for sampled responses.
     """
     if high - low > MOST_PANELS * longest:
         raise ResponseError(f"the band from {low:.4g} to {high:.4g} Hz is {(high - low) / longest:.1e} times the "
@@ -78,9 +79,8 @@ def panels(
 
 
 def gauss_rule(ends: Array) -> tuple[Array, Array]:
-    """Return nodes and weights of Gauss' rule on panels.
-
-    ``ends`` (panels + 1,): ends of the panels. Returns (GAUSS panels,): the nodes, panel by panel, and their weights.
+    """Return nodes and weights (GAUSS panels,) of Gauss' rule, panel by panel; ``ends`` (panels + 1,) are those of
+    panels.
     """
     node, weight = np.polynomial.legendre.leggauss(GAUSS)
     half = 0.5 * np.diff(ends)
@@ -141,8 +141,8 @@ class Band:
         return _raised(lambda x: measure(self.response(x)), w, np.flatnonzero(top))
 
     def crossings(self, measure: Measure) -> Array:
-        """Return the frequencies, ascending, at which a number changes its sign, or is not a number: there it does not
-        cross.
+        """Return the frequencies, ascending, at which a number changes its sign; next to values that are not a number
+        there are none.
         """
         w, value = self._samples(measure)
         # between samples near an extremum close to zero there may be two crossings

@@ -87,10 +87,7 @@ class FirstOrderSolver:
 
 
 def first_order_solver(a: Array, b: Array, c: Array, name: str) -> FirstOrderSolver:
-    """Return the solver of first-order equations.
-
-    ``a``, ``b``, ``c`` (n, n), (n, inputs), (outputs, n): first-order equations.
-    """
+    """Return the solver of first-order equations ``a`` (n, n), ``b`` (n, inputs), ``c`` (outputs, n)."""
     from scipy.linalg import schur
 
     power = exponents(a, b, c) if len(a) else np.zeros(0, dtype=np.int64)

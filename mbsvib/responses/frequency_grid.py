@@ -103,9 +103,7 @@ _LIMITS = "frequency_grid", "f_min or f_max", "0 < first < last, both finite [Hz
 
 
 def span(poles: Complex, f_min: float | None, f_max: float | None) -> tuple[float, float]:
-    """Return the first and last frequency [Hz]: as given, or from the natural frequencies.
-
-    ``poles`` (poles,): poles [1/s]. ``f_min``, ``f_max``: first and last frequency [Hz].
+    """Return the first and last frequency [Hz]: as given, or from the natural frequencies of ``poles`` (poles,) [1/s].
     """
     natural = np.abs(poles[poles != 0.0]) / (2.0 * np.pi)
     lowest, highest = (natural.min(), natural.max()) if natural.size else (1.0, 1.0)

@@ -43,8 +43,9 @@ NEARLY_STATIC = 1e-3  # in parts of the lowest eigenvalue
 
 
 def frequency_response(basis: Basis, omega: ArrayLike) -> Complex:
-    """Return G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D, (outputs, inputs, n), at ``omega`` (n,)
-    [rad/s].
+    """Return the frequency response G(i w) (outputs, inputs, n) at the angular frequencies ``omega`` (n,) [rad/s].
+
+    G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D
 
     The relative error is that of rounding, times frequency / half-width of a resonance there. Sums that cancel for a
     reason other than inertia (far above the modes, if only a long chain of springs connects the input to the output)
@@ -93,8 +94,9 @@ def _general(basis: Basis, modal: General, w: Array) -> Complex:
 
 
 def trusted(modal: Damped, b: Array, w: Array) -> bool:
-    """Tell whether the sum over modes solves (s^2 + s Gamma + Omega^2) eta = b (m, inputs), at a few s = i w, w (n,) >=
-    0.
+    """Tell whether the sum over modes solves (s^2 + s Gamma + Omega^2) eta = b at a few s = i w.
+
+    ``b`` (m, inputs): inputs in the basis. ``w`` (n,) [rad/s]: none negative.
     """
     inside, size = w[w > 0.0], np.abs(modal.pairs)
     if not b.size or not size.any():
@@ -115,7 +117,7 @@ def trusted(modal: Damped, b: Array, w: Array) -> bool:
 def conditions(modal: Damped) -> Array:
     """Return the condition numbers (m, 2) of the eigenvalues in energy coordinates: 1 is best, infinite is defective.
 
-    Returns (m, 2): (|lambda| + |Omega y|^2 / |lambda|) / |y^T (2 lambda + Gamma) y|; 1 for eigenvalues 0.
+    (|lambda| + |Omega y|^2 / |lambda|) / |y^T (2 lambda + Gamma) y|; 1 for eigenvalues 0
     """
     assert modal.vectors is not None
     assert modal.slopes is not None

@@ -32,8 +32,8 @@ def pair_block(a: Array, l1: complex, l2: complex, first: Complex, second: Compl
 
     T = [(l2 v1 - l1 v2), (v2 - v1)] / (l2 - l1); of a close pair T = Z [S c - tr(S) c, c] with A Z = Z S
 
-    A close pair with independent vectors, such as two equal motions of first order, has no companion block but N =
-    diag(l1, l2) with T = [v1, v2], or its real form. ``first``, ``second`` (n,): the eigenvectors v1, v2.
+    A close pair with independent vectors, such as two equal motions of first order, has no companion block but the
+    diagonal one of l1 and l2 with T = [v1, v2], or its real form. ``first``, ``second`` (n,): the eigenvectors v1, v2.
     """
     if abs(l2 - l1) > CLOSE * abs(l1):
         pair = np.stack((l2 * first - l1 * second, second - first), axis=1) / (l2 - l1)

@@ -38,10 +38,7 @@ class Norm(Displayed):
 
 
 def check_decays(poles: Complex, name: str, norm: str) -> None:
-    """Refuse the norm of equations that do not decay.
-
-    ``poles`` (poles,): poles [1/s].
-    """
+    """Refuse the norm of equations that do not decay, by their ``poles`` (poles,) [1/s]."""
     lasting = np.flatnonzero(poles.real >= -LASTS * EPS * np.abs(poles))
     if len(lasting):
         s = complex(poles[lasting[0]])

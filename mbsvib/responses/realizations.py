@@ -28,9 +28,10 @@ S = TypeVar("S", bound=StateSpace)
 def state_space(basis: Basis, realization: str = "physical", form: type[S] = StateSpace) -> S:  # type: ignore[assignment]
     """Return first-order equations of a system.
 
-    physical: x = (q, q'), A = [[0, 1], [-M^-1 K, -M^-1 C]]; modal: x = (z1, z1', z2, z2', ...) with one block [[0, 1],
-    [-l1 l2, l1 + l2]] for each mode's eigenvalues l1, l2 (one state for a mode of first order); balanced: the physical
-    states scaled by powers of two, so that rows and columns of A, B and C are of like size
+    physical: x = (q, q'), A = [[0, 1], [-M^-1 K, -M^-1 C]];
+    modal: x = (z1, z1', z2, z2', ...) with one block [[0, 1], [-l1 l2, l1 + l2]] for each mode's eigenvalues l1, l2
+    (one state for a mode of first order);
+    balanced: the physical states scaled by powers of two, so that rows and columns of A, B and C are of like size.
 
     The equations are proper, with as many states as eigenvalues. Damped massless motions have no rates among the
     states: the physical states are then q and the rates that move mass (``"d(node.z + body.z)/dt"`` if a rate is a

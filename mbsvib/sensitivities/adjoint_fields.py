@@ -120,14 +120,14 @@ def fields(
     network: Network, motion: Motions, stiff: Field, rate: Field, square: Field, load: Field | None = None,
     strain: Field | None = None, side: int = 0, turned: Field | None = None, inertia_only: Field | None = None,
 ) -> Fields:  # fmt: skip
-    """Return motions with the wrenches that go with them.
+    """Return motions with the wrenches that go with them, in bodies and connections.
 
     ``stiff``, ``rate``, ``square``: factors of stiffness, damping and inertia: 1, s and s^2 for motions with e^(s t); 1
     or 0 to have the derivatives of one matrix only; ``load`` (b, 6, ...): further wrenches on bodies, at their centres
     of mass, counted as inertia is; ``strain`` (s, 6, ...): what springs see, where that is not their relative motion;
     ``side``: 1 for the right, -1 for the left side of forms between two motions, which need not be symmetric;
     ``turned`` (j, 3, ...): how far joints are turned open; ``inertia_only`` (b, 6, ...): the part of the motions of
-    bodies that only inertia does work on. Returns motions and wrenches of bodies and connections.
+    bodies that only inertia does work on.
     """
     body_wrench = motion.momentum * square
     joints = len(network.joints)

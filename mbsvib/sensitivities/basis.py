@@ -40,15 +40,7 @@ if TYPE_CHECKING:
 
 
 class SensitivityBasis:
-    """The network, the spectrum and the groups of parameters of one set of equations, each kept once it is known.
-
-    Parameters
-    ----------
-    responses : Basis
-        The equations of motion and their modes.
-    network : Network, optional
-        Bodies and connections, where they are known already.
-    """
+    """The network, the spectrum and the groups of parameters of one set of equations, each kept once it is known."""
 
     def __init__(self, responses: Basis, network: Network | None = None) -> None:
         self.responses = responses
@@ -77,10 +69,10 @@ class SensitivityBasis:
 
     @cached_property
     def modes(self) -> Modes:
-        """All modes as accurate as responses need them; modes of less accuracy are not computed before.
+        """All modes, as accurate as responses need them, without modes of the default accuracy before.
 
-        Those of the default accuracy will not do, even where their errors are small: vectors of coupled modes that are
-        as close as 1e-5 then have ten times the residual, and derivatives ten times the error.
+        Those will not do, even where their errors are small: vectors of coupled modes that are as close as 1e-5 then
+        have ten times the residual, and derivatives ten times the error.
         """
         if self.responses.computed & {"modes", "response_modes"}:
             return self.responses.response_modes

@@ -29,13 +29,13 @@ _THIRD_ROOTS = np.exp(2j * np.pi / 3.0 * np.arange(3))[:, None]
 def branches(
     pairs: Pairs, diagonal: Complex, cross: Complex, norm: tuple[Complex, Complex]
 ) -> Iterator[tuple[Index, Complex]]:  # fmt: skip
-    """Yield derivatives of eigenvalues that coincide, groups of one size together.
+    """Yield the numbers (n,) of eigenvalues that coincide, and the derivatives (n, variables) of their branches, groups
+    of one size together.
 
     ``diagonal`` (eigenvalues, variables): derivatives of single eigenvalues, forms of those that coincide; ``cross``
     (pairs, variables) or (2 pairs, variables): the forms of pairs, first with second, then second with first unless
     these are the same; ``norm`` (eigenvalues,) and (pairs,) or (2 pairs,): y^T (2 lambda M + C) x of single eigenvalues
-    and of pairs. Returns (n,) and (n, variables): numbers of eigenvalues, and the derivatives of their branches, those
-    of a group in ascending order.
+    and of pairs. Branches of a group are in ascending order of their derivatives.
     """
     forms, norms = np.concatenate((diagonal, cross)), np.concatenate((norm[0][: len(diagonal)], norm[1]))
     single = np.ones(len(diagonal), dtype=bool)

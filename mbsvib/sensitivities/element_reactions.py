@@ -1,9 +1,8 @@
 """Forces in loaded beams and superelements that keep their shape: statics gives them, as those in joints.
 
 Such elements do not deform as the pose moves, so that only motions q with R q = 0 are left, R being the deformations of
-all elements and internal
-coordinates along the minimal ones. Where R has full rank, statics determines their forces: there are motions that open
-the elements by any gaps.
+all elements and internal coordinates along the minimal ones. Where R has full rank, statics determines their forces:
+there are motions that open the elements by any gaps.
 """
 
 from __future__ import annotations

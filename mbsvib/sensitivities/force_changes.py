@@ -39,9 +39,10 @@ def force_changes(network: Network, forces: Forces, entries: Sequence[Parameter]
 
 
 def parameter_rates(network: Network, forces: Forces, changes: ForceChanges, motion: Array) -> Array:
-    """Return how parameters change as bodies move, as those of a model do that is described in the new pose.
+    """Return the changes (parameters, c) of parameters as bodies move, as those of a model do that is described in the
+    new pose.
 
-    ``motion`` (bodies, 6, c): motions at the centres of mass. Returns (parameters, c): changes of the parameters.
+    ``motion`` (bodies, 6, c): motions at the centres of mass.
     """
     rates = PoseRates(network, forces, changes, motion)
     for part, k in network.carriers_of_force:
@@ -50,10 +51,10 @@ def parameter_rates(network: Network, forces: Forces, changes: ForceChanges, mot
 
 
 def force_rates(network: Network, forces: Forces, changes: ForceChanges, motion: Array) -> Array:
-    """Return how forces change as bodies move, beyond what parameters say of it: springs by their stiffness, bushings
-    by the turn between their bodies, followers with theirs.
+    """Return the changes (e, c) of forces as bodies move, beyond what parameters say of it: of springs by their
+    stiffness, of bushings by the turn between their bodies, of followers with theirs.
 
-    ``motion`` (bodies, 6, c): motions at the centres of mass. Returns (e, c): changes of the forces.
+    ``motion`` (bodies, 6, c): motions at the centres of mass.
     """
     relative, at = forces.relative_motions(motion)[1], changes.at
     result = np.zeros((at.size, motion.shape[2]))

@@ -77,12 +77,7 @@ class ForceChanges:
 class RowTerms:
     """Terms of a matrix with a row for each parameter, collected one by one.
 
-    Parameters
-    ----------
-    row : dict
-        Number of each parameter, by part, field and index.
-    at : ForceLayout
-        Places of what is no parameter.
+    ``row`` numbers the parameters by part, field and index; ``at`` has the places of what is no parameter.
     """
 
     def __init__(self, row: dict[tuple[str, str, tuple[int, ...]], int], at: ForceLayout) -> None:

@@ -106,9 +106,10 @@ class Forces:
         return incidence(self.second), incidence(self.first)
 
     def relative_motions(self, body: Field) -> tuple[Field, Field]:
-        """Return what forces see of motions of the bodies, of their first body and the relative one (n, 6, ...).
+        """Return what forces see of motions of the bodies at their points (n, 6, ...): that of their first body and the
+        relative one.
 
-        ``body`` (bodies, 6, ...): motions at the centres of mass. Returns (n, 6, ...): at the points of the forces.
+        ``body`` (bodies, 6, ...): motions at the centres of mass.
         """
         first, second = self._at(self.first, body), self._at(self.second, body)
         return first, second - first

@@ -92,10 +92,9 @@ class MatrixDerivatives(Displayed):
 def matrix_derivatives(
     system: Equations, groups: ParameterGroups, actuation: Loads, sensing: Loads
 ) -> MatrixDerivatives:
-    """Return the derivatives of all matrices to variables.
+    """Return the derivatives of all matrices to variables, as whole matrices and as factors of low rank.
 
-    ``groups``: the variables and the groups of the parameters that they move. Returns whole matrices, and factors of
-    low rank.
+    ``groups``: the variables and the groups of the parameters that they move.
 
     Source: Jiang, Chen & Luo (2011), equations 78-87; ports and loops by the wrenches that connections transmit.
     """

@@ -55,10 +55,7 @@ class ParameterGroup:
 
 
 def have_rules(network: Network, layout: FieldLayout) -> NDArray[np.bool_]:
-    """Tell which parameters act by what their own parts do alone.
-
-    Returns (parameters,): whether a rule holds for each.
-    """
+    """Tell which parameters (parameters,) act by what their own parts do alone, so that a rule holds for them."""
     parts = network.named
     alike = not network.limits and network.spin is None  # parts of a class then differ in nothing
     known: dict[tuple[type, PartFields], list[bool]] = {}
@@ -78,10 +75,9 @@ def have_rules(network: Network, layout: FieldLayout) -> NDArray[np.bool_]:
 
 
 def groups_by_rule(network: Network, layout: FieldLayout) -> list[ParameterGroup]:
-    """Return the groups of parameters as if all of them acted by what their own parts do alone.
+    """Return the groups of the parameters that have rules, as if each acted by what its own part does alone.
 
-    ``layout``: the parameters by the fields of their parts; those that have a rule get a group. Returns groups of the
-    parameters of bodies, connections and parts that are made of these.
+    ``layout``: the parameters by the fields of their parts, which are bodies, connections and what is made of these.
     """
     parts = network.named
     members: dict[tuple[Any, ...], list[tuple[int, int, Any]]] = {}

@@ -88,10 +88,9 @@ class ParameterGroups:
         return tuple(group for group in self.by_rule if group.kind == "body" and (not fields or group.field in fields))
 
     def forms(self, left: Fields, right: Fields | None = None) -> Field:
-        """Return x^T (dT/dp) y of all parameters, with what the forces at the pose do.
+        """Return x^T (dT/dp) y (size, ...) of all parameters, with what the forces at the pose do.
 
-        ``left``, ``right``: the motions x and y; right None: y = x, and half of each form is returned. Returns (size,
-        ...): forms.
+        ``left``, ``right``: the motions x and y; right None: y = x, and half of each form is returned.
         """
         result = form_table(self.by_rule, self.size, left, right)
         if self.matrix_group is not None:
@@ -149,7 +148,7 @@ def grouped_through_equilibrium(
 
     ``reference``: what parameters as described do, where the equilibrium was found in another pose; ``slopes``:
     derivatives of whole matrices along directions; ``every``: whether all parameters are asked for, of which some may
-    have no derivative. Returns the groups; variables that load a motion which nothing holds are ``unresisted``.
+    have no derivative. Variables that load a motion which nothing holds are ``unresisted``.
     """
     requested = requested.among(loaded.entries)
     rates, count = requested.rates, loaded.changes.count
@@ -169,11 +168,10 @@ def grouped_through_equilibrium(
 
 
 def lost_freedoms(network: Network, groups: Iterable[ParameterGroup], size: int) -> NDArray[np.bool_]:
-    """Return which parameters, changed alone, take degrees of freedom away: redundant constraints then contradict.
+    """Return which of ``size`` parameters (size,), changed alone, take degrees of freedom away, as redundant
+    constraints then contradict each other.
 
     A change does so where a state of self-stress, forces in the locked rows that load no coordinate, works on it.
-
-    ``size``: number of rows. Returns (size,): true where the mechanism has fewer degrees of freedom nearby.
     """
     result = np.zeros(size, dtype=bool)
     ties, dof = network.constraints, network.displacements.shape[1]

@@ -36,10 +36,7 @@ if TYPE_CHECKING:
 def checked_loads(
     system: Equations, network: Network, inputs: list[int], outputs: list[int]
 ) -> tuple[Loads, Loads] | None:
-    """Return some of the ports of a system as loads.
-
-    Returns inputs and outputs; None where ports are more than loads of the network.
-    """
+    """Return some inputs and outputs of a system as loads, None where they are more than loads of the network."""
     actuation, sensing = (loads(system, network, *ports) for ports in ((inputs, "inputs"), (outputs, "outputs")))
     wrong = _wrong(system, network, (inputs, actuation), (outputs, sensing))
     if wrong:
@@ -51,10 +48,10 @@ def checked_loads(
 def feedthrough(
     system: Equations, inputs: tuple[list[int], Loads], outputs: tuple[list[int], Loads]
 ) -> tuple[Array, Array]:
-    """Return D, what outputs against inertial space see of base motions, and how the base turns there.
+    """Return D (outputs, inputs), what outputs against inertial space see of base motions, and the base's angular
+    acceleration for each (outputs, inputs, 3).
 
-    Returns (outputs, inputs) and (outputs, inputs, 3): D, and the angular acceleration with which it changes as outputs
-    move, dD = wrench . (angular x dp).
+    As an output moves by dp, D changes by dD = wrench . (angular x dp).
     """
     known = {(part.name, isinstance(part, (Input, BaseMotion))): part for part in system.provenance.ports}
     d = np.zeros((len(outputs[0]), len(inputs[0])))
@@ -112,11 +109,12 @@ def port_forms(
     groups: ParameterGroups, ports: tuple[Loads, Loads], powers: tuple[Field, Field, Field],
     vectors: tuple[Field, Field], turns: Array,
 ) -> Field:  # fmt: skip
-    """Return dD + L^T dB + dH R - L^T dT R, with H = Cq + s Cv + s^2 Ca and T = K + s C + s^2 M.
+    """Return dD + L^T dB + dH R - L^T dT R for all parameters of the groups, (parameters, outputs, inputs, n).
+
+    H = Cq + s Cv + s^2 Ca, T = K + s C + s^2 M
 
     ``powers`` (n,): 1, s and s^2, or 1 and 0 to have the derivatives of one matrix only; ``vectors`` (m, 1, inputs, n)
-    and (m, outputs, 1, n): R and L; ``turns`` (outputs, inputs, 3): how D changes, see ``feedthrough``. Returns
-    (parameters, outputs, inputs, n): derivatives to all parameters of the groups.
+    and (m, outputs, 1, n): R and L; ``turns`` (outputs, inputs, 3): how D changes, see ``feedthrough``.
     """
     network, (actuation, sensing) = groups.network, ports
     x, y = motions(network, vectors[0]), _with_released_motions(network, motions(network, vectors[1]), sensing)

@@ -23,11 +23,12 @@ if TYPE_CHECKING:
 
 
 def pose_motion(loaded: LoadedNetwork, rates: csr_array | None) -> tuple[Array, NDArray[np.bool_]]:
-    """Return how the pose gives way to variables.
+    """Return the motion of the pose by which it gives way to variables, and which of them load a motion that no
+    stiffness holds.
 
-    ``rates`` (variables, parameters): how variables move parameters; None: variables are the parameters. Returns
-    (variables, c): motion of the pose; along the motions behind the coordinates, of which each variable has its own or
-    none; (variables,): variables that load a motion which no stiffness holds.
+    The motion (variables, c) is along the coordinates, then along the other motions, of which each variable has its own
+    or none; the mask is (variables,). ``rates`` (variables, parameters): how variables move parameters; None: variables
+    are the parameters.
     """
     count, m = loaded.changes.count, loaded.dof
     direct = loaded.generalized_force_jacobian[:count]
@@ -51,29 +52,14 @@ def pose_motion(loaded: LoadedNetwork, rates: csr_array | None) -> tuple[Array, 
 def balancing_motion(
     stiffness: Array, unit: Array, forces: Array, terms: Callable[[], Array], relaxing: NDArray[np.bool_] | None = None
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the smallest motions that balance forces, K x = f.
+    """Return the smallest motions x (v, m) that balance forces, K x = f, and which forces (v,) act on a motion that no
+    stiffness holds.
 
-    Where several do, as some motion is held by nothing, the others are x + N c with K N = 0.
-
-    Parameters
-    ----------
-    stiffness : array, shape (m, m)
-        K.
-    unit : array, shape (m,)
-        One over the root of what the stiffness along each coordinate is measured by.
-    forces : array, shape (v, m)
-        Forces f, one row after the other.
-    terms : callable
-        Sizes (v, m) of the products that the forces are sums of, asked for where some motion is held by nothing.
-    relaxing : array of bool, shape (m,), optional
-        Coordinates that do not count in the size of a motion, as they only follow others.
-
-    Returns
-    -------
-    motion : array, shape (v, m)
-        The motions x.
-    unresisted : array of bool, shape (v,)
-        Forces that act on a motion which no stiffness holds.
+    Where several motions do, as some motion is held by nothing, the others are x + N c with K N = 0. ``stiffness``
+    (m, m): K. ``unit`` (m,): one over the root of what the stiffness along each coordinate is measured by. ``forces``
+    (v, m): f, one row after the other. ``terms``: returns the sizes (v, m) of the products that the forces are sums of,
+    asked for where some motion is held by nothing. ``relaxing`` (m,): coordinates that do not count in the size of a
+    motion, as they only follow others.
     """
     left, sizes, right = np.linalg.svd(unit[:, None] * stiffness * unit)
     holds = sizes > ZERO_STIFFNESS

@@ -67,9 +67,9 @@ class MatrixDerivativeGroup:
     ) -> None:  # fmt: skip
         """Add dD + L^T dB + (dCq + s dCv + s^2 dCa) R to the derivatives of responses, in place.
 
-        ``result`` (parameters, outputs, inputs, n): derivatives to all parameters of a plan; ``powers`` (n,): 1, s and
-        s^2; ``vectors`` (m, 1, inputs, n) and (m, outputs, 1, n): R and L; ``excluded``: outputs whose D and H are
-        counted elsewhere.
+        ``result`` (parameters, outputs, inputs, n): derivatives to all parameters; ``powers`` (n,): 1, s and s^2;
+        ``vectors`` (m, 1, inputs, n) and (m, outputs, 1, n): R and L; ``excluded``: outputs whose D and H are counted
+        elsewhere.
         """
         (i, o), (right, left) = ports, vectors
         counts = np.array([k not in excluded for k in range(len(o))])[:, None, None]
@@ -83,7 +83,7 @@ class MatrixDerivativeGroup:
         """Return P and Q (rank, m) with P^T Q + Q^T P the derivative of a matrix to one parameter.
 
         ``row``: the parameter; ``matrix``: "M", "C" or "K"; ``name``: what the derivative is to, for the message.
-        Returns (rank, m): factors. Raises an error if the derivative is not symmetric, or not a number.
+        Raises an error if the derivative is not symmetric, or not a number.
         """
         return factored(self.slopes[matrix][self.rows.tolist().index(row)], matrix, name, ZERO_MATRIX_SLOPE)
 
@@ -92,8 +92,8 @@ def factored(change: Array, matrix: str, name: str, rounding: float) -> tuple[Ar
     """Return P and Q (rank, m) with P^T Q + Q^T P a symmetric matrix.
 
     ``change`` (m, m): the derivative of a matrix; ``matrix``, ``name``: which, and to what, for the message;
-    ``rounding``: what is zero, against the largest entry. Returns (rank, m): factors. Raises an error if the derivative
-    is not symmetric, or not a number.
+    ``rounding``: what is zero, against the largest entry. Raises an error if the derivative is not symmetric, or not a
+    number.
     """
     size = np.abs(change).max(initial=0.0)
     if not np.abs(change - change.T).max(initial=0.0) <= rounding * size:
@@ -113,10 +113,10 @@ SMALL = 2_000
 def form_table(
     groups: Iterable[ParameterGroup], size: int, left: Fields, right: Fields | None = None
 ) -> Field:  # fmt: skip
-    """Return x^T (dT/dp) y of the parameters of some groups, zero for all others.
+    """Return x^T (dT/dp) y (size, ...) of the parameters of some groups, zero for all others.
 
-    ``left``, ``right``: the motions x and y; right None: y = x, and half of each form is returned. Returns (size, ...):
-    forms. They are computed block by block; what is zero for all parts of a large block is left out.
+    ``left``, ``right``: the motions x and y; right None: y = x, and half of each form is returned. Forms are computed
+    block by block; what is zero for all parts of a large block is left out.
     """
     kind = np.result_type(left.body_wrench, left.wrench, *(() if right is None else (right.body_wrench, right.wrench)))
     tail = _tail(left, right)

@@ -35,11 +35,10 @@ if TYPE_CHECKING:
 
 
 def solutions(basis: Basis, b: Array, w: Array, *, adjoint: bool = False) -> Complex:
-    """Return x = (K + i w C - w^2 M)^-1 b.
+    """Return x = (K + i w C - w^2 M)^-1 b (m, columns, n).
 
     ``b`` (m, columns): right sides; ``w`` (n,): angular frequencies [rad/s], none negative; ``adjoint``: whether to
-    solve with the transposed matrix. Returns (m, columns, n): solutions. Raises an error if a frequency is an undamped
-    pole.
+    solve with the transposed matrix. Raises an error if a frequency is an undamped pole.
     """
     system, modal = basis.equations, basis.modal
     if not isinstance(modal, Damped):

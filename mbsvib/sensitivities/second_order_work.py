@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 
 
 def motion_slopes(forces: Forces, relative_motions: tuple[Field, Field], side: int = 0) -> tuple[Field, Field]:
-    """Return the derivatives of H(x, y) to what forces see of one motion, for what they see of the other.
+    """Return the derivatives (n, 6, ...) of H(x, y) to what forces see of one motion, for what they see of the other:
+    to that of the first body, and to the relative one.
 
     ``relative_motions`` (n, 6, ...): what they see of the other; ``side``: 1: that is y; -1: that is x; 0: both are the
-    same motion, for which nothing antisymmetric counts. Returns (n, 6, ...): derivatives to the motions of the first
-    body and to the relative ones.
+    same motion, for which nothing antisymmetric counts.
     """
     (first, relative), like = relative_motions, relative_motions[0]
     f, t = wide(forces.wrench[:, :3], like), wide(forces.wrench[:, 3:], like)
@@ -121,11 +121,11 @@ def turn_slopes(forces: Forces, x: tuple[Field, Field], y: tuple[Field, Field]) 
 
 
 def work_slopes(forces: Forces, left: Field, gap: Field) -> tuple[Field, Field, Field]:
-    """Return the derivatives of minus the work of the forces on relative motions ``left`` + ``gap``, (n, 6, ...).
+    """Return the derivatives of minus the work of the forces on relative motions ``left`` + ``gap``, to the wrenches
+    (n, 6, ...), their points (n, 3, ...) and the starts of lines (n, 3, ...).
 
     ``left`` (n, 6, ...): what is left of the motions where bodies give way by ``gap``; 0 in joints, which allow it;
-    ``gap`` (n, 6, ...): how far bodies give way, see ``wrench_slopes``. Returns (n, 6, ...), (n, 3, ...) and (n, 3,
-    ...): derivatives to the wrenches, their points and the starts of lines.
+    ``gap`` (n, 6, ...): how far bodies give way, see ``wrench_slopes``.
     """
     f, line = wide(forces.wrench[:, :3], left), wide(forces.line, left)
     across = left[:, :3] - line * dot(line, left[:, :3])

@@ -165,10 +165,9 @@ def mode_sensitivities(basis: SensitivityBasis, parameters: Requested = None) ->
 
 
 def shape_sensitivities(basis: SensitivityBasis, groups: ParameterGroups, modes: Modes) -> Complex:
-    """Return the derivatives of the shapes.
+    """Return the derivatives (variables, m, modes) of the columns of ``modes.shapes``.
 
-    Returns (variables, m, modes): derivatives of the columns of ``modes.shapes``. Raises an error if the system has
-    motions without mass and spin.
+    Raises an error if the system has both spin and motions without mass.
     """
     system, states = basis.equations, state_basis(basis.responses)
     vectors, k = states.vectors, states.massive

@@ -210,9 +210,9 @@ def _cut(requested: SomeModes, known: SomeModes, near: float) -> bool:
 
 
 def nearest_indices(values: Complex, known: Complex) -> Index:
-    """Return the numbers of some eigenvalues among all, both in ascending order, of those that coincide the first.
+    """Return the numbers (n,) of some eigenvalues among all, both in ascending order, of those that coincide the first.
 
-    ``values`` (n,): some of them, as others have computed them; ``known`` (m,): all of them. Returns (n,): numbers.
+    ``values`` (n,): some of them, as others have computed them; ``known`` (m,): all of them.
     """
     free, result = np.ones(len(known), dtype=bool), []
     for value in values:

@@ -65,7 +65,7 @@ class States:
 def states(basis: Basis, inputs: list[int], outputs: list[int]) -> States:
     """Return the first-order equations of some inputs and outputs.
 
-    Raises an error if the system has motions without mass and spin.
+    Raises an error if the system has both spin and motions without mass.
     """
     system, states = basis.equations, state_basis(basis)
     k = states.massive
@@ -85,7 +85,7 @@ def states(basis: Basis, inputs: list[int], outputs: list[int]) -> States:
 def state_basis(basis: Basis) -> StateBasis:
     """Return motions of unit mass, as far as they have any, with K and C in them as diagonal as can be.
 
-    Raises an error if the system has motions without mass and spin.
+    Raises an error if the system has both spin and motions without mass.
     """
     system, modal = basis.equations, basis.modal
     null = system.null_inertia
@@ -121,9 +121,8 @@ def _refusal(system: Equations) -> ModelError:
 
 
 def changed(base: States, change: MatrixDerivatives, inputs: list[int], outputs: list[int]) -> tuple[Array, ...]:
-    """Return the derivatives of the first-order equations.
-
-    Returns rows of A that change (v, m, n), those of B (v, m, inputs), C (v, outputs, n) and D (v, outputs, inputs).
+    """Return the derivatives of the first-order equations: of the rows of A that change (v, m, n), and of B in these
+    (v, m, inputs), of C (v, outputs, n) and D (v, outputs, inputs).
     """
     basis, k = base.basis, base.basis.massive
     vectors, theta = basis.vectors, basis_rotation(basis, change)
@@ -141,10 +140,7 @@ def changed(base: States, change: MatrixDerivatives, inputs: list[int], outputs:
 
 
 def basis_rotation(basis: StateBasis, change: MatrixDerivatives) -> Array:
-    """Return how a basis goes along with parameters, T' = T Theta.
-
-    Returns Theta (v, m, m).
-    """
+    """Return Theta (v, m, m), by which a basis goes along with parameters, T' = T Theta."""
     k, vectors = basis.massive, basis.vectors
     mass, damping = (vectors.T @ slope @ vectors for slope in (change.M, change.C))
     result = np.zeros_like(mass)

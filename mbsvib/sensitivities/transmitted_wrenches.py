@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 def transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> tuple[Field, Field, Field]:
     """Return what goes through joints where bodies and springs take wrenches.
 
-    ``body_wrench`` (b, 6, ...): at the centres of mass; ``spring_wrench`` (s, 6, ...): at the points of springs.
-    Returns (j, 6, ...), (f, 6, ...) and (rows, ...): wrenches in joints at their points, what bodies that float would
-    ask of ground, and the forces in the rows that close loops.
+    It is the wrenches in joints at their points (j, 6, ...), what bodies that float would ask of ground (f, 6, ...),
+    and the forces in the rows that close loops (rows, ...). ``body_wrench`` (b, 6, ...): at the centres of mass;
+    ``spring_wrench`` (s, 6, ...): at the points of springs.
     """
     tail = body_wrench.shape[2:]
     on_bodies, on_springs = (wrench.reshape(len(wrench), 6, prod(tail))
@@ -48,10 +48,11 @@ def transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> t
 
 
 def in_joints(network: Network, behind: Field, mu: Field) -> Field:
-    """Return the wrenches in joints, from what acts behind them and from the forces that close loops.
+    """Return the wrenches in joints at their points (j, 6, n), from what acts behind them and from the forces that
+    close loops.
 
-    ``behind`` (b, 6, n): what acts on each body and those outwards from it, about the network's origin; ``mu`` (rows,
-    n): forces in the locked rows of cut joints. Returns (j, 6, n): wrenches at the joints' points.
+    ``behind`` (b, 6, n): what acts on each body and those outwards from it, about the network's origin; ``mu``
+    (rows, n): forces in the locked rows of cut joints.
     """
     behind, closing = _closed(network, behind, mu)
     return np.asarray(_at_joints(network, behind) + closing)
@@ -81,10 +82,9 @@ def _at_joints(network: Network, behind: Field) -> Field:
 
 
 def multipliers(network: Network, behind: Field) -> Field:
-    """Return the forces mu (rows, n) in the locked rows of cut joints, the smallest where rows are redundant.
+    """Return the forces mu (rows, n) [N, N m] in the locked rows of cut joints, the smallest where rows are redundant.
 
-    ``behind`` (b, 6, n): what acts on each body and those outwards from it, about the network's origin. Returns (rows,
-    n): forces [N] and moments [N m].
+    ``behind`` (b, 6, n): what acts on each body and those outwards from it, about the network's origin.
     """
     ties = network.constraints
     assert ties is not None
@@ -94,10 +94,11 @@ def multipliers(network: Network, behind: Field) -> Field:
 
 
 def joint_release_motion(network: Network, gap: Field) -> Field:
-    """Return the motions of the bodies in which joints come apart, while no independent coordinate moves.
+    """Return the motions of the bodies (bodies, 6, ...), at their centres of mass, in which joints come apart while no
+    independent coordinate moves.
 
     ``gap`` (joints, 6, ...): how far the second body of each joint moves against the first at the joint's point, beside
-    what the joint frees. Returns (bodies, 6, ...): at the centres of mass.
+    what the joint frees.
     """
     tail, joints, bodies = gap.shape[2:], len(gap), len(network.bodies)
     flat = moved(gap.reshape(joints, 6, prod(tail)), network.origin - network.point[:joints])

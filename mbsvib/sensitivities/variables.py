@@ -83,7 +83,10 @@ def fields_of(part: Part) -> PartFields:
 @dataclass(frozen=True, slots=True)
 class FieldLayout:
     """The numbers of some parts that are parameters, part after part: the ``names`` of these and the ``fields`` of
-    each. Entry e is the parameter ``number`` (entries,) of e, -1 for none; None: entries are parameters, one by one.
+    each.
+
+    Entry e is the parameter ``number[e]``, -1 for none; where ``number`` is None, the entries are the parameters, one
+    by one.
     """
 
     names: list[str]
@@ -235,25 +238,11 @@ class Variables:
 
 
 def variables(known: Parameters, requested: Requested) -> Variables:
-    """Return the variables that were requested.
+    """Return the variables that were requested; None: every parameter.
 
-    Parameters
-    ----------
-    known : Parameters
-        The parameters of a model or system.
-    requested : str, iterable of str, mapping or None
-        Names; a pattern ties all that it picks to one variable (``"leg*.k.stiffness"``); a mapping gives each variable
-        its own linear map, {variable: {name or pattern: rate}}. None: every parameter.
-
-    Returns
-    -------
-    Variables
-        Names and the parameters that they move.
-
-    Raises
-    ------
-    ModelError
-        If a name is unknown, a pattern picks nothing, or a rate is no number.
+    ``requested``: names; a pattern ties all that it picks to one variable (``"leg*.k.stiffness"``); a mapping gives
+    each variable its own linear map, {variable: {name or pattern: rate}}. Raises an error if a name is unknown, a
+    pattern picks nothing, or a rate is no number.
     """
     if requested is None:
         layout = FieldLayout.of(known.parts.values())

@@ -85,19 +85,11 @@ class VariantPoses:
         return np.transpose([along(*direction) for direction in zip(units, STEP * self.steps, strict=True)])
 
     def motion(self, force: Array, scale: float) -> Array | None:
-        """Return the motion (m,) that balances forces, T x = f with the tangent T.
+        """Return the motion x (m,) that balances forces, T x = f with the tangent T; None if they act on one that
+        nothing holds.
 
-        Parameters
-        ----------
-        force : array, shape (m,)
-            The derivative of what is left of the forces to a parameter.
-        scale : float
-            What is a large change of the parameter.
-
-        Returns
-        -------
-        array, shape (m,), or None
-            Zero where the forces are rounding; None where they act on a motion that nothing holds.
+        ``force`` (m,): derivative f of what is left of the forces to a parameter; where it is rounding, x is zero.
+        ``scale``: what is a large change of the parameter.
         """
         forces, rounding = self.forces, self.forces.size / scale
         unbalanced = np.where(np.abs(force) > ZERO_DIFFERENCE * rounding, force, 0.0)

@@ -67,23 +67,10 @@ class Variants:
     def slopes(self, directions: Sequence[Direction], every: bool = False) -> dict[str, Array]:
         """Return the derivatives of the matrices of a whole system along some directions, each computed once.
 
-        Parameters
-        ----------
-        directions : sequence of Direction
-            What changes.
-        every : bool
-            Whether these are all parameters there are, so that what is refused is not a number instead.
-
-        Returns
-        -------
-        dict of str to array
-            Derivatives of M, C, K, B, Cq, Cv, Ca and D along k directions, (k, ...) each; not a number where a
-            direction takes degrees of freedom away.
-
-        Raises
-        ------
-        ModelError
-            If the matrices do not change smoothly, or a parameter loads a motion that nothing holds.
+        They are those of M, C, K, B, Cq, Cv, Ca and D along k directions, (k, ...) each; not a number where a direction
+        takes degrees of freedom away. If the matrices do not change smoothly, or a parameter loads a motion that
+        nothing holds, an error is raised, unless these are all parameters there are (``every``): then the derivatives
+        are not a number.
         """
         for direction in directions:
             key = direction.rates

@@ -21,17 +21,9 @@ if TYPE_CHECKING:
 class PoseRates:
     """How parameters change as bodies move, as those of a model do that is described in the new pose.
 
-    ``table`` (parameters, c) has the changes for c motions of the bodies.
-
-    Parameters
-    ----------
-    network, forces : Network, Forces
-        The mechanism and its forces at the pose, whose points go with the bodies.
-    changes : ForceChanges
-        The parameters.
-    motion : array, shape (bodies, 6, c)
-        Motions at the centres of mass; ``start`` (n, 3, c) is that of starts of lines, ``second`` (n, 6, c) of second
-        bodies at the points of forces, ``axes`` (n, 3, c) the turn of axes.
+    ``table`` (parameters, c) has the changes for c motions of the bodies: ``motion`` (bodies, 6, c) at their centres of
+    mass, ``start`` (n, 3, c) of starts of lines, ``second`` (n, 6, c) of second bodies at the points of forces;
+    ``axes`` (n, 3, c) are the turns of axes. Points of ``forces`` go with the bodies.
     """
 
     def __init__(self, network: Network, forces: Forces, changes: ForceChanges, motion: Array) -> None:
@@ -49,16 +41,10 @@ class PoseRates:
 
 
 class ReferenceTerms:
-    """What parameters as described do in a pose of equilibrium that was found elsewhere.
+    """What parameters as described in ``origin`` do in a pose of equilibrium that was found elsewhere.
 
-    Families add terms of ``parameters``, of ``forces`` and of ``openings``, by how far joints come apart.
-
-    Parameters
-    ----------
-    network, forces, changes : Network, Forces, ForceChanges
-        The mechanism in the pose there.
-    origin : Mechanism
-        The model as described.
+    Families add terms of ``parameters``, of ``forces`` and of ``openings``, by how far joints come apart. The network,
+    its forces and their changes are those of the pose there.
     """
 
     def __init__(self, network: Network, forces: Forces, changes: ForceChanges, origin: Mechanism) -> None:

@@ -59,14 +59,14 @@ def along(axis: Array, vectors: Field) -> Field:
 
 
 def line_end_rates(line: Array, span: Array, end: bool) -> Array:
-    """Return how elongations change as an end of lines moves, (parts, 3, 6).
+    """Return how elongations change as an end of lines moves (parts, 3, 6), per unit motion of the end, on motions of
+    second bodies against first ones at the starts.
 
-    With e the line and L its length, moving an end by dp changes the elongation by
-    dp . (+-(1 - e e^T) u / L + e x theta), u the relative motion there.
+    dp . (+-(1 - e e^T) u / L + e x theta) where the end of a line e of length L moves by dp, (u, theta) the relative
+    motion there
 
     ``line``, ``span`` (parts, 3): directions, and the ways from start to end [m]; ``end``: whether the end moves, or
-    the start. Returns (parts, 3, 6): per unit motion of the end, on motions of second bodies against first ones at the
-    starts.
+    the start.
     """
     per_length = (1.0 if end else -1.0) / np.linalg.norm(span, axis=1)[:, None, None]
     across = per_length * (np.eye(3) - line[:, :, None] * line[:, None])
