@@ -106,7 +106,8 @@ def to_control(
                 for variant in system.state_space(realization)]  # fmt: skip
     if isinstance(system, SampledLoop):
         space: Any = system.with_ports(outputs, inputs)
-        a, b, c, d, states = space.sample_to_sample
+        loop = space.sample_to_sample
+        a, b, c, d, states = loop.A, loop.B, loop.C, loop.D, loop.states
         if dt is not None and abs(dt - space.period) > SAME * space.period:
             raise ExportError(f"to_control: dt = {dt!r}; expected {space.period!r}, the sample time of "
                               f"'{space.name}', or none.")  # fmt: skip

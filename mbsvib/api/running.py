@@ -143,7 +143,8 @@ class Cycle(CycleData):
         Raises
         ------
         ModelError
-            If a name is no drive, or the samples are not evenly spread over a period.
+            If a name is no drive, the samples are not evenly spread over a period, or the coefficients do not repeat
+            after it, as after one turn of a shaft that gears reduce.
 
         Source: G. Floquet, Sur les equations differentielles lineaires a coefficients periodiques (1883).
         """

@@ -13,13 +13,15 @@ period: all deviations decay if they are within the unit circle (G. Floquet, 188
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.display import Displayed
+from mbsvib.cycles.inverse_dynamics import inverse_dynamics
+from mbsvib.cycles.result import CycleData
 from mbsvib.cycles.total_derivatives import total_derivatives
 from mbsvib.errors import AccuracyWarning, ModelError, nearest
 
@@ -27,13 +29,13 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.cycles.result import CycleData
 
 # Samples are evenly spread over a period to this share of it.
 EVEN = 1e-9
 # Relative tolerance of scipy's integrator, well below what multipliers are told to.
 TOLERANCE = 1e-11
-# Highest harmonics above this share of the largest are not resolved by the samples.
+# Highest harmonics above this share of the largest are not resolved by the samples; coefficients that differ by more
+# after a period do not repeat.
 RESOLVED = 1e-6
 # Multipliers this near to the unit circle are on it.
 NEUTRAL = 1e-7
@@ -72,13 +74,14 @@ class Periodic(Displayed):
 
     @property
     def unresolved(self) -> float:
-        """The highest harmonics of the coefficients as a share of the largest: how far samples leave gaps."""
-        worst = 0.0
-        for samples in (self.M, self.C, self.K):
-            size = np.abs(np.fft.rfft(samples, axis=0))
-            highest = size[max(1, len(size) - 2) :]
-            worst = max(worst, float(highest.max(initial=0.0)) / (float(size.max()) or 1.0))
-        return worst
+        """The highest harmonics of the coefficients as a share of the largest: how far samples leave gaps.
+
+        They are compared as M, C / w and K / w^2 in coordinates of unit mean inertia, w the angular frequency of the
+        cycle.
+        """
+        size = np.abs(np.fft.rfft(_in_unit_inertia(self.M, self.C, self.K, self.period), axis=0))
+        highest = size[max(1, len(size) - 2) :]
+        return float(highest.max(initial=0.0)) / (float(size.max()) or 1.0)
 
     def multipliers(self) -> Complex:
         """Return the Floquet multipliers.
@@ -135,18 +138,50 @@ def periodic(cycle: CycleData, released: Any = None, period: float | None = None
     ``released``: drives that may deviate. ``period``: period [s].
     """
     impedances = _released(cycle, released)
-    drives, m = list(cycle.drives), len(cycle.drives)
-    which = [drives.index(name) for name in impedances]
-    names = [f"{name}{mark}" for mark in ("", "'", "''") for name in drives]
-    slopes = total_derivatives(cycle, cycle.machine.statement, "drives", names)[:, :m]
-    stiffness, damping, mass = (slopes[:, which, k * m : (k + 1) * m][:, :, which] for k in range(3))
+    which = [cycle.drives.index(name) for name in impedances]
+    length = _period(cycle, period)
+    _check_repeats(cycle, which, length)
+    mass, damping, stiffness = _coefficients(cycle, which)
     impedance = np.array([impedances[name] for name in impedances])
     symmetric = 0.5 * (mass + mass.transpose(0, 2, 1))
-    result = Periodic(cycle.machine.model.name, tuple(impedances), _period(cycle, period), symmetric,
+    result = Periodic(cycle.machine.model.name, tuple(impedances), length, symmetric,
                       damping + np.diag(impedance[:, 1]), stiffness + np.diag(impedance[:, 0]))  # fmt: skip
     for array in (result.M, result.C, result.K):
         array.flags.writeable = False
     return result
+
+
+def _coefficients(cycle: CycleData, which: list[int]) -> tuple[Array, Array, Array]:
+    """d tau / d q'', d tau / d q' and d tau / d q (n, m, m) of some drives."""
+    m = len(cycle.drives)
+    names = [f"{name}{mark}" for mark in ("", "'", "''") for name in cycle.drives]
+    slopes = total_derivatives(cycle, cycle.machine.statement, "drives", names)[:, :m]
+    stiffness, damping, mass = (slopes[:, which, k * m : (k + 1) * m][:, :, which] for k in range(3))
+    return mass, damping, stiffness
+
+
+def _in_unit_inertia(mass: Array, damping: Array, stiffness: Array, period: float) -> Array:
+    """M, C / w and K / w^2 (n, 3, m, m) in coordinates of unit mean inertia."""
+    scale = 1.0 / np.sqrt(np.abs(np.einsum("nii->ni", mass)).mean(axis=0))
+    rate = 2.0 * np.pi / period
+    return np.asarray(np.stack((mass, damping / rate, stiffness / rate**2), axis=1) * scale[:, None] * scale)
+
+
+def _check_repeats(cycle: CycleData, which: list[int], period: float) -> None:
+    """Refuse a period after which drives at constant speed leave the mechanism with other coefficients."""
+    motion = cycle.machine.motion
+    rates = motion.rates[0]
+    if np.any(np.ptp(motion.rates, axis=0) > EVEN * np.abs(rates)):
+        return  # the motion after the samples is not known
+    ends = replace(motion, values=motion.values[0] + np.array([[0.0], [period]]) * rates,
+                   rates=motion.rates[:1].repeat(2, axis=0),
+                   accelerations=motion.accelerations[:1].repeat(2, axis=0))  # fmt: skip
+    after = inverse_dynamics(replace(cycle.machine, motion=ends, known=None), CycleData)
+    start, end = _in_unit_inertia(*_coefficients(after, which), period)
+    if np.abs(end - start).max() > RESOLVED * np.abs(start).max():
+        raise ModelError(f"cycle: the coefficients of '{cycle.machine.model.name}' do not repeat after {period:.6g} s; "
+                         f"sample the whole period, over several turns where gears reduce the speed, and give it as "
+                         f"period= [s].", element=cycle.drives[0], field="period")  # fmt: skip
 
 
 def _released(cycle: CycleData, released: Any) -> dict[str, tuple[float, float]]:

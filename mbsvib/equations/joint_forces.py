@@ -187,7 +187,7 @@ def _spring_wrenches(
 ) -> tuple[Array, Array, Array]:  # fmt: skip
     """Wrenches of stiffness, damping and inertance on the bodies, (6, bodies + 1, m) per unit of q, q' and q''."""
     springs, locked = scene.springs, scene.locked
-    displacements = reduction.apply(relative.dense(locked, locked + len(springs.owner)))
+    displacements = reduction.apply_exactly(relative.dense(locked, locked + len(springs.owner)))
     on_bodies = unit_wrenches(springs.rows, position)
     result = np.zeros((3, 6, position.shape[1], displacements.shape[1]))
     for order, value in springs.weights:

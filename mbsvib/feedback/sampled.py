@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import numpy as np
 
+from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.feedback_loop import FeedbackLoop
 from mbsvib.feedback.held_mechanism import HeldMechanism, held_mechanism, split_delay
@@ -33,8 +34,12 @@ if TYPE_CHECKING:
 TURN = 2.0  # maximum phase change [rad] of delay and hold in a panel, which its twelve nodes resolve
 
 
-class SampleToSample(NamedTuple):
-    """Equations x+ = A x + B u, y = C x + D u, and the names of their states."""
+@dataclass(frozen=True, repr=False, eq=False)
+class SampleToSample(Displayed):
+    """A loop from one sample to the next, x+ = A x + B w, y = C x + D w, with the names of its ``states``.
+
+    Inputs w and outputs y are those of the loop, in their order and units.
+    """
 
     A: Array
     B: Array

@@ -22,7 +22,7 @@ def first_order_zeros(a: Array, b: Array, c: Array, d: Array) -> Complex:
     # columns of B and rows of (C, D) of unit size: zeros do not depend on units of inputs and outputs
     size = np.linalg.norm(b, axis=0)
     b, d = b / np.where(size > 0.0, size, 1.0), d / np.where(size > 0.0, size, 1.0)
-    d = d / unit
+    d = d * unit
     size = np.linalg.norm(np.concatenate((c, d), axis=1), axis=1)
     size = np.where(size > 0.0, size, 1.0)[:, None]
     zeros = finite_zeros(a / unit, b, c / size, d / size) * unit

@@ -122,8 +122,9 @@ class MatrixEntries:
     @cached_property
     def _motions(self) -> Array:
         """How far any point of a body shifts and any body turns along each coordinate, (6, m), three times each."""
-        system = self.system
-        shift, turn = np.linalg.norm(system.body_motion.reshape(-1, 2, 3, system.dof), axis=2).max(axis=0, initial=0.0)
+        motion = self.system.body_motion
+        shift, turn = np.linalg.norm(motion.reshape(len(motion), 2, 3, self.system.dof), axis=2).max(
+            axis=0, initial=0.0)  # fmt: skip
         return np.repeat([shift + self._reach[-1] * turn, turn], 3, axis=0)
 
     @cached_property

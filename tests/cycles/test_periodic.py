@@ -63,6 +63,38 @@ def test_at_rest_they_are_those_of_small_motion():
     assert_allclose(plain.averaged, plain.frozen[0], rtol=1e-14)
 
 
+def geared_pendulums(samples, turns):
+    """Two eccentric wheels, of which the second makes half the turns of the first, which is driven."""
+    model = mv.Model("geared", gravity=(0, 0, -9.81))
+    for i, name in enumerate(("fast", "slow")):
+        model.add_body(name, 2.0 + i, (0.1, 0.1, 0.1), (i + 0.1, 0, 0.1 * i))
+        model.add_joint(f"{name}.pivot", "revolute", "ground", name, (i, 0, 0), axis=(0, 1, 0))
+    model.add_gear("gear", "fast.pivot", "slow.pivot", 0.5)
+    angles = turns * TURN * np.arange(samples) / samples
+    return model.cycle("fast.pivot.rz", angles, speed=10.0)
+
+
+def test_a_turn_of_a_geared_shaft_is_no_period():
+    with pytest.raises(mv.ModelError, match=r"'geared' do not repeat after 0.628319 s; .* over several turns"):
+        geared_pendulums(32, 1).periodic()
+    with pytest.raises(mv.ModelError, match=r"do not repeat after 1.88496 s"):
+        geared_pendulums(32, 3).periodic(period=0.3 * TURN)
+
+
+def test_coefficients_that_are_rounding_are_resolved():
+    """Nothing damps, so that C is rounding; the inertia is constant: x'' + (a cos 2t + b cos t) x = 0."""
+    found = geared_pendulums(24, 2).periodic(period=0.2 * TURN)
+    assert found.unresolved < 1e-12
+    inertia = 0.12 + 0.25 * (0.1 + 3.0 * 0.02)
+    assert_allclose(found.M, np.full((24, 1, 1), inertia), rtol=1e-12)
+    slope = lambda t: -9.81 * (-0.2 * np.sin(10 * t) + 0.3 * 0.25 * (np.cos(5 * t) - np.sin(5 * t)))  # noqa: E731
+    assert_allclose(found.K[:, 0, 0], slope(found.time), rtol=1e-9, atol=1e-9)
+    columns = solve_ivp(lambda t, x: (x[1], -slope(t) / inertia * x[0], x[3], -slope(t) / inertia * x[2]),
+                        (0.0, 0.2 * TURN), (1, 0, 0, 1), method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]  # fmt: skip
+    expected = np.linalg.eigvals(columns.reshape(2, 2))
+    assert_allclose(np.sort_complex(found.multipliers()), np.sort_complex(expected), rtol=1e-8)
+
+
 def shaken_pendulum(a, q, damping=0.0, n=48):
     """x'' + (a - 2 q cos 2t) x = 0 of a pendulum of 1 m on a pivot that goes up and down by z, g + z'' = -(...)."""
     model = mv.Model("shaken", gravity=(0, 0, -9.81))

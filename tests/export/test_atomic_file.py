@@ -2,6 +2,7 @@
 
 import os
 import stat
+from functools import partial
 
 import pytest
 
@@ -10,8 +11,8 @@ import mbsvib_export as mx
 from mbsvib.common.atomic_file import write_atomic
 from tests.export.plants import slider
 
-WRITERS = {"json": mx.to_json, "npz": mx.to_npz, "mat": mx.to_mat, "pch": mx.to_dmig, "h5": mx.to_hdf5,
-           "uff": lambda system, path: mx.to_uff(system, path, [1.0]), "op4": mx.to_op4}  # fmt: skip
+WRITERS = {"json": mx.to_json, "npz": mx.to_npz, "mat": partial(mx.to_mat, loader=False), "pch": mx.to_dmig,
+           "h5": mx.to_hdf5, "uff": partial(mx.to_uff, omega=[1.0]), "op4": mx.to_op4}  # fmt: skip
 NEEDS = {"h5": "h5py"}
 
 

@@ -113,13 +113,14 @@ def test_zeros_and_poles_against_python_control(delay):
 def test_equations_at_the_samples_are_the_time_response(delay):
     rate = 200.0
     sampled = slider(800.0, 4.0).feedback(LAW, ["x", "a"], "F").sampled(rate, delay / rate)
-    a, b, c, d, states = sampled.sample_to_sample
+    loop = sampled.sample_to_sample
+    a, b, c, d = loop.A, loop.B, loop.C, loop.D
     u = np.random.default_rng(5).normal(size=(b.shape[1], 40))
     x, exact = np.zeros(len(a)), np.empty((len(c), 40))
     for i, w in enumerate(u.T):
         exact[:, i], x = c @ x + d @ w, a @ x + b @ w
     response = sampled.time_response(np.arange(40) / rate, u, "zero")
-    assert len(states) == len(a)
+    assert len(loop.states) == len(a)
     keep = [i for i, name in enumerate(sampled.outputs) if name != "a"]  # an acceleration jumps where a force begins
     np.testing.assert_allclose(response[keep], exact[keep], atol=1e-9 * np.abs(exact[keep]).max())
 

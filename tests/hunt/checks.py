@@ -25,6 +25,7 @@ from tests.hunt.answers import (
     response_of,
     rows_of,
 )
+from tests.hunt.divided import divided
 from tests.hunt.generate import Example
 from tests.hunt.skip import Skip as Skip
 from tests.support.random_models import rotation
@@ -380,5 +381,5 @@ def sensitivities(subject):
 
 CHECKS = {check.__name__: check for check in (
     reference, turned, shifted, units, shuffled, renamed, saved, cut, independent, sparse, batch, preloads,
-    realizations, zeros, questions, sensitivities,
+    realizations, zeros, questions, sensitivities, divided,
 )}  # fmt: skip

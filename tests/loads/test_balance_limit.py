@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib.equations.statics import balance
+from mbsvib.linalg.rank import BALANCE
 
 
 def slide(off, size):
@@ -50,3 +52,15 @@ def test_what_springs_make_of_rounded_positions_is_balance(method):
     assert pressed(1e-13).dof == 1
     with pytest.raises(mv.EquilibriumError, match="unbalanced force on body 'b'"):
         pressed(1e-8)
+
+
+def test_what_moves_alone_is_in_balance_though_others_move_by_rounding():
+    """Loops that let an unloaded body move alone leave the others 1e-16 of its motion, which their forces work on."""
+    motion = np.zeros((2, 6, 1))
+    motion[0, 2], motion[1, :3, 0] = 1.0, (1e-16, -2e-16, 1e-16)
+    wrench = np.zeros((6, 2))
+    wrench[:3, 1] = 20.0, 10.0, -30.0
+    residual, size = balance(wrench, np.array([[0.0, 40.0], [0.0, 0.0]]), motion, reach=1.0)
+    assert 0.0 < abs(residual[0]) < BALANCE * size[0]
+    motion[1] = 0.0
+    assert not np.any(balance(wrench, np.array([[0.0, 40.0], [0.0, 0.0]]), motion, reach=1.0))

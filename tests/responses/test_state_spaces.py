@@ -70,6 +70,18 @@ def test_zeros_are_those_of_the_mechanism():
         assert np.abs(theirs - zero).min() < 1e-9 * abs(zero)
 
 
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e4])
+@pytest.mark.parametrize("ports", [1, 2, 3])
+def test_zeros_with_feedthrough(ports, unit):
+    """D of the size of C A^-1 B, in any unit of time."""
+    rng = np.random.default_rng(ports)
+    a, b = unit * rng.normal(size=(5, 5)), unit * rng.normal(size=(5, ports))
+    c, d = rng.normal(size=(ports, 5)), rng.normal(size=(ports, ports))
+    expected = np.linalg.eigvals(a - b @ np.linalg.solve(d, c))
+    zeros = mv.StateSpace.from_arrays(a, b, c, d).transmission_zeros()
+    assert_allclose(np.sort_complex(zeros), np.sort_complex(expected), rtol=1e-9)
+
+
 @pytest.mark.parametrize(("name", "value", "omega"), [
     ("build", 5.27633376e-3, 5.20607628), pytest.param("iss", 0.115555127, 0.775093, marks=pytest.mark.slow),
 ])  # fmt: skip

@@ -140,7 +140,7 @@ def test_plot(tmp_path):
     assert len(circles) == len(data.critical)
     assert any(line.get_marker() == "x" for line in axes.lines)
     stated = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert stated == ["forward", "backward", "no whirl", "unstable"]
+    assert stated == ["forward", "backward", "no whirl", "unstable", "1 × speed", "2 × speed", "critical speed"]
     assert repr(data).startswith("Campbell('shaft': 13 speeds, 7 modes")
 
 
