@@ -57,10 +57,7 @@ def origin_of(system: System, caller: str) -> Any:
 
 
 def physical_affine(source: object, parameters: Sequence[str], realization: str, caller: str, argument: str) -> Affine:
-    """Return ``affine`` of what an exporter was given, whose states must be physical.
-
-    ``argument``: name of the exporter's argument for the parameters.
-    """
+    """Return ``affine`` of an exporter's source in physical states; ``argument``: name of the parameters' argument."""
     request = f"{argument} = {', '.join(parameters)}"
     if not isinstance(source, System):
         refuse_many(source, caller)
@@ -77,10 +74,9 @@ def physical_affine(source: object, parameters: Sequence[str], realization: str,
 
 
 def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
-    """Return the derivatives of the equations to parameters on which they depend affinely.
+    """Return the derivatives of the equations with respect to parameters on which they depend affinely.
 
-    ``system``: the equations of motion, as ``model.linearize()`` returned them. ``parameters``: names or patterns
-    (``"leg*.k.stiffness"``).
+    ``parameters``: names or patterns (``"leg*.k.stiffness"``).
     """
     origin = origin_of(system, caller)
     known = origin.parameters

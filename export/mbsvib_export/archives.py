@@ -20,9 +20,7 @@ _END, _UNCOUNTED = b"PK\x05\x06", 0xFFFF
 
 @contextmanager
 def archive_of(raw: bytes) -> Iterator[zipfile.ZipFile]:
-    """Open an archive for the time of a with statement, within which damage is a ``ContentError``.
-
-    No entry is unpacked yet.
+    """Open an archive, without unpacking, for the time of a with statement, within which damage is a ``ContentError``.
     """
     try:
         with zipfile.ZipFile(BytesIO(raw)) as archive:

@@ -142,9 +142,9 @@ def _rounded(matrices: Any, precision: str) -> Any:
 
 
 def _test_vectors(name: str, matrices: Any, precision: str) -> tuple[Any, Any, Any]:
-    """Inputs (samples, i), outputs (samples, o), and the error allowed for each output.
+    """Inputs (samples, i), outputs (samples, o), and the error allowed for each output (o,).
 
-    The error of a recursion in floating point is a sum over its states, of which the size of all products tells.
+    The rounding errors of the states add up over the samples; they are bounded by the magnitudes of all products.
     """
     a, b, c, d = matrices
     inputs = np.random.default_rng(1).integers(-8, 9, (SAMPLES, b.shape[1])) / 8.0  # exact in both precisions

@@ -200,7 +200,7 @@ def _of_system(data: SystemData, model: System | SystemData | None, limit: float
 
 
 def _body_responses(space: StateSpace, body_motion: Array, omega: Array) -> Complex:
-    """Displacements of the bodies (6 bodies, inputs, n) by the way back from the states."""
+    """Displacements of the bodies (6 bodies, inputs, n), recovered from the states."""
     m = len(space.transform) // 2
     direct = np.zeros((m, len(space.inputs))) if space.through is None else space.through[:m]
     rows = body_motion.reshape(6 * len(body_motion), m)
@@ -289,10 +289,9 @@ def _same_names(data: SystemData | StateSpace | Measurement, model: Model) -> No
 
 
 def pole_error(poles: Complex, truth: Complex) -> float:
-    """Return the largest relative distance of poles, each taken with its own counterpart.
+    """Return the largest relative difference [1] of poles matched in pairs; infinity if their numbers differ.
 
-    ``poles``, ``truth`` (n,): poles [1/s]; those of rigid-body modes are compared by the size of the largest. Returns
-    relative error [1]; infinity if the numbers differ.
+    ``poles``, ``truth`` (n,): poles [1/s]; differences of rigid-body poles are relative to the largest pole.
     """
     from scipy.optimize import linear_sum_assignment
 

@@ -10,9 +10,7 @@ from mbsvib.errors import ExportError
 
 
 def check_companion(path: Path, is_own: Callable[[Path], bool], contents: str, instead: str) -> None:
-    """Refuse to replace a further file next to the requested one, unless the same export has written it before.
-
-    ``is_own``: tells whether the existing file comes from the same export.
+    """Refuse to replace a file next to the requested one, unless ``is_own`` tells that the same export has written it.
     """
     if not os.path.lexists(path):
         return

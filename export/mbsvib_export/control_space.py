@@ -183,11 +183,10 @@ def _names_of_states(parts: list[Any], count: int) -> list[str] | None:
 
 
 def unique_names(systems: Sequence[Any], kind: str) -> list[str]:
-    """Return the names of signals of several systems, made different where they are not.
+    """Return the names of signals of several systems, made different from each other.
 
-    ``kind``: "state", "input" or "output". They stay as they are; where two are equal, all have the name of their
-    system before them, as ``control.interconnect`` does it, or if all systems have one name, ``_2`` and so on after
-    them.
+    If two are equal, all get the name of their system in front, as in ``control.interconnect``, unless all systems have
+    one name; names that are still equal get ``_2`` and so on appended. ``kind``: "state", "input" or "output".
     """
     names = [label for system in systems for label in getattr(system, f"{kind}_labels")]
     if len(set(names)) == len(names):

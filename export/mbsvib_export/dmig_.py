@@ -80,10 +80,7 @@ def _comment(text: str) -> str:
 
 
 def read_dmig(path: str | os.PathLike[str]) -> dict[str, Array]:
-    """Return M, C and K that ``to_dmig`` wrote, of ten digits.
-
-    Returns "M", "C", "K", each of shape (m, m); a matrix without cards is zero.
-    """
+    """Return "M", "C", "K" (m, m) that ``to_dmig`` wrote, to ten digits; a matrix without cards is zero."""
     where = os.fspath(a_path(path, "read_dmig", ExportError))
     raw = content_of(where, ExportError, "a file of to_dmig")
     try:

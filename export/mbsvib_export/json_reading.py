@@ -19,10 +19,7 @@ if TYPE_CHECKING:
 
 
 def data_in(document: Any) -> SystemData | StateSpace:
-    """Return the neutral object that a document describes, or the state space if that is all.
-
-    ``document``: what a JSON reader made of the text.
-    """
+    """Return the neutral object that a parsed JSON document describes, or the state space if that is all."""
     top = _mapping(document, "the document")
     check_version(top.get("format"), top.get("version"))
     if top["format"] == SPACE_FORMAT:

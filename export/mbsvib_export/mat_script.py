@@ -85,10 +85,7 @@ end
 
 
 def script(function: str, file: str, system: str) -> str:
-    """Return the text of the script.
-
-    ``function``: name of its function, and of its file without ``.m``.
-    """
+    """Return the text of the script; ``function`` is the name of its function, and of its file without ``.m``."""
     return _TEXT.format(function=function, upper=function.upper(), system=ascii(system), file=_plain(file),
                         tolerance=f"{TOLERANCE:.0e}")  # fmt: skip
 

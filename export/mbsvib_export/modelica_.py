@@ -136,7 +136,7 @@ def _equations(left: Sequence[str], matrix: Array, names: Sequence[str]) -> Iter
 
 
 def _variables(names: Sequence[str], reserved: set[str]) -> list[str]:
-    """Names of variables that differ, as near to those given as Modelica allows."""
+    """Distinct names of variables, as close to the given ones as Modelica allows."""
     used, result = reserved | _RESERVED, []
     for name in names:
         word = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_") or "v"

@@ -151,10 +151,10 @@ class SystemData(Displayed):
 
 
 def state_space_of(source: object, realization: str, caller: str) -> StateSpace:
-    """Return the state space of what an exporter was given.
+    """Return the state space of an exporter's source.
 
-    ``source``: a system or closed loop, or a state space that is ready and taken as it is. ``realization``: the states
-    wanted of a system; of a ready state space, "physical" (the default) asks for nothing.
+    ``source``: a system, a closed loop, or a state space, which is taken as it is. ``realization``: the requested
+    states of a system; a state space accepts "physical" (the default), which changes nothing.
     """
     if isinstance(source, System):
         return source.state_space(realization)
@@ -192,10 +192,7 @@ def _named_as_here(space: StateSpace) -> StateSpace:
 
 
 def linear_of(source: object) -> Any:
-    """Return what answers with responses, poles and zeros: systems, closed loops, state spaces.
-
-    Returns None if it is nothing of this kind.
-    """
+    """Return the source if it has responses, poles and zeros (system, closed loop, state space), else None."""
     if kind_of(source) in ("system", "sparse system", "closed loop", "state space"):
         return source
     ready = space_of(source, "modal")
@@ -243,10 +240,10 @@ def checked(space: Space) -> Space:
 
 
 def system_data_of(source: object, realization: str, caller: str, why: str) -> SystemData:
-    """Return the second-order equations of what an exporter was given.
+    """Return the second-order equations of an exporter's source.
 
-    ``source``: a system, a loop with static gains, or what was read back from a file. ``realization``: as in
-    ``state_space_of``. ``why``: why there must be such equations, and what to do without.
+    ``source``: a system, a loop with static gains, or what was read from a file. ``realization``: as in
+    ``state_space_of``. ``why``: for the error message: why there must be such equations, and what to do without them.
     """
     data = data_of(source, realization, caller)
     if isinstance(data, SystemData):

@@ -96,9 +96,7 @@ def to_npz(
 
 
 def arrays_of(data: SystemData | FirstOrder) -> dict[str, Any]:
-    """Return all that a file keeps of a system as arrays, by the keys of the file.
-
-    ``data_from`` leads back.
+    """Return everything that a file keeps of a system as arrays by the keys of the file; the inverse of ``data_from``.
     """
     texts: tuple[str, ...]
     if isinstance(data, SystemData):

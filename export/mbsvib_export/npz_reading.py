@@ -23,10 +23,7 @@ _HEADER = re.compile(rb"\{'descr': '([<>=|]?(?:[iu][1248]|f[248]|U[0-9]{1,9}))',
 
 
 def arrays_in(content: bytes, requested: Collection[str]) -> dict[str, Any]:
-    """Return arrays of a .npz file by their names.
-
-    ``requested``: names of arrays to read, those that are there; others are left packed.
-    """
+    """Return the ``requested`` arrays of a .npz file that it has, by their names; others are not unpacked."""
     with archive_of(content) as archive:
         entries = [entry for entry in archive.infolist() if entry.filename.removesuffix(_SUFFIX) in requested]
         packed = sum(entry.file_size for entry in entries if entry.compress_type != zipfile.ZIP_STORED)

@@ -86,10 +86,9 @@ def to_op4(
 
 
 def read_op4(path: str | os.PathLike[str]) -> dict[str, Array]:
-    """Return the matrices that ``to_op4`` wrote, by their names in mbsvib.
+    """Return the matrices that ``to_op4`` wrote, by their names in mbsvib; matrices without entries are missing.
 
-    Returns "M", "C", "K", "B", "Cq", "Cv", "Ca", "D", or "A", "B", "C", "D" of first-order equations; matrices without
-    entries are missing.
+    Returns "M", "C", "K", "B", "Cq", "Cv", "Ca", "D", or "A", "B", "C", "D" of first-order equations.
     """
     where = os.fspath(a_path(path, "read_op4", ExportError))
     raw = content_of(where, ExportError, "a file of to_op4")

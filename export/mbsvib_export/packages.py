@@ -9,10 +9,9 @@ from mbsvib.errors import ExportError
 
 
 def need(package: str, caller: str, install: str) -> Any:
-    """Import a package that an exporter cannot do without.
+    """Import a package that an exporter requires, by its import name, such as ``"scipy.signal"``.
 
-    ``package``: import name, such as ``"control"`` or ``"scipy.signal"``. ``install``: what pip is told to install: a
-    requirement, or an extra such as ``"mbsvib[casadi]"``.
+    ``install``: what pip is told to install: a requirement, or an extra such as ``"mbsvib[casadi]"``.
     """
     try:
         return import_module(package)

@@ -15,10 +15,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def read_errors(path: str | os.PathLike[str], kind: str, writer: str) -> Iterator[None]:
-    """Return a context in which all errors of a reader become ``ExportError``.
-
-    ``writer``: name of the function that writes such files.
-    """
+    """Return a context in which all errors of a reader of files of ``writer`` become ``ExportError``."""
     name = os.fspath(path)
     try:
         yield

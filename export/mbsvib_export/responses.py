@@ -21,10 +21,9 @@ CANCELLED = 1e-4  # of the size of terms that cancel each other, which their sum
 
 
 def check_points(eigenvalues: Complex) -> Array:
-    """Return angular frequencies that distinguish systems: near resonances, below and above all of them.
+    """Return ascending angular frequencies [rad/s] that distinguish systems: near, below and above resonances.
 
-    ``eigenvalues`` (n,): poles [1/s]. Returns (points,): ascending angular frequencies [rad/s], none of them an
-    undamped pole.
+    ``eigenvalues`` (n,): poles [1/s]. No undamped pole is among the frequencies.
     """
     size = np.unique(np.abs(eigenvalues[np.abs(eigenvalues) > 1e-9 * np.abs(eigenvalues).max(initial=0.0)]))
     if not len(size):
@@ -35,20 +34,14 @@ def check_points(eigenvalues: Complex) -> Array:
 
 
 def poles(a: Array) -> Complex:
-    """Return the eigenvalues of A, computed from balanced states.
-
-    ``a`` (n, n): matrix A. Returns (n,): complex poles [1/s].
-    """
+    """Return the eigenvalues of A (n, n), complex (n,) [1/s], computed from balanced states."""
     none = np.zeros((len(a), 0))
     power = exponents(a, none, none.T)
     return np.asarray(np.linalg.eigvals(np.ldexp(a, power[None, :] - power[:, None])), dtype=complex)
 
 
 def state_space_response(space: StateSpace, omega: Array) -> Complex:
-    """Return C (i w - A)^-1 B + D of a state space.
-
-    ``omega`` (n,): angular frequencies [rad/s]. Returns (outputs, inputs, n): complex responses.
-    """
+    """Return C (i w - A)^-1 B + D (outputs, inputs, n) of a state space at ``omega`` (n,) [rad/s]."""
     power = exponents(space.A, space.B, space.C)
     a = np.ldexp(space.A, power[None, :] - power[:, None])
     b, c = np.ldexp(space.B, -power[:, None]), np.ldexp(space.C, power)
@@ -60,10 +53,7 @@ def state_space_response(space: StateSpace, omega: Array) -> Complex:
 
 
 def second_order_response(data: SystemData, omega: Array) -> Complex:
-    """Return (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D of the second-order equations.
-
-    ``omega`` (n,): angular frequencies [rad/s]. Returns (outputs, inputs, n): complex responses.
-    """
+    """Return (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D, (outputs, inputs, n), at ``omega`` (n,) [rad/s]."""
     result = np.empty((*data.D.shape, len(omega)), dtype=complex)
     for k, w in enumerate(omega):
         q = np.linalg.solve(data.K + 1j * w * data.C - w * w * data.M, data.B)
@@ -72,13 +62,12 @@ def second_order_response(data: SystemData, omega: Array) -> Complex:
 
 
 def response_scale(response: Complex, model: System | SystemData | StateSpace, omega: Array) -> Array:
-    """Return the scale of the errors of a response: the largest entry between ports of the same units.
+    """Return the scale (outputs, inputs, n) of errors of a response: its largest entry between ports of equal units.
 
-    An output may see next to nothing of large motions: by symmetry, or above all resonances. Where the terms that
-    cancel there are larger than that entry by ten thousand, rounding of these is what it is measured by.
+    Large terms may cancel in an output, by symmetry or above all resonances. The scale is at least ``CANCELLED`` times
+    the size of these terms, as their rounding remains; it is 1 where all is zero.
 
-    ``response`` (outputs, inputs, n): complex responses. ``omega`` (n,): angular frequencies [rad/s]. Returns (outputs,
-    inputs, n): positive numbers; 1 where all is zero.
+    ``response`` (outputs, inputs, n). ``omega`` (n,): angular frequencies [rad/s].
     """
     result = CANCELLED * _terms(model, omega)
     size = np.abs(response)
@@ -104,7 +93,7 @@ def _terms_of_states(space: StateSpace, omega: Array) -> Array:
 
 
 def _terms_of_coordinates(model: System | SystemData, omega: Array) -> Array:
-    """All coordinates with the energy of the one of most."""
+    """Sizes of terms, each coordinate having the energy of the one with most."""
     result = np.empty((*model.D.shape, len(omega)))
     stiff, heavy = np.abs(np.diag(model.K)), np.abs(np.diag(model.M))
     for k, w in enumerate(omega):
@@ -118,10 +107,10 @@ def _terms_of_coordinates(model: System | SystemData, omega: Array) -> Array:
 
 
 def response_error(actual: Complex, truth: Complex, model: System | SystemData | StateSpace, omega: Array) -> float:
-    """Return the largest difference of two responses, relative to their ``response_scale``.
+    """Return the largest difference [1] of two responses relative to ``response_scale``; infinity if not finite.
 
-    ``actual``, ``truth`` (outputs, inputs, n): complex responses. ``model``: whose responses they should be. ``omega``
-    (n,): angular frequencies [rad/s]. Returns relative error [1]; infinity where a response is not finite.
+    ``actual``, ``truth`` (outputs, inputs, n). ``model``: whose responses they should be. ``omega`` (n,): angular
+    frequencies [rad/s].
     """
     if actual.shape != truth.shape:
         raise ExportError(f"responses have shapes {actual.shape} and {truth.shape}; expected the same inputs, outputs "

@@ -35,11 +35,9 @@ class Step:
 
 
 def step_of(space: StateSpace, dt: float, caller: str = "step_of") -> Step:
-    """Return the exact step of a state space, by the matrix exponential of balanced states.
+    """Return the exact step of length ``dt`` [s] of a state space, by the matrix exponential of balanced states.
 
     phi = e^(A dt),  gamma = int_0^dt e^(A s) ds B,  slope = int_0^dt e^(A s) (dt - s)/dt ds B
-
-    ``dt``: step [s].
     """
     check_step(dt, caller)
     n, i = space.B.shape
@@ -93,12 +91,11 @@ def check_step(dt: float, caller: str) -> None:
 
 
 def discretised(space: StateSpace, dt: float, method: str, caller: str) -> tuple[Array, Array, Array, Array]:
-    """Return the discrete-time equations x+ = A x + B u, y = C x + D u of a state space.
+    """Return the discrete-time equations x+ = A x + B u, y = C x + D u of a state space, with the step ``dt`` [s].
 
-    zoh: exact for inputs that are held over each step;  foh: exact for inputs that are linear over each step, its
-    states are x - slope u;  tustin: s = 2/h (z - 1)/(z + 1), as for a controller whose frequency response counts
-
-    ``dt``: time between samples h [s]. ``method``: "zoh", "foh" or "tustin".
+    ``method``: "zoh": exact for inputs that are held over each step; "foh": exact for inputs that are linear over each
+    step, with the states x - slope u; "tustin": s = 2/dt (z - 1)/(z + 1), for controllers, whose frequency response
+    counts.
     """
     check_step(dt, caller)
     if method not in METHODS:

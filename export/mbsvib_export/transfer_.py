@@ -117,7 +117,7 @@ def _without_common(poles: Complex, zeros: Complex) -> tuple[Complex, Complex]:
 
 
 def _polynomials(poles: Complex, zeros: Complex, omega: Array, exact: Complex) -> tuple[Array, Array]:
-    """Numerator and denominator, the gain from the whole grid: the median does not heed single antiresonances."""
+    """Numerator and denominator; the gain is a median over the grid, which single antiresonances do not affect."""
     s = 1j * omega
     log = (np.log(s[:, None] - zeros).sum(axis=1) if len(zeros) else 0.0) - (
         np.log(s[:, None] - poles).sum(axis=1) if len(poles) else 0.0)  # fmt: skip

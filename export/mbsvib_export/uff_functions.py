@@ -49,9 +49,9 @@ class Function:
 
 
 def function_of(data: DataSet, length: float, force: float) -> Function | str:
-    """Return the frequency response of a data set 58 in SI units, or what it is instead.
+    """Return the frequency response of a data set 58 in SI units, or a text that says what it is instead.
 
-    ``length``, ``force``: units of the file in a metre and in a newton, as data set 164 says.
+    ``length``, ``force``: units of the file per metre and per newton, from data set 164.
     """
     function, *_ = data.integers(5, 5)
     response_node, response_direction, reference_node, reference_direction = data.integers(

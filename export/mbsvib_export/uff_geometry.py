@@ -54,7 +54,7 @@ def geometry_sets(geometry: Geometry) -> Iterator[str]:
 
 
 def mode_sets(system: System, geometry: Geometry) -> Iterator[str]:
-    """Yield the modes as data sets 55, at each node of a body: u + theta x r, of normal modes theta as well.
+    """Yield the modes as data sets 55, at each node of a body: u + theta x r; for normal modes theta as well.
 
     Modes that creep or diverge without oscillating have no place in the format and are left out.
     """

@@ -103,9 +103,8 @@ def _scalar_key(port: Part) -> Hashable:
 def geometry_of(linear: Any) -> Geometry:
     """Return nodes and directions of a system.
 
-    ``linear``: the equations. A closed loop has the geometry of its plant; those from a file or from matrices alone
-    know none, and each port has a node of its own. Nodes of the bodies come first, in the order of ``system.bodies``,
-    then those of the ports.
+    Nodes of the bodies come first, in the order of ``system.bodies``, then those of the ports. A closed loop has the
+    geometry of its plant. Equations from a file or from matrices have none: each port gets a node of its own.
     """
     system = linear.plant.system if kind_of(linear) == "closed loop" else linear
     parts = system.provenance.parts if isinstance(system, System) else ()

@@ -26,7 +26,7 @@ _SAME = 2e-5
 
 @dataclass(slots=True)
 class _Content:
-    """What the sets before have said."""
+    """What the preceding data sets have defined."""
 
     length: float = 1.0
     force: float = 1.0
@@ -41,10 +41,7 @@ class _Content:
 
 
 def measurement_of(raw: bytes) -> Measurement:
-    """Return what a universal file holds.
-
-    Returns responses, points, nodes, modes and lines, in SI units.
-    """
+    """Return responses, points, nodes, modes and lines of a universal file, in SI units."""
     content = _Content()
     sets = list(data_sets(raw))
     units = [_units(item) for item in sets if item.kind == 164]

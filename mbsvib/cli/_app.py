@@ -16,10 +16,9 @@ DESCRIPTION = "Vibration of multibody mechanisms: modes, Bode plots, step respon
 
 
 def run(words: Sequence[str]) -> int:
-    """Run the command line.
+    """Run the command line and return the exit status.
 
-    Returns the exit status: 0; 1 for a faulty model or a check that failed; 2 for a wrong command line; 130 if
-    interrupted.
+    0; 1 for a faulty model or a check that failed; 2 for a wrong command line; 130 if interrupted.
     """
     if words[:1] == ["--complete"]:
         from mbsvib.cli._completion import candidates

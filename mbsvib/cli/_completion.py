@@ -63,10 +63,7 @@ def install(name: str | None = None) -> None:
 
 
 def candidates(words: list[str]) -> list[str]:
-    """Return what the last word of a command line may become.
-
-    ``words``: what is typed after the program's name; the last word is incomplete, or empty.
-    """
+    """Return what the last of the ``words`` after the program's name may become; it is incomplete, or empty."""
     typed = words[-1] if words else ""
     before = [word for word in words[:-1] if word != shell.DEBUG]
     if not before:

@@ -29,10 +29,7 @@ def deliver(figure: Figure, path: Path, as_json: bool, remark: str = "") -> None
 
 
 def check_format(path: Path | None) -> None:
-    """Refuse a suffix that figures do not have.
-
-    ``path``: where a figure shall go; None passes.
-    """
+    """Refuse a ``path`` whose suffix figures do not have; None passes."""
     if path is not None and path.suffix.lower() not in FORMATS:
         raise shell.UsageProblem(f"'{path}': figures end in {', '.join(FORMATS)}.")
 

@@ -81,12 +81,9 @@ def as_misuse(*words: str) -> Iterator[None]:
 
 
 def ports(system: System, inputs: list[str] | None, outputs: list[str] | None) -> tuple[list[str], list[str], str]:
-    """Return the inputs and outputs to draw, and a remark on those that were left out.
+    """Return the inputs and outputs to draw, and a remark on those that were left out, or an empty one.
 
-    Without any wish, all are drawn if they fit into one figure, and otherwise the first of each.
-
-    ``inputs``, ``outputs``: requested names. Returns the names of inputs, of outputs, and the remark, empty if there is
-    nothing to say.
+    If none are requested, all are drawn if they fit into one figure, and otherwise the first of each.
     """
     from mbsvib.plots._choice import MOST_PANELS, pick
 

@@ -29,23 +29,7 @@ class Parser(ArgumentParser):
         self.add_argument("--help", "-h", action="help", help="Show this message and exit.")
 
     def read(self, words: Sequence[str]) -> dict[str, Any]:
-        """Return the values of a command line by the names of the function's arguments.
-
-        Parameters
-        ----------
-        words : sequence of str
-            What follows the command.
-
-        Returns
-        -------
-        dict
-            Keyword arguments.
-
-        Raises
-        ------
-        UsageProblem
-            If an argument is missing, unknown or wrong.
-        """
+        """Return the values in the ``words`` after the command by the names of the function's arguments."""
         values, rest = self.parse_known_intermixed_args(list(words))
         if rest:
             known = [name for action in self._actions for name in action.option_strings]

@@ -12,10 +12,7 @@ if TYPE_CHECKING:
 
 
 def range_of(text: str, option: str, example: str, log: bool = False) -> tuple[str, NDArray[np.float64]]:
-    """Return the name and the values of NAME=FROM:TO[:COUNT].
-
-    Returns the name; (COUNT,): the values; 11 of them by default.
-    """
+    """Return the name and the values (COUNT,) of NAME=FROM:TO[:COUNT]; 11 of them by default."""
     import numpy as np
 
     expected = f"'{text}': expected {option}=FROM:TO or {option}=FROM:TO:COUNT, such as {example}."

@@ -90,10 +90,7 @@ class StiffnessShares(Displayed):
 
 
 def stiffness_shares(basis: Basis, modes: Modes | None = None) -> StiffnessShares:
-    """Return the shares of all elements in the strain energy of modes.
-
-    ``modes``: some of its modes; default: all.
-    """
+    """Return the shares of all elements in the strain energy of ``modes``; default: all modes."""
     system, modes = basis.equations, basis.modes if modes is None else modes
     system.provenance.check_mechanism(system.name, "stiffness_shares")
     names, kinds, energy = energies(system, modes.shapes)
@@ -104,10 +101,9 @@ def stiffness_shares(basis: Basis, modes: Modes | None = None) -> StiffnessShare
 
 
 def energies(system: Equations, shapes: Array | Complex) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
-    """Return twice the strain energy of each element in each of some shapes, phi^H K_e phi.
+    """Return names and kinds of elements, and twice their strain energy phi^H K_e phi (elements, n) [J].
 
-    ``shapes`` (m, n): shapes in minimal coordinates, real or complex. Returns names, kinds: the elements, and what of
-    each; energy (elements, n): energies [J].
+    ``shapes`` (m, n): shapes phi in minimal coordinates, real or complex.
     """
     springs, statics = system.provenance.springs, system.provenance.statics
     rows = system.row_stiffness[:, None] * np.square(np.abs(system.elastic_rows @ shapes))

@@ -250,12 +250,12 @@ def as_controller(
     value: Any, plant: Any, sensors: Any = None, actuators: Any = None, name: str | None = None,
     period: float | None = None,
 ) -> Controller:  # fmt: skip
-    """Return what was given as a controller from named sensors to named actuators of a plant.
+    """Return a controller from named sensors to named actuators of a plant.
 
-    ``value``: the controller; an array, shape (actuators, sensors), is a static gain. ``plant``: whose outputs are
-    sensors and whose inputs are actuators. ``sensors``, ``actuators``: names or patterns; default: the names that the
-    controller has. ``name``: name for tables; default: its own. ``period``:
-    sample time [s] that a discrete controller must have; it becomes the one of which Tustin's rule makes it.
+    ``value``: the controller; an array (actuators, sensors) is a static gain. ``sensors``, ``actuators``: names or
+    patterns of outputs and inputs of the plant; default: the names that the controller has. ``name``: for tables;
+    default: its own. ``period``: sample time [s] that a discrete controller must have; it is converted to the
+    continuous controller of which Tustin's rule makes it.
     """
     known = isinstance(value, Controller) or getattr(value, "kind", None) == "state space"
     foreign = is_control(value) or is_transfer_function(value)
@@ -307,8 +307,7 @@ def integrators(
 ) -> Controller:
     """Return u = gains / (s + leak) y.
 
-    ``gains`` (outputs, inputs): matrix of gains. ``leak``: corner of the integrators [rad/s]: below it they do not
-    integrate.
+    ``gains`` (outputs, inputs). ``leak``: corner frequency [rad/s], below which they do not integrate.
     """
     matrix = np.array(gains, dtype=float, ndmin=2)
     if not 0.0 <= leak < np.inf:

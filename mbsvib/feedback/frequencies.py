@@ -15,10 +15,7 @@ if TYPE_CHECKING:
 
 
 def checked(frequencies: ArrayLike) -> Array:
-    """Return frequencies [Hz] as an array.
-
-    ``frequencies`` (n,): from 0 Hz on, ascending. Returns (n,): a copy.
-    """
+    """Return a copy of ascending ``frequencies`` (n,) [Hz], from 0 Hz on."""
     try:
         f = np.array(frequencies, dtype=float, ndmin=1)
     except (TypeError, ValueError) as error:

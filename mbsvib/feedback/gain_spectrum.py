@@ -50,15 +50,14 @@ class GainSpectrum:
         return np.asarray(ALIKE * np.maximum(np.abs(self.values), AT_REST * self.largest))
 
     def slopes(self, change: Array) -> Complex:
-        """Return the derivatives of the eigenvalues.
+        """Return the derivatives (n,) of ``values``; zero where an eigenvalue is defective and has none.
 
         For a simple eigenvalue lambda' = y^H A' x / (y^H x); for one of multiplicity m, the m eigenvalues of
         (Y^H X)^-1 Y^H A' X with its left and right vectors Y and X, in ascending order of real plus imaginary part.
 
-        ``change`` (n, n): derivative A' of the state matrix. Returns (n,): derivatives in the order of ``values``; zero
-        where an eigenvalue is defective and has none.
+        ``change`` (n, n): derivative A' of the state matrix.
 
-        Lancaster, P. (1964), On eigenvalues of matrices dependent on a parameter, Numer. Math. 6, theorem 7.
+        Source: Lancaster, P. (1964), On eigenvalues of matrices dependent on a parameter, Numer. Math. 6, theorem 7.
         """
         _, left, right, scale = self._decomposition
         rows = left.conj().T

@@ -19,10 +19,7 @@ DENSE = 60  # degrees of freedom up to which the dense equations are solved at e
 
 
 def response(system: Any, w: Array, outputs: Sequence[str], inputs: Sequence[str]) -> Complex:
-    """Return responses for norms, in which entries that are zero by symmetry need not be accurate.
-
-    ``w`` (n,): angular frequencies [rad/s]. Returns (outputs, inputs, n): G(i w), accurate in its norm.
-    """
+    """Return G(i w) (outputs, inputs, n) for norms: accurate in its norm, not in entries that are zero by symmetry."""
     o, i = [system.outputs.index(name) for name in outputs], [system.inputs.index(name) for name in inputs]
     entries = np.ix_(o, i)
     modal = system.basis.modal
@@ -40,10 +37,11 @@ def response(system: Any, w: Array, outputs: Sequence[str], inputs: Sequence[str
 
 
 def solved(system: Any, w: Array, o: list[int], i: list[int]) -> tuple[Complex, Complex, Complex]:
-    """Return responses (outputs, inputs, n), motions (n, m, inputs) and adjoint motions (n, outputs, m).
+    """Return G = H R + D (outputs, inputs, n), R = Z^-1 B (n, m, inputs) and L = H Z^-1 (n, outputs, m).
 
-    ``system``: the equations of motion, of few degrees of freedom. ``w`` (n,): angular frequencies [rad/s]. Returns G =
-    H R + D, R = Z^-1 B and L = H Z^-1 with Z = K + i w C - w^2 M, H = Cq + i w Cv - w^2 Ca.
+    Z = K + i w C - w^2 M,  H = Cq + i w Cv - w^2 Ca
+
+    ``system``: equations of few degrees of freedom. ``w`` (n,): angular frequencies [rad/s].
     """
     s = np.asarray(1j * w[:, None, None], dtype=complex)
     z = system.K + s * system.C + s * s * system.M

@@ -22,13 +22,13 @@ LEAST = 0.1  # minimum participation of the mechanism in poles that are assigned
 
 
 def eigen(a: Array, rate: float | None = None) -> tuple[Complex, Array]:
-    """Return the poles of x' = A x, or of x+ = A x at a rate, and the participation of states in them.
+    """Return poles (poles,) of x' = A x, or of x+ = A x at a rate, and participation (n, poles) of states in them.
 
     p_ik = |v_ik w_ik| / sum over i, with the right and left eigenvectors v_k and w_k, w_k^H v_k = 1: the diagonal of
     the projection on the eigenvectors, which does not depend on units
 
-    ``a`` (n, n): the matrix. ``rate``: samples a second [Hz]. Returns poles (poles,): in ascending magnitude [1/s],
-    without those that are forgotten within a few samples; participation (n, poles): columns have the sum 1.
+    ``a`` (n, n). ``rate``: sampling rate [Hz]. Poles [1/s] are in ascending magnitude, without those that decay within
+    a few samples; columns of the participation have the sum 1.
 
     Source: I. J. Perez-Arriaga, G. C. Verghese and F. C. Schweppe, IEEE Trans. Power Appar. Syst. 101 (1982) 3117.
     """
@@ -59,8 +59,8 @@ def sources(poles: Complex, participation: Array, states: Sequence[str]) -> list
 
     Oscillating poles are assigned to different modes so that the total participation is maximal.
 
-    ``poles`` (poles,): poles [1/s]. ``participation`` (states, poles): participation of states; those of the mechanism
-    are the first. ``states``: names of these: "mode1", "mode1'", ...
+    ``poles`` (poles,) [1/s]. ``participation`` (states, poles): states of the mechanism come first. ``states``: their
+    names: "mode1", "mode1'", ...
     """
     from scipy.optimize import linear_sum_assignment
 

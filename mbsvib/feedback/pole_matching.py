@@ -30,11 +30,10 @@ CROSSING = 1e-5  # share of a pole's magnitude; poles that pass each other at a 
 
 
 def matched(first: GainSpectrum, second: GainSpectrum, modes: NDArray[np.bool_]) -> tuple[Index, bool]:
-    """Return which poles of the second gain continue those of the first, and whether this is certain.
+    """Return ``order`` (n,) and whether it is certain: ``second.values[order]`` continue ``first.values``.
 
-    ``modes`` (n,): poles of the first gain that were modes at the outset. Returns order (n,): ``second.values[order]``
-    continue ``first.values``; certain: whether place and slope tell this order from all others. If not, the step must
-    be shorter.
+    It is certain if position and slope tell this order from all others; if not, the step must be shorter. ``modes``
+    (n,): which poles of the first gain were modes at the outset.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -82,9 +81,9 @@ def _separated(residual: Array, turn: Array, closest: Array, crossing: Array) ->
 
 
 def _closest(start: Complex, end: Complex, curvature: Complex) -> Array:
-    """Return a lower bound of the distances of poles along their paths, (n, n); ``curvature`` is h (b' - a') of each.
+    """Return a lower bound (n, n) of the distances of poles along their paths; ``curvature`` is h (b' - a') of each.
 
-    A path of constant second derivative leaves the straight line by an eighth of that.
+    A path of constant second derivative deviates from the straight line by an eighth of that.
     """
     first, last, relative = (values[:, None] - values for values in (start, end, curvature))
     along = last - first

@@ -34,12 +34,7 @@ GOLDEN, SECTIONS = 0.5 * (3.0 - 5.0**0.5), 24  # golden ones: gains to 1e-5 of t
 class Track:
     """Poles over gains, in columns that follow them.
 
-    Parameters
-    ----------
-    at : callable
-        Gain -> state matrix (poles, poles), the states being the same at all gains.
-    gains : array, shape (n,)
-        Ascending gains.
+    ``at``: gain -> state matrix (poles, poles), with the same states at all gains. ``gains`` (n,): ascending.
     """
 
     def __init__(self, at: Callable[[float], Array], gains: Array) -> None:
@@ -98,15 +93,8 @@ class Track:
     def highest(self, measure: Callable[[Complex], Array]) -> tuple[float, float, Complex]:
         """Return the gain at which a measure is highest, its value and the poles there, of stable loops only.
 
-        Parameters
-        ----------
-        measure : callable
-            Poles (n, poles) -> numbers (n,).
-
-        Returns
-        -------
-        gain, value, poles
-            The value is minus infinity if no loop is stable. Of gains that are as good, the lowest.
+        ``measure``: poles (n, poles) -> numbers (n,). The value is minus infinity if no loop is stable. Of equally good
+        gains, the lowest is returned.
         """
 
         def height(poles: Complex) -> Array:

@@ -20,8 +20,8 @@ RESTS = 3e-8  # error of double poles at 0, in parts of the largest
 def origins(system: Any, states: Sequence[str], poles: Complex, participation: Array) -> tuple[str, ...]:
     """Return where each pole comes from: a mode of the plant, or the controller.
 
-    ``states``: names of its states, which come before those of controllers. ``poles`` (poles,): of the closed loop
-    [1/s]. ``participation`` (states, poles): of each state in each pole.
+    ``states``: names of the plant's states, which come before those of controllers. ``poles`` (poles,) of the closed
+    loop [1/s]. ``participation`` (states, poles).
     """
     if getattr(system, "basis", None) is None:  # given states belong to no mode of their own
         plant = participation[: len(states)].sum(axis=0)
@@ -42,10 +42,9 @@ def unstable(poles: Complex) -> Index:
 
 
 def shown_damping(poles: Complex, largest: float) -> Array:
-    """Return damping ratios of poles other than 0, for tables: 0 where real parts are nothing but rounding.
+    """Return damping ratios -Re(pole)/|pole| (poles,) for tables: 0 where real parts are nothing but rounding.
 
-    ``poles`` (poles,): poles [1/s]. ``largest``: the largest magnitude of all poles of the loop [1/s]. Returns
-    (poles,): -Re(pole)/|pole|, or 0.
+    ``poles`` (poles,) [1/s], none of them 0. ``largest``: the largest magnitude of all poles of the loop [1/s].
     """
     rounding = np.minimum(GROWS * largest, RESTS * np.abs(poles))
     return np.where(np.abs(poles.real) > rounding, -poles.real / np.abs(poles), 0.0)

@@ -332,10 +332,7 @@ L = TypeVar("L", bound=SampledLoop)
 
 
 def sampled(loop: FeedbackLoop, rate: float, delay: float, form: type[L]) -> L:
-    """Return a loop with discrete-time controllers.
-
-    ``rate``: samples a second [Hz]. ``delay``: between measuring and acting [s].
-    """
+    """Return a loop with discrete-time controllers; ``rate`` [Hz], ``delay`` [s] between measuring and acting."""
     if not 0.0 < rate < np.inf or not 0.0 <= delay < np.inf:
         raise ResponseError(f"sampled: rate = {rate!r} Hz, delay = {delay!r} s; expected a positive rate, and a delay "
                             f"that is not negative.")  # fmt: skip

@@ -51,6 +51,7 @@ def free_motion(a: Array, b: Array, c: Array, time: float) -> Stretch:
 
     noise = integral of exp(A s) B B^T exp(A^T s),  weight = integral of exp(A^T s) C^T C exp(A s),
     own = integral of (t - s) tr(C exp(A s) B B^T exp(A^T s) C^T), over s from 0 to a short time t, which is doubled
+    until it is the whole time
     """
     from scipy.linalg import expm
 
@@ -104,7 +105,7 @@ def h2_norm(loop: Sampled) -> float:
 
     ||G||^2 = (tr(weight P) + own) / h,  P = E P E^T + noise
 
-    P is the noise of so many periods that nothing lasts, doubled from one period on.
+    P is the noise accumulated over so many periods that older noise has decayed; their number is doubled from one on.
 
     Source: Bamieh & Pearson, Syst. Control Lett. 19 (1992) 1: the H2 problem for sampled-data systems.
     """

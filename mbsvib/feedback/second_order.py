@@ -53,8 +53,7 @@ def closed_system(system: E, gain: Array, sensors: list[int], actuators: list[in
 
 
 def _change(forces: Array, back: Array, observed: Array) -> tuple[Array, Array, Array, Array | None]:
-    """-B_u G' C_y, the rows and weights of its symmetric part, and its antisymmetric part, None where that is rounding.
-    """
+    """-B_u G' C_y, rows and weights of its symmetric part, and its antisymmetric part, None where that is rounding."""
     change = -forces @ (back @ observed)
     terms = np.abs(forces) @ (np.abs(back) @ np.abs(observed))
     noise = len(forces) * EPS * np.maximum(terms, terms.T)

@@ -34,11 +34,11 @@ class Asymptote:
 
 
 def asymptote(linear: Linear, into: list[int], out: list[int], left: Array, right: Array) -> Asymptote | None:
-    """Return the asymptote of the Frobenius norm of left x T x right.
+    """Return the asymptote of the Frobenius norm of diag(left) T diag(right).
 
     T(s) = H0 + H1 / s + H2 / s^2 + ...
 
-    ``left``, ``right`` (outputs,), (inputs,): weights. Returns None where T is 0, or falls with more than the twelfth
+    ``left`` (outputs,), ``right`` (inputs,): weights. Returns None where T is 0, or falls with more than the twelfth
     power of the frequency.
     """
     unit = float(np.abs(linear.poles()).max(initial=0.0)) or 1.0  # [1/s], so that powers stay of one size
@@ -62,10 +62,7 @@ def asymptote(linear: Linear, into: list[int], out: list[int], left: Array, righ
 
 
 def direct(linear: Linear) -> Array:
-    """Return the feedthrough H0 from inputs to outputs, with zeros where it is rounding.
-
-    Returns (outputs, inputs): D of the first-order equations.
-    """
+    """Return the feedthrough H0 (outputs, inputs), D of the first-order equations, with zeros where it is rounding."""
     return _direct(linear) if isinstance(linear, System) else linear.direct()
 
 
@@ -86,10 +83,10 @@ def _direct(system: System) -> Array:
 
 
 def _second_order(system: System, into: list[int], out: list[int], unit: float) -> Iterator[Array]:
-    """Markov parameters, zeros where they are rounding, of M q'' + C q' + K q = B u, in units of time.
+    """Markov parameters of M q'' + C q' + K q = B u with time in 1/``unit`` [s], zeros where they are rounding.
 
     q(s) = sum of x_k / s^(k + 2), M x_0 = B u, M x_k = -C x_(k-1) - K x_(k-2). Terms with the same number of damper
-    factors are summed together, so that those of weak dampers do not count as rounding of springs.
+    factors are summed together, so that those of weak dampers are not taken for rounding of springs.
     """
     inverse = np.linalg.inv(system.M)
     size = np.abs(inverse)
@@ -122,7 +119,7 @@ def _second_order(system: System, into: list[int], out: list[int], unit: float) 
 
 
 def _first_order(linear: Linear, into: list[int], out: list[int], unit: float) -> Iterator[Array]:
-    """Markov parameters D, C B, C A B, ..., zeros where they are rounding, in units of time."""
+    """Markov parameters D, C B, C A B, ... with time in 1/``unit`` [s], zeros where they are rounding."""
     space = linear.state_space("physical" if isinstance(linear, System) else "modal")
     a, power, c = scaled(space.A / unit, space.B[:, into] / unit, space.C[out])
     yield direct(linear)[np.ix_(out, into)]

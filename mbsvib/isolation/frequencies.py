@@ -22,9 +22,9 @@ BELOW, ABOVE = 0.02, 20.0  # default band, in parts of the lowest and highest na
 
 
 def default(linear: Linear) -> Array:
-    """Return frequencies around all poles, of a closed loop also those of the mechanism with open loops.
+    """Return ascending frequencies (n,) [Hz] around all poles, for a closed loop also around those of the open loop.
 
-    Returns (n,): ascending frequencies [Hz], evenly spaced on a logarithmic axis, and more of them about resonances.
+    They are evenly spaced on a logarithmic axis, and denser around resonances.
     """
     system = linear if isinstance(linear, System) else linear.open_loop
     size = np.abs(system.poles()) / (2.0 * np.pi)

@@ -138,10 +138,7 @@ def study(
 
 
 def figures(study_scene: StudyScene, linear: Linear, frequencies: ArrayLike | None = None) -> Isolation:
-    """Return the figures of a scene, with its loops open or closed.
-
-    ``frequencies`` (n,): ascending frequencies [Hz].
-    """
+    """Return the figures of a scene at ascending ``frequencies`` (n,) [Hz], with its loops open or closed."""
     f = default(linear) if frequencies is None else checked(frequencies)
     response = linear.frequency_response(2.0 * np.pi * f)
     shaken, loaded = (response[np.ix_(*numbers(linear, *ports))] for ports in

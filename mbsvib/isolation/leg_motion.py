@@ -69,10 +69,9 @@ class Following:
         )  # fmt: skip
 
     def values(self, low: Array, high: Array, variables: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the parameters for shifted ends.
+        """Return the parameters (...) for shifted ends: positions [m] and rotation vectors [rad].
 
-        ``low``, ``high`` (..., l, 3): displacements of the starts and ends of the legs [m]. Returns (...): positions
-        [m] and rotation vectors [rad].
+        ``low``, ``high`` (..., l, 3): displacements of the starts and ends of the legs [m].
         """
         lines, leg = self._lines(low, high, variables), self.owner
         arm = self.points - self.start[leg]

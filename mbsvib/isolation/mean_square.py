@@ -34,10 +34,10 @@ BATCH = 512  # frequencies at a time
 
 def moments(linear: Linear, inputs: Sequence[str], outputs: Sequence[str], filters: Sequence[Shaped],
             correlation: Array) -> Array:  # fmt: skip
-    """Return the mean squares of outputs under filtered white noise, from A P + P A^T + B W B^T = 0.
+    """Return the mean squares (outputs,) of outputs under filtered white noise, from A P + P A^T + B W B^T = 0.
 
-    ``correlation`` (inputs, inputs): of the white noise before the filters. Returns (outputs,): mean squares; infinite
-    where noise comes through at once, or where an integrator sums it up.
+    ``correlation`` (inputs, inputs): of the white noise before the filters. A mean square is infinite where white noise
+    reaches the output directly, or where an integrator accumulates it.
     """
     from scipy.linalg import block_diag
 
@@ -89,10 +89,9 @@ def _lyapunov(name: str, a: Array, b: Array, c: Array, strength: Array) -> Array
 
 
 def panels(linear: Linear, noise: BaseNoise, band: tuple[float, float], more: ArrayLike = ()) -> Array:
-    """Return the ends of panels over a band, short enough for Gauss' rule.
+    """Return the ends (panels + 1,) [Hz] of panels over a band, short enough for Gauss' rule.
 
-    ``band``: first and last frequency [Hz]. ``more``: frequencies [Hz] that are to be among the ends. Returns (panels +
-    1,): ascending frequencies [Hz].
+    ``band``: first and last frequency [Hz]. ``more``: frequencies [Hz] that are to be among the ends.
     """
     low, high = band
     if not 0.0 <= low < high < np.inf:
@@ -112,10 +111,9 @@ def panels(linear: Linear, noise: BaseNoise, band: tuple[float, float], more: Ar
 
 def integrals(linear: Linear, inputs: Sequence[str], outputs: Sequence[str], noise: BaseNoise, ends: Array,
               power: int = 0) -> Array:  # fmt: skip
-    """Return the mean square of outputs in each panel, the integral of w^power (G S G^H).
+    """Return the mean square of outputs in each panel (outputs, panels), the integral of w^power (G S G^H).
 
-    ``ends`` (panels + 1,): ends of the panels [Hz]. ``power``: of the angular frequency [rad/s]: -2 makes velocities of
-    accelerations. Returns (outputs, panels): mean squares.
+    ``ends`` (panels + 1,) [Hz]. ``power`` of the angular frequency [rad/s]: -2 makes velocities of accelerations.
     """
     f, weight = extrema.gauss_rule(ends)
     density = np.empty((len(outputs), len(f)))

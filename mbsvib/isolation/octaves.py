@@ -22,10 +22,9 @@ LOWEST, HIGHEST = 1.0, 80.0
 
 
 def centres(low: float = LOWEST, high: float = HIGHEST) -> Array:
-    """Return the exact middle frequencies 10^(n/10) of the one-third octaves from ``low`` to ``high`` [Hz], as nominal.
+    """Return the exact centre frequencies 10^(n/10) (bands,) [Hz] of one-third octaves.
 
-    ``low``, ``high``: nominal middle frequencies of the first and the last band [Hz]. Returns (bands,): ascending
-    frequencies [Hz].
+    ``low``, ``high``: nominal centre frequencies of the first and the last band [Hz].
 
     Source: IEC 61260-1, base-ten octaves.
     """
@@ -34,10 +33,7 @@ def centres(low: float = LOWEST, high: float = HIGHEST) -> Array:
 
 
 def edges(middle: ArrayLike) -> Array:
-    """Return the ends of adjacent one-third octaves, one more than there are bands [Hz].
-
-    ``middle`` (bands,): their middle frequencies [Hz]. Returns (bands + 1,): ascending frequencies [Hz].
-    """
+    """Return the edges (bands + 1,) [Hz] of adjacent one-third octaves with centre frequencies ``middle`` [Hz]."""
     middle = np.asarray(middle, dtype=float)
     return np.concatenate((middle * 10.0**-0.05, middle[-1:] * 10.0**0.05))
 

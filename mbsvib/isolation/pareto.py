@@ -54,9 +54,8 @@ def front(
 ) -> Front:  # fmt: skip
     """Return the front: one search for each bound, starting at the previous result.
 
-    ``designed``: returns the best design under an additional constraint and other arguments of ``studies.optimize``.
-    ``labels``: labels of the objective and of the bounded quantity. ``kwargs``: other arguments of
-    ``studies.optimize``.
+    ``designed``: returns the best design under an additional constraint and the arguments ``kwargs`` of
+    ``studies.optimize``. ``labels``: of the objective and of the bounded quantity.
     """
     limits = np.asarray(bounds, dtype=float)
     if limits.ndim != 1 or not len(limits) or not np.isfinite(limits).all():

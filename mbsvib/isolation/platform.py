@@ -109,7 +109,7 @@ class Platform(Displayed):
         return dict(zip(variables, derivatives, strict=True))
 
     def _off(self, variables: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-        """How far variables are off their start, by ring."""
+        """Changes of the variables from their start, by ring."""
         result: dict[str, dict[str, Any]] = {ring: {} for ring in self.rings}
         for name, value in variables.items():
             if name not in self.start:
@@ -121,7 +121,7 @@ class Platform(Displayed):
         return result
 
     def _shifts(self, off: Mapping[str, Mapping[str, Any]]) -> list[Array]:
-        """How far starts and ends of legs are off theirs, world axes."""
+        """Displacements of the starts and ends of legs [m], world axes."""
         for which, ring in self.rings.items():
             radius, _ = ring.at(off[which])
             if not (radius > 0.0).all():

@@ -52,18 +52,17 @@ def need_ctrlsys(caller: str, without: str = "") -> Any:
 def hinf_synthesis(
     plant: tuple[Array, Array, Array, Array], measurements: int, controls: int, caller: str, relaxation: float = 1.0
 ) -> Synthesis:
-    """Return the controller u = K y that keeps the H-infinity norm from w to z least.
+    """Return the controller u = K y that minimises the H-infinity norm from w to z.
 
     (z, y) = P (w, u):  minimise over stabilising K the norm of P11 + P12 K (1 - P22 K)^-1 P21
 
-    ``plant``: A, B, C, D of P, in continuous time. ``measurements``, ``controls``: number of outputs y, the last ones,
-    and of inputs u, the last ones. ``relaxation``: norm that is allowed, in parts of the smallest, 1 or more. Returns
-    the controller, of as many states as the plant, and the norm of its loop: within 1 % of the smallest for which
-    rounding leaves one whose loop keeps it, which is checked. Towards the least norm of all, poles of controllers may
-    go to infinity.
+    ``plant``: A, B, C, D of P, in continuous time. ``measurements``, ``controls``: number of outputs y and of inputs u,
+    the last ones of P. ``relaxation``: allowed norm, in parts of the smallest, 1 or more. The controller has as many
+    states as the plant. The norm of its loop, which is checked, is within 1 % of the smallest that rounding permits.
+    Towards the infimum, poles of controllers may go to infinity.
 
     Source: Glover & Doyle, State-space formulae for all stabilizing controllers that satisfy an H-infinity norm bound,
-    Systems & Control Letters 11 (1988); SLICOT's SB10FD, in a bisection. SLICOT's own, SB10AD, ends early.
+    Systems & Control Letters 11 (1988); SLICOT's SB10FD, in a bisection, as that of SLICOT's SB10AD ends early.
     """
     ctrlsys = need_ctrlsys(caller)
     a, b, c, d, rate = _normalized(plant)
@@ -111,9 +110,9 @@ def _attempt(
 
 
 def linf_norm(space: tuple[Array, Array, Array, Array]) -> float:
-    """Return the largest singular value of a frequency response over all frequencies.
+    """Return the largest singular value of a frequency response over all frequencies, to 1e-9.
 
-    ``space``: A, B, C, D, in continuous time. Returns the norm to 1e-9, infinite if SLICOT finds none.
+    ``space``: A, B, C, D, in continuous time. Returns infinity if SLICOT finds none.
 
     Source: Bruinsma & Steinbuch, A fast algorithm to compute the H-infinity norm of a transfer function matrix,
     Systems & Control Letters 14 (1990); SLICOT's AB13DD.
@@ -130,10 +129,10 @@ def closed_loop(
     plant: tuple[Array, Array, Array, Array], controller: tuple[Array, Array, Array, Array], measurements: int,
     controls: int,
 ) -> tuple[Array, Array, Array, Array]:  # fmt: skip
-    """Return the lower linear fractional transformation of a plant and a controller.
+    """Return A, B, C, D from w to z of a plant with a controller; the states of the plant come first.
 
     ``plant``, ``controller``: A, B, C, D of (z, y) = P (w, u) and of u = K y. ``measurements``, ``controls``: number of
-    outputs y and of inputs u, the last ones of P. Returns A, B, C, D from w to z; the states of the plant come first.
+    outputs y and of inputs u, the last ones of P.
     """
     (a, b, c, d), (ak, bk, ck, dk) = plant, controller
     o, i = len(c) - measurements, b.shape[1] - controls
@@ -151,10 +150,10 @@ def closed_loop(
 
 
 def h2_synthesis(plant: tuple[Array, Array, Array, Array], measurements: int, controls: int, caller: str) -> Synthesis:
-    """Return the controller u = K y that keeps the H2 norm from w to z least.
+    """Return the controller u = K y that minimises the H2 norm from w to z.
 
     ``plant``: A, B, C, D of (z, y) = P (w, u), in continuous time, without feedthrough from w to z. ``measurements``,
-    ``controls``: number of outputs y, the last ones, and of inputs u, the last ones.
+    ``controls``: number of outputs y and of inputs u, the last ones of P.
 
     Source: Zhou, Doyle & Glover, Robust and Optimal Control (1996), section 14.5; SLICOT's SB10HD.
     """

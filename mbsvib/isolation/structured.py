@@ -115,10 +115,10 @@ def _balanced(m: Complex, masks: Array) -> Complex:
 
 
 def _bounds(m: Complex, masks: Array, real: list[int]) -> Array:
-    """The least beta for matrices of norm 1, (points, n, n); never below the infimum.
+    """The least beta for matrices of norm 1 (points, n, n); never below the infimum.
 
     Centres of {D, G : N(D, G) < level D, 0 < D < 1, |G| < L} by damped Newton steps, which stay inside; from each
-    centre the level goes down, until no room is left.
+    centre the level is lowered, until no room is left.
     """
     count = len(masks)
     slopes, weight = _slopes(m, masks, real)
@@ -144,7 +144,7 @@ def _bounds(m: Complex, masks: Array, real: list[int]) -> Array:
 
 
 def _slopes(m: Complex, masks: Array, real: list[int]) -> tuple[Complex, Array]:
-    """Derivatives of N = M* D M + i (G M - M* G) and of D by the entries d, g: (points, variables, n, n)."""
+    """Derivatives of N = M* D M + i (G M - M* G) and of D to the entries d, g: (points, variables, n, n)."""
     units = masks[:, :, None] * np.eye(m.shape[1])
     turned = 1j * (units[real] @ m[:, None])
     slopes = np.concatenate((_adjoint(m)[:, None] @ units @ m[:, None], turned + _adjoint(turned)), axis=1)

@@ -186,10 +186,7 @@ class Vibration(Displayed):
 
 
 def vibration(study: Figures, noise: BaseNoise, band: tuple[float, float] | None) -> Vibration:
-    """Return root mean squares of a study's body, strokes and forces.
-
-    ``band``: first and last frequency [Hz]; None: all.
-    """
+    """Return root mean squares of a study's body, strokes and forces over a ``band`` [Hz]; None: all frequencies."""
     legs = study.scene.legs
     outputs = [*ACCELERATIONS, *(leg.stroke for leg in legs), *(leg.force for leg in legs)]
     inputs = tuple([f"base.{direction}" for direction in noise.directions])

@@ -61,7 +61,7 @@ def _with_slopes(
     """Responses (outputs, inputs, n) and their derivatives (variables, outputs, inputs, n).
 
     dG = dH R + L dB - L dZ R + dD with Z = K + i w C - w^2 M, H = Cq + i w Cv - w^2 Ca, R = Z^-1 B, L = H Z^-1: the
-    matrices' derivatives, once, serve all frequencies.
+    derivatives of the matrices are computed once for all frequencies.
     """
     system = point.system
     if not point.rates or system.dof > DENSE:
@@ -124,18 +124,8 @@ def _derivatives(system: System, rates: Mapping[str, Mapping[str, float]]) -> Ma
 class MeanSquares:
     """Mean squares of single outputs under noise that may be correlated; quantities share computed results.
 
-    Parameters
-    ----------
-    outputs : sequence of str
-        Names.
-    inputs : sequence of str
-        Where the noise enters, in its order.
-    noise : BaseNoise
-        Its densities.
-    band : (float, float) or None
-        First and last frequency [Hz].
-    laws : mapping of str to (str, str, str)
-        Outputs that are another one over k + i w c, by the names of that output and of the parameters k and c.
+    ``inputs``: where the noise enters, in its order. ``band``: first and last frequency [Hz]; None: all. ``laws``:
+    outputs that are another output divided by k + i w c, with the names of that output and of the parameters k and c.
     """
 
     def __init__(

@@ -124,7 +124,7 @@ def _file_stiffness(scene: Scene, i: int) -> tuple[float, Array]:
 
 
 def _rotated_stiffness(k: float, turn: Array) -> Array:
-    """Hessian (3, 3) of k/2 times the square of the angle of rotation that R exp(turn) is from R, in its own axes.
+    """Hessian (3, 3) of k/2 angle^2 of the rotation R exp(turn) relative to R, in its own axes.
 
     k (n n^T + (angle / 2) cot(angle / 2) (1 - n n^T)), n the axis of ``turn``.
     """

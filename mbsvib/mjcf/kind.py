@@ -25,10 +25,7 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40, "P": 2**50, "E"
 
 
 def root_of(path: str | PathLike[str]) -> str:
-    """Return the name of an XML file's root element.
-
-    Such as "mujoco" or "robot".
-    """
+    """Return the name of an XML file's root element, such as "mujoco" or "robot"."""
     return _read(path).tag
 
 

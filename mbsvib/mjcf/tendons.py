@@ -124,9 +124,7 @@ def attach(scene: Scene, name: str, path: Path, gear: float, k: float, c: float,
 
 
 def drive(scene: Scene, name: str, path: Path, gain: float) -> None:
-    """Add a force along a path, towards longer, as an input.
-
-    ``gain``: force [N] or torque [N m] by one unit of the input.
+    """Add a force along a path, towards longer, as an input; ``gain``: force [N] or torque [N m] per unit of the input.
     """
     model = scene.model
     if path.ends:
@@ -143,10 +141,7 @@ def drive(scene: Scene, name: str, path: Path, gain: float) -> None:
 
 
 def sums(scene: Scene, path: Path, factor: float = 1.0) -> dict[str, float]:
-    """Return the coefficients of joint coordinates in a path's length, times a factor.
-
-    Returns coefficients by coordinate, "JOINT.rz".
-    """
+    """Return the coefficients of joint coordinates, "JOINT.rz", in a path's length, times a factor."""
     return {scene.links[joint].coordinate: factor * value for joint, value in path.terms}
 
 

@@ -19,11 +19,10 @@ RADIUS = 10.0
 
 
 def add_wheel(scene: Scene, name: str, terms: Mapping[str, float], inertia: float, link: Link) -> tuple[str, float]:
-    """Add a wheel on the ground that turns with a sum of coordinates.
+    """Add a wheel on the ground that turns with a sum of coordinates; return its body and radius R.
 
-    ``terms``: coefficients of joint coordinates, "JOINT.rz". ``inertia``: what moves with the sum [kg m^2, kg].
-    ``link``: the joint at which it is drawn, its axis along the joint's. Returns the name of its body, and its radius
-    R: it turns by the sum over R about the axis.
+    It turns by the sum over R about its axis. ``terms``: coefficients of joint coordinates, "JOINT.rz". ``inertia``: of
+    the sum [kg m^2, kg]. ``link``: the joint at which it is drawn, its axis along the joint's.
     """
     radius = RADIUS * max(abs(value) * _size(scene, coordinate) for coordinate, value in terms.items())
     moment = inertia * radius**2

@@ -19,7 +19,7 @@ MOST_PANELS = 12
 def linear(value: Any) -> Linear:
     """Return a system, closed loop, state space or controller; systems of python-control become state spaces.
 
-    Raises ResponseError if it is nothing of these, or data without equations.
+    Raises ResponseError for anything else, or data without equations.
     """
     if is_control(value) or is_transfer_function(value):
         from mbsvib.responses.state_space import StateSpace

@@ -29,9 +29,9 @@ NEGLIGIBLE = 1e-11  # share of responses of the same units below which one is ze
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve:
-    """A response G over frequencies [Hz], both shape (n,), from ``source`` to ``output`` with their units.
+    """A response G over frequencies [Hz], both (n,), from ``source`` to ``output`` with their units.
 
-    ``negligible``: next to the responses of the same units this one is rounding, as it is zero by symmetry.
+    ``negligible``: the response is zero by symmetry, and mere rounding compared with responses of the same units.
     """
 
     source: str
@@ -63,10 +63,10 @@ def shared_grid(
     systems: Sequence[Linear], pairs: Sequence[tuple[Names, Names]], frequencies: ArrayLike | None,
     span: tuple[float | None, float | None],
 ) -> Array:  # fmt: skip
-    """Return the frequencies [Hz] for curves of several systems: as given, or such that none misses a peak or a dip.
+    """Return ascending frequencies (points,) [Hz] for curves of several systems: as given, or dense at peaks and dips.
 
-    ``pairs``: names of outputs and inputs. ``frequencies`` (n,): frequencies [Hz] to use as they are. ``span``: first
-    and last frequency [Hz] otherwise. Returns (points,): ascending frequencies.
+    ``pairs``: names of outputs and inputs. ``frequencies`` (n,): frequencies [Hz] to use as they are; otherwise
+    ``span``: first and last frequency [Hz].
     """
     if frequencies is not None:
         return positive_frequencies(frequencies, "plots")
@@ -98,10 +98,7 @@ def finer(grid: Array) -> Array:
 
 
 def curves(system: Linear, pairs: Sequence[tuple[str, str]], grid: Array) -> list[Curve]:
-    """Return the curves of a system for pairs of (output, input).
-
-    ``pairs``: names of outputs and inputs. ``grid`` (n,): frequencies [Hz].
-    """
+    """Return the curves of a system for ``pairs`` (output, input) at the frequencies ``grid`` (n,) [Hz]."""
     results = [system.outputs.index(choice.pick(system, "output", name)[0]) for name, _ in pairs]
     sources = [system.inputs.index(choice.pick(system, "input", name)[0]) for _, name in pairs]
     response = system.frequency_response(2.0 * np.pi * grid)

@@ -15,7 +15,7 @@ TOUCH = 3.0  # pixels by which boxes of texts may overlap or leave the figure: t
 
 
 class ScaledFigure(Figure):
-    """A figure of matplotlib; where it is made smaller, texts shrink in proportion, to 60 % of their size at most.
+    """A figure of matplotlib whose texts shrink in proportion where it is made smaller, to 60 % of their size at least.
 
     Warns if a smaller figure has no room for its texts.
     """
@@ -27,18 +27,7 @@ class ScaledFigure(Figure):
         self._sizes: WeakKeyDictionary[Text, float] = WeakKeyDictionary()
 
     def draw(self, renderer: Any) -> None:
-        """Draw the figure with texts of the size that belongs to it.
-
-        Parameters
-        ----------
-        renderer : matplotlib.backend_bases.RendererBase
-            What draws.
-
-        Warns
-        -----
-        UserWarning
-            If the figure is too small for its texts.
-        """
+        """Draw the figure with texts in proportion to its size; warn if it is too small for them."""
         scale = float(np.clip((self.get_size_inches() / self._designed).min(), LEAST, 1.0))
         if scale != self._scale:
             self._resize_texts(scale)

@@ -57,18 +57,8 @@ def axes_of(view: View) -> Array:
 class Picture:
     """A scene in axes of matplotlib, whose points can be moved.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Where to draw.
-    scene : DrawnScene
-        What to draw.
-    view : str or sequence of 2 float
-        From where: "3-D", "x", "y", "z", or azimuth and elevation [deg].
-    rest : bool
-        Whether the pose at rest is drawn in grey behind what moves.
-    reach : float
-        How far points may go [m], for the frame.
+    ``view``: "3-D", "x", "y", "z", or azimuth and elevation [deg]. ``rest``: whether the pose at rest is drawn in grey
+    behind the moving one. ``reach``: largest displacement of points [m], for the frame.
     """
 
     def __init__(self, axes: Axes, scene: DrawnScene, view: View, rest: bool = False, reach: float = 0.0) -> None:

@@ -51,9 +51,7 @@ def infos(systems: Sequence[Linear], outputs: list[str], inputs: list[str]) -> l
 
 
 def rounding(system: Linear) -> NDArray[np.bool_]:
-    """Return which responses are zero by symmetry but for rounding, (outputs, inputs).
-
-    They are next to nothing beside others of the same units, at all natural frequencies.
+    """Return which responses (outputs, inputs) are negligible among those of the same units at all natural frequencies.
     """
     poles = np.abs(system.poles())
     omega = np.unique(NEAR_POLE * poles[poles > 0.0])
@@ -70,9 +68,7 @@ def rounding(system: Linear) -> NDArray[np.bool_]:
 def until_settled(
     systems: Sequence[Linear], known: Sequence[StepInfo | None], zero: Sequence[NDArray[np.bool_]]
 ) -> float | None:
-    """Return the time [s] in which all responses that are not ``zero`` settle, or None where one does not, or only
-    after many periods.
-    """
+    """Return the time [s] to show until all responses but those of ``zero`` settle; None if one does not in time."""
     last = 0.0
     for system, info, none in zip(systems, known, zero, strict=True):
         if info is None:
@@ -88,10 +84,7 @@ def until_settled(
 
 
 def mark(axes: Axes, info: StepInfo, pair: tuple[str, str], response: Response) -> None:
-    """Mark rise, peak and settling of one response, and write them into a corner of its panel.
-
-    ``pair``: output and input.
-    """
+    """Mark rise, peak and settling of a ``pair`` (output, input), and write them into a corner of its panel."""
     i, j = info.outputs.index(pair[0]), info.inputs.index(pair[1])
     final, settling = float(info.final[i, j]), float(info.settling_time[i, j])
     t, y = response.t * response.time_factor, response.y * response.factor

@@ -15,8 +15,7 @@ if TYPE_CHECKING:
 
 
 def positions(topology: Topology) -> list[tuple[float, int]]:
-    """Return abscissa and level of each body, ground (level 0) last: leaves side by side, parents above their middle.
-    """
+    """Return abscissa and level of each body, ground (level 0) last: leaves in a row, parents above their middle."""
     ground = len(topology.bodies)
     children: list[list[int]] = [[] for _ in range(ground + 1)]
     level = [0] * (ground + 1)

@@ -184,8 +184,8 @@ def animation(
 ) -> Animation:
     """Return a mode in motion.
 
-    ``provenance``: what the system was made of. ``amplitude``: how far the farthest point goes, as a share of the
-    mechanism's size. ``rate``: pictures in a second [Hz].
+    ``amplitude``: displacement of the farthest point, as a share of the mechanism's size. ``rate``: frames a second
+    [Hz].
     """
     if provenance is None:
         raise ResponseError(f"modes of '{modes.name}': nothing is known of what it looks like, as it is sparse or a "

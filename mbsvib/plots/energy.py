@@ -101,9 +101,7 @@ def _colours(lowest: float, highest: float) -> Colormap:
 
 
 def shares(system: System, modes: Modes, kind: str) -> tuple[list[str], Array]:
-    """Return the names of elements and their shares in the energy of each mode, (elements, modes).
-
-    ``kind``: "strain" or "kinetic".
+    """Return the names of elements and their shares (elements, modes) in the "strain" or "kinetic" energy of each mode.
     """
     if kind == "kinetic":
         by_body = modes.kinetic_energy
@@ -115,10 +113,7 @@ def shares(system: System, modes: Modes, kind: str) -> tuple[list[str], Array]:
 
 
 def largest(names: Sequence[str], values: Array) -> list[tuple[str, Array]]:
-    """Return the elements with significant shares, in their order, and the sum of all others.
-
-    ``values`` (elements, modes): their shares in each mode.
-    """
+    """Return the elements with significant shares in ``values`` (elements, modes), and the sum of all others."""
     size = np.nanmax(np.abs(values), axis=1, initial=0.0)
     selected = [i for i in np.argsort(-size, kind="stable") if size[i] >= LEAST_SHARE][:MOST_ELEMENTS]
     rows = [(names[i], values[i]) for i in sorted(selected)]

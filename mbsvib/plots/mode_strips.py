@@ -101,7 +101,7 @@ def shapes_of(modes: Modes, which: Index, bodies: Names, radius: float | None) -
     """Return what is drawn of some modes, the largest displacement of each being 1.
 
     ``which`` (n,): numbers from 0. ``bodies``: names or patterns. ``radius``: length [m] that multiplies rotations.
-    They are in phase with the motion as a whole; directions in which nothing moves are left out.
+    Complex shapes are turned in phase with the motion as a whole; directions in which nothing moves are left out.
     """
     if radius is not None and not 0.0 < real(radius, "plots.mode_strips", "radius", "a length [m] above 0") < np.inf:
         raise ResponseError(f"plots.mode_strips: radius = {radius!r}; expected a length [m] above 0.")

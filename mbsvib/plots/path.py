@@ -128,8 +128,8 @@ def path(data: EquilibriumPath) -> Figure:
 def _frequency_lines(data: EquilibriumPath) -> tuple[Array, Array]:
     """Coordinates (k,) and natural frequencies (k, modes) to draw, with NaN where lines end.
 
-    They end where modes become unstable, as the others then have other numbers; that is at a limit point, where the
-    lowest frequency is 0.
+    Lines end where the number of stable modes changes, as this renumbers the modes; at a limit point, where this
+    happens, the lowest frequency is 0.
     """
     nothing = np.full(data.frequencies.shape[1], np.nan)
     rest = np.where(np.arange(len(nothing)) == 0, 0.0, np.nan)

@@ -128,10 +128,7 @@ def run_figure(run: RunData, names: Sequence[str] | str | None) -> Figure:
 
 
 def run_animation(run: RunData, view: View, frames: int, rate: float) -> RunAnimation:
-    """Return a run in motion, true to scale.
-
-    ``rate``: pictures in a second [Hz].
-    """
+    """Return a run in motion, true to scale, with ``rate`` frames a second [Hz]."""
     for name, value, least in (("frames", frames, 2), ("rate", rate, 0.1)):
         if not least <= value < np.inf:
             raise ResponseError(f"{name} = {value!r}: expected a number of at least {least:g}.")

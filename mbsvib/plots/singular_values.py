@@ -88,25 +88,7 @@ def singular_values(
 
 
 def unit_groups(system: Linear, outputs: Names, inputs: Names) -> list[UnitGroup]:
-    """Return the selected outputs and inputs in groups of one unit each, those of the first output first.
-
-    Parameters
-    ----------
-    system : System
-        Linear equations.
-    outputs, inputs : str or sequence of str, optional
-        Names or patterns; default: all.
-
-    Returns
-    -------
-    list of UnitGroup
-        One for each pair of an output's and an input's unit.
-
-    Raises
-    ------
-    ResponseError
-        If a name is unknown.
-    """
+    """Return the selected outputs and inputs, one group for each pair of units, those of the first output first."""
     results = _by_unit(choice.pick(system, "output", outputs), system.outputs, system.output_units)
     sources = _by_unit(choice.pick(system, "input", inputs), system.inputs, system.input_units)
     return [UnitGroup(names, ports, units.ratio(result_unit, source_unit))

@@ -136,10 +136,7 @@ def _panel(axes: Axes, t: Array, drawn: list[Drawn], source: str, output: str) -
 
 
 def static(system: Linear, source: str, output: str) -> float | None:
-    """Return the response that remains long after a unit step, or None where the system does not settle.
-
-    Returns G(0) [output unit / input unit].
-    """
+    """Return the static response G(0) [output unit / input unit] to a unit step; None if the system does not settle."""
     modes = system.modes()
     if modes.rigid or not modes.stable:
         return None

@@ -23,8 +23,8 @@ def compared_modes(first: Any, second: Any) -> dict[str, Any]:
     """Return the modes of two systems in pairs, such that the sum of their MAC is largest.
 
     MAC = |a^H b|^2 / (a^H a b^H b) of displacements, and rotations times a length, of the bodies that both have. Where
-    frequencies coincide, as in symmetric platforms, shapes span a plane: then it is the part of b in that plane, or
-    that of a in the plane of b, whichever is larger.
+    frequencies coincide, as in symmetric platforms, shapes span a plane: the MAC is then the share of b in that plane,
+    or that of a in the plane of b, whichever is larger.
 
     Returns ``by``: "shape" or "frequency"; ``rows``: numbers of the modes from 0 or None, MAC or None.
     """

@@ -38,11 +38,10 @@ LABELS = ("before", "after")
 def collect(
     system: Any, outputs: Names = None, inputs: Names = None, other: Any = None, labels: tuple[str, str] = LABELS
 ) -> dict[str, Any]:
-    """Return everything that a report shows.
+    """Return everything that a report shows; None for parts that need bodies where there are none.
 
     ``outputs``, ``inputs``: names of those to show; default: all. ``other``: equations to compare with. ``labels``:
-    what the page calls the two. Returns lists, texts and numbers; parts that a system without bodies does not have are
-    None.
+    names of both on the page.
     """
     modes = system.modes()
     curves_of_pairs = responses(system, outputs, inputs)  # before `skipped`, which describes their computation
@@ -146,10 +145,9 @@ def _rows(modes: Any) -> list[dict[str, Any]]:
 
 
 def responses(system: Any, outputs: Names, inputs: Names) -> dict[str, Any] | None:
-    """Return the form of the equations from which the page computes the curves of all pairs, and their names.
+    """Return the ports and the form from which the page computes all curves; None if there is no response.
 
-    ``outputs``, ``inputs``: names of those to show; default: all. Returns lists, texts and numbers; None if there is no
-    response.
+    ``outputs``, ``inputs``: names of those to show; default: all.
     """
     poles = system.poles()
     if not (system.inputs and system.outputs and len(poles)):

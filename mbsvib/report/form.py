@@ -38,12 +38,12 @@ NO_SUMS = np.zeros((0, 0)), np.zeros((0, 0))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Form:
-    """``blocks``: sizes of the diagonal blocks of ``a``, or none where it is triangular; ``rows`` (outputs' rows, n)
-    with ``order`` and ``output`` of each;
-    ``starts`` (rows, inputs): D of rows of order 2; ``ends`` (rows, inputs): the value at infinity of s^2 times the
-    transfer function of the row before it is differentiated, with D in rows of order 2,
-    or no rows where outputs are sums of
-    states as they are; ``error``: largest difference found.
+    """x' = a x + b u; outputs are sums of ``rows`` x, differentiated ``order`` times, and d u.
+
+    ``blocks``: sizes of the diagonal blocks of ``a``, none where it is triangular. ``rows`` (rows, n), with ``order``
+    and ``output`` of each. ``starts`` (rows, inputs): D of rows of order 2. ``ends`` (rows, inputs): limit at infinity
+    of s^2 times the transfer function of the row before it is differentiated, plus D in rows of order 2. Both are empty
+    where outputs are sums of states as they are. ``error``: largest difference from the response of the system.
     """
 
     blocks: tuple[int, ...]
@@ -78,12 +78,11 @@ def doubles(values: NDArray[Any]) -> str:
 def form_of(
     system: Any, ports: Ports, omega: Array, response: Complex, counted: NDArray[np.bool_]
 ) -> Form:  # fmt: skip
-    """Return the form of a system that reproduces its response.
+    """Return the modal form of a system if it is accurate, else the better of it and the triangular form.
 
-    ``ports``: numbers of the outputs and inputs to keep. ``omega`` (n,): angular frequencies [rad/s] of the response.
-    ``response`` (kept outputs, kept inputs, n): their response, which decides between the forms. ``counted`` (kept
-    outputs, kept inputs): whether the response of a pair is more than rounding. Returns the modal one if it is
-    accurate, else the triangular one.
+    ``ports``: numbers of the outputs and inputs to keep. ``omega`` (n,): angular frequencies [rad/s] of ``response``
+    (kept outputs, kept inputs, n). ``counted`` (kept outputs, kept inputs): whether the response of a pair is more than
+    rounding.
     """
     o, i = ports
     best: Form | None = None

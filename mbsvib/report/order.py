@@ -16,9 +16,9 @@ def inputs_in_order(system: Any, names: Sequence[str]) -> list[str]:
 
 
 def outputs_in_order(system: Any, names: Sequence[str]) -> list[str]:
-    """Return outputs, those of the unit of a ground's motion first, and among these the payload's.
+    """Return outputs, those of the unit of a ground's motion first, and among these the payload's first.
 
-    Payload is the body with most connections between it and the ground, on the shortest way.
+    The payload is the body with most connections between it and the ground, on the shortest way.
     """
     away, ports = _distances(system), {port.name: port for port in getattr(_provenance(system), "ports", ())}
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Largest(Quantity):
-    """The largest of many numbers: a search bounds all of them at once, as the maximum has kinks.
+    """The largest of many numbers; a search bounds all of them at once, as the maximum has kinks.
 
     ``members`` are the numbers; if there are infinitely many, those at the points of ``active``, which are initially
     the ``seeds`` and later include the ``tops``, the local maxima.

@@ -83,11 +83,10 @@ def title(axes: Axes, words: str, name: str) -> None:
 def root_locus(
     eigenvalues: Complex, modes: Sequence[str], variables: Iterable[str], name: str, *, samples: bool
 ) -> Figure:
-    """Draw the eigenvalues of modes over the points of a sweep.
+    """Draw the eigenvalues of the first 12 modes over the points of a sweep, in the upper half of the complex plane.
 
     ``eigenvalues`` (n, modes): those without negative imaginary parts [1/s]. ``samples``: whether neighbours in the
-    array are not neighbours in the variables, so that no line joins them. Returns the upper half of the complex plane,
-    a line for each mode with dots at the points, the first 12 modes.
+    array are not neighbours in the variables, so that no line joins them.
     """
     with style.context():
         figure = style.new_figure(6.4, 4.2)
@@ -113,10 +112,10 @@ def root_locus(
 
 
 def tolerances(labels: Sequence[str], sampled: Array, linear: Array, nominal: Array, name: str) -> Figure:
-    """Draw histograms of a tolerance analysis.
+    """Draw histograms of a tolerance analysis: samples as areas, first-order values as lines, nominal values dashed.
 
     ``sampled``, ``linear`` (n, k): numbers of the samples, and their first-order values. ``nominal`` (k,): numbers of
-    the nominal model. Returns samples as areas, first-order values as lines, the nominal value as a dashed line.
+    the nominal model.
     """
     count = len(labels)
     columns = min(3, count)

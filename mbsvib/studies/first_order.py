@@ -24,8 +24,10 @@ CHUNK = 1000  # samples
 
 @dataclass(frozen=True)
 class FirstOrder:
-    """Numbers ``nominal`` (k,), ``counts`` of each quantity; their ``deviation``, ``worst`` (k,), ``shares`` of the
-    variables (k, v), the first-order values of samples, ``linear`` (n, k), and the mask of numbers of close modes.
+    """First-order values of k numbers, those of each quantity in turn (``counts``).
+
+    ``nominal``, ``deviation`` and ``worst`` change (k,); ``shares`` of the variables in the variance (k, v); ``linear``
+    (n, k): values of the samples; ``parted`` (k,): mask of numbers of close modes.
     """
 
     nominal: Array
@@ -42,8 +44,8 @@ def first_order(
 ) -> FirstOrder:
     """Return the first-order effect of scatter.
 
-    ``off`` (n, variables): how far variables are off in each sample. ``sizes`` (variables,): tolerances. ``deviation``:
-    standard deviation of each variable in parts of its tolerance.
+    ``off`` (n, variables): deviation of each variable from its nominal value in each sample. ``sizes`` (variables,):
+    tolerances. ``deviation``: standard deviation of each variable in parts of its tolerance.
     """
     try:
         duals = [quantity.at(point) for quantity in quantities.values()]
@@ -75,9 +77,9 @@ def first_order(
 
 
 def no_order(point: DesignPoint, quantities: Mapping[str, Quantity], off: Array) -> FirstOrder:
-    """Return only the nominal values; first-order results are not a number.
+    """Return the nominal values alone; first-order results are NaN.
 
-    ``off`` (n, variables): how far variables are off in each sample.
+    ``off`` (n, variables): deviation of each variable from its nominal value in each sample.
     """
     values = [np.atleast_1d(np.asarray(quantity(point.system), dtype=float)) for quantity in quantities.values()]
     nominal = np.concatenate(values)

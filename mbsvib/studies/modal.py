@@ -102,12 +102,11 @@ def together(values: Complex, scatter: Array, largest: int = 30) -> list[list[in
 
 
 def parting(system: System, group: list[int], variables: Any) -> tuple[Complex, Complex]:
-    """Return the matrices whose eigenvalues approximate close eigenvalues, A + sum of dp dA/dp.
+    """Return A (k, k), whose eigenvalues approximate k close ones, and its derivatives (variables, k, k).
 
     dA_ij = -x_i^T (l_i l_j dM + (l_i + l_j) / 2 dC + dK) x_j, with x_i^T ((l_i + l_j) M + C) x_j = 1 for i = j, else 0
 
-    ``group``: modes whose eigenvalues l are near to each other. Returns (modes, modes) and (variables, modes, modes):
-    A, and its derivative to each variable.
+    ``group``: modes whose eigenvalues l are close to each other.
     """
     modes = system.modes()
     x, values = modes.shapes[:, group], modes.pairs[group, 0]

@@ -80,11 +80,9 @@ def started(tie: Any, name: str) -> float:
 
 
 def angular_velocity_map(w: Array) -> Array:
-    """Return the matrix that converts rates of a rotation vector to the body's angular velocity, world axes.
+    """Return the matrix (3, 3) from rates of a rotation vector ``w`` (3,) [rad] to the angular velocity in world axes.
 
-    J = I + (1 - cos a) / a^2 [w]x + (a - sin a) / a^3 [w]x^2,  a = |w|
-
-    ``w`` (3,): rotation vector [rad]. Returns (3, 3): the left Jacobian of the exponential map.
+    J = I + (1 - cos a) / a^2 [w]x + (a - sin a) / a^3 [w]x^2,  a = |w|: the left Jacobian of the exponential map
     """
     square = float(w @ w)
     if square < SMALL:

@@ -66,11 +66,10 @@ def _tolerance(name: str, tolerance: Any, value: float) -> float:
 def random_values(
     centre: Mapping[str, float], tolerance: Mapping[str, float], samples: int, distribution: str, seed: int | None
 ) -> dict[str, Array]:
-    """Return random values.
+    """Return random values (samples,) by variable.
 
     ``centre``, ``tolerance``: nominal value and tolerance of each variable. ``distribution``: "normal": the tolerance
-    is three standard deviations; "uniform": all values within it have the same density. ``seed``: of the random
-    numbers. Returns (samples,): values by variable.
+    is three standard deviations; "uniform": all values within it are equally likely.
     """
     check.count(samples, "tolerances", "samples", 2)
     if distribution not in DEVIATION:

@@ -217,10 +217,7 @@ class Constraint(Displayed):
 
 
 def quantity(value: Any) -> Quantity:
-    """Return a quantity, or a constant as one.
-
-    ``value`` () or (k,): what to take as a quantity.
-    """
+    """Return a quantity; a number () or (k,) becomes a constant one."""
     if isinstance(value, Quantity):
         return value
     try:

@@ -73,7 +73,7 @@ def question(of: Asked, batched: bool = False) -> Question:
     """Return the results to be computed at each point, checked.
 
     ``of``: a path from a system ("modes.frequencies", "poles", "K"), a function of a system, or several by label.
-    ``batched``: say that functions take batches as well and return an axis of variants in front.
+    ``batched``: whether functions accept batches too and return an axis of variants in front.
     """
     items: Mapping[Any, Any] = of if isinstance(of, Mapping) else {_label(of): of}
     for item in items.values():

@@ -173,9 +173,9 @@ def _rms(point: DesignPoint, ports: PortResponses, noise: BaseNoise, band: Band 
 
 
 def quadrature(system: System, ports: PortResponses, noise: BaseNoise, band: Band | None) -> tuple[Array, Array]:
-    """Return nodes and weights of the integral of responses to noise over a band, exact to rounding.
+    """Return frequencies and weights (n,) [Hz] of the integral of responses to noise over a band, exact to rounding.
 
-    ``band``: first and last frequency [Hz]; None: all. Returns frequencies, weights (n,): both in Hz.
+    ``band``: first and last frequency [Hz]; None: all.
     """
     poles = np.concatenate((system.poles(), noise.poles)) / (2.0 * np.pi)
     if (poles.real > 1e-13 * np.abs(poles).max(initial=0.0)).any():

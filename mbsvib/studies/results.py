@@ -194,9 +194,7 @@ def _mode_numbers(label: str, values: NDArray[Any]) -> tuple[str, ...]:
 
 
 def gathered(count: int, outcomes: Mapping[int, Mapping[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
-    """Return arrays over all points from the results of single points.
-
-    By label; NaN where there is none, or arrays of objects where shapes differ.
+    """Return arrays over all points by label; NaN where a point has no result, arrays of objects where shapes differ.
     """
     labels = list(dict.fromkeys(label for outcome in outcomes.values() for label in outcome))
     result = {}

@@ -234,7 +234,7 @@ def _not_finite(point: DesignPoint) -> ModelError:
 
 
 def _at(dual: Dual, unknown: int) -> Array:
-    """Derivatives to one unknown; constants have none."""
+    """Derivatives with respect to one unknown; constants have none."""
     return dual.slope[:, unknown] if dual.slope.shape[1] > unknown else np.zeros(1)
 
 

@@ -36,10 +36,7 @@ class SolverResult:
 
 
 def solver(method: str) -> Callable[[Search, Array, Mapping[str, Any]], SolverResult]:
-    """Return a solver by its name.
-
-    ``method``: "SLSQP", "trust-constr" or "ipopt".
-    """
+    """Return a solver by its name: "SLSQP", "trust-constr" or "ipopt"."""
     known = {"slsqp": _slsqp, "trust-constr": _trust, "ipopt": _ipopt}
     name = str(method).lower()
     if name not in known:
@@ -72,7 +69,8 @@ class _Trials:
     """Values at trial points of a line search.
 
     A step may lead to where the mechanism has no response or cannot be built. The objective is infinite there, so that
-    the solver takes a shorter step; constraints are those of the first point, as they do not count beside it.
+    the solver takes a shorter step; constraints keep their values at the first point, as the infinite objective
+    decides.
     """
 
     def __init__(self, search: Search, first: Value) -> None:

@@ -249,7 +249,7 @@ def _front(
 
 def _began(model: Model, variables: Iterable[str], ties: Ties | None, quantities: Mapping[str, Quantity]
            ) -> dict[str, float]:  # fmt: skip
-    """The quantities of the model that was given."""
+    """The quantities of the given model."""
     first_design = design(model, variables, ties)
     values = dict(first_design.start)
     if any(part.needs_equations for part in quantities.values()):

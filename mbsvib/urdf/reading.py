@@ -69,10 +69,7 @@ class Robot:
 
 
 def read(path: str | PathLike[str]) -> Robot:
-    """Read a URDF file.
-
-    Returns masses and joints of the file; shapes, colours and limits are ignored.
-    """
+    """Return masses and joints of a URDF file; shapes, colours and limits are ignored."""
     try:
         top = read_xml(content_of(path, ModelError, "a URDF file"))
     except ContentError as error:

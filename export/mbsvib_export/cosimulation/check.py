@@ -264,7 +264,7 @@ def _simulated(method: str, loop: Loop, x: Array, e: Array, count: int) -> Array
 
 
 def _relative(actual: Array, truth: Array, scale: Array, groups: list[str]) -> Array:
-    """Largest error of each output by its own size; those that hardly move are measured by others of their unit."""
+    """Largest error of each output relative to its size, or to others of its unit if it hardly moves."""
     size = np.abs(scale).max(axis=0, initial=0.0)
     floor = np.array([max(size[i] for i, name in enumerate(groups) if name == group) for group in groups])
     size = np.maximum(size, _FLOOR * floor)

@@ -38,10 +38,7 @@ class Block:
 
 
 def discretised(a: Array, b: Array, c: Array, d: Array, h: float) -> Block:
-    """Return an FMU's equations with their exact step.
-
-    ``h``: step [s].
-    """
+    """Return an FMU's equations with their exact step of ``h`` [s]."""
     n, m = b.shape
     size = np.where(np.abs(b).max(axis=0, initial=0.0) > 0, np.abs(b).max(axis=0, initial=0.0), 1.0)
     big = np.zeros((n + 2 * m, n + 2 * m))

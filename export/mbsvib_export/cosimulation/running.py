@@ -25,11 +25,11 @@ _MET, _ROUNDING, _WITHOUT_PROGRESS = 1e-14, 1e-8, 10
 def run(
     method: str, plant: UnitFile, controller: UnitFile, loop: Loop, x: Array, e: Array, count: int
 ) -> tuple[Array, Array]:
-    """Return the responses of the FMUs of a closed loop.
+    """Simulate the FMUs of a closed loop with a master.
 
-    ``method``: one of ``MASTERS``. ``loop``: connections and step; its numbers of the FMUs are not used. Returns (count
-    + 1, outputs of plant and controller): outputs at the beginning and after each step; (count, inputs of the plant):
-    what the plant was given, at the middle of each step.
+    ``method``: one of ``MASTERS``. ``loop``: connections and step; its matrices of the FMUs are not used. Returns
+    outputs of plant and controller at the beginning and after each step (count + 1, outputs), and the inputs of the
+    plant at the middle of each step (count, inputs).
     """
     extrapolate = method in ("slopes", "iteration")
     with ExitStack() as stack:

@@ -18,10 +18,7 @@ _MOST, _LEAST, _DIGITS = 1e2, 1e-6, 10  # of the step asked for: where the searc
 
 
 def radius(loop: Loop, method: str) -> float:
-    """Return the spectral radius of a step; for iteration the contraction factor, if that is larger.
-
-    ``method``: one of ``MASTERS``. Returns growth in a step [1].
-    """
+    """Return the spectral radius of a step [1]; for iteration the contraction factor, if that is larger."""
     largest = _largest(loop.matrix(method))
     return max(largest, _largest(loop.contraction())) if method == "iteration" else largest
 
@@ -36,11 +33,10 @@ def is_stable(spectral_radius: float, growth: float, h: float) -> bool:
 
 
 def largest_stable_step(make: Callable[[float], Loop], method: str, step: float, growth: float) -> float:
-    """Return the largest step such that a master is stable with this and all shorter steps.
+    """Return the largest step [s], to 0.1 %, such that a master is stable with this and all shorter steps.
 
-    ``make``: step [s] -> Loop. ``method``: one of ``MASTERS``. ``step``: the step asked for [s]. ``growth``: largest
-    real part of the closed loop's poles [1/s]. Returns step [s], to 0.1 %; infinity if 100 steps in one are still
-    stable, 0 if a millionth of one is not.
+    ``make``: step [s] -> Loop. ``step``: requested step [s]. ``growth``: largest real part of the closed loop's poles
+    [1/s]. Returns infinity if 100 times the requested step is still stable, 0 if a millionth of it is not.
     """
 
     def stable(h: float) -> bool:

@@ -111,7 +111,7 @@ class Instance:
         return y.array.copy()
 
     def step(self, t: float, h: float, slope: Array | None = None) -> None:
-        """Do a step; inputs run with their slopes if such are given."""
+        """Do a step; inputs are linear in time if their slopes are given."""
         if slope is not None:
             self.slope[:] = slope
             self._start = (t, self._u.array.copy())
@@ -157,9 +157,9 @@ class _Values:
 
 
 def equations(unit: UnitFile) -> tuple[Array, Array, Array, Array]:
-    """Return A, B, C, D of an FMU, from its model-exchange results for unit states and inputs.
+    """Return A (n, n), B (n, inputs), C (outputs, n), D (outputs, inputs) of an FMU.
 
-    Returns A (n, n), B (n, inputs), C (outputs, n), D (outputs, inputs).
+    They are its model-exchange results for unit states and inputs.
     """
     n, m = len(unit.states), len(unit.inputs)
     with ExitStack() as stack:

@@ -24,7 +24,7 @@ _BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad", "factor", "offset")
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A scalar of an FMU: its name in mbsvib, its value reference, its unit with what that is in SI base units."""
+    """A scalar of an FMU: its name in mbsvib, its value reference, and its unit, also in SI base units."""
 
     name: str
     reference: int

@@ -51,10 +51,7 @@ COMMON = ("x86_64-linux", "x86_64-windows")
 
 
 def this_platform() -> str:
-    """Return the platform tuple of the running Python, as FMI 3 names it.
-
-    Such as ``"x86_64-linux"``, but it may be one that is not in ``PLATFORMS``.
-    """
+    """Return the platform tuple of the running Python as FMI 3 names it; it may be one that is not in ``PLATFORMS``."""
     machine = {"amd64": "x86_64", "arm64": "aarch64", "i386": "x86", "i686": "x86"}
     word = platform.machine().lower()
     bits = machine.get(word, word)
@@ -74,9 +71,9 @@ def source_hash() -> str:
 
 
 def cache_folder() -> Path:
-    """Return the folder in which compiled binaries are kept: below ``MBSVIB_CACHE`` or the user's cache.
+    """Return the folder of compiled binaries of this version of the source, below ``MBSVIB_CACHE`` or the user's cache.
 
-    There is one for each version of the source; it need not exist.
+    It need not exist.
     """
     configured = os.environ.get(CACHE_VARIABLE)
     if configured:
@@ -91,10 +88,10 @@ def cache_folder() -> Path:
 
 
 def wanted_platforms(platforms: str | tuple[str, ...] | None) -> tuple[str, ...]:
-    """Return the platforms that an export is for.
+    """Return the platforms that an export is for, this one first if it is among them.
 
     ``platforms``: names, ``"all"``, or None: this platform, all others that the wheel brought, and the ``COMMON`` ones
-    where zig is installed. Returns names, this platform first if it is among them.
+    where zig is installed.
     """
     if platforms is None:
         common = COMMON if find_spec("ziglang") else ()
@@ -106,10 +103,7 @@ def wanted_platforms(platforms: str | tuple[str, ...] | None) -> tuple[str, ...]
 
 
 def binaries(platforms: str | tuple[str, ...] | None) -> dict[str, bytes]:
-    """Return the binaries of an export by platform.
-
-    ``platforms``: as for ``wanted_platforms``. Returns shared libraries, this platform's first if it is among them.
-    """
+    """Return the shared libraries of an export by platform, in the order of ``wanted_platforms``."""
     result = {}
     for name in wanted_platforms(platforms):
         try:
@@ -135,10 +129,7 @@ def _in_wheel(name: str) -> Path | None:
 
 
 def binary(name: str) -> bytes:
-    """Return the binary for a platform, which is compiled if need be.
-
-    ``name``: one of ``PLATFORMS``.
-    """
+    """Return the binary for a platform of ``PLATFORMS``; it is compiled if necessary."""
     shipped = _in_wheel(name)
     if shipped:
         return shipped.read_bytes()
@@ -158,10 +149,9 @@ def binary(name: str) -> bytes:
 
 
 def build(name: str, folder: Path, portable: bool = False) -> Path:
-    """Compile the binary for a platform.
+    """Compile the binary for a platform of ``PLATFORMS``.
 
-    ``name``: one of ``PLATFORMS``. ``portable``: by zig for old systems too, though this machine has a compiler for
-    itself.
+    ``portable``: compile with zig, for old systems too, even if this machine has a compiler of its own.
     """
     goal = PLATFORMS[name]
     result = folder / f"{_NAME}{goal.suffix}"

@@ -26,8 +26,7 @@ MAGIC = b"MBSLTI02"
 def matrices_file(plant: Plant, described: str) -> tuple[bytes, str]:
     """Return the content of resources/model.lti and the token that ties it to its description.
 
-    ``described``: all that the description says but the token, which depends on it. Returns the file; token: the same
-    content has the same one.
+    ``described``: all that the description says except the token, which depends on it: equal content, equal token.
     """
     blocks = plant.blocks
     n, np_ = len(plant.states), len(plant.tunable)

@@ -21,12 +21,10 @@ def identifier(name: str) -> str:
 
 
 def unique_names(groups: Mapping[str, Iterable[str]]) -> dict[str, list[str]]:
-    """Return names that differ from each other over all groups, as near to those given as can be.
+    """Return names that differ from each other over all groups, changed as little as possible.
 
-    A name that was there in a group before gets that of its own group behind it (``"x"`` and ``"x (output)"``);
-    control characters, which XML cannot hold, become spaces.
-
-    ``groups``: names by group, in the order of their right to keep them.
+    A name that an earlier group has gets its own group appended (``"x"`` and ``"x (output)"``); control characters,
+    which XML cannot hold, become spaces. Groups are in the order of priority.
     """
     used: set[str] = set()
     result: dict[str, list[str]] = {}
@@ -44,10 +42,9 @@ def unique_names(groups: Mapping[str, Iterable[str]]) -> dict[str, list[str]]:
 
 
 def base_unit(unit: str) -> dict[str, int] | None:
-    """Return the exponents of SI base units that a unit of mbsvib stands for.
+    """Return the exponents other than 0 of kg, m, s and rad in a unit of mbsvib, such as ``"N m/rad"``.
 
-    ``unit``: such as ``"N m/rad"`` or ``"kg m^2"``. Returns exponents other than 0 of kg, m, s and rad; None for other
-    units (``"modal"``, ``""``).
+    Returns None for other units (``"modal"``, ``""``).
     """
     if not unit or unit == "-":
         return None

@@ -29,24 +29,21 @@ DECAYS = 1.0
 
 
 def scales(a: Array, b: Array, c: Array, d: Array, units: Sequence[str]) -> tuple[Array, tuple[float, float]]:
-    """Return the nominal values of states, and stop time and step [s] of the default experiment.
-
-    ``a``, ``b``, ``c``, ``d``: state-space matrices of n states. Returns (n,): nominal values, see ``nominal_values``;
-    stop time and step, see ``experiment_times``.
+    """Return ``nominal_values`` (n,) of the states of a state space, and ``experiment_times`` [s], stop time and step.
     """
     values = np.linalg.eigvals(a).astype(complex)
     return nominal_values((a, b, c, d), values, units), experiment_times(values)
 
 
 def nominal_values(space: tuple[Array, Array, Array, Array], values: Complex, units: Sequence[str]) -> Array:
-    """Return at what size an error of each state matters, two digits of it.
+    """Return the nominal value of each state (n,), positive: the size at which its errors matter, to two digits.
 
     SHARE min |y_oj| / |v_oi| over outputs o and inputs j: y are the amplitudes of outputs for steps of one unit,
-    |C (s - A)^-1 B + D|, and v those for states that begin at one unit, |s C (s - A)^-1|, each the largest for some
-    real s. States that no output sees have the largest amplitude among the states of their unit for steps.
+    |C (s - A)^-1 B + D|, and v those for an initial state of one unit, |s C (s - A)^-1|, each the largest for some
+    real s. The value is at most SHARE times the largest amplitude for steps among the states of its unit, as it is for
+    states that no output sees.
 
-    ``space``: state-space matrices A, B, C, D of n states. ``values`` (n,): eigenvalues of A [1/s]. Returns (n,):
-    positive.
+    ``space``: A, B, C, D. ``values`` (n,): eigenvalues of A [1/s].
     """
     a, b, c, d = space
     if not len(a):
@@ -85,8 +82,9 @@ def _amplitudes(space: tuple[Array, Array, Array, Array], values: Complex) -> tu
 def experiment_times(values: Complex) -> tuple[float, float]:
     """Return stop time and step [s] of the default experiment, of one digit: 1, 2 or 5.
 
-    ``values`` (n,): eigenvalues of the state matrix [1/s]. Returns stop time: some periods of the slowest rate that is
-    not of a rigid-body motion, or as many of the fastest oscillation as integrators can compute; step.
+    The stop time is some periods of the slowest rate that does not belong to a rigid-body motion, or less: as many
+    periods of the fastest oscillation as integrators can compute. ``values`` (n,): eigenvalues of the state matrix
+    [1/s].
     """
     rates = np.abs(values)
     if not rates.any():

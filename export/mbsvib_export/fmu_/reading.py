@@ -107,7 +107,7 @@ def _check_size(archive: zipfile.ZipFile, file: str) -> None:
 
 
 def _check_identifier(identifier: str, file: str) -> None:
-    """The name of the binary is made of it: a path would load a library from outside of the archive."""
+    """Refuse what is no C name: the binary is named after it, and a path would lead out of the archive."""
     if not IDENTIFIER.fullmatch(identifier):
         raise ExportError(f"{file}: modelIdentifier = {identifier!r}; expected the name of a C function, of letters, "
                           f"digits and underscores. Nothing of it was run.")  # fmt: skip

@@ -62,7 +62,7 @@ def _first_order(
 
 
 def patterns(plant: Plant) -> dict[str, Mask]:
-    """Return where E^-1 A, E^-1 B, C + F E^-1 A and D + F E^-1 B may differ from zero, whatever the parameters.
+    """Return where E^-1 A, E^-1 B, C + F E^-1 A and D + F E^-1 B may differ from zero for any values of the parameters.
 
     Arrays of bool by "A", "B", "C" and "D".
     """

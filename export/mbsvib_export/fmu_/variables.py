@@ -82,10 +82,7 @@ class Variables:
 
 
 def variables_of(plant: Plant) -> Variables:
-    """Return the variables of an FMU.
-
-    They are in the order of their value references: inputs, outputs, states, derivatives, parameters.
-    """
+    """Return the variables in the order of value references: inputs, outputs, states, derivatives, parameters."""
     groups = {"input": plant.inputs, "output": plant.outputs, "parameter": tuple(item.name for item in plant.tunable),
               "state": plant.states}  # fmt: skip
     named = unique_names({**groups, "derivative": ()})
