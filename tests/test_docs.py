@@ -13,6 +13,7 @@ import matplotlib as mpl
 import pytest
 
 import mbsvib as mv
+from mbsvib.api.elsewhere import Elsewhere
 from tests.support.cli import invoke
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -144,7 +145,7 @@ def _members(name):
         return set()
     own = [base for base in kind.__mro__ if base.__module__.startswith("mbsvib")]
     return {member for base in own for member in {*vars(base), *vars(base).get("__annotations__", {})}
-            if not member.startswith("_")}  # fmt: skip
+            if not member.startswith("_") and not isinstance(vars(base).get(member), Elsewhere)}  # fmt: skip
 
 
 @pytest.mark.slow

@@ -179,6 +179,9 @@ def _cut_joint_forces(
         return None
     row, column, entry = closure.independent_entries(tree)
     value, residual, least = _least_squares((column, row, entry), len(unbalanced_force), count, -unbalanced_force)
+    # constraints share what is unbalanced along one coordinate with all others that they tie to it
+    shared = np.bincount(row, np.abs(entry) * limit[column], count) / np.bincount(row, entry * entry, count)
+    np.maximum.at(limit, column, np.abs(entry) * shared[row])
     # forces from anywhere in a loop arrive at each of its joints, with the rounding of the largest ones
     force, moment = size.max(axis=1)
     from_multipliers = LEAST_LEVER * (lengths[0] * force + lengths[1] * (reach * force + moment))

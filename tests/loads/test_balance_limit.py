@@ -54,6 +54,24 @@ def test_what_springs_make_of_rounded_positions_is_balance(method):
         pressed(1e-8)
 
 
+@pytest.mark.parametrize("method", ["dense", "sparse"])
+def test_coordinates_that_loops_tie_together_are_in_balance_together(method):
+    """A light cart on a rail of its own, fixed to a heavy one: what the springs of this leave is not compared with it."""
+
+    def pair(off):
+        model = mv.Model("pair", gravity=(0, 0, -10.0))
+        for name, mass, x in (("heavy", 10.0, 50.0), ("light", 1e-3, 50.5)):
+            model.add_body(name, mass, (0.1, 0.1, 0.1), (x, 0, 0))
+            model.add_joint(f"{name} rail", "prismatic", "ground", name, axis=(0, 0, 1))
+        model.add_joint("bolt", "fixed", "heavy", "light", (50.25, 0, 0))
+        model.add_bushing("spring", "ground", "heavy", (50, 0, 0), (0, 0, 1e3, 0, 0, 0), preload=(0, 0, off, 0, 0, 0))
+        return model.linearize(method=method)
+
+    assert pair(100.01 + 1e-10).dof == 1
+    with pytest.raises(mv.EquilibriumError, match="unbalanced force"):
+        pair(100.01 + 1e-5)
+
+
 def test_what_moves_alone_is_in_balance_though_others_move_by_rounding():
     """Loops that let an unloaded body move alone leave the others 1e-16 of its motion, which their forces work on."""
     motion = np.zeros((2, 6, 1))
