@@ -56,7 +56,7 @@ def test_what_springs_make_of_rounded_positions_is_balance(method):
 
 @pytest.mark.parametrize("method", ["dense", "sparse"])
 def test_coordinates_that_loops_tie_together_are_in_balance_together(method):
-    """A light cart on a rail of its own, fixed to a heavy one: what the springs of this leave is not compared with it."""
+    """What springs leave of the weight of a heavy cart is not compared with that of a light one fixed to it."""
 
     def pair(off):
         model = mv.Model("pair", gravity=(0, 0, -10.0))

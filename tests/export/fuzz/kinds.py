@@ -68,6 +68,9 @@ def several(write, *systems):
     return lambda folder: [Path(write(system, folder / f"{k}.file")) for k, system in enumerate(systems)]
 
 
+mat_files = partial(several, partial(mx.to_mat, loader=False))
+
+
 def space():
     """First-order equations alone, with a bound on an error."""
     return library.quarter_car(suspension_damping=900.0).linearize().reduced(3)
@@ -194,8 +197,8 @@ KINDS = {
     "npz with right checksums": Kind(several(mx.to_npz, slider(), stewart(), space()), mx.from_npz, damage=hostile_zip),
     "npz batch": Kind(batch_files, mx.from_npz_batch, checked=True),
     "npz batch with right checksums": Kind(batch_files, mx.from_npz_batch, damage=hostile_zip),
-    "mat": Kind(several(partial(mx.to_mat, loader=False), slider(), stewart(), space()), mx.from_mat, checked=True),
-    "mat with right checksum": Kind(several(partial(mx.to_mat, loader=False), slider(), slider(("ü",)), space()), mx.from_mat,
+    "mat": Kind(mat_files(slider(), stewart(), space()), mx.from_mat, checked=True),
+    "mat with right checksum": Kind(mat_files(slider(), slider(("ü",)), space()), mx.from_mat,
                                     damage=hostile_mat),
     "hdf5": Kind(several(mx.to_hdf5, slider(), stewart(), space()), mx.from_hdf5, checked=True, package="h5py"),
     "fmu": Kind(fmu_files, state_space_in, checked=True),
