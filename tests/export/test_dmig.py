@@ -128,6 +128,7 @@ def test_cards_that_are_not_understood(text, message):
         read_dmig_cards(text.encode())
 
 
+@pytest.mark.slow
 def test_pyyeti_reads_the_cards(tmp_path):
     bulk = pytest.importorskip("pyyeti.nastran.bulk", reason="pyyeti is not installed: pip install 'mbsvib[test]'")
     for system in (stewart(), slider(), with_skew_damping()):

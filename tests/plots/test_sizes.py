@@ -110,7 +110,8 @@ def test_one_figure_has_one_style_of_labels():
 
 
 @pytest.mark.parametrize("draw", [
-    lambda: plots.bode(library.stewart_isolator().linearize(), ["x", "y", "z"], ["Fx", "Fy", "Fz"]),
+    pytest.param(lambda: plots.bode(library.stewart_isolator().linearize(), ["x", "y", "z"], ["Fx", "Fy", "Fz"]),
+                 marks=pytest.mark.slow),
     lambda: plots.mechanism(library.stewart()),
 ])  # fmt: skip
 def test_a_figure_too_small_for_its_panels_says_so(draw):
