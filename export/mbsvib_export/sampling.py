@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import ExportError
-from mbsvib.linalg.balancing import exponents
-from mbsvib.linalg.discrete import tustin
+from mbsvib.linalg.balancing import exponents, scaled_by
+from mbsvib.linalg.discrete import first_order_hold, tustin
 from mbsvib.linalg.groups import part_numbers
 from mbsvib.responses.modal_steps import Oscillators
 
@@ -65,23 +65,11 @@ def _oscillator(a: Array, b: Array, _: Array, dt: float) -> tuple[Array, Array, 
 
 def _exponential(a: Array, b: Array, c: Array, dt: float) -> tuple[Array, Array, Array]:
     """phi, gamma and slope of coupled states."""
-    from scipy.linalg import expm
-
-    n, i = b.shape
     power = exponents(a, b, c)
-    b = np.ldexp(b, -power[:, None])
-    # the size of inputs must not decide how often expm squares
-    largest = np.abs(b).max(axis=0, initial=0.0)
-    scale = np.where(largest > 0.0, np.exp2(-np.round(np.log2(np.where(largest > 0.0, largest, 1.0)))), 1.0)
-    augmented = np.zeros((n + 2 * i, n + 2 * i))
-    augmented[:n, :n] = np.ldexp(a, power[None, :] - power[:, None]) * dt
-    augmented[:n, n : n + i] = b * scale
-    augmented[n : n + i, n + i :] = np.eye(i)
-    result = expm(augmented)
-    phi = np.ldexp(result[:n, :n], power[:, None] - power[None, :])
-    gamma, slope = (np.ldexp(result[:n, part], power[:, None]) * (dt / scale)
-                    for part in (slice(n, n + i), slice(n + i, None)))  # fmt: skip
-    return phi, gamma, slope
+    a, b, _ = scaled_by(power, a, b, c)
+    phi, gamma, slope = first_order_hold(a, b, dt)
+    back = power[:, None]
+    return np.ldexp(phi, back - power), np.ldexp(gamma, back), np.ldexp(slope, back)
 
 
 def check_step(dt: float, caller: str) -> None:
@@ -102,10 +90,8 @@ def discretised(space: StateSpace, dt: float, method: str, caller: str) -> tuple
         raise ExportError(f"{caller}: method = {method!r}; expected one of {', '.join(map(repr, METHODS))}.")
     if method == "tustin":
         power = exponents(space.A, space.B, space.C)
-        balanced = (np.ldexp(space.A, power[None, :] - power[:, None]), np.ldexp(space.B, -power[:, None]),
-                    np.ldexp(space.C, power[None, :]))  # fmt: skip
         try:
-            a, b, c, d = tustin(*balanced, space.D, dt)
+            a, b, c, d = tustin(*scaled_by(power, space.A, space.B, space.C), space.D, dt)
         except np.linalg.LinAlgError:
             raise ExportError(f"{caller}: '{space.name}' has a pole at 2/step = {2.0 / dt:g} 1/s, where Tustin's rule "
                               f"divides by zero; take another step.") from None  # fmt: skip

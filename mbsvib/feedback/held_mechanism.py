@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from mbsvib.linalg.discrete import first_order_hold
+
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.responses.state_space import StateSpace
@@ -37,8 +39,8 @@ def held_mechanism(space: StateSpace, actuators: list[int], rate: float, delay: 
     """Return the mechanism whose ``actuators``, numbers of inputs, act ``delay`` [s] after samples at ``rate`` [Hz]."""
     n, m = len(space.A), len(actuators)
     periods, remainder = split_delay(rate, delay)
-    first, held_before = _zero_order_hold(space, remainder)
-    transition, held_after = _zero_order_hold(space, 1.0 / rate - remainder)
+    first, held_before, _ = first_order_hold(space.A, space.B, remainder)
+    transition, held_after, _ = first_order_hold(space.A, space.B, 1.0 / rate - remainder)
     size = n + m * (periods + 1)
     a, forces, inputs = np.zeros((size, size)), np.zeros((size, m)), np.zeros((size, space.B.shape[1]))
     a[:n, :n], a[:n, size - m :] = transition @ first, transition @ held_before[:, actuators]
@@ -52,14 +54,3 @@ def held_mechanism(space: StateSpace, actuators: list[int], rate: float, delay: 
     outputs = np.zeros((len(space.C), size))
     outputs[:, :n], outputs[:, size - m :] = space.C, space.D[:, actuators]
     return HeldMechanism(a, forces, inputs, outputs, space.D)
-
-
-def _zero_order_hold(space: StateSpace, time: float) -> tuple[Array, Array]:
-    """exp(A t) and its integral times B."""
-    from scipy.linalg import expm
-
-    n = len(space.A)
-    block = np.zeros((n + space.B.shape[1],) * 2)
-    block[:n] = np.concatenate((space.A, space.B), axis=1) * time
-    result = expm(block)
-    return result[:n, :n], result[:n, n:]

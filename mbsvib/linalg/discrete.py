@@ -36,3 +36,26 @@ def inverse_tustin(a: Array, b: Array, c: Array, d: Array, step: float) -> tuple
     left = np.linalg.inv(np.eye(n) + a) if n else np.zeros((0, 0))
     gain = c @ left
     return 2.0 / step * (a - np.eye(n)) @ left, 2.0 / step * (left @ b), 2.0 * gain, d - gain @ b
+
+
+def first_order_hold(a: Array, b: Array, step: float) -> tuple[Array, Array, Array]:
+    """Return the exact step of x' = A x + B u where u is linear in time: from u to u + du within the ``step`` h [s].
+
+    x+ = exp(A h) x + h phi_1(A h) B u + h phi_2(A h) B du,  phi_k(z) = sum of z^j / (j + k)!,  by one exponential
+
+    ``a``, ``b`` (n, n), (n, i). Returns exp(A h) (n, n) and the factors of u and du, (n, i) each. Inputs that are held
+    need no du.
+
+    Source: C. F. Van Loan, IEEE Trans. Automatic Control 23 (1978) 395: integrals of the matrix exponential.
+    """
+    from scipy.linalg import expm
+
+    n, i = b.shape
+    # the size of inputs must not decide how often expm squares; powers of two round nothing
+    largest = np.abs(b).max(axis=0, initial=0.0)
+    scale = np.where(largest > 0.0, np.exp2(-np.round(np.log2(np.where(largest > 0.0, largest, 1.0)))), 1.0)
+    augmented = np.zeros((n + 2 * i, n + 2 * i))
+    augmented[:n, :n], augmented[:n, n : n + i] = a * step, b * scale
+    augmented[n : n + i, n + i :] = np.eye(i)
+    result = expm(augmented)[:n]
+    return result[:, :n], result[:, n : n + i] * (step / scale), result[:, n + i :] * (step / scale)

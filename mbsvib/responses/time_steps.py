@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.linalg.discrete import first_order_hold
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.modal_steps import Exponentials, Oscillators
 
@@ -120,25 +121,13 @@ def _uneven_steps(block: Block, steps: Array) -> Callable[[Any, Array, Array | N
 
 def stepped(a: Array, b: Array, start: Array, record: tuple[Array, Array, bool]) -> Array:
     """Return the states of x' = a x + b u at all samples, (n, len(time)), by exponentials."""
-    from scipy.linalg import expm
-
     time, u, first = record
-    n, k = len(a), len(u)
-    # the number of squarings in expm must not depend on the size of inputs
-    size = np.abs(b).max(axis=0, initial=0.0)
-    size[size == 0.0] = 1.0
-    unit, u = b / size, u * size[:, None]
-    x = np.empty((n, len(time)))
+    x = np.empty((len(a), len(time)))
     x[:, 0] = start
     steps: dict[float, tuple[Array, Array, Array]] = {}
     for i, h in enumerate(_steps(time)[0].tolist()):
         if h not in steps:
-            augmented = np.zeros((n + 2 * k, n + 2 * k))
-            augmented[:n, :n] = a * h
-            augmented[:n, n : n + k] = unit
-            augmented[n : n + k, n + k :] = np.eye(k)
-            power = expm(augmented)[:n]
-            steps[h] = power[:, :n], h * power[:, n : n + k], h * power[:, n + k :]
+            steps[h] = first_order_hold(a, b, h)
         transition, constant, ramp = steps[h]
         x[:, i + 1] = transition @ x[:, i] + constant @ u[:, i]
         if first:
