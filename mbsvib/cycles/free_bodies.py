@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class FreeBodies:
     """Expressions of the symbols of a statement: ``required`` (6 N,), what bodies lack; ``rows`` (L, 6 N), dPhi/dx of
-    all joints one after the other, ``counts`` of them each; ``carried`` (6, L), the wrenches of unit multipliers of
+    all joints one after the other, ``counts`` of them each; ``unit_wrenches`` (6, L), those of unit multipliers of
     these rows on the second bodies, at the joints' points; ``drive_wrenches`` (6 N, drives + couplers), what one unit
     along each driven coordinate, and each coupler, does.
     """
@@ -36,7 +36,7 @@ class FreeBodies:
     required: Expression
     rows: Expression
     counts: list[int]
-    carried: Expression
+    unit_wrenches: Expression
     drive_wrenches: Expression
 
     @property
@@ -76,14 +76,15 @@ def free_bodies(model: Mechanism, expressions: Statement, drives: Sequence[str])
     jacobian = ca.Function("f", [free.q, kinematics.bases, free.p, expressions.p], [ca.jacobian(phi, free.q)])
     unbalanced = ca.Function("f", [free.q, free.qd, free.qdd, kinematics.bases, free.p], [free.required])
     of_joints, where = jacobian(q, bases, p, expressions.p), (first_row, origins, points)
-    carried, start = [], 0
+    unit_wrenches, start = [], 0
     for joint, count in zip(model.joints.values(), counts, strict=True):
         end, sign = (joint.second, 1.0) if joint.second != GROUND else (joint.first, -1.0)
         k, arm = first_row[end], origins[end] - points[joint.name]
         at_centre = sign * of_joints[start : start + count, k : k + 6].T
-        carried.append(ca.vertcat(at_centre[:3, :], at_centre[3:, :] + skew(arm) @ at_centre[:3, :]))
+        unit_wrenches.append(ca.vertcat(at_centre[:3, :], at_centre[3:, :] + skew(arm) @ at_centre[:3, :]))
         start += count
-    return FreeBodies(unbalanced(q, qd, qdd, bases, p), of_joints, counts, ca.horzcat(ca.SX.zeros(6, 0), *carried),
+    return FreeBodies(unbalanced(q, qd, qdd, bases, p), of_joints, counts,
+                      ca.horzcat(ca.SX.zeros(6, 0), *unit_wrenches),
                       _drive_wrenches(model, expressions, drives, where))  # fmt: skip
 
 

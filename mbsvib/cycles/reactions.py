@@ -42,11 +42,11 @@ def reactions(cycle: CycleData) -> Reactions:
     Returns what the first body does to the second, at the joint's point, world axes.
     """
     model, size = cycle.machine.model, cycle.machine.size
-    bodies, (unbalanced, rows, carried, drive_wrenches) = _evaluated(cycle)
+    bodies, (unbalanced, rows, unit_wrenches, drive_wrenches) = _evaluated(cycle)
     units = np.tile([1.0, 1.0, 1.0, 1 / size, 1 / size, 1 / size], rows.shape[2] // 6)
     effects, frames = [], []
     for which in bodies.slices:  # wrenches that joints can carry, orthonormal with moments over the size
-        orthonormal, by_multipliers = np.linalg.qr(carried[:, :, which] / _units(size))
+        orthonormal, by_multipliers = np.linalg.qr(unit_wrenches[:, :, which] / _units(size))
         frames.append(orthonormal * _units(size))
         effects.append(rows[:, which].transpose(0, 2, 1) @ np.linalg.inv(by_multipliers))
     drives = len(cycle.drives)
@@ -89,7 +89,7 @@ def _evaluated(cycle: CycleData) -> tuple[FreeBodies, list[Array]]:
     plant, motion = cycle.machine, cycle.machine.solved
     expressions = plant.statement
     bodies = free_bodies(plant.model, expressions, cycle.drives)
-    outputs = (bodies.required, bodies.rows, bodies.carried, bodies.drive_wrenches)
+    outputs = (bodies.required, bodies.rows, bodies.unit_wrenches, bodies.drive_wrenches)
     function = expressions.compiled("free bodies", lambda: list(map(ca.densify, outputs)))
     required, *others = matrices(function, motion.q, motion.qd, motion.qdd, plant.values(expressions), plant.about)
     return bodies, [required[:, :, 0], *others]

@@ -31,8 +31,8 @@ class Tree:
     one more for the second of two successive rotations. Of these joints (j,), ``group`` (j,) is the first group and
     ``body`` (j,) the outer body. The other arrays hold numbers of joints (k,) among these: ``then`` (2, k) of those
     with a second group, and that group; ``back`` of those whose second body is the inner one; ``rod`` of distance
-    joints, with their ``length`` (k, 1). ``carried`` are the bodies that are not joined to ground, and ``parent`` the
-    bodies that carry them; ``levels`` are the slices of both that belong to one level of the tree, from ground on.
+    joints, with their ``length`` (k, 1). ``child`` are the bodies that are not joined to ground, and ``parent`` the
+    bodies that they are joined to; ``levels`` are the slices of both for one level of the tree each, from ground on.
     """
 
     start: Index
@@ -42,7 +42,7 @@ class Tree:
     back: Index
     rod: Index
     length: Array
-    carried: Index
+    child: Index
     parent: Index
     levels: tuple[slice, ...]
 
@@ -81,12 +81,12 @@ class Tree:
         motion = np.zeros((len(centres), 3, 4))
         motion[self.body, :, :3] = turning = turned - IDENTITY
         motion[self.body, :, 3] = shifts + (turning @ arm[..., None])[..., 0]
-        carried = np.zeros((len(self.carried), 4, 4))
-        carried[:, :3] = motion.take(self.carried, axis=0)
-        carried[:, :3, 3] += centres.take(self.carried, axis=0) - centres.take(self.parent, axis=0)
-        carried[:, DIAGONAL, DIAGONAL] += 1.0
+        to_parent = np.zeros((len(self.child), 4, 4))
+        to_parent[:, :3] = motion.take(self.child, axis=0)
+        to_parent[:, :3, 3] += centres.take(self.child, axis=0) - centres.take(self.parent, axis=0)
+        to_parent[:, DIAGONAL, DIAGONAL] += 1.0
         for level in self.levels:
-            motion[self.carried[level]] += motion.take(self.parent[level], axis=0) @ carried[level]
+            motion[self.child[level]] += motion.take(self.parent[level], axis=0) @ to_parent[level]
         return pose.moved_by(motion)
 
     def _swing(self, pose: Pose, coordinates: Twists, across: Array) -> Array:
@@ -113,7 +113,7 @@ def tree_of(topology: Topology) -> Tree:
     for branch in topology.branches:
         depth[branch.body] = depth[branch.parent] + 1
         levels.setdefault(depth[branch.body], []).append((branch.body, branch.parent))
-    carried = [pair for k in range(1, len(levels)) for pair in levels[k]]
+    pairs = [pair for k in range(1, len(levels)) for pair in levels[k]]
     ends = list(accumulate([len(levels[k]) for k in range(1, len(levels))], initial=0))
     column = 0
     floats = [branch for branch in topology.branches if branch.joint == FLOATS]
@@ -136,6 +136,6 @@ def tree_of(topology: Topology) -> Tree:
         np.array(start, dtype=np.intp), np.array(group, dtype=np.intp), np.array(body, dtype=np.intp),
         np.array(then, dtype=np.intp).reshape(-1, 2).T, np.array(back, dtype=np.intp),
         np.array([k for k, _ in rods], dtype=np.intp), np.array([[length] for _, length in rods]),
-        np.array([body for body, _ in carried], dtype=np.intp),
-        np.array([parent for _, parent in carried], dtype=np.intp), tuple(map(slice, ends[:-1], ends[1:])),
+        np.array([body for body, _ in pairs], dtype=np.intp),
+        np.array([parent for _, parent in pairs], dtype=np.intp), tuple(map(slice, ends[:-1], ends[1:])),
     )  # fmt: skip
