@@ -250,9 +250,9 @@ class SparseSystem(SparseEquations, Displayed):
             If the modes are not the lowest, or free motions are missing, and a correction is requested. If there is no
             order, or an error or another method is given.
         """
-        if error is not None or order is None or method not in ("modal", "static-corrected"):
-            asked = (f"error = {error!r}" if error is not None else
-                     f"method = {method!r}" if method not in ("modal", "static-corrected") else "no order")  # fmt: skip
+        known = method in ("modal", "static-corrected")
+        if error is not None or order is None or not known:
+            asked = f"error = {error!r}" if error is not None else "no order" if known else f"method = {method!r}"
             raise ResponseError(
                 f"reduced: {asked}; '{self.name}' is held sparse and is reduced to some of its modes. Say how many, "
                 f"reduced(20, correction=True), and see truncation_error; linearize(method='dense') has error bounds "
