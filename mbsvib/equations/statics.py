@@ -126,7 +126,7 @@ def unbalanced(
     ``share`` is that of the forces that should cancel, ``more`` a sentence on other coordinates.
     """
     joints = {part.name: part for part in topology.joints}
-    text, details = unbalanced_force(coordinate, turns, missing, share, joints)
+    text, details = unbalanced_in_words(coordinate, turns, missing, share, joints)
     free = "" if coordinate.rpartition(".")[0] in joints else \
         f" No joint leads from body '{details['body']}' to the ground: join them if it should not move freely."
     return EquilibriumError(
@@ -135,7 +135,7 @@ def unbalanced(
     )  # fmt: skip
 
 
-def unbalanced_force(
+def unbalanced_in_words(
     coordinate: str, turns: bool, missing: float, share: float, joints: Mapping[str, Joint]
 ) -> tuple[str, dict[str, Any]]:
     """Return an unbalanced force in words, without the last bracket, and the fields of an ``EquilibriumError``."""

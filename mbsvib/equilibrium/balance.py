@@ -10,8 +10,7 @@ import numpy as np
 
 from mbsvib.equations.draft import first_draft
 from mbsvib.equations.scene import scene
-from mbsvib.equations.statics import shares
-from mbsvib.equations.statics import unbalanced_force as in_words
+from mbsvib.equations.statics import shares, unbalanced_in_words
 from mbsvib.equilibrium.articulation import elastic_scale, expanded_articulation
 from mbsvib.equilibrium.moved_parts import model_in_pose
 from mbsvib.errors import NearSingularWarning
@@ -103,6 +102,6 @@ def unbalanced_force(at: PosedModel, forces: Balance) -> tuple[str, dict[str, An
     worst = int(np.argmax(shares(forces.residual, forces.size)))
     share, missing = shares(forces.residual, forces.balanced_forces)[worst], -float(forces.residual[worst])
     k = int(forces.reduction.independent[worst])
-    text, details = in_words(at.coordinates.names[k], bool(at.coordinates.turns[k]), missing, float(share),
-                             at.reference.joints)  # fmt: skip
+    text, details = unbalanced_in_words(at.coordinates.names[k], bool(at.coordinates.turns[k]), missing, float(share),
+                                        at.reference.joints)  # fmt: skip
     return f"{text})", details
