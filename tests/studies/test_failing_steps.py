@@ -1,0 +1,39 @@
+"""Optimisation that goes on where a step leads to no response, or a method fails."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib import studies as st
+
+
+def frame():
+    """A frame whose centre of mass is beside the middle of its four mounts."""
+    model = mv.Model("frame")
+    model.add_body("frame", 120.0, (4, 6, 8), position=(0.05, 0.02, 0.4))
+    for k, (x, y) in enumerate([(0.4, 0.3), (-0.4, 0.3), (-0.4, -0.3), (0.4, -0.3)], 1):
+        model.add_bushing(f"m{k}", "ground", "frame", position=(x, y, 0.25), stiffness=(5e4, 5e4, 1e5, 0, 0, 0),
+                          damping=(50, 50, 100, 0, 0, 0))
+    model.add_input("F", "frame", "z")
+    model.add_output("rx", "frame", "rx")
+    model.add_output("ry", "frame", "ry")
+    return model
+
+
+PLACES = {f"m{k}.position.{axis}": (-size, size) for k in (1, 2, 3, 4) for axis, size in (("x", 0.5), ("y", 0.35))}
+
+
+def test_steps_to_where_there_is_no_response_are_shortened():
+    """The first step leads all mounts into one corner, where the frame is free to turn."""
+    best = mv.optimize(frame(), PLACES, st.gain(["rx", "ry"], "F", 0.0) ** 2)
+    assert best.success
+    for axis, centre in (("x", 0.05), ("y", 0.02)):
+        assert np.mean([best.values[f"m{k}.position.{axis}"] for k in (1, 2, 3, 4)]) == pytest.approx(centre, abs=1e-5)
+
+
+def test_failed_search_goes_on_by_another_method():
+    """SLSQP itself ends at 0.005 Hz here, from 6.03 Hz."""
+    width = [st.variable(f"m{a}.position.x") - st.variable(f"m{b}.position.x") <= 0.7 for a, b in ((1, 2), (4, 3))]
+    best = mv.optimize(frame(), PLACES, -st.smallest(st.frequency()), width)
+    assert best.success
+    assert best.objective < best.began
