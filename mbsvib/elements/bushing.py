@@ -16,6 +16,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.connection import Connection, check_ends
+from mbsvib.elements.deformations import Law, six
 from mbsvib.elements.part import ParameterField, Part, rotation_field, spatial_field, vector_field
 from mbsvib.elements.preload_form import PreloadForm
 from mbsvib.errors import ModelError
@@ -52,6 +53,8 @@ class Bushing(Connection):
     matrices; they act on the displacement of the second body relative to the first. ``preload`` [N, N m] is the wrench
     on the second body in the reference pose, in these axes; its reaction acts on the first body at the same point.
     """
+
+    law = Law(six, "stiffness", "damping", preload="preload", wrench=True, rotations=slice(3, 6))
 
     position: Vector
     stiffness: Six | Matrix6 = ZERO

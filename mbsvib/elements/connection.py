@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import hypot, inf
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from mbsvib.common import arguments as check
 from mbsvib.elements.part import Part
@@ -12,6 +12,7 @@ from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from mbsvib.common.arguments import Vector
+    from mbsvib.elements.deformations import Law
     from mbsvib.elements.preload_form import PreloadForm
 
 
@@ -21,6 +22,8 @@ ZERO = (0.0,) * 6
 @dataclass(frozen=True, slots=True)
 class Connection(Part):
     """An element between the bodies ``first`` and ``second``."""
+
+    law: ClassVar[Law | None] = None  # of its force in finite motion
 
     first: str
     second: str

@@ -16,6 +16,7 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements.connection import Connection, check_ends, line_between
+from mbsvib.elements.deformations import Law, length
 from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.part import ParameterField, Part, derived, vector_field
 from mbsvib.elements.rows import columns
@@ -33,6 +34,7 @@ class Inerter(Connection):
     Its force on both bodies is inertance times the second derivative of the length, along the unit vector ``line``.
     """
 
+    law = Law(length, inertance="inertance")
     stiffness = damping = tension = 0.0
     preload = free_length = at_rest = None
 

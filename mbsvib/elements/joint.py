@@ -13,6 +13,7 @@ from mbsvib.common.arguments import DIRECTIONS, UNIT6, Matrix3, Vector
 from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.connection import check_ends
 from mbsvib.elements.joint_kinds import KINDS, NEEDS_NO_POINT, SUBSPACES, Named, Six, subspaces
+from mbsvib.elements.joint_motion import STRAIGHT, Motion
 from mbsvib.elements.part import ParameterField, Part, derived, rotation_field, vector_field
 from mbsvib.errors import ModelError, NoWordsError, nearest
 from mbsvib.linalg.rotations import exponential, logarithm
@@ -67,6 +68,11 @@ class Joint(Part):
     def drawn(self) -> tuple[int, ...]:
         """Numbers of the axes that pictures show."""
         return () if self.free is not None else KINDS[self.kind].drawn
+
+    @property
+    def motion(self) -> Motion:
+        """Its finite motion."""
+        return STRAIGHT if self.free is not None else KINDS[self.kind].motion
 
     @property
     def is_rod(self) -> bool:

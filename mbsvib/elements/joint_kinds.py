@@ -32,6 +32,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mbsvib.common.arguments import DIRECTIONS, UNIT6
+from mbsvib.elements.joint_motion import ROD, SCREW, STRAIGHT, Motion
 
 Six = tuple[float, ...]
 Named = tuple[tuple[str, Six], ...]
@@ -41,19 +42,21 @@ Named = tuple[tuple[str, Six], ...]
 class Kind:
     """A kind of joint: its ``free`` directions, and whether its two free rotations are ``successive``.
 
-    Otherwise they are components of one rotation vector. ``drawn`` are the numbers of the axes that pictures show.
+    Otherwise they are components of one rotation vector. ``drawn`` are the numbers of the axes that pictures show;
+    ``motion`` is its finite motion.
     """
 
     free: tuple[str, ...]
     successive: bool = False
     drawn: tuple[int, ...] = ()
+    motion: Motion = STRAIGHT
 
 
 KINDS: dict[str, Kind] = {
     "revolute": Kind(("rz",), drawn=(2,)),
     "prismatic": Kind(("z",), drawn=(2,)),
     "cylindrical": Kind(("z", "rz"), drawn=(2,)),
-    "screw": Kind(("rz",), drawn=(2,)),
+    "screw": Kind(("rz",), drawn=(2,), motion=SCREW),
     "universal": Kind(("rx", "ry"), successive=True, drawn=(0, 1)),
     "homokinetic": Kind(("rx", "ry"), drawn=(2,)),
     "spherical": Kind(("rx", "ry", "rz")),
@@ -62,7 +65,7 @@ KINDS: dict[str, Kind] = {
     "free": Kind(DIRECTIONS),
     "point_on_line": Kind(("z", "rx", "ry", "rz"), drawn=(2,)),
     "point_on_plane": Kind(("x", "y", "rx", "ry", "rz")),
-    "distance": Kind(("x", "y", "rx", "ry", "rz")),
+    "distance": Kind(("x", "y", "rx", "ry", "rz"), motion=ROD),
 }
 # Without a free rotation the relative displacement is the same at every point.
 NEEDS_NO_POINT = frozenset(name for name, kind in KINDS.items() if not any(d[0] == "r" for d in kind.free))

@@ -14,6 +14,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements import spring
 from mbsvib.elements.connection import Connection, check_ends, line_between, line_force
+from mbsvib.elements.deformations import Law, length
 from mbsvib.elements.part import ParameterField, Part, derived, vector_field
 from mbsvib.elements.preload_form import PreloadForm, along
 from mbsvib.errors import ModelError
@@ -35,6 +36,8 @@ class Maxwell(Connection):
     ``preload`` is the tension of the static spring in the reference pose [N]; the spring in series is relaxed there.
     The damper is at the end; its deformation is the coordinate ``"NAME.z"``. ``line`` is the line's unit vector.
     """
+
+    law = Law(length, "static_stiffness", preload="preload", series=("stiffness", "damping"))
 
     start: Vector
     end: Vector

@@ -12,6 +12,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.connection import Connection, check_ends, line_between, line_force
+from mbsvib.elements.deformations import Law, length
 from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.part import ParameterField, Part, derived, vector_field
 from mbsvib.elements.preload_form import PreloadForm, along
@@ -38,6 +39,8 @@ class Spring(Connection):
     and ``tension`` [N] are those in the reference pose. The tension is the ``preload`` [N], or stiffness (length -
     free_length) if ``free_length`` [m] is given.
     """
+
+    law = Law(length, "stiffness", "damping", preload="preload", free="free_length")
 
     start: Vector
     end: Vector

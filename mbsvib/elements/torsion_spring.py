@@ -23,6 +23,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements import bushing
 from mbsvib.elements.connection import Connection, check_ends
+from mbsvib.elements.deformations import Law, twist
 from mbsvib.elements.part import ParameterField, Part
 from mbsvib.elements.preload_form import PreloadForm, along
 from mbsvib.elements.shared_rows import ExpandedPart
@@ -45,6 +46,8 @@ class TorsionSpring(Connection):
 
     ``preload`` [N m] is the moment about the axis on the second body in the reference pose.
     """
+
+    law = Law(twist, "stiffness", "damping", preload="preload", wrench=True, rotations=slice(0, 1))
 
     axis: Vector
     stiffness: float = 0.0

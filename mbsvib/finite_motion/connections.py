@@ -1,29 +1,24 @@
-"""Springs, bushings, torsion springs, inerters and Maxwell elements in finite motion: deformation and its energy.
-
-A connection with the deformation x(q) has the potential V = 1/2 x . K x - f . x, f being its preload in the pose as
-described, where x = 0, the dissipation function R = 1/2 x' . C x' and the kinetic energy 1/2 b x'^2.
-"""
+"""Connections in finite motion: deformation and its energy, by the law that each family states."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 
-from mbsvib.common.arguments import frame_along
-from mbsvib.elements.bushing import LARGEST_ANGLE, Bushing
-from mbsvib.elements.inerter import Inerter
-from mbsvib.elements.maxwell import Maxwell
-from mbsvib.elements.spring import Spring
-from mbsvib.elements.torsion_spring import TorsionSpring
+from mbsvib.elements.bushing import LARGEST_ANGLE
+from mbsvib.elements.connection import Connection
 from mbsvib.errors import ModelError
-from mbsvib.finite_motion.rotations import Expression, logarithm, twist_angle
+from mbsvib.finite_motion.rotations import Expression, entries
+from mbsvib.linalg.displacements import Displacement
 
 if TYPE_CHECKING:
+    from mbsvib.elements.deformations import Law
     from mbsvib.finite_motion.kinematics import Kinematics
+    from mbsvib.finite_motion.numbers import Numbers
 
 
 @dataclass(frozen=True)
@@ -47,97 +42,69 @@ class Connected:
 
 
 def connected(part: Any, motion: Kinematics) -> Connected:
-    """Return what a connection of any kind stores and dissipates.
+    """Return what a connection of any kind stores and dissipates (see ``elements.deformations.Law``).
 
-    ``part``: a spring, bushing, torsion spring, inerter or Maxwell element.
+    With a spring k1 and a damper c in series, the damper yields y: c y' = k1 (x - y).
     """
-    law = LAWS.get(type(part))
+    law = part.law if isinstance(part, Connection) else None
     if law is None:
         raise ModelError(f"{part.family} '{part.name}': has no law for finite motion yet; leave it out, or make it "
                          f"of springs, bushings, torsion springs and the like.", element=part.name)  # fmt: skip
-    return law(part, motion)
-
-
-def _line(part: Any, motion: Kinematics) -> tuple[Expression, Expression]:
-    """Length of a line element, and that in the pose as described [m]."""
-    start, end = motion.numbers.vector(part, "start"), motion.numbers.vector(part, "end")
-    between = motion.point(part.second, end) - motion.point(part.first, start)
-    return ca.norm_2(between), ca.norm_2(end - start)
-
-
-def _spring_damper(
-    motion: Kinematics, x: Expression, k: Expression, c: Expression, preload: Expression,
-    angle: Expression | None = None,
-) -> Connected:  # fmt: skip
-    """A spring-damper of stiffness k and damping c (d, d) on the deformation x (d,)."""
+    numbers = motion.numbers
+    columns = _columns(part, numbers)
+    described: Expression = ca.vertcat(*law.deformation(Displacement(), columns))
+    relative = motion.relative(part.first, part.second).displacement
+    x = ca.vertcat(*law.deformation(relative, columns)) - described
+    k, c, b = (_coefficients(part, field, numbers) for field in (law.stiffness, law.damping, law.inertance))
+    rest = _force_at_rest(part, law, numbers, k, described)
+    angle = _largest_angle(x, law.rotations, [k, c, rest])
     if angle is not None:  # beyond the limit the moment is no number, so that nothing goes on with it
         defined = ca.if_else(angle < LARGEST_ANGLE, 1.0, ca.SX(np.nan))
         k, c = k * defined, c * defined
     xd = motion.rate(x)
-    force = preload + k @ x + c @ xd
-    return Connected(x, force, 0.5 * ca.dot(x, k @ x) + ca.dot(preload, x), 0.5 * ca.dot(xd, c @ xd), ca.SX(0.0),
-                     ca.SX.zeros(0), ca.SX.zeros(0), angle)  # fmt: skip
+    force, potential = rest + k @ x + c @ xd, 0.5 * ca.dot(x, k @ x) + ca.dot(rest, x)
+    dissipation, y, rates = 0.5 * ca.dot(xd, c @ xd), ca.SX.zeros(0), ca.SX.zeros(0)
+    if law.series is not None and getattr(part, law.series[1]):
+        k1, c1 = (numbers.scalar(part, field) for field in law.series)
+        y = ca.SX.sym(part.name)
+        series = k1 * (x - y)
+        force, potential = force + series, potential + 0.5 * k1 * (x - y) ** 2
+        dissipation, rates = dissipation + 0.5 * series**2 / c1, series / c1
+    return Connected(x, force, potential, dissipation, 0.5 * ca.dot(xd, b @ xd), y, rates, angle)
 
 
-def _spring(part: Spring, motion: Kinematics) -> Connected:
-    length, described = _line(part, motion)
-    k = motion.numbers.scalar(part, "stiffness")
-    tension = k * (described - motion.numbers.scalar(part, "free_length")) if part.free_length is not None else \
-        motion.numbers.scalar(part, "preload")  # fmt: skip
-    return _spring_damper(motion, length - described, k, motion.numbers.scalar(part, "damping"), tension)
+def _columns(part: Connection, numbers: Numbers) -> Any:
+    """The numbers of a part as components: its points, of which some may be symbols, and its axes."""
+    points = {field: entries(numbers.vector(part, field)) for field in part.point_fields}
+    axes = {field: getattr(part, field) for field in ("orientation", "axis") if hasattr(part, field)}
+    return SimpleNamespace(**points, **axes)
 
 
-def _bushing(part: Bushing, motion: Kinematics) -> Connected:
-    axes, point = ca.SX(np.array(part.orientation)), motion.numbers.vector(part, "position")
-    gap = motion.point(part.second, point) - motion.point(part.first, point)
-    turn = motion.frames[part.first].rotation @ axes
-    rotation = logarithm(turn.T @ (motion.frames[part.second].rotation @ axes))
-    k, c = (_coefficients(part, field, motion) for field in ("stiffness", "damping"))
-    # the wrench on the second body is its preload less stiffness times deformation
-    preload = ca.SX.zeros(6) if part.preload is None else -motion.numbers.vector(part, "preload")
-    moments = k[3:, :].nnz() or c[3:, :].nnz() or any((part.preload or (0.0,) * 6)[3:])
-    angle = ca.norm_2(rotation) if moments else None
-    return _spring_damper(motion, ca.vertcat(turn.T @ gap, rotation), k, c, preload, angle)
+def _force_at_rest(
+    part: Connection, law: Law, numbers: Numbers, k: Expression, described: Expression
+) -> Expression:
+    if law.free is not None and getattr(part, law.free) is not None:
+        return k * (described - numbers.scalar(part, law.free))
+    if law.preload is None or getattr(part, law.preload) is None:
+        return ca.SX.zeros(described.shape)
+    value = getattr(part, law.preload)
+    force = numbers.vector(part, law.preload) if isinstance(value, tuple) else numbers.scalar(part, law.preload)
+    return -force if law.wrench else force
 
 
-def _coefficients(part: Bushing, field: str, motion: Kinematics) -> Expression:
-    value = getattr(part, field)
+def _coefficients(part: Connection, field: str | None, numbers: Numbers) -> Expression:
+    """A coefficient, or a matrix (d, d) of coefficients, of the deformation; 0 without a field."""
+    value = 0.0 if field is None else getattr(part, field)
+    if field is None or not isinstance(value, tuple):
+        return ca.SX(0.0) if field is None else numbers.scalar(part, field)
     if isinstance(value[0], tuple):
         return ca.sparsify(ca.SX(np.array(value)))
-    return ca.sparsify(ca.diag(motion.numbers.vector(part, field)))
+    return ca.sparsify(ca.diag(numbers.vector(part, field)))
 
 
-def _torsion_spring(part: TorsionSpring, motion: Kinematics) -> Connected:
-    axes = np.array(frame_along(part.axis))
-    relative = motion.relative(part.first, part.second).rotation
-    angle = twist_angle(relative, ca.SX(axes[:, 0]), ca.SX(axes[:, 1]))
-    k, c = (motion.numbers.scalar(part, field) for field in ("stiffness", "damping"))
-    preload = ca.SX(0.0) if part.preload is None else -motion.numbers.scalar(part, "preload")
-    return _spring_damper(motion, angle, k, c, preload, ca.fabs(angle))
-
-
-def _inerter(part: Inerter, motion: Kinematics) -> Connected:
-    length, described = _line(part, motion)
-    none = ca.SX.zeros(0)
-    kinetic = 0.5 * motion.numbers.scalar(part, "inertance") * motion.rate(length) ** 2
-    return Connected(length - described, ca.SX(0.0), ca.SX(0.0), ca.SX(0.0), kinetic, none, none)
-
-
-def _maxwell(part: Maxwell, motion: Kinematics) -> Connected:
-    """The damper yields y: c y' = k1 (x - y), and k0 acts beside both."""
-    length, described = _line(part, motion)
-    k1, c, k0 = (motion.numbers.scalar(part, field) for field in ("stiffness", "damping", "static_stiffness"))
-    tension = motion.numbers.scalar(part, "preload")
-    x = length - described
-    static = tension + k0 * x
-    if not part.damping:
-        return _spring_damper(motion, x, k0, ca.SX(0.0), tension)
-    y = ca.SX.sym(part.name)
-    series = k1 * (x - y)
-    return Connected(x, static + series, 0.5 * k1 * (x - y) ** 2 + 0.5 * k0 * x**2 + tension * x,
-                     0.5 * series**2 / c, ca.SX(0.0), y, series / c)  # fmt: skip
-
-
-LAWS: dict[type, Callable[[Any, Any], Connected]] = {
-    Spring: _spring, Bushing: _bushing, TorsionSpring: _torsion_spring, Inerter: _inerter, Maxwell: _maxwell,
-}  # fmt: skip
+def _largest_angle(x: Expression, rotations: slice | None, moments: list[Expression]) -> Expression | None:
+    """The size of the rotation among a deformation, None where no moment acts on it."""
+    if rotations is None:
+        return None
+    acting = [value for value in moments if (value[rotations, :] if value.shape[0] == x.shape[0] else value).nnz()]
+    return ca.norm_2(x[rotations]) if acting else None

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from mbsvib.finite_motion.rotations import Expression, axial
+from mbsvib.finite_motion.rotations import Expression, axial, entries, rows_of
+from mbsvib.linalg.displacements import Displacement
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,6 +19,11 @@ class Frame:
 
     rotation: Expression
     shift: Expression
+
+    @property
+    def displacement(self) -> Displacement:
+        """The same in components."""
+        return Displacement(rows_of(self.rotation), entries(self.shift))
 
     def point(self, p: Expression) -> Expression:
         """Return where a point (3,) of the body is that was at p as described [m]."""

@@ -1,19 +1,19 @@
 """Joints in finite motion: the displacement of the second body against the first, and what a cut joint demands.
 
-All is said in world axes of the pose as described, which turn with the first body. ``equilibrium.joint_rules`` states
-the same rules for numbers.
+All is in world axes of the pose as described, which turn with the first body; ``elements.joint_motion`` states it for
+all kinds.
 """
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
+from mbsvib.elements.joint_motion import Columns
 from mbsvib.finite_motion.frames import Frame
-from mbsvib.finite_motion.rotations import Expression, about, axial, exponential, sinc
+from mbsvib.finite_motion.rotations import Expression, entries, exponential, matrix
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -35,16 +35,12 @@ def displacement(joint: Joint, numbers: Numbers, q: Expression, base: Expression
     ``q`` (f,): its coordinates [m, rad]. ``base`` (3, 3): rotation on top of which those of a joint with three free
     rotations come; default: none.
     """
-    shift, turns = ca.SX.zeros(3), []
-    for k, (name, six) in enumerate(joint.freedom):
-        shift += q[k] * ca.SX(np.array(six[:3]))
-        if name[0] == "r":
-            turns.append((ca.SX(np.array(six[3:])), q[k]))
-    rotation = _rotation(joint, turns, base)
-    if joint.is_rod:
-        shift = _swing(joint, shift)
+    moved = joint.motion.displacement([q[k] for k in range(len(joint.freedom))], _columns(joint, numbers))
+    rotation = matrix(moved.rotation)
+    if base is not None and len(joint.rotation_axes) == 3:
+        rotation = rotation @ base
     point = point_of(joint, numbers)
-    return Frame(rotation, point + shift - rotation @ point)
+    return Frame(rotation, point + ca.vertcat(*moved.shift) - rotation @ point)
 
 
 def virtual_displacement(
@@ -80,57 +76,10 @@ def openings(joint: Joint, numbers: Numbers, relative: Frame) -> list[tuple[str,
 
     ``relative``: displacement of the second body against the first.
     """
-    point = point_of(joint, numbers)
-    if joint.is_rod:
-        rod = relative.point(point) - ca.SX(np.array(joint.position))
-        length = math.dist(joint.position or (0.0, 0.0, 0.0), joint.end or (0.0, 0.0, 0.0))
-        return [("z", 0.5 * (ca.dot(rod, rod) - length**2) / length)]
-    gap, turns, result = relative.point(point) - point, [np.array(axis) for axis in joint.rotation_axes], []
-    for name, six in joint.locked:
-        along, axis = ca.SX(np.array(six[:3])), ca.SX(np.array(six[3:]))
-        if joint.pitch is not None and name == "z":
-            value = _off_thread(joint, relative.rotation, gap)
-        elif name[0] != "r":
-            value = ca.dot(along, gap)
-        elif joint.successive:
-            first, second = map(ca.SX, turns)
-            change = ca.dot(first, second) - ca.dot(first, relative.rotation @ second)
-            value = change / float(np.linalg.norm(np.cross(turns[0], turns[1])))
-        elif len(turns) == 1:
-            value = ca.dot(axis, ca.cross(ca.SX(turns[0]), relative.rotation @ ca.SX(turns[0])))
-        else:
-            value = ca.dot(axis, axial(relative.rotation))
-        result.append((name, value))
-    return result
+    values = joint.motion.openings(relative.displacement, _columns(joint, numbers))
+    return [(name, value) for (name, _), value in zip(joint.locked, values, strict=True)]
 
 
-def _rotation(joint: Joint, turns: list[tuple[Expression, Expression]], base: Expression | None) -> Expression:
-    if len(turns) == 1:
-        return about(*turns[0])
-    if joint.successive:
-        return about(*turns[0]) @ about(*turns[1])
-    if not turns:
-        return ca.SX.eye(3)
-    rotation = exponential(sum((axis * angle for axis, angle in turns), ca.SX.zeros(3)))
-    return rotation if base is None else rotation @ base
-
-
-def _swing(joint: Joint, across: Expression) -> Expression:
-    """How far the end of a rod goes on its sphere: as far along an arc as its coordinates across say."""
-    rod = np.subtract(joint.end or 0.0, joint.position or 0.0)
-    length = float(np.linalg.norm(rod))
-    square = ca.dot(across, across) / length**2
-    return sinc(square) * across - 0.5 * length * square * sinc(0.25 * square) ** 2 * ca.SX(rod / length)
-
-
-def _off_thread(joint: Joint, rotation: Expression, gap: Expression) -> Expression:
-    """How far a screw is off its thread: pitch times the sine of the angle that its advance is ahead."""
-    axis = np.array(joint.rotation_axes[0])
-    first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-    first /= np.linalg.norm(first)
-    x, y = ca.SX(first), ca.SX(np.cross(axis, first))
-    sine = 0.5 * (ca.dot(y, rotation @ x) - ca.dot(x, rotation @ y))
-    cosine = 0.5 * (ca.dot(x, rotation @ x) + ca.dot(y, rotation @ y))
-    pitch = joint.pitch or 1.0
-    angle = ca.dot(ca.SX(axis), gap) / pitch
-    return pitch * (ca.sin(angle) * cosine - ca.cos(angle) * sine)
+def _columns(joint: Joint, numbers: Numbers) -> Columns:
+    point, start = entries(point_of(joint, numbers)), joint.position or (0.0, 0.0, 0.0)
+    return Columns(joint.freedom, joint.locked, point, start, joint.successive)
