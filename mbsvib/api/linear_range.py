@@ -35,7 +35,8 @@ MARGIN = 5.0
 
 @dataclass(frozen=True, repr=False, eq=False)
 class LinearRange(Displayed):
-    """Amplitudes of outputs in free vibration at which the second-order part reaches a ``share`` of the linear one.
+    """Estimated amplitudes of outputs in free vibration where the second-order part reaches a ``share`` of the linear
+    one; ``conservative`` ones leave a margin for terms of higher order.
 
     ``values`` (modes, outputs) are in the ``units`` of the outputs: inf where there is no second-order part, 0 where
     there is nothing else, NaN for outputs without second derivatives (forces in joints, strains). ``travel``
@@ -50,6 +51,7 @@ class LinearRange(Displayed):
     frequencies: Array
     values: Array
     travel: Array
+    conservative: bool = False
 
     def table(self) -> dict[str, Any]:
         """Return the table of amplitudes as arguments of ``mbsvib.common.tables.text`` and ``show``.
@@ -59,14 +61,19 @@ class LinearRange(Displayed):
         dict
             Title, columns, rows, and notes on what is no finite amplitude.
         """
-        notes = [note for note, some in (
+        notes = ["With a margin for terms of third and higher order, which are left out; it is no proven bound."
+                 if self.conservative else "Estimates, no lower bounds: terms of third and higher order are left out; "
+                 "conservative=True leaves a margin for them."]  # fmt: skip
+        notes += [note for note, some in (
             ("inf: no second-order part; parts of third order, as of pendulums, are not counted.", np.isinf),
             ("nan: outputs without second derivatives, such as forces in joints.", np.isnan),
         ) if some(self.values).any()]  # fmt: skip
         headers = [f"{name} [{unit}]" for name, unit in zip(self.outputs, self.units, strict=True)]
         rows = [(str(k + 1), f"{frequency:.6g}", *(f"{value:.3g}" for value in limits))
                 for k, (frequency, limits) in enumerate(zip(self.frequencies, self.values, strict=True))]  # fmt: skip
-        return {"title": f"Linear range of {self.name}: amplitude at which the second-order part is {self.share:.3g}",
+        kind = "conservative" if self.conservative else "estimated"
+        return {"title": f"Linear range of {self.name}: {kind} amplitude at which the second-order part is "
+                         f"{self.share:.3g}",
                 "columns": [(header, "right") for header in ("mode", "natural [Hz]", *headers)],
                 "rows": rows, "notes": notes}  # fmt: skip
 
@@ -96,7 +103,7 @@ class LinearRange(Displayed):
             if travel[k, j] < below:
                 result.append(
                     f"output '{name}': the second-order part reaches {self.share:.0%} of the linear one at an "
-                    f"amplitude of {self.values[k, j]:.3g} {self.units[j]} in mode {k + 1} "
+                    f"estimated amplitude of {self.values[k, j]:.3g} {self.units[j]} in mode {k + 1} "
                     f"({self.frequencies[k]:.4g} Hz); use model.simulate beyond."
                 )
         return tuple(result)
@@ -124,7 +131,7 @@ def linear_range(system: Equations, modes: Modes, share: float, conservative: bo
     for array in (values, travel):
         array.setflags(write=False)
     return LinearRange(system.name, number, system.outputs, tuple(system.output_units), modes.frequencies, values,
-                       travel)  # fmt: skip
+                       travel, conservative)  # fmt: skip
 
 
 def with_modes(modes: Modes, provenance: Provenance | None) -> tuple[str, ...]:

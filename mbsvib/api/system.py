@@ -328,7 +328,7 @@ class System(Connecting, ReducibleSystem, StepVerbs, Sensitive, Equations):
         return stiffness_shares(self.basis, modes)
 
     def linear_range(self, share: float = 0.1, *, conservative: bool = False) -> LinearRange:
-        """Return the amplitudes of outputs up to which the linear equations hold, for each mode (extra ``casadi``).
+        """Estimate the amplitudes of outputs up to which the linear equations hold, for each mode (extra ``casadi``).
 
         In free vibration in one mode, q = a Re(q1 e^(lambda t)) + a^2 (Re(q22 e^(2 lambda t)) + q20), an output has the
         amplitude a |Y1|, a mean a^2 |Y20| and a second harmonic a^2 |Y22|. The second-order part is the largest of

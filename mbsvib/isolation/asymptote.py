@@ -9,7 +9,7 @@ import numpy as np
 
 from mbsvib.api.system import System
 from mbsvib.linalg.balancing import scaled
-from mbsvib.responses.feedthrough import feedthrough
+from mbsvib.responses.feedthrough import entry_sizes, feedthrough
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -75,8 +75,11 @@ def _direct(system: System) -> Array:
     if not system.massless:
         return feedthrough(system)
     space, m = system.state_space(), system.dof
-    rate = np.abs(space.transform[m:]) @ np.abs(space.B)
-    terms = np.abs(system.D) + np.abs(system.Ca) @ rate
+    rate = space.transform[m:]
+    scale = np.sqrt(np.einsum("ik,ij,jk->k", rate, system.M, rate))  # states of one kinetic energy
+    inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0.0)
+    terms = np.abs(system.D) + np.abs(system.Ca) @ (np.abs(rate) @ np.abs(space.B))
+    terms += entry_sizes(system.Ca @ rate, inverse) @ entry_sizes(space.B.T, scale).T
     if space.through is not None:
         terms += np.abs(system.Cv) @ np.abs(space.through[m:])
     return without_rounding(space.D, terms)

@@ -163,12 +163,12 @@ class Passive(Displayed):
         return result
 
     def sag(self, direction: str = "z", load: float | None = None) -> Quantity:
-        """Return how far the body is displaced by a constant load, as its weight.
+        """Return how far a constant load, such as its weight, displaces the body along the load.
 
         Parameters
         ----------
         direction : str
-            x, y or z.
+            x, y or z, of the load and of the displacement.
         load : float, optional
             Force at the reference point [N]; default: the body's weight on earth, of its present mass.
 
@@ -186,7 +186,7 @@ class Passive(Displayed):
             raise check.refuse("sag", "direction", direction, "x, y or z")
         weight = GRAVITY * self.model.bodies[self.scene.body].mass if load is None else load
         newton = abs(check.number(weight, "sag", "load"))
-        ports = Weighted("sag", dict.fromkeys(DISPLACEMENTS[:3], 1.0), {f"load.{direction}": newton})
+        ports = Weighted("sag", {f"displacement.{direction}": 1.0}, {f"load.{direction}": newton})
         return Leaf(f"sag along {direction} [m]", lambda point: ports.size(point, np.zeros(1)))
 
     def compliance(self, frequency: float = 0.0) -> Quantity:

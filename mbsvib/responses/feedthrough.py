@@ -34,8 +34,24 @@ def feedthrough(system: Equations) -> Array:
     """Return D + Ca M^-1 B (outputs, inputs) of regular M, 0 where it is rounding."""
     if not system.Ca.any():
         return np.array(system.D)
-    inverse = accelerations(system, np.eye(system.dof))
-    moved = np.abs(inverse) @ np.abs(system.M) @ np.abs(inverse) @ np.abs(system.B)
     result = system.D + system.Ca @ accelerations(system, system.B)
-    result[np.abs(result) <= ROUNDING * (np.abs(system.D) + np.abs(system.Ca) @ moved)] = 0.0
+    result[np.abs(result) <= ROUNDING * _terms(system)] = 0.0
     return np.asarray(result)
+
+
+def _terms(system: Equations) -> Array:
+    """Sizes (outputs, inputs) of the terms of D + Ca M^-1 B, each entry of Ca, M and B as large as rounding takes it.
+    """
+    scale = np.sqrt(system.M.diagonal())
+    inverse = np.abs(accelerations(system, np.diag(scale))) * scale[:, None]
+    seen, moved = entry_sizes(system.Ca, 1.0 / scale), entry_sizes(system.B.T, 1.0 / scale).T
+    return np.asarray(np.abs(system.D) + seen @ (inverse @ ((system.M != 0.0) @ (inverse @ moved))))
+
+
+def entry_sizes(rows: Array, scale: Array) -> Array:
+    """Return sizes (rows, m) against which entries of rows times ``scale`` (m,) are rounding: the largest of the row.
+
+    6e-17 beside 1 may be a zero whose rotation was rounded; what is exactly 0 is.
+    """
+    scaled = np.abs(rows) * scale
+    return np.asarray((rows != 0.0) * scaled.max(axis=1, keepdims=True, initial=0.0))

@@ -46,9 +46,10 @@ class Tolerances(Displayed):
     model as it is. Quantities of several numbers have labels with the mode's number, "frequency 2 [Hz]", or count them,
     both from 1.
 
-    To first order, from the derivatives: ``first`` (k,) are standard deviations, ``worst`` (k,) what all ``tolerance``
-    at once can do, ``shares`` (k, variables) the part of each variable in the variance. By random samples: ``sweep``
-    holds them all, ``sampled`` (n, k) the numbers and ``linear`` (n, k) their first-order values.
+    To first order, from the derivatives: ``first`` (k,) are standard deviations, ``worst`` (k,) by how much all
+    ``tolerance`` at once can change them, up or down, ``shares`` (k, variables) the part of each variable in the
+    variance. By random samples: ``sweep`` holds them all, ``sampled`` (n, k) the numbers and ``linear`` (n, k) their
+    first-order values.
     Modes within a few standard deviations of each other, ``parted``, repel each other, which is not linear: their
     first order is that of all of them together, ``first`` the standard deviation of ``linear``, ``worst`` a bound.
     """
@@ -149,10 +150,11 @@ class Tolerances(Displayed):
         for i, label in enumerate(self.labels):
             known = bool(np.isfinite(self.first[i]))
             most = int(self.shares[i].argmax())
+            low, high = self.nominal[i] - self.worst[i], self.nominal[i] + self.worst[i]
             rows.append((label, *(f"{x:.5g}" for x in (self.nominal[i], self.mean[i], self.std[i])),
-                         *(f"{x:.5g}" if known else "-" for x in (self.first[i], self.worst[i])),
+                         *((f"{self.first[i]:.5g}", f"{low:.5g} ... {high:.5g}") if known else "--"),
                          *((names[most], f"{100.0 * self.shares[i, most]:.0f}") if known else "--")))  # fmt: skip
-        heads = ("nominal", "mean", "std", "std, 1st order", "worst, 1st order", "most by", "share [%]")
+        heads = ("nominal", "mean", "std", "std, 1st order", "worst cases, 1st order", "most by", "share [%]")
         columns = [("", "left"), *((head, "left" if head == "most by" else "right") for head in heads)]
         notes = [f"{counted(len(names), 'variable')}, {counted(len(self.sampled), 'sample')}, "
                  f"{counted(int((~self._good).sum()), 'failure')}. {MEANING[self.distribution]}"]  # fmt: skip

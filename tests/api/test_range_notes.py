@@ -6,7 +6,7 @@ import mbsvib as mv
 from mbsvib import library
 from mbsvib.api.linear_range import LinearRange
 
-SENTENCE = "the second-order part reaches 10% of the linear one at an amplitude of"
+SENTENCE = "the second-order part reaches 10% of the linear one at an estimated amplitude of"
 
 
 def test_a_toggle_near_its_dead_centre():

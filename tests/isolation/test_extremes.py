@@ -156,6 +156,28 @@ def test_roll_off_of_a_chain(n, damped):
     assert 20 * math.log10(slope) == pytest.approx(result.roll_off, rel=1e-2)
 
 
+@pytest.mark.parametrize("massless", [False, True])
+@pytest.mark.parametrize("body", ["payload", "top"])
+def test_roll_off_of_bodies_that_equilibrium_has_turned(massless, body):
+    """Entries of 1e-16, rounding of rotations, are no feedthrough: the index falls by 40 dB a decade."""
+    model = mv.Model("stack", gravity=(0, 0, -9.81))
+    model.add_body("payload", 20.0, (0.6, 0.7, 0.8), (0, 0, 0.2))
+    model.add_body("top", 5.0, (0.6, 0.9, 0.7), (0.05, 0, 0.5))
+    model.add_joint("pin", "revolute", "payload", "top", (0, 0, 0.35), axis=(0, 1, 0))
+    model.add_torsion_spring("hold", "payload", "top", (0, 1, 0), 1e3)
+    for k, (x, y) in enumerate([(0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2)]):
+        model.add_bushing(f"foot{k}", "ground", "payload", (x, y, 0), (1e4, 1e4, 3e4, 0, 0, 0), (0,) * 6)
+    if massless:
+        model.add_body("mid", 0.0, (0, 0, 0), (0.3, 0, 0.1))
+        model.add_bushing("below", "ground", "mid", (0.3, 0, 0), (1e4,) * 6, (0.0,) * 6)
+        model.add_bushing("above", "mid", "payload", (0.3, 0, 0.2), (1e4,) * 6, (10.0,) * 6)
+    result = isolation.study(model.equilibrium(), body, frequencies=[1e4, 1e5])
+    assert result.index[0] / result.index[1] == pytest.approx(100.0, rel=1e-3)
+    assert result.roll_off == -40.0
+    assert result.plateau == 0.0
+    assert dict(result.table()["rows"])["roll-off"].startswith("-40 dB/decade above")
+
+
 def test_roll_off_of_legs_with_masses_is_none():
     """What legs weigh carries vibration through: D, without a pole."""
     result = isolation.study(library.stewart(), "platform")

@@ -92,6 +92,20 @@ def test_quantities_in_closed_form():
     assert goal.rms(NOISE, BAND)(system) == pytest.approx(full, rel=1e-9)
 
 
+def test_the_sag_is_the_displacement_along_the_load():
+    """One inclined spring in the x-z plane beside three along the axes: K is a sum of k n n^T."""
+    model = mv.Model("inclined")
+    model.add_body("mass", 2.0, (0.1, 0.1, 0.1))
+    model.add_bushing("mount", "ground", "mass", (0, 0, 0), (3e3, 5e3, 4e3, 1e9, 1e9, 1e9), (0.0,) * 6)
+    model.add_spring("leg", "ground", "mass", (-1, 0, -1), (0, 0, 0), 8e3)
+    K = np.diag([3e3, 5e3, 4e3])
+    K[np.ix_([0, 2], [0, 2])] += 4e3
+    goal = isolation.passive(model, "mass")
+    displacement = np.linalg.solve(K, [0.0, 0.0, 2.0 * GRAVITY])
+    assert goal.sag()(goal.scene.system) == pytest.approx(displacement[2], rel=1e-8)
+    assert np.linalg.norm(displacement) > 1.1 * displacement[2]
+
+
 def test_gradients_against_differences():
     model = library.cubic_hexapod(edge=EDGE, stiffness=K, damping=2000.0)
     goal = isolation.passive(model, "platform")

@@ -62,6 +62,9 @@ def test_velocity_outputs_and_the_table():
     assert found.values.shape == (1, 3)
     assert np.isfinite(found.values).all()
     assert "angle [rad]" in str(found)
+    assert "estimated amplitude" in str(found)
+    assert "no lower bounds" in str(found)
+    assert "conservative amplitude" in str(system.linear_range(0.1, conservative=True))
     twice = system.linear_range(0.2)
     np.testing.assert_allclose(twice.values, 2.0 * found.values)
     assert found.sentences() == ()
@@ -92,7 +95,7 @@ def test_what_has_no_range_is_refused_by_name():
 def test_explain_tells_small_ranges_and_computes_no_modes_for_them():
     system = mv.library.toggle(angle=0.01).linearize()
     text = system.explain()
-    assert "linear range\n  output 's': the second-order part reaches 10% of the linear one at an amplitude of" in text
+    assert "linear range\n  output 's': the second-order part reaches 10% of the linear one at an estimated" in text
     assert "4e-06 m in mode 1" in text
     assert "no eigenvalue was computed" in system.explain()
     assert "linear range" not in mv.library.toggle(angle=0.284).linearize().explain()

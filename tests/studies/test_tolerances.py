@@ -24,6 +24,8 @@ def test_deviation_of_one_mass_on_one_spring():
     assert result.quantile(0.5)[0] == pytest.approx(f, rel=2e-3)
     label = result.labels[0]
     assert result.within(label, f - result.first[0], f + result.first[0]) == pytest.approx(0.683, abs=0.03)
+    worst = f * (1.0 - 0.045), f * (1.0 + 0.045)  # values, as the nominal one beside them is
+    assert f"{worst[0]:.5g} ... {worst[1]:.5g}" in str(result)
 
 
 def test_uniform_tolerances_are_wider():
