@@ -53,7 +53,13 @@ def scaled(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
 
 
 def scaled_matrix(a: Array) -> Array:
-    """Return T^-1 A T (n, n), T = diag(2^k), for eigenvalues and participation factors.
+    """Return T^-1 A T (n, n), T = diag(2^k) with k by ``matrix_exponents``, for eigenvalues."""
+    power = matrix_exponents(a)
+    return np.asarray(np.ldexp(a, power[None, :] - power[:, None]))
+
+
+def matrix_exponents(a: Array) -> Exponents:
+    """Return k (n,) so that the rows and columns of T^-1 A T, T = diag(2^k), are of like size.
 
     Parts whose states act on each other both ways are balanced each for itself. Between parts that act one way, any
     scaling is possible: entries there are made small, and some may underflow; no entry is rounded.
@@ -71,9 +77,7 @@ def scaled_matrix(a: Array) -> Array:
             shift[part[i]] = max(shift[part[i]], shift[part[j]] + excess[i, j])
         if np.array_equal(before, shift):
             break
-    power = shift[part]
-    result: Array = np.ldexp(even, power[None, :] - power[:, None])
-    return result
+    return np.asarray(power + shift[part])
 
 
 def exponents(a: Array, b: Array, c: Array) -> Exponents:

@@ -118,6 +118,9 @@ FREE_PIVOT = 1e-13
 DAMPED_FREE_MOTION = 1e3 * EPS
 # A pole decays if its real part is below minus this share of its size.
 DECAYS = 1e-12
+# An eigenvalue is known to so many times the error that a rounding of its matrix makes: LAPACK's, of up to some hundred
+# states, are within a few of it.
+POLE_ROUNDINGS = 16.0
 
 # Sensitivities.
 # Slopes of the numbers that a part is made of below this share of the largest of their kind are what differences leave.

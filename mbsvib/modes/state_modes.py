@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 import numpy as np
 
 from mbsvib.linalg.rank import EPS
+from mbsvib.linalg.spectrum import spectrum
 from mbsvib.modes.damped import Damped
 from mbsvib.modes.result import Modes
 
@@ -80,27 +81,24 @@ def state_modes(a: Array, name: str, states: tuple[str, ...], rate: float | None
     With a ``rate`` [Hz] of samples eigenvalues are rate log z; those that are forgotten within a few samples are left
     out.
     """
-    from scipy.linalg import eig, matrix_balance
-
-    scaled, (scale, _) = matrix_balance(a, permute=False, separate=True)
-    values, left, right = eig(scaled, left=True) if len(a) else (np.zeros(0, complex), a, a)
-    product = np.abs(np.einsum("ij,ij->j", left.conj(), right))
+    of_a = spectrum(a)
+    values, change, left, right = of_a.values, of_a.errors, of_a.left, np.ldexp(1.0, of_a.power)[:, None] * of_a.right
+    product = np.abs(left * of_a.right)
     with np.errstate(divide="ignore", invalid="ignore"):
-        change = EPS * np.linalg.norm(scaled) / product
-        participation = np.abs(left * right) / product
+        participation = product / np.abs(np.einsum("ij,ij->j", left.conj(), of_a.right))
         if rate is not None:
             kept = np.abs(values) > FORGOTTEN
             change, values = rate * change[kept] / np.abs(values[kept]), rate * np.log(values[kept])
             right, participation = right[:, kept], participation[:, kept]
-        errors = change / np.abs(values)
-    errors = np.where(values == 0.0, 0.0, np.minimum(np.nan_to_num(errors, nan=1.0), 1.0))
+        values = np.where(np.abs(values) <= change, 0.0, values)
+        errors = np.where(values == 0.0, 0.0, change / np.abs(values))
     order = np.lexsort((-values.imag, np.abs(values)))
-    values, errors, right = values[order], errors[order], right[:, order] * scale[:, None]
+    values, errors, right = values[order], errors[order], right[:, order]
     participation = participation[:, order]
     first = values.imag >= 0.0
     single = values[first].imag == 0.0
     n, none = int(first.sum()), np.zeros((0, 6, len(a)))
-    at_rest = int(((errors[first] >= 1.0) | (values[first] == 0.0)).sum())
+    at_rest = int((values[first] == 0.0).sum())
     pairs: Complex = np.zeros((0, 2), dtype=complex)
     nothing = Damped(pairs, pairs.real, np.zeros((0, 0)), np.zeros(0), np.zeros(0), "", None, None)
     return StateModes(name, states, (), _together(values, first), np.repeat(errors[first], 2 - single),

@@ -36,3 +36,13 @@ def test_names_do_not_depend_on_the_scale_of_states():
 def test_a_defective_mode_has_a_name():
     double = mv.StateSpace.from_arrays([[-1.0, 1.0], [0.0, -1.0]], [[0], [1]], [[1, 0]], 0, states=("a", "b"))
     assert {most for most, in double.modes().strongest()} <= {"a", "b"}
+
+
+def test_poles_at_zero_are_zero_in_turned_states():
+    """G = 1/s + sum of 1/(s + i): rounding of A leaves 1e-15 for the integrator."""
+    turn = np.linalg.qr(np.random.default_rng(1).standard_normal((8, 8)))[0]
+    turned = mv.StateSpace.from_arrays(turn @ np.diag(-np.arange(8.0)) @ turn.T, turn @ np.ones((8, 1)),
+                                       np.ones((1, 8)) @ turn.T, 0)  # fmt: skip
+    assert turned.poles()[0] == 0.0
+    np.testing.assert_allclose(turned.poles(), -np.arange(8.0), rtol=1e-13)
+    assert turned.modes().frequencies[0] == 0.0
