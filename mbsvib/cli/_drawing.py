@@ -69,14 +69,16 @@ def sigma(
     if as_json:
         import numpy as np
 
-        from mbsvib.plots.singular_values import unit_groups
+        from mbsvib.plots._curves import curves
+        from mbsvib.plots.singular_values import of_curves, unit_groups
 
         part = system.with_ports(outputs, inputs)
         omega = part.frequency_grid(f_min=first, f_max=last)
         groups = []
         for group in unit_groups(part, None, None):  # singular values of mixed units mean nothing
-            response = np.moveaxis(part.frequency_response(omega, group.outputs, group.inputs), -1, 0)
-            groups.append({**group._asdict(), "singular_values": np.linalg.svd(response, compute_uv=False).T.tolist()})
+            pairs = [(output, source) for output in group.outputs for source in group.inputs]
+            sigma = of_curves(curves(part, pairs, omega / (2.0 * np.pi)), len(group.outputs))
+            groups.append({**group._asdict(), "singular_values": sigma.tolist()})
         shell.say_json({"name": part.name, "frequencies_hz": (omega / (2.0 * np.pi)).tolist(), "groups": groups})
     if file is not None or not as_json:
         from mbsvib import plots

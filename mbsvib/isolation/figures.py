@@ -14,6 +14,7 @@ from mbsvib.feedback.resolution import resolution
 from mbsvib.isolation.asymptote import Asymptote, asymptote
 from mbsvib.isolation.linear import numbers, responses
 from mbsvib.isolation.study_scene import ACCELERATIONS, StudyScene
+from mbsvib.linalg.singular_values import singular_values
 from mbsvib.responses import extrema
 
 if TYPE_CHECKING:
@@ -61,14 +62,13 @@ class Figures:
     @cached_property
     def singular_values(self) -> Array:
         """Singular values of the transmissibility, in descending order, shape (base directions, n)."""
-        return np.asarray(np.linalg.svd(self.scaled.transpose(2, 0, 1), compute_uv=False).T)
+        return singular_values(self.scaled)
 
     @cached_property
     def compliance_values(self) -> Array:
         """Singular values of the compliance [m/N], moments over the length and rotations times it, shape (6, n)."""
         scale = self.scene.scale()[:, None, None]
-        scaled = (scale * self.compliance * scale.transpose(1, 0, 2)).transpose(2, 0, 1)
-        return np.asarray(np.linalg.svd(scaled, compute_uv=False).T)
+        return singular_values(scale * self.compliance * scale.transpose(1, 0, 2))
 
     @cached_property
     def undamped(self) -> Array:

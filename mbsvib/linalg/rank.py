@@ -60,6 +60,9 @@ CANCELLING_SPRINGS = 1e-13
 MOVES_NOTHING = 1e-9
 # What inputs do at once is zero below this share of the terms it is the sum of.
 ZERO_FEEDTHROUGH = 1e-12
+# A response is zero if changes of all numbers of the model by this share make more of it at any frequency: rotations
+# and sums leave some hundred to thousand eps of what is zero by symmetry.
+ZERO_RESPONSE = 1e-12
 # Sine of the angle between a turning ground and what it turns, below which they are parallel.
 PARALLEL_DIRECTIONS = 1e-12
 # What is left over, against the forces that should cancel. A pose off balance by this share gives stiffness that is off

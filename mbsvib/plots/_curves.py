@@ -12,13 +12,14 @@ from mbsvib.errors import ResponseError
 from mbsvib.plots import _choice as choice
 from mbsvib.responses.frequency_grid import resolving_frequencies
 from mbsvib.responses.frequency_grid import span as range_of
+from mbsvib.responses.frequency_response import zero_responses
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Bools, Complex
     from mbsvib.common.selection import Names
     from mbsvib.plots._system import Linear
 
@@ -98,18 +99,34 @@ def finer(grid: Array) -> Array:
 
 
 def curves(system: Linear, pairs: Sequence[tuple[str, str]], grid: Array) -> list[Curve]:
-    """Return the curves of a system for ``pairs`` (output, input) at the frequencies ``grid`` (n,) [Hz]."""
+    """Return the curves of a system for ``pairs`` (output, input) at the frequencies ``grid`` (n,) [Hz], 0 where the
+    numbers of the model determine no digit.
+    """
     results = [system.outputs.index(choice.pick(system, "output", name)[0]) for name, _ in pairs]
     sources = [system.inputs.index(choice.pick(system, "input", name)[0]) for _, name in pairs]
     response = system.frequency_response(2.0 * np.pi * grid)
-    height = np.abs(response).max(axis=2)
-    result = []
-    for i, j in zip(sources, results, strict=True):
-        alike = np.ix_(
-            [unit == system.output_units[j] for unit in system.output_units],
-            [unit == system.input_units[i] for unit in system.input_units],
-        )
-        negligible = bool(height[j, i] <= NEGLIGIBLE * height[alike].max())
-        result.append(Curve(system.inputs[i], system.input_units[i], system.outputs[j], system.output_units[j],
-                            grid, response[j, i], negligible))  # fmt: skip
+    response[zeros(system)] = 0.0
+    zero = negligible(system, np.abs(response).max(axis=2))
+    return [Curve(system.inputs[i], system.input_units[i], system.outputs[j], system.output_units[j], grid,
+                  response[j, i], bool(zero[j, i])) for i, j in zip(sources, results, strict=True)]  # fmt: skip
+
+
+def zeros(system: Linear) -> Bools:
+    """Return which responses (outputs, inputs) of a mechanism are zero but for rounding of its numbers."""
+    basis = getattr(system, "basis", None)
+    if basis is None:
+        return np.zeros((len(system.outputs), len(system.inputs)), dtype=bool)
+    return zero_responses(basis)
+
+
+def negligible(system: Linear, height: Array) -> Bools:
+    """Return which responses (outputs, inputs) of largest magnitudes ``height`` are rounding beside others of the same
+    units.
+    """
+    result = zeros(system)
+    for output in set(system.output_units):
+        for source in set(system.input_units):
+            alike = np.ix_([unit == output for unit in system.output_units],
+                           [unit == source for unit in system.input_units])  # fmt: skip
+            result[alike] |= height[alike] <= NEGLIGIBLE * height[alike].max()
     return result

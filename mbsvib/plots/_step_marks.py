@@ -9,6 +9,7 @@ import numpy as np
 from mbsvib.common import units
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _style as style
+from mbsvib.plots._curves import negligible
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from mbsvib.responses.step_info import StepInfo
 
 LONGER = 1.2  # time shown, in settling times
-NEGLIGIBLE = 1e-11  # share of responses of the same units below which one is zero
 NEAR_POLE = 0.97  # times natural frequencies: at undamped ones there is no response
 PERIODS = 400.0  # of the slowest vibration; more of them make a solid band
 RISE = (0.1, 0.9)  # shares of the final value
@@ -51,18 +51,10 @@ def infos(systems: Sequence[Linear], outputs: list[str], inputs: list[str]) -> l
 
 
 def rounding(system: Linear) -> NDArray[np.bool_]:
-    """Return which responses (outputs, inputs) are negligible among those of the same units at all natural frequencies.
-    """
+    """Return which responses (outputs, inputs) are rounding next to all natural frequencies."""
     poles = np.abs(system.poles())
     omega = np.unique(NEAR_POLE * poles[poles > 0.0])
-    height = np.abs(system.frequency_response(omega if omega.size else np.ones(1))).max(axis=2)
-    result = np.zeros(height.shape, dtype=bool)
-    for output in set(system.output_units):
-        for source in set(system.input_units):
-            alike = np.ix_([unit == output for unit in system.output_units],
-                           [unit == source for unit in system.input_units])  # fmt: skip
-            result[alike] = height[alike] <= NEGLIGIBLE * height[alike].max()
-    return result
+    return negligible(system, np.abs(system.frequency_response(omega if omega.size else np.ones(1))).max(axis=2))
 
 
 def until_settled(

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mbsvib.common import units
-from mbsvib.errors import ResponseError
+from mbsvib.errors import ResponseError, counted
+from mbsvib.linalg.singular_values import singular_values as singular
 from mbsvib.plots import _choice as choice
 from mbsvib.plots import _style as style
-from mbsvib.plots._curves import curves, shared_grid
+from mbsvib.plots._curves import Curve, curves, shared_grid
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -106,21 +107,28 @@ def _panel(axes: Axes, named: Sequence[tuple[str, Linear]], group: UnitGroup, gr
     """Draw the singular values of one group of ports."""
     pairs = [(result, source) for result in group.outputs for source in group.inputs]
     drawn = [curves(system, pairs, grid) for _, system in named]
+    zeros: list[int] = []
     for i, ((label, _), responses) in enumerate(zip(named, drawn, strict=True)):
-        G = np.array([response.values for response in responses]).T.reshape(len(grid), len(group.outputs), -1)
-        sigma = np.linalg.svd(G, compute_uv=False)
-        look = style.line(i, faint=all(response.negligible for response in responses)) | {"linestyle": "-"}
-        for k, values in enumerate(np.where(sigma > 0.0, sigma, np.nan).T):
+        sigma, look = of_curves(responses, len(group.outputs)), style.line(i) | {"linestyle": "-"}
+        for k, values in enumerate(np.where(sigma > 0.0, sigma, np.nan)):
             axes.plot(grid, values, **(look | {"linewidth": 1.5 if k == 0 else 0.7}), label=label if k == 0 else None)
-    if any(response.values.any() for responses in drawn for response in responses):
+        zeros.append(int((~sigma.any(axis=1)).sum()))
+    if min(zeros) < min(len(group.outputs), len(group.inputs)):
         axes.set_yscale("log")
+        if max(zeros):
+            style.remark(axes, f"{counted(max(zeros), 'singular value')} of zero")
     else:
         axes.set_ylim(0.0, 1.0)
-    if all(response.negligible for responses in drawn for response in responses):
-        style.remark(axes, style.zero(response.values for responses in drawn for response in responses))
+        style.remark(axes, "zero")
     style.frequency_axis(axes, grid[0], grid[-1])
     axes.set_ylabel(f"singular values [{units.pretty(group.unit)}]")
     axes.set_title(f"{_few(group.inputs)} → {_few(group.outputs)}")
+
+
+def of_curves(responses: Sequence[Curve], rows: int) -> Array:
+    """Return the singular values (k, n), 0 where they are rounding, of responses given row by row."""
+    values = [np.zeros_like(response.values) if response.negligible else response.values for response in responses]
+    return singular(np.array(values).reshape(rows, len(responses) // rows, -1))
 
 
 def _few(names: Sequence[str]) -> str:

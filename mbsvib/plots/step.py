@@ -11,6 +11,7 @@ from mbsvib.errors import ResponseError
 from mbsvib.plots import _choice as choice
 from mbsvib.plots import _step_marks as marks
 from mbsvib.plots import _style as style
+from mbsvib.plots._curves import zeros
 from mbsvib.plots.grid import time_grid
 
 if TYPE_CHECKING:
@@ -104,6 +105,7 @@ def _responses(system: Linear, t: Array, sources: set[str]) -> dict[str, Array]:
         u = np.zeros((len(system.inputs), len(t)))
         u[system.inputs.index(source)] = 1.0
         result[source] = system.time_response(t, u, hold="zero")
+        result[source][zeros(system)[:, system.inputs.index(source)]] = 0.0
     return result
 
 

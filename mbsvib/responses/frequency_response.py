@@ -23,7 +23,7 @@ from mbsvib.linalg.qr import sorted_qr
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.modal_sum import residues, sum_of_motions
-from mbsvib.responses.tiny_outputs import recomputed
+from mbsvib.responses.tiny_outputs import recomputed, vanishing
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -40,6 +40,8 @@ BACKWARD = 5e-14
 CHECKED = 3  # frequencies next to the most ill-conditioned eigenvalues at which the residual is computed
 REFINEMENTS = 4
 NEARLY_STATIC = 1e-3  # in parts of the lowest eigenvalue
+# Where zero responses are looked for: natural frequencies at most, and times which, as undamped ones have no response.
+PROBES, NEAR_POLE = 16, 0.97
 
 
 def frequency_response(basis: Basis, omega: ArrayLike) -> Complex:
@@ -53,13 +55,11 @@ def frequency_response(basis: Basis, omega: ArrayLike) -> Complex:
     the factors of the matrices in twice the working precision (``tiny_outputs``).
     """
     w = angular(omega)
-    system, modal, size = basis.equations, basis.modal, np.abs(w)
+    modal, size = basis.modal, np.abs(w)
     if not isinstance(modal, Damped):
         result = _general(basis, modal, w)
     else:
-        by_modes = modal.vectors is None or (
-            basis.strong_dampers is None and trusted(modal, modal.shapes.T @ system.B, size)
-        )
+        by_modes = _by_modes(basis, modal, size)
         result = basis.modal_sum.at(1j * size) if by_modes else _solved(basis, modal, size)
         pole = None if np.isfinite(result).all() else basis.modal_sum.pole_at(1j * size)
         if pole:
@@ -68,6 +68,31 @@ def frequency_response(basis: Basis, omega: ArrayLike) -> Complex:
     if (w < 0.0).any():
         result[:, :, w < 0.0] = result[:, :, w < 0.0].conj()
     return result
+
+
+def zero_responses(basis: Basis) -> NDArray[np.bool_]:
+    """Return which responses (outputs, inputs) are zero but for rounding of the model's own numbers.
+
+    They are so next to natural frequencies, at which any mode shows. Systems without symmetry have no such bound.
+    """
+    system, modal = basis.equations, basis.modal
+    result = np.zeros((len(system.outputs), len(system.inputs)), dtype=bool)
+    poles = np.unique(np.abs(basis.poles))
+    if not (isinstance(modal, Damped) and result.size and poles.any()):
+        return result
+    poles = poles[poles > 0.0]
+    w = NEAR_POLE * poles[np.unique(np.linspace(0, len(poles) - 1, PROBES).astype(int))]
+    by_modes = _by_modes(basis, modal, w)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        return vanishing(basis, modal, w, frequency_response(basis, w),
+                         lambda part: _solver(basis, modal, part, by_modes))  # fmt: skip
+
+
+def _by_modes(basis: Basis, modal: Damped, w: Array) -> bool:
+    """Tell whether responses are accurate as sums over modes."""
+    return modal.vectors is None or (
+        basis.strong_dampers is None and trusted(modal, modal.shapes.T @ basis.equations.B, w)
+    )
 
 
 def _general(basis: Basis, modal: General, w: Array) -> Complex:

@@ -1,13 +1,11 @@
 """Figures of step responses: rise time, settling time, overshoot, peak.
 
 With distinct poles the response to a unit step is y(t) = G(0) + sum over k of R_k exp(lambda_k t), R_k the residue of
-G(s) / s at lambda_k. The sum tells until when to look, and how closely: a term that has decayed below a small share of
-the band asks for no samples any more.
+G(s) / s at lambda_k. Largest values and crossings are those of the sum at all times (``decaying_sum``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -18,38 +16,34 @@ from mbsvib.common.display import Displayed
 from mbsvib.common.units import pretty, ratio
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.groups import linked_items
+from mbsvib.responses.decaying_sum import DecayingSum
+from mbsvib.responses.frequency_response import zero_responses
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
 
-    Step = Callable[[Array], Array]
-
 # Rise is from the first to the second share of the final value.
 RISE = (0.1, 0.9)
-# Responses are looked at until they are within this share of the final value, or within the band if that is less.
-CLOSE = 0.02
-# Samples of a period of the fastest term that counts, and the share of the band from which on a term counts.
-PER_PERIOD, COUNTS = 32, 1e-3
-# Samples of one response at most: some ten thousand periods of a vibration.
-MOST_SAMPLES = 4_000_000
+# Less overshoot, as a share of the final value, is none: whether a response ends at it or beyond.
+NO_OVERSHOOT = 1e-7
 # A final value below this share of the largest one is zero but for rounding.
 ZERO_FINAL = 1e-11
 # Condition of the eigenvectors of balanced equations up to which the sum has seven digits: a double pole makes it 1e8,
 # or infinite, in which case its two values are moved apart by this share of it; a triple pole makes it larger.
 WORST_CONDITION, APART = 1e9, 1e-7
-# Halvings of an interval between samples.
-HALVINGS = 50
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StepInfo(Displayed):
     """How outputs follow a step of one unit of each input, from rest; arrays are (outputs, inputs).
 
-    ``final`` is the value in the end and ``peak`` the largest magnitude, ``peak_time`` [s] when it occurs.
+    ``final`` is the value in the end and ``peak`` the largest magnitude, ``peak_time`` [s] when it occurs, infinite
+    where it is the final value.
     ``rise_time`` [s] is that from 10 % to 90 % of the final value, ``settling_time`` [s] the time after which the
     response stays within a ``band`` (share) around the final value. ``overshoot`` [%] is how far the response goes
     beyond the final value, ``undershoot`` [%] how far to the other side of zero. Where the final value is zero the band
-    is a share of the peak, and rise time, overshoot and undershoot are NaN.
+    is a share of the peak, and rise time, overshoot and undershoot are NaN. A response that is zero but for rounding of
+    the model's numbers has 0 as final value, peak and settling time.
     """
 
     name: str
@@ -106,6 +100,8 @@ def step_info(linear: Any, band: float = 0.02) -> StepInfo:
     residues = _residues(space, values, vectors)
     final = np.asarray(linear.frequency_response([0.0])[:, :, 0].real)
     shape = final.shape
+    zero = zero_responses(linear.basis) if linear.kind == "system" else np.zeros(shape, dtype=bool)
+    final, residues = np.where(zero, 0.0, final), np.where(zero, 0.0, residues)
     result = np.array([_figures(linear.name, float(final[i, j]), residues[:, i, j], values, band)
                        for i, j in np.ndindex(shape)]).reshape(*shape, 6)  # fmt: skip
     rise, settling, over, under, peak, peak_time = np.moveaxis(result, 2, 0)
@@ -150,89 +146,21 @@ def _residues(space: Any, values: Complex, vectors: Complex) -> Complex:
     return np.asarray(np.einsum("ok,ki->koi", space.C @ vectors, left) / values[:, None, None])
 
 
-def _figures(
-    name: str, final: float, residues: Complex, values: Complex, band: float
-) -> tuple[float, float, float, float, float, float]:
+def _figures(name: str, final: float, residues: Complex, values: Complex, band: float) -> tuple[float, ...]:
     """Rise time, settling time, overshoot, undershoot, peak and its time of one response."""
-    start = final + float(residues.sum().real)
-    terms = np.abs(residues).sum()
+    start, terms = final + float(residues.sum().real), float(np.abs(residues).sum())
     if terms <= ZERO_FINAL * max(abs(final), abs(start)):  # a step at once
         return (0.0, 0.0, 0.0, 0.0, abs(final), 0.0) if final else (np.nan, 0.0, np.nan, np.nan, 0.0, 0.0)
-
-    def response(t: Array) -> Array:
-        return final + np.asarray((np.exp(np.multiply.outer(t, values)) @ residues).real)
-
-    largest = float(np.abs(response(_samples(name, residues, values, 0.1 * terms))).max())
-    zero = abs(final) <= ZERO_FINAL * max(largest, terms)
-    reference = largest if zero else abs(final)
-    t = _samples(name, residues, values, min(band, CLOSE) * reference)
-    y = np.concatenate([response(part) for part in np.array_split(t, max(1, t.size * len(values) // 1_000_000))])
-    outside = np.flatnonzero(np.abs(y - final) > band * reference)
-    settling = 0.0 if not outside.size else _crossing(
-        lambda x: band * reference - np.abs(response(x) - final), t[outside[-1]], t[min(outside[-1] + 1, len(t) - 1)])
-    at = _top(lambda x: np.abs(response(x)), t, np.abs(y))
-    peak = float(np.abs(response(np.array([at])))[0])
-    if zero:
-        return np.nan, settling, np.nan, np.nan, peak, at
-    sign = np.sign(final)
-    highest = float(sign * response(np.array([_top(lambda x: sign * response(x), t, sign * y)]))[0])
-    lowest = float(sign * response(np.array([_top(lambda x: -sign * response(x), t, -sign * y)]))[0])
-    low, high = (_first(response, share * final, t, y) for share in RISE)
-    return (high - low, settling, max(0.0, 100.0 * (highest / abs(final) - 1.0)),
-            max(0.0, -100.0 * lowest / abs(final)), peak, at)  # fmt: skip
-
-
-def _samples(name: str, residues: Complex, values: Complex, level: float) -> Array:
-    """Times that resolve every term as long as it exceeds a share of a level, until all of them together are half of
-    the level.
-    """
-    size, rate = np.abs(residues), -values.real
-    used = size > COUNTS * level
-    last = np.zeros(len(size))
-    last[used] = np.log(size[used] * len(size) / (0.5 * COUNTS * level)) / rate[used]
-    times, start = [np.zeros(1)], 0.0
-    for end in np.unique(last[used]):
-        step = 2.0 * np.pi / (PER_PERIOD * np.abs(values[used & (last >= end)]).max())
-        count = int(np.ceil((end - start) / step))
-        if sum(map(len, times)) + count > MOST_SAMPLES:
-            slow = values[used & (last >= end)]
-            worst = slow[np.argmax(np.abs(slow) / -slow.real)]
-            raise ResponseError(
-                f"step_info: '{name}' vibrates at {abs(worst) / (2.0 * np.pi):.4g} Hz with a damping ratio of "
-                f"{-worst.real / abs(worst):.1e}: it takes more than {MOST_SAMPLES:,} samples until it has settled."
-            )
-        times.append(np.linspace(start, end, count + 1)[1:])
-        start = float(end)
-    return np.concatenate(times)
-
-
-def _crossing(function: Step, low: float, high: float) -> float:
-    """Where a function crosses zero between two times."""
-    below = bool(function(np.array([low]))[0] < 0.0)
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        if bool(function(np.array([middle]))[0] < 0.0) == below:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
-
-
-def _first(response: Step, level: float, t: Array, values: Array) -> float:
-    """When a response first reaches a level that is not zero."""
-    sign = np.sign(level)
-    above = int(np.argmax(sign * values >= abs(level)))
-    if above == 0:
-        return float(t[0])
-    return _crossing(lambda x: sign * (response(x) - level), float(t[above - 1]), float(t[above]))
-
-
-def _top(function: Step, t: Array, values: Array) -> float:
-    """Where a function is largest, between the neighbours of its largest sample."""
-    k = int(np.argmax(values))
-    low, high = float(t[max(k - 1, 0)]), float(t[min(k + 1, len(t) - 1)])
-    for _ in range(6):
-        x = np.linspace(low, high, 33)
-        best = int(np.argmax(function(x)))
-        low, high = float(x[max(best - 1, 0)]), float(x[min(best + 1, 32)])
-    return float(x[best])
+    motion = DecayingSum(name, residues, values)
+    if abs(final) <= ZERO_FINAL * terms:
+        peak, at = max(motion.highest(sign, ZERO_FINAL * terms) for sign in (1.0, -1.0))
+        if peak <= 0.0:  # terms that cancel at all times
+            return np.nan, 0.0, np.nan, np.nan, 0.0, 0.0
+        return np.nan, motion.last(band * peak), np.nan, np.nan, peak, at
+    sign, size = float(np.sign(final)), abs(final)
+    over, at = motion.highest(sign, max(NO_OVERSHOOT * size, ZERO_FINAL * terms))
+    under, at_under = motion.highest(-sign, size)
+    low, high = (motion.first((share - 1.0) * size, sign) for share in RISE)
+    peak, at = max((size + max(0.0, over), at), (under - size, at_under))
+    return (high - low, motion.last(band * size), max(0.0, 100.0 * over / size), max(0.0, 100.0 * (under / size - 1.0)),
+            peak, at)  # fmt: skip

@@ -17,7 +17,7 @@ import numpy as np
 
 from mbsvib.errors import AccuracyWarning
 from mbsvib.linalg.products import product
-from mbsvib.linalg.rank import EPS
+from mbsvib.linalg.rank import EPS, ZERO_RESPONSE
 from mbsvib.responses.refined import Factors, Refined, refined
 from mbsvib.responses.rounding import differentiated
 
@@ -72,6 +72,15 @@ def recomputed(basis: Basis, modal: Damped, w: Array, responses: tuple[Complex, 
     result.imag[:, :, w == 0.0] = 0.0
     _warn(system, w, failed)
     return result
+
+
+def vanishing(basis: Basis, modal: Damped, w: Array, value: Complex, solver: Solver) -> Bools:
+    """Return which responses (outputs, inputs) have no digit that the numbers of the model determine.
+
+    ``value`` (outputs, inputs, n): responses at frequencies ``w`` (n,) [rad/s], none negative.
+    """
+    changes = basis.rounding_changes[1].at(w, _motions(basis, modal, w, solver(w)))
+    return np.asarray((np.abs(value) <= ZERO_RESPONSE * changes).all(axis=2))
 
 
 def _entries(basis: Basis, modal: Damped, w: Array, responses: tuple[Complex, bool], solver: Solver) -> Bools:

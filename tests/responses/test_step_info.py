@@ -5,9 +5,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import block_diag
+from scipy.optimize import brentq
 
 import mbsvib as mv
 from mbsvib import library
+from mbsvib.responses import decaying_sum
+from mbsvib.responses.decaying_sum import DecayingSum
 
 
 def slider(damping, stiffness=100.0, quantity="displacement"):
@@ -92,7 +95,7 @@ def test_ports_and_table():
     system = library.stewart_isolator(ports="platform").linearize()
     info = system.step_info(["z", "x"], "F*")
     assert info.final.shape == (2, 3)
-    assert_allclose(info.final, system.frequency_response([0.0], ["z", "x"], "F*")[:, :, 0].real)
+    assert_allclose(info.final, system.frequency_response([0.0], ["z", "x"], "F*")[:, :, 0].real, atol=1e-18)
     alone = system["x", "Fx"].step_info()
     assert_allclose(alone.settling_time[0, 0], info.settling_time[1, 0], rtol=1e-9)
     text = str(info)
@@ -100,7 +103,7 @@ def test_ports_and_table():
         assert word in text
 
 
-def test_what_does_not_settle_is_refused():
+def test_what_does_not_settle_is_refused(monkeypatch):
     with pytest.raises(mv.ResponseError, match="has the pole 0 1/s, which does not decay"):
         mv.StateSpace.from_arrays([[0.0]], [[1]], [[1]], 0).step_info()
     free = mv.Model("free")                                              # two poles at 0: they coincide as well
@@ -111,8 +114,11 @@ def test_what_does_not_settle_is_refused():
         free.linearize().step_info()
     with pytest.raises(mv.ResponseError, match="which does not decay"):
         slider(0.0).step_info()
-    with pytest.raises(mv.ResponseError, match=r"damping ratio of 1\.0e-09: it takes more than"):
-        slider(20e-9).step_info()
+    modes = [np.sqrt(k) * np.array([[-1e-9, 1.0], [-1.0, -1e-9]]) for k in (2, 3, 5, 7, 11, 13)]  # which beat for ever
+    beating = mv.StateSpace.from_arrays(block_diag(*modes), np.tile([[0.0], [1.0]], (6, 1)), [[1.0, 0.0] * 6], 0)
+    monkeypatch.setattr(decaying_sum, "MOST_SAMPLES", 50_000)
+    with pytest.raises(mv.ResponseError, match=r"damping ratio of 1\.0e-09: it takes more than 50,000"):
+        beating.step_info()
     with pytest.raises(mv.ResponseError, match=r"band = 2\.0; expected a share"):
         slider(1.0).step_info(band=2.0)
     with pytest.raises(mv.ResponseError, match="coincide"):
@@ -136,3 +142,84 @@ def test_double_poles_beside_others():
     settling = np.diag(mv.StateSpace.from_arrays(a, b, c, 0).step_info().settling_time)
     assert_allclose((1.0 + 2.0 * settling[0]) * np.exp(-2.0 * settling[0]), 0.02, rtol=1e-6)
     assert_allclose(settling[1:], np.log(50.0) / [2.0, 2.0, 5.0, 5.00005], rtol=2e-7)
+
+
+@pytest.mark.parametrize("beyond", [1e-2, 1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize("swing", [3, 8, 21])
+def test_an_excursion_between_samples_counts_for_the_settling_time(swing, beyond):
+    """Swing number n ends at exp(-n pi z / sqrt(1 - z^2)): a band a little below it is left once more."""
+    ratio = 0.05
+    damped = 10.0 * np.sqrt(1.0 - ratio**2)
+    band = float(np.exp(-np.pi * swing * 10.0 * ratio / damped)) * (1.0 - beyond)
+
+    def off(t):
+        return np.exp(-10.0 * ratio * t) * np.cos(damped * t - np.arcsin(ratio)) / np.sqrt(1.0 - ratio**2)
+
+    top = np.pi * swing / damped
+    exact = brentq(lambda t: abs(off(t)) - band, top, top + 0.5 * np.pi / damped, xtol=1e-15)
+    assert_allclose(slider(20.0 * ratio).step_info(band=band).settling_time, exact, rtol=1e-9)
+    above = float(np.exp(-np.pi * swing * 10.0 * ratio / damped)) * (1.0 + beyond)
+    assert slider(20.0 * ratio).step_info(band=above).settling_time[0, 0] < top - 0.5 * np.pi / damped
+
+
+def test_a_vibration_of_a_billion_periods():
+    """The envelope tells where to look for the last excursion: no samples until then."""
+    info = slider(20e-9).step_info()
+    assert_allclose(info.settling_time, np.log(50.0) / 1e-8, rtol=1e-7)
+    assert_allclose(info.overshoot, 100.0, rtol=1e-7)
+
+
+def test_an_overshoot_after_all_terms_are_within_the_band():
+    """y = 1 - 0.02 exp(-t) + 0.008 exp(-0.1 t) starts at 0.988, by feedthrough, and never leaves the band of 2 %."""
+    space = mv.StateSpace.from_arrays(np.diag([-1.0, -0.1]), [[1.0], [1.0]], [[0.02, -0.0008]], 0.988)
+    info = space.step_info()
+    at = np.log(25.0) / 0.9
+    assert_allclose(info.final, 1.0, rtol=1e-12)
+    assert_allclose(info.settling_time, 0.0)
+    assert_allclose(info.overshoot, 100.0 * (0.008 * np.exp(-0.1 * at) - 0.02 * np.exp(-at)), rtol=1e-9)
+    assert_allclose(info.peak_time, at, rtol=1e-9)
+
+
+def test_a_response_that_only_approaches_its_final_value():
+    info = mv.StateSpace.from_arrays([[-2.0]], [[2.0]], [[-3.0]], 0).step_info()
+    assert_allclose([info.final, info.peak], [[[-3.0]], [[3.0]]])
+    assert np.isinf(info.peak_time).all()
+    assert_allclose([info.overshoot, info.undershoot], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_sums_against_a_dense_grid(seed):
+    rng = np.random.default_rng(seed)
+    values = -np.exp(rng.uniform(-2, 1, 5)) + 1j * rng.uniform(0, 30, 5) * (rng.random(5) < 0.8)
+    residues = rng.normal(size=5) + 1j * rng.normal(size=5)
+    if seed % 3 == 2:  # neighbours whose terms cancel
+        values[1], residues[1] = values[0] * (1.0 + 1e-6), -residues[0] * (1.0 - 1e-7)
+    motion = DecayingSum("sum", residues, values)
+    level = 0.03 * motion.envelope(0.0) if seed % 3 < 2 else 1e-2
+    t = np.linspace(0.0, motion.until(1e-3 * level), 400_001)
+    f = motion.at(t)
+    step = t[1]
+    outside = t[np.abs(f) > level]
+    assert outside[-1] - 1e-12 <= motion.last(level) <= outside[-1] + step
+    for sign in (1.0, -1.0):
+        top, at = motion.highest(sign, 1e-6 * level)
+        if np.isinf(at):
+            assert (sign * f).max() <= 1e-6 * level
+            continue
+        assert sign * f[np.argmax(sign * f)] <= top * (1.0 + 1e-12)
+        assert_allclose(sign * motion.at(np.array([at])), top, rtol=1e-9)
+        assert abs(at - t[np.argmax(sign * f)]) <= step
+    late = np.array([motion.envelope(time) for time in t[::4000]])
+    largest = np.maximum.accumulate(np.abs(f)[::-1])[::-1][::4000]
+    assert (largest <= late * (1.0 + 1e-12)).all()
+
+
+def test_outputs_that_feel_nothing():
+    """Forces that symmetry makes zero are 1e-17 N: no overshoot of them is told."""
+    system = library.stewart_isolator(ports="platform").linearize()
+    alone = system["z", "Fx"]  # without others to compare with
+    assert 0.0 < np.abs(alone.frequency_response([100.0])).max() < 1e-15
+    info = alone.step_info()
+    for value in (info.final, info.peak, info.settling_time):
+        assert (value == 0.0).all()
+    assert np.isnan([info.overshoot, info.rise_time]).all()
