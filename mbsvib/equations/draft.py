@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Separation
+    from mbsvib.equations.reactions import Reactions
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.self_stress import Undetermined
     from mbsvib.equations.statics import Statics
@@ -29,7 +30,8 @@ class Draft:
 
     ``scene`` has the arrays of the expanded ``model``. ``relative`` are its relative displacements, ``phi`` the rows of
     loop constraints, ``reduction`` the minimal coordinates. ``minimal`` are the numbers of these among the joint
-    coordinates, ``independent`` names that the user requires among them. If ``checked``, a pose that is not in balance
+    coordinates, ``independent`` names that the user requires among them. ``reactions`` is the map from wrenches on
+    bodies to those in joints, None until a step needs it. If ``checked``, a pose that is not in balance
     is refused.
     """
 
@@ -44,6 +46,7 @@ class Draft:
     checked: bool = True
     statics: Statics | None = None
     undetermined: tuple[Undetermined, ...] = ()
+    reactions: Reactions | None = None
     separation: Separation | None = None
 
     @property

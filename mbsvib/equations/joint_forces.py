@@ -57,8 +57,9 @@ def with_joint_forces(draft: Draft) -> Draft:
     model, scene, relative, reduction = draft.model, draft.scene, draft.relative, draft.reduction
     terms, statics = draft.terms, draft.statics
     position = np.concatenate((scene.position, np.zeros((1, 3)))).T
-    paths = force_paths(scene.topology, position)
-    to_joints = reactions(paths, scene.coordinates, scene.cuts, reduction, draft.phi)
+    to_joints = draft.reactions or reactions(force_paths(scene.topology, position), scene.coordinates, scene.cuts,
+                                             reduction, draft.phi)  # fmt: skip
+    paths = to_joints.paths
     body_motion = np.concatenate((terms.body_motion, np.zeros((1, *terms.body_motion.shape[1:]))))
     motion = _Motion(body_motion[:, :3].transpose(1, 0, 2), body_motion[:, 3:].transpose(1, 0, 2), position)
     elastic, damping, inerters = _spring_wrenches(scene, relative, reduction, position)

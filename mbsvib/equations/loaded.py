@@ -118,7 +118,7 @@ def with_loads(draft: Draft) -> Draft:
     used = (stiffness * rows.any(axis=1)).nonzero()[0]
     terms = terms.with_rows(rows.take(used, axis=0), stiffness.take(used), len(scene.owners) + owner.take(used))
     terms = terms.with_antisymmetric(None, antisymmetric(contribution.circulatory, displacements))
-    return replace(draft, terms=terms, statics=statics, undetermined=statics.undetermined)
+    return replace(draft, terms=terms, statics=statics, undetermined=statics.undetermined, reactions=to_joints)
 
 
 def _without_effect(rows: Array, stiffness: Array, forces: AppliedForces, pairs: WrenchPairs, motion: Array) -> Mask:

@@ -12,6 +12,9 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Index
 
+# Up to so many items and links, plain Python takes less time than the set-up of a sparse matrix.
+FEW = 500
+
 
 def items_of_groups(count: Index) -> tuple[Index, Index]:
     """Return the group and the number within it of every item, for groups of ``count`` items."""
@@ -38,12 +41,33 @@ def part_numbers(links: NDArray[np.bool_] | spmatrix | sparray, strong: bool = F
 
 
 def connected_parts(row: Index, column: Index, shape: tuple[int, int]) -> tuple[Index, Index]:
-    """Return the number of the connected part of each row and of each column of a matrix, by its nonzero entries."""
+    """Return the number of the connected part of each row and of each column of a matrix, by its nonzero entries.
+
+    Parts are numbered in the order of their first row or column, rows first.
+    """
+    rows, size = shape[0], sum(shape)
+    if size + len(row) <= FEW:
+        part = _few_parts(row.tolist(), (rows + column).tolist(), size)
+        return part[:rows], part[rows:]
     from scipy.sparse import csr_matrix
 
-    rows, size = shape[0], sum(shape)
     part = part_numbers(csr_matrix((np.ones(len(row), dtype=bool), (row, rows + column)), shape=(size, size)))
     return part[:rows], part[rows:]
+
+
+def _few_parts(first: list[int], second: list[int], size: int) -> Index:
+    """The number of the connected part of each of ``size`` items, of which pairs are linked."""
+    parent = list(range(size))
+
+    def root(item: int) -> int:
+        while parent[item] != item:
+            parent[item] = item = parent[parent[item]]
+        return item
+
+    for a, b in zip(first, second, strict=True):
+        parent[root(b)] = root(a)
+    number: dict[int, int] = {}
+    return np.array([number.setdefault(root(item), len(number)) for item in range(size)], dtype=np.intp)
 
 
 def linked_items(links: NDArray[np.bool_]) -> list[Index]:

@@ -47,9 +47,11 @@ def classical_damping(system: Equations, basis: Undamped, follows_stiffness: boo
     return COMMUTES, gamma.diagonal().copy()
 
 
-def proportional(system: Equations) -> bool:
-    """Return whether every damping is the same multiple of its stiffness (or all zero); this needs no modes."""
-    c, k = system.row_damping, system.row_stiffness
+def proportional(c: Array, k: Array) -> bool:
+    """Return whether every damping is the same multiple of its stiffness (or all zero), which needs no modes.
+
+    ``c``, ``k`` (rows,): damping and stiffness of the elastic rows.
+    """
     if not np.count_nonzero(c):
         return True
     if np.count_nonzero(k) < len(k):

@@ -335,7 +335,7 @@ def modes(system: Equations, rtol: float = RTOL, clean: bool = True, form: type[
     """
     if is_general(system):
         return _without_symmetry(system, rtol, form)
-    follows_stiffness = proportional(system)
+    follows_stiffness = proportional(system.row_damping, system.row_stiffness)
     basis = undamped(system, rtol, clean, coupled=not follows_stiffness)
     result = damped(system, basis, rtol, follows_stiffness)
     if result is None:

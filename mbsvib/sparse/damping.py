@@ -15,6 +15,7 @@ import numpy as np
 
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.modes import modes as dense_modes
+from mbsvib.modes.classical import proportional
 from mbsvib.sparse.galerkin import CONVERGED, ROUNDS, eigenvectors, of_all_eigenvalues, parts, truncation
 from mbsvib.sparse.reduction import RTOL, reduced
 
@@ -39,7 +40,7 @@ def decoupled(space: Subspace, result: Modes, z: Array) -> bool:
     ``result``: modes of the projected small system, of which each eigenvalue and shape is put into the full equations.
     """
     t, system = space.operator, space.operator.system
-    if not system.row_damping.any():
+    if proportional(system.row_damping, system.row_stiffness):  # C is a multiple of K, row by row
         return True
     damped_rows = system.elastic_rows[system.row_damping != 0.0]
     rigid = z[:, : result.rigid]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib.equations.self_stress import of_loops
 from tests.couplers.test_couplers import PARALLEL, four_bar, shafts
 from tests.loads.test_joint_forces import with_all_joint_forces
 from tests.support import overconstrained
@@ -189,6 +190,14 @@ def test_joints_that_lock_nothing_make_no_difference(method):
     else:
         expected = model.linearize(method="dense").frequency_response([2.0])
         np.testing.assert_allclose(result[0], expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+def test_states_of_self_stress_are_found_once(monkeypatch):
+    model, found = with_all_joint_forces(mv.library.four_bar()), []
+    monkeypatch.setattr("mbsvib.equations.reactions.of_loops",
+                        lambda *scene: found.append(of_loops(*scene)) or found[-1])  # fmt: skip
+    assert model.linearize().redundant
+    assert [len(states) for states in found] == [1]
 
 
 def test_units_make_no_difference():

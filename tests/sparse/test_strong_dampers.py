@@ -30,3 +30,18 @@ def test_the_slowest_modes_are_those_of_dense_equations(dampers, seed):
     np.testing.assert_allclose(modes.pairs, dense.pairs[:4], rtol=1e-10)
     assert modes.errors.max() < 1e-11
     assert modes.missed in (0, None)
+
+
+def test_damping_proportional_to_stiffness_needs_no_solves(monkeypatch):
+    """Row by row the same multiple of K: the undamped modes are those of the damped chain."""
+    def refuse(*_):
+        raise AssertionError("solved")
+
+    monkeypatch.setattr("mbsvib.sparse.damping._kinetic", refuse)
+    model = mv.library.chain(400)
+    sparse, dense = model.linearize(method="sparse").modes(6), model.linearize(method="dense").modes()
+    assert sparse.classical == "damping proportional to stiffness"
+    np.testing.assert_allclose(sparse.eigenvalues, dense.eigenvalues[:12], rtol=1e-12)
+    uneven = model.with_values({"spring1.damping.*": 0.0})
+    with pytest.raises(AssertionError, match="solved"):
+        uneven.linearize(method="sparse").modes(6)
