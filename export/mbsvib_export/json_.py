@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import os
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.common.atomic_file import write_atomic
-from mbsvib.common.file_content import content_of
+from mbsvib.common.file_content import ContentError, content_of
+from mbsvib.common.json_content import read_json_content
 from mbsvib.errors import ExportError
 from mbsvib_export.format_version import FORMAT, SPACE_FORMAT, VERSION
 from mbsvib_export.json_reading import data_in
@@ -90,13 +91,11 @@ def from_json(source: str | os.PathLike[str] | Mapping[str, Any]) -> SystemData 
     is_text = isinstance(source, str) and source.lstrip()[:1] == "{"
     where = "from_json" if is_text else os.fspath(source)
     try:
-        text = source if is_text else content_of(source, ExportError, "a file of to_json").decode("utf-8-sig")
-        return data_in(json.loads(str(text), parse_constant=_refuse_constant, object_pairs_hook=_without_duplicates))
-    except json.JSONDecodeError as error:
-        raise ExportError(f"{where}: line {error.lineno}, column {error.colno}: {error.msg}; expected JSON as to_json "
-                          f"writes it. The file is damaged or of another kind: write it again.") from error  # fmt: skip
-    except (ValueError, RecursionError) as error:
-        raise ExportError(f"{where}: no JSON that can be read ({error}); expected a file of to_json.") from error
+        return data_in(read_json_content(str(source) if is_text else content_of(source, ExportError,
+                                                                                "a file of to_json")))  # fmt: skip
+    except ContentError as error:
+        raise ExportError(f"{where}: {error}; expected JSON as to_json writes it. The file is damaged or of another "
+                          f"kind: write it again.") from error  # fmt: skip
     except ExportError as error:
         raise ExportError(str(error) if str(error).startswith(where) else f"{where}: {error}") from error
 
@@ -158,17 +157,3 @@ def _text(value: Any, indent: str = "") -> str:
 def _line(value: Any, indent: str) -> str:
     plain = not isinstance(value, (dict, list))
     return json.dumps(value, ensure_ascii=False) if plain else _text(value, indent)
-
-
-def _refuse_constant(word: str) -> NoReturn:
-    raise ExportError(f"{word} is not a number; expected finite numbers only.")
-
-
-def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    result = dict(pairs)
-    if len(result) < len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for key in keys if keys.count(key) > 1)
-        raise ExportError(f"the key '{twice}' is there twice in one object; each key can be there only once. Remove "
-                          f"one.")  # fmt: skip
-    return result

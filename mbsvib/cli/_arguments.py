@@ -6,6 +6,8 @@ from argparse import ArgumentTypeError
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
+from mbsvib.common.number_text import integer, real
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -62,17 +64,17 @@ def flag(name: str, to: str, words: str) -> Argument:
 def number(text: str) -> float:
     """Return a number."""
     try:
-        return float(text)
+        return real(text)
     except ValueError:
-        raise ArgumentTypeError(f"expected a number, such as 0.5 or 1e-3, and not '{text}'") from None
+        raise ArgumentTypeError(f"expected a number, such as 0.5 or 1e-3, and not '{text[:40]}'") from None
 
 
 def whole_number(text: str) -> int:
     """Return an integer."""
     try:
-        return int(text)
+        return integer(text)
     except ValueError:
-        raise ArgumentTypeError(f"expected a whole number, such as 3, and not '{text}'") from None
+        raise ArgumentTypeError(f"expected a whole number, such as 3, and not '{text[:40]}'") from None
 
 
 MODEL = positional("model", "MODEL", "Model file, or name of a built-in model.", completes="model")

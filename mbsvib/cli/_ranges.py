@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mbsvib.cli._shell import UsageProblem
+from mbsvib.common.number_text import integer, real
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,12 +19,12 @@ def range_of(text: str, option: str, example: str, log: bool = False) -> tuple[s
     expected = f"'{text}': expected {option}=FROM:TO or {option}=FROM:TO:COUNT, such as {example}."
     name, _, words = text.partition("=")
     try:
-        first, last, *more = [float(word) for word in words.split(":")]
-        count = int(more[0]) if more else 11
+        first, last, *more = words.split(":")
+        start, end, count = real(first), real(last), integer(more[0]) if more else 11
     except ValueError:
         raise UsageProblem(expected) from None
     if len(more) > 1 or count < 2 or not name:
         raise UsageProblem(expected)
-    if log and not (first > 0.0 and last > 0.0):
+    if log and min(start, end) <= 0.0:
         raise UsageProblem(f"'{text}': --log needs positive ends; leave --log out, or give others.")
-    return name, np.geomspace(first, last, count) if log else np.linspace(first, last, count)
+    return name, np.geomspace(start, end, count) if log else np.linspace(start, end, count)

@@ -59,7 +59,7 @@ def shown(value: Any) -> str:
 def number(value: Any, who: str, field: str, expected: str = "a finite number") -> float:
     """Return ``value`` as a finite float."""
     if type(value) is not float:
-        if isinstance(value, (str, bool, complex)) or value is None:
+        if isinstance(value, (str, bytes, bool, complex)) or value is None:
             raise refuse(who, field, value, expected)
         try:
             value = float(value)
@@ -91,6 +91,8 @@ def numbers(value: Any, sizes: tuple[int, ...], who: str, field: str, expected: 
     """Return ``value`` as a tuple of finite floats whose length is one of ``sizes``."""
     items = listed(value, who, field, expected)
     if len(items) not in sizes:
+        raise refuse(who, field, value, expected)
+    if any(type(item) is not float and isinstance(item, (str, bytes, bool)) for item in items):
         raise refuse(who, field, value, expected)
     try:
         result = tuple(map(float, items))

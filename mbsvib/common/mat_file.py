@@ -1,5 +1,7 @@
 """MATLAB's .mat files of level 5 (-v6, -v7): every size is compared with the bytes that are there before it is used.
 
+Those of level 4 (-v4) are left to scipy.
+
 Elements are a tag (type, bytes) and data, filled up to eight bytes; an array is an element of elements: flags,
 dimensions, name, then numbers or further arrays.
 
@@ -10,12 +12,13 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass
+from io import BytesIO
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.common.file_content import LARGEST_UNPACKED, ContentError, check_dense, check_shape
+from mbsvib.common.file_content import LARGEST_UNPACKED, ContentError, check_dense, check_shape, shortened
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -36,12 +39,14 @@ _HEAD = 1024
 
 
 def read_mat_file(raw: bytes, names: Collection[str] | None = None) -> dict[str, Any]:
-    """Return variables of a .mat file of level 5.
+    """Return variables of a .mat file of level 5 or 4.
 
-    ``names``: variables to read; others are only counted. Default: all. Returns numbers as arrays, sparse ones dense;
-    texts as str (tuples of str for several rows), cells as arrays of objects, structs of one element as dicts. A
-    variable that was not asked for is None.
+    ``names``: variables to read; of level 5 others are only counted. Default: all. Returns numbers as arrays, sparse
+    ones dense; texts as str (tuples of str for several rows), cells as arrays of objects, structs of one element as
+    dicts. A variable that was not asked for is None.
     """
+    if 0 in raw[:4]:
+        return _level_4(raw)
     if len(raw) < HEADER or raw[126:128] not in (b"IM", b"MI"):
         raise ContentError("no MATLAB file of level 5")
     reader = _Reader("<" if raw[126:128] == b"IM" else ">", len(raw))
@@ -71,6 +76,24 @@ def read_mat_file(raw: bytes, names: Collection[str] | None = None) -> dict[str,
             data = inner[0][1]
         result[name] = reader.array(data, name, 0)
     return result
+
+
+def _level_4(raw: bytes) -> dict[str, Any]:
+    """Return the variables of a file of level 4, which scipy reads; sparse ones dense."""
+    from scipy.io import loadmat
+
+    try:
+        content: dict[str, Any] = loadmat(BytesIO(raw))
+        for name, value in content.items():
+            if hasattr(value, "toarray"):
+                rows, columns = value.shape
+                check_dense(rows, columns, len(raw), name)
+                content[name] = value.toarray()
+    except ContentError:
+        raise
+    except Exception as error:  # the reader has no errors of its own
+        raise ContentError(shortened(error)) from error
+    return content
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common.dmig_cards import read_dmig_cards
-from mbsvib.common.file_content import ContentError, check_dense, content_of, shortened
+from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.common.mat_file import read_mat_file
 from mbsvib.common.op4_file import read_op4_file
 from mbsvib.errors import ModelError
@@ -88,7 +87,7 @@ def read_mat(path: str | PathLike[str], M: str = "M", K: str = "K", C: str | Non
     ModelError
         If the file cannot be read or has no such matrix.
     """
-    return _read(path, lambda raw, names: _level_4(raw) if 0 in raw[:4] else read_mat_file(raw, names), (M, K, C),
+    return _read(path, read_mat_file, (M, K, C),
                  "a MATLAB file", "Save it with version -v7.")  # fmt: skip
 
 
@@ -103,23 +102,6 @@ def _read(
     except ContentError as error:
         raise ModelError(f"{path}: cannot be read as {what}: {error}. {advice}", element=str(path)) from error
     return _reduced(path, content, *matrices)
-
-
-def _level_4(raw: bytes) -> dict[str, Any]:
-    from scipy.io import loadmat
-
-    try:
-        content: dict[str, Any] = loadmat(BytesIO(raw))
-        for name, value in content.items():
-            if hasattr(value, "toarray"):
-                rows, columns = value.shape
-                check_dense(rows, columns, len(raw), name)
-                content[name] = value.toarray()
-    except ContentError:
-        raise
-    except Exception as error:  # the reader has no errors of its own
-        raise ContentError(shortened(error)) from error
-    return content
 
 
 def read_op4(path: str | PathLike[str], M: str = "MAA", K: str = "KAA", C: str | None = None) -> Reduced:

@@ -57,7 +57,7 @@ _HOMES = {
 }  # fmt: skip
 _FAMILIES = {"C": "chain", "T": "tree", "L": "ladder"}
 # the chapter's rule: family, number of bodies or layers, joint, F, number of spring-dampers at every joint
-_CHAPTER_NAME = re.compile(r"([CTL])([1-9]\d*)([RPCS])F(\d+)")
+_CHAPTER_NAME = re.compile(r"([CTL])([1-9][0-9]{0,8})([RPCS])F([0-9]{1,8})")
 
 _DESCRIPTIONS = {
     "chain": "10 bodies in line on revolute joints (C10RF1), 10 DOF",

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from mbsvib.common import arguments as check
+from mbsvib.common.expected import reals
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def signals(inputs: Any, names: tuple[str, ...], t: Array) -> Signals:
 
 def _samples(value: Any, name: str, t: Array) -> Array:
     who, expected = "simulate", f"a number, {len(t)} samples, one for each time, or a function of t"
-    array = np.asarray(value, dtype=float) if np.ndim(value) <= 1 else np.zeros((0, 0))
+    array = reals(value, who, f"inputs['{name}']", expected, ModelError)
     if array.ndim == 0:
         array = np.full(len(t), float(array))
     if array.shape != t.shape or not np.isfinite(array).all():

@@ -9,6 +9,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import a_model
+from mbsvib.common.number_text import real
 from mbsvib.errors import ModelError
 from mbsvib.mechanism.changes import resolved
 from mbsvib.studies.parameter_maps import started
@@ -47,7 +48,7 @@ def _tolerance(name: str, tolerance: Any, value: float) -> float:
     if isinstance(tolerance, str):
         text = tolerance.strip()
         try:
-            share = float(text.removesuffix("%")) / 100.0
+            share = real(text.removesuffix("%")) / 100.0
         except ValueError as error:
             raise check.refuse(f"tolerance of '{name}'", "value", tolerance, expected) from error
         if not text.endswith("%"):

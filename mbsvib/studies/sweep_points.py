@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.common.expected import reals
 from mbsvib.errors import ModelError, counted
 
 if TYPE_CHECKING:
@@ -61,10 +62,7 @@ def points(values: Mapping[str, Any], how: str) -> Points:
 
 def _values(name: str, value: Any) -> Array:
     expected = "a number or a list of finite numbers"
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise check.refuse("sweep", f"values['{name}']", value, expected) from error
+    array = reals(value, "sweep", f"values['{name}']", expected, ModelError).copy()
     if array.ndim > 1 or not array.size or not np.isfinite(array).all():
         raise check.refuse("sweep", f"values['{name}']", value, expected)
     array.setflags(write=False)

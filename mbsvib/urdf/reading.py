@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.file_content import ContentError, content_of
+from mbsvib.common.number_text import real
 from mbsvib.common.xml_file import read_xml
 from mbsvib.errors import ModelError, nearest
 
@@ -176,10 +177,10 @@ def _frame(element: ElementTree.Element | None, who: str) -> tuple[Array, Array]
 def _numbers(element: ElementTree.Element | None, key: str, default: str | None, count: int, who: str) -> Array:
     text = default if element is None else element.get(key, default)
     try:
-        values = np.array((text or "").split(), dtype=float)
+        values = np.array([real(word) for word in (text or "").split()])
     except ValueError:
         values = np.zeros(0)
-    if len(values) != count or not np.isfinite(values).all():
+    if len(values) != count:
         raise ModelError(f"{who}: {key} = {text!r}; expected {count} finite number{'s' if count > 1 else ''}.",
                          element=who, field=key)  # fmt: skip
     return values

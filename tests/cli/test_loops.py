@@ -1,13 +1,17 @@
 """``mbsvib loop`` and feedback of ``mbsvib isolation``: controllers of files, poles, margins, exit status."""
 
 import json
+from io import BytesIO
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.io import savemat
+from scipy.linalg import expm
 
 import mbsvib as mv
+import mbsvib_export as mx
 from mbsvib import isolation, library
 
 # u = -g x / (T s + 1) on the slider: m (T s + 1) s^2 + d ... in closed form below
@@ -82,11 +86,103 @@ def test_delay_needs_a_rate(files):
 
 
 def test_a_state_space_that_mbsvib_wrote(files, tmp_path):
-    """Its JSON has the state space in a field of its own, and signals with units."""
-    signals = {key: [{"name": name, "unit": "-"} for name in names] for key, names in NAMES.items()}
-    (tmp_path / "own.json").write_text(json.dumps({"format": "mbsvib-system", "state_space": LAW, **signals}))
-    assert files("loop slider.yaml own.json --json").stdout.replace("own", "law") == files(
-        "loop slider.yaml law.json --json").stdout
+    law = mv.StateSpace.from_arrays(*LAW.values(), **NAMES)
+    for suffix, write in ((".json", mx.to_json), (".npz", mx.to_npz), (".mat", mx.to_mat)):
+        write(law, tmp_path / f"own{suffix}")
+        assert files(f"loop slider.yaml own{suffix} --json").stdout.replace("own", "law") == files(
+            "loop slider.yaml law.json --json").stdout
+
+
+def discrete(period):
+    """Zero-order hold of the law, as another program would write it."""
+    pole = float(np.exp(-period / LAG))
+    return {"A": [[pole]], "B": [[1 - pole]], "C": [[GAIN]], "D": [[0.0]], "dt": period}
+
+
+def discrete_poles(period):
+    """z of slider and controller: both are exact with a zero-order hold, x' = A x + B u of the slider by expm."""
+    plant = np.array([[0.0, 1.0, 0.0], [-2500.0, -5.0, 0.5], [0.0, 0.0, 0.0]])
+    step = expm(plant * period)
+    law = discrete(period)
+    step[:, 2] *= law["C"][0][0]
+    step[2] = law["B"][0][0], 0.0, law["A"][0][0]
+    return np.linalg.eigvals(step)
+
+
+@pytest.mark.parametrize("suffix", [".json", ".npz", ".mat"])
+def test_a_discrete_controller_runs_at_its_sample_time(files, tmp_path, suffix):
+    """Its matrices were taken as those of continuous time: z = 0.9 as a pole of +0.9 1/s."""
+    period = 0.001
+    law, path = discrete(period), tmp_path / f"discrete{suffix}"
+    if suffix == ".json":
+        path.write_text(json.dumps(law | NAMES))
+    elif suffix == ".npz":
+        np.savez(path, **law, **NAMES)
+    else:
+        savemat(path, {key: value for key, value in law.items() if key != "dt"} | {"Ts": period})
+    result = files(f"loop slider.yaml {path.name} --json --sensor x --actuator F")
+    data = json.loads(result.stdout)
+    assert data["discrete"]
+    poles = np.array(data["poles"]["real"]) + 1j * np.array(data["poles"]["imag"])
+    found = np.exp(poles * period)
+    assert_allclose(np.sort_complex(found), np.sort_complex(discrete_poles(period)), rtol=1e-9)
+    assert files(f"loop slider.yaml {path.name} --json --sensor x --actuator F --rate 1000").stdout == result.stdout
+    wrong = files(f"loop slider.yaml {path.name} --sensor x --actuator F --rate 500")
+    assert (wrong.exit_code, "which is 1000 Hz" in wrong.stderr) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("extra", "words"),
+    [
+        ({"dt": True}, "without a sample time"),
+        ({"Ts": -1}, "without a sample time"),
+        ({"dt": 0.01, "Ts": 0.02}, "expected one sample time"),
+        ({"dt": "0.01"}, "expected one sample time"),
+        ({"dt": -0.5}, "expected a sample time [s] above 0"),
+        ({"E": [[2.0]]}, "it has a matrix E"),
+        ({"A": [["1_0"]]}, "expected a matrix of real numbers"),
+        ({"inputs": [3]}, "expected texts"),
+    ],
+)
+def test_what_does_not_describe_one_controller(files, tmp_path, extra, words):
+    (tmp_path / "odd.json").write_text(json.dumps(LAW | NAMES | extra))
+    result = files("loop slider.yaml odd.json")
+    assert result.exit_code in (1, 2)
+    assert words in result.stderr
+
+
+HUGE = (b"\x93NUMPY\x01\x00v\x00" + b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000, 1000000), }"
+        .ljust(117) + b"\n")  # fmt: skip
+
+
+def damaged(tmp_path):
+    """Names and bytes of files of controllers that are empty, cut, or lie about what they hold."""
+    np.savez(tmp_path / "law.npz", **LAW, **NAMES)
+    savemat(tmp_path / "law.mat", LAW)
+    for name in ("law.npz", "law.mat"):
+        content = (tmp_path / name).read_bytes()
+        for k, part in enumerate((b"", content[:1], content[:130], content[: len(content) // 2], content[:-1])):
+            yield f"{k}{name}", part
+    stream = BytesIO()
+    with ZipFile(stream, "w") as archive:
+        for name in "ABCD":
+            archive.writestr(f"{name}.npy", HUGE)
+    yield "huge.npz", stream.getvalue()
+    yield "deep.json", b"[" * 100_000
+    yield "twice.json", json.dumps(LAW | NAMES).encode()[:-1] + b', "A": [[1]]}'
+    yield "list.json", b"[1, 2]"
+    yield "bytes.json", b"\xff\xfe{"
+    yield "text.npz", b"no archive"
+
+
+def test_damaged_controllers_are_refused(files, tmp_path):
+    """None of them ends in a traceback, nor fills the memory."""
+    for name, content in damaged(tmp_path):
+        (tmp_path / name).write_bytes(content)
+        result = files(f"loop slider.yaml {name} --sensor x --actuator F")
+        assert result.exit_code == 1, name
+        assert result.stderr.startswith(f"error: {name}: "), name
+        assert result.stderr.count("\n") == 1, name
 
 
 @pytest.mark.parametrize(("kind", "gain"), [("force", 60.0), ("velocity", 200.0), ("skyhook", 100.0)])

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 # exponents of kg, m, s, rad
 _UNITS = {"kg": {"kg": 1}, "m": {"m": 1}, "s": {"s": 1}, "rad": {"rad": 1}, "N": {"kg": 1, "m": 1, "s": -2}}
-_FACTOR = re.compile(r"(1|[A-Za-z]+)(?:\^?(-?\d+))?$")
+_FACTOR = re.compile(r"(1|[A-Za-z]+)(?:\^?(-?[0-9]+))?$")
 _CONTROL = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff\ufffe\uffff]")
 
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import LARGEST_UNPACKED, ContentError, content_of
+from mbsvib.common.number_text import real
 from mbsvib.common.xml_file import read_xml
 from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
@@ -58,7 +59,7 @@ def state_space_in(path: str | os.PathLike[str]) -> tuple[StateSpace, tuple[str,
         raise ExportError(f"{file}: is an FMU of FMI {version!r}; expected 2.0 or 3.0.")
     try:
         names = {kind: _variables(top, kind) for kind in ("input", "output", "state", "parameter")}
-        starts = [float(start) for _, _, start in names["parameter"]]
+        starts = [real(start) for _, _, start in names["parameter"]]
         token = top.get(_TOKENS[version], "")
         a, b, c, d = _matrices(content, token, text, [len(item) for item in names.values()], starts)
     except (ContentError, ValueError, struct.error, np.linalg.LinAlgError) as error:

@@ -1,0 +1,33 @@
+"""Numbers in texts: decimal digits of ASCII only.
+
+Python alone also reads ``1_0`` as 10, digits of other scripts, ``nan`` and ``infinity``, which no file format means.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+
+_INTEGER = re.compile(r"[+-]?[0-9]{1,18}")
+_REAL = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_BLANKS = " \t\r\n"
+_SHOWN = 40
+
+
+def real(text: str) -> float:
+    """Return the finite decimal number that a text is, blanks around it aside; ValueError if it is none."""
+    word = text.strip(_BLANKS)
+    if not _REAL.fullmatch(word):
+        raise ValueError(f"{word[:_SHOWN]!r} is no number")
+    value = float(word)
+    if not math.isfinite(value):
+        raise ValueError(f"{word[:_SHOWN]!r} exceeds the range of numbers")
+    return value
+
+
+def integer(text: str) -> int:
+    """Return the integer that a text is, blanks around it aside; ValueError if it is none."""
+    word = text.strip(_BLANKS)
+    if not _INTEGER.fullmatch(word):
+        raise ValueError(f"{word[:_SHOWN]!r} is no integer")
+    return int(word)
