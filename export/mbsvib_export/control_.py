@@ -34,20 +34,20 @@ SAME = 1e-9  # share by which two sample times may differ and be one
 @overload
 def to_control(
     system: System | FeedbackLoop | Controller | StateSpace | SystemData, realization: str = ...,
-    dt: float | None = ..., *, method: str = ..., outputs: Names = ..., inputs: Names = ...,
+    dt: float | None = ..., *, method: str | None = ..., outputs: Names = ..., inputs: Names = ...,
 ) -> control.StateSpace: ...  # fmt: skip
 
 
 @overload
 def to_control(
-    system: Batch, realization: str = ..., dt: float | None = ..., *, method: str = ..., outputs: Names = ...,
+    system: Batch, realization: str = ..., dt: float | None = ..., *, method: str | None = ..., outputs: Names = ...,
     inputs: Names = ...,
 ) -> list[control.StateSpace]: ...  # fmt: skip
 
 
 def to_control(
     system: System | FeedbackLoop | Controller | StateSpace | SystemData | Batch, realization: str = "physical",
-    dt: float | None = None, *, method: str = "zoh", outputs: Names = None, inputs: Names = None,
+    dt: float | None = None, *, method: str | None = None, outputs: Names = None, inputs: Names = None,
 ) -> control.StateSpace | list[control.StateSpace]:  # fmt: skip
     """Return a system as a state space of python-control, with the names of its states, inputs and outputs.
 
@@ -71,9 +71,9 @@ def to_control(
         The states of a System: "physical" (q and q'), "modal" or "balanced".
     dt : float, optional
         Step [s] of a discrete system; default: continuous in time. A sampled loop has its own.
-    method : str
-        How a discrete system is made: "zoh", exact for inputs that are held over each step; "foh", exact for inputs
-        that are linear over each step; "tustin", s = 2/dt (z - 1)/(z + 1).
+    method : str, optional
+        How a discrete system with the step ``dt`` is made: "zoh" (default), exact for inputs that are held over each
+        step; "foh", exact for inputs that are linear over each step; "tustin", s = 2/dt (z - 1)/(z + 1).
     outputs, inputs : str or sequence of str, optional
         Names or patterns of those that are exported; default: all. ``control.interconnect`` warns of every signal that
         it does not connect, so that a loop is best made of the signals that it needs.
@@ -88,7 +88,7 @@ def to_control(
     ------
     ExportError
         If python-control is not installed or cannot hold the system, the step is not a positive number or that of a
-        sampled loop, or the method is unknown.
+        sampled loop, or the method is unknown or of no use there.
     ResponseError
         If the realization or a name is unknown.
 
@@ -111,12 +111,18 @@ def to_control(
         if dt is not None and abs(dt - space.period) > SAME * space.period:
             raise ExportError(f"to_control: dt = {dt!r}; expected {space.period!r}, the sample time of "
                               f"'{space.name}', or none.")  # fmt: skip
+        if method not in (None, "zoh"):
+            raise ExportError(f"to_control: method = {method!r}; '{space.name}' is a sampled loop, which is discrete "
+                              f"already, exact for inputs that are held ('zoh'). Leave the method out.")  # fmt: skip
         dt = space.period
+    elif dt is None and method is not None:
+        raise ExportError(f"to_control: method = {method!r} without dt, the step [s]; expected both for a discrete "
+                          f"system, or neither for one in continuous time.")  # fmt: skip
     else:
         space = state_space_of(system, realization, "to_control").with_ports(outputs, inputs)
         states = space.states
         a, b, c, d = (space.A, space.B, space.C, space.D) if dt is None else discretised(
-            space, dt, method, "to_control")  # fmt: skip
+            space, dt, method or "zoh", "to_control")  # fmt: skip
     if not space.inputs and 1 in (len(space.outputs), len(states)):
         raise ExportError(
             f"to_control: '{space.name}' has no inputs, and python-control cannot hold that together with a single "

@@ -102,7 +102,8 @@ def with_names(function: Callable[..., Any], *arguments: Any, **options: Any) ->
 
     ``with_names(control.hinfsyn, plant, 2, 1)`` is ``control.hinfsyn(plant, 2, 1)`` with named results: the controller
     has the plant's last outputs as inputs and its last inputs as outputs, the closed loop what is left of both. Knows
-    ``balred``, ``modred``, ``minreal``, ``series``, ``parallel``, ``feedback``, ``negate``, ``h2syn`` and ``hinfsyn``.
+    ``balred``, ``modred``, ``minreal``, ``series``, ``parallel``, ``feedback``, ``negate``, ``h2syn`` and ``hinfsyn``;
+    ``series``, ``parallel``, ``feedback`` and ``negate`` keep the names of states too.
 
     Parameters
     ----------
@@ -129,6 +130,10 @@ def with_names(function: Callable[..., Any], *arguments: Any, **options: Any) ->
     if name not in (*_OF_FIRST, *_SYNTHESES, "series"):
         raise ExportError(f"with_names: {name} is none of {', '.join((*_OF_FIRST, *_SYNTHESES, 'series'))}; call it, "
                           f"and give its result to named(result, like=plant).")  # fmt: skip
+    if name in _KEEP_STATES:
+        from mbsvib_export.control_space import NamedStateSpace
+
+        arguments = tuple([NamedStateSpace.of(item) if is_control(item) else item for item in arguments])
     try:
         result = function(*arguments, **options)
     except (ImportError, TypeError) as error:
@@ -152,6 +157,8 @@ def with_names(function: Callable[..., Any], *arguments: Any, **options: Any) ->
 _OF_FIRST = ("balred", "modred", "minreal", "parallel", "feedback", "negate")
 _SAME = {"balanced_reduction": "balred", "model_reduction": "modred", "minimal_realization": "minreal"}
 _SYNTHESES = ("h2syn", "hinfsyn")
+# Their results have the states of their arguments.
+_KEEP_STATES = ("series", "parallel", "feedback", "negate")
 
 
 def _loop(loop: Any, plant: Any, controller: Any) -> Any:

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 class ReducibleSpace:
     """State spaces that can be reduced."""
 
-    def reduced(self, order: int | None = None, error: float | None = None, keep: Names = None) -> Self:
+    def reduced(
+        self, order: int | None = None, error: float | None = None, method: str = "balanced", keep: Names = None
+    ) -> Self:
         """Return a state space with fewer states by balanced truncation, with a bound on its error.
 
         max over omega of sigma(G(i w) - G_reduced(i w)) <= ``error_bound``
@@ -25,6 +27,8 @@ class ReducibleSpace:
             Number of states; those that do not decay are kept.
         error : float, optional
             Largest error instead of an order, output by input in SI units.
+        method : str
+            "balanced"; the other methods of ``System.reduced`` need equations of motion.
         keep : str or sequence of str, optional
             Names or patterns of the outputs to keep, which the error is about; default: all.
 
@@ -36,10 +40,12 @@ class ReducibleSpace:
         Raises
         ------
         ResponseError
-            If neither or both of order and error are given, a name is unknown, or no smaller model is possible.
+            If neither or both of order and error are given, a name is unknown, the method is another one, or no smaller
+            model is possible.
         """
-        from mbsvib.reduction.reduced import reduced_space
+        from mbsvib.reduction.reduced import check_first_order, reduced_space
 
+        check_first_order(self.name, method)  # type: ignore[attr-defined]
         space: Any = self if keep is None else self[keep, :]  # type: ignore[index]
         result: Self = reduced_space(space, order, error)  # type: ignore[assignment]
         return result

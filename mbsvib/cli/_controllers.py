@@ -9,6 +9,7 @@ from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
 FORMATS = (".json", ".npz", ".mat")
@@ -43,7 +44,7 @@ def read_controller(
         raise ModelError(f"{path}: {', '.join(missing)} missing; expected the matrices A, B, C and D of "
                          f"x' = A x + B y, u = C x + D y, and names as inputs and outputs, or by --sensor and "
                          f"--actuator.")  # fmt: skip
-    names = {key: _names(content[word], path, word) for key, other in SIGNALS.items()
+    names: dict[str, Any] = {key: _names(content[word], path, word) for key, other in SIGNALS.items()
              for word in (key, other) if word in content}  # fmt: skip
     if len(names) < 2 and not (sensors and actuators):
         raise shell.UsageProblem(f"{path} names no signals: give --sensor and --actuator, in the order of the columns "
@@ -67,6 +68,7 @@ def _content(path: Path) -> Any:
     import mbsvib_export as mx
     from mbsvib_export.format_version import FORMAT, SPACE_FORMAT
 
+    read: Callable[[Path], Any]
     raw, suffix = content_of(path, ModelError, "a controller"), path.suffix.lower()
     if suffix == ".json":
         from mbsvib.common.json_content import read_json_content

@@ -49,6 +49,15 @@ def reduced_space(space: StateSpace, order: int | None = None, error: float | No
     )  # fmt: skip
 
 
+def check_first_order(name: str, method: str) -> None:
+    """Refuse methods that project equations of motion for the state space ``name``."""
+    if method == "balanced":
+        return
+    advice = ("it projects equations of motion, which a state space has not: reduce the system, or take 'balanced'."
+              if method in METHODS else f"expected 'balanced'.{nearest(str(method), METHODS)}")  # fmt: skip
+    raise ResponseError(f"reduced: method = {method!r} for the state space '{name}'; {advice}")
+
+
 def hankel_singular_values(space: StateSpace) -> Array:
     """Return the Hankel singular values sqrt(lambda_i(P Q)) of the states that decay, P and Q the Gramians, descending.
     """

@@ -210,3 +210,15 @@ def test_discrete_systems_by_each_method(method):
 def test_an_unknown_method_is_refused():
     with pytest.raises(mv.ExportError, match="method = 'euler'; expected one of 'zoh', 'foh', 'tustin'"):
         mx.to_control(mv.library.quarter_car().linearize(), dt=1e-3, method="euler")
+
+
+def test_a_method_without_a_step_is_refused():
+    """It was left out in silence: the result was continuous in time."""
+    system = mv.library.quarter_car().linearize()
+    for method in ("tustin", "zoh"):
+        with pytest.raises(mv.ExportError, match=f"method = '{method}' without dt"):
+            mx.to_control(system, method=method)
+    loop = system.feedback([[0.0]], system.outputs[0], system.inputs[0]).sampled(100.0)
+    with pytest.raises(mv.ExportError, match="discrete already"):
+        mx.to_control(loop, method="tustin")
+    assert mx.to_control(loop, method="zoh").dt == 0.01

@@ -30,6 +30,18 @@ def test_feedback_series_parallel_negate():
         assert result.input_labels == ["d", "F"]
 
 
+def test_states_of_plain_state_spaces_keep_their_names():
+    one, two = (control.ss([[-k]], [[1.0]], [[1.0]], [[0.0]], states=[f"state{k}"], name=f"part{k}") for k in (1, 2))
+    both = ["state1", "state2"]
+    assert mx.with_names(control.feedback, one, two).state_labels == both
+    assert mx.with_names(control.feedback, one, two, sign=1).state_labels == both
+    assert sorted(mx.with_names(control.series, one, two).state_labels) == both
+    assert mx.with_names(control.parallel, one, two).state_labels == both
+    assert mx.with_names(control.negate, two).state_labels == ["state2"]
+    series = mx.with_names(control.series, one, two)
+    assert np.diag(series.A).tolist() == [-float(label[-1]) for label in series.state_labels]
+
+
 @pytest.mark.parametrize(("call", "more"), [("balred", (1,)), ("minreal", ()), ("h2syn", (1, 1)), ("hinfsyn", (1, 1))])
 def test_what_needs_slycot_says_so(call, more, monkeypatch):
     import sys

@@ -73,3 +73,13 @@ def test_exports_take_them(method, tmp_path):
     assert mx.to_c(small, tmp_path, 1e-5).source.exists()
     assert mx.to_modelica(small, tmp_path / "small.mo").exists()
     assert mx.to_mat(small, tmp_path / "small.mat").exists()
+
+
+def test_methods_of_a_state_space():
+    """It has the same words as a system; methods that need equations of motion are refused as such."""
+    space = stage().state_space("modal")
+    assert np.array_equal(space.reduced(6, method="balanced").A, space.reduced(6).A)
+    with pytest.raises(mv.ResponseError, match=r"method = 'modal' .*projects equations of motion"):
+        space.reduced(6, method="modal")
+    with pytest.raises(mv.ResponseError, match=r"expected 'balanced'\. Did you mean 'balanced'"):
+        space.reduced(6, method="balancd")
