@@ -15,6 +15,7 @@ from mbsvib.equilibrium.articulation import articulated
 from mbsvib.equilibrium.balance import Balance, balance
 from mbsvib.equilibrium.motion import PosedModel, close, posed_model
 from mbsvib.equilibrium.path import BALANCED, CLOSED, NEWTON_STEPS, newton_step
+from mbsvib.equilibrium.vector_coordinates import held_vectors
 from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.mechanism.mechanism import Mechanism
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array
+    from mbsvib.equilibrium.vector_coordinates import Held
 
 M = TypeVar("M", bound=Mechanism)
 
@@ -57,9 +59,11 @@ def pose_of_least_energy(
     except (ModelError, SingularPoseError):
         return None
     done, step = 0.0, min(1.0, LONGEST / max(longest, LONGEST))
+    held = held_vectors(mechanism, at.coordinates, _free(at.coordinates.names, names))
+    whole = np.array([values.get(name, 0.0) for name in at.coordinates.names])
     for _ in range(STEPS + int(longest / LONGEST)):
         share = min(step, 1.0 - done)
-        reached = _follow(at, forces, names, share * target)
+        reached = _follow(at, forces, names, share * target, held.at((done + share) * whole))
         if reached is not None:
             (at, forces), done = reached, done + share
             if done >= 1.0:
@@ -72,7 +76,9 @@ def pose_of_least_energy(
     return None
 
 
-def _follow(at: PosedModel, forces: Balance, names: list[str], by: Array) -> tuple[PosedModel, Balance] | None:
+def _follow(
+    at: PosedModel, forces: Balance, names: list[str], by: Array, held: Held
+) -> tuple[PosedModel, Balance] | None:
     """One step of the requested coordinates, and Newton's method for the others."""
     motion = np.zeros(len(forces.names))
     motion[[forces.names.index(name) for name in names]] = by
@@ -85,7 +91,7 @@ def _follow(at: PosedModel, forces: Balance, names: list[str], by: Array) -> tup
         if np.abs(step / at.scale).max(initial=0.0) > 5.0 * LONGEST:
             return None
         try:
-            after_step, gap = close(at.moved(step), _free(at.coordinates.names, names))
+            after_step, gap = close(at.moved(step), _free(at.coordinates.names, names), held)
             after = None if gap > max(CLOSED, after_step.rounding) else balance(after_step, names)
         except (ModelError, SingularPoseError):
             return None

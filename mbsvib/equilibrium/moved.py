@@ -13,19 +13,17 @@ from mbsvib.common.expected import names
 from mbsvib.equilibrium.articulation import with_rigid_parts
 from mbsvib.equilibrium.bending import elastic_mechanism, pose_of_least_energy
 from mbsvib.equilibrium.linear_range import warn_beyond
-from mbsvib.equilibrium.motion import close, posed_model, same_branch
+from mbsvib.equilibrium.motion import close, posed_model, same_branch, step_to_close
 from mbsvib.equilibrium.moved_parts import model_in_pose
+from mbsvib.equilibrium.vector_coordinates import held_vectors
 from mbsvib.errors import ModelError, nearest
 from mbsvib.kinematics.loops import reduce
 from mbsvib.kinematics.relative_motion import arm
-from mbsvib.linalg.minimum_norm import minimum_norm_solution
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import cut_elsewhere
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
-
-    from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
     from mbsvib.equilibrium.motion import PosedModel
@@ -120,30 +118,23 @@ def _follow(at: PosedModel, target: Array, names: list[str]) -> PosedModel:
     depends[reduction.independent] = False
     longest = float(np.abs(target / at.scale).max(initial=0.0))
     done, step = 0.0, min(1.0, LONGEST / max(longest, LONGEST))
-    at, gap = close(at, depends)
+    held = held_vectors(at.reference, at.coordinates, depends)
+    at, gap = close(at, depends, held)
     while done < 1.0:
         share = min(step, 1.0 - done)
-        independent = share * target[~depends]
-        q = np.zeros(len(target))
-        q[~depends] = independent
-        q[depends] = _dependent(at, depends, independent)
+        independent, reached = np.where(depends, 0.0, share * target / at.scale), held.at((done + share) * target)
+        q = step_to_close(at, np.zeros(len(at.openings)), depends, held, independent)
         # dependent motions many times larger than the step indicate a jump or a dead point
         small = np.abs(q / at.scale).max(initial=0.0) <= 10.0 * LONGEST
-        attempt, gap = close(at.moved(q), depends) if small else (at, np.inf)
-        if gap <= max(TOLERANCE, attempt.rounding) and _near(at, attempt) and same_branch(at, attempt, depends):
-            at, done, step = attempt, done + share, min(2.0 * step, LONGEST / max(longest, LONGEST))
+        attempt, gap = close(at.moved(q), depends, reached) if small else (at, np.inf)
+        closed = gap <= max(TOLERANCE, attempt.rounding) and _near(at, attempt)
+        if closed and same_branch(at, attempt, depends, (held, reached)):
+            at, held, done, step = attempt, reached, done + share, min(2.0 * step, LONGEST / max(longest, LONGEST))
             continue
         step = 0.5 * share
         if step * longest < SHORTEST:
             raise _unreachable(at, target, names, done, gap)
     return at
-
-
-def _dependent(at: PosedModel, depends: NDArray[np.bool_], independent: Array) -> Array:
-    """First guess of the dependent coordinates for a step of the independent ones."""
-    phi, scale = at.scaled_closure, at.scale
-    right = phi[:, ~depends] @ (independent / scale[~depends])
-    return np.asarray(minimum_norm_solution(phi[:, depends], -right) * scale[depends])
 
 
 def _near(first: PosedModel, second: PosedModel) -> bool:

@@ -17,7 +17,7 @@ from scipy.linalg import blas, lapack
 from mbsvib.common.expected import names
 from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.rows import Rows
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError, SingularPoseError, nearest
 from mbsvib.kinematics.loop_group import LoopGroup, check_gap, decided, measures, preference, redundant_rows
 from mbsvib.kinematics.relative_motion import Twists
 from mbsvib.linalg.qr import pivoted_qr
@@ -247,8 +247,11 @@ def _solve(
             again = _scaled(coordinates, cuts, phi, [block], arm)
             scaled.columns[columns] = again.columns[columns]
             return _solve(coordinates, cuts, phi, block, again, 0, pinned, None)
-    if tied and pinned_columns is not None:
-        raise _tied(coordinates, columns[pinned_columns])
+    if pinned_columns is not None:
+        if tied:
+            raise _tied(coordinates, columns[pinned_columns])
+        if retained**2 <= limit:
+            _check_dead_centre(coordinates, columns[pinned_columns], a, noise, retained)
     group = LoopGroup(joints, rows, columns, rank, retained, dropped, length, noise,
                       partial(redundant_rows, a, rank, rows, cuts.names))  # fmt: skip
     check_gap(group)
@@ -259,6 +262,22 @@ def _solve(
     solution = blas.dtrsm(-1.0, qr[:rank, :rank], right) if rank and len(others) else np.zeros((rank, len(others)))
     solution[np.abs(solution) <= noise / retained] = 0.0  # rounding here would resist free motions
     return group, columns.take(dependent), columns.take(others), solution
+
+
+def _check_dead_centre(coordinates: Twists, pinned: Index, a: Array, noise: float, retained: float) -> None:
+    """Refuse pinned coordinates that stand still where others would move the loops well.
+
+    A pivot p of the pinned coordinates changes by about noise / p where a coordinate changes by the rounding ``noise``:
+    below the root of it no digit is certain. ``a`` (rows, n): the scaled rows of the group.
+    """
+    _, best, _, limit = decided(pivoted_qr(a)[0].diagonal().tolist(), noise)
+    if best**2 > limit:
+        names = ", ".join(coordinates.names[k] for k in pinned)
+        raise SingularPoseError(
+            f"independent: {names} at a dead centre. Here the loops move others while what is pinned stands still "
+            f"(smallest pivot {retained:.1e}; {best:.1e} with other coordinates), and mass and stiffness per unit of it "
+            f"are infinite but for rounding. Leave out independent=, or pin a coordinate that moves."
+        )
 
 
 def _tied(coordinates: Twists, pinned: Index) -> ModelError:

@@ -1,0 +1,82 @@
+"""Joints of which loops tie some coordinates of one vector: all that are held are exactly where they are to be."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import mbsvib as mv
+from tests.equilibrium.test_moved import check_pose, without_springs
+
+
+def rotation_vector(model, there, name):
+    """The rotation vector of a joint since ``model``, in its own axes, from the orientations of its bodies."""
+    joint = model.joints[name]
+    first, second = (Rotation.identity() if body == "ground" else
+                     Rotation.from_matrix(there.bodies[body].orientation) *
+                     Rotation.from_matrix(model.bodies[body].orientation).inv()
+                     for body in (joint.first, joint.second))  # fmt: skip
+    return np.array(joint.axes).T @ (first.inv() * second).as_rotvec()
+
+
+@pytest.mark.parametrize("size", [1.0, -4.0])
+def test_spherical_feet_of_a_stewart_platform_of_which_loops_tie_one_component(size):
+    model = mv.library.stewart_isolator()
+    values = {"leg2.foot.rx": 0.04 * size, "leg4.foot.rx": -0.05 * size, "leg5.foot.rx": 0.03 * size}
+    there = model.moved(values, relaxed=True)
+    for leg in (2, 4, 5):
+        turned = rotation_vector(model, there, f"leg{leg}.foot")
+        assert np.allclose(turned[[0, 2]], [values[f"leg{leg}.foot.rx"], 0.0], rtol=0, atol=1e-13)
+        assert abs(turned[1]) > 1e-2
+    check_pose(without_springs(model), without_springs(there))
+
+
+def tied(kind, count):
+    """A body on a joint to ground that ``count`` rods tie as well."""
+    model = mv.Model()
+    model.add_body("arm", 1.0, (1.0, 1.0, 1.0), (0.3, 0.1, 0.2))
+    options = {"end": (0.1, 0.5, 0.9)} if kind == "distance" else {}
+    model.add_joint("held", kind, "ground", "arm", (0.0, 0.0, 0.0), **options)
+    for k, (one, other) in enumerate((((1.0, 0.1, 0.3), (1.2, 0.9, -0.2)), ((0.2, 1.0, 0.1), (0.9, 0.8, 1.1)))[:count]):
+        model.add_joint(f"tie{k}", "distance", "arm", "ground", one, end=other)
+    return model
+
+
+@pytest.mark.parametrize(("kind", "count", "held"), [
+    ("spherical", 1, {"held.rx": 0.16, "held.rz": -0.12}), ("spherical", 2, {"held.ry": 0.5}),
+    ("homokinetic", 1, {"held.rx": 0.6}),
+])  # fmt: skip
+def test_a_joint_that_rods_tie_holds_what_is_free(kind, count, held):
+    model = tied(kind, count)
+    there = model.moved(held, cut=[f"tie{k}" for k in range(count)])
+    turned = dict(zip(("held.rx", "held.ry", "held.rz"), rotation_vector(model, there, "held"), strict=True))
+    for name, value in held.items():
+        if name in turned:
+            assert turned[name] == pytest.approx(value, abs=1e-13)
+    assert max(abs(turned[name]) for name in turned if name not in held) > 1e-3
+    check_pose(model, there)
+
+
+def test_the_end_of_a_rod_is_held_along_one_arc():
+    model = tied("distance", 1)
+    there = model.moved({"held.x": 0.3}, cut=["tie0"])
+    joint, end = model.joints["held"], np.array(there.joints["held"].end)
+    rod = np.array(joint.end)
+    length = np.linalg.norm(rod)
+    assert np.linalg.norm(end) == pytest.approx(length, rel=1e-14)
+    across = end - rod * (rod @ end) / length**2
+    arc = length * np.arccos(rod @ end / length**2) * across / np.linalg.norm(across)
+    along = np.array(joint.axes).T @ arc
+    free = [name for name in ("x", "y") if f"held.{name}" in model.linearize(cut=["tie0"]).coordinates]
+    assert along[0] == pytest.approx(0.3, abs=1e-13)
+    assert "y" in free or abs(along[1]) > 1e-3
+    check_pose(model, there)
+
+
+def test_a_beam_bends_until_a_held_component_is_at_its_value():
+    model = mv.Model()
+    model.add_body("mass", 1.0, (0.1, 0.1, 0.1), (0.5, 0.0, 0.0))
+    model.add_joint("ball", "spherical", "ground", "mass", (0.0, 0.0, 0.0))
+    model.add_beam("beam", "mass", "ground", {"type": "circle", "radius": 0.005}, {"E": 2e11, "nu": 0.3, "rho": 7800.0},
+                   start=(0.5, 0.1, 0.0), end=(0.5, 0.1, 2.0), elements=2)
+    there = model.moved({"ball.rx": 0.1, "ball.rz": 0.08})
+    assert np.allclose(rotation_vector(model, there, "ball")[[0, 2]], [0.1, 0.08], rtol=0, atol=1e-12)
