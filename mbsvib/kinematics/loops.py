@@ -275,8 +275,8 @@ def _check_dead_centre(coordinates: Twists, pinned: Index, a: Array, noise: floa
         names = ", ".join(coordinates.names[k] for k in pinned)
         raise SingularPoseError(
             f"independent: {names} at a dead centre. Here the loops move others while what is pinned stands still "
-            f"(smallest pivot {retained:.1e}; {best:.1e} with other coordinates), and mass and stiffness per unit of it "
-            f"are infinite but for rounding. Leave out independent=, or pin a coordinate that moves."
+            f"(smallest pivot {retained:.1e}; {best:.1e} with other coordinates), and mass and stiffness per unit of "
+            f"it are infinite but for rounding. Leave out independent=, or pin a coordinate that moves."
         )
 
 
