@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -25,12 +26,15 @@ if TYPE_CHECKING:
     from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
     from mbsvib.studies.design import Ties
+    from mbsvib.studies.search import Value
 
 
 ROUNDS = 30
 FEASIBLE = 1e-6  # permitted constraint violation, in parts of the bound
 FLAT = 1e-9  # gradient, in parts of the objective, that counts as zero
 OPTIMAL = 1e-4  # permitted projected gradient, in parts of the gradient
+PROGRESS = 1e-6  # decrease of the objective, in parts of that where the search began, for which a solver begins anew
+KINK = 1e-4  # largest step of an unknown to points of which the gradients count as well, at a kink
 ACTIVE = 1e-5  # distance from a constraint, in parts of it or of the range of a variable, at which it is active
 
 
@@ -152,8 +156,9 @@ def optimize(
     start : mapping of str to float, optional
         Initial values; default: those of the model.
     method : str
-        "SLSQP" or "trust-constr" of scipy, or "ipopt" of CasADi (extra ``casadi``). Where SLSQP fails with
-        an objective above that of the start, trust-constr searches from there, unless ``options`` are given.
+        "SLSQP" or "trust-constr" of scipy, or "ipopt" of CasADi (extra ``casadi``). Unless ``options`` are given, a
+        solver that stops before an optimum begins anew where it stopped, as long as the objective decreases; where
+        SLSQP fails with an objective above that of the start, trust-constr searches from there.
     options : mapping of str to object, optional
         The solver's own.
     starts : int
@@ -192,9 +197,9 @@ def optimize(
     descents: list[Descent] = []
     for x in _points(search, starts, seed):
         try:
-            ends.append(_descended(search, x, lambda at, z: solve(at, z, dict(options or {}))))
+            ends.append(_descended(search, x, lambda at, z: solve(at, z, dict(options or {})), options is None))
             if options is None and method.lower() == "slsqp" and _failed_above_start(ends[-1]):
-                other = _descended(search, x, lambda at, z: solver("trust-constr")(at, z, {}))
+                other = _descended(search, x, lambda at, z: solver("trust-constr")(at, z, {}), True)
                 ends[-1] = min(ends[-1], other, key=_rank)
             descents.append(ends[-1].starts[0])
         except MbsvibError as error:  # another start may be no mechanism, or lead to none
@@ -235,18 +240,33 @@ def _points(search: Search, starts: int, seed: int) -> Array:
     return np.concatenate((own_start, low + shares * (high - low)))
 
 
-def _descended(search: Search, x: Array, solve: Callable[[Search, Array], SolverResult]) -> Optimum:
-    """The end of a local search that begins at the unknowns of variables."""
+def _descended(search: Search, x: Array, solve: Callable[[Search, Array], SolverResult], again: bool) -> Optimum:
+    """The end of a local search that begins at the unknowns of variables; ``again``: a solver that stops before an
+    optimum begins anew where it stopped, as long as this improves the objective.
+    """
     z, iterations = search.begin(x), 0
     began = search.true(z)[0]
     for _ in range(ROUNDS):
+        before = search.at(z)
         solver_result = solve(search, z)
         iterations += solver_result.iterations
         z, exchanged = search.exchange(np.clip(solver_result.z, *search.bounds()))
-        if not exchanged:
+        improved = again and not solver_result.success and _better(search.at(z), before)
+        if not exchanged and not (improved and _left_over(search, z) > OPTIMAL):
             break
     _check_failures(search, z, solver_result)
     return _optimum(search, z, replace(solver_result, iterations=iterations), search.scales.values(x), began)
+
+
+def _better(new: Value, old: Value) -> bool:
+    """Whether a point violates less, or has a smaller objective."""
+    return (max(_violation(new), FEASIBLE), float(new.f.value[0]) + PROGRESS) < (
+        max(_violation(old), FEASIBLE), float(old.f.value[0]))  # fmt: skip
+
+
+def _violation(evaluation: Value) -> float:
+    """The largest violation of a constraint, in parts of its bound."""
+    return max(0.0, -float(evaluation.g.value.min(initial=0.0)), float(np.abs(evaluation.h.value).max(initial=0.0)))
 
 
 def _check_failures(search: Search, z: Array, solver_result: SolverResult) -> None:
@@ -276,9 +296,7 @@ def _optimum(search: Search, z: Array, solver_result: SolverResult, start: Array
     point = search.point(z[: len(search.scales.start)])
     objective, numbers = search.true(z)
     evaluation = search.at(z)
-    g, h = evaluation.g.value, evaluation.h.value
-    violation = max(0.0, -float(g.min(initial=0.0)), float(np.abs(h).max(initial=0.0)))
-    optimality = _left_over(search, z)
+    violation, optimality = _violation(evaluation), _left_over(search, z)
     parameters, values = search.design.values(point.values), dict(point.values)
     success = violation <= FEASIBLE and (solver_result.success or optimality <= OPTIMAL)
     descent = Descent(_named(search, start), values, objective, violation, success, solver_result.message)
@@ -295,24 +313,42 @@ def _optimum(search: Search, z: Array, solver_result: SolverResult, start: Array
 
 
 def _left_over(search: Search, z: Array) -> float:
-    """Norm of the objective's gradient minus its projection on active constraints' gradients, relative to it."""
-    from scipy.optimize import nnls
+    """Norm of the objective's gradient minus its projection on active constraints' gradients, relative to it.
 
+    Bounds of a maximum have kinks themselves where eigenvalues coincide: no single basis of their modes has the
+    gradients that balance there, so those of points within ``KINK`` are added.
+    Source: Burke, Lewis, Overton, "A robust gradient sampling algorithm", SIAM J. Optim. 15 (2005), 751-779.
+    """
     evaluation, (low, high) = search.at(z), search.bounds()
     gradient = evaluation.f.slope[0]
     size = max(float(np.linalg.norm(gradient)), search.steepest, FLAT)
-    unit_ = np.eye(len(z))
-    active_rows = evaluation.g.value <= ACTIVE
-    g, h = evaluation.g.slope[active_rows], evaluation.h.slope
-    columns = [g, unit_[z <= low + ACTIVE], -unit_[z >= high - ACTIVE], h]
-    matrix = np.concatenate(columns).T
+    unit_, h = np.eye(len(z)), evaluation.h.slope
+    rows = [unit_[z <= low + ACTIVE], -unit_[z >= high - ACTIVE], h, -h, _active(evaluation, z)]
+    residual = _outside(rows, gradient) / size
+    if residual > OPTIMAL and search.largest:
+        n = len(search.scales.start)
+        for step in KINK * np.random.default_rng(0).uniform(-1.0, 1.0, (n + 1, n)):
+            near = np.concatenate((np.clip(z[:n] + step, low[:n], high[:n]), z[n:]))
+            with suppress(MbsvibError):
+                rows.append(_active(search.at(near), z))
+        residual = _outside(rows, gradient) / size
+    return residual
+
+
+def _active(evaluation: Value, z: Array) -> Array:
+    """Gradients of constraints g that are active at ``z`` by their tangents."""
+    return evaluation.g.slope[evaluation.g.value + evaluation.g.slope @ (z - evaluation.z) <= ACTIVE]
+
+
+def _outside(rows: list[Array], gradient: Array) -> float:
+    """Distance of a gradient from the cone of others."""
+    from scipy.optimize import nnls
+
+    matrix = np.concatenate(rows).T
     if not matrix.shape[1]:
-        return float(np.linalg.norm(gradient)) / size
+        return float(np.linalg.norm(gradient))
     scale = np.linalg.norm(matrix, axis=0)
-    matrix = matrix / np.where(scale > 0.0, scale, 1.0)
-    equations = matrix[:, matrix.shape[1] - len(evaluation.h.value) :]
-    _, residual = nnls(np.concatenate((matrix, -equations), axis=1), gradient)
-    return float(residual) / size
+    return float(nnls(matrix / np.where(scale > 0.0, scale, 1.0), gradient)[1])
 
 
 def _span(numbers: Array) -> str:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 
 FTOL = 1e-12  # of SLSQP, in parts of the objective where the search began
+ITERATIONS = 100  # of SLSQP before it begins anew; at a kink it stays, with more and more trials a step
 INFINITE = 1e20  # IPOPT's value for no bound
 
 
@@ -61,7 +62,7 @@ def _slsqp(search: Search, z: Array, options: Mapping[str, Any]) -> SolverResult
     ]  # fmt: skip
     end = minimize(lambda z: float(trials.at(z, "f")[0]), z, jac=lambda z: search.at(z).f.slope[0],
                    method="SLSQP", bounds=list(zip(*search.bounds(), strict=True)), constraints=constraints,
-                   options={"ftol": FTOL, "maxiter": 300, **options})  # fmt: skip
+                   options={"ftol": FTOL, "maxiter": ITERATIONS, **options})  # fmt: skip
     return SolverResult(np.asarray(end.x), bool(end.success), str(end.message), int(end.nit), tuple(trials.failures))
 
 

@@ -198,7 +198,8 @@ def test_flat_objectives_and_unfinished_searches_are_told():
     flat = st.optimize(two(), {"slow.mass": (0.5, 2.0)}, st.frequency(2))
     assert flat.success
     assert flat.optimality < 1e-6
-    started = st.optimize(absorber(), TUNED, st.peak("x", "F"), options={"maxiter": 1})
+    started = st.optimize(absorber(), TUNED, st.peak("x", "F"), options={"maxiter": 1},
+                          start={"k2.stiffness": 20.0, "k2.damping": 0.3})  # fmt: skip
     assert not started.success
     assert "Message of the solver" in str(started)
     assert started.violation == 0.0
