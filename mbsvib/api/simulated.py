@@ -47,7 +47,8 @@ class Simulated(Mechanism):
             Names of loads that are dropped at t[0].
         tolerance : float
             Error of results that is asked for, between 1e-11 and 1e-2: relative to the size of coordinates and rates;
-            below 1e-4 rad, or 1e-4 of the mechanism's size, as an error of that size.
+            below 1e-4 rad, or 1e-4 of the mechanism's size, as an error of that size, and likewise for rates below 1e-4
+            of the largest and modes of a beam without 1e-8 of its energy.
         until : mapping of str to number, optional
             Coordinates or outputs by name, and values [m, rad, or the unit of the output]: the run ends where one
             passes its value after the start, exactly there. Default: at the last time.

@@ -65,16 +65,16 @@ class DecayingSum:
         terms = [(abs(self.residues[k]), 0, -self.values[k].real, size[k]) for k in single.tolist()]
         for group in groups:
             value, residue = self.values[group], self.residues[group]
-            rate, largest = float((-value.real).min()), float(size[group].max())
+            rate, fastest = float((-value.real).min()), float(size[group].max())
             apart = [(abs(r), 0, -v.real, abs(v)) for r, v in zip(residue.tolist(), value.tolist(), strict=True)]
             together = []
             for p in range(len(group)):
                 product = np.prod(value[p:, None] - value[None, :p], axis=1)
-                together.append((abs(complex(residue[p:] @ product)), p, rate, largest))
+                together.append((abs(complex(residue[p:] @ product)), p, rate, fastest))
             smaller = sum(c * (p / (np.e * s)) ** p / factorial(p) for c, p, s, _ in together) < np.abs(residue).sum()
             terms += together if smaller else apart
-        c, p, s, largest = np.array(terms, dtype=float).reshape(-1, 4).T
-        return c, p, s, largest
+        table: Array = np.array(terms, dtype=float).reshape(-1, 4)
+        return table[:, 0], table[:, 1], table[:, 2], table[:, 3]
 
     def _terms(self, t: Array, fall: int = 0) -> Array:
         """Bounds (terms, n) of t^(p - fall) / (p - fall)! exp(-s t) after times (n,), which never grow."""

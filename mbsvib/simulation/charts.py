@@ -24,15 +24,15 @@ SINGULAR = 1e-8
 class Chart:
     """A choice of independent coordinates.
 
-    ``independent`` (m,) and ``dependent`` (rank,) number the coordinates, ``select`` Y (m, n) takes the first, ``rows``
-    W (rank, rows) combines closures to as many as are independent; ``bases`` (9 b,) are the rotations on top of which
-    rotation vectors come. The choice holds while dependent coordinates go less than ``limit`` times as fast as
-    independent ones, in units of like size.
+    ``independent`` (m,) and ``dependent`` (rank,) number the coordinates, ``order`` P (n, n) takes the independent ones
+    and then the dependent ones, ``rows`` W (rank, rows) combines closures to as many as are independent; ``bases``
+    (9 b,) are the rotations on top of which rotation vectors come. The choice holds while dependent coordinates go less
+    than ``limit`` times as fast as independent ones, in units of like size.
     """
 
     independent: Index
     dependent: Index
-    select: Array
+    order: Array
     rows: Array
     bases: Array
     limit: float
@@ -56,7 +56,8 @@ def chart_at(loops: Loops, q: Array, bases: Array) -> Chart:
     if rank:
         closures = left @ jacobian
         ratio = float(np.abs(np.linalg.solve(closures[:, dependent], closures[:, independent])).max(initial=1.0))
-    return Chart(independent, dependent, np.eye(n)[independent], rows, bases, ratio / POOR_IN_BLOCK)
+    order = np.eye(n)[np.concatenate((independent, dependent))]
+    return Chart(independent, dependent, order, rows, bases, ratio / POOR_IN_BLOCK)
 
 
 def conditioning(loops: Loops, chart: Chart, q: Array) -> tuple[float, float]:

@@ -77,7 +77,7 @@ def _rates(run: Session, q: Array, qd: Array, fixed: list[int], bases: Array) ->
     result = qd / scale
     right = -jacobian[:, fixed] @ result[fixed]
     result[others] = minimum_norm_solution(jacobian[:, others], right)
-    if np.abs(jacobian @ result).max() > 1e-8 * max(1.0, float(np.abs(result).max())):
+    if np.abs(jacobian @ result).max() > 1e-8 * float(np.abs(result).max()):
         names = ", ".join(run.names[k] for k in fixed)
         raise ModelError(f"simulate: the loops do not allow these rates of {names}; give fewer of them.",
                          field="initial")  # fmt: skip

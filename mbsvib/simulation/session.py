@@ -14,9 +14,10 @@ from mbsvib.equilibrium.pose_kinematics import size_of
 from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.finite_motion.loops import Loops
 from mbsvib.linalg.rank import MASSLESS
-from mbsvib.simulation.charts import chart_at
+from mbsvib.simulation.charts import Chart, chart_at
 from mbsvib.simulation.equations import MotionEquations, motion_equations
 from mbsvib.simulation.integrator import Integrator
+from mbsvib.simulation.magnitudes import coordinate_units, magnitudes
 from mbsvib.simulation.states import FreeRotation, free_rotations
 
 if TYPE_CHECKING:
@@ -68,7 +69,8 @@ class Session:
 def session(model: Mechanism, statement: FiniteMotion, signals: Signals, tolerance: float) -> Session:
     """Return a mechanism that is ready to be integrated."""
     motion = statement.motion
-    scale, closure_scale = motion.scales(size_of(model))
+    size, duration = size_of(model), float(np.ptp(signals.breaks))
+    scale, closure_scale = coordinate_units(statement, size)
     rows, bases = 1.0 / closure_scale, motion.no_turns
     rank = _rank(model, statement, scale, rows, bases)
     if rank == len(motion.names):
@@ -76,12 +78,13 @@ def session(model: Mechanism, statement: FiniteMotion, signals: Signals, toleran
                          element=model.name)  # fmt: skip
     equations = motion_equations(statement, rank, scale)
     loops = Loops(equations.closures, scale, rows, rank)
-    mass = _checked_mass(equations, loops, motion.names, bases)
-    stiff = _fastest_decay(statement, mass, bases) * float(np.ptp(signals.breaks)) > STIFF
+    start = _checked_mass(equations, loops, motion.names, bases)
+    stiff = _fastest_decay(statement, start[1:], bases) * duration > STIFF
     angles = {name: part.angle for name, part in statement.connections.items() if part.angle is not None}
     return Session(
         model, statement, equations, loops, free_rotations(motion),
-        Integrator(equations, scale, signals.coefficients.shape[2] - 1, tolerance, stiff), signals, tuple(angles),
+        Integrator(equations, magnitudes(statement, equations, start, scale, size, duration),
+                   signals.coefficients.shape[2] - 1, tolerance, stiff), signals, tuple(angles),
         ca.Function("limits", [motion.q, motion.bases], [ca.vertcat(*angles.values())]),
     )  # fmt: skip
 
@@ -121,12 +124,13 @@ def _fastest_decay(statement: FiniteMotion, reduced: tuple[Array, Array], bases:
 
 def _checked_mass(
     equations: MotionEquations, loops: Loops, names: tuple[str, ...], bases: Array
-) -> tuple[Array, Array]:
-    """Motions (n, m) of the independent coordinates and their mass; refuse those without inertia by name."""
+) -> tuple[Chart, Array, Array]:
+    """The independent coordinates, their motions (n, m) and mass (m, m); refuse those without inertia by name."""
     origin = np.zeros(equations.n)
     chart = chart_at(loops, origin, bases)
     jacobian = chart.rows @ np.asarray(equations.closures(origin, bases)[1])
-    to_all = np.linalg.solve(np.concatenate((chart.select, jacobian)), np.eye(equations.n)[:, : equations.dof])
+    closed = np.concatenate((chart.order[: equations.dof], jacobian))
+    to_all = np.linalg.solve(closed, np.eye(equations.n)[:, : equations.dof])
     mass = to_all.T @ np.asarray(equations.mass(origin, bases)) @ to_all
     diagonal = mass.diagonal()
     scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
@@ -137,4 +141,4 @@ def _checked_mass(
             f"simulate: the motion '{name}' has no inertia, so that no acceleration follows from the forces; give the "
             f"body behind it a mass, or join it firmly to one that has.", element=name,
         )  # fmt: skip
-    return to_all, mass
+    return chart, to_all, mass

@@ -83,7 +83,7 @@ class Trace:
         for k, sample in enumerate(samples):
             state, chart = sample.state, sample.chart
             v = state.qd[chart.independent]
-            second = run.equations.unfolded(state.q, v, state.y, chart.select, chart.rows, chart.bases, signals[:, k])
+            second = run.equations.unfolded(state.q, v, state.y, chart.order, chart.rows, chart.bases, signals[:, k])
             columns.append(np.asarray(second[1])[:, 0])
         return np.array(columns).T
 
