@@ -57,7 +57,8 @@ class Separation:
     ``condensed`` are the coordinates that follow from statics, ``first_order`` those with one state in place of two;
     ``smallest_kept`` and ``largest_dropped`` are the smallest pivot of W that counts as mass and the largest that
     counts as zero. ``transform`` T (n, m) maps to all coordinates before condensation, None where none is condensed;
-    if ``mixed``, condensed motions have components along the remaining coordinates.
+    if ``mixed``, condensed motions have components along the remaining coordinates. ``inputs`` load condensed motions
+    and ``outputs`` see them: their rows depend on the stiffness that holds these.
     """
 
     condensed: tuple[str, ...]
@@ -66,6 +67,8 @@ class Separation:
     largest_dropped: float
     transform: Array | None = None
     mixed: bool = False
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

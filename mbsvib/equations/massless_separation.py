@@ -20,7 +20,7 @@ from mbsvib.equations.unresisted_motion import rounding_scale, without_free_moti
 from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.linalg.products import weighted_gram
 from mbsvib.linalg.qr import pivoted_qr
-from mbsvib.linalg.rank import CANCELLING_SPRINGS, CERTAIN_MASS, RANK_FACTOR, ZERO_FEEDTHROUGH, ZERO_PRODUCT
+from mbsvib.linalg.rank import CANCELLING_SPRINGS, CERTAIN_MASS, RANK_FACTOR, ZERO_FEEDTHROUGH, ZERO_PRODUCT, ZERO_SUM
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -55,6 +55,7 @@ def separated(draft: Draft) -> Draft:
     check_gap(null[:, 0], scale.unit, names, smallest, largest)
     required = np.array([name in draft.independent for name in names])
     ports = list(model.outputs), list(model.inputs)
+    before = terms
     terms, condensation, first_order = separate_massless(null, terms, size, scale, names, scene.topology.bodies, ports,
                                                          required)  # fmt: skip
     if condensation is None:
@@ -62,8 +63,19 @@ def separated(draft: Draft) -> Draft:
     condensed = tuple(names[i] for i in condensation.dependent)
     mixed = bool(condensation.motions[condensation.remaining].any())
     minimal = tuple([draft.minimal[i] for i in condensation.remaining.tolist()])
-    separation = Separation(condensed, first_order, smallest, largest, condensation.transform, mixed)
+    touched = _touched(before, condensation.motions, *ports)
+    separation = Separation(condensed, first_order, smallest, largest, condensation.transform, mixed, *touched)
     return replace(draft, terms=terms, minimal=minimal, separation=separation)
+
+
+def _touched(
+    terms: Terms, motions: Array, outputs: Sequence[str], inputs: Sequence[str]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The inputs that load motions (m, k) and the outputs that see them."""
+    acts, *sees = (np.abs(rows @ motions) > ZERO_SUM * (np.abs(rows) @ np.abs(motions))
+                   for rows in (terms.B.T, terms.Cq, terms.Cv, terms.Ca))  # fmt: skip
+    return (tuple([name for name, touched in zip(inputs, acts.any(axis=1), strict=True) if touched]),
+            tuple([name for name, *by in zip(outputs, *(rows.any(axis=1) for rows in sees), strict=True) if any(by)]))
 
 
 def check_gap(motion: Array, unit: Array, names: tuple[str, ...], smallest: float, largest: float) -> None:

@@ -109,8 +109,15 @@ class SensitivityBasis:
         return None if equations is None else SensitivityBasis.of(equations)
 
     def ported(self, inputs: list[int], outputs: list[int]) -> tuple[Network, Loads, Loads]:
-        """Return the network with some of the ports as loads; the bare one where ports are more than that."""
-        if not self.network.bare:
+        """Return the network with some of the ports as loads; the bare one where ports are more than that.
+
+        Ports at motions that statics condensed are: their rows depend on the stiffness that holds these motions.
+        """
+        separation, system = self.equations.provenance.separation, self.equations
+        condensed = separation is not None and not (
+            {system.inputs[k] for k in inputs}.isdisjoint(separation.inputs)
+            and {system.outputs[k] for k in outputs}.isdisjoint(separation.outputs))  # fmt: skip
+        if not self.network.bare and not condensed:
             known = checked_loads(self.equations, self.network, inputs, outputs)
             if known is not None:
                 return self.network, *known
