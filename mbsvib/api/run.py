@@ -156,8 +156,9 @@ class Run(Displayed):
     def crossings(self, name: str, value: float = 0.0) -> Array:
         """Return the times at which a coordinate or output passes a value.
 
-        Each is found between two samples, by the cubic through values and rates, and refined by integrating up to it:
-        it is as exact as the run itself. What passes twice between two samples is found where this cubic does so.
+        Between two samples the cubic through values and rates is compared with the run at two times, and parts of the
+        interval likewise, until the number of passes is certain; each is refined by integrating up to it, so that
+        it is as exact as the run itself. So passes do not depend on how close samples are.
 
         Parameters
         ----------
@@ -176,25 +177,9 @@ class Run(Displayed):
         ResponseError
             If there is no such coordinate or output.
         """
-        from mbsvib.simulation.crossings import crossings
-
-        if name in self.coordinates:
-            values, rates = self.coordinates[name], self.rates[name]
-        else:
-            values = self[name]
-            rates = self.trace.values().output_rates[name]
-        index = list(self.coordinates).index(name) if name in self.coordinates else -1
-
-        def at(k: int, time: float) -> tuple[float, float]:
-            ends = self.trace.values([self.trace.samples[k], self.trace.at(k, time)])
-            if index >= 0:
-                # whole turns are counted from the sample before
-                turns = values[k] - ends.coordinates[index, 0]
-                return float(ends.coordinates[index, 1] + turns), float(ends.rates[index, 1])
-            turns = values[k] - ends.outputs[name][0]
-            return float(ends.outputs[name][1] + turns), float(ends.output_rates[name][1])
-
-        return crossings(self.time, values, rates, float(value), at)
+        if name not in self.coordinates:
+            self[name]
+        return self.trace.crossings(name, float(value))
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write time, outputs, coordinates and energies as a table with a header, whole or not at all.

@@ -6,16 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, nearest
-from mbsvib.simulation.crossings import crossings
+from mbsvib.simulation.crossings import Instant, crossings
 from mbsvib.simulation.stepping import Sample, reached
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
-    from mbsvib.simulation.trace import Trace, TraceValues
+    from mbsvib.simulation.trace import Trace
 
 # Events this near to the start of a run, as a share of an interval, are where it starts.
 SAME = 1e-9
@@ -37,47 +34,26 @@ class Events:
 
     def __init__(self, start: Trace, levels: Mapping[str, float]) -> None:
         self._trace, self._levels = start, levels
-        states = start.values()
-        self._values = {name: float(self._quantity(states, name)[0][0]) for name in levels}
+        self._values = {name: float(start.quantity(name, start.samples)[0][0]) for name in levels}
         self._first = start.samples[0].state.time
 
-    def after(self, first: Sample, last: Sample, interval: int) -> Event | None:
+    def after(self, first: Sample, last: Sample) -> Event | None:
         """Return the first event in an interval of the inputs, between its first and its last sample."""
-        if not self._levels:
-            return None
-        states = self._trace.values([first, last])
         passed: list[tuple[float, str]] = []
         for name, level in self._levels.items():
-            values, rates = self._quantity(states, name)
+            values, rates = self._trace.quantity(name, (first, last))
             # a rotation vector counts whole turns from the first of these samples
-            turns = self._values[name] - values[0]
-            self._values[name] = float(values[1] + turns)
-            ends = np.array([first.state.time, last.state.time])
-
-            def at(_: int, time: float, name: str = name, turns: float = turns) -> tuple[float, float]:
-                return self._at(first, interval, time, name, turns)
-
-            times = crossings(ends, values + turns, rates, level, at)
-            passed += [(time, name) for time in times.tolist() if time - self._first > SAME * (ends[1] - ends[0])]
+            values = values + (self._values[name] - values[0])
+            self._values[name] = float(values[1])
+            ends = [Instant(sample.state.time, float(value), float(rate), sample)
+                    for sample, value, rate in zip((first, last), values, rates, strict=True)]  # fmt: skip
+            times = crossings(ends, level, self._trace.course(name))
+            least = self._first + SAME * (last.state.time - first.state.time)
+            passed += [(time, name) for time in times.tolist() if time > least]
         if not passed:
             return None
         time, name = min(passed)
-        return Event(name, last if time >= last.state.time else self._sample(first, interval, time))
-
-    def _sample(self, first: Sample, interval: int, time: float) -> Sample:
-        return Sample(reached(self._trace.session, first, interval, time), first.chart)
-
-    def _at(self, first: Sample, interval: int, time: float, name: str, turns: float) -> tuple[float, float]:
-        values, rates = self._quantity(self._trace.values([first, self._sample(first, interval, time)]), name)
-        return float(values[1] + turns), float(rates[1])
-
-    def _quantity(self, states: TraceValues, name: str) -> tuple[Array, Array]:
-        """Values and rates of a coordinate or output."""
-        names = self._trace.session.names
-        if name in names:
-            i = names.index(name)
-            return states.coordinates[i], states.rates[i]
-        return states.outputs[name], states.output_rates[name]
+        return Event(name, last if time >= last.state.time else reached(self._trace.session, first, time))
 
 
 def events(start: Trace, until: Any) -> Events:

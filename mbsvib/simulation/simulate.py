@@ -55,30 +55,28 @@ def simulate(
     driven = signals(inputs, tuple(statement.inputs), time)
     run = session(model, statement, driven, error)
     last = restarted_sample(run, initial_state(run, initial, float(time[0])), statement.motion.no_turns)
-    samples, intervals, requested = [last], [0], set(np.searchsorted(driven.breaks, time).tolist())
-    start = trace(run, samples, intervals)
+    samples, requested = [last], set(np.searchsorted(driven.breaks, time).tolist())
+    start = trace(run, samples)
     ends, complete, event = events(start, until), True, None
     with counting(progress, len(time) - 1, "simulate") as tell, noticing_interrupts() as interrupted:
         try:
             for k, sample in enumerate(march(run, last, interrupted), 1):
-                event, last = ends.after(last, sample, k - 1), sample
+                event, last = ends.after(last, sample), sample
                 if event is not None:
                     samples.append(event.sample)
-                    intervals.append(k - 1)
                     break
                 if k in requested:
                     samples.append(sample)
-                    intervals.append(k)
                     tell(1)
         except KeyboardInterrupt:
             complete = False
         except SimulationError as stop:
-            stop.run = failed(start.with_samples(samples, intervals))
+            stop.run = failed(start.with_samples(samples))
             raise
     if not complete:
         warnings.warn(f"simulate: interrupted at t = {samples[-1].state.time:g} s; the run holds what was reached.",
                       RuntimeWarning, stacklevel=3)  # fmt: skip
-    result = start.with_samples(samples, intervals, None if event is None else event.name)
+    result = start.with_samples(samples, None if event is None else event.name)
     _warn_of_bending(result)
     return result, complete
 

@@ -72,15 +72,25 @@ def march(run: Session, start: Sample, interrupted: Callable[[], bool]) -> Itera
         k += len(states)
 
 
-def reached(run: Session, sample: Sample, interval: int, time: float) -> State:
-    """Return the state at a time within the interval of the inputs that starts at a sample."""
-    if time == sample.state.time:
-        return sample.state
-    start, end = run.signals.breaks[interval : interval + 2]
-    share = (time - sample.state.time) / (end - start)
-    powers = run.signals.coefficients[interval] * share ** np.arange(run.signals.coefficients.shape[2])
-    states = run.integrator.block(sample.state, sample.chart, np.array([time]), powers[None])
-    return _closed(run, states[0], sample.chart)
+def reached(run: Session, sample: Sample, time: float) -> Sample:
+    """Return the state at a time after a sample."""
+    breaks = run.signals.breaks
+    while sample.state.time < time:
+        k = min(int(np.searchsorted(breaks, sample.state.time, side="right")) - 1, len(breaks) - 2)
+        length, end = float(breaks[k + 1] - breaks[k]), min(time, float(breaks[k + 1]))
+        share = (sample.state.time - breaks[k]) / length
+        powers = _part(run.signals.coefficients[k], share, (end - sample.state.time) / length)
+        states = _block(run, sample, np.array([end]), powers[None])
+        sample = _next(run, states[0], sample.chart) if states else \
+            _halved(run, sample, end, powers, HALVINGS, lambda: False)  # fmt: skip
+    return sample
+
+
+def _part(coefficients: Array, start: float, length: float) -> Array:
+    """Coefficients (inputs, degree + 1) of powers of the share of a part of an interval: (start + length s)^p."""
+    degrees = range(coefficients.shape[1])
+    shift = [[comb(p, j) * start ** max(p - j, 0) * length**j for p in degrees] for j in degrees]
+    return np.asarray(coefficients @ np.array(shift).T)
 
 
 def _block(run: Session, sample: Sample, grid: Array, coefficients: Array) -> list[State]:
@@ -113,11 +123,7 @@ def _halved(
         raise _stopped(run, sample.state, "the integrator takes no step, however short" if name is None else
                        f"'{name}' is turned so far that its moment is no longer defined")  # fmt: skip
     middle = 0.5 * (sample.state.time + end)
-    degrees = range(coefficients.shape[1])
-    first = coefficients * 0.5 ** np.array(degrees)
-    # powers of 1/2 + s/2 in powers of s
-    shift = np.array([[comb(p, j) * 0.5**p for p in degrees] for j in degrees])
-    for time, powers in ((middle, first), (end, coefficients @ shift.T)):
+    for time, powers in ((middle, _part(coefficients, 0.0, 0.5)), (end, _part(coefficients, 0.5, 0.5))):
         states = _block(run, sample, np.array([time]), powers[None])
         if states:
             sample = _next(run, states[0], sample.chart)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 
+from mbsvib.simulation.crossings import Course, Instant, crossings
 from mbsvib.simulation.outputs import Measured, measured
 from mbsvib.simulation.states import as_described
 from mbsvib.simulation.stepping import Sample, reached
@@ -17,6 +19,10 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.simulation.session import Session
+
+
+# The largest s^2 (1 - s)^3, and what the fifth degree may add to a smooth motion as a share of how far that goes.
+FIFTH, SMOOTH = 0.0346, 1e-3
 
 
 @dataclass(frozen=True)
@@ -37,14 +43,13 @@ class TraceValues:
 
 @dataclass(frozen=True)
 class Trace:
-    """Samples of a run at ``time`` (n,) [s]; ``intervals`` (n,) number the intervals of the inputs that start there.
+    """Samples of a run at ``time`` (n,) [s].
 
     ``ended_by`` is the coordinate or output that ended the run, if one did: the last sample is then where it did so.
     """
 
     session: Session
     samples: tuple[Sample, ...]
-    intervals: tuple[int, ...]
     measured: Measured
     parts: tuple[str, ...]
     energies: Any
@@ -55,11 +60,9 @@ class Trace:
         """Times (n,) [s]."""
         return np.array([sample.state.time for sample in self.samples])
 
-    def with_samples(
-        self, samples: Sequence[Sample], intervals: Sequence[int], ended_by: str | None = None
-    ) -> Trace:  # fmt: skip
+    def with_samples(self, samples: Sequence[Sample], ended_by: str | None = None) -> Trace:
         """Return the trace of other samples of the same run."""
-        return replace(self, samples=tuple(samples), intervals=tuple(intervals), ended_by=ended_by)
+        return replace(self, samples=tuple(samples), ended_by=ended_by)
 
     def values(self, samples: Sequence[Sample] | None = None) -> TraceValues:
         """Return the values at the samples of the run, or at others."""
@@ -87,18 +90,51 @@ class Trace:
             columns.append(np.asarray(second[1])[:, 0])
         return np.array(columns).T
 
-    def at(self, k: int, time: float) -> Sample:
-        """Return the state at a time between the samples k and k + 1."""
-        run, sample, interval = self.session, self.samples[k], self.intervals[k]
-        breaks = run.signals.breaks
-        last = sample
-        while interval + 1 < len(breaks) - 1 and breaks[interval + 1] < time:
-            last = Sample(reached(run, last, interval, float(breaks[interval + 1])), last.chart)
-            interval += 1
-        return Sample(reached(run, last, interval, time), last.chart)
+    def quantity(self, name: str, samples: Sequence[Sample]) -> tuple[Array, Array]:
+        """Return values and rates (samples,) of a coordinate or an output."""
+        states, names = self.values(samples), self.session.names
+        if name in names:
+            return states.coordinates[names.index(name)], states.rates[names.index(name)]
+        return states.outputs[name], states.output_rates[name]
+
+    def _onward(self, name: str, instant: Instant, time: float) -> Instant:
+        """Return a quantity at a time after an instant, whole turns of rotation vectors being counted from there."""
+        sample = reached(self.session, instant.sample, time)
+        values, rates = self.quantity(name, (instant.sample, sample))
+        return Instant(time, float(instant.value + values[1] - values[0]), float(rates[1]), sample)
+
+    def crossings(self, name: str, level: float) -> Array:
+        """Return the times [s] at which a coordinate or an output passes a level."""
+        values, rates = self.quantity(name, self.samples)
+        rows = zip(self.samples, values.tolist(), rates.tolist(), strict=True)
+        instants = [Instant(sample.state.time, value, rate, sample) for sample, value, rate in rows]
+        return crossings(instants, level, self.course(name))
+
+    def course(self, name: str) -> Course:
+        """Return how a coordinate or an output goes on from an instant."""
+        return Course(partial(self._onward, name), self._smooth)
+
+    def _smooth(self, first: Instant, last: Instant) -> bool:
+        """Whether cubics through coordinates and rates at two instants fit the accelerations there, too.
+
+        What the fifth degree adds to a cubic is h^2 / 2 ((a0 - c0) s^2 (1 - s)^3 + (a1 - c1) s^3 (1 - s)^2), c0 and c1
+        being the second derivatives of the cubic.
+        """
+        samples = first.sample, last.sample
+        if not np.array_equal(samples[0].chart.bases, samples[1].chart.bases):
+            return False
+        (q0, q1), (v0, v1), h = ([sample.state.q for sample in samples], [sample.state.qd for sample in samples],
+                                 last.time - first.time)  # fmt: skip
+        a0, a1 = self._accelerations(samples).T
+        travel, units = q1 - q0, self.session.loops.coordinate_scale
+        left = a0 - (6.0 * travel / h - 4.0 * v0 - 2.0 * v1) / h
+        right = a1 - (-6.0 * travel / h + 2.0 * v0 + 4.0 * v1) / h
+        added = 0.5 * h**2 * FIFTH * (np.abs(left) + np.abs(right)) / units
+        moved = (np.abs(travel) + h * (np.abs(v0) + np.abs(v1))) / units
+        return float(added.max()) <= SMOOTH * float(moved.max())
 
 
-def trace(session: Session, samples: Sequence[Sample], intervals: Sequence[int]) -> Trace:
+def trace(session: Session, samples: Sequence[Sample]) -> Trace:
     """Return the trace of a run."""
     statement = session.statement
     parts = tuple(dict.fromkeys((*statement.kinetic, *statement.potential)))
@@ -107,4 +143,4 @@ def trace(session: Session, samples: Sequence[Sample], intervals: Sequence[int])
     energies = ca.Function("energies", arguments, [
         ca.vertcat(*(statement.kinetic.get(name, none) for name in parts)),
         ca.vertcat(*(statement.potential.get(name, none) for name in parts))])  # fmt: skip
-    return Trace(session, tuple(samples), tuple(intervals), measured(session.model, statement), parts, energies)
+    return Trace(session, tuple(samples), measured(session.model, statement), parts, energies)
