@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -12,22 +12,38 @@ from mbsvib.common.selection import united
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.feedback.controller import Controller, as_controller
 from mbsvib.feedback.feedback_loop import FeedbackLoop
+from mbsvib.feedback.loop_rounding import at_poles, blended, evaluated, inverse
 from mbsvib.feedback.participation import eigen
 from mbsvib.feedback.plant import SystemPlant
 from mbsvib.feedback.regularity import regular
 from mbsvib.feedback.resolution import Resolution
 from mbsvib.feedback.sampled import SampledLoop, sampled
+from mbsvib.linalg.rank import EPS
+from mbsvib.linalg.spectrum import spectrum
+from mbsvib.responses.first_order_solver import FirstOrderSolver, first_order_solver
 from mbsvib.responses.from_control import of_control, sample_time
+from mbsvib.responses.state_space import StateSpace
 
 if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.common.selection import Names
+    from mbsvib.feedback.loop_rounding import Closed
     from mbsvib.feedback.plant import LoopPlant
-    from mbsvib.responses.state_space import StateSpace
+    from mbsvib.linalg.spectrum import Spectrum
 
+
+class ClosedSpace(NamedTuple):
+    """x' = a x + b w, y = c x + d w of a closed loop; its controllers demand gain x + push w of their actuators."""
+
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+    gain: Array
+    push: Array
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -38,21 +54,71 @@ class ClosedLoop(FeedbackLoop):
     ``second_order``, and its results come from there.
     """
 
-    def _loop(self, omega: Array, plant_response: Complex) -> tuple[Complex, Complex, Complex]:
-        s = np.asarray(1j * omega, dtype=complex)
-        try:
-            k = self.law.at(s)
-        except np.linalg.LinAlgError as error:
-            raise ResponseError("closed loop: a controller has a pole at one of the frequencies (a pure integrator at "
-                                "0 Hz?); give it a leak, or leave this frequency out.") from error  # fmt: skip
-        return k, k @ plant_response, np.ones(len(omega), dtype=complex)
+    def _forces(self, w: Array, plant: tuple[Complex, Complex]) -> tuple[Complex, Array]:
+        k = self._gains(w)
+        returned, passive = k @ plant[0], k @ plant[1]
+        s = inverse(np.eye(len(self.actuators)) - returned)
+        forces = s @ passive
+        terms = np.abs(k) @ np.abs(plant[1]) + np.abs(k) @ np.abs(plant[0]) @ np.abs(forces)
+        return forces, EPS * (np.abs(s) @ terms)
+
+    def _gains(self, w: Array) -> Complex:
+        """K (n, actuators, sensors) of the controllers, not a number at their poles."""
+        return evaluated(lambda w: self.law.at(np.asarray(1j * w, dtype=complex)), w, self.law.D.shape)
+
+    def _by_states(self, w: Array) -> Closed:
+        space, (o, i) = self._space, self.selected_ports
+        return self._solved(w, space.b[:, i], space.c[o], space.d[np.ix_(o, i)])
+
+    def _solved(self, w: Array, b: Array, c: Array, d: Array) -> Closed:
+        """Return c (i w - A)^-1 b + d with A of the closed loop as a function of rows, columns and points."""
+
+        def closed(rows: Index, columns: Index, at: Index) -> tuple[Complex, Array]:
+            ports = b[:, columns], c[rows], d[np.ix_(rows, columns)]
+            s = np.asarray(1j * w[at], dtype=complex)
+            value, terms = np.zeros((2, len(rows), len(columns), len(at)), dtype=complex)
+            pole = at_poles(s, self._spectrum)
+            if pole.any():  # which the response need not contain
+                space = StateSpace.from_arrays(self._space.a, *ports, name=self.name)
+                value[:, :, pole] = space.frequency_response(w[at][pole])
+            value[:, :, ~pole], terms[:, :, ~pole] = self._solver.bounded(s[~pole], w[at][~pole], ports)
+            return value, terms.real
+
+        return closed
 
     @cached_property
-    def _space(self) -> tuple[Array, Array, Array, Array, StateSpace]:
+    def _spectrum(self) -> Spectrum:
+        return spectrum(self._space.a)
+
+    def _loop_gain(self, w: Array) -> Complex:
+        try:
+            gains = self.law.at(np.asarray(1j * w, dtype=complex))
+        except np.linalg.LinAlgError as error:
+            raise ResponseError("closed loop: a controller has a pole at one of the frequencies (a pure integrator at "
+                                "0 Hz?), where the loop gain is infinite; give it a leak, or leave this frequency out."
+                                ) from error  # fmt: skip
+        return -(gains @ self._between(w))
+
+    def _sensitivity(self, w: Array) -> Complex:
+        one = np.eye(len(self.actuators))
+        k = self._gains(w)
+        plant = evaluated(self._between, w, (len(self.sensors), len(self.actuators)))
+        s = inverse(one - k @ plant)
+        error = EPS * (np.abs(s) @ (one + np.abs(k) @ np.abs(plant)) @ np.abs(s))
+        space, u = self._space, self.ports[1]
+        closed = self._solved(w, space.b[:, u], space.gain, one + space.push[:, u])
+        return blended(s, error, closed)
+
+    @cached_property
+    def _space(self) -> ClosedSpace:
         return self._closed(self.plant.space)
 
-    def _closed(self, space: StateSpace) -> tuple[Array, Array, Array, Array, StateSpace]:
-        """A, B, C, D of the closed loop with the states of some equations of the plant, and these."""
+    @cached_property
+    def _solver(self) -> FirstOrderSolver:
+        return first_order_solver(self._space.a, self._space.b, self._space.c, self.name)
+
+    def _closed(self, space: StateSpace) -> ClosedSpace:
+        """Return the closed-loop equations with the states of some equations of the plant."""
         law, (y, u) = self.law, self.ports
         n = len(space.A)
         product = space.D[np.ix_(y, u)] @ law.D
@@ -63,16 +129,16 @@ class ClosedLoop(FeedbackLoop):
         # y = observed (x, z) + direct w
         observed = np.linalg.solve(loop, np.concatenate((space.C[y], space.D[np.ix_(y, u)] @ law.C), axis=1))
         direct = np.linalg.solve(loop, space.D[y])
-        gain, push_w = law.D @ observed, law.D @ direct
+        gain, push = law.D @ observed, law.D @ direct
         gain[:, n:] += law.C
         a = np.concatenate((space.B[:, u] @ gain, law.B @ observed))
         a[:n, :n] += space.A
         a[n:, n:] += law.A
-        b = np.concatenate((space.B + space.B[:, u] @ push_w, law.B @ direct))
+        b = np.concatenate((space.B + space.B[:, u] @ push, law.B @ direct))
         c = space.D[:, u] @ gain
         c[:, :n] += space.C
-        d = space.D + space.D[:, u] @ push_w
-        return a, b, c, d, space
+        d = space.D + space.D[:, u] @ push
+        return ClosedSpace(a, b, c, d, gain, push)
 
     @cached_property
     def second_order(self) -> Any:
@@ -109,18 +175,20 @@ class ClosedLoop(FeedbackLoop):
         from mbsvib.responses.realizations import balanced_states
 
         if realization == "modal":
-            a, b, c, d, space = self._space
+            closed, space = self._space, self.plant.space
         elif self.second_order is not None:
             second_order: StateSpace = self.second_order.state_space(realization)
             return second_order
         elif realization == "balanced":
             return balanced_states(self.state_space("physical" if self.plant.system.kind == "system" else "modal"))
         else:
-            a, b, c, d, space = self._closed(self.plant.system.state_space(realization))
-        k, shown = len(a) - len(space.A), self.selected_ports
+            space = self.plant.system.state_space(realization)
+            closed = self._closed(space)
+        k, shown = len(closed.a) - len(space.A), self.selected_ports
         states = tuple([f"controller{i + 1}" for i in range(k)])
         wide = np.concatenate((space.transform, np.zeros((len(space.transform), k))), axis=1)
-        result = replace(space, name=self.name, A=a.copy(), B=b.copy(), C=c.copy(), D=d.copy(), transform=wide,
+        result = replace(space, name=self.name, A=closed.a.copy(), B=closed.b.copy(), C=closed.c.copy(),
+                         D=closed.d.copy(), transform=wide,
                         states=(*space.states, *states), state_units=(*space.state_units, *("",) * k),
                         error_bound=None)  # fmt: skip
         if self.selection is None:
@@ -142,10 +210,7 @@ class ClosedLoop(FeedbackLoop):
         """
         if self.second_order is not None:
             return np.asarray(self.second_order.frequency_response(w))
-        try:
-            return super().response(w)
-        except ResponseError:  # a pole of the plant or of the controller, which need not be one of the loop
-            return self.state_space().frequency_response(w)
+        return super().response(w)
 
     def time_response(
         self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: Any = None, outputs: Names = None,
@@ -202,8 +267,8 @@ class ClosedLoop(FeedbackLoop):
         return super().poles() if self.second_order is None else np.asarray(self.second_order.poles())
 
     @cached_property
-    def _eigen(self) -> tuple[Complex, Array]:
-        return eigen(self._space[0])
+    def _eigen(self) -> tuple[Complex, Array, Array]:
+        return eigen(self._spectrum)
 
     @property
     def resolution(self) -> Resolution:

@@ -16,9 +16,11 @@ from mbsvib.errors import ResponseError
 from mbsvib.feedback.combined_controller import combined
 from mbsvib.feedback.controller import Controller, as_controller
 from mbsvib.feedback.integrand import response
+from mbsvib.feedback.loop_rounding import blended, evaluated
 from mbsvib.feedback.margins import margins
 from mbsvib.feedback.pole_track import vibrates
 from mbsvib.feedback.pole_words import described, origins, shown_damping, unstable
+from mbsvib.linalg.rank import EPS
 from mbsvib.responses.linear import LinearVerbs
 
 if TYPE_CHECKING:
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.common.selection import Names
+    from mbsvib.feedback.loop_rounding import Closed
     from mbsvib.feedback.margins import Margins
     from mbsvib.feedback.plant import LoopPlant
     from mbsvib.feedback.resolution import Resolution
@@ -159,15 +162,27 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         return [system.outputs.index(n) for n in self.outputs], [system.inputs.index(n) for n in self.inputs]
 
     @abstractmethod
-    def _loop(self, omega: Array, plant_response: Complex) -> tuple[Complex, Complex, Complex]:
-        """K (n, actuators, sensors), the loop gain K G at the actuators (n, actuators, actuators), and the response of
-        the hold (n,); ``plant_response`` (n, sensors, actuators) is the response of the mechanism.
+    def _forces(self, w: Array, plant: tuple[Complex, Complex]) -> tuple[Complex, Array]:
+        """Forces of the controllers under unit inputs, (n, actuators, inputs), and bounds of their rounding, from the
+        responses (n, sensors, ...) of the ``plant`` to actuators and to inputs.
         """
+
+    @abstractmethod
+    def _by_states(self, w: Array) -> Closed:
+        """Responses by the closed-loop equations, as a function of outputs, inputs and points of ``w`` (n,)."""
+
+    @abstractmethod
+    def _loop_gain(self, w: Array) -> Complex:
+        """-K G at the actuators, (n, actuators, actuators), of a sampled loop from sample to sample."""
+
+    @abstractmethod
+    def _sensitivity(self, w: Array) -> Complex:
+        """(1 - K G)^-1 at the actuators, (n, actuators, actuators), of a sampled loop from sample to sample."""
 
     @property
     @abstractmethod
-    def _eigen(self) -> tuple[Complex, Array]:
-        """Poles [1/s] in ascending magnitude, and the participation of each state in them, (states, poles)."""
+    def _eigen(self) -> tuple[Complex, Array, Array]:
+        """Poles [1/s] in ascending magnitude, bounds of their rounding, and participation of states (states, poles)."""
 
     @property
     @abstractmethod
@@ -208,22 +223,6 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
             values = system.frequency_response(w, self.sensors, self.actuators)
         return np.asarray(values.transpose(2, 0, 1))
 
-    def returned(self, omega: ArrayLike) -> Complex:
-        """Return the loop gain at the actuators, K G_yu, with open loops.
-
-        Parameters
-        ----------
-        omega : array-like, shape (n,)
-            Angular frequencies [rad/s].
-
-        Returns
-        -------
-        array, shape (n, actuators, actuators)
-            Gains; a loop is unstable where they encircle 1.
-        """
-        w = np.atleast_1d(np.asarray(omega, dtype=float))
-        return self._loop(w, self._between(w))[1]
-
     def loop_gain(self, omega: ArrayLike) -> Complex:
         """Return the loop gain at the actuators with the sign of negative feedback, L = -K G_yu, with open loops.
 
@@ -236,8 +235,13 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         -------
         array, shape (actuators, actuators, n)
             Gains; a loop with a single actuator is unstable where L encircles -1.
+
+        Raises
+        ------
+        ResponseError
+            If a frequency is a pole of the plant or of a controller, where L is infinite.
         """
-        return np.asarray(-self.returned(omega).transpose(1, 2, 0))
+        return np.asarray(self._loop_gain(np.atleast_1d(np.asarray(omega, dtype=float))).transpose(1, 2, 0))
 
     def sensitivity(self, omega: ArrayLike) -> Complex:
         """Return the sensitivity at the actuators, S = (1 + L)^-1; T = 1 - S is the complementary sensitivity.
@@ -250,10 +254,14 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         Returns
         -------
         array, shape (actuators, actuators, n)
-            Sensitivities.
+            Sensitivities, also at poles of the plant.
+
+        Raises
+        ------
+        ResponseError
+            If a frequency is a pole of the closed loop.
         """
-        returned = self.returned(omega)
-        return np.asarray(np.linalg.inv(np.eye(len(self.actuators)) - returned).transpose(1, 2, 0))
+        return np.asarray(self._sensitivity(np.atleast_1d(np.asarray(omega, dtype=float))).transpose(1, 2, 0))
 
     def frequency_response(self, omega: ArrayLike, outputs: Names = None, inputs: Names = None) -> Complex:
         """Return the response of the closed loop, G + G_u (1 - K G_yu)^-1 K G_y.
@@ -268,7 +276,8 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         Returns
         -------
         array, shape (outputs, inputs, n)
-            Complex responses, from the accurate ones of the plant.
+            Complex responses, from the accurate ones of the plant; where these cancel, as next to a pole of the plant
+            or of a controller, from the closed-loop equations.
 
         Raises
         ------
@@ -295,14 +304,15 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         o, i = self.selected_ports
         system = self.plant.system
         rows, columns = sorted({*o, *y}), sorted({*i, *u})
-        g = system.with_ports([system.outputs[k] for k in rows], [system.inputs[k] for k in columns])
-        g = g.frequency_response(w).transpose(2, 0, 1)
+        part = system.with_ports([system.outputs[k] for k in rows], [system.inputs[k] for k in columns])
+        g = evaluated(lambda w: part.frequency_response(w).transpose(2, 0, 1), w, (len(rows), len(columns)))
         y, o = [rows.index(k) for k in y], [rows.index(k) for k in o]
         u, i = [columns.index(k) for k in u], [columns.index(k) for k in i]
-        k, returned, hold = self._loop(w, g[:, y][:, :, u])
-        forces = np.linalg.solve(np.eye(len(u)) - returned, k @ g[:, y][:, :, i])
-        closed: Complex = g[:, o][:, :, i] + g[:, o][:, :, u] @ (hold[:, None, None] * forces)
-        return np.asarray(closed.transpose(1, 2, 0))
+        acts, direct = g[:, o][:, :, u], g[:, o][:, :, i]
+        forces, error = self._forces(w, (g[:, y][:, :, u], g[:, y][:, :, i]))
+        value = direct + acts @ forces
+        error = EPS * np.abs(direct) + np.abs(acts) @ (EPS * np.abs(forces) + error)
+        return np.asarray(blended(value, error, self._by_states(w)).transpose(1, 2, 0))
 
     def poles(self) -> Complex:
         """Return the poles of the closed loop [1/s], in ascending magnitude."""
@@ -311,8 +321,8 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
     @cached_property
     def growing(self) -> tuple[str, ...]:
         """The unstable modes in words, each with the mode of the mechanism it comes from."""
-        poles = self._eigen[0]
-        numbers = unstable(poles)
+        poles, errors, _ = self._eigen
+        numbers = unstable(poles, errors)
         return described(poles, self.sources, numbers) if len(numbers) else ()
 
     @cached_property
@@ -344,8 +354,8 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
 
     @cached_property
     def _vibrating(self) -> NDArray[np.intp]:
-        values = self._eigen[0]
-        return np.flatnonzero(vibrates(values) & (values.imag > 0.0))
+        values, errors, _ = self._eigen
+        return np.flatnonzero(vibrates(values, errors) & (values.imag > 0.0))
 
     @property
     def damping_ratios(self) -> Array:
@@ -375,7 +385,7 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         dict
             Title, columns, rows and notes.
         """
-        damping = shown_damping(self.vibrating, np.abs(self._eigen[0]).max(initial=0.0))
+        damping = shown_damping(self.vibrating, self._eigen[1][self._vibrating])
         values = zip(np.abs(self.vibrating), damping, self._vibrating.tolist(), strict=True)
         rows = [(i + 1, f"{natural / (2 * np.pi):.6g}", f"{100.0 * ratio:.4g}", self.sources[at])
                 for i, (natural, ratio, at) in enumerate(values)]  # fmt: skip

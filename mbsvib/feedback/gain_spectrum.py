@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.linalg.groups import linked_items
+from mbsvib.linalg.spectrum import spectrum
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex, Index
 
 ALIKE = 1e-7  # relative distance below which poles coincide
-# Rounding of repeated real poles: their relative imaginary parts; of integrators at rest: their relative magnitude.
-OSCILLATES, AT_REST = 1e-6, 1e-9
+OSCILLATES = 1e-6  # relative imaginary parts that rounding gives to repeated real poles
 SEPARATE = 1e-12  # reciprocal condition of the products of left and right vectors below which poles are defective
 
 
@@ -28,26 +28,27 @@ class GainSpectrum:
 
     @property
     def poles(self) -> Complex:
-        """Eigenvalues as computed [1/s], (n,); those with positive imaginary part before their conjugates."""
+        """Eigenvalues [1/s], (n,), 0 where they differ from it by rounding; those with positive imaginary part come
+        before their conjugates.
+        """
         return self._decomposition[0]
 
     @cached_property
     def values(self) -> Complex:
-        """Eigenvalues without rounding: exactly real, or exactly zero, where they differ from that by rounding."""
+        """Eigenvalues, exactly real where they differ from that by rounding."""
         poles = self.poles.copy()
         poles.imag[np.abs(poles.imag) <= OSCILLATES * np.abs(poles)] = 0.0
-        poles[np.abs(poles) <= AT_REST * self.largest] = 0.0
         return poles
 
     @property
-    def largest(self) -> float:
-        """Magnitude of the largest eigenvalue [1/s]."""
-        return float(np.abs(self.poles).max(initial=0.0))
+    def errors(self) -> Array:
+        """Bounds of the rounding of the eigenvalues [1/s], (n,)."""
+        return self._decomposition[1]
 
     @cached_property
     def tolerance(self) -> Array:
         """Distance from each eigenvalue below which another one coincides with it [1/s], (n,)."""
-        return np.asarray(ALIKE * np.maximum(np.abs(self.values), AT_REST * self.largest))
+        return np.maximum(ALIKE * np.abs(self.values), self.errors)
 
     def slopes(self, change: Array) -> Complex:
         """Return the derivatives (n,) of ``values``; zero where an eigenvalue is defective and has none.
@@ -59,7 +60,7 @@ class GainSpectrum:
 
         Source: Lancaster, P. (1964), On eigenvalues of matrices dependent on a parameter, Numer. Math. 6, theorem 7.
         """
-        _, left, right, scale = self._decomposition
+        _, _, left, right, scale = self._decomposition
         rows = left.conj().T
         moved = (change / scale[:, None] * scale) @ right
         overlap = np.einsum("ij,ji->i", rows, right)
@@ -85,12 +86,10 @@ class GainSpectrum:
         return [np.array([group for group in groups if len(group) == size]) for size in sizes]
 
     @cached_property
-    def _decomposition(self) -> tuple[Complex, Complex, Complex, Array]:
-        """Eigenvalues; left and right vectors (n, n) as columns, of the matrix with its states in units ``scale``."""
-        from scipy.linalg import eig, matrix_balance
-
-        balanced, (scale, _) = matrix_balance(self.matrix, permute=False, separate=True)
-        values, left, right = eig(balanced, left=True)
-        order = np.lexsort((-values.imag, np.abs(values)))
-        left, right = left.astype(complex)[:, order], right.astype(complex)[:, order]
-        return values[order], left, right, scale
+    def _decomposition(self) -> tuple[Complex, Array, Complex, Complex, Array]:
+        """Eigenvalues, errors, left and right vectors (n, n) as columns, in states of the units ``scale`` (n,)."""
+        of_a = spectrum(self.matrix)
+        order = np.lexsort((-of_a.values.imag, np.abs(of_a.values)))
+        values = np.where(of_a.at_zero, 0.0, of_a.values)[order]
+        return (values, of_a.errors[order], of_a.left[:, order].astype(complex),
+                of_a.right[:, order].astype(complex), np.ldexp(1.0, of_a.power))  # fmt: skip

@@ -10,7 +10,9 @@ import numpy as np
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.frequencies import checked
-from mbsvib.responses.extrema import Band, panels
+from mbsvib.feedback.loop_rounding import evaluated
+from mbsvib.linalg.rank import EPS
+from mbsvib.responses.extrema import Band, excited, panels
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -22,10 +24,12 @@ if TYPE_CHECKING:
 
 # Band, in parts of the lowest and highest pole; poles below the third share of the highest are at rest.
 LOWEST, HIGHEST, AT_REST = 1e-6, 1e6, 1e-9
+UNIT = 1.0  # [Hz], about which the band lies if no pole has a size
 # At both ends of the band the loop gain is near its limit, which is real, or tends to 0 or infinity.
 REAL = 1e-3
 # A loop gain below this, or above its inverse, limits no gain: its sign is rounding.
 NONE = 1e-6
+BESIDE = 1e-9  # distance from a pole of the closed loop, in parts of it, at which S stands for the value there
 # The smallest singular value of 1 - K G comes this near to 1 only where the loop gain vanishes.
 VANISHES = 1e-6
 
@@ -53,8 +57,8 @@ class OpenedLoops(Protocol):
     def stable(self) -> bool:
         """Whether the closed loops are stable."""
 
-    def returned(self, omega: ArrayLike) -> Complex:
-        """Return K G (n, actuators, actuators) at angular frequencies [rad/s]."""
+    def sensitivity(self, omega: ArrayLike) -> Complex:
+        """Return S = (1 - K G)^-1 (actuators, actuators, n) at angular frequencies [rad/s]."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -134,19 +138,25 @@ def margins(loop: OpenedLoops, frequencies: ArrayLike | None = None) -> Margins:
     poles, longest, period = loop.resolution
     if frequencies is None:
         size = np.abs(np.concatenate((poles, loop.open_loop.poles()))) / (2.0 * np.pi)
-        low, high = LOWEST * float(size[size > AT_REST * size.max()].min()), HIGHEST * float(size.max())
-        high = min(high, 0.5 * period)
+        size = size[size > AT_REST * size.max(initial=0.0)]
+        if not len(size):
+            size = np.array([min(UNIT, 0.5 * period)])
+        low, high = LOWEST * float(size.min()), min(HIGHEST * float(size.max()), 0.5 * period)
     else:
         f = checked(frequencies)
         low, high = float(f[0]), float(f[-1])
         if low == high:
             raise ResponseError(f"margins: frequencies: only {low:g} Hz; expected the first and the last of a band.")
-    ends = panels(poles / (2.0 * np.pi), low, high, longest=longest, period=period)
+    poles = poles / (2.0 * np.pi)
+    ends = panels(poles, low, high, longest=longest, period=period)
     # 1 / (1 - K G) has only the poles of the closed loop
     band = Band(lambda hertz: _sensitivity(loop, hertz), ends)
     frequency, largest = band.highest(lambda s: np.asarray(np.linalg.svd(s, compute_uv=False)[:, 0]))
-    limits = _sensitivity(loop, ends[[0, -1]])[: 2 if frequencies is None else 0]
-    single_margins = [_single(band, ends[[0, -1]], limits[:, i, i], i) for i in range(len(loop.actuators))]
+    critical = excited(lambda hertz: np.asarray(np.abs(band.response(hertz)).max(axis=(1, 2))), poles, low, high)
+    if len(critical):
+        frequency, largest = float(critical[0]), np.inf
+    limits = band.response(ends[[0, -1]])[: 2 if frequencies is None else 0]
+    single_margins = [_single(band, poles, limits[:, i, i], i) for i in range(len(loop.actuators))]
     (lower, gain, phase, delay, modulus), at = np.array(single_margins).transpose(2, 1, 0)
     lower_at, gain_at, phase_at, delay_at, modulus_at = at
     return Margins(loop.law.name, loop.actuators, 1.0 / largest, frequency, lower, gain, phase, delay, modulus,
@@ -154,13 +164,27 @@ def margins(loop: OpenedLoops, frequencies: ArrayLike | None = None) -> Margins:
 
 
 def _sensitivity(loop: OpenedLoops, hertz: Array) -> Complex:
-    return np.asarray(np.linalg.inv(np.eye(len(loop.actuators)) - loop.returned(2.0 * np.pi * hertz)))
+    """S (n, actuators, actuators); at a pole of the closed loop as large as next to it."""
+
+    def at(f: Array) -> Complex:
+        return np.asarray(loop.sensitivity(2.0 * np.pi * f).transpose(2, 0, 1))
+
+    shape = (len(loop.actuators),) * 2
+    s = evaluated(at, hertz, shape)
+    pole = np.isnan(s).any(axis=(1, 2))
+    if pole.any():
+        s[pole] = np.nan_to_num(evaluated(at, hertz[pole] * (1.0 + BESIDE), shape), nan=1.0 / EPS)
+    return s
 
 
-def _single(band: Band, ends: Array, limits: Complex, i: int) -> list[tuple[float, float]]:
+def _single(band: Band, poles: Complex, limits: Complex, i: int) -> list[tuple[float, float]]:
     """Lower and upper gain margin, phase [deg], delay [s] and modulus margin of one actuator's loop, the others closed,
-    each with its frequency [Hz]: L = 1 / S - 1, with the critical point -1.
+    each with its frequency [Hz]: L = 1 / S - 1, with the critical point -1. ``poles`` in Hz; ``limits`` of S.
     """
+    ends = band.ends[[0, -1]]
+    critical = excited(lambda hertz: np.asarray(np.abs(band.response(hertz)[:, i, i])), poles, *ends.tolist())
+    if len(critical):
+        return [(value, float(critical[0])) for value in (1.0, 1.0, 0.0, 0.0, 0.0)]
 
     def tells(s: Complex) -> NDArray[np.bool_]:
         return np.asarray(np.minimum(np.abs(s), np.abs(s - 1.0)) > NONE)

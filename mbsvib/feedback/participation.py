@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.feedback.pole_track import vibrates
-from mbsvib.linalg.balancing import scaled_matrix
 from mbsvib.modes.state_modes import FORGOTTEN
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.linalg.spectrum import Spectrum
 
 
 ALIKE = 1e-6  # poles that differ by less than this share are repeated: any basis of their eigenspace is valid
@@ -21,25 +21,25 @@ ALIKE = 1e-6  # poles that differ by less than this share are repeated: any basi
 LEAST = 0.1  # minimum participation of the mechanism in poles that are assigned to its modes
 
 
-def eigen(a: Array, rate: float | None = None) -> tuple[Complex, Array]:
-    """Return poles (poles,) of x' = A x, or of x+ = A x at a rate, and participation (n, poles) of states in them.
+def eigen(of_a: Spectrum, rate: float | None = None) -> tuple[Complex, Array, Array]:
+    """Return poles (poles,) of x' = A x, or of x+ = A x at a rate, bounds (poles,) of their rounding, and participation
+    (n, poles) of states in them.
 
     p_ik = |v_ik w_ik| / sum over i, with the right and left eigenvectors v_k and w_k, w_k^H v_k = 1: the diagonal of
     the projection on the eigenvectors, which does not depend on units
 
-    ``a`` (n, n). ``rate``: sampling rate [Hz]. Poles [1/s] are in ascending magnitude, without those that decay within
-    a few samples; columns of the participation have the sum 1.
+    ``of_a``: spectrum of A. ``rate``: sampling rate [Hz]. Poles [1/s] are in ascending magnitude, without those that
+    decay within a few samples; columns of the participation have the sum 1.
 
     Source: I. J. Perez-Arriaga, G. C. Verghese and F. C. Schweppe, IEEE Trans. Power Appar. Syst. 101 (1982) 3117.
     """
-    from scipy.linalg import eig
-
-    values, left, right = eig(scaled_matrix(a), left=True)
+    values, errors, left, right = of_a.values, of_a.errors, of_a.left, of_a.right
     if rate is not None:
         remembered = np.abs(values) > FORGOTTEN
+        errors = rate * errors[remembered] / np.abs(values[remembered])
         values, left, right = np.log(values[remembered]) * rate, left[:, remembered], right[:, remembered]
     order = np.lexsort((-values.imag, np.abs(values)))
-    values, left, right = values[order], left[:, order], right[:, order]
+    values, errors, left, right = values[order], errors[order], left[:, order], right[:, order]
     share = np.empty(left.shape)
     todo = np.ones(len(values), dtype=bool)
     for k in range(len(values)):
@@ -51,16 +51,16 @@ def eigen(a: Array, rate: float | None = None) -> tuple[Complex, Array]:
             projection = np.abs(np.einsum("ij,ji->i", v, np.linalg.pinv(products) @ w.conj().T))
             share[:, same] = (projection / (projection.sum() or 1.0))[:, None]
             todo[same] = False
-    return values, share
+    return values, errors, share
 
 
-def sources(poles: Complex, participation: Array, states: Sequence[str]) -> list[int | None]:
+def sources(poles: Complex, errors: Array, participation: Array, states: Sequence[str]) -> list[int | None]:
     """Return the mode of the mechanism, from 0, that each pole comes from, None where that is a controller.
 
     Oscillating poles are assigned to different modes so that the total participation is maximal.
 
-    ``poles`` (poles,) [1/s]. ``participation`` (states, poles): states of the mechanism come first. ``states``: their
-    names: "mode1", "mode1'", ...
+    ``poles`` (poles,) [1/s], with their ``errors``. ``participation`` (states, poles): states of the mechanism come
+    first. ``states``: their names: "mode1", "mode1'", ...
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -73,7 +73,7 @@ def sources(poles: Complex, participation: Array, states: Sequence[str]) -> list
     modes: list[int | None] = [
         int(mode) if count and table[mode, k] > rest[:, k].sum() else None for k, mode in enumerate(largest)
     ]
-    waves = np.flatnonzero(vibrates(poles) & (poles.imag > 0.0))
+    waves = np.flatnonzero(vibrates(poles, errors) & (poles.imag > 0.0))
     row, column = linear_sum_assignment(-table[:, waves])
     assigned = dict(zip(waves[column].tolist(), row.tolist(), strict=True))
     for k in waves.tolist():

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.feedback.gain_spectrum import AT_REST, OSCILLATES, GainSpectrum
+from mbsvib.feedback.gain_spectrum import OSCILLATES, GainSpectrum
 from mbsvib.feedback.pole_matching import matched
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 # so many steps are tried between two gains.
 HALVINGS, TRIALS = 40, 400
 MOVED = 0.01  # share of its magnitude by which a pole must move to count as moved
-GROWS = 1e-10  # a real part above this share of the largest pole is unstable
 # Curves have a point for each change of a pole by this share of its magnitude, with a maximum number per step
 SMOOTH, MOST = 0.05, 24
 ROUNDS = 4  # of adding points, which resolve square roots where poles meet
@@ -74,6 +73,15 @@ class Track:
                 ahead.append(GainSpectrum(middle, self._at(middle)))
         return columns
 
+    def stable(self, gain: float) -> bool:
+        """Return whether the loop is stable at a gain."""
+        return stable(self.at(gain), self.errors(gain))
+
+    def errors(self, gain: float) -> Array:
+        """Return bounds of the rounding of the poles at a gain."""
+        self.at(gain)
+        return np.asarray(self._spectra[gain].errors[self._columns[gain]])
+
     @property
     def curves(self) -> Complex:
         """Poles at all computed gains, in ascending order, (more, poles)."""
@@ -97,18 +105,18 @@ class Track:
         gains, the lowest is returned.
         """
 
-        def height(poles: Complex) -> Array:
-            return np.where(stable(poles), measure(poles), -np.inf)
+        def height(gain: float) -> float:
+            return float(measure(self.at(gain)[None])[0]) if self.stable(gain) else -np.inf
 
         order = list(self._order)
-        value = height(self.curves)
+        value = np.array([height(gain) for gain in order])
         best = int(value.argmax())
         if np.isneginf(value[best]):
             return order[0], -np.inf, self.at(order[0])
         top = order[best], float(value[best])
         low, high = order[max(best - 1, 0)], order[min(best + 1, len(order) - 1)]
         gains = [low + GOLDEN * (high - low), high - GOLDEN * (high - low)]
-        heights = [float(height(self.at(gain)[None])[0]) for gain in gains]
+        heights = [height(gain) for gain in gains]
         for _ in range(SECTIONS):
             left_is_higher = heights[0] >= heights[1]
             higher = 0 if left_is_higher else 1
@@ -116,7 +124,7 @@ class Track:
                 top = gains[higher], heights[higher]
             low, high = (low, gains[1]) if left_is_higher else (gains[0], high)
             trial = low + GOLDEN * (high - low) if left_is_higher else high - GOLDEN * (high - low)
-            trial_height = float(height(self.at(trial)[None])[0])
+            trial_height = height(trial)
             gains, heights = ([trial, gains[0]], [trial_height, heights[0]]) if left_is_higher else (
                 [gains[1], trial], [heights[1], trial_height])  # fmt: skip
         return *top, self.at(top[0])
@@ -138,14 +146,14 @@ def least_damping(poles: Complex, columns: NDArray[np.bool_]) -> Array:
     return np.asarray(np.where(columns & vibrates(poles), ratios(poles), 1.0).min(axis=1, initial=1.0))
 
 
-def vibrates(poles: Complex) -> NDArray[np.bool_]:
-    """Return whether poles (..., poles) oscillate; real poles and integrators with rounding errors do not."""
+def vibrates(poles: Complex, errors: Array | float = 0.0) -> NDArray[np.bool_]:
+    """Return whether poles (..., poles) oscillate; real poles, and those that ``errors`` of rounding keep from 0, do
+    not.
+    """
     size = np.abs(poles)
-    largest = size.max(axis=-1, keepdims=True, initial=0.0)
-    return np.asarray((np.abs(poles.imag) > OSCILLATES * size) & (size > AT_REST * largest))
+    return np.asarray((np.abs(poles.imag) > OSCILLATES * size) & (size > errors))
 
 
-def stable(poles: Complex) -> NDArray[np.bool_]:
-    """Return whether all poles of (n, poles) are stable, (n,)."""
-    largest = np.abs(poles).max(axis=1, keepdims=True)
-    return np.asarray((poles.real <= GROWS * largest).all(axis=1))
+def stable(poles: Complex, errors: Array) -> bool:
+    """Return whether poles (poles,) are stable: none is further right of the imaginary axis than its error."""
+    return bool((poles.real <= errors).all())

@@ -7,21 +7,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.feedback.participation import sources
-from mbsvib.feedback.pole_track import GROWS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array, Complex, Index
 
-RESTS = 3e-8  # error of double poles at 0, in parts of the largest
-
-
-def origins(system: Any, states: Sequence[str], poles: Complex, participation: Array) -> tuple[str, ...]:
+def origins(
+    system: Any, states: Sequence[str], poles: Complex, errors: Array, participation: Array
+) -> tuple[str, ...]:  # fmt: skip
     """Return where each pole comes from: a mode of the plant, or the controller.
 
     ``states``: names of the plant's states, which come before those of controllers. ``poles`` (poles,) of the closed
-    loop [1/s]. ``participation`` (states, poles).
+    loop [1/s], with their ``errors``. ``participation`` (states, poles).
     """
     if getattr(system, "basis", None) is None:  # given states belong to no mode of their own
         plant = participation[: len(states)].sum(axis=0)
@@ -31,23 +29,23 @@ def origins(system: Any, states: Sequence[str], poles: Complex, participation: A
     return tuple([
         "controller" if mode is None
         else f"mode {mode + 1} ({modes.frequencies[mode]:.4g} Hz, {' '.join(strongest[mode])})"
-        for mode in sources(poles, participation, states)
+        for mode in sources(poles, errors, participation, states)
     ])  # fmt: skip
 
 
-def unstable(poles: Complex) -> Index:
-    """Return the numbers of unstable poles (poles,) [1/s], one of each pair; those at 0 but for rounding are stable."""
-    largest = np.abs(poles).max(initial=0.0)
-    return np.flatnonzero((poles.real > GROWS * largest) & (poles.imag >= 0.0) & (np.abs(poles) > RESTS * largest))
+def unstable(poles: Complex, errors: Array) -> Index:
+    """Return the numbers of unstable poles (poles,) [1/s], one of each pair; those within their ``errors`` of the
+    imaginary axis are stable.
+    """
+    return np.flatnonzero((poles.real > errors) & (poles.imag >= 0.0))
 
 
-def shown_damping(poles: Complex, largest: float) -> Array:
+def shown_damping(poles: Complex, errors: Array) -> Array:
     """Return damping ratios -Re(pole)/|pole| (poles,) for tables: 0 where real parts are nothing but rounding.
 
-    ``poles`` (poles,) [1/s], none of them 0. ``largest``: the largest magnitude of all poles of the loop [1/s].
+    ``poles`` (poles,) [1/s], none of them 0, with their ``errors``.
     """
-    rounding = np.minimum(GROWS * largest, RESTS * np.abs(poles))
-    return np.where(np.abs(poles.real) > rounding, -poles.real / np.abs(poles), 0.0)
+    return np.where(np.abs(poles.real) > errors, -poles.real / np.abs(poles), 0.0)
 
 
 def described(poles: Complex, comes_from: Sequence[str], numbers: Index) -> tuple[str, ...]:

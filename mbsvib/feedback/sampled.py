@@ -10,13 +10,17 @@ import numpy as np
 
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError
+from mbsvib.feedback.excited_period import steady_state
 from mbsvib.feedback.feedback_loop import FeedbackLoop
 from mbsvib.feedback.held_mechanism import HeldMechanism, held_mechanism, split_delay
+from mbsvib.feedback.loop_rounding import check_poles
 from mbsvib.feedback.participation import eigen
 from mbsvib.feedback.resolution import Resolution
 from mbsvib.feedback.sampled_norm import h2_norm
 from mbsvib.linalg.discrete import tustin
 from mbsvib.linalg.rank import EPS
+from mbsvib.linalg.spectrum import spectrum
+from mbsvib.responses.first_order_solver import FirstOrderSolver, first_order_solver
 from mbsvib.responses.first_order_zeros import first_order_zeros
 from mbsvib.responses.frequency_grid import frequency_grid
 from mbsvib.responses.norms import Norm, check_decays
@@ -25,8 +29,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.common.selection import Names
+    from mbsvib.feedback.loop_rounding import Closed
+    from mbsvib.linalg.spectrum import Spectrum
     from mbsvib.modes.state_modes import StateModes
 
 
@@ -76,15 +82,43 @@ class SampledLoop(FeedbackLoop):
     def _mechanism(self) -> HeldMechanism:
         return held_mechanism(self.plant.space, self.ports[1], self.rate, self.delay)
 
-    def _loop(self, omega: Array, plant_response: Complex) -> tuple[Complex, Complex, Complex]:
+    def _forces(self, w: Array, plant: tuple[Complex, Complex]) -> tuple[Complex, Array]:
+        del plant  # the closed-loop equations are always those that lose no digits
+        state = steady_state(self, w, [], self.selected_ports[1])
+        hold = np.sinc(w / (2.0 * np.pi * self.rate)) * np.exp(-1j * w * (0.5 / self.rate + self.delay))
+        forces, terms = hold * state.forces, np.abs(hold) * state.force_terms
+        return forces.transpose(2, 0, 1), EPS * terms.transpose(2, 0, 1)
+
+    def _by_states(self, w: Array) -> Closed:
+        def closed(rows: Index, columns: Index, at: Index) -> tuple[Complex, Array]:
+            shown, sources = self.selected_ports
+            state = steady_state(self, w[at], [shown[k] for k in rows], [sources[k] for k in columns])
+            return state.value, state.terms
+
+        return closed
+
+    def _loop_gain(self, w: Array) -> Complex:
         a, b, c, d = self.discrete
-        z = np.exp(1j * omega / self.rate)
-        k = np.broadcast_to(d, (len(z), *d.shape)).astype(complex)
+        z = np.exp(1j * w / self.rate)
+        plant, gains = self._mechanism, np.broadcast_to(d, (len(z), *d.shape)).astype(complex)
         if len(a):
-            k = k + c @ _resolved(a, b, z)
-        plant = self._mechanism
-        hold = np.sinc(omega / (2.0 * np.pi * self.rate)) * np.exp(-1j * omega * (0.5 / self.rate + self.delay))
-        return k, k @ (plant.outputs[self.ports[0]] @ _resolved(plant.a, plant.forces, z)), hold
+            gains = gains + c @ _resolved(a, b, z)
+        return np.asarray(-(gains @ (plant.outputs[self.ports[0]] @ _resolved(plant.a, plant.forces, z))))
+
+    def _sensitivity(self, w: Array) -> Complex:
+        solver, ports = self._demands
+        z = np.exp(1j * w / self.rate)
+        check_poles(z, w, self._spectrum, self.name)
+        return solver.bounded(z, w, ports)[0].transpose(2, 0, 1)
+
+    @cached_property
+    def _demands(self) -> tuple[FirstOrderSolver, tuple[Array, Array, Array]]:
+        """Solver and B, C, D from sample to sample, from what is added to the demanded forces to the sum of both."""
+        _, _, c, d = self.discrete
+        plant, one = self._mechanism, np.eye(len(d))
+        forces = np.concatenate((plant.forces, np.zeros((len(c.T), len(d)))))
+        demanded = np.concatenate((d @ plant.outputs[self.ports[0]], c), axis=1)
+        return first_order_solver(self.sample_to_sample.A, forces, demanded, self.name), (forces, demanded, one)
 
     @cached_property
     def sample_to_sample(self) -> SampleToSample:
@@ -105,8 +139,12 @@ class SampledLoop(FeedbackLoop):
             plant.direct[np.ix_(shown, sources)], states)  # fmt: skip
 
     @cached_property
-    def _eigen(self) -> tuple[Complex, Array]:
-        return eigen(self.sample_to_sample.A, self.rate)
+    def _eigen(self) -> tuple[Complex, Array, Array]:
+        return eigen(self._spectrum, self.rate)
+
+    @cached_property
+    def _spectrum(self) -> Spectrum:
+        return spectrum(self.sample_to_sample.A)
 
     @cached_property
     def continuous(self) -> Any:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.held_mechanism import split_delay
-from mbsvib.linalg.balancing import scaled
+from mbsvib.feedback.sampled_period import period
 from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
@@ -34,8 +33,8 @@ class Stretch(NamedTuple):
     own: float
 
     @classmethod
-    def event(cls, transition: Array) -> Stretch:
-        """Return a change of the state that takes no time."""
+    def event(cls, transition: Array, _inputs: Array) -> Stretch:
+        """Return a change of the state that takes no time; no input acts at that moment."""
         after, before = transition.shape
         return cls(transition, np.zeros((after, after)), np.zeros((before, before)), 0.0)
 
@@ -46,7 +45,7 @@ class Stretch(NamedTuple):
                        self.own + other.own + float(np.sum(other.weight * self.noise)))  # fmt: skip
 
 
-def free_motion(a: Array, b: Array, c: Array, time: float) -> Stretch:
+def free_motion(a: Array, b: Array, c: Array, _direct: Array, time: float) -> Stretch:
     """Return the motion x' = A x + B w,  y = C x under white noise w over a time [s].
 
     noise = integral of exp(A s) B B^T exp(A^T s),  weight = integral of exp(A^T s) C^T C exp(A s),
@@ -71,35 +70,6 @@ def free_motion(a: Array, b: Array, c: Array, time: float) -> Stretch:
     return result
 
 
-def period(loop: Sampled) -> Stretch:
-    """Return the closed loop from one sample to the next; its state is that of ``loop.sample_to_sample``."""
-    space, (y, u), (shown, sources) = loop.plant.space, loop.ports, loop.selected_ports
-    a, b, c = scaled(space.A, space.B, space.C)
-    ka, kb, kc, kd = loop.discrete
-    n, m, k = len(a), len(u), len(ka)
-    periods, remainder = split_delay(loop.rate, loop.delay)
-    delayed = m * (periods + 1)
-    size = n + m + delayed + k  # between sample and action, the demanded forces stand before the delayed ones
-    last = slice(n + delayed, n + m + delayed)  # what acts
-    # a sample: the forces demanded join the state, and the controller's states advance
-    observed = np.zeros((len(y), n + delayed + k))
-    observed[:, :n], observed[:, n + delayed - m : n + delayed] = c[y], space.D[np.ix_(y, u)]
-    sample = np.zeros((size, n + delayed + k))
-    sample[:n, :n], sample[n + m : n + m + delayed, n : n + delayed] = np.eye(n), np.eye(delayed)
-    sample[n : n + m], sample[n + m + delayed :] = kd @ observed, kb @ observed
-    sample[n : n + m, n + delayed :] += kc
-    sample[n + m + delayed :, n + delayed :] += ka
-    # an action: each force moves up by one place, the last one is dropped
-    act = np.delete(np.eye(size), np.s_[last], axis=0)
-    flow, noise, seen = np.zeros((size, size)), np.zeros((size, len(sources))), np.zeros((len(shown), size))
-    flow[:n, :n], flow[:n, last], noise[:n] = a, b[:, u], b[:, sources]
-    seen[:, :n], seen[:, last] = c[shown], space.D[np.ix_(shown, u)]
-    after = [*range(n), *range(n + m, size)]  # the same without a place for demanded forces
-    waiting = free_motion(flow, noise, seen, remainder)
-    acting = free_motion(flow[np.ix_(after, after)], noise[after], seen[:, after], 1.0 / loop.rate - remainder)
-    return Stretch.event(sample).then(waiting).then(Stretch.event(act)).then(acting)
-
-
 def h2_norm(loop: Sampled) -> float:
     """Return the H2 norm of a stable loop: the rms of its outputs under white noise, averaged over a period h.
 
@@ -118,7 +88,7 @@ def h2_norm(loop: Sampled) -> float:
             raise ResponseError(f"H2 norm of '{loop.name}': input '{system.inputs[sources[i]]}' {why} "
                                 f"'{system.outputs[rows[o]]}', so that the norm is infinite. Choose displacements or "
                                 f"velocities, and other inputs: outputs=[...], inputs=[...].")  # fmt: skip
-    interval = period(loop)
+    interval = period(loop, shown, sources).composed(Stretch.event, free_motion)
     lasting = interval
     for _ in range(LONGEST):
         if np.abs(lasting.transition).max(initial=0.0) <= EPS**2:

@@ -12,8 +12,7 @@ from mbsvib.common.arguments import shown
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import mode_index, reals
 from mbsvib.errors import ResponseError
-from mbsvib.feedback.gain_spectrum import AT_REST
-from mbsvib.feedback.pole_track import Track, has_moved, least_damping, ratios, stable
+from mbsvib.feedback.pole_track import Track, has_moved, least_damping, ratios
 from mbsvib.isolation.collocation import removable, without
 from mbsvib.isolation.study_loops import close
 
@@ -33,7 +32,7 @@ class RootLocus(Displayed):
 
     ``modes`` are the columns of poles that start with a positive imaginary part; ``zeros`` (of the pairs that the
     controller closes) are where poles go as the gain grows. ``curves`` (more, poles) are the same poles at more gains,
-    and ``best_poles`` (poles,) those at the best one.
+    and ``best_poles`` (poles,) those at the best one. ``stable`` (n,): whether the loop is stable at each gain.
     """
 
     name: str
@@ -43,6 +42,7 @@ class RootLocus(Displayed):
     modes: NDArray[np.intp]
     curves: Complex
     best_poles: Complex
+    stable: NDArray[np.bool_]
     _optima: tuple[tuple[float, float], ...]
 
     @cached_property
@@ -54,11 +54,6 @@ class RootLocus(Displayed):
     def moved(self) -> NDArray[np.bool_]:
         """Whether the gain moves each mode by more than a hundredth of its frequency, (modes,)."""
         return has_moved(self.poles)[self.modes]
-
-    @property
-    def stable(self) -> NDArray[np.bool_]:
-        """Whether the closed loop is stable at each gain, (n,)."""
-        return stable(self.poles)
 
     def best(self, mode: int | None = None) -> tuple[float, float]:
         """Return the gain at which a mode, or the least damped vibration, is damped most.
@@ -203,14 +198,14 @@ def root_locus(plant: Plant, law: Callable[[float], Controller], gains: ArrayLik
     zeros = without(system, tensions).poles() if force_feedback else system.transmission_zeros(
         first.sensors, first.actuators)  # fmt: skip
     start = table[0]
-    largest = np.abs(start).max(initial=0.0)
-    modes = np.flatnonzero((start.imag > 0.0) & (np.abs(start) > AT_REST * largest))
+    modes = np.flatnonzero((start.imag > 0.0) & (np.abs(start) > track.errors(float(g[0]))))
     modes = modes[np.argsort(np.abs(start[modes]), kind="stable")]
     moving = has_moved(table)
     gain, ratio, poles = track.highest(lambda poles: least_damping(poles, moving))
     optima = [track.highest(lambda poles, column=column: ratios(poles[:, column]))[:2] if moving[column]  # type: ignore[misc]
               else (float(g[0]), float(ratios(start[[column]])[0])) for column in modes.tolist()]  # fmt: skip
-    return RootLocus(first.law.name, g, table, zeros, modes, track.curves, poles, (*optima, (gain, ratio)))
+    return RootLocus(first.law.name, g, table, zeros, modes, track.curves, poles,
+                     np.array([track.stable(gain) for gain in g.tolist()]), (*optima, (gain, ratio)))  # fmt: skip
 
 
 def _change(before: float, after: float) -> str:

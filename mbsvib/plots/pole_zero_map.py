@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.feedback.gain_spectrum import AT_REST
 from mbsvib.plots import _choice as choice
 from mbsvib.plots import _style as style
 from mbsvib.plots.root_locus import damping_rays, limits_of
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
     from mbsvib.plots._choice import Systems
     from mbsvib.plots.root_locus import Limits
 
+AT_REST = 1e-9  # poles below this share of the largest do not count for the limits of axes
 WIDE = 10.0  # ratio of magnitudes of poles above which linear axes hide the smallest
 
 

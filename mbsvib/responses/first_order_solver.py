@@ -21,7 +21,7 @@ from mbsvib.responses.time_response import checked_record
 from mbsvib.responses.time_steps import stepped
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 
 REFINEMENTS = 3
+FEW = 60_000  # numbers of all matrices up to which one factorization a point costs less than substitution in a loop
 # A right-hand side below this many roundings of the terms of (s - A) x is rounding: s is a pole.
 SINGULAR = 4.0
 
@@ -46,24 +47,49 @@ class FirstOrderSolver:
     def frequency_response(self, omega: ArrayLike, b: Array, c: Array, d: Array) -> Complex:
         """Return G(i w) = C (i w - A)^-1 B + D, (outputs, inputs, n), at ``omega`` (n,) [rad/s]."""
         w = angular(omega)
-        right, observed = np.ldexp(b, -self.power[:, None]), np.ldexp(c, self.power)
+        observed = np.ldexp(c, self.power)
         result: Complex = np.empty((len(c), b.shape[1], len(w)), dtype=complex)
-        batch = max(1, BATCH_BYTES // (64 * max(1, right.size)))
-        for start in range(0, len(w), batch):
-            s = np.asarray(1j * w[start : start + batch], dtype=complex)
+        for part, x in self.states(np.asarray(1j * w, dtype=complex), w, b):
+            result[:, :, part] = np.tensordot(observed, x, axes=1) + d[:, :, None]
+        return result
+
+    def bounded(self, s: Complex, w: Array, space: tuple[Array, Array, Array]) -> tuple[Complex, Array]:
+        """Return G = C (s - A)^-1 B + D and the size of its terms |C| |x| + |D|, both (outputs, inputs, n).
+
+        ``s`` (n,): points, those of the angular frequencies ``w`` (n,) [rad/s]. ``space``: B, C and D.
+        """
+        b, c, d = space
+        observed = np.ldexp(c, self.power)
+        result: Complex = np.empty((len(c), b.shape[1], len(s)), dtype=complex)
+        size = np.empty(result.shape)
+        for part, x in self.states(s, w, b):
+            result[:, :, part] = np.tensordot(observed, x, axes=1) + d[:, :, None]
+            size[:, :, part] = np.tensordot(np.abs(observed), np.abs(x), axes=1) + np.abs(d)[:, :, None]
+        return result, size
+
+    def states(self, s: Complex, w: Array, b: Array | Complex) -> Iterator[tuple[slice, Complex]]:
+        """Return (s - A)^-1 B in scaled states, (states, inputs, points), for batches of points ``s`` (n,).
+
+        ``w`` (n,): their angular frequencies [rad/s]. ``b`` (states, inputs), or (states, inputs, n) if it differs from
+        point to point, in scaled states then.
+        """
+        right = np.ldexp(b, -self.power[:, None]) if b.ndim == 2 else b
+        batch = max(1, BATCH_BYTES // (64 * max(1, right.shape[0] * right.shape[1])))
+        for start in range(0, len(s), batch):
+            part = slice(start, start + batch)
+            loads = right[:, :, None] if right.ndim == 2 else right[:, :, part]
             with np.errstate(invalid="ignore", over="ignore"):  # next to a pole, which is refused
-                x = self._solved(s, right)
-                pole = np.flatnonzero(~np.isfinite(x).all(axis=(0, 1)) | self._singular(s, right, x))
+                x = self._solved(s[part], loads)
+                pole = np.flatnonzero(~np.isfinite(x).all(axis=(0, 1)) | self._singular(s[part], loads, x))
             if len(pole):
                 at = start + int(pole[0])
                 raise ResponseError(f"frequency_response: omega[{at}] = {w[at]:g} rad/s is a pole of '{self.name}', "
                                     f"where the response is infinite; leave this frequency out.")  # fmt: skip
-            result[:, :, start : start + batch] = np.tensordot(observed, x, axes=1) + d[:, :, None]
-        return result
+            yield part, x
 
-    def _solved(self, s: Complex, right: Array) -> Complex:
-        """(s - A)^-1 right, shape (states, inputs, n)."""
-        wide = np.broadcast_to(right[:, :, None], (*right.shape, len(s))).astype(complex)
+    def _solved(self, s: Complex, right: Array | Complex) -> Complex:
+        """(s - A)^-1 right, shape (states, inputs, n); ``right`` (states, inputs, n or 1)."""
+        wide = np.broadcast_to(right, (*right.shape[:2], len(s))).astype(complex)
         x = self._once(s, wide)
         for _ in range(REFINEMENTS):
             residual = wide - (s * x - np.tensordot(self.a, x, axes=1))
@@ -75,15 +101,21 @@ class FirstOrderSolver:
 
     def _once(self, s: Complex, right: Complex) -> Complex:
         n, columns, count = right.shape
+        if count * n * n <= FEW:
+            try:
+                x = np.linalg.solve(s[:, None, None] * np.eye(n) - self.a, right.transpose(2, 0, 1))
+                return np.asarray(x.transpose(1, 2, 0))
+            except np.linalg.LinAlgError:  # at a pole: the triangle tells at which point
+                pass
         inside = (self.vectors.conj().T @ right.reshape(n, columns * count)).reshape(n, columns, count)
         x = triangular_solutions(self.triangle, inside, s)
         return np.asarray((self.vectors @ x.reshape(n, columns * count)).reshape(n, columns, count))
 
-    def _singular(self, s: Complex, right: Array, x: Complex) -> NDArray[np.bool_]:
+    def _singular(self, s: Complex, right: Array | Complex, x: Complex) -> NDArray[np.bool_]:
         """Whether a change of A and s by rounding alone makes up for a whole right-hand side, for each point."""
         terms = np.abs(s * x) + np.tensordot(np.abs(self.a), np.abs(x), axes=1)
-        cancelled = np.asarray((np.abs(right)[:, :, None] <= SINGULAR * len(self.a) * EPS * terms).all(axis=0))
-        return np.asarray((cancelled & np.asarray(right.any(axis=0))[:, None]).any(axis=0))
+        cancelled = np.asarray((np.abs(right) <= SINGULAR * len(self.a) * EPS * terms).all(axis=0))
+        return np.asarray((cancelled & np.asarray(right.any(axis=0))).any(axis=0))
 
 
 def first_order_solver(a: Array, b: Array, c: Array, name: str) -> FirstOrderSolver:

@@ -1,0 +1,102 @@
+"""Responses of closed loops by two forms, of which the one with less rounding counts.
+
+The response of the plant with open loops is accurate in each entry, but its terms cancel in the response of the closed
+loop where they are much larger than this: next to a pole of the plant or of a controller. The closed-loop equations
+have no such terms, but their states are only accurate against the largest.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ResponseError
+from mbsvib.linalg.rank import EPS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.linalg.spectrum import Spectrum
+
+    # Rows, columns and points -> responses and the sizes of their terms
+    Closed = Callable[[Index, Index, Index], tuple[Complex, Array]]
+
+
+# The closed-loop equations are solved where rounding of the other form may reach this share of a response, and the
+# second number times it of the usual size of its row and column: entries far below that are zero but for rounding, as
+# by symmetry.
+LOST, SMALL = 1e-11, 1e-4
+ROUNDS = 3  # of equilibration: sizes to within the eighth root of what units change
+
+
+def evaluated(response: Callable[[Array], Complex], w: Array, shape: tuple[int, int]) -> Complex:
+    """Return responses (n, *shape) at frequencies ``w`` (n,), NaN at poles, where ``response`` raises an error."""
+    try:
+        return response(w)
+    except (ResponseError, np.linalg.LinAlgError):
+        if len(w) <= 1:
+            return np.full((len(w), *shape), complex(np.nan, np.nan))
+    halves = np.array_split(w, 2)
+    return np.concatenate([evaluated(response, half, shape) for half in halves])
+
+
+def inverse(matrices: Complex) -> Complex:
+    """Return the inverses of matrices (n, k, k), not a number of those that are singular."""
+    try:
+        return np.asarray(np.linalg.inv(matrices))
+    except np.linalg.LinAlgError:
+        if len(matrices) == 1:
+            return np.full_like(matrices, complex(np.nan, np.nan))
+    return np.concatenate([inverse(half) for half in np.array_split(matrices, 2)])
+
+
+def at_poles(s: Complex, of_a: Spectrum) -> NDArray[np.bool_]:
+    """Return which points (n,) rounding cannot tell from eigenvalues of a matrix."""
+    return np.asarray((np.abs(s[:, None] - of_a.values) <= of_a.errors).any(axis=1))
+
+
+def check_poles(s: Complex, w: Array, of_a: Spectrum, name: str) -> None:
+    """Refuse points ``s`` (n,) at poles of a loop, with their angular frequencies ``w`` (n,) [rad/s]."""
+    pole = np.flatnonzero(at_poles(s, of_a))
+    if len(pole):
+        raise ResponseError(f"frequency_response: {w[pole[0]]:g} rad/s cannot be told from a pole of '{name}' by "
+                            f"rounding; leave this frequency out.")  # fmt: skip
+
+
+def blended(value: Complex, error: Array, closed: Closed) -> Complex:
+    """Return responses (n, rows, columns), those that lost digits from the closed-loop equations if these are better.
+
+    ``error`` (n, rows, columns): bounds of rounding of ``value``; both may be NaN or infinite. ``closed``: the
+    closed-loop equations.
+    """
+    size = np.abs(value)
+    at = np.flatnonzero(~(error <= LOST * size).all(axis=(1, 2)))
+    if not len(at):
+        return value
+    size = size[at]
+    lost = ~(error[at] <= LOST * np.maximum(size, SMALL * _usual(size)))
+    points, rows, columns = (np.flatnonzero(lost.any(axis=axes)) for axes in ((1, 2), (0, 2), (0, 1)))
+    if len(points):
+        block = np.ix_(at[points], rows, columns)
+        solved, terms = (part.transpose(2, 0, 1) for part in closed(rows, columns, at[points]))
+        value[block] = np.where(error[block] <= EPS * terms, value[block], solved)
+    return value
+
+
+def _usual(size: Array) -> Array:
+    """Products of a size of the row and one of the column, (n, rows, columns), that equilibrate rows and columns.
+
+    Source: D. Ruiz, A scaling algorithm to equilibrate both rows and columns norms in matrices, RAL-TR-2001-034.
+    """
+    size = np.where(np.isfinite(size), size, 0.0)
+    row, column = np.ones((*size.shape[:2], 1)), np.ones((len(size), 1, size.shape[2]))
+    for _ in range(ROUNDS):
+        high, wide = (np.sqrt(size.max(axis=axis, keepdims=True, initial=0.0)) for axis in (2, 1))
+        high, wide = np.where(high > 0.0, high, 1.0), np.where(wide > 0.0, wide, 1.0)
+        size = size / high / wide
+        row, column = row * high, column * wide
+    return np.asarray(row * column)

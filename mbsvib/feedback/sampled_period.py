@@ -1,0 +1,105 @@
+"""Loops with discrete-time controllers from one sample to the next: what happens within a period, in order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol, Self, TypeVar
+
+import numpy as np
+
+from mbsvib.feedback.held_mechanism import split_delay
+from mbsvib.linalg.balancing import scaled
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.feedback.sampled_plant import Sampled
+
+
+class Part(Protocol):
+    """A stretch of time, or an event."""
+
+    def then(self, other: Self) -> Self:
+        """Return both in a row."""
+
+
+S = TypeVar("S", bound=Part)
+
+
+@dataclass(frozen=True)
+class Period:
+    """A period: a sample, the time until the controllers act, an action, and the time until the next sample.
+
+    The state is that of ``loop.sample_to_sample``, with states of the plant and forces scaled by powers of two.
+    Between sample and action, the ``actuators`` demanded forces, in the units ``unit`` (actuators,), stand before the
+    delayed ones.
+
+    ``sample`` (after, before) and ``measured`` (after, inputs): x+ = E x + F w at a sample; ``action`` (after, before);
+    ``flow``, ``driven``, ``seen``, ``direct``: A, B, C, D between events. ``start``: number of the first force.
+    """
+
+    sample: Array
+    measured: Array
+    action: Array
+    flow: Array
+    driven: Array
+    seen: Array
+    direct: Array
+    unit: Array
+    start: int
+    waiting: float
+    acting: float
+
+    @property
+    def demand(self) -> tuple[Array, Array]:
+        """Forces that the controllers demand at a sample, of the state (actuators, states), of the inputs."""
+        forces = slice(self.start, self.start + len(self.unit))
+        return self.sample[forces] * self.unit[:, None], self.measured[forces] * self.unit[:, None]
+
+    def composed(
+        self, event: Callable[[Array, Array], S], motion: Callable[[Array, Array, Array, Array, float], S]
+    ) -> S:
+        """Return the period composed of its parts.
+
+        ``event`` takes E (after, before) and F (after, inputs) of x+ = E x + F w; ``motion`` takes A, B, C, D and the
+        time [s] of x' = A x + B w, y = C x + D w.
+        """
+        after = [*range(self.start), *range(self.start + len(self.unit), len(self.flow))]  # without demanded forces
+        waiting = motion(self.flow, self.driven, self.seen, self.direct, self.waiting)
+        acting = motion(self.flow[np.ix_(after, after)], self.driven[after], self.seen[:, after], self.direct,
+                        self.acting)  # fmt: skip
+        action = event(self.action, np.zeros((len(self.action), self.driven.shape[1])))
+        return event(self.sample, self.measured).then(waiting).then(action).then(acting)
+
+
+def period(loop: Sampled, shown: list[int], sources: list[int]) -> Period:
+    """Return a period of a closed loop; ``shown``, ``sources``: numbers of outputs and inputs of the plant."""
+    space, (y, u) = loop.plant.space, loop.ports
+    a, b, c = scaled(space.A, space.B, space.C)
+    ka, kb, kc, kd = loop.discrete
+    n, m, k = len(a), len(u), len(ka)
+    periods, remainder = split_delay(loop.rate, loop.delay)
+    delayed = m * (periods + 1)
+    size = n + m + delayed + k
+    last = slice(n + delayed, n + m + delayed)  # what acts
+    strength, fastest = np.abs(b[:, u]).max(axis=0, initial=0.0), float(np.abs(a).max(initial=0.0)) or loop.rate
+    unit = np.exp2(np.round(np.log2(fastest / np.where(strength > 0.0, strength, fastest))))
+    # a sample: the forces demanded join the state, and the controller's states advance
+    observed, direct = np.zeros((len(y), n + delayed + k)), space.D[np.ix_(y, sources)]
+    observed[:, :n], observed[:, n + delayed - m : n + delayed] = c[y], space.D[np.ix_(y, u)] * unit
+    sample, measured = np.zeros((size, n + delayed + k)), np.zeros((size, len(sources)))
+    sample[:n, :n], sample[n + m : n + m + delayed, n : n + delayed] = np.eye(n), np.eye(delayed)
+    sample[n : n + m], sample[n + m + delayed :] = kd @ observed, kb @ observed
+    sample[n : n + m, n + delayed :] += kc
+    sample[n + m + delayed :, n + delayed :] += ka
+    measured[n : n + m], measured[n + m + delayed :] = kd @ direct, kb @ direct
+    sample[n : n + m] /= unit[:, None]
+    measured[n : n + m] /= unit[:, None]
+    # an action: each force moves up by one place, the last one is dropped
+    action = np.delete(np.eye(size), np.s_[last], axis=0)
+    flow, driven, seen = np.zeros((size, size)), np.zeros((size, len(sources))), np.zeros((len(shown), size))
+    flow[:n, :n], flow[:n, last], driven[:n] = a, b[:, u] * unit, b[:, sources]
+    seen[:, :n], seen[:, last] = c[shown], space.D[np.ix_(shown, u)] * unit
+    return Period(sample, measured, action, flow, driven, seen, space.D[np.ix_(shown, sources)], unit, n, remainder,
+                  1.0 / loop.rate - remainder)  # fmt: skip

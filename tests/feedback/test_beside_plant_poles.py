@@ -1,0 +1,133 @@
+"""Loops at and beside poles of the plant, where responses with open loops cancel: closed forms and many digits."""
+
+import control
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib import isolation, library
+from tests.feedback.test_closed_loops import slider
+from tests.support import closed_loops as reference
+from tests.support import sampled_loops
+
+BESIDE = [20.0, np.nextafter(20.0, 30.0), *(20.0 * (1.0 + x) for x in (1e-15, -1e-15, 1e-12, 1e-8, -1e-5))]
+FILTER = control.ss([[-300.0]], [[1.0]], [[-900.0]], [[0.0]])
+SERVO = control.tf2ss([30.0, 800.0], [1e-3, 1.0]) * -1.0
+PORTS = np.array([[0.0, 0.0], [0.5, 0.5]])
+
+
+def pair():
+    """Two masses on springs, velocities fed back to both; M, C, K and A, B, C."""
+    k, b = np.array([[500.0, -100.0], [-100.0, 300.0]]), np.array([[1.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+    zero, one = np.zeros((2, 2)), np.eye(2)
+    system = mv.System.from_matrices(one, zero, k, b, [[0, 0], [0, 0], [1, 0]], [[1, 0], [0, 1], [0, 0]],
+                                     inputs=["a", "b", "d"], outputs=["v", "w", "x"])  # fmt: skip
+    shown = np.vstack((np.eye(4)[2:], np.eye(4)[:1]))
+    law = control.ss(np.diag([-30.0, -50.0]), one, -np.array([[90.0, 20.0], [10.0, 60.0]]), zero)
+    space = np.block([[zero, one], [-k, zero]]), np.vstack((np.zeros((2, 3)), b)), shown
+    return system.feedback(law, ["v", "w"], ["a", "b"]), space, law
+
+
+def test_filtered_velocity_feedback_at_the_natural_frequency():
+    """x = 1 / (k - m w^2 + i w 900 / (i w + 300)): smooth where the plant has a pole, which made it 20 % wrong."""
+    loop, w = slider(800.0).feedback(FILTER, "v", "F"), np.array(BESIDE)
+    stiff = 2.0 * (20.0 - w) * (20.0 + w)
+    exact = 1.0 / (stiff + 900j * w / (1j * w + 300.0))
+    for each in (w, *w[:, None]):  # all at once, and one by one
+        value = loop.frequency_response(each, "x", "disturbance")[0, 0]
+        np.testing.assert_allclose(value, exact[np.isin(w, each)], rtol=1e-11)
+    assert loop.frequency_response([20.0], "x", "F")[0, 0, 0] == pytest.approx(0.00111 - 0.01667j, abs=6e-6)
+    s = stiff / (stiff + 900j * w / (1j * w + 300.0))
+    np.testing.assert_allclose(loop.sensitivity(w)[0, 0], s, rtol=1e-11, atol=1e-14)
+
+
+@pytest.mark.parametrize(("rate", "delay"), [(1000.0, 0.0), (300.0, 0.0085), (5.0, 0.07)])
+@pytest.mark.parametrize("w", [BESIDE[0], BESIDE[1], BESIDE[-2]])
+def test_sampled_filtered_velocity_feedback(rate, delay, w):
+    """At one rounding beside the pole the response was 7e5 in place of 0.017, and on it refused."""
+    loop = slider(800.0).feedback(FILTER, "v", "F").sampled(rate, delay)
+    space = np.array([[0.0, 1.0], [-400.0, 0.0]]), PORTS, np.array([[0.0, 1.0], [1.0, 0.0]])
+    exact, s = sampled_loops.response(space, FILTER, rate, delay, w)
+    np.testing.assert_allclose(loop.response(np.array([w]))[[1, 0], :, 0], exact, rtol=1e-12)
+    np.testing.assert_allclose(loop.sensitivity([w])[..., 0], s, atol=1e-12)
+
+
+@pytest.mark.parametrize("rate", [1000.0, 2.0])
+def test_two_actuators_sampled(rate):
+    """Next to poles of the plant, and where sampling folds them to."""
+    loop, space, law = pair()
+    at = np.abs(loop.open_loop.poles()[0]) * np.array([1.0, 1.0 + 1e-9])
+    sampled = loop.sampled(rate, 1e-4)
+    for w in (*at, abs(at[0] - 2.0 * np.pi * rate)):
+        exact, s = sampled_loops.response(space, law, rate, 1e-4, w)
+        np.testing.assert_allclose(sampled.response(np.array([w]))[..., 0], exact, rtol=1e-11)
+        np.testing.assert_allclose(sampled.sensitivity([w])[..., 0], s, atol=1e-11)
+
+
+def test_sensitivity_of_two_actuators_on_a_pole():
+    """(1 - K G)^-1 with a G that is infinite in one direction only: as 1 plus a closed-loop response."""
+    loop, (a, b, c), law = pair()
+    for w in np.abs(loop.open_loop.poles()[[0, 2]]) * [1.0, 1.0 + 1e-11]:
+        closed = np.block([[a, b[:, :2] @ law.C], [law.B @ c[:2], law.A]])
+        into = np.vstack((b[:, :2], np.zeros((2, 2))))
+        exact = np.eye(2) + law.C @ np.linalg.solve(1j * w * np.eye(6) - closed, into)[4:]
+        np.testing.assert_allclose(loop.sensitivity([w])[..., 0], exact, atol=1e-11)
+
+
+@pytest.mark.parametrize("w", [1e-8, 1e-4, 1.0])
+def test_a_free_mass_under_its_servo_at_low_frequencies(w):
+    """x = 1 / (800 ...): at 1e-8 rad/s it was 0, and its imaginary part 5e4 sampled."""
+    loop = slider().feedback(SERVO, "x", "F")
+    exact = 1.0 / ((30j * w + 800.0) / (1e-3j * w + 1.0) - 2.0 * w**2)
+    value = loop.frequency_response([w], "x", "disturbance")[0, 0, 0]
+    assert value == pytest.approx(exact, rel=1e-12)
+    assert value.imag == pytest.approx(exact.imag, rel=1e-7)
+    sampled = loop.sampled(1000.0, 3e-4)
+    space = np.array([[0.0, 1.0], [0.0, 0.0]]), PORTS, np.eye(2)
+    exact = sampled_loops.response(space, SERVO, 1000.0, 3e-4, w)[0][0, 1]
+    value = sampled.frequency_response([w], "x", "disturbance")[0, 0, 0]
+    assert value == pytest.approx(exact, rel=1e-11)
+    assert value.imag == pytest.approx(exact.imag, rel=1e-6)
+
+
+def test_hexapod_without_damping_under_force_feedback():
+    """At its lowest natural frequency, which three modes share, in 40 digits; it was 15 % wrong."""
+    plant = isolation.actuated(library.cubic_hexapod(damping=0.0), "platform")
+    loop = plant.with_gains(isolation.force_feedback(plant, 300.0, 1.0))
+    w = float(plant.system.poles().imag[0]) * (1.0 + 3e-15)
+    exact = np.array(reference.response(plant.system, loop.law, loop.sensors, loop.actuators, w), dtype=complex)
+    value = loop.response(np.array([w]))[..., 0]
+    large = np.abs(exact) > 1e-6 * np.abs(exact).max()
+    np.testing.assert_allclose(value[large], exact[large], rtol=1e-10)
+
+
+def static():
+    return mv.StateSpace.from_arrays(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[2.0]])
+
+
+@pytest.mark.parametrize("rate", [None, 50.0])
+def test_margins_without_dynamics(rate):
+    """A static plant and an integrator that is not fed back have no pole that tells a band; both ended in errors."""
+    integrator = mv.StateSpace.from_arrays([[0.0]], [[1.0]], [[1.0]], 0)
+    for plant, gain, modulus in ((static(), -0.2, None), (integrator, 0.0, 1.0)):
+        loop = plant.feedback([[gain]], "y1", "u1")
+        margins = (loop if rate is None else loop.sampled(rate)).margins()
+        if modulus is not None:
+            assert margins.modulus == pytest.approx(modulus, rel=1e-9)
+        elif rate is None:
+            assert margins.modulus == pytest.approx(1.4, rel=1e-9)
+            assert margins.gain[0] == np.inf
+
+
+def test_margins_of_a_loop_at_the_limit_of_stability():
+    """A pole of the closed loop on the imaginary axis leaves no margin; meeting it ended in LinAlgError."""
+    for loop, hertz in ((slider().feedback([[-800.0]], "x", "F"), 20.0 / (2.0 * np.pi)),
+                        (static().feedback([[-0.5]], "y1", "u1").sampled(50.0), None)):  # fmt: skip
+        margins = loop.margins()
+        assert margins.modulus < 1e-9
+        assert margins.phase[0] < 1e-9
+        if hertz is not None:
+            assert margins.frequency == pytest.approx(hertz, rel=1e-9)
+            assert (margins.lower[0], margins.gain[0], margins.delay[0]) == (1.0, 1.0, 0.0)
+    with pytest.raises(mv.ResponseError, match="20 rad/s is a pole of 'slider with controller'"):
+        slider().feedback([[-800.0]], "x", "F").sensitivity([20.0])
