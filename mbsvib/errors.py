@@ -88,7 +88,7 @@ class NearSingularWarning(UserWarning):
 
 
 class AccuracyWarning(UserWarning):
-    """A result whose estimated error is larger than what was asked for."""
+    """A result whose estimated error is larger than what was asked for, or axes that were given with few digits."""
 
 
 class UndeterminedForceWarning(UserWarning):

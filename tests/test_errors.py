@@ -55,7 +55,7 @@ ASYMMETRIC[0, 1] = 0.25
 ASYMMETRIC6 = np.eye(6)
 ASYMMETRIC6[0, 5] = 0.25
 LEFT = np.diag([1.0, 1.0, -1.0])
-STRETCHED = np.diag([1.0, 1.0, 1.0 + 3e-9])
+STRETCHED = np.diag([1.0, 1.0, 1.0 + 3e-4])
 
 # what is wrong, the call, and words that the message must hold beside the element's name
 CASES = {

@@ -6,12 +6,13 @@ hundreds.
 
 from __future__ import annotations
 
+import warnings
 from math import hypot, inf, isfinite, pi, sin, sqrt
 from numbers import Integral
 from operator import mul
 from typing import Any
 
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import AccuracyWarning, ModelError, nearest
 
 Vector = tuple[float, float, float]
 Matrix3 = tuple[Vector, Vector, Vector]
@@ -20,9 +21,11 @@ IDENTITY: Matrix3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 UNIT6 = tuple(tuple(1.0 if i == j else 0.0 for j in range(6)) for i in range(6))
 
-# A rotation matrix computed in double precision is orthonormal to 1e-15; one typed with ten digits to 1e-10.
-# Beyond 1e-9 the axes would scale stiffness by more than the accuracy this toolbox promises.
-ROTATION_TOLERANCE = 1e-9
+# A rotation matrix is orthonormal to 1e-15 in double precision, and to 2e-4 with four digits, as CAD writes it; what is
+# off by more is none.
+ROTATION_TOLERANCE = 2e-4
+# Axes of six digits or less are off by angles that lock loops: worth a warning.
+FEW_DIGITS = 1e-6
 # Columns off by more than rounding give a joint's free directions components along its locked ones, by which a second
 # joint on the same axes would lock it.
 ROUNDED = 1e-14
@@ -32,7 +35,7 @@ TINY = 1e-150
 # exactly.
 UNIT_LENGTH = 4.0 * 2.0**-52
 # Largest accepted rotation; larger ones are probably in degrees.
-ONCE_AROUND = 2.0 * pi * (1.0 + ROTATION_TOLERANCE)
+ONCE_AROUND = 2.0 * pi * (1.0 + 1e-9)
 
 
 def refuse(who: str, field: str, value: Any, expected: str, hint: str = "") -> ModelError:
@@ -142,7 +145,10 @@ def square(value: Any, size: int, who: str, field: str, expected: str) -> tuple[
 
 
 def orientation(value: Any, who: str, field: str = "orientation") -> Matrix3:
-    """Return ``value`` (a rotation matrix whose columns are the axes, or a rotation vector) as a matrix."""
+    """Return ``value`` (a rotation matrix whose columns are the axes, or a rotation vector) as a matrix.
+
+    A matrix with rounded digits is made orthonormal, with a warning where these are few.
+    """
     expected = "a 3x3 rotation matrix whose columns are the axes, or a rotation vector (3 values, rad)"
     if value is None or value is IDENTITY:
         return IDENTITY
@@ -163,7 +169,13 @@ def orientation(value: Any, who: str, field: str = "orientation") -> Matrix3:
     (a, b, c), (d, e, f), (g, h, i) = rows
     if a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0.0:
         raise refuse(who, field, value, expected, "This one is left-handed: negate one column.")
-    return rows  # type: ignore[return-value]
+    if off > FEW_DIGITS:
+        warnings.warn(
+            f"{who}: {field} is off by {off:.1e} from a rotation matrix, as if rounded to a few digits. It is made "
+            f"orthonormal with the direction of its third column; its axes are known to about {off:.0e} rad. Give all "
+            f"digits, or a rotation vector.", AccuracyWarning, stacklevel=4,
+        )  # fmt: skip
+    return orthonormal(rows)  # type: ignore[arg-type]
 
 
 def _skewness(axes: Matrix3) -> float:

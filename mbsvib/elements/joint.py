@@ -204,7 +204,7 @@ def make(
             end = check.vector(end, who, "end", "the rod's point (x, y, z) on the second body [m] in world axes")
             axes = check.frame_along(_rod_direction(position, end, who))
         else:
-            axes = check.orthonormal(check.orientation(orientation, who)) if axis is None else \
+            axes = check.orientation(orientation, who) if axis is None else \
                 check.frame_along(check.axis(axis, who, "axis"))  # fmt: skip
     if kind == "screw":
         pitch = check.number(pitch, who, "pitch", "the advance per radian [m/rad] (lead / 2 pi)")
@@ -362,7 +362,7 @@ def _universal(axis: Vector | None, axis2: Vector | None, orientation: Any, who:
     if axis is None:
         if axis2 is not None:
             raise check.refuse(who, "axis", None, "the axis in the first body, to go with axis2")
-        return check.orthonormal(check.orientation(orientation, who)), SUBSPACES["universal"][0]
+        return check.orientation(orientation, who), SUBSPACES["universal"][0]
     a = check.axis(axis, who, "axis")
     if axis2 is None:
         raise check.refuse(who, "axis2", None, "the axis in the second body, to go with axis")

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.equations.batch_geometry import scene_of_variant
+from mbsvib.equations.locked_loops import check_loops
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, counted
 from mbsvib.kinematics.loops import Cuts, Reduction, reduce
 from mbsvib.kinematics.mobility import check_mobility, crossing_axes, phi_nearby, rods_in_loops
@@ -216,6 +217,7 @@ def _single_decision(
         try:
             if uncertain:
                 reduction = reduce(coordinates, cuts, phi, names, partial(arm, topology, position))
+                check_loops(None, reduction.groups, coordinates.names, 2)
             check_mobility(topology, coordinates, cuts, reduction, position)
             check_freedom(len(reduction.independent), len(nominal.independent))
         except ModelError as error:  # the nominal coordinates depend on each other

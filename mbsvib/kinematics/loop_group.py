@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from operator import sub
@@ -11,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.fast_init import fast_init
-from mbsvib.errors import NearSingularWarning, SingularPoseError
+from mbsvib.errors import SingularPoseError
 from mbsvib.linalg.qr import pivoted_qr
-from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, RANK_FACTOR, RANK_GAP, TIE_BREAK
+from mbsvib.linalg.rank import EPS, RANK_FACTOR, RANK_GAP, TIE_BREAK
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -101,18 +100,10 @@ def redundant_rows(a: Array, rank: int, rows: Index, names: tuple[str, ...]) -> 
 
 
 def check_gap(group: LoopGroup) -> None:
-    """Refuse a rank decision without a gap between pivots, and warn of nearly singular poses."""
-    if group.dropped * RANK_GAP <= group.retained and group.retained >= NEAR_SINGULAR:
-        return
-    names = ", ".join(group.joints)
+    """Refuse a rank decision without a gap between pivots."""
     if group.dropped * RANK_GAP > group.retained:
         raise SingularPoseError(
-            f"loops closed by {names}: constraint pivots {group.retained:.1e} (kept) and {group.dropped:.1e} (dropped) "
-            f"are too close to tell how many constraints are independent. Move the pose away from the singular one, or "
-            f"give the geometry with all its digits."
+            f"loops closed by {', '.join(group.joints)}: constraint pivots {group.retained:.1e} (kept) and "
+            f"{group.dropped:.1e} (dropped) are too close to tell how many constraints are independent. Move the pose "
+            f"away from the singular one, or give the geometry with all its digits."
         )
-    warnings.warn(
-        f"loops closed by {names}: nearly singular pose (smallest pivot {group.retained:.1e}); the minimal coordinates "
-        f"lose as many digits. Pin other coordinates with independent=, move the pose, or give joints that are meant "
-        f"to be in line all their digits.", NearSingularWarning, stacklevel=6,
-    )  # fmt: skip

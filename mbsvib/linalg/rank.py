@@ -15,6 +15,12 @@ EPS = float(np.finfo(float).eps)
 RANK_FACTOR = 50.0
 # A pivot that small means that coordinates lose as many digits: eigenvalues good to 1e-12 are no longer certain.
 NEAR_SINGULAR = 1e-4
+# Loops with a smaller pivot may lock by an angle that nobody means: pivots are about as large as the angle is.
+NEARLY_LOCKED = 0.1
+# Axes out of line by less [rad], three degrees, may be meant to be in line; larger angles are seen in a drawing.
+ALMOST_ALIGNED = 0.05
+# Axes that differ by less are in line but for rounding.
+ALIGNED = 1e-14
 # Sums of n products that cancel to less than this times n of their size are zero but for rounding.
 ZERO_PRODUCT = 4.0 * EPS
 # Kept and dropped pivots closer than this leave the rank itself in doubt.

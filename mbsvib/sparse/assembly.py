@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from mbsvib.equations.locked_loops import check_loops
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.spin_terms import spin_contribution
 from mbsvib.equations.wrenches import is_loaded
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 # In the order from leaves to root, the fill grows with the square of the number of multipliers of loops through a
 # joint. If there are more than this on average (grids; a single spatial loop has 6), a general ordering fills less.
 OVERLAP = 12.0
+# Frames from a warning to the line that asks for linear equations.
+STACK = 7
 
 S = TypeVar("S", bound=SparseEquations)
 
@@ -130,6 +133,7 @@ def _tableau(draft: SparseDraft) -> SparseDraft:
         (draft.factor.T @ draft.factor).tocsr(), loop_rows, draft.closure.translational, _ordering(draft.closure),
         draft.circulatory, draft.gyroscopic,
     )  # fmt: skip
+    check_loops(draft.model, draft.closure.groups, draft.structure.names, STACK)
     check_mobility(draft.structure, draft.closure, draft.layout, tableau)
     return replace(draft, loop_rows=loop_rows, tableau=tableau)
 

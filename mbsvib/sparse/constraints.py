@@ -10,7 +10,6 @@ the certain ones, and a pivoted QR decides.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -20,7 +19,7 @@ import numpy as np
 from mbsvib.common.tables import listed
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.scene import cut_rows
-from mbsvib.errors import NearSingularWarning, SingularPoseError
+from mbsvib.errors import SingularPoseError
 from mbsvib.kinematics.loop_group import LoopGroup, decided, measures
 from mbsvib.kinematics.relative_motion import arm
 from mbsvib.linalg.groups import by_label, connected_parts, items_of_groups
@@ -266,13 +265,6 @@ def _check_gap(joints: Sequence[str], smallest_kept: float, dropped: float) -> N
             f"(dropped) are too close to tell how many constraints are independent. Move the pose away from the "
             f"singular one, or give the geometry with all its digits."
         )
-    if smallest_kept < NEAR_SINGULAR:
-        warnings.warn(
-            f"loops closed by {listed(joints)}: nearly singular pose (smallest pivot {smallest_kept:.1e}); modes and "
-            f"responses lose as many digits. Move the pose, or give joints that are meant to be in line all their "
-            f"digits.",
-            NearSingularWarning, stacklevel=6,
-        )  # fmt: skip
 
 
 def _dependent(s: csr_matrix, limit: float) -> tuple[Index, float, float]:

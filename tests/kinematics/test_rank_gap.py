@@ -9,7 +9,8 @@ import mbsvib as mv
 
 DOUBT = (r"loops closed by high: constraint pivots 4.0e-13 \(kept\) and 3.0e-14 \(dropped\) are too close to tell how "
          r"many constraints are independent. Move the pose away from the singular one, or give the geometry")
-NEAR = r"loops closed by high: nearly singular pose \(smallest pivot 1.0e-05\);.*[Mm]ove the pose, or give joints"
+NEAR = {"batch": r"loops closed by high: nearly singular pose \(smallest pivot 1.0e-05\);.*[Mm]ove the pose, or give"}
+ANGLE = r"axes out of line in .* closed by high lock .* low\.z: joint 'high' by 1e-05 rad \(0\.000573 deg\)\. With"
 
 
 def guides(tilt, beside):
@@ -44,13 +45,13 @@ def test_a_rank_that_is_in_doubt_is_refused(way):
 
 @pytest.mark.parametrize("way", WAYS)
 def test_a_nearly_singular_pose_is_warned_of(way):
-    with pytest.warns(mv.NearSingularWarning, match=BEGINS[way] + NEAR):
+    with pytest.warns(mv.NearSingularWarning, match=BEGINS[way] + NEAR.get(way, ANGLE)):
         result = WAYS[way](1e-5, 2e-5)
     assert result.dof == 0
 
 
 @pytest.mark.parametrize("way", ["dense", "sparse"])
-@pytest.mark.parametrize(("tilt", "beside", "dof"), [(0, 0, 2), (3e-14, 0, 2), (3e-14, 1e-2, 1), (1e-2, 1e-2, 0)])
+@pytest.mark.parametrize(("tilt", "beside", "dof"), [(0, 0, 2), (3e-14, 0, 2), (3e-14, 1e-2, 1), (0.3, 0.3, 0)])
 def test_a_rank_beyond_doubt(way, tilt, beside, dof):
     with warnings.catch_warnings():
         warnings.simplefilter("error")

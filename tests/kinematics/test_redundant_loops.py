@@ -106,19 +106,12 @@ def test_explain_tells_of_a_loop_that_locks_nothing(method):
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("angle", [1e-11, 1e-8, 1e-5])
+@pytest.mark.parametrize("angle", [1e-11, 1e-8, 1e-5, 1e-2])
 def test_a_lock_that_rests_on_a_small_angle_is_warned_of(method, angle):
     """Hinges out of line by so little lock each other, but hardly anyone means that."""
     model, _, _ = door("revolute", (angle, 0, 1))
-    with pytest.warns(mv.NearSingularWarning, match="joints that are meant to be in line all their digits"):
+    with pytest.warns(mv.NearSingularWarning, match=rf"lock .* hinge\.rz: joint 'second' by {angle:.3g} rad"):
         system = model.linearize(method=method)
-    assert system.dof == 0
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_a_lock_by_an_angle_that_shows(method):
-    model, _, _ = door("revolute", (1e-2, 0, 1))
-    system = model.linearize(method=method)
     assert (system.dof, len(system.redundant)) == (0, 4)
 
 
@@ -159,9 +152,10 @@ def test_screws_at_one_point_in_any_unit(kinds):
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("digits", [10, 12])
+@pytest.mark.parametrize("digits", [4, 6, 9, 12])
+@pytest.mark.filterwarnings("ignore::mbsvib.AccuracyWarning")
 def test_frames_of_some_digits_are_taken_as_frames(digits, method):
-    """Typed with ten digits, it is off by 1e-10 from being orthonormal; joints about it are in line all the same."""
+    """Typed with a few digits, it is off from being orthonormal; joints about it are in line all the same."""
     for seed in range(4):
         turn = np.round(rotation(np.random.default_rng(seed)), digits)
         model = mv.Model("typed")
