@@ -1,4 +1,8 @@
-"""Finite zeros of state-space matrices: orthogonal transformations deflate the infinite ones."""
+"""Finite zeros of state-space matrices: orthogonal transformations deflate the infinite ones.
+
+Deflation of systems that are not square takes many decisions of rank, whose rows shrink level by level. These are
+combined to square ones, which need few, and zeros of the combination alone are told apart afterwards.
+"""
 
 from __future__ import annotations
 
@@ -9,20 +13,94 @@ import numpy as np
 from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from mbsvib.common.arrays import Array, Complex
 
 # Rows and feedthroughs of unit size are zero below this: rounding in the products of some hundred states is 1e-14.
 RANK = 2e-13
 # A feedthrough whose inverse is larger is not inverted; its zeros are those of a pencil.
 REGULAR = 1e3
+# Points at which the normal rank is found, away from the axes, in units of the size of A; and the least singular value
+# of a transfer matrix with rows and columns of unit size that is not rounding.
+POINTS, NORMAL_RANK = (0.31 + 0.47j, 0.083 + 0.019j, 1.9 - 1.3j), 1e-10
+# At a zero the least singular value of the transfer matrix falls by the factor FALLS, and that of the system matrix to
+# LOST roundings, the square root of fewer for a double zero; it grows GROWTH times on the share AWAY of the way to the
+# nearest pole. Poles nearer than AT_POLE belong to modes that are not met; near poles transfer matrices are rounding.
+FALLS, LOST, GROWTH, AWAY, NEAR_POLE, AT_POLE = 1e-2, 3e4, 30.0, 0.25, 1e-3, 1e-6
 
 
 def finite_zeros(a: Array, b: Array, c: Array, d: Array) -> Complex:
     """Return the finite s at which [[A - s, B], [C, D]] loses rank; rows of C and D and columns of B are of the size of
     one.
 
+    More outputs than inputs, or fewer, are combined to as many as the normal rank: zeros of the combination are those
+    of all, and others, at which the whole matrix keeps its rank.
+
     Source: Emami-Naeini & Van Dooren, Automatica 18 (1982).
     """
+    if len(d) == d.shape[1]:
+        return _of_square(a, b, c, d)
+    rank = normal_rank(a, b, c, d)
+    if not rank:
+        return _of_square(a, b, c, d)
+    left, right = (combination(count, rank) for count in d.shape)
+    zeros = _of_square(a, b @ right, left.T @ c, left.T @ d @ right)
+    return zeros[_loses_rank((a, b, c, d), zeros, rank)]
+
+
+def normal_rank(a: Array, b: Array, c: Array, d: Array) -> int:
+    """Return the rank of C (s - A)^-1 B + D at almost all s."""
+    rank, n = 0, len(a)
+    for s in POINTS:
+        gain = c @ np.linalg.solve(s * np.eye(n) - a, b) + d
+        for _ in range(2):  # units of inputs and outputs
+            for axis in (0, 1):
+                size = np.linalg.norm(gain, axis=axis, keepdims=True)
+                gain = gain / np.where(size > 0.0, size, 1.0)
+        values = np.linalg.svd(gain, compute_uv=False)
+        rank = max(rank, int(np.count_nonzero(values > NORMAL_RANK)))
+    return rank
+
+
+def combination(count: int, rank: int) -> Array:
+    """Return orthonormal columns (count, rank) without any symmetry; the unit matrix where all are taken."""
+    if count == rank:
+        return np.eye(count)
+    return np.linalg.qr(np.cos(1.0 + np.arange(count * rank) ** 2.0).reshape(count, rank))[0]
+
+
+def _loses_rank(equations: tuple[Array, Array, Array, Array], zeros: Complex, rank: int) -> NDArray[np.bool_]:
+    """Tell at which s the transfer matrix, and the system matrix, have less than their normal rank.
+
+    A singular value falls to rounding there, and grows within a quarter of the way to the nearest pole. Where it does
+    not grow, as along a chain of many masses, it is small at all s.
+    """
+    a, b, c, d = equations
+    n, poles, whole = len(a), np.linalg.eigvals(a), np.block([[a, b], [c, d]])
+    shift = np.pad(np.eye(n), ((0, len(c)), (0, b.shape[1])))
+    rounding = EPS * float(np.linalg.norm(whole, 2))
+
+    def gain(s: complex) -> float:
+        return float(np.linalg.svd(c @ np.linalg.solve(s * np.eye(n) - a, b) + d, compute_uv=False)[rank - 1])
+
+    def least(s: complex) -> float:
+        return float(np.linalg.svd(whole - s * shift, compute_uv=False)[n + rank - 1])
+
+    lost = np.zeros(len(zeros), dtype=bool)
+    for i, s in enumerate(zeros.tolist()):
+        away = np.abs(poles - s)
+        reach = AWAY * float(away[away > AT_POLE * abs(s)].min(initial=np.inf))
+        if away.min() > NEAR_POLE * abs(s) and gain(s) > FALLS * gain(s + reach):
+            continue
+        value, noise = least(s), rounding * max(1.0, abs(s))
+        if value <= LOST * noise:
+            lost[i] = max(least(s + reach * turn) for turn in (1.0, 1j)) > GROWTH * max(value, noise)
+    return lost
+
+
+def _of_square(a: Array, b: Array, c: Array, d: Array) -> Complex:
+    """Finite zeros of a system with as many outputs as inputs."""
     a, b, c, d = _peeled(a, b, c, d)
     if not len(d):  # no output is left to tell one input from the other
         return np.linalg.eigvals(a).astype(complex) if len(a) else np.zeros(0, dtype=complex)
