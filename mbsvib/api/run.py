@@ -93,8 +93,9 @@ class Energy(Displayed):
 class Run(Displayed):
     """A nonlinear time response.
 
-    ``run["w"]`` is an output over ``time`` (n,) [s]; ``coordinates`` and ``rates`` are those of the joints of the
-    spanning tree by name, displacements from the pose as described [m, rad]; ``energy`` tells energies. ``complete``
+    ``run["w"]`` is an output over ``time`` (n,) [s]; ``coordinates`` and ``rates`` are those of the joints by
+    name, displacements from the pose as described [m, rad]: of the spanning tree, then of joints at which loops are cut
+    (but for rods, and rotation vectors of the latter); ``energy`` tells energies. ``complete``
     tells whether it came to the last time that was asked for, or to an event.
     """
 
@@ -303,7 +304,7 @@ def run_of(name: str, trace: Trace, complete: bool) -> Run:
     arrays = [trace.time, at.coordinates, at.rates, at.kinetic, at.potential, at.work, *at.outputs.values()]
     for array in arrays:
         array.setflags(write=False)
-    names = trace.session.names
+    names = trace.names
     energy = Energy(trace.parts, at.kinetic, at.potential, at.work[0], at.work[1] + at.work[2])
     return Run(
         name, arrays[0], MappingProxyType(at.outputs), MappingProxyType(units(trace)),

@@ -41,7 +41,7 @@ class Simulated(Mechanism):
             Samples are joined by straight lines, what is not named is 0. Loads act as
             well, and weight.
         initial : mapping of str to number or (number, number), optional
-            Displacements of coordinates of the spanning tree (``"elbow.rz"``) from the pose as described [m, rad], or
+            Displacements of coordinates of joints (``"elbow.rz"``) from the pose as described [m, rad], or
             displacements and rates. Others are 0, or as near to it as loops allow.
         without : sequence of str
             Names of loads that are dropped at t[0].

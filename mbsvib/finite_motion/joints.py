@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from mbsvib.elements.joint_motion import Columns
+from mbsvib.elements.joint_motion import Columns, normals
 from mbsvib.finite_motion.frames import Frame
 from mbsvib.finite_motion.rotations import Expression, entries, exponential, matrix
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from mbsvib.common.arrays import Array
     from mbsvib.elements import Body, Joint
     from mbsvib.finite_motion.numbers import Numbers
 
@@ -78,6 +79,33 @@ def openings(joint: Joint, numbers: Numbers, relative: Frame) -> list[tuple[str,
     """
     values = joint.motion.openings(relative.displacement, _columns(joint, numbers))
     return [(name, value) for (name, _), value in zip(joint.locked, values, strict=True)]
+
+
+def coordinates(joint: Joint, numbers: Numbers, relative: Frame) -> list[tuple[str, Expression]]:
+    """Return the joint coordinates, by direction, that make a relative displacement [m, rad].
+
+    An axis a turns a vector v by the angle atan2((a x v) . v', (v - a a . v) . v') to v'. Angles are within half a
+    turn; rods, and rotation vectors of joints that turn about two or three axes at once, have no coordinates here.
+    """
+    if joint.is_rod:
+        return []
+    point, turns = point_of(joint, numbers), [np.array(axis) for axis in joint.rotation_axes]
+    gap, angles = relative.point(point) - point, []
+    if len(turns) == 1:
+        across = np.array(normals(tuple(turns[0]))[0])
+        angles = [_angle(turns[0], across, relative.rotation @ across)]
+    elif joint.successive:
+        first, second = turns
+        back = relative.rotation.T @ first
+        angles = [_angle(first, second, relative.rotation @ second), -_angle(second, first, back)]
+    left = iter(angles)
+    values = [(name, next(left, None) if name[0] == "r" else ca.dot(ca.SX(np.array(six[:3])), gap))
+              for name, six in joint.freedom]  # fmt: skip
+    return [(name, value) for name, value in values if value is not None]
+
+
+def _angle(axis: Array, vector: Array, turned: Expression) -> Expression:
+    return ca.atan2(ca.dot(np.cross(axis, vector), turned), ca.dot(vector - axis * (axis @ vector), turned))
 
 
 def _columns(joint: Joint, numbers: Numbers) -> Columns:

@@ -13,7 +13,7 @@ from mbsvib.elements.joint import make as make_joint
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.elastic_nodes import coordinates_of, node_displacement
 from mbsvib.finite_motion.frames import REST, Frame, angular_velocity, rate
-from mbsvib.finite_motion.joints import displacement, openings, small_displacement, virtual_displacement
+from mbsvib.finite_motion.joints import coordinates, displacement, openings, small_displacement, virtual_displacement
 from mbsvib.finite_motion.rotations import Expression
 from mbsvib.mechanism.mechanism import GROUND, Mechanism
 from mbsvib.mechanism.topology import FLOATS, Topology, cut_elsewhere, span
@@ -40,7 +40,8 @@ class Kinematics:
     opening [m, rad] of ``closure_names``, ``"JOINT.direction"`` or a coupler; ``closure_turns`` (rows,) tells which of
     them are rotations. ``bases`` (9 b,) are rotation matrices, column by column, on top of which the rotations of the
     joints ``based`` come: those with three free rotations, if asked for, else none. ``elastic`` has the displacements b
-    of its interface and its modes z for each beam or superelement.
+    of its interface and its modes z for each beam or superelement. ``cut`` has the coordinates of joints at which loops
+    are cut, by name; they follow from q, angles within half a turn.
     """
 
     topology: Topology
@@ -56,6 +57,7 @@ class Kinematics:
     bases: Expression
     based: tuple[str, ...]
     elastic: Mapping[str, tuple[Expression, Expression]] = field(default_factory=dict)
+    cut: Mapping[str, Expression] = field(default_factory=dict)
 
     @property
     def no_turns(self) -> Array:
@@ -86,6 +88,7 @@ class Kinematics:
 def kinematics(
     model: Mechanism, numbers: Numbers, cut: Sequence[str] | None = None, bases: bool = False,
     blocks: Sequence[ElasticBlock] = (), inactive: Collection[str] = (), virtual: Sequence[str] = (),
+    tree_joints: Collection[str] = (),
 ) -> Kinematics:  # fmt: skip
     """Return the finite motion of a mechanism along its spanning tree.
 
@@ -94,9 +97,10 @@ def kinematics(
     ``bases``: whether joints with three free rotations get a rotation on top of which theirs come, so that no rotation
     vector needs to be long. ``inactive``: coordinates of these that stay 0 and are left out. ``virtual``: joints, and
     the ground, that get six virtual displacements each, ``"JOINT.virtual.x"`` to ``rz``, the last coordinates of all:
-    of the second body against the first, and of the ground itself.
+    of the second body against the first, and of the ground itself. ``tree_joints``: joints that are to be in the
+    spanning tree where ``cut`` is not given.
     """
-    topology = span(model, coupled_in_tree(model) if cut is None else cut)
+    topology = span(model, in_tree(model, tree_joints) if cut is None else cut)
     branches = {branch.joint: branch for branch in topology.branches if branch.joint != FLOATS}
     joints = {branches[k].body: topology.joints[k] for k in sorted(branches)}
     joints |= {k: _floating(topology, model, k) for k in topology.floating}
@@ -127,6 +131,8 @@ def kinematics(
         ca.vertcat(*(value for _, value, _ in rows)) if rows else ca.SX.zeros(0),
         tuple([name for name, _, _ in rows]), np.array([turn for _, _, turn in rows], dtype=bool), symbols, based,
         {block.name: (tree.interface(block, frames), tree.values(block.mode_names)) for block in blocks},
+        {f"{joint.name}.{d}": value for joint in cut_joints for d, value in
+         coordinates(joint, numbers, frames[joint.second].seen_from(frames[joint.first]))},
     )  # fmt: skip
 
 
@@ -214,8 +220,10 @@ def _floating(topology: Topology, model: Mechanism, body: int) -> Joint:
     return make_joint(name, "free", GROUND, name, model.bodies[name].position, None, None, None, None, None)
 
 
-def coupled_in_tree(model: Mechanism) -> tuple[str, ...]:
-    """Return joints to cut so that those whose coordinates couplers couple are in the tree."""
+def in_tree(model: Mechanism, joints: Collection[str] = ()) -> tuple[str, ...]:
+    """Return joints to cut so that those whose coordinates couplers couple are in the tree, and, unless they make up a
+    loop with these, others that are asked for.
+    """
     requested = {name.rpartition(".")[0]: part.name for part in model.couplers.values() for name, _ in part.terms}
     for name, coupler in requested.items():
         joint = model.joints[name]
@@ -225,7 +233,9 @@ def coupled_in_tree(model: Mechanism) -> tuple[str, ...]:
                 f"no angles in finite motion; couple joints with one or two successive free rotations.",
                 element=coupler, field="coefficients",
             )  # fmt: skip
-    cut, closing = cut_elsewhere(model, requested)
+    cut, closing = cut_elsewhere(model, {*requested, *joints})
+    if joints and closing is not None:
+        return in_tree(model)
     if closing is not None:
         raise ModelError(
             f"coupler '{requested[closing]}': all joints of the loop that '{closing}' closes are coupled; leave one "

@@ -30,7 +30,7 @@ __all__ = ["FiniteMotion", "finite_motion"]
 
 def finite_motion(
     model: Mechanism, parameters: Sequence[str] = (), *, cut: Sequence[str] | None = None, bases: bool = False,
-    without: Sequence[str] = (),
+    without: Sequence[str] = (), tree: Collection[str] = (),
 ) -> FiniteMotion:  # fmt: skip
     """Return the finite motion of a mechanism as expressions of CasADi.
 
@@ -50,6 +50,8 @@ def finite_motion(
         Whether joints with three free rotations get a rotation on top of which theirs come.
     without : sequence of str
         Names of loads to leave out.
+    tree : collection of str
+        Joints that are to be in the spanning tree where ``cut`` is not given.
 
     Returns
     -------
@@ -62,8 +64,8 @@ def finite_motion(
         If a part has no statement in finite motion, by its name, or a parameter cannot be a symbol.
     """
     if model.composed:
-        return _flexible(model, parameters, cut, bases, without)
-    return _stated(model, (), (), parameters, cut, bases, without)
+        return _flexible(model, parameters, cut, bases, without, tree)
+    return _stated(model, (), (), parameters, cut, bases, without, tree=tree)
 
 
 def with_virtual_displacements(
@@ -86,10 +88,11 @@ def with_virtual_displacements(
 def _stated(
     model: Mechanism, blocks: Sequence[ElasticBlock], inactive: Collection[str], parameters: Sequence[str],
     cut: Sequence[str] | None, bases: bool, without: Sequence[str], joints: Sequence[str] = (),
+    tree: Collection[str] = (),
 ) -> FiniteMotion:  # fmt: skip
     """The statement of a mechanism whose beams and superelements are blocks."""
     numbers = Numbers(model, parameters)
-    motion = kinematics(model, numbers, cut, bases, blocks, inactive, joints)
+    motion = kinematics(model, numbers, cut, bases, blocks, inactive, joints, tree)
     parts = {name: connected(part, motion) for name, part in model.springs.items()}
     fall = numbers.gravity(model)
     requested = tuple(parameters)
@@ -122,18 +125,19 @@ def _stated(
 
 
 def _flexible(
-    model: Mechanism, parameters: Sequence[str], cut: Sequence[str] | None, bases: bool, without: Sequence[str]
-) -> FiniteMotion:
+    model: Mechanism, parameters: Sequence[str], cut: Sequence[str] | None, bases: bool, without: Sequence[str],
+    tree: Collection[str],
+) -> FiniteMotion:  # fmt: skip
     """The statement of a mechanism with beams and superelements, without what of these stays at rest."""
     blocks = elastic_blocks(model)
     plain = with_interfaces(model, blocks)
-    statement = _stated(plain, blocks, (), parameters, cut, bases, without)
+    statement = _stated(plain, blocks, (), parameters, cut, bases, without, tree=tree)
     directions = touched(statement, blocks)
     if any(len(held) < len(ALL_SIX) for held in directions.values()):
         blocks = tuple([with_interface(block, directions) for block in blocks])
-        statement = _stated(plain, blocks, (), parameters, cut, bases, without)
+        statement = _stated(plain, blocks, (), parameters, cut, bases, without, tree=tree)
     inactive = at_rest(statement, blocks)
-    return _stated(plain, blocks, inactive, parameters, cut, bases, without) if inactive else statement
+    return _stated(plain, blocks, inactive, parameters, cut, bases, without, tree=tree) if inactive else statement
 
 
 def body_energy(body: Body, motion: Kinematics) -> Expression:

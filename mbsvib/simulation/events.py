@@ -66,7 +66,7 @@ def events(start: Trace, until: Any) -> Events:
                            "a mapping of coordinates or outputs to values, {'elbow.rz': 0.5}")  # fmt: skip
     levels = {}
     for name, value in (until or {}).items():
-        known = (*start.session.names, *start.measured.all_names)
+        known = (*start.names, *start.measured.all_names)
         if name in start.measured.refused:
             raise ModelError(f"simulate: until: {start.measured.refused[name]}.", element=name, field="until")
         if name not in known:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+import casadi as ca
 import numpy as np
 
 from mbsvib.common import arguments as check
+from mbsvib.equilibrium.pose_kinematics import size_of
 from mbsvib.errors import ModelError, nearest
 from mbsvib.linalg.minimum_norm import minimum_norm_solution
 from mbsvib.simulation.states import State
@@ -18,6 +20,8 @@ if TYPE_CHECKING:
 
 # The longest step [rad, mechanism sizes] along which loops are followed, and how far they may stay open.
 LONGEST, OPEN = 0.05, 1e-11
+# Displacements and rates of all joints of a loop, as another run has them, agree to this share.
+AGREES = 1e-6
 
 
 def initial_state(run: Session, displaced: Any, time: float) -> State:
@@ -31,20 +35,47 @@ def initial_state(run: Session, displaced: Any, time: float) -> State:
     if not isinstance(displaced, Mapping):
         raise check.refuse("simulate", "initial", displaced, "a mapping of joint coordinates to a displacement, or to "
                            "(displacement, rate): {'hinge.rz': (0.1, 2.0)}")  # fmt: skip
-    fixed = []
+    fixed, cut, following = [], run.statement.motion.cut, {}
     for name, value in displaced.items():
-        if name not in run.names:
+        if name not in run.names and name not in cut:
             raise ModelError(f"simulate: '{name}' is no coordinate of the spanning tree of model '{run.model.name}'."
                              f"{nearest(str(name), run.names)} It has {', '.join(run.names[:12])}.",
                              element=str(name), field="initial")  # fmt: skip
-        k = run.names.index(name)
         pair = (value, 0.0) if np.ndim(value) == 0 else value
-        q[k], qd[k] = check.numbers(pair, (2,), "simulate", f"initial['{name}']", "a displacement, or (displacement, "
-                                    "rate)")  # fmt: skip
+        both = check.numbers(pair, (2,), "simulate", f"initial['{name}']", "a displacement, or (displacement, rate)")
+        if name in cut:
+            following[name] = both
+            continue
+        k = run.names.index(name)
+        q[k], qd[k] = both
         fixed.append(k)
     bases = run.statement.motion.no_turns
     moved = _moved(run, q, np.array(fixed, dtype=np.intp), bases)
-    return State(time, moved, _rates(run, moved, qd, fixed, bases), np.zeros(run.equations.yields), np.zeros(3))
+    rates = _rates(run, moved, qd, fixed, bases)
+    _check_following(run, following, (moved, rates, bases))
+    return State(time, moved, rates, np.zeros(run.equations.yields), np.zeros(3))
+
+
+def _check_following(
+    run: Session, given: Mapping[str, tuple[float, ...]], state: tuple[Array, Array, Array]
+) -> None:  # fmt: skip
+    """Refuse coordinates of joints at which loops are cut that do not follow from those of the tree."""
+    motion, names = run.statement.motion, list(given)
+    if not names:
+        return
+    values = ca.vertcat(*(motion.cut[name] for name in names))
+    function = ca.Function("cut", [motion.q, motion.qd, motion.bases], [values, motion.rate(values)])
+    where, rates = (np.asarray(part)[:, 0] for part in function(*state))
+    size = size_of(run.model)
+    fastest = float(np.abs(state[1] / run.loops.coordinate_scale).max())
+    for name, value, rate in zip(names, where.tolist(), rates.tolist(), strict=True):
+        turns, (asked, asked_rate) = name.rpartition(".")[2][0] == "r", given[name]
+        off, unit = asked - value, 1.0 if turns else size
+        off -= 2.0 * np.pi * round(off / (2.0 * np.pi)) if turns else 0.0
+        if abs(off) > AGREES * unit or abs(asked_rate - rate) > AGREES * unit * fastest:
+            raise ModelError(f"simulate: where the other joints of its loop are displaced so, {name} is {value:.6g}, "
+                             f"its rate {rate:.6g}, not {asked:.6g} and {asked_rate:.6g}; leave out one of them.",
+                             element=name, field="initial")  # fmt: skip
 
 
 def _moved(run: Session, target: Array, fixed: Array, bases: Array) -> Array:

@@ -117,6 +117,30 @@ def measured(model: Mechanism, statement: FiniteMotion) -> Measured:
         reactions, undetermined = reaction_outputs(model, statement, reaction_forces, dropped)
         refused |= {name: f"output '{name}': redundant joints leave this force undetermined; a bushing in place of one "
                           f"of them determines it" for name in undetermined}  # fmt: skip
+    names = tuple([name for name in model.outputs if name not in refused])
+    return _measured(names, signals, state, reactions, refused)
+
+
+def cut_coordinates(model: Mechanism, statement: FiniteMotion) -> Measured:
+    """Return the coordinates of joints at which loops are cut."""
+    motion = statement.motion
+    state = _State(model, statement, ca.SX.sym("qdd", len(motion.names)), ca.SX.sym("u", len(statement.inputs)))
+    signals = {}
+    for name, value in motion.cut.items():
+        rate = motion.rate(value)
+        signals[name] = _Signal(value, rate)
+        if name.rpartition(".")[2][0] == "r":  # whole turns are counted
+            vector, spin = ca.vertcat(value, 0.0, 0.0), ca.vertcat(rate, 0.0, 0.0)
+            signals[name] = _Signal(ca.SX(0.0), rate, vector, spin, np.eye(3)[0])
+    return _measured(tuple(signals), signals, state, None, {})
+
+
+def _measured(
+    all_names: tuple[str, ...], signals: Mapping[str, _Signal], state: _State, reactions: ReactionOutputs | None,
+    refused: Mapping[str, str],
+) -> Measured:  # fmt: skip
+    statement = state.statement
+    motion = statement.motion
     values = ca.vertcat(*(signal.value for signal in signals.values()))
     rates = ca.vertcat(*(signal.rate for signal in signals.values()))
     function = ca.Function("outputs", [motion.q, motion.qd, state.qdd, statement.yields, motion.bases, state.u], [
@@ -124,8 +148,7 @@ def measured(model: Mechanism, statement: FiniteMotion) -> Measured:
         ca.vertcat(*(signal.spin for signal in signals.values())), rates])  # fmt: skip
     accelerated = reactions is not None or bool(ca.depends_on(ca.vertcat(values, rates), state.qdd))
     weights = np.array([signal.weight for signal in signals.values()]).reshape(-1, 3)
-    return Measured(tuple([name for name in model.outputs if name not in refused]), tuple(signals), weights, function,
-                    reactions, refused, accelerated)  # fmt: skip
+    return Measured(all_names, tuple(signals), weights, function, reactions, refused, accelerated)
 
 
 @dataclass(frozen=True)

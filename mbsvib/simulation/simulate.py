@@ -46,7 +46,8 @@ def simulate(
     if not LEAST <= error <= MOST:
         raise check.refuse("simulate", "tolerance", tolerance, f"a number between {LEAST:g} and {MOST:g}")
     dropped = _dropped(model, without)
-    statement = finite_motion(model, bases=True, without=dropped)
+    displaced = {str(name).rpartition(".")[0] for name in (initial if isinstance(initial, Mapping) else ())}
+    statement = finite_motion(model, bases=True, without=dropped, tree=displaced & model.joints.keys())
     for name in inputs if isinstance(inputs, Mapping) else ():
         if name in model.inputs and model.inputs[name].moves_ground and name not in statement.inputs:
             raise ModelError(f"simulate: base motion '{name}' turns the ground; only translations are simulated. Drive "

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.simulation.crossings import Course, Instant, crossings
-from mbsvib.simulation.outputs import Measured, measured
+from mbsvib.simulation.outputs import Measured, cut_coordinates, measured
 from mbsvib.simulation.states import as_described
 from mbsvib.simulation.stepping import Sample, reached
 
@@ -27,7 +27,7 @@ FIFTH, SMOOTH = 0.0346, 1e-3
 
 @dataclass(frozen=True)
 class TraceValues:
-    """Values at states side by side: tree ``coordinates`` and ``rates`` (n, samples), ``outputs`` and
+    """Values at states side by side: ``coordinates`` and ``rates`` (n, samples), ``outputs`` and
     ``output_rates`` by name (samples,), ``kinetic`` and ``potential`` energies (parts, samples) [J], and ``work`` (3,
     samples) [J].
     """
@@ -43,7 +43,8 @@ class TraceValues:
 
 @dataclass(frozen=True)
 class Trace:
-    """Samples of a run at ``time`` (n,) [s].
+    """Samples of a run at ``time`` (n,) [s]; ``measured`` are its outputs, ``cut`` coordinates of joints at which loops
+    are cut.
 
     ``ended_by`` is the coordinate or output that ended the run, if one did: the last sample is then where it did so.
     """
@@ -51,9 +52,15 @@ class Trace:
     session: Session
     samples: tuple[Sample, ...]
     measured: Measured
+    cut: Measured
     parts: tuple[str, ...]
     energies: Any
     ended_by: str | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the coordinates, those of the tree before those of joints at which loops are cut."""
+        return (*self.session.names, *self.cut.names)
 
     @property
     def time(self) -> Array:
@@ -74,8 +81,11 @@ class Trace:
         qdd = self._accelerations(samples) if self.measured.needs_accelerations else np.zeros(q.shape)
         kinetic, potential = (np.asarray(array) for array in self.energies(q, qd, y, base))
         time = np.array([state.time for state in states])
-        outputs, slopes = self.measured.values(time, (q, qd, qdd, y, base, run.signals.at(time)))
-        where, rates = (array.T for array in as_described(q.T, qd.T, time, bases, run.free_rotations))
+        arguments = q, qd, qdd, y, base, run.signals.at(time)
+        outputs, slopes = self.measured.values(time, arguments)
+        tree, cut = as_described(q.T, qd.T, time, bases, run.free_rotations), self.cut.values(time, arguments)
+        where, rates = (np.concatenate((array.T, np.reshape([*part.values()], (-1, len(time)))))
+                        for array, part in zip(tree, cut, strict=True))  # fmt: skip
         work = np.array([state.work for state in states]).T
         return TraceValues(where, rates, outputs, slopes, kinetic, potential, work)
 
@@ -92,7 +102,7 @@ class Trace:
 
     def quantity(self, name: str, samples: Sequence[Sample]) -> tuple[Array, Array]:
         """Return values and rates (samples,) of a coordinate or an output."""
-        states, names = self.values(samples), self.session.names
+        states, names = self.values(samples), self.names
         if name in names:
             return states.coordinates[names.index(name)], states.rates[names.index(name)]
         return states.outputs[name], states.output_rates[name]
@@ -143,4 +153,5 @@ def trace(session: Session, samples: Sequence[Sample]) -> Trace:
     energies = ca.Function("energies", arguments, [
         ca.vertcat(*(statement.kinetic.get(name, none) for name in parts)),
         ca.vertcat(*(statement.potential.get(name, none) for name in parts))])  # fmt: skip
-    return Trace(session, tuple(samples), measured(session.model, statement), parts, energies)
+    return Trace(session, tuple(samples), measured(session.model, statement), cut_coordinates(session.model, statement),
+                 parts, energies)  # fmt: skip
