@@ -220,11 +220,13 @@ class Mechanism:
         ----------
         values : mapping of str to float
             New value of each parameter by its name, or by a pattern that picks several (``"leg*.k.stiffness"``).
+            Orientations are components of one rotation vector from the axes of this model.
 
         Returns
         -------
         Model
-            The changed model; this one stays as it is.
+            The changed model; this one stays as it is. Its orientation parameters are 0 again: they turn parts from
+            where they are there, and so do sensitivities. ``studies.rates_at`` makes these slopes of the values given.
 
         Raises
         ------

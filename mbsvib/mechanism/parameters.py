@@ -28,7 +28,9 @@ name                                    unit                        what it is
 ======================================  ==========================  ============================================
 
 An orientation parameter is a component of the rotation vector w, in world axes, of the part from its present
-orientation: its axes Q become exp([w]x) Q, so that these parameters are zero. A joint that is defined by its axis, or
+orientation: its axes Q become exp([w]x) Q, so that these parameters are zero, also in a model that ``with_values`` has
+turned: further values and sensitivities are rotations from there. ``studies.rates_at`` has the linear maps by which
+sensitivities at w are slopes of the components of w. A joint that is defined by its axis, or
 by two, turns with all of its axes. The position of a body is that of its centre of mass: joints and springs stay.
 """
 

@@ -15,6 +15,7 @@ scales, search, solvers, optimizing   ``optimize`` and its result
 trade_offs        ``trade_off``: designs of which none is better in all of several quantities
 """
 
+from mbsvib.studies.design import rates_at
 from mbsvib.studies.extremes import largest, smallest
 from mbsvib.studies.machines import CycleMeasures, cycle
 from mbsvib.studies.measures import damping_ratio, frequency, gain, given, peak, placement, variable
@@ -31,8 +32,8 @@ from mbsvib.studies.trade_offs import TradeOff, trade_off
 
 __all__ = [
     "Constraint", "CycleMeasures", "Optimum", "Quantity", "Sweep", "Tie", "Tolerances", "Tracks", "TradeOff", "cycle",
-    "damping_ratio", "equimomental", "frequency", "gain", "given", "largest", "optimize", "peak", "placement", "rms",
-    "smallest", "sweep", "tolerances", "track", "trade_off", "variable", "with_counterweights",
+    "damping_ratio", "equimomental", "frequency", "gain", "given", "largest", "optimize", "peak", "placement",
+    "rates_at", "rms", "smallest", "sweep", "tolerances", "track", "trade_off", "variable", "with_counterweights",
 ]  # fmt: skip
 
 

@@ -79,6 +79,41 @@ class StudyVariables:
             yield from [(name, value) for name in self.known[pattern]]
 
 
+def rates_at(model: Model, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """Return linear maps of parameters with which sensitivities at some values are slopes of these values.
+
+    dG/dp = sum over parameters q of ``rates_at[p][q]`` dG/dq of ``model.with_values(values)``
+
+    The orientation parameters of a rebuilt model are 0 and turn its parts from where they are; the values that it was
+    given are components of the rotation vector w from the axes of ``model``. A component k of w turns a part by the
+    angular velocity J(w) e_k, J = I + (1 - cos a) / a^2 [w]x + (a - sin a) / a^3 [w]x^2, a = |w|. All other parameters
+    have the rate 1.
+
+    Parameters
+    ----------
+    model : Model
+        The nominal model.
+    values : mapping of str to float
+        Values of its parameters, by name or pattern.
+
+    Returns
+    -------
+    dict
+        For each name of ``values`` the rates of the parameters, as ``parameters`` of all sensitivities.
+
+    Raises
+    ------
+    ModelError
+        If a parameter is unknown or a value is not a number.
+
+    Source: Chirikjian, Stochastic Models, Information Theory, and Lie Groups 2 (2011), the left Jacobian of SO(3).
+    """
+    if not isinstance(values, Mapping) or not values:
+        raise check.refuse("rates_at", "values", values, "parameters with values, {'hip.orientation.rx': 0.1}")
+    numbers = {str(name): check.number(value, "rates_at", str(name)) for name, value in values.items()}
+    return design(model, numbers).rates(numbers)
+
+
 def design(model: Model, names: Iterable[str], ties: Ties | None = None) -> StudyVariables:
     """Return the variables of a study.
 

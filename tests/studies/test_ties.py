@@ -108,6 +108,25 @@ def test_orientations_turn_from_where_they_are():
         assert slope == pytest.approx((up - down) / 2e-5, rel=1e-7), name
 
 
+@pytest.mark.parametrize("size", [0.02, 1.0])
+def test_sensitivities_of_a_turned_model_are_slopes_of_the_values_given(size):
+    """By the maps of ``rates_at``; by the names alone they are rotations from where the parts are."""
+    model = turned_arm()
+    at = {"hinge.orientation.rx": 0.4 * size, "hinge.orientation.ry": -0.7 * size, "arm.mass": 2.5}
+    system = model.with_values(at).linearize()
+    assert system.parameters["hinge.orientation.rx"] == 0.0
+    given = system.mode_sensitivities(st.rates_at(model, at)).frequencies[:, 0]
+    for name, slope in zip(at, given, strict=True):
+        up, down = (model.with_values(at | {name: at[name] + h}).linearize().modes().frequencies[0]
+                    for h in (1e-5, -1e-5))  # fmt: skip
+        assert slope == pytest.approx((up - down) / 2e-5, rel=2e-6), name
+        up, down = (model.with_values(at).with_values({name: system.parameters[name] + h}).linearize().modes()
+                    .frequencies[0] for h in (1e-5, -1e-5))  # fmt: skip
+        assert system.mode_sensitivities([name]).frequencies[0, 0] == pytest.approx((up - down) / 2e-5, rel=2e-6), name
+    with pytest.raises(mv.ModelError, match="rates_at: values"):
+        st.rates_at(model, {})
+
+
 def test_functions_are_searched_and_swept():
     model, power = car(), Power(1e4)
     result = st.optimize(model, {"x": (0.5, 3.0), "y": (-0.01, 3.0)}, (st.frequency(1) - 1.3) ** 2 * 100
