@@ -1,6 +1,7 @@
 """Files are written whole or not at all."""
 
 import os
+import shutil
 import stat
 from functools import partial
 
@@ -8,6 +9,7 @@ import pytest
 
 import mbsvib as mv
 import mbsvib_export as mx
+from mbsvib.common import atomic_file
 from mbsvib.common.atomic_file import write_atomic
 from tests.export.plants import slider
 
@@ -60,6 +62,7 @@ def test_what_a_kill_left_behind_is_removed(tmp_path):
     """Drafts of the same file, but not those that somebody writes at the time, nor other files."""
     dead, other = tmp_path / ".plant.json.0123abcd.part", tmp_path / ".plant.json.txt.part"
     dead.write_bytes(b"half")
+    os.utime(dead, (1e9, 1e9))
     other.write_bytes(b"mine")
 
     def write(stream):
@@ -72,6 +75,61 @@ def test_what_a_kill_left_behind_is_removed(tmp_path):
     assert not dead.exists()
     assert sorted(item.name for item in tmp_path.iterdir()) == [other.name, "plant.json"]
     assert (tmp_path / "plant.json").read_bytes() == b"first"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="drafts are not locked there")
+@pytest.mark.parametrize("name", ["plant.json", "n" * 200 + ".json"])
+@pytest.mark.parametrize("step", ["_lock", "replace"])
+def test_another_writer_comes_in_between(tmp_path, monkeypatch, name, step):
+    """Before the draft is locked, and before it is renamed: the other one took it for an abandoned draft."""
+    place, path, calls = (atomic_file if step == "_lock" else os), tmp_path / name, []
+    original = getattr(place, step)
+
+    def interrupted(*arguments):
+        calls.append(arguments)
+        if len(calls) == 1:
+            write_atomic(path, lambda stream: stream.write(b"second"))
+            assert path.read_bytes() == b"second"
+        return original(*arguments)
+
+    monkeypatch.setattr(place, step, interrupted)
+    write_atomic(path, lambda stream: stream.write(b"first"))
+    assert len(calls) > 1
+    assert path.read_bytes() == b"first"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_removed_file_is_written_again(tmp_path, monkeypatch):
+    """The old file goes away between the question whether it is there and the copy of its mode."""
+    path = tmp_path / "plant"
+    path.write_bytes(b"old")
+    copy = shutil.copymode
+
+    def removed(source, target):
+        path.unlink()
+        copy(source, target)
+
+    monkeypatch.setattr(shutil, "copymode", removed)
+    write_atomic(path, lambda stream: stream.write(b"new"))
+    assert path.read_bytes() == b"new"
+
+
+def test_files_whose_names_begin_alike_have_drafts_of_their_own(tmp_path):
+    one, two = (tmp_path / f"{'n' * 70}-{letter}.json" for letter in "ab")
+    seen = []
+
+    def abandoned(stream):
+        seen.extend(item for item in tmp_path.iterdir() if item.name.endswith(".part"))
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_atomic(one, abandoned)
+    seen[0].write_bytes(b"half")
+    os.utime(seen[0], (1e9, 1e9))
+    write_atomic(two, lambda stream: stream.write(b"two"))
+    assert seen[0].exists()
+    write_atomic(one, lambda stream: stream.write(b"one"))
+    assert sorted(tmp_path.iterdir()) == [one, two]
 
 
 def test_fmus_of_others_are_not_replaced(tmp_path):
