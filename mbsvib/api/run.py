@@ -109,6 +109,14 @@ class Run(Displayed):
     complete: bool
     trace: Trace = field(repr=False)
 
+    def __getstate__(self) -> dict[str, Any]:
+        # a pickle holds no read-only mappings
+        return {key: dict(value) if isinstance(value, MappingProxyType) else value for key, value in vars(self).items()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update({key: MappingProxyType(value) if isinstance(value, dict) else value
+                           for key, value in state.items()})  # fmt: skip
+
     def __getitem__(self, name: str) -> Array:
         """Return an output, (n,).
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -47,6 +47,11 @@ class Machine:
     farthest: float
     compiled: Statement | None = None
     known: Solved | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return all but its equations, which pickle cannot hold, and are made again when they are asked for."""
+        kept = {field.name: getattr(self, field.name) for field in fields(self)}
+        return kept | {"compiled": None, "known": vars(self).get("solved", self.known)}
 
     @property
     def rounding(self) -> float:

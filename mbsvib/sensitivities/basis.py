@@ -47,6 +47,10 @@ class SensitivityBasis:
         self._network = network
         self._groups_of_all: dict[bool, ParameterGroups] = {}
 
+    def __getstate__(self) -> dict[str, object]:
+        """Return what the rest is computed of: rules of parameters are functions, which pickle cannot hold."""
+        return {"responses": self.responses, "_network": self._network, "_groups_of_all": {}}
+
     @staticmethod
     def of(equations: Equations) -> SensitivityBasis:
         """Return the basis of some equations of which nothing is known yet."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from itertools import accumulate, chain, combinations_with_replacement
 from math import prod
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -248,8 +249,9 @@ def variables(known: Parameters, requested: Requested) -> Variables:
         layout = FieldLayout.of(known.parts.values())
         numbers = np.arange(layout.starts[-1])
         count = len(numbers)
-        return Variables(ListedLater(count, lambda: tuple(known)), ListedLater(count, lambda: known.entries),
-                         known.parts, numbers, numbers, np.ones(count), every=layout)  # fmt: skip
+        names, entries = partial(tuple, known), partial(attrgetter("entries"), known)
+        return Variables(ListedLater(count, names), ListedLater(count, entries), known.parts, numbers, numbers,
+                         np.ones(count), every=layout)  # fmt: skip
     if not isinstance(requested, (str, Iterable)):
         raise ModelError(f"sensitivities: parameters = {requested!r}; expected names, patterns, or a mapping of "
                          f"variables to {{parameter: rate}}.", element="parameters")  # fmt: skip

@@ -57,7 +57,7 @@ def simulate(
     run = session(model, statement, driven, error)
     last = restarted_sample(run, initial_state(run, initial, float(time[0])), statement.motion.no_turns)
     samples, requested = [last], set(np.searchsorted(driven.breaks, time).tolist())
-    start = trace(run, samples)
+    start = trace(run, samples, dropped)
     ends, complete, event = events(start, until), True, None
     with counting(progress, len(time) - 1, "simulate") as tell, noticing_interrupts() as interrupted:
         try:

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
+from mbsvib.finite_motion.statement import finite_motion
 from mbsvib.simulation.crossings import Course, Instant, crossings
 from mbsvib.simulation.outputs import Measured, cut_coordinates, measured
+from mbsvib.simulation.session import Session, session
 from mbsvib.simulation.states import as_described
 from mbsvib.simulation.stepping import Sample, reached
 
@@ -18,7 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.simulation.session import Session
+    from mbsvib.mechanism.mechanism import Mechanism
+    from mbsvib.simulation.signals import Signals
 
 
 # The largest s^2 (1 - s)^3, and what the fifth degree may add to a smooth motion as a share of how far that goes.
@@ -55,7 +58,13 @@ class Trace:
     cut: Measured
     parts: tuple[str, ...]
     energies: Any
+    without: tuple[str, ...]
     ended_by: str | None = None
+
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
+        """Return what a pickle holds: what CasADi compiled is made again of the model."""
+        run = self.session
+        return retraced, (run.model, self.without, run.signals, run.integrator.tolerance, self.samples, self.ended_by)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -144,14 +153,23 @@ class Trace:
         return float(added.max()) <= SMOOTH * float(moved.max())
 
 
-def trace(session: Session, samples: Sequence[Sample]) -> Trace:
-    """Return the trace of a run."""
-    statement = session.statement
+def retraced(
+    model: Mechanism, without: tuple[str, ...], signals: Signals, tolerance: float, samples: Sequence[Sample],
+    ended_by: str | None,
+) -> Trace:  # fmt: skip
+    """Return the trace of a run that was done before; arguments as in ``session`` and ``Trace``."""
+    again = session(model, finite_motion(model, bases=True, without=without), signals, tolerance)
+    return trace(again, samples, without).with_samples(samples, ended_by)
+
+
+def trace(run: Session, samples: Sequence[Sample], without: tuple[str, ...]) -> Trace:
+    """Return the trace of a run; ``without``: loads that are dropped."""
+    statement = run.statement
     parts = tuple(dict.fromkeys((*statement.kinetic, *statement.potential)))
     none = ca.SX(0.0)
     arguments = [statement.motion.q, statement.motion.qd, statement.yields, statement.motion.bases]
     energies = ca.Function("energies", arguments, [
         ca.vertcat(*(statement.kinetic.get(name, none) for name in parts)),
         ca.vertcat(*(statement.potential.get(name, none) for name in parts))])  # fmt: skip
-    return Trace(session, tuple(samples), measured(session.model, statement), cut_coordinates(session.model, statement),
-                 parts, energies)  # fmt: skip
+    return Trace(run, tuple(samples), measured(run.model, statement), cut_coordinates(run.model, statement), parts,
+                 energies, without)  # fmt: skip

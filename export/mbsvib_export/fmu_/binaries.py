@@ -10,11 +10,13 @@ import subprocess
 import sys
 import tempfile
 import warnings
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
+from mbsvib.common.atomic_file import write_atomic
 from mbsvib.errors import ExportError, nearest
 
 SOURCE = Path(__file__).parent / "source"
@@ -138,13 +140,9 @@ def binary(name: str) -> bytes:
         return cached.read_bytes()
     with tempfile.TemporaryDirectory(prefix="mbsvib-") as folder:
         content = build(name, Path(folder)).read_bytes()
-    try:  # a cache that cannot be written costs time, not the export
+    with suppress(OSError, ExportError):  # a cache that cannot be written costs time, not the export
         cached.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=cached.parent, delete=False) as stream:
-            stream.write(content)
-        Path(stream.name).replace(cached)
-    except OSError:
-        pass
+        write_atomic(cached, lambda stream: stream.write(content))
     return content
 
 
