@@ -53,7 +53,7 @@ def read_controller(
     period = _period(content, path, rate)
     from mbsvib import StateSpace
 
-    law = StateSpace.from_arrays(*(content[name] for name in MATRICES), **names, name=path.stem)
+    law = StateSpace.from_arrays(*(content[name] for name in MATRICES), **names)
     if period is None:
         return law, rate
     import control

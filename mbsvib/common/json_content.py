@@ -8,11 +8,15 @@ from typing import Any, NoReturn
 from mbsvib.common.file_content import ContentError, shortened
 
 
-def read_json_content(content: str | bytes) -> Any:
-    """Return what a JSON text, or its UTF-8 bytes, holds; ContentError if it is damaged."""
+def read_json_content(content: str | bytes, nan: bool = False) -> Any:
+    """Return what a JSON text, or its UTF-8 bytes, holds; ContentError if it is damaged.
+
+    ``nan``: whether NaN and Infinity are numbers, which JSON does not have.
+    """
     try:
         text = content if isinstance(content, str) else content.decode("utf-8-sig")
-        return json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_without_duplicates)
+        constant = float if nan else _refuse_constant
+        return json.loads(text, parse_constant=constant, object_pairs_hook=_without_duplicates)
     except ContentError:
         raise
     except json.JSONDecodeError as error:

@@ -249,8 +249,8 @@ def variables(known: Parameters, requested: Requested) -> Variables:
         layout = FieldLayout.of(known.parts.values())
         numbers = np.arange(layout.starts[-1])
         count = len(numbers)
-        names, entries = partial(tuple, known), partial(attrgetter("entries"), known)
-        return Variables(ListedLater(count, names), ListedLater(count, entries), known.parts, numbers, numbers,
+        every, entries = partial(tuple, known), partial(attrgetter("entries"), known)
+        return Variables(ListedLater(count, every), ListedLater(count, entries), known.parts, numbers, numbers,
                          np.ones(count), every=layout)  # fmt: skip
     if not isinstance(requested, (str, Iterable)):
         raise ModelError(f"sensitivities: parameters = {requested!r}; expected names, patterns, or a mapping of "

@@ -9,13 +9,15 @@ import json
 import os
 from functools import partial
 from hashlib import sha256
-from pathlib import Path
 from time import monotonic
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common.atomic_file import write_atomic
+from mbsvib.common.expected import a_path
+from mbsvib.common.file_content import ContentError, content_of
+from mbsvib.common.json_content import read_json_content
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
@@ -36,29 +38,27 @@ class Record:
     """A file of results: ``known`` are those of the file, ``add`` appends more; a context manager."""
 
     def __init__(self, path: str | os.PathLike[str], head: Mapping[str, Any]) -> None:
-        self.path = Path(path)
+        self.path = a_path(path, "sweep", partial(ModelError, field="file"))
         self.known: dict[int, Outcome] = {}
         self._stream: IO[bytes] | None = None
         self._synced = monotonic()
-        try:
-            content = self.path.read_bytes()
-        except FileNotFoundError:
-            content = b""
-        except OSError as error:
-            raise ModelError(f"{path}: cannot be read: {error.strerror}.", field="file") from error
+        content = b""
+        if os.path.lexists(self.path):
+            content = content_of(self.path, partial(ModelError, field="file"), "the record of a study, or a new file")
         complete = content[: content.rfind(b"\n") + 1]
         lines = complete.splitlines()
         if lines:
             self._check(lines[0], head)
-        self.known = dict(self._read(line, number) for number, line in enumerate(lines[1:], 2))
+        for number, line in enumerate(lines[1:], 2):
+            self._add_known(line, number, head["points"])
         if len(complete) < len(content) or not lines:
             start = complete or (json.dumps(head) + "\n").encode()
             write_atomic(self.path, lambda stream: stream.write(start), partial(ModelError, field="file"))
 
     def _check(self, line: bytes, head: Mapping[str, Any]) -> None:
         try:
-            header = json.loads(line)
-        except ValueError:
+            header = read_json_content(line)
+        except ContentError:
             header = None
         if not isinstance(header, dict) or "study" not in header:
             raise ModelError(f"{self.path}: this is not a record of a study; give another file.", field="file")
@@ -67,14 +67,27 @@ class Record:
                 raise ModelError(f"{self.path}: it is the record of another study ({key} is not the same); delete it, "
                                  f"or give another file.", field="file")  # fmt: skip
 
-    def _read(self, line: bytes, number: int) -> tuple[int, Outcome]:
+    def _add_known(self, line: bytes, number: int, points: int) -> None:
+        """Read a line; a point is there again only if it failed before, as points that failed are asked again."""
         try:
-            entry = json.loads(line)
-            if "error" in entry:
-                return entry["point"], str(entry["error"])
-            return entry["point"], {label: _decoded(value) for label, value in entry["result"].items()}
-        except (ValueError, KeyError, TypeError) as error:
-            raise ModelError(f"{self.path}, line {number}: this is not a line of a record.", field="file") from error
+            entry = read_json_content(line, nan=True)
+            if not isinstance(entry, dict) or set(entry) not in ({"point", "error"}, {"point", "result"}):
+                raise ContentError("expected a point and its result or error")
+            point = entry["point"]
+            if type(point) is not int or not 0 <= point < points:
+                raise ContentError(f"point {str(point)[:40]}; expected one from 0 to {points - 1}")
+            if not isinstance(self.known.get(point, ""), str):
+                raise ContentError(f"the result of point {point} is there twice")
+            outcome = entry.get("error", entry.get("result"))
+            if "result" in entry:
+                outcome = {label: _decoded(value) for label, value in outcome.items()}
+            elif not isinstance(outcome, str):
+                raise ContentError("an error that is no text")
+        except (ContentError, AttributeError, ValueError, KeyError, TypeError, OverflowError) as error:
+            reason = error if isinstance(error, ContentError) else "a result that is no array of numbers"
+            raise ModelError(f"{self.path}, line {number}: this is not a line of a record: {reason}. Remove the line "
+                             f"to compute its point again, or give another file.", field="file") from error  # fmt: skip
+        self.known[point] = outcome
 
     def add(self, outcomes: Iterable[tuple[int, Outcome]]) -> None:
         """Append results."""
@@ -129,8 +142,13 @@ def _encoded(value: Any) -> Any:
 
 
 def _decoded(value: Any) -> Any:
+    """Return an array of numbers; ValueError of anything else."""
     if isinstance(value, dict):
-        result = np.empty(np.shape(value["real"]), dtype=complex)
-        result.real, result.imag = value["real"], value["imag"]
-        return result
-    return np.asarray(value)
+        real, imag = (_decoded(value[part]) for part in ("real", "imag"))
+        if real.shape != imag.shape or len(value) > 2:
+            raise ValueError("real and imaginary parts of other shapes")
+        return real + 1j * imag
+    result = np.asarray(value)
+    if result.dtype.kind not in "biuf":
+        raise ValueError("no numbers")
+    return result

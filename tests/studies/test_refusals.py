@@ -103,7 +103,7 @@ def test_results_that_are_no_numbers_are_told_at_their_points():
 
 
 def test_records_that_cannot_be_kept(tmp_path):
-    with pytest.raises(mv.ModelError, match=rf"{tmp_path}: cannot be read: Is a directory"):
+    with pytest.raises(mv.ModelError, match=rf"{tmp_path}: cannot be read: it is a folder"):
         swept("poles", file=tmp_path)
     with pytest.raises(mv.ModelError, match=r"record: cannot be written: No such file or directory"):
         swept("poles", file=tmp_path / "none" / "record")

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 
 import numpy as np
 import pytest
@@ -181,6 +182,57 @@ def test_records_of_other_studies_are_refused(tmp_path):
     with pytest.raises(ModelError, match="line 2"):
         sweep(quarter_car(), {"tyre.stiffness": TYRE}, "poles", file=tmp_path / "bad.jsonl")
     assert file.read_bytes() == before
+
+
+def damaged(lines):
+    """Lines of a record of seven points, each damaged in another way, and what is told of them."""
+    line, other = lines[3], lines[4]
+    moved = line.replace(b'"point": 2', b'"point": 3')
+    yield moved, "the result of point 3 is there twice"
+    for point in (b"-1", b"7", b"1.0", b"true", b'"2"', b"null"):
+        yield line.replace(b'"point": 2', b'"point": ' + point), "expected one from 0 to 6"
+    yield b"[1, 2]", "expected a point"
+    yield b"3", "expected a point"
+    yield b'"point"', "expected a point"
+    yield line[:-1] + b', "error": "x"}', "expected a point"
+    yield b'{"point": 2, "error": 3}', "an error that is no text"
+    yield line + other, "Extra data"
+    yield b"[" * 100_000, "nested too deep"
+    yield b"\xff" + line, "utf-8"
+    for value in (b"1", b"[1]", b'{"poles": "abc"}', b'{"poles": [1, [2]]}', b'{"poles": {"real": [1, 2]}}',
+                  b'{"poles": {"real": [1, 2], "imag": [1]}}', b'{"poles": {"real": ["1"], "imag": [1]}}',
+                  b'{"poles": null}', b'{"poles": {}}'):  # fmt: skip
+        yield b'{"point": 2, "result": ' + value + b"}", "a result that is no array of numbers"
+
+
+def test_damaged_lines_of_a_record_are_refused(tmp_path):
+    """Each by its number and reason; a point with a wrong number took the place of another one."""
+    file = tmp_path / "sweep.jsonl"
+    values = {"tyre.stiffness": TYRE}
+    sweep(quarter_car(), values, "poles", file=file, workers=1)
+    lines = file.read_bytes().splitlines()
+    for line, reason in damaged(lines):
+        file.write_bytes(b"\n".join([*lines[:3], line, *lines[4:], b""]))
+        before = file.read_bytes()
+        with pytest.raises(ModelError, match=rf"sweep\.jsonl, line [45]: this is not a line of a record.*{reason}"):
+            sweep(quarter_car(), values, "poles", file=file)
+        assert file.read_bytes() == before
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="no such devices here")
+def test_a_device_is_no_record(tmp_path):
+    (tmp_path / "link").symlink_to("/dev/zero")
+    for path in ("/dev/zero", tmp_path / "link", tmp_path):
+        with pytest.raises(ModelError, match=r"cannot be read: it is (no regular file|a folder)"):
+            sweep(quarter_car(), {"tyre.stiffness": TYRE}, "poles", file=path)
+
+
+def test_results_that_are_no_number_come_back(tmp_path):
+    file = tmp_path / "sweep.jsonl"
+    for _ in range(2):
+        result = sweep(quarter_car(), {"tyre.stiffness": [1e5, 2e5]}, {"f": lambda s: np.array([np.nan, np.inf])},
+                       file=file)  # fmt: skip
+        assert str(result["f"].tolist()) == "[[nan, inf], [nan, inf]]"
 
 
 def test_csv_keeps_every_digit(tmp_path):
