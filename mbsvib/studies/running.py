@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import BrokenExecutor
 from dataclasses import dataclass
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -16,7 +17,7 @@ from mbsvib.errors import MbsvibError
 from mbsvib.studies.question import follow
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from mbsvib.api.model import Model
     from mbsvib.studies.design import StudyVariables
@@ -162,14 +163,41 @@ def _parallel(
     count = workers or (None if configured else _processors())
     known = count or backend.effective_n_jobs(jobs if jobs is not None else backend.default_n_jobs)
     size = max(1, min(many, -(-len(todo) // (8 * max(1, known)))))
-    calls = [delayed(task.run)(chunk, _part(columns, chunk))
-             for chunk in (todo[i : i + size] for i in range(0, len(todo), size))]  # fmt: skip
-    if getattr(backend, "supports_return_generator", False):
-        yield from Parallel(n_jobs=count, return_as="generator_unordered")(calls)
-        return
-    together = 2 * max(1, known)  # such back-ends return when all pieces are done: submit some pieces at a time
-    for i in range(0, len(calls), together):
-        yield from Parallel(n_jobs=count)(calls[i : i + together])
+    together = None if getattr(backend, "supports_return_generator", False) else 2 * max(1, known)
+    left = list(todo)
+
+    def answers(pieces: Sequence[Sequence[int]]) -> Iterator[Outcomes]:
+        """Outcomes of pieces as they come, which are then no longer ``left``."""
+        calls = [delayed(task.run)(piece, _part(columns, piece)) for piece in pieces]
+        # some back-ends return when all pieces are done: submit some at a time there
+        for i in range(0, len(calls), together or len(calls)):
+            how = {} if together else {"return_as": "generator_unordered"}
+            for outcomes in Parallel(n_jobs=count, **how)(calls[i : i + (together or len(calls))]):
+                done = {number for number, _ in outcomes}
+                left[:] = [number for number in left if number not in done]
+                yield outcomes
+
+    while left:
+        try:
+            yield from answers([left[i : i + size] for i in range(0, len(left), size)])
+        except BrokenExecutor:  # a process was killed, and all that were computing with it
+            yield from _around_killed(answers, left, size)
+
+
+def _around_killed(
+    answers: Callable[[Sequence[Sequence[int]]], Iterator[Outcomes]], left: list[int], size: int
+) -> Iterator[Outcomes]:
+    """Compute the points that are left piece by piece up to the one that kills its process, which is its outcome."""
+    while left:
+        try:
+            yield from answers([left[:size]])
+        except BrokenExecutor as error:
+            if size == 1:
+                reason = (f"{type(error).__name__}: the process that computed this point was ended from outside, for "
+                          f"want of memory or by a fault in compiled code")  # fmt: skip
+                yield [(left.pop(0), reason)]
+                return
+            size = (size + 1) // 2
 
 
 def _part(columns: Mapping[str, Any], numbers: Sequence[int]) -> dict[str, Any]:

@@ -1,6 +1,9 @@
 """Sweeps in processes, on back-ends of joblib, and on the workers of a dask cluster."""
 
 import os
+import signal
+from concurrent.futures import BrokenExecutor
+from contextlib import nullcontext
 
 import joblib
 import numpy as np
@@ -61,6 +64,46 @@ def test_a_point_that_fails_in_a_process_is_recorded(tmp_path):
     assert set(result.errors.values()) == {"ArithmeticError: too stiff"}
     assert 0 < len(result.errors) < 9
     assert len((tmp_path / "record.jsonl").read_text().splitlines()) == 10
+
+
+@pytest.mark.slow
+def test_a_point_that_kills_its_process_fails_alone():
+    """It ended the sweep with a traceback of the pool, and the other points were lost."""
+    mine = os.getpid()
+
+    def kills(system):
+        if os.getpid() != mine and system.parameters["tyre.stiffness"] == VALUES["tyre.stiffness"][6]:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return 1.0
+
+    result = sweep(quarter_car(), VALUES, kills, workers=2)
+    assert list(result.errors) == [6]
+    assert "was ended from outside" in result.errors[6]
+    assert np.nansum(result["kills"]) == 8
+
+
+@pytest.mark.parametrize("killers", [[], [0], [3, 4], [0, 8], list(range(9))])
+def test_points_that_kill_are_told_from_those_that_were_computed_beside_them(killers, monkeypatch):
+    """A pool in this process, which breaks as one of joblib does: all that it was computing is lost."""
+
+    class Pool:
+        def __init__(self, n_jobs, return_as):
+            assert (n_jobs, return_as) == (2, "generator_unordered")
+
+        def __call__(self, calls):
+            for start in range(0, len(calls), 2):
+                both = calls[start : start + 2]
+                if {number for _, arguments, _ in both for number in arguments[0]} & set(killers):
+                    raise BrokenExecutor
+                yield from [function(*arguments) for function, arguments, _ in both]
+
+    monkeypatch.setattr(joblib, "Parallel", Pool)
+    context = pytest.warns(UserWarning, match="all 9 points failed") if len(killers) == 9 else nullcontext()
+    with context:
+        result = sweep(quarter_car(), VALUES, where, workers=2)
+    assert list(result.errors) == killers
+    if len(killers) < 9:
+        assert np.isnan(result["low"]).sum() == len(killers)
 
 
 @pytest.mark.slow
