@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import stat
 import zipfile
 import zlib
 from contextlib import contextmanager
@@ -33,6 +34,7 @@ def archive_of(raw: bytes) -> Iterator[zipfile.ZipFile]:
             if (counted := int.from_bytes(raw[end + 10 : end + 12], "little")) not in (len(entries), _UNCOUNTED):
                 raise ContentError(f"{len(entries)} files in the archive; its end says {counted}")
             for entry in entries:
+                _check_place(entry)
                 with archive.open(entry):  # compares its name here and in the table at the end
                     pass
             yield archive
@@ -41,6 +43,15 @@ def archive_of(raw: bytes) -> Iterator[zipfile.ZipFile]:
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, LookupError, RuntimeError, NotImplementedError,
             ValueError, OverflowError) as error:  # fmt: skip
         raise ContentError(f"the archive is damaged ({shortened(error)})") from error
+
+
+def _check_place(entry: zipfile.ZipInfo) -> None:
+    """Refuse an entry that would be unpacked elsewhere, by its name or as a link."""
+    name = entry.orig_filename
+    if name.startswith("/") or "\\" in name or "\0" in name or name[1:2] == ":" or ".." in name.split("/"):
+        raise ContentError(f"the entry {name[:60]!r} leads out of the archive; expected relative paths with slashes")
+    if stat.S_ISLNK(entry.external_attr >> 16):
+        raise ContentError(f"the entry {name[:60]!r} is a link; expected files and folders")
 
 
 def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:

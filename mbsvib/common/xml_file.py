@@ -10,6 +10,9 @@ from mbsvib.common.file_content import ContentError
 
 # Elements within each other; a chain of a hundred bodies in MJCF has as many. Recursion ends at about a thousand.
 DEEPEST = 500
+# Elements of a file, each of which takes a hundred bytes and a microsecond; five million pack into 20 kB. Robots of
+# ten thousand bodies and units of a hundred thousand variables stay below.
+MOST_ELEMENTS = 500_000
 
 
 def read_xml(content: bytes) -> ElementTree.Element:
@@ -17,11 +20,14 @@ def read_xml(content: bytes) -> ElementTree.Element:
 
     Document types are refused: their entities can unfold to any size, or name other files.
     """
-    parser, builder, depth = expat.ParserCreate(), ElementTree.TreeBuilder(), 0
+    parser, builder, depth, count = expat.ParserCreate(), ElementTree.TreeBuilder(), 0, 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal depth
+        nonlocal depth, count
         depth += 1
+        count += 1
+        if count > MOST_ELEMENTS:
+            raise ContentError(f"line {parser.CurrentLineNumber}: more than {MOST_ELEMENTS} elements.")
         if depth > DEEPEST:
             raise ContentError(f"line {parser.CurrentLineNumber}: elements are nested more than {DEEPEST} deep.")
         builder.start(tag, attributes)

@@ -2,6 +2,7 @@
 
 import io
 import os
+import stat
 import struct
 import zipfile
 import zlib
@@ -11,9 +12,10 @@ import pytest
 
 import mbsvib as mv
 import mbsvib_export as mx
-from mbsvib.common import mat_file
+from mbsvib.common import mat_file, xml_file
 from mbsvib.superelements import read_mat
 from mbsvib_export import npz_reading
+from mbsvib_export.fmu_ import reading
 from mbsvib_export.hdf5_ import HEAD, head
 from tests.export.plants import slider, stewart
 
@@ -207,3 +209,37 @@ def test_pipes_and_folders_are_no_files(read, tmp_path):
     for name in ("pipe", "folder"):
         with pytest.raises(mv.MbsvibError, match=rf"{name}.*cannot be read"):
             read(tmp_path / f"{name}{suffix}", *more)
+
+
+@pytest.mark.parametrize("name", ["../x", "a/../../x", "/etc/x", "C:/x", "a\\..\\x", "..", "\\\\host\\x"])
+def test_entries_that_lead_out_of_an_archive(tmp_path, name):
+    path = mx.to_npz(slider(), tmp_path / "x.npz")
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr(name, b"")
+    with pytest.raises(mv.ExportError, match="leads out of the archive"):
+        mx.from_npz(path)
+
+
+def test_links_in_an_archive(tmp_path):
+    path = mx.to_npz(slider(), tmp_path / "x.npz")
+    link = zipfile.ZipInfo("link")
+    link.create_system, link.external_attr = 3, (stat.S_IFLNK | 0o777) << 16
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr(link, "/etc/passwd")
+    with pytest.raises(mv.ExportError, match="'link' is a link"):
+        mx.from_npz(path)
+
+
+@pytest.mark.parametrize(
+    ("element", "count", "message"),
+    [(b"<a/>", 1001, "more than 1000 elements"), (b" " * 1000, 101, "has 0.101 MB; expected at most 0.1 MB")],
+)
+def test_small_units_with_large_descriptions(tmp_path, monkeypatch, element, count, message):
+    """Five million elements, in 20 kB, took 0.3 GB and five seconds; the limits are smaller here."""
+    monkeypatch.setattr(xml_file, "MOST_ELEMENTS", 1000)
+    monkeypatch.setattr(reading, "LARGEST_DESCRIPTION", 100_000)
+    path = tmp_path / "x.fmu"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("modelDescription.xml", b"<fmiModelDescription>" + element * count + b"</fmiModelDescription>")
+    with pytest.raises(mv.ExportError, match=message):
+        mx.check_export(path, slider())

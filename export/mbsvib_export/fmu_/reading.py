@@ -36,6 +36,8 @@ IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z_0-9]*")
 _DESCRIPTION, _NUMBERS = "modelDescription.xml", "resources/model.lti"
 _TOKENS = {"2.0": "guid", "3.0": "instantiationToken"}
 _HEAD, _SIZES, _TOKEN = 16, 48, 64
+# Bytes of a description; that of a thousand states with all their dependencies has five million.
+LARGEST_DESCRIPTION = 100_000_000
 
 
 def description_of(path: str | os.PathLike[str]) -> Element:
@@ -101,6 +103,10 @@ def _opened(path: str | os.PathLike[str]) -> tuple[Element, str, bytes | None, t
 def _check_size(archive: zipfile.ZipFile, file: str) -> None:
     """Refuse an archive that would fill memory or disk, before anything is unpacked."""
     entries = archive.infolist()
+    described = sum(entry.file_size for entry in entries if entry.filename == _DESCRIPTION)
+    if described > LARGEST_DESCRIPTION:
+        raise ExportError(f"{file}: its {_DESCRIPTION} has {described / 1e6:.3g} MB; expected at most "
+                          f"{LARGEST_DESCRIPTION / 1e6:.3g} MB. Nothing was unpacked.")  # fmt: skip
     size = sum(entry.file_size for entry in entries)
     if size > LARGEST_UNPACKED:
         raise ExportError(f"{file}: holds {len(entries)} files of {size / 1e9:.3g} GB together; expected at most "
