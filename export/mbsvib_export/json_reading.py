@@ -9,6 +9,7 @@ import numpy as np
 
 from mbsvib.api.state_space import StateSpace
 from mbsvib.errors import ExportError
+from mbsvib_export.consistency import consistent
 from mbsvib_export.format_version import SPACE_FORMAT, check_version
 from mbsvib_export.neutral import ERROR_BOUND, FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, checked
 
@@ -39,11 +40,11 @@ def data_in(document: Any) -> SystemData | StateSpace:
     ports = {**_pair("input", inputs), **_pair("output", outputs)}
     bodies = [_mapping(body, "bodies") for body in _list(top, "bodies", "the document")]
     realization = _word(first, "realization", "state_space")
-    return SystemData(
+    return consistent(SystemData(
         name=name, bodies=tuple(_word(body, "name", "bodies") for body in bodies), body_motion=_motion(bodies, m),
         state_space=StateSpace(name=name, realization=realization, **space, **_pair("state", states), **ports),
         **_pair("coordinate", coordinates), **ports, **matrices,
-    )  # fmt: skip
+    ))  # fmt: skip
 
 
 def _state_space(top: Mapping[str, Any]) -> StateSpace:

@@ -31,6 +31,7 @@ from mbsvib.common.file_content import content_of
 from mbsvib.common.mat_file import read_mat_file
 from mbsvib.errors import ExportError
 from mbsvib_export.companion import check_companion
+from mbsvib_export.consistency import consistent
 from mbsvib_export.format_version import FORMAT, SPACE_FORMAT, VERSION, check_version
 from mbsvib_export.mat_script import is_script_of, script
 from mbsvib_export.neutral import ERROR_BOUND, FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, checked, data_of
@@ -311,5 +312,5 @@ def _data(arrays: dict[str, Any], extra: dict[str, Any], mech: dict[str, Any]) -
     motion = extra["body_motion"].reshape(len(bodies), 6, m)
     name = texts.text(arrays["Name"])
     space = StateSpace(name=name, realization=texts.text(extra["realization"]), **names, **first)
-    return SystemData(name=name, coordinates=coordinates, coordinate_units=texts.all(mech["CoordinateUnit"]),
-                      bodies=bodies, body_motion=_real(motion), state_space=space, **ports, **second)  # fmt: skip
+    return consistent(SystemData(name=name, coordinates=coordinates, coordinate_units=texts.all(mech["CoordinateUnit"]),
+                      bodies=bodies, body_motion=_real(motion), state_space=space, **ports, **second))  # fmt: skip

@@ -28,6 +28,7 @@ from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path
 from mbsvib.common.file_content import content_of
 from mbsvib.errors import ExportError
+from mbsvib_export.consistency import consistent
 from mbsvib_export.format_version import FORMAT, SPACE_FORMAT, VERSION, check_version
 from mbsvib_export.neutral import (
     ERROR_BOUND,
@@ -170,7 +171,7 @@ def system_data_from(arrays: dict[str, Any]) -> SystemData:
     }
     second: dict[str, Any] = {key: arrays[key] for key in (*SECOND_ORDER, "body_motion")}
     space = StateSpace(name=str(arrays["name"]), realization=str(arrays["realization"]), **first, **ports)
-    return SystemData(name=space.name, state_space=space, **{key: texts[key] for key in TEXTS}, **second)
+    return consistent(SystemData(name=space.name, state_space=space, **{key: texts[key] for key in TEXTS}, **second))
 
 
 def _check_keys(arrays: dict[str, Any], expected: tuple[str, ...]) -> None:

@@ -78,7 +78,7 @@ class Record:
                 raise ContentError(f"point {str(point)[:40]}; expected one from 0 to {points - 1}")
             if not isinstance(self.known.get(point, ""), str):
                 raise ContentError(f"the result of point {point} is there twice")
-            outcome = entry.get("error", entry.get("result"))
+            outcome: Any = entry.get("error", entry.get("result"))
             if "result" in entry:
                 outcome = {label: _decoded(value) for label, value in outcome.items()}
             elif not isinstance(outcome, str):

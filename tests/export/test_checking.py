@@ -99,7 +99,7 @@ def test_a_spring_that_was_changed_since_is_found(tmp_path):
 def test_a_state_space_that_is_not_of_its_matrices_is_found(tmp_path):
     data = mx.from_json(mx.to_json(stewart()))
     a = data.state_space.A.copy()
-    a[7, 1] *= 1.0001
+    a[7, 1] *= 1.0000001
     wrong = replace(data, state_space=replace(data.state_space, A=a))
     path = mx.to_npz(wrong, tmp_path / "x.npz")
     assert not mx.check_export(path).passed

@@ -200,3 +200,15 @@ def test_what_is_no_system_is_refused():
         mx.to_json(mx.from_json(mx.to_json(slider())), realization="modal")
     with pytest.raises(mv.ResponseError, match="realization"):
         mx.to_json(slider(), realization="jordan")
+
+
+@pytest.mark.parametrize(
+    ("matrix", "factor"), [("M", 1.1), ("K", 0.99), ("B", 2.0), ("Cq", -1.0), ("A", 1.01), ("C", 3.0)]
+)
+def test_masses_that_contradict_the_state_space(matrix, factor):
+    """One of the two forms was changed: which of them is meant, nobody knows."""
+    document = json.loads(mx.to_json(slider()))
+    form = document["state_space" if matrix in ("A", "C") else "second_order"]
+    form[matrix] = [[factor * number for number in row] for row in form[matrix]]
+    with pytest.raises(mv.ExportError, match="expected two forms of one system"):
+        mx.from_json(document)
