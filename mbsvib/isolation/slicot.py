@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.errors import ExportError, ResponseError
 from mbsvib.linalg.balancing import scaled
+from mbsvib.linalg.spectrum import spectrum
+from mbsvib.responses.state_space import StateSpace
 
 if TYPE_CHECKING:
 
@@ -19,8 +21,6 @@ if TYPE_CHECKING:
 BEGIN, LEAST, NEAR = (1.0, 1e1, 1e3, 1e6, 1e10), 1e-12, 1e-2
 # A controller whose loop has a larger norm than SLICOT says by more than this is none.
 EXCEEDED = 1e-3
-# Relative accuracy of norms.
-NORM_TOLERANCE = 1e-9
 # Frequencies, in parts of the highest pole, at which the size of a plant is taken.
 SAMPLES = np.concatenate(([0.0], np.geomspace(1e-4, 10.0, 60)))
 
@@ -65,15 +65,10 @@ def hinf_synthesis(
     Systems & Control Letters 11 (1988); SLICOT's SB10FD, in a bisection, as that of SLICOT's SB10AD ends early.
     """
     ctrlsys = need_ctrlsys(caller)
-    a, b, c, d, rate = _normalized(plant)
-    performance = len(c) - measurements
-    size = _size(a, b[:, : b.shape[1] - controls], c[:performance], d[:performance, : b.shape[1] - controls])
-    c[:performance] /= size
-    d[:performance] /= size
-    plant = a, b, c, d
+    normal = _normalized(plant, measurements, controls)
     best, low = None, LEAST
     for norm in BEGIN:
-        best = _attempt(ctrlsys, plant, measurements, controls, norm)
+        best = _attempt(ctrlsys, normal.matrices, measurements, controls, norm)
         if best is not None:
             break
         low = norm
@@ -83,11 +78,13 @@ def hinf_synthesis(
                             f"of reach of controls or measurements.")  # fmt: skip
     while float(best.norm or 0.0) > (1.0 + NEAR) * low:
         middle = float(np.sqrt(low * float(best.norm or 0.0)))
-        tried = _attempt(ctrlsys, plant, measurements, controls, middle)
+        tried = _attempt(ctrlsys, normal.matrices, measurements, controls, middle)
         best, low = (best, middle) if tried is None else (tried, low)
     if relaxation > 1.0:
-        best = _attempt(ctrlsys, plant, measurements, controls, relaxation * float(best.norm or 0.0)) or best
-    return replace(best, A=best.A * rate, B=best.B * rate, norm=float(best.norm or 0.0) * size)
+        best = _attempt(ctrlsys, normal.matrices, measurements, controls,
+                        relaxation * float(best.norm or 0.0)) or best  # fmt: skip
+    law = normal.controller((best.A, best.B, best.C, best.D))
+    return Synthesis(*law, float(best.norm or 0.0) * normal.performance, best.reciprocal_conditions)
 
 
 def _attempt(
@@ -101,28 +98,12 @@ def _attempt(
     if failed or not all(np.isfinite(matrix).all() for matrix in (ak, bk, ck, dk)):
         return None
     loop = closed_loop(plant, (ak, bk, ck, dk), measurements, controls)
-    if not (np.linalg.eigvals(loop[0]).real < 0.0).all():
+    if not _is_stable(loop[0]):
         return None
-    reached = linf_norm(loop)
+    reached = StateSpace.from_arrays(*loop).hinf_norm().value
     if not reached <= (1.0 + EXCEEDED) * norm:
         return None
-    return Synthesis(ak, bk, ck, dk, min(reached, norm), np.asarray(conditions))
-
-
-def linf_norm(space: tuple[Array, Array, Array, Array]) -> float:
-    """Return the largest singular value of a frequency response over all frequencies, to 1e-9.
-
-    ``space``: A, B, C, D, in continuous time. Returns infinity if SLICOT finds none.
-
-    Source: Bruinsma & Steinbuch, A fast algorithm to compute the H-infinity norm of a transfer function matrix,
-    Systems & Control Letters 14 (1990); SLICOT's AB13DD.
-    """
-    ctrlsys = need_ctrlsys("linf_norm")
-    a, b, c, d = (np.asfortranarray(matrix) for matrix in space)
-    peak, _, failed = ctrlsys.ab13dd("C", "I", "S", "D", len(a), b.shape[1], len(c), np.array([0.0, 1.0]), a.copy("F"),
-                                     np.asfortranarray(np.eye(len(a))), b.copy("F"), c.copy("F"), d.copy("F"),
-                                     NORM_TOLERANCE)  # fmt: skip
-    return float("inf") if failed or not peak[1] else float(peak[0] / peak[1])
+    return Synthesis(ak, bk, ck, dk, reached, np.asarray(conditions))
 
 
 def closed_loop(
@@ -158,7 +139,8 @@ def h2_synthesis(plant: tuple[Array, Array, Array, Array], measurements: int, co
     Source: Zhou, Doyle & Glover, Robust and Optimal Control (1996), section 14.5; SLICOT's SB10HD.
     """
     ctrlsys = need_ctrlsys(caller)
-    a, b, c, d, rate = _normalized(plant)
+    normal = _normalized(plant, measurements, controls)
+    a, b, c, d = normal.matrices
     performance = c.shape[0] - measurements
     if d[:performance, : b.shape[1] - controls].any():
         raise ResponseError(f"{caller}: the plant has feedthrough from w to z, and its H2 norm is infinite; filter w "
@@ -170,16 +152,56 @@ def h2_synthesis(plant: tuple[Array, Array, Array, Array], measurements: int, co
         raise ResponseError(f"{caller}: no controller was found (SLICOT's SB10HD ends with {failed}). Each control "
                             f"must cost and each measurement have noise, and all that is unstable be in reach of "
                             f"both.")  # fmt: skip
-    return Synthesis(ak * rate, bk * rate, ck, dk, None, np.asarray(conditions))
+    if not _is_stable(closed_loop(normal.matrices, (ak, bk, ck, dk), measurements, controls)[0]):
+        raise ResponseError(f"{caller}: the controller of SLICOT's SB10HD does not stabilise the plant, as its Riccati "
+                            f"equations are ill-conditioned (reciprocal conditions down to {np.min(conditions):.1e}). "
+                            f"Give controls more cost and measurements more noise, or leave out motions that neither "
+                            f"reaches.")  # fmt: skip
+    return Synthesis(*normal.controller((ak, bk, ck, dk)), None, np.asarray(conditions))
 
 
-def _normalized(plant: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array, float]:
-    """The plant in time units of its highest pole and with balanced states, and the unit [1/s]."""
+@dataclass(frozen=True, slots=True)
+class _Normalized:
+    """A plant in units of its own: ``matrices`` A, B, C, D; the units of time [1/s] ``rate``, of ``controls`` and
+    ``measurements``, and of the ``performance`` per disturbance.
+
+    Times of the highest pole; balanced states with |B1| = |C1|; controls of unit cost and measurements of unit noise;
+    a response from w to z of size one. So a controller does not depend on the units of the plant.
+    """
+
+    matrices: tuple[Array, Array, Array, Array]
+    rate: float
+    controls: Array
+    measurements: Array
+    performance: float
+
+    def controller(self, matrices: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
+        """Return A, B, C, D of a controller of the plant in its first units."""
+        a, b, c, d = matrices
+        b, d = b * self.measurements, d * self.measurements
+        return a * self.rate, b * self.rate, self.controls[:, None] * c, self.controls[:, None] * d
+
+
+def _normalized(plant: tuple[Array, Array, Array, Array], measurements: int, controls: int) -> _Normalized:
     a, b, c, d = (np.array(matrix, dtype=float) for matrix in plant)
+    o, i = len(c) - measurements, b.shape[1] - controls
     rate = float(np.abs(np.linalg.eigvals(a)).max(initial=0.0)) or float(np.abs(a).max(initial=0.0)) or 1.0
-    if not len(a):
-        return a, b, c, d, rate
-    return *scaled(a / rate, b / rate, c), d, rate
+    if len(a):
+        a, b, c = scaled(a / rate, b / rate, c)
+    size = _size(a, b[:, :i], c[:o], d[:o, :i])
+    c[:o], d[:o] = c[:o] / size, d[:o] / size
+    cost, noise = np.linalg.norm(d[:o, i:], axis=0), np.linalg.norm(d[o:, :i], axis=1)
+    cost, noise = (1.0 / np.where(norms > 0.0, norms, 1.0) for norms in (cost, noise))
+    b[:, i:], d[:, i:] = b[:, i:] * cost, d[:, i:] * cost
+    c[o:], d[o:] = c[o:] * noise[:, None], d[o:] * noise[:, None]
+    sizes = float(np.linalg.norm(b[:, :i])), float(np.linalg.norm(c[:o]))
+    unit = np.sqrt(sizes[0] / sizes[1]) if all(sizes) else 1.0
+    return _Normalized((a, b / unit, c * unit, d), rate, cost, noise, size)
+
+
+def _is_stable(a: Array) -> bool:
+    """Tell whether all eigenvalues decay despite their errors."""
+    return bool(spectrum(a).decaying.all())
 
 
 def _size(a: Array, b: Array, c: Array, d: Array) -> float:

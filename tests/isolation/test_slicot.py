@@ -5,7 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import isolation, library
-from mbsvib.isolation.slicot import closed_loop, h2_synthesis, hinf_synthesis, linf_norm
+from mbsvib.isolation.slicot import closed_loop, h2_synthesis, hinf_synthesis
 from tests.isolation.test_synthesis import plant as strut
 from tests.reduction.test_balanced import benchmark
 
@@ -73,7 +73,11 @@ def test_norms_are_slicots(name):
     words = {"damping": 20.0} if name == "cubic_hexapod" else {}
     space = getattr(library, name)(**words).linearize().state_space("modal")
     part = space.with_ports(space.outputs[:3], space.inputs[:3])
-    assert linf_norm((part.A, part.B, part.C, part.D)) == pytest.approx(part.hinf_norm().value, rel=1e-8)
+    a, b, c, d = (np.array(m, order="F") for m in (part.A, part.B, part.C, part.D))
+    peak, _, failed = ctrlsys.ab13dd("C", "I", "S", "D", len(a), *d.T.shape, np.array([0.0, 1.0]), a,
+                                     np.eye(len(a), order="F"), b, c, d, 1e-9)  # fmt: skip
+    assert not failed
+    assert peak[0] / peak[1] == pytest.approx(part.hinf_norm().value, rel=1e-8)
     matrices = [np.array(m, order="F") for m in (part.A, part.B, part.C, 0 * part.D)]
     value, *_, failed = ctrlsys.ab13bd("C", "H", *matrices, 0.0)
     assert not failed
@@ -110,3 +114,54 @@ def test_structured_singular_values_are_no_larger():
         bound, *_, failed = ctrlsys.ab13md(np.asfortranarray(m), np.ones(5, dtype=np.int32), np.full(5, 2, np.int32))
         assert not failed
         assert 0.998 * bound <= isolation.structured_singular_values(m) <= bound * (1 + 1e-6)
+
+
+# units of time, length and force
+UNITS = {"ms": (1e-3, 1.0, 1.0), "mm": (1.0, 1e-3, 1.0), "kN": (1.0, 1.0, 1e3), "um, 1/6000 s": (1 / 6000, 1e-6, 1.0)}
+
+
+def in_units(plant, measurements, controls, units):
+    """The same generalized plant with states, measurements and controls in other units of time, length and force."""
+    (a, b, c, d), (time, length, force) = (tuple(np.array(m, dtype=float) for m in plant), units)
+    o, i = len(c) - measurements, b.shape[1] - controls
+    states = np.where(np.arange(len(a)) < len(a) // 2, length, length / time)  # displacements, then velocities
+    a, b, c = time * a * states / states[:, None], time * b / states[:, None], c * states
+    b[:, i:], d[:, i:] = b[:, i:] * force, d[:, i:] * force
+    c[o:], d[o:] = c[o:] / length, d[o:] / length
+    return a, b, c, d
+
+
+@pytest.fixture(scope="module")
+def generalized():
+    """Base acceleration and sensor noise to the body's acceleration and the effort, of a Stewart isolator."""
+    system = library.stewart_isolator().linearize()
+    space = system.state_space()
+    names = [name for name in system.outputs if name in system.outputs][:3]
+    w = [k for k, name in enumerate(space.inputs) if name.startswith("base")][:1] or [0]
+    u = [k for k in range(len(space.inputs)) if k not in w][:2]
+    y = [space.outputs.index(name) for name in names[:2]]
+    n, nu, ny = len(space.A), len(u), len(y)
+    b = np.hstack((space.B[:, w], np.zeros((n, ny)), space.B[:, u]))
+    c = np.vstack((space.C[y], np.zeros((nu, n)), space.C[y]))
+    noise = 1e-4 * float(np.abs(space.C[y] @ np.linalg.solve(space.A, space.B[:, w])).max())
+    effort = 0.1 * float(np.abs(space.C[y] @ np.linalg.solve(space.A, space.B[:, u])).max())
+    through = np.zeros((len(c), b.shape[1]))
+    through[ny : ny + nu, len(w) + ny :] = effort * np.eye(nu)
+    through[ny + nu :, len(w) : len(w) + ny] = noise * np.eye(ny)
+    return (space.A, b, c, through), ny, nu
+
+
+@pytest.mark.parametrize("units", UNITS.values(), ids=UNITS)
+def test_controllers_do_not_depend_on_units(generalized, units):
+    plant, ny, nu = generalized
+    time = units[0]
+    plants = plant, in_units(plant, ny, nu, units)
+    first, other = (hinf_synthesis(p, ny, nu, "test") for p in plants)
+    assert other.norm == pytest.approx(first.norm, rel=1e-9)
+    norms = []
+    for p, design in zip(plants * 2, (first, other, *(h2_synthesis(p, ny, nu, "test") for p in plants)), strict=True):
+        loop = mv.StateSpace.from_arrays(*closed_loop(p, (design.A, design.B, design.C, design.D), ny, nu))
+        assert np.linalg.eigvals(loop.A).real.max() < 0.0
+        norms.append(loop.h2_norm().value if design.norm is None else loop.hinf_norm().value)
+    assert norms[:2] == pytest.approx([first.norm] * 2, rel=1e-6)
+    assert norms[3] == pytest.approx(norms[2] * np.sqrt(time), rel=1e-9)
