@@ -24,8 +24,24 @@ __all__ = [
 ]
 
 
+# Characters of a message, and how many of them are its beginning, which says where; the end says what to do.
+LONGEST_MESSAGE, BEGINNING = 4000, 3000
+
+
+def _without_middle(text: str) -> str:
+    if len(text) <= LONGEST_MESSAGE:
+        return text
+    return f"{text[:BEGINNING]} ... {text[BEGINNING - LONGEST_MESSAGE :]}"
+
+
 class MbsvibError(Exception):
-    """Root of every error that mbsvib raises on purpose."""
+    """Root of every error that mbsvib raises on purpose.
+
+    Messages repeat names, which in a file of unknown origin can have any length: long ones lose their middle.
+    """
+
+    def __init__(self, *arguments: object) -> None:
+        super().__init__(*(_without_middle(item) if isinstance(item, str) else item for item in arguments))
 
 
 class ModelError(MbsvibError, ValueError):

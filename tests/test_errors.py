@@ -1,5 +1,7 @@
 """Every bad input is refused at the door, in words: which element, what was given, what was expected, what to do."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -308,3 +310,17 @@ def test_unbalanced_bodies_that_nothing_joins_to_the_ground_are_told():
     with pytest.raises(mv.EquilibriumError) as refused:
         model.linearize()
     assert "No joint leads" not in str(refused.value)
+
+
+def test_messages_of_names_without_end_are_short():
+    """A file can hold a name of two megabytes, which the message repeated, and more than once."""
+    name = "n" * 2_000_000
+    model = mv.Model("m")
+    model.add_body(name, 1.0, [1.0, 1.0, 1.0])
+    with pytest.raises(mv.ModelError) as caught:
+        model.add_body(name, 1.0, [1.0, 1.0, 1.0])
+    assert len(str(caught.value)) < 4100
+    assert caught.value.element == name
+    short = mv.EquilibriumError("x" * 4000, body="b")
+    assert str(short) == "x" * 4000
+    assert str(pickle.loads(pickle.dumps(mv.ExportError("a" * 3000 + "b" * 3000 + "end")))).endswith("bend")
