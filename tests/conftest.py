@@ -33,9 +33,17 @@ def pytest_addoption(parser):
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_configure(config):
-    """Choose a seed that can be told."""
+    """Choose seeds that can be told, once for all processes."""
+    if config.getoption("hunt_seed") == "random":
+        config.option.hunt_seed = str(random.SystemRandom().getrandbits(30))
     if not settings.default.derandomize and config.getoption("hypothesis_seed", None) is None:
         config.option.hypothesis_seed = str(random.SystemRandom().getrandbits(32))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_setupnodes(specs):
+    """Share the cores between the processes of tests: threads of BLAS that wait for a core spin."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // len(specs))))
 
 
 @pytest.hookimpl(wrapper=True)

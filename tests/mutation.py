@@ -92,7 +92,7 @@ def fails(folder: Path, names: list[str], seconds: float) -> str:
         os.environ |= {"PYTHONPATH": os.pathsep.join(paths), "MBSVIB_CACHE": str(folder / ".cache")}
         import pytest
 
-        os._exit(int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "-W",
+        os._exit(int(pytest.main(["-x", "-q", "-n", "0", "-p", "no:cacheprovider", "-W",
                                   "ignore::pytest.PytestAssertRewriteWarning", *names])))  # fmt: skip
     finally:
         os._exit(NOT_RUN[1])
