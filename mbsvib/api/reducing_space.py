@@ -21,10 +21,13 @@ class ReducibleSpace:
 
         max over omega of sigma(G(i w) - G_reduced(i w)) <= ``error_bound``
 
+        The bound includes rounding of these states. At frequencies far below all poles that decay, or next to a pole
+        on the imaginary axis, both responses are large, and rounding of these is not in it.
+
         Parameters
         ----------
         order : int, optional
-            Number of states; those that do not decay are kept.
+            Number of states; those that do not decay are kept, unless no output shows what inputs do to them.
         error : float, optional
             Largest error instead of an order, output by input in SI units.
         method : str
@@ -40,8 +43,8 @@ class ReducibleSpace:
         Raises
         ------
         ResponseError
-            If neither or both of order and error are given, a name is unknown, the method is another one, or no smaller
-            model is possible.
+            If neither or both of order and error are given, a name is unknown, the method is another one, no smaller
+            model is possible, or rounding of the states alone exceeds the error.
         """
         from mbsvib.reduction.reduced import check_first_order, reduced_space
 

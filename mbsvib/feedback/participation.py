@@ -29,7 +29,8 @@ def eigen(of_a: Spectrum, rate: float | None = None) -> tuple[Complex, Array, Ar
     the projection on the eigenvectors, which does not depend on units
 
     ``of_a``: spectrum of A. ``rate``: sampling rate [Hz]. Poles [1/s] are in ascending magnitude, without those that
-    decay within a few samples; columns of the participation have the sum 1.
+    decay within a few samples; those that rounding cannot tell from 0 are 0. Columns of the participation have the sum
+    1.
 
     Source: I. J. Perez-Arriaga, G. C. Verghese and F. C. Schweppe, IEEE Trans. Power Appar. Syst. 101 (1982) 3117.
     """
@@ -38,6 +39,7 @@ def eigen(of_a: Spectrum, rate: float | None = None) -> tuple[Complex, Array, Ar
         remembered = np.abs(values) > FORGOTTEN
         errors = rate * errors[remembered] / np.abs(values[remembered])
         values, left, right = np.log(values[remembered]) * rate, left[:, remembered], right[:, remembered]
+    values = np.where(np.abs(values) <= errors, 0.0, values)
     order = np.lexsort((-values.imag, np.abs(values)))
     values, errors, left, right = values[order], errors[order], left[:, order], right[:, order]
     share = np.empty(left.shape)

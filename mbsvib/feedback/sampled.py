@@ -223,7 +223,8 @@ class SampledLoop(FeedbackLoop):
             If parameters are given.
         """
         self._refuse_parameters("h2_norm", parameters)
-        check_decays(self.poles(), self.name, "H2")
+        modes = self.modes()
+        check_decays(modes.eigenvalues, modes.errors * np.abs(modes.eigenvalues), self.name, "H2")
         return Norm(h2_norm(self.with_ports(outputs, inputs)))
 
     def demanded(self, measured: Array) -> Array:

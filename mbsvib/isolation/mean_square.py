@@ -14,8 +14,10 @@ from mbsvib.errors import ResponseError
 from mbsvib.feedback.resolution import resolution
 from mbsvib.isolation.asymptote import direct as at_once
 from mbsvib.isolation.linear import numbers, responses
-from mbsvib.linalg.balancing import scaled
+from mbsvib.linalg.lasting import separated
 from mbsvib.responses import extrema
+from mbsvib.responses.norms import mean_squares
+from mbsvib.responses.power_spectra import SEMIDEFINITE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,7 +30,6 @@ if TYPE_CHECKING:
     from mbsvib.responses.power_spectra import BaseNoise
 
 
-HIDDEN = 1e-9  # share of the largest product of input and output below which a pole is not seen
 BATCH = 512  # frequencies at a time
 
 
@@ -51,41 +52,24 @@ def moments(linear: Linear, inputs: Sequence[str], outputs: Sequence[str], filte
     augmented[:n, :n], augmented[:n, n:], augmented[n:, n:] = a, b @ fc, fa
     enters, leaves = np.concatenate((b @ fd, fb)), np.concatenate((c, d @ fc), axis=1)
     root = np.sqrt([0.5 * f.level for f in filters])
-    strength = root[:, None] * correlation * root
-    result = _lyapunov(space.name, *scaled(augmented, enters, leaves), strength)
+    value, vectors = np.linalg.eigh(correlation)  # white noises that have nothing to do with each other
+    drive = enters @ (root[:, None] * vectors * np.sqrt(np.where(value > SEMIDEFINITE, value, 0.0)))
+    result = _lyapunov(space.name, augmented, drive, leaves)
     through = (at_once(linear)[np.ix_(out, into)] @ fd @ np.diag(root) != 0.0).any(axis=1)
     result[through] = np.inf
     return result
 
 
-def _lyapunov(name: str, a: Array, b: Array, c: Array, strength: Array) -> Array:
-    from scipy.linalg import schur, solve_continuous_lyapunov, solve_sylvester
-
-    n = len(a)
-    if not n:
-        return np.zeros(len(c))
-    fastest = float(np.abs(a).sum(axis=1).max())
-    slow = 1e-13 * fastest
-    upper, turn, stable = schur(a, sort=lambda x, y=0.0: x < -slow)
-    b, c = turn.T @ b, c @ turn
-    unbounded = np.zeros(len(c), dtype=bool)
-    if stable < n:
-        undamped = upper[stable:, stable:]
-        if np.linalg.eigvals(undamped).real.max() > 1e4 * slow:
-            raise ResponseError(f"rms: '{name}' is not stable, so its rms value is unbounded. Add stiffness or damping "
-                                f"until no pole has a positive real part.")  # fmt: skip
-        # block-diagonal: undamped states are permitted only if unobservable or not excited by noise
-        mix = solve_sylvester(upper[:stable, :stable], -undamped, -upper[:stable, stable:])
-        driven, shown = b[stable:], c[:, stable:] + c[:, :stable] @ mix
-        b = np.concatenate((b[:stable] - mix @ driven, driven))
-        floor = HIDDEN * np.abs(shown).max(initial=0.0) * np.abs(b).max(initial=0.0)
-        unbounded = (np.abs(shown) @ np.abs(driven) > max(floor, 1e-300)).any(axis=1)
-    part = b[:stable]
-    moment = solve_continuous_lyapunov(upper[:stable, :stable], -part @ strength @ part.T)
-    result = np.einsum("on,nm,om->o", c[:, :stable], moment, c[:, :stable])
-    result = np.maximum(result, 0.0)
-    result[unbounded] = np.inf
-    return np.asarray(result)
+def _lyapunov(name: str, a: Array, b: Array, c: Array) -> Array:
+    """Mean squares (outputs,) of C x, x' = A x + B w under white noise w; infinite where poles that last are driven."""
+    parts = separated(a, b, c)
+    if any((group.part.poles.real > group.part.errors[0]).any() for group in parts.lasting):
+        raise ResponseError(f"rms: '{name}' is not stable, so its rms value is unbounded. Add stiffness or damping "
+                            f"until no pole has a positive real part.")  # fmt: skip
+    result = mean_squares(parts.decaying.a, parts.decaying.b, parts.decaying.c, name)
+    for group in parts.shown:
+        result[group.shown.any(axis=1)] = np.inf
+    return result
 
 
 def panels(linear: Linear, noise: BaseNoise, band: tuple[float, float], more: ArrayLike = ()) -> Array:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import schur, solve_sylvester
+from scipy.linalg import block_diag
 
 from mbsvib.linalg.balancing import exponents, scaled_by
-from mbsvib.linalg.rank import DECAYS
+from mbsvib.linalg.lasting import separated
 from mbsvib.reduction.gramians import gramian_factors
 
 if TYPE_CHECKING:
@@ -18,14 +18,27 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Balanced:
-    """x = ``right`` z and z = ``left`` x: the first ``lasting`` states z do not decay, the others are balanced with the
-    Hankel singular values ``hankel``, in descending order.
+    """x = ``right`` z and z = ``left`` x: the first states z do not decay and have the matrix ``undamped``, the others
+    are balanced with the Hankel singular values ``hankel``, in descending order. States that do not decay and that no
+    response contains are left out.
     """
 
     left: Array
     right: Array
-    lasting: int
+    undamped: Array
     hankel: Array
+
+    @property
+    def lasting(self) -> int:
+        """Number of states that do not decay."""
+        return len(self.undamped)
+
+    def matrix(self, a: Array, order: int) -> Array:
+        """Return the state matrix (order, order) of the first states, for that of all (n, n)."""
+        result: Array = self.left[:order] @ a @ self.right[:, :order]
+        result[: self.lasting] = result[:, : self.lasting] = 0.0
+        result[: self.lasting, : self.lasting] = self.undamped
+        return result
 
     def bound(self, order: int) -> float:
         """Return twice the sum of the Hankel singular values that ``order`` states leave out.
@@ -48,29 +61,20 @@ def balanced(a: Array, b: Array, c: Array) -> Balanced:
     Source: Tombs & Postlethwaite, Truncated balanced realization of a stable non-minimal state-space system,
     International Journal of Control 46 (1987), the square-root method.
     """
-    power = exponents(a, b, c)
-    scaled, b, c = scaled_by(power, a, b, c)
-    lasting, decaying, lasting_rows, decaying_rows = _split(scaled)
-    n = decaying.shape[1]
-    left = right = np.zeros((len(a), 0))
+    parts = separated(a, b, c)
+    lasting = [group.part for group in parts.shown]
+    left, right = (np.concatenate([np.zeros((len(a), 0)), *matrices], axis=1) for matrices in
+                   ([part.left.T for part in lasting], [part.right for part in lasting]))  # fmt: skip
     hankel = np.zeros(0)
-    if n:
-        l_p, l_q = gramian_factors(decaying_rows @ scaled @ decaying, decaying_rows @ b, c @ decaying)
+    if len(parts.decaying.a):
+        power = exponents(parts.decaying.a, parts.decaying.b, parts.decaying.c)
+        l_p, l_q = gramian_factors(*scaled_by(power, parts.decaying.a, parts.decaying.b, parts.decaying.c))
         u, hankel, vt = np.linalg.svd(l_q.T @ l_p)
         rank = int(np.count_nonzero(hankel > 0.0))
-        root = np.sqrt(hankel[:rank])
-        right = decaying @ (l_p @ vt[:rank].T / root)
-        left = ((u[:, :rank] / root).T @ l_q.T @ decaying_rows).T
         hankel = hankel[:rank]
-    return Balanced(np.ldexp(np.hstack((lasting_rows.T, left)).T, -power[None, :]),
-                    np.ldexp(np.hstack((lasting, right)), power[:, None]), lasting.shape[1], hankel)  # fmt: skip
-
-
-def _split(a: Array) -> tuple[Array, Array, Array, Array]:
-    """Bases of the states that do not decay and of those that do, (n, k) and (n, n - k), and rows of the inverse."""
-    form, basis, count = schur(a, sort=lambda re, im: re >= -DECAYS * np.hypot(re, im))
-    first, second = basis[:, :count], basis[:, count:]
-    if not count or count == len(a):
-        return first, second, first.T, second.T
-    x = solve_sylvester(form[:count, :count], -form[count:, count:], -form[:count, count:])
-    return first, second + first @ x, first.T - x @ second.T, second.T
+        root = np.sqrt(hankel)
+        into, out = l_p @ vt[:rank].T / root, l_q @ u[:, :rank] / root
+        left = np.hstack((left, parts.decaying.left.T @ np.ldexp(out, -power[:, None])))
+        right = np.hstack((right, parts.decaying.right @ np.ldexp(into, power[:, None])))
+    undamped = block_diag(np.zeros((0, 0)), *[part.a for part in lasting])
+    return Balanced(left.T, right, undamped, hankel)

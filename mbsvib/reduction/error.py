@@ -5,12 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import schur
 
-from mbsvib.linalg.rank import DAMPED_FREE_MOTION, DECAYS, EPS
+from mbsvib.linalg.balancing import exponents, scaled_by
+from mbsvib.linalg.rank import DAMPED_FREE_MOTION, EPS
+from mbsvib.linalg.spectrum import spectrum
 from mbsvib.modes.undamped import undamped
 from mbsvib.reduction.projection import projected
 from mbsvib.responses.basis import Basis
+from mbsvib.responses.energy_schur import triangular_solutions
 from mbsvib.responses.frequency_response import frequency_response
+from mbsvib.responses.lasting_modes import last
 from mbsvib.responses.norms import hinf
 
 if TYPE_CHECKING:
@@ -24,8 +29,8 @@ if TYPE_CHECKING:
 FAR = 1e6
 # Extrema between the samples of a band are missed below 1e-4 of the response (responses/extrema.py).
 MARGIN = 2e-4
-# The rounding of a reduced model is about, not exactly, largest at the poles' frequencies.
-ROUNDING_MARGIN = 0.1
+# The rounding of a reduced model is largest about the poles' frequencies, at so many half-widths.
+ABOUT = np.array([-2.0, -1.0, -0.5, -0.25, 0.0, 0.05, 0.25, 0.5, 1.0, 2.0])
 # Accuracy of the modes that tell free motions from others.
 RTOL = 1e-10
 
@@ -39,7 +44,7 @@ def error_bound(full: Equations, small: Equations) -> float:
         return 0.0
     bases = [Basis(_deforming(part)) for part in (full, small)]
     poles = np.concatenate([basis.poles for basis in bases])
-    if (poles.real >= -EPS * np.abs(poles)).any():
+    if last(poles).any():
         return np.inf
     fastest = float(np.abs(poles).max(initial=0.0)) or 1.0
 
@@ -50,18 +55,38 @@ def error_bound(full: Equations, small: Equations) -> float:
     return (1.0 + MARGIN) * hinf(difference, poles, difference([FAR * fastest])[:, :, 0]).value
 
 
-def rounding_error(space: StateSpace, small: tuple[Array, Array, Array]) -> float:
-    """Return the largest error of a reduced state space at the poles' frequencies, where rounding of its entries shows.
+def rounding_error(space: StateSpace, small: tuple[Array, Array, Array], lasting: int) -> tuple[float, float]:
+    """Return the largest error of a reduced state space about its poles, where rounding shows, and the rounding of it.
+
+    The first ``lasting`` of its states do not decay.
     """
-    poles = np.concatenate([np.linalg.eigvals(a) for a in (space.A, small[0])])
-    decays = poles.real < -DECAYS * np.abs(poles)
-    omega = np.unique(np.abs(poles[decays]))
-    value = 0.0
-    for s in 1j * omega:
-        exact, rounded = (c @ np.linalg.solve(s * np.eye(len(a)) - a, b) for a, b, c in (
-            (space.A, space.B, space.C), small))  # fmt: skip
-        value = max(value, float(np.linalg.norm(exact - rounded, ord=2))) if exact.size else value
-    return (1.0 + ROUNDING_MARGIN) * value
+    full = (space.A, space.B, space.C)
+    if not space.D.size or not len(space.A):
+        return 0.0, 0.0
+    of_a = spectrum(space.A)
+    poles = np.concatenate((of_a.values[of_a.decaying], np.linalg.eigvals(small[0][lasting:, lasting:])))
+    about = np.abs(poles.imag) - poles.real * ABOUT[:, None]
+    omega = np.unique(np.concatenate((np.abs(poles), about[about > 0.0])))
+    (exact, rounding), (reduced, more) = (_response(a, b, c, 1j * omega) for a, b, c in (full, small))
+    errors = np.linalg.norm((exact - reduced).transpose(2, 0, 1), ord=2, axis=(1, 2))
+    return float(errors.max(initial=0.0)), float((rounding + more).max(initial=0.0))
+
+
+def _response(a: Array, b: Array, c: Array, s: Complex) -> tuple[Complex, Array]:
+    """G = C R B (outputs, inputs, n), R = (s - A)^-1, and a bound of its rounding (n,).
+
+    |dG| <= eps ((|s| + |A|) |C R| |R B| + |C R| |B| + |C| |R B|)
+    """
+    power = exponents(a, b, c)
+    a, b, c = scaled_by(power, a, b, c)
+    t, q = schur(a, output="complex")
+    b, c = q.conj().T @ b, c @ q
+    right, left = (triangular_solutions(matrix, np.repeat(side[:, :, None], len(s), axis=2).astype(complex), s)
+                   for matrix, side in ((t, b), (t.T[::-1, ::-1], c.T[::-1])))  # fmt: skip
+    inward, outward = (np.linalg.norm(x, axis=(0, 1)) for x in (right, left))
+    size = np.abs(s) + np.linalg.norm(t)
+    rounding = (size * inward + np.linalg.norm(b)) * outward + np.linalg.norm(c) * inward
+    return np.tensordot(c, right, axes=1), EPS * rounding
 
 
 def _deforming(system: Equations) -> Equations:

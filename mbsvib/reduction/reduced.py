@@ -17,6 +17,7 @@ from mbsvib.reduction.modal import ModalTruncation
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Equations
+    from mbsvib.reduction.balanced import Balanced
     from mbsvib.responses.state_space import StateSpace
 
 METHODS = ("balanced", "modal", "static-corrected", "craig-bampton")
@@ -31,20 +32,25 @@ def reduced_space(space: StateSpace, order: int | None = None, error: float | No
     """
     _check(space.name, order, error, len(space.states), "states")
     realization = balanced(space.A, space.B, space.C)
-    count = realization.lasting + len(realization.hankel)
-    n = realization.order(float(error)) if error is not None else min(int(order or 0), count)
-    if n < realization.lasting:
-        raise ResponseError(f"reduced: order = {order}; {realization.lasting} of the {len(space.states)} states of "
-                            f"'{space.name}' do not decay and are kept. Ask for at least as many, or give the "
-                            f"mechanism damping.")  # fmt: skip
-    left, right = realization.left[:n], realization.right[:, :n]
-    a, b, c = left @ space.A @ right, left @ space.B, space.C @ right
-    bound = max(realization.bound(n), rounding_error(space, (a, b, c)))
     lasting = realization.lasting
+    if error is None:
+        n = min(int(order or 0), lasting + len(realization.hankel))
+        small, bound = _truncated(space, realization, n)
+    else:
+        n = realization.order(float(error))
+        small, bound = _truncated(space, realization, n)
+        if bound > error:  # rounding takes a part of it
+            n = realization.order(max(0.0, 2.0 * error - bound))
+            small, bound = _truncated(space, realization, n)
+        if bound > error:
+            raise ResponseError(f"reduced: error = {error:g}; rounding of the {len(space.states)} states of "
+                                f"'{space.name}' alone leaves up to {bound:.3g}. Give a larger error, or reduce other "
+                                f"states, such as state_space('modal') of a system.")  # fmt: skip
+    a, b, c = small
     names = tuple([f"lasting{k + 1}" if k < lasting else f"hankel{k - lasting + 1}" for k in range(n)])
     return replace(
         space, realization="reduced", A=a, B=b, C=c, D=space.D.copy(),
-        transform=space.transform @ right, states=names, state_units=("",) * n,
+        transform=space.transform @ realization.right[:, :n], states=names, state_units=("",) * n,
         error_bound=bound + (space.error_bound or 0.0),
     )  # fmt: skip
 
@@ -56,6 +62,18 @@ def check_first_order(name: str, method: str) -> None:
     advice = ("it projects equations of motion, which a state space has not: reduce the system, or take 'balanced'."
               if method in METHODS else f"expected 'balanced'.{nearest(str(method), METHODS)}")  # fmt: skip
     raise ResponseError(f"reduced: method = {method!r} for the state space '{name}'; {advice}")
+
+
+def _truncated(space: StateSpace, realization: Balanced, n: int) -> tuple[tuple[Array, Array, Array], float]:
+    """A, B, C of the first n states, and a bound of their error: truncation, or what is seen about poles, and rounding.
+    """
+    if n < realization.lasting:
+        raise ResponseError(f"reduced: order = {n}; {realization.lasting} of the {len(space.states)} states of "
+                            f"'{space.name}' do not decay and are kept. Ask for at least as many, or give the "
+                            f"mechanism damping.")  # fmt: skip
+    small = realization.matrix(space.A, n), realization.left[:n] @ space.B, space.C @ realization.right[:, :n]
+    about_poles, rounding = rounding_error(space, small, realization.lasting)
+    return small, max(realization.bound(n), about_poles) + rounding
 
 
 def hankel_singular_values(space: StateSpace) -> Array:

@@ -21,11 +21,12 @@ from mbsvib.responses.time_response import checked_record
 from mbsvib.responses.time_steps import stepped
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.linalg.lasting import Separation
 
 
 REFINEMENTS = 3
@@ -51,6 +52,7 @@ class FirstOrderSolver:
         result: Complex = np.empty((len(c), b.shape[1], len(w)), dtype=complex)
         for part, x in self.states(np.asarray(1j * w, dtype=complex), w, b):
             result[:, :, part] = np.tensordot(observed, x, axes=1) + d[:, :, None]
+        result.imag[:, :, w == 0.0] = 0.0
         return result
 
     def bounded(self, s: Complex, w: Array, space: tuple[Array, Array, Array]) -> tuple[Complex, Array]:
@@ -82,9 +84,7 @@ class FirstOrderSolver:
                 x = self._solved(s[part], loads)
                 pole = np.flatnonzero(~np.isfinite(x).all(axis=(0, 1)) | self._singular(s[part], loads, x))
             if len(pole):
-                at = start + int(pole[0])
-                raise ResponseError(f"frequency_response: omega[{at}] = {w[at]:g} rad/s is a pole of '{self.name}', "
-                                    f"where the response is infinite; leave this frequency out.")  # fmt: skip
+                _refuse_pole(w, start + int(pole[0]), self.name)
             yield part, x
 
     def _solved(self, s: Complex, right: Array | Complex) -> Complex:
@@ -126,6 +126,27 @@ def first_order_solver(a: Array, b: Array, c: Array, name: str) -> FirstOrderSol
     scaled = np.ldexp(a, power[None, :] - power[:, None])
     triangle, vectors = schur(scaled, output="complex") if len(a) else (scaled.astype(complex),) * 2
     return FirstOrderSolver(name, scaled, power, triangle, vectors)
+
+
+def check_poles(omega: ArrayLike, parts: Separation, name: str) -> None:
+    """Refuse frequencies ``omega`` (n,) [rad/s] that rounding cannot tell from poles that responses contain."""
+    w = angular(omega)
+    for group in parts.shown:
+        pole = np.flatnonzero((np.abs(1j * w[:, None] - group.part.poles) <= group.part.errors[0]).any(axis=1))
+        if len(pole):
+            _refuse_pole(w, int(pole[0]), name)
+
+
+def _refuse_pole(w: Array, at: int, name: str) -> None:
+    raise ResponseError(f"frequency_response: omega[{at}] = {w[at]:g} rad/s is a pole of '{name}', where the response "
+                        f"is infinite; leave this frequency out.")  # fmt: skip
+
+
+def decaying_response(parts: Separation, d: Array, name: str) -> Callable[[ArrayLike], Complex]:
+    """Return the frequency response (outputs, inputs, n) of the part that decays, with the feedthrough ``d``."""
+    part = parts.decaying
+    solver = first_order_solver(part.a, part.b, part.c, name)
+    return lambda omega: solver.frequency_response(omega, part.b, part.c, d)
 
 
 def time_response(

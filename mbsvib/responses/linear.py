@@ -148,12 +148,10 @@ class LinearVerbs(StepVerbs):
         ModelError
             If parameters are given.
         """
-        from mbsvib.responses.norms import check_decays, h2
+        from mbsvib.responses.norms import h2
 
         self._refuse_parameters("h2_norm", parameters)
-        space = self.with_ports(outputs, inputs).state_space()
-        check_decays(self.poles(), self.name, "H2")
-        return h2((space.A, space.B, space.C, space.D), (space.outputs, space.inputs), self.name)
+        return h2(self.with_ports(outputs, inputs).state_space())
 
     def hinf_norm(self, outputs: Names = None, inputs: Names = None, parameters: Any = None) -> Norm:
         """Return the highest peak of the frequency response, of its largest singular value.
@@ -179,12 +177,15 @@ class LinearVerbs(StepVerbs):
         ModelError
             If parameters are given.
         """
-        from mbsvib.responses.norms import check_decays, hinf
+        from mbsvib.responses.first_order_solver import decaying_response
+        from mbsvib.responses.norms import decaying_part, hinf
 
         self._refuse_parameters("hinf_norm", parameters)
-        part, poles = self.with_ports(outputs, inputs), self.poles()
-        check_decays(poles, self.name, "Hinf")
-        return hinf(part.frequency_response, poles, part.state_space().D)
+        part = self.with_ports(outputs, inputs)
+        space = part.state_space()
+        parts = decaying_part(space, f"Hinf norm of '{self.name}'", "the norm is infinite")
+        response = decaying_response(parts, space.D, self.name) if parts.lasting else part.frequency_response
+        return hinf(response, parts.decaying.poles, space.D)
 
     def _refuse_parameters(self, caller: str, parameters: Any) -> None:
         if parameters is not None and len(parameters):

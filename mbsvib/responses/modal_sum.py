@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.linalg.products import product
+from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.general_terms import asymptotic_terms, cleaned, terms
 
@@ -64,7 +65,8 @@ class ModalSum:
         outputs, inputs = self.feedthrough.shape
         result: Complex = np.empty((outputs, inputs, len(s)), dtype=complex)
         result[:] = self.feedthrough[:, :, None]
-        below = np.searchsorted(self.corner, np.abs(s), side="left")
+        static, below = s == 0.0, np.searchsorted(self.corner, np.abs(s), side="left")
+        below[static] = np.count_nonzero(self.corner == 0.0)
         inverse = np.divide(1.0, s, out=np.zeros_like(s), where=s != 0.0)
         block = max(64, BLOCK_BYTES // (16 * max(1, self.coefficients.shape[1])))
         powers = [np.ones_like(s), s, s * s]
@@ -73,14 +75,17 @@ class ModalSum:
             weights = self._weights(s[part], inverse[part])
             shape = (len(self.order), inputs, weights.shape[1])
             value: Complex = product(self.coefficients, weights).reshape(shape)
-            less = (self.alphas[:, below[part]] * inverse[part]).reshape(shape)
-            sums = self.gammas[:, below[part]].reshape(shape)
+            alphas, sums = (a[:, below[part]].reshape(shape) for a in (self.alphas, self.gammas))
+            less = alphas * inverse[part]
             for row, (order, output) in enumerate(zip(self.order.tolist(), self.output.tolist(), strict=True)):
                 power = powers[order][part]
                 if order == 2:  # D is part of the sums, and the remainder is not scaled up
                     result[output, :, part] += power * (value[row] + less[row]) + sums[row]
                 else:
                     result[output, :, part] += power * (value[row] + less[row] + sums[row] * inverse[part] ** 2)
+                    if static[part].any():
+                        at_rest = _at_rest(order, alphas[row], sums[row])
+                        result[output, :, part] += np.where(static[part], at_rest, 0.0)
         return result
 
     def _weights(self, s: Complex, inverse: Complex) -> Complex:
@@ -103,6 +108,10 @@ class ModalSum:
                 last = weights[2 * p if coupled else p :]
                 last[:] = np.where(np.abs(root) < size, (root * inverse) ** 2, 1.0)
                 last /= s - root
+            if not s.all():  # poles at 0 are in the sums in advance
+                resting = self.pair_corner == 0.0
+                none = np.concatenate((*[resting] * (2 if coupled and p else 1), self.real_poles == 0.0))
+                weights[np.ix_(none, s == 0.0)] = 0.0
         return weights
 
     def _quadratics(self, s: Complex) -> Complex:
@@ -121,6 +130,12 @@ class ModalSum:
         down = np.concatenate((self._quadratics(s), s - self.real_poles[:, None]))
         modes, points = np.nonzero(down == 0.0)
         return (int(self.number[modes[0]]), int(points[0])) if len(modes) else None
+
+
+def _at_rest(order: int, alpha: Array, gamma: Array) -> Array:
+    """What alpha / s + gamma / s^2 times s^order, an order of 0 or 1, adds at s = 0."""
+    infinite = (gamma != 0.0) | (alpha != 0.0) if order == 0 else gamma != 0.0
+    return np.asarray(np.where(infinite, np.inf, alpha if order else 0.0))
 
 
 def modal_sum(
@@ -215,7 +230,27 @@ def partial_sums(terms: Array, size: Array, start: Array, total: Array) -> Array
 def _classical(modal: Damped, c: Array, b: Array) -> _Terms:
     """Each mode is one pair, with R1 = -R2."""
     gamma = _outer(c, b)
+    free = np.flatnonzero((modal.pairs == 0.0).all(axis=1))
+    gamma[:, free] = _of_one_pole(c[:, free], b[free], (c, b))
     return modal.pairs, np.zeros(0), gamma, None, np.zeros((len(gamma), 0)), np.arange(len(b))
+
+
+def _of_one_pole(c: Array, b: Array, ports: tuple[Array, Array]) -> Array:
+    """Terms (rows inputs, k) of poles at 0 with factors c (rows, k) and b (k, inputs): their sum in the first one.
+
+    The sum is 0 if it is rounding. The basis is mass-normalised: entries of ``ports``, c and b in it, are known to
+    rounding of their lengths, whatever the units.
+    """
+    result = _outer(c, b)
+    if not result.shape[1]:
+        return result
+    c_size, c_part = np.linalg.norm(ports[0], axis=1), np.linalg.norm(c, axis=1)
+    b_size, b_part = np.linalg.norm(ports[1], axis=0), np.linalg.norm(b, axis=0)
+    rounding = ZERO_SUM * (np.outer(c_size, b_part) + np.outer(c_part, b_size)).reshape(-1)
+    total = result.sum(axis=1)
+    result[:] = 0.0
+    result[:, 0] = np.where(np.abs(total) <= rounding, 0.0, total)
+    return result
 
 
 def _outer(left: Any, right: Any) -> Any:
@@ -245,7 +280,11 @@ def _coupled(modal: Damped, c: Array, b: Array) -> _Terms:
     turns = value.imag != 0.0
     with np.errstate(divide="ignore", invalid="ignore"):  # a defective pair: the sum is not used
         residue = _outer(c @ y, (y.T @ b) / slope[:, None])
-    rigid = _outer(c @ rigid_vectors, rigid_vectors.T @ b)
+    rigid = _of_one_pole(c @ rigid_vectors, rigid_vectors.T @ b, (c, b))
+    at_zero = np.flatnonzero(value == 0.0)
+    if len(at_zero):
+        residue[:, at_zero] = _of_one_pole((c @ y[:, at_zero]).real, ((y.T @ b)[at_zero] / slope[at_zero, None]).real,
+                                           (c, b))  # fmt: skip
     gamma = np.concatenate((rigid, 2.0 * (residue * value)[:, turns].real), axis=1)
     alpha = np.concatenate((np.zeros_like(rigid), 2.0 * residue[:, turns].real), axis=1)
     free = np.flatnonzero((modal.pairs == 0.0).all(axis=1))

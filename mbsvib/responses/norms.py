@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError
-from mbsvib.linalg.balancing import scaled
-from mbsvib.linalg.rank import EPS
+from mbsvib.linalg.lasting import separated
+from mbsvib.linalg.rank import ZERO_SUM
+from mbsvib.linalg.spectrum import decaying
 from mbsvib.responses.extrema import Band, panels
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.linalg.lasting import Separation
 
 
 # The response has its peaks below this times the fastest pole, and is D from there; heights that differ by less are
 # the same.
 LAST, ROUNDING = 1e3, 1e-9
-LASTS = 64.0  # a pole whose real part is below so many roundings of it does not decay
 
 
 @dataclass(frozen=True, repr=False)
@@ -37,34 +38,73 @@ class Norm(Displayed):
     omega: float | None = None
 
 
-def check_decays(poles: Complex, name: str, norm: str) -> None:
-    """Refuse the norm of equations that do not decay, by their ``poles`` (poles,) [1/s]."""
-    lasting = np.flatnonzero(poles.real >= -LASTS * EPS * np.abs(poles))
+def check_decays(poles: Complex, errors: Array, name: str, norm: str) -> None:
+    """Refuse the norm of equations that do not decay, by their ``poles`` (poles,) [1/s] and the errors of these."""
+    lasting = np.flatnonzero(~decaying(poles, errors))
     if len(lasting):
-        s = complex(poles[lasting[0]])
-        raise ResponseError(f"{norm} norm of '{name}': the pole {s:.6g} 1/s ({abs(s) / (2.0 * np.pi):.4g} Hz) does not "
-                            f"decay, so that the norm is infinite. Give it damping, or change the controller."
-                            )  # fmt: skip
+        raise ResponseError(f"{norm} norm of '{name}': {pole_words(complex(poles[lasting[0]]))} does not decay, so "
+                            f"that the norm is infinite. Give it damping, or change the controller.")  # fmt: skip
 
 
-def h2(space: tuple[Array, Array, Array, Array], names: tuple[tuple[str, ...], tuple[str, ...]], name: str) -> Norm:
-    """Return the H2 norm of first-order equations.
+def pole_words(pole: complex) -> str:
+    """Return a pole [1/s] in words."""
+    text = f"{pole:.6g}" if pole.imag else f"{pole.real:.6g}"
+    return f"the pole {text} 1/s" + (f" ({abs(pole) / (2.0 * np.pi):.4g} Hz)" if pole.imag else "")
+
+
+def decaying_part(space: Any, question: str, answer: str) -> Separation:
+    """Return a state space in parts, of which no response contains poles that do not decay.
+
+    Others are refused, as are poles that grow. ``question``, ``answer``: what is asked for, and why there is none.
+    """
+    parts = separated(space.A, space.B, space.C)
+    for group in parts.lasting:
+        pole, errors = group.pole, group.part.errors[0]
+        if group.shown.any():
+            o, i = (int(k) for k in np.argwhere(group.shown)[0])
+            raise ResponseError(f"{question}: {pole_words(pole)} does not decay, and '{space.outputs[o]}' shows what "
+                                f"'{space.inputs[i]}' does to it, so that {answer}. Give it damping, change the "
+                                f"controller, or choose other outputs or inputs.")  # fmt: skip
+        if (group.part.poles.real > errors).any():
+            raise ResponseError(f"{question}: {pole_words(pole)} grows, although no output shows what inputs do to it. "
+                                f"Change the controller, or leave these states out.")  # fmt: skip
+    return parts
+
+
+def h2(space: Any) -> Norm:
+    """Return the H2 norm of a state space.
 
     ||G||^2 = tr(C P C^T),  A P + P A^T + B B^T = 0
+
+    Poles that do not decay are left out if the outputs do not show what the inputs do to them.
+    """
+    d = space.D
+    if d.any():
+        o, i = np.unravel_index(int(np.abs(d).argmax()), d.shape)
+        raise ResponseError(f"H2 norm of '{space.name}': input '{space.inputs[i]}' acts directly on output "
+                            f"'{space.outputs[o]}', so that the norm is infinite. Choose displacements or velocities: "
+                            f"outputs=[...].")  # fmt: skip
+    part = decaying_part(space, f"H2 norm of '{space.name}'", "the norm is infinite").decaying
+    return Norm(float(np.sqrt(mean_squares(part.a, part.b, part.c, space.name).sum())))
+
+
+def mean_squares(a: Array, b: Array, c: Array, name: str) -> Array:
+    """Return the mean squares (outputs,) of C x with x' = A x + B w under white noise w, the diagonal of C P C^T.
+
+    A P + P A^T + B B^T = 0
     """
     from scipy.linalg import solve_continuous_lyapunov
 
-    a, b, c, d = space
-    if d.any():
-        o, i = np.unravel_index(int(np.abs(d).argmax()), d.shape)
-        raise ResponseError(f"H2 norm of '{name}': input '{names[1][i]}' acts directly on output '{names[0][o]}', so "
-                            f"that the norm is infinite. Choose displacements or velocities: outputs=[...]."
-                            )  # fmt: skip
     if not len(a):
-        return Norm(0.0)
-    a, b, c = scaled(a, b, c)
+        return np.zeros(len(c))
     covariance = solve_continuous_lyapunov(a, -b @ b.T)
-    return Norm(float(np.sqrt(max(0.0, np.sum(c @ covariance * c)))))
+    result = np.sum(c @ covariance * c, axis=1)
+    terms = np.sum(np.abs(c) @ np.abs(covariance) * np.abs(c), axis=1)
+    if (result < -ZERO_SUM * len(a) * terms).any():
+        raise ResponseError(f"mean squares of '{name}' are negative by rounding: its states are nearly dependent, or "
+                            f"a mode decays by less than rounding. Take other states, as realization='modal'."
+                            )  # fmt: skip
+    return np.asarray(np.where(result > 0.0, result, 0.0))
 
 
 def hinf(response: Callable[[Array], Complex], poles: Complex, direct: Array | Complex) -> Norm:

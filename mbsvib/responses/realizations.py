@@ -12,6 +12,7 @@ from mbsvib.modes.general import is_general
 from mbsvib.responses.feedthrough import accelerations, feedthrough
 from mbsvib.responses.first_order import RATE_UNITS, physical
 from mbsvib.responses.general_terms import cleaned
+from mbsvib.responses.lasting_modes import zeros_of_lasting_states
 from mbsvib.responses.state_space import StateSpace
 
 if TYPE_CHECKING:
@@ -50,6 +51,8 @@ def state_space(basis: Basis, realization: str = "physical", form: type[S] = Sta
     q, rate = transform[:m], transform[m:]
     # q'' = T' A x + T' B u with T' the rows of q', whatever the states are
     c = system.Cq @ q + system.Cv @ rate + system.Ca @ (rate @ a)
+    if realization == "modal":
+        b, c = zeros_of_lasting_states(system, cast("Damped", basis.response_modes.damped), transform, b, c)
     d = feedthrough(system)
     return form(system.name, realization, a, b, c, d, transform, names, units, system.inputs, system.input_units,
                 system.outputs, system.output_units)  # fmt: skip

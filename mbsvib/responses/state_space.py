@@ -155,6 +155,12 @@ class StateSpace(LinearVerbs, Displayed):
 
         return first_order_solver(self.A, self.B, self.C, self.name)
 
+    @cached_property
+    def _decays(self) -> bool:
+        from mbsvib.linalg.spectrum import spectrum
+
+        return bool(spectrum(self.A).decaying.all())
+
     def state_space(self, realization: str | None = None) -> Self:
         """Return these equations.
 
@@ -250,9 +256,20 @@ class StateSpace(LinearVerbs, Displayed):
         Raises
         ------
         ResponseError
-            If a frequency is not finite or is a pole, or a name is unknown.
+            If a frequency is not finite or is a pole, or a name is unknown. Poles on the imaginary axis of which the
+            outputs do not show what the inputs do are none.
         """
+        from mbsvib.linalg.lasting import separated
+        from mbsvib.responses.first_order_solver import check_poles, first_order_solver
+
         part = self.with_ports(outputs, inputs)
+        if not self._decays:
+            parts = separated(part.A, part.B, part.C)
+            check_poles(omega, parts, self.name)
+            if len(parts.shown) < len(parts.lasting):
+                rest = parts.minimal
+                solver = first_order_solver(rest.a, rest.b, rest.c, self.name)
+                return solver.frequency_response(omega, rest.b, rest.c, part.D)
         return self._solver.frequency_response(omega, part.B, part.C, part.D)
 
     def time_response(

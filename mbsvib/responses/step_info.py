@@ -17,7 +17,9 @@ from mbsvib.common.units import pretty, ratio
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.groups import linked_items
 from mbsvib.responses.decaying_sum import DecayingSum
+from mbsvib.responses.first_order_solver import decaying_response
 from mbsvib.responses.frequency_response import zero_responses
+from mbsvib.responses.norms import decaying_part
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
@@ -89,16 +91,14 @@ def step_info(linear: Any, band: float = 0.02) -> StepInfo:
     if not 0.0 < band < 1.0:
         raise ResponseError(f"step_info: band = {band!r}; expected a share between 0 and 1, such as 0.02.")
     space = linear.state_space("modal") if linear.kind == "system" else linear.state_space()
-    poles = np.asarray(linear.poles())
-    if not (poles.real < 0.0).all():
-        worst = poles[np.argmax(poles.real)]
-        pole = f"{worst:.4g}" if worst.imag else f"{worst.real:.4g}"
-        reason = ", a motion that nothing holds" if worst == 0.0 and linear.kind == "system" else ""
-        raise ResponseError(f"step_info: '{linear.name}' has the pole {pole} 1/s{reason}, which does not decay: a step "
-                            f"response has no final value; time_response computes it.")  # fmt: skip
-    values, vectors = _eigen(space.A, linear.name)
-    residues = _residues(space, values, vectors)
-    final = np.asarray(linear.frequency_response([0.0])[:, :, 0].real)
+    parts = decaying_part(space, f"step_info: '{linear.name}'", "a step response has no final value; time_response "
+                          "computes it")  # fmt: skip
+    part = parts.decaying
+    a, b, c = (part.a, part.b, part.c) if parts.lasting else (space.A, space.B, space.C)
+    values, vectors = _eigen(a, linear.name)
+    residues = _residues(b, c, values, vectors)
+    static = decaying_response(parts, space.D, linear.name) if parts.lasting else linear.frequency_response
+    final = np.asarray(static(np.zeros(1))[:, :, 0].real)
     shape = final.shape
     zero = zero_responses(linear.basis) if linear.kind == "system" else np.zeros(shape, dtype=bool)
     final, residues = np.where(zero, 0.0, final), np.where(zero, 0.0, residues)
@@ -138,12 +138,12 @@ def _apart(a: Array) -> tuple[Complex, Complex]:
     return values, basis @ vectors
 
 
-def _residues(space: Any, values: Complex, vectors: Complex) -> Complex:
+def _residues(b: Array, c: Array, values: Complex, vectors: Complex) -> Complex:
     """R_k of the step response, (poles, outputs, inputs)."""
     if not len(values):
-        return np.zeros((0, *space.D.shape), dtype=complex)
-    left = np.linalg.solve(vectors, space.B.astype(complex))
-    return np.asarray(np.einsum("ok,ki->koi", space.C @ vectors, left) / values[:, None, None])
+        return np.zeros((0, len(c), b.shape[1]), dtype=complex)
+    left = np.linalg.solve(vectors, b.astype(complex))
+    return np.asarray(np.einsum("ok,ki->koi", c @ vectors, left) / values[:, None, None])
 
 
 def _figures(name: str, final: float, residues: Complex, values: Complex, band: float) -> tuple[float, ...]:

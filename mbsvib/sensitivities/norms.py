@@ -7,17 +7,18 @@ frequency does not count, and sigma moves by Re(u^H dG v).
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import solve_continuous_lyapunov
+from scipy.linalg import solve_continuous_lyapunov, solve_sylvester
 
 from mbsvib.common.selection import needed_ports
-from mbsvib.equations.controllable_part import reachable
 from mbsvib.errors import ResponseError
-from mbsvib.linalg.rank import EPS
-from mbsvib.responses.extrema import Band, panels
-from mbsvib.responses.norms import Norm, h2
+from mbsvib.linalg.lasting import separated
+from mbsvib.responses.first_order_solver import decaying_response
+from mbsvib.responses.lasting_modes import last
+from mbsvib.responses.norms import Norm, decaying_part, h2, hinf
 from mbsvib.responses.realizations import state_space
 from mbsvib.sensitivities.basis import SensitivityBasis
 from mbsvib.sensitivities.responses import frequency_response_sensitivities, solutions
@@ -27,8 +28,11 @@ from mbsvib.sensitivities.variables import variables
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.equations import Equations
+    from mbsvib.linalg.lasting import Separation
     from mbsvib.responses.basis import Basis
     from mbsvib.responses.state_space import StateSpace
     from mbsvib.sensitivities.variables import Requested
@@ -36,13 +40,17 @@ if TYPE_CHECKING:
     Ports = str | Sequence[str] | None
 
 BLOCK = 4_000_000
-# The response has its peaks below this times the fastest eigenvalue, and is that at infinity from there; heights that
-# differ by less are the same.
-LAST, FAR, ROUNDING = 1e3, 1e6, 1e-9
 # Points at which a response is looked at for being 0, times a pole's size: right of the imaginary axis, on no pole.
 ASIDE = np.array([0.83 + 0.41j, 1.07 + 0.29j, 0.91 + 0.57j])
 # A response below this share of what it were if nothing cancelled is 0.
 NOTHING = 1e-12
+# Changes of what reaches or shows a group of poles below this share of their terms are rounding.
+SHOWN = 1e-9
+# Changes by a unit of a parameter below this share of what changes are rounding.
+RESTS = 1e-12
+# Where the largest response is static, its derivatives are taken at this share of the slowest pole: poles at 0 that no
+# response contains cancel there to as many digits as are lost by it.
+STATIC = 1e-4
 
 
 def h2_norm(
@@ -79,43 +87,91 @@ def h2_norm(
     base = states(basis.responses, *ports)
     names = _names(system, parameters)
     _refuse_feedthrough(system, base.D, ports)
-    k = base.first
-    undamped = _undamped(basis.responses)
-    if undamped is not None:
-        if _silent(basis.responses, *ports):
-            return Norm(0.0, names, np.zeros(len(names)))
-        part = _separate_part(system, *ports)
-        if part is not None:
-            return h2_norm(part, parameters=parameters)
-        raise ResponseError(
-            f"H2 norm of '{system.name}': mode {undamped} does not decay, so that the norm is infinite. Give it "
-            f"damping, or leave it out: system.reachable(outputs, inputs) drops what these ports do not reach or see."
-        )
-    p = solve_continuous_lyapunov(base.A, -base.B @ base.B.T)
-    q = solve_continuous_lyapunov(base.A.T, -base.C.T @ base.C)
-    value = _rms(basis.responses, ports)
-    if value is None:
-        value = float(np.sqrt(max(0.0, np.sum(base.C @ p * base.C))))
+    if _silent(basis.responses, *ports):
+        return Norm(0.0, names, np.zeros(len(names)))
+    space = _space(basis.responses, ports)
+    value = h2(replace(space, D=np.zeros_like(space.D))).value
     if not names:
         return Norm(value)
-    slopes = np.zeros(len(names))
+    slopes, k = np.zeros(len(names)), base.first
+    parts = separated(base.A, base.B, base.C)
+    p, q = _gramians(parts)
     state, force, observed = (p @ q)[:, k:].T, (q @ base.B)[k:], base.C @ p
     for which, change in basis.matrix_derivatives_in_parts(parameters, _in_block(basis)):
         da, db, dc, dd = changed(base, change, *ports)
         total = (da * state).sum(axis=(1, 2)) + (db * force).sum(axis=(1, 2)) + (dc * observed).sum(axis=(1, 2))
-        size = np.abs(dd).max(axis=(1, 2), initial=0.0)
-        slopes[which] = np.where(size > 0.0, np.inf, total / value if value else total)
+        infinite = dd.any(axis=(1, 2)) | _appears(parts, base.first, da, db, dc)
+        slopes[which] = np.where(infinite, np.inf, total / value if value else total)
     return Norm(value, names, slopes)
 
 
-def _rms(basis: Basis, ports: tuple[list[int], list[int]]) -> float | None:
-    """The H2 norm by modal states, which slow modes beside fast ones lose no digits in; None if they are dependent."""
+def _silent(basis: Basis, inputs: list[int], outputs: list[int]) -> bool:
+    """Whether the outputs show nothing of the inputs but rounding, beside modes that do not decay.
+
+    They are compared at points between the slowest and fastest pole.
+    """
+    if not last(basis.poles).any():
+        return False
+    system, speeds = basis.equations, np.abs(basis.poles)
+    slow, fast = speeds[speeds > 0.0].min(initial=np.inf), speeds.max(initial=0.0)
+    b, d = system.B[:, inputs], system.D[np.ix_(outputs, inputs)]
+    for s in ASIDE * (np.geomspace(slow, fast, len(ASIDE)) if fast else np.ones(len(ASIDE))):
+        square = system.K + s * (system.C + s * system.M)
+        unit = 1.0 / np.sqrt(np.abs(square.diagonal()))
+        motion = np.linalg.solve(unit[:, None] * square * unit, unit[:, None] * b)
+        rows = (system.Cq[outputs] + s * (system.Cv[outputs] + s * system.Ca[outputs])) * unit
+        terms = np.abs(rows).sum(axis=1)[:, None] * np.abs(motion).max(axis=0, initial=0.0) + np.abs(d)
+        if (np.abs(rows @ motion + d) > NOTHING * terms).any():
+            return False
+    return True
+
+
+def _space(basis: Basis, ports: tuple[list[int], list[int]]) -> StateSpace:
+    """Equations in modal states, which slow modes beside fast ones lose no digits in, or physical ones."""
     system, (i, o) = basis.equations, ports
     try:
         space: StateSpace = state_space(basis, "modal")
-        return h2((space.A, space.B[:, i], space.C[o], np.zeros((len(o), len(i)))), ((), ()), system.name).value
-    except ResponseError:
-        return None
+    except ResponseError:  # modes depend on each other
+        space = state_space(basis, "balanced")
+    return space.with_ports([system.outputs[k] for k in o], [system.inputs[k] for k in i])
+
+
+def _gramians(parts: Separation) -> tuple[Array, Array]:
+    """Gramians P and Q in the states x; of groups of poles that no response contains only the parts with all others.
+    """
+    rest, hidden = parts.minimal, [group.part for group in parts.lasting if not group.shown.any()]
+    p = rest.right @ solve_continuous_lyapunov(rest.a, -rest.b @ rest.b.T) @ rest.right.T
+    q = rest.left.T @ solve_continuous_lyapunov(rest.a.T, -rest.c.T @ rest.c) @ rest.left
+    for group in hidden:
+        cross = group.right @ solve_sylvester(group.a, rest.a.T, -group.b @ rest.b.T) @ rest.right.T
+        dual = group.left.T @ solve_sylvester(group.a.T, rest.a, -group.c.T @ rest.c) @ rest.left
+        p, q = p + cross + cross.T, q + dual + dual.T
+    return p, q
+
+
+def _appears(parts: Separation, first: int, da: Array, db: Array, dc: Array) -> NDArray[np.bool_]:
+    """Whether each change, of rows of A and B from the ``first`` on and of C, shows poles that no response contains.
+    """
+    rest, result = parts.minimal, np.zeros(len(da), dtype=bool)
+    for group in (group.part for group in parts.lasting if not group.shown.any()):
+        a, b, c = (np.where(np.abs(x) > e, x, 0.0) for x, e in
+                   zip((group.a, group.b, group.c), group.errors[1:], strict=True))  # fmt: skip
+        for v in range(len(da)):
+            turn = solve_sylvester(group.a, -rest.a, group.left[:, first:] @ da[v] @ rest.right)
+            into = _sum_unless_rounding(group.left[:, first:] @ db[v], turn @ rest.b, rest.b)
+            turn = solve_sylvester(rest.a, -group.a, -rest.left[:, first:] @ da[v] @ group.right)
+            out = _sum_unless_rounding(dc[v] @ group.right, rest.c @ turn, rest.c)
+            for _ in range(len(a)):
+                result[v] |= any((left @ right).any() for left, right in ((c, into), (out, b), (out, into)))
+                b, into = a @ b, a @ into
+    return result
+
+
+def _sum_unless_rounding(first: Array, second: Array, unchanged: Array) -> Array:
+    """The sum, with zeros for terms that cancel, or that are rounding of what changes."""
+    result, terms = first + second, float((np.abs(first) + np.abs(second)).max(initial=0.0))
+    least = max(SHOWN * terms, RESTS * float(np.linalg.norm(unchanged)))
+    return np.asarray(np.where(np.abs(result) > least, result, 0.0))
 
 
 def hinf_norm(
@@ -150,28 +206,24 @@ def hinf_norm(
     """
     system = basis.equations
     i, o = _ports(system, inputs, outputs)
-    names, undamped = _names(system, parameters), _undamped(basis.responses)
-    if undamped is not None:
-        if _silent(basis.responses, i, o):
-            return Norm(0.0, names, np.zeros(len(names)), 0.0)
-        part = _separate_part(system, i, o)
-        if part is not None:
-            return hinf_norm(part, parameters=parameters)
-        raise ResponseError(f"Hinf norm of '{system.name}': mode {undamped} does not decay, so that its peak is "
-                            f"infinite. Give it damping, or ask system.reachable(outputs, inputs) for its norm."
-                            )  # fmt: skip
+    names = _names(system, parameters)
+    if _silent(basis.responses, i, o):
+        return Norm(0.0, names, np.zeros(len(names)), 0.0)
+    space = _space(basis.responses, (i, o))
+    parts = decaying_part(space, f"Hinf norm of '{system.name}'", "its peak is infinite")
     named = [system.outputs[k] for k in o], [system.inputs[k] for k in i]
-    values = basis.responses.poles
-    fastest = float(np.abs(values).max(initial=0.0)) or 1.0
-    band = Band(lambda w: _response(basis.responses, i, o, w), panels(values, 0.0, LAST * fastest))
-    omega, value = band.highest(_largest)
-    far = float(_largest(band.response(np.array([FAR * fastest])))[0])
-    if far > value * (1.0 + ROUNDING):
+    values = parts.decaying.poles if parts.lasting else basis.responses.poles
+    response = decaying_response(parts, space.D, system.name) if parts.lasting else (
+        lambda w: _response(basis.responses, i, o, w).transpose(1, 2, 0))
+    peak = hinf(response, values, space.D)
+    value, omega = peak.value, float(peak.omega or 0.0)
+    if omega == np.inf:
         return _at_infinity(basis, (i, o), names, parameters)
+    at = omega or (STATIC * float(np.abs(values).min()) if parts.lasting else 0.0)
     if not names:
         return Norm(value, omega=omega)
-    u, _, v = np.linalg.svd(_response(basis.responses, i, o, np.array([omega]))[0])
-    change = frequency_response_sensitivities(basis, [omega], parameters, *named)[..., 0]
+    u, _, v = np.linalg.svd(_response(basis.responses, i, o, np.array([at]))[0])
+    change = frequency_response_sensitivities(basis, [at], parameters, *named)[..., 0]
     slopes = np.einsum("o,poi,i->p", u[:, 0].conj(), change, v[0].conj()).real
     return Norm(value, names, slopes, omega)
 
@@ -208,46 +260,9 @@ def _response(basis: Basis, i: list[int], o: list[int], w: Array) -> Complex:
                       + system.D[np.ix_(o, i)])  # fmt: skip
 
 
-def _largest(g: Complex) -> Array:
-    return np.asarray(np.linalg.svd(g, compute_uv=False)[:, 0])
-
-
 def _ports(system: Equations, inputs: Ports, outputs: Ports) -> tuple[list[int], list[int]]:
     o, i = needed_ports(outputs, inputs, (system.outputs, system.inputs), system.name)
     return i, o
-
-
-def _undamped(basis: Basis) -> int | None:
-    """The number, from 1, of the first mode that does not decay by more than rounding of its frequency."""
-    pairs = basis.response_modes.pairs
-    modes = np.flatnonzero((pairs.real >= -EPS * np.abs(pairs)).any(axis=1))
-    return int(modes[0]) + 1 if len(modes) else None
-
-
-def _separate_part(system: Equations, inputs: list[int], outputs: list[int]) -> SensitivityBasis | None:
-    """The part that the ports have to do with, if all its modes decay; None if it is all, or they reach or see more."""
-    part = reachable(system, [system.outputs[k] for k in outputs], [system.inputs[k] for k in inputs])
-    removed = ~np.isin(system.coordinates, part.coordinates)
-    rows = np.concatenate([c[outputs] for c in (system.Cq, system.Cv, system.Ca)])
-    more = system.B[removed][:, inputs].any() or rows[:, removed].any()
-    basis = SensitivityBasis.of(part)
-    return None if more or not removed.any() or _undamped(basis.responses) is not None else basis
-
-
-def _silent(basis: Basis, inputs: list[int], outputs: list[int]) -> bool:
-    """Whether the outputs see nothing of the inputs but rounding, at points between the slowest and fastest pole."""
-    system, speeds = basis.equations, np.abs(basis.poles)
-    slow, fast = speeds[speeds > 0.0].min(initial=np.inf), speeds.max(initial=0.0)
-    b, d = system.B[:, inputs], system.D[np.ix_(outputs, inputs)]
-    for s in ASIDE * (np.geomspace(slow, fast, len(ASIDE)) if fast else np.ones(len(ASIDE))):
-        square = system.K + s * (system.C + s * system.M)
-        unit = 1.0 / np.sqrt(np.abs(square.diagonal()))
-        motion = np.linalg.solve(unit[:, None] * square * unit, unit[:, None] * b)
-        rows = (system.Cq[outputs] + s * (system.Cv[outputs] + s * system.Ca[outputs])) * unit
-        terms = np.abs(rows).sum(axis=1)[:, None] * np.abs(motion).max(axis=0, initial=0.0) + np.abs(d)
-        if (np.abs(rows @ motion + d) > NOTHING * terms).any():
-            return False
-    return True
 
 
 def _refuse_feedthrough(system: Equations, d: Array, ports: tuple[list[int], list[int]]) -> None:

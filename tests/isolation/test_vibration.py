@@ -9,7 +9,7 @@ from scipy.integrate import quad
 import mbsvib as mv
 from mbsvib import isolation, library
 from mbsvib.isolation import octaves
-from tests.isolation.scenes import FREQUENCY, MASS, OMEGA, RATIO, active_strut, one_axis
+from tests.isolation.scenes import FREQUENCY, MASS, OMEGA, RATIO, active_strut, one_axis, two_masses
 
 EVER = (0.0, 1e14)
 
@@ -167,6 +167,15 @@ def test_octaves_that_a_band_cuts(band):
     assert np.allclose(result.velocity()[2] ** 2, np.diff(ends) * 1e-10 / (2 * np.pi) ** 2, rtol=1e-9, atol=1e-30)
     low, high = max(band[0], 1.0), min(band[1], 80.0)
     assert f"from {low:g} to {high:g} Hz" in str(result)
+
+
+@pytest.mark.parametrize("spectrum", [1e-4, isolation.shaped([1.0, 0.0], [1.0, 20.0, 900.0], 3e-4)])
+@pytest.mark.parametrize("scene", [lambda: one_axis(0.0), lambda: two_masses(c1=0.0, c2=0.0)])
+def test_noise_on_modes_without_damping_has_no_mean_square(scene, spectrum):
+    """A mode is two states, of which noise drives one and outputs show the other."""
+    result = isolation.study(scene(), "payload", directions="z").under({"z": spectrum})
+    assert result.acceleration[2] == math.inf
+    assert set(result.stroke.values()) == {math.inf}
 
 
 def test_criteria_of_a_band_that_they_are_not_for():

@@ -104,15 +104,15 @@ def test_ports_and_table():
 
 
 def test_what_does_not_settle_is_refused(monkeypatch):
-    with pytest.raises(mv.ResponseError, match="has the pole 0 1/s, which does not decay"):
+    with pytest.raises(mv.ResponseError, match="the pole 0 1/s does not decay"):
         mv.StateSpace.from_arrays([[0.0]], [[1]], [[1]], 0).step_info()
     free = mv.Model("free")                                              # two poles at 0: they coincide as well
     free.add_body("mass", 1.0, (1, 1, 1))
     free.add_input("F", "mass", "x")
     free.add_output("x", "mass", "x")
-    with pytest.raises(mv.ResponseError, match="the pole 0 1/s, a motion that nothing holds, which does not decay"):
+    with pytest.raises(mv.ResponseError, match="the pole 0 1/s does not decay, and 'x' shows what 'F' does to it"):
         free.linearize().step_info()
-    with pytest.raises(mv.ResponseError, match="which does not decay"):
+    with pytest.raises(mv.ResponseError, match="does not decay"):
         slider(0.0).step_info()
     modes = [np.sqrt(k) * np.array([[-1e-9, 1.0], [-1.0, -1e-9]]) for k in (2, 3, 5, 7, 11, 13)]  # which beat for ever
     beating = mv.StateSpace.from_arrays(block_diag(*modes), np.tile([[0.0], [1.0]], (6, 1)), [[1.0, 0.0] * 6], 0)
