@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +25,7 @@ from mbsvib.linalg.rank import (
     ALMOST_ALIGNED,
     NEAR_SINGULAR,
     NEARLY_LOCKED,
+    NEARLY_REDUNDANT,
     RANK_FACTOR,
     RANK_GAP,
 )  # fmt: skip
@@ -39,8 +41,8 @@ if TYPE_CHECKING:
     from mbsvib.kinematics.loop_group import LoopGroup
     from mbsvib.mechanism.mechanism import Mechanism
 
-# Groups of loops with more coordinates are not tried again.
-MOST_COORDINATES = 200
+# Groups of loops with more coordinates are not tried again, nor more groups: each takes some milliseconds.
+MOST_COORDINATES, MOST_GROUPS = 200, 16
 # Names of coordinates in a message.
 LISTED = 6
 # Kinds that free what an angle locks, those that free least first.
@@ -96,21 +98,22 @@ def check_loops(model: Mechanism | None, groups: Sequence[LoopGroup], names: Seq
     a warning.
     """
     warned = False
-    for group in groups:
-        if group.retained < NEARLY_LOCKED:
-            columns = group.columns.tolist()
-            text = None if model is None else _by_an_angle(model, group, [names[k] for k in columns])
-            if text is None and group.retained < NEAR_SINGULAR:
-                text = near_singular(group)
-            if text is None and group.retained < NEARLY_LOCKED**2 and group.rank == len(group.columns):
-                text = (
-                    f"loops closed by {', '.join(group.joints[:LISTED])} lock all their joints by constraints that are "
-                    f"nearly redundant (smallest pivot {group.retained:.1e}). If they are to move, correct the points "
-                    f"or axes of their joints."
-                )
-            if text is not None:
-                warnings.warn(text, NearSingularWarning, stacklevel=stacklevel)
-                warned = True
+    small = [group for group in groups if group.retained < NEARLY_LOCKED]
+    for k, group in enumerate(sorted(small, key=attrgetter("retained"))):
+        text = None
+        if model is not None and k < MOST_GROUPS:
+            text = _by_an_angle(model, group, [names[column] for column in group.columns.tolist()])
+        if text is None and group.retained < NEAR_SINGULAR:
+            text = near_singular(group)
+        if text is None and group.retained < NEARLY_REDUNDANT and group.rank == len(group.columns):
+            text = (
+                f"loops closed by {', '.join(group.joints[:LISTED])} lock all their joints by constraints that are "
+                f"nearly redundant (smallest pivot {group.retained:.1e}). If they are to move, correct the points "
+                f"or axes of their joints."
+            )
+        if text is not None:
+            warnings.warn(text, NearSingularWarning, stacklevel=stacklevel)
+            warned = True
     return warned
 
 
@@ -196,7 +199,7 @@ def _directions(joint: Joint) -> list[Array]:
     slides = [np.array(six[:3]) for name, six in joint.freedom if name[0] != "r"]
     for some, successive in ((turns, joint.successive), (slides, False)):
         if len(some) == 2:
-            result += some if successive else [np.cross(*some)]
+            result += some if successive else [np.cross(some[0], some[1])]
         elif len(some) == 1:
             result += some
     return _different(result)

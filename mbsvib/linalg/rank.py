@@ -17,6 +17,8 @@ RANK_FACTOR = 50.0
 NEAR_SINGULAR = 1e-4
 # Loops with a smaller pivot may lock by an angle that nobody means: pivots are about as large as the angle is.
 NEARLY_LOCKED = 0.1
+# Loops without any motion and with a smaller pivot are nearly movable; frames of bars that are meant stand above it.
+NEARLY_REDUNDANT = 1e-2
 # Axes out of line by less [rad], three degrees, may be meant to be in line; larger angles are seen in a drawing.
 ALMOST_ALIGNED = 0.05
 # Axes that differ by less are in line but for rounding.

@@ -66,6 +66,15 @@ def test_two_rails_that_are_not_parallel_are_named(tilt):
         assert model.linearize().dof == 0
 
 
+def test_hinges_of_a_door_side_by_side_are_warned_of():
+    model = mv.Model("door")
+    model.add_body("door", 1.0, (0.1, 0.1, 0.1), (0.5, 0.0, 0.5))
+    model.add_joint("low", "revolute", "ground", "door", (0, 0, 0), axis=(0, 0, 1))
+    model.add_joint("high", "revolute", "ground", "door", (1e-3, 0, 1), axis=(0, 0, 1))
+    with pytest.warns(mv.NearSingularWarning, match=r"loops closed by high lock all .* \(smallest pivot 1\.0e-03\)"):
+        assert model.linearize().dof == 0
+
+
 def test_a_lock_by_a_large_angle_is_not_silent_where_all_responses_are_zero():
     with pytest.warns(mv.NearSingularWarning, match="no degree of freedom: the loops closed by C lock all joints"):
         assert four_bar("C", 0.4).linearize().dof == 0
