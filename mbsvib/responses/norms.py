@@ -62,9 +62,12 @@ def decaying_part(space: Any, question: str, answer: str) -> Separation:
         pole, errors = group.pole, group.part.errors[0]
         if group.shown.any():
             o, i = (int(k) for k in np.argwhere(group.shown)[0])
-            raise ResponseError(f"{question}: {pole_words(pole)} does not decay, and '{space.outputs[o]}' shows what "
-                                f"'{space.inputs[i]}' does to it, so that {answer}. Give it damping, change the "
-                                f"controller, or choose other outputs or inputs.")  # fmt: skip
+            names = {space.states[k].rstrip("'") for k in np.flatnonzero(group.part.right.any(axis=1))}
+            mode = names.pop() if space.realization == "modal" and len(names) == 1 else ""
+            origin = f" of mode {mode[4:]}" if mode.startswith("mode") else ""
+            raise ResponseError(f"{question}: {pole_words(pole)}{origin} does not decay, and '{space.outputs[o]}' "
+                                f"shows what '{space.inputs[i]}' does to it, so that {answer}. Give it damping, change "
+                                f"the controller, or choose other outputs or inputs.")  # fmt: skip
         if (group.part.poles.real > errors).any():
             raise ResponseError(f"{question}: {pole_words(pole)} grows, although no output shows what inputs do to it. "
                                 f"Change the controller, or leave these states out.")  # fmt: skip

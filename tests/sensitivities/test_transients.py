@@ -102,9 +102,9 @@ def test_infinite_norms_are_refused():
     with pytest.raises(mv.ResponseError, match="'felt' sees input 'push' at once"):
         system.h2_norm("felt", "push")
     undamped = isolator().with_values({"spring.damping": 0.0}).linearize()
-    with pytest.raises(mv.ResponseError, match=r"the pole 0\+20j 1/s \(3.183 Hz\) does not decay"):
+    with pytest.raises(mv.ResponseError, match=r"the pole 0\+20j 1/s \(3.183 Hz\) of mode 1 does not decay"):
         undamped.h2_norm("way", "push")
-    with pytest.raises(mv.ResponseError, match=r"the pole 0\+20j 1/s \(3.183 Hz\) does not decay"):
+    with pytest.raises(mv.ResponseError, match=r"the pole 0\+20j 1/s \(3.183 Hz\) of mode 1 does not decay"):
         undamped.hinf_norm("way", "push")
     with pytest.raises(mv.ModelError, match=r"Did you mean 'mass\.mass'"):
         system.hinf_norm("way", "push", "mass.mas")
@@ -195,7 +195,7 @@ def test_a_mode_that_does_not_decay_is_counted_beside_modes_of_first_order():
     model.add_output("x", "a", "z")
     system = model.linearize()
     assert system.modes().first_order.tolist() == [True, True, False, False]
-    with pytest.raises(mv.ResponseError, match=r"the pole 0\+300j 1/s"):
+    with pytest.raises(mv.ResponseError, match="mode 4 does not decay"):
         system.h2_norm(parameters=[])
 
 
@@ -216,5 +216,5 @@ def test_a_mode_whose_decay_is_rounding_has_no_h2_norm():
     model.add_bushing("k", "ground", "b", (0, 0, 0), (0, 0, 200.0, 0, 0, 0), (0, 0, 4e-19, 0, 0, 0))
     model.add_input("f", "b", "z")
     model.add_output("z", "b", "z")
-    with pytest.raises(mv.ResponseError, match=r"the pole -1e-19\+10j 1/s"):
+    with pytest.raises(mv.ResponseError, match="mode 1 does not decay"):
         model.linearize().h2_norm()
