@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.rank import EPS
 from mbsvib.responses.time_response import checked_record
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ SAME = 1e-9  # share of a period within which an instant of the controllers and 
 MOST_SAMPLES = 2_000_000  # of the controllers in one record
 # The parts that are added up grow with an unstable plant, and their sum does not: at most six digits are lost.
 MOST_GROWTH = 1e6
+LOST = 1e-3  # share of a response that their rounding may reach, one rounding of the largest for each sample
 
 
 class Record(NamedTuple):
@@ -66,7 +68,15 @@ def time_response(loop: Sampled, t: ArrayLike, u: ArrayLike, hold: str) -> Array
     held = np.where(latest >= 0, forces[:, np.maximum(latest, 0)], 0.0)
     active = plant.time_response(both, held, "zero", None, loop.outputs, loop.actuators)
     passive = plant.time_response(time, record.u, hold, None, loop.outputs, loop.inputs)
-    return np.asarray(passive + active[:, np.searchsorted(both, time)])
+    active = active[:, np.searchsorted(both, time)]
+    result: Array = np.asarray(passive + active)
+    rounding = EPS * len(samples) * (np.abs(passive) + np.abs(active)).max(axis=1, initial=0.0)
+    lost = np.flatnonzero(rounding > LOST * np.abs(result).max(axis=1, initial=0.0))
+    if len(lost):
+        raise ResponseError(f"time_response: without control '{loop.outputs[lost[0]]}' of '{plant.name}' would move so "
+                            f"far in {span:g} s that rounding of {len(samples)} samples leaves no three digits of the "
+                            f"closed loop; give a shorter record, or ask loop.continuous.")  # fmt: skip
+    return result
 
 
 def _merged(instants: Array, time: Array, period: float) -> Array:

@@ -118,6 +118,8 @@ def test_continuous_and_sampled_loops_in_one_figure():
     (lambda: integrated().sampled(100.0).frequency_response([0.0]), "0 rad/s cannot be told from a pole of"),
     (lambda: slider(-800.0).feedback([[-2e3, -40.0]], ["x", "v"], "F").sampled(1e3).time_response(
         [0.0, 10.0], np.zeros((2, 2))), "'slider' is unstable with open loops and would grow 200 e-folds"),
+    (lambda: slider().feedback([[-2.0, -2.0]], ["x", "v"], "F").sampled(2.0).time_response(
+        np.linspace(0.0, 2e4, 9), np.ones((2, 9)), outputs="x"), "without control 'x' of 'slider' would move so far"),
 ])  # fmt: skip
 def test_refusals(ask, message):
     with pytest.raises(mv.ResponseError, match=message):
