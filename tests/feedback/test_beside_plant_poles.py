@@ -131,3 +131,15 @@ def test_margins_of_a_loop_at_the_limit_of_stability():
             assert (margins.lower[0], margins.gain[0], margins.delay[0]) == (1.0, 1.0, 0.0)
     with pytest.raises(mv.ResponseError, match="20 rad/s is a pole of 'slider with controller'"):
         slider().feedback([[-800.0]], "x", "F").sensitivity([20.0])
+
+
+@pytest.mark.parametrize(("integral", "proportional"), [(10.0, 0.0), (37.0, 5.0), (100.0, 5.0)])
+def test_step_of_a_loop_with_pi_on_a_relative_rate(integral, proportional):
+    """The integral of a rate is a displacement: its gain is a spring, and the pole at 0 in no response."""
+    k = np.array([[1300.0, -500.0], [-500.0, 500.0]])
+    system = mv.System.from_matrices(2.0 * np.eye(2), 0.006 * k, k, [[-1.0], [1.0]], [[-1.0, 1.0], [0.0, 0.0]],
+                                     [[0.0, 0.0], [-1.0, 1.0]], inputs=["F"], outputs=["x", "v"])  # fmt: skip
+    loop = system.feedback(control.ss([[0.0]], [[1.0]], [[-integral]], [[-proportional]]), "v", "F")
+    exact = 1.0 / (500.0 + integral)
+    assert loop.step_info("x", "F").final[0, 0] == pytest.approx(exact, rel=1e-10)
+    assert loop.frequency_response([0.0], "x", "F")[0, 0, 0] == pytest.approx(exact, rel=1e-10)
