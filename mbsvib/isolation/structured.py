@@ -27,7 +27,7 @@ _RIDGE = 1e-14  # added to second derivatives of unit diagonal, which rounding m
 
 
 def structured_singular_values(
-    matrices: ArrayLike, blocks: Sequence[int] | None = None, real: Sequence[int] = ()
+    matrices: ArrayLike, blocks: Sequence[int] | None = None, real: Sequence[int] = (), complex_share: float = 0.0
 ) -> Array:
     """Return upper bounds of structured singular values: how near uncertain blocks come to make a loop singular.
 
@@ -36,8 +36,10 @@ def structured_singular_values(
     A loop with ``Delta_i`` in its way, each of a gain below 1 at all frequencies, is stable where mu of what it sees
     stays below 1.
 
-    A real parameter alone counts only at the frequencies where M is real, which a grid misses: mu is 0 beside them. A
-    small complex share e makes it continuous: with ``t = [[1], [sqrt(e)]]``, the blocks 0 (real) and 1 of ``t M t^T``.
+    Where all blocks that act on each other are real, mu can be 0 at all frequencies but single ones, at which a grid
+    does not look: an unstable loop would show a mu of 0. So frequency responses of such blocks need a
+    ``complex_share`` e, by which delta becomes delta + e delta', |delta'| < 1, complex: mu is then continuous and an
+    upper bound for the real parameters.
 
     Parameters
     ----------
@@ -47,6 +49,9 @@ def structured_singular_values(
         Sizes of the blocks, full; default: n blocks of size 1.
     real : sequence of int, optional
         Numbers of blocks, from 0, that are real parameters (of size 1); all others are complex.
+    complex_share : float
+        Part e of real parameters that is complex, 0.01 for example; needed for frequency responses where only real
+        blocks act on each other.
 
     Returns
     -------
@@ -57,11 +62,13 @@ def structured_singular_values(
     Raises
     ------
     ResponseError
-        If shapes or numbers do not fit.
+        If shapes or numbers do not fit, or only real blocks act on each other over frequencies, without a complex
+        share.
 
     Source: Fan, Tits & Doyle, Robustness in the presence of mixed parametric uncertainty and unmodeled dynamics, IEEE
     Trans. Automatic Control 36 (1991); Boyd & El Ghaoui, Method of centers for minimizing generalized eigenvalues,
-    Linear Algebra and its Applications 188 (1993).
+    Linear Algebra and its Applications 188 (1993); Packard & Pandey, Continuity properties of the real/complex
+    structured singular value, IEEE Trans. Automatic Control 38 (1993), for the complex share.
     """
     caller = "structured_singular_values"
     m = np.asarray(matrices, dtype=complex)
@@ -75,7 +82,11 @@ def structured_singular_values(
     if any(k not in range(len(sizes)) or sizes[k] != 1 for k in real) or len(set(real)) != len(real):
         raise ResponseError(f"{caller}: real = {list(real)}; expected numbers from 0 of blocks of size 1, each once; "
                             f"blocks = {sizes}.")  # fmt: skip
+    if not 0.0 <= complex_share < np.inf:
+        raise ResponseError(f"{caller}: complex_share = {complex_share!r}; expected a number from 0 on, such as 0.01.")
     points = np.moveaxis(m.reshape(n, n, -1), 2, 0)
+    if complex_share and len(real):
+        points, sizes = _with_complex_share(points, sizes, real, complex_share)
     masks = np.repeat(np.eye(len(sizes)), sizes, axis=1)
     # blocks that act on others one way make a triangular determinant, of which each part counts alone
     part = part_numbers(masks @ np.any(points, axis=0) @ masks.T, strong=True)
@@ -83,9 +94,24 @@ def structured_singular_values(
     for k in range(part.max(initial=-1) + 1):
         part_masks = masks[part == k]
         at = np.flatnonzero(part_masks.any(axis=0))
+        members = set(np.flatnonzero(part == k).tolist())
+        if m.ndim == 3 and members <= set(real) and np.iscomplex(points[:, at][:, :, at]).any():
+            raise ResponseError(
+                f"{caller}: blocks {sorted(members)} are all real, so that mu is 0 at almost all frequencies, also of "
+                f"loops that become unstable: a grid tells nothing. Give complex_share=0.01, with which each real "
+                f"parameter is by 1 % of its range complex; or take them as complex.")  # fmt: skip
         real_blocks = [j for j, block in enumerate(np.flatnonzero(part == k).tolist()) if block in set(real)]
         np.maximum(result, _part(points[:, at][:, :, at], part_masks[:, at], real_blocks), out=result)
     return result.reshape(m.shape[2:])
+
+
+def _with_complex_share(
+    points: Complex, sizes: list[int], real: Sequence[int], share: float
+) -> tuple[Complex, list[int]]:
+    """Matrices and sizes of blocks with one more complex block for each real parameter, of a share of its range."""
+    start = np.cumsum([0, *sizes])
+    t = np.concatenate((np.eye(points.shape[1]), np.sqrt(share) * np.eye(points.shape[1])[start[list(real)]]))
+    return t @ points @ t.T, [*sizes, *[1] * len(real)]
 
 
 def _part(m: Complex, masks: Array, real: list[int]) -> Array:
