@@ -72,10 +72,10 @@ def _touched(
     terms: Terms, motions: Array, outputs: Sequence[str], inputs: Sequence[str]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The inputs that load motions (m, k) and the outputs that see them."""
-    acts, *sees = (np.abs(rows @ motions) > ZERO_SUM * (np.abs(rows) @ np.abs(motions))
+    acts, *sees = (np.asarray(np.abs(rows @ motions) > ZERO_SUM * (np.abs(rows) @ np.abs(motions))).any(axis=1)
                    for rows in (terms.B.T, terms.Cq, terms.Cv, terms.Ca))  # fmt: skip
-    return (tuple([name for name, touched in zip(inputs, acts.any(axis=1), strict=True) if touched]),
-            tuple([name for name, *by in zip(outputs, *(rows.any(axis=1) for rows in sees), strict=True) if any(by)]))
+    seen = np.asarray(sees).any(axis=0)
+    return tuple([inputs[k] for k in np.flatnonzero(acts)]), tuple([outputs[k] for k in np.flatnonzero(seen)])
 
 
 def check_gap(motion: Array, unit: Array, names: tuple[str, ...], smallest: float, largest: float) -> None:
