@@ -75,7 +75,8 @@ def _touched(
     acts, *sees = (np.asarray(np.abs(rows @ motions) > ZERO_SUM * (np.abs(rows) @ np.abs(motions))).any(axis=1)
                    for rows in (terms.B.T, terms.Cq, terms.Cv, terms.Ca))  # fmt: skip
     seen = np.asarray(sees).any(axis=0)
-    return tuple([inputs[k] for k in np.flatnonzero(acts).tolist()]), tuple([outputs[k] for k in np.flatnonzero(seen).tolist()])
+    return (tuple([inputs[k] for k in np.flatnonzero(acts).tolist()]),
+            tuple([outputs[k] for k in np.flatnonzero(seen).tolist()]))
 
 
 def check_gap(motion: Array, unit: Array, names: tuple[str, ...], smallest: float, largest: float) -> None:
