@@ -14,6 +14,7 @@ import mbsvib_export as mx
 from mbsvib import isolation, library
 from mbsvib.cli import _demo_stages as stages
 from mbsvib.cli._demo import command_line
+from tests.support.sizes import few
 
 PNG = b"\x89PNG"
 FIGURES = ("mechanism", "modes", "mode-shapes", "bode", "step", "root-locus", "loop-gain", "sensitivity", "open-closed",
@@ -84,7 +85,7 @@ def test_its_numbers_are_those_of_the_library(run, without_figures, monkeypatch)
     np.testing.assert_allclose(slope, 2.0, atol=0.1)
 
 
-@pytest.mark.parametrize("by_uv", [False, True])
+@pytest.mark.parametrize("by_uv", few([True, False], 1))
 def test_what_an_extra_would_add_is_said_with_its_command(run, tmp_path, monkeypatch, without_figures, by_uv):
     monkeypatch.setenv("UV", "uv") if by_uv else monkeypatch.delenv("UV", raising=False)
     lacking(monkeypatch, "plotly", "fmpy")
@@ -101,6 +102,7 @@ def test_what_an_extra_would_add_is_said_with_its_command(run, tmp_path, monkeyp
     assert not (tmp_path / "mbsvib-demo").exists()
 
 
+@pytest.mark.slow
 def test_fmus_are_left_out_where_nothing_compiles_them(run, monkeypatch, without_figures):
     def refuse(*_, **__):
         raise mv.ExportError("to_fmu: there is no compiler.")

@@ -53,8 +53,8 @@ def test_every_command_prints_json(run, tmp_path):
 @pytest.mark.parametrize("line", [
     "sweep slider.yaml k.stiffness=1e3:1e4:3 -o t.csv", "sweep slider.yaml k.stiffness=1e3:1e4:3 -o t.svg",
     "equilibrium slider.yaml -o t.yaml", "path slider.yaml rail.z=0:0.1:3 -o t.svg",
-    "isolation quarter_car body -o t.svg", "loop slider.yaml law.json -o t.svg", "draw slider.yaml -o t.svg",
-    "bode slider.yaml -o t.svg",
+    pytest.param("isolation quarter_car body -o t.svg", marks=pytest.mark.slow),
+    "loop slider.yaml law.json -o t.svg", "draw slider.yaml -o t.svg", "bode slider.yaml -o t.svg",
 ])  # fmt: skip
 def test_json_with_a_file_is_nothing_but_json(run, tmp_path, line):
     """A sweep into a file printed which file it wrote after its JSON."""
