@@ -18,7 +18,8 @@ from tests.support.cli import invoke
 
 DOCS = Path(__file__).parent.parent / "docs"
 PAGES = sorted((DOCS / "pages").rglob("*.md"))
-SLOW = {"control", "howto", "isolation", "machines", "motion", "rotors", "seeing", "studies", "tools"}
+SLOW = {"control", "flexible", "howto", "isolation", "machines", "motion", "robots", "rotors", "seeing", "studies",
+        "tools", "trust"}  # fmt: skip
 RUN = [pytest.param(page, marks=pytest.mark.slow if page.stem in SLOW else ()) for page in PAGES]
 
 

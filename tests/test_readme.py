@@ -111,6 +111,7 @@ def test_the_mistake_shown_is_answered_as_shown(folder, monkeypatch):
     assert str(error.value) in " ".join(README.split())
 
 
+@pytest.mark.slow
 def test_the_commands_work(names, folder, monkeypatch):
     monkeypatch.chdir(folder)
     lines = [line for text in blocks("bash") for line in text.splitlines() if line.startswith("mbsvib ")]
