@@ -232,6 +232,7 @@ def test_a_small_inertia_is_no_zero(small):
     assert model.linearize().M[2, 2] == pytest.approx(small, rel=1e-14)
 
 
+@examples(12, slow=40)
 @given(ANY)
 def test_explain_tells_the_story(model):
     system = linearized(model)

@@ -1,6 +1,7 @@
 """One style of labels on the axes of all public figures: a quantity and its unit in brackets, [1] where it has none."""
 
 import re
+from functools import cache
 
 import numpy as np
 import pytest
@@ -16,10 +17,12 @@ LABEL = re.compile(r"(?P<quantity>[^\[\]]*)\[(?P<unit>[^\[\]]+)\](?: for 1 (?P<i
 ANGLES = 2 * np.pi * np.arange(128) / 128
 
 
+@cache
 def system():
     return HEXAPOD.linearize()
 
 
+@cache
 def loop():
     plant = isolation.actuated(HEXAPOD, "platform")
     return plant.with_gains(isolation.force_feedback(plant, 80.0, 1.0))
@@ -39,6 +42,7 @@ def spinning():
     return campbell(library.rotor_stator(), np.linspace(0.0, 500.0, 6))
 
 
+@cache
 def cycle():
     return library.hoeken().cycle("crank.rz", ANGLES, speed=2 * np.pi)
 
