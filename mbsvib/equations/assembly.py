@@ -14,7 +14,7 @@ from mbsvib.equations.draft import first_draft
 from mbsvib.equations.equations import Equations, Provenance
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.inertia import check_mass
-from mbsvib.equations.locked_loops import check_loops, check_responses
+from mbsvib.equations.locked_loops import check_loops
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene
 from mbsvib.kinematics.mobility import check_mobility
@@ -99,12 +99,12 @@ def assembled(
         Matrices, names and motion of the bodies.
     """
     draft = first_draft(model, scene, independent, checked)
-    warned = check_loops(model, draft.reduction.groups, scene.coordinates.names, STACK)
+    check_loops(model, draft.reduction.groups, scene.coordinates.names, STACK)
     planar = check_mobility(scene.topology, scene.coordinates, scene.cuts, draft.reduction, scene.position)
     for step in STEPS:
         draft = step(draft)
     turns = scene.coordinates.turns
-    result = form(
+    return form(
         name=model.name, coordinates=draft.names,
         coordinate_units=tuple(["rad" if turns[k] else "m" for k in draft.minimal]),
         inputs=tuple(model.inputs), input_units=scene.port.input_units, outputs=tuple(model.outputs),
@@ -116,9 +116,6 @@ def assembled(
             undetermined=draft.undetermined,
         ),
     )  # fmt: skip
-    if not (result.dof or warned):
-        check_responses(result, STACK)
-    return result
 
 
 def _loads(draft: Draft) -> Draft:

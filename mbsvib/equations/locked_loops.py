@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Joint
-    from mbsvib.equations.equations import Equations
     from mbsvib.kinematics.loop_group import LoopGroup
     from mbsvib.mechanism.mechanism import Mechanism
 
@@ -91,13 +90,11 @@ class Loops:
         return [names[k] for k in np.argsort(-motion, kind="stable")[:LISTED] if motion[k] > ALMOST_ALIGNED]
 
 
-def check_loops(model: Mechanism | None, groups: Sequence[LoopGroup], names: Sequence[str], stacklevel: int) -> bool:
+def check_loops(model: Mechanism | None, groups: Sequence[LoopGroup], names: Sequence[str], stacklevel: int) -> None:
     """Warn of loops that lock a motion by a small angle, and of poses that are nearly singular otherwise.
 
-    ``names`` are those of all joint coordinates. Without a ``model`` axes are not looked at. Returns whether there was
-    a warning.
+    ``names`` are those of all joint coordinates. Without a ``model`` axes are not looked at.
     """
-    warned = False
     small = [group for group in groups if group.retained < NEARLY_LOCKED]
     for k, group in enumerate(sorted(small, key=attrgetter("retained"))):
         text = None
@@ -113,19 +110,6 @@ def check_loops(model: Mechanism | None, groups: Sequence[LoopGroup], names: Seq
             )
         if text is not None:
             warnings.warn(text, NearSingularWarning, stacklevel=stacklevel)
-            warned = True
-    return warned
-
-
-def check_responses(equations: Equations, stacklevel: int) -> None:
-    """Warn of loops that leave a mechanism no degree of freedom, where all responses are exactly 0."""
-    loops = [name for group in equations.provenance.reduction.groups for name in group.joints]
-    if loops and not equations.dof and equations.inputs and equations.outputs and not equations.D.any():
-        warnings.warn(
-            f"model '{equations.name}' has no degree of freedom: the loops closed by {', '.join(loops[:LISTED])} lock "
-            f"all joints, and all responses are 0. If it is to move, free a direction of a joint in the loops, or "
-            f"correct the points and axes of their joints.", NearSingularWarning, stacklevel=stacklevel,
-        )  # fmt: skip
 
 
 def near_singular(group: LoopGroup) -> str:

@@ -104,4 +104,6 @@ def test_a_variant_that_is_nearly_singular_goes_through_the_decisions_of_a_singl
         assert_allclose(batch.M[i], single.M, rtol=1e-12)
         assert_allclose(batch.K[i], single.K, rtol=1e-12)
     with pytest.warns(mv.NearSingularWarning, match="^variant 2: .*nearly singular"):
+        model.linearize(values=values | {"j2.position.y": np.array([1.2, 1.25, 0.5 + 4e-6, 1.1])}, **words)
+    with pytest.raises(mv.SingularPoseError, match=r"^variant 2: independent: j0\.rz at a dead centre"):
         model.linearize(values=values | {"j2.position.y": np.array([1.2, 1.25, 0.5 + 1e-6, 1.1])}, **words)

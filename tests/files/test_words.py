@@ -1,6 +1,7 @@
 """The words of the files cover the calls of the model, and every type that a call asks for is one that is checked."""
 
 import inspect
+from dataclasses import fields
 
 import pytest
 
@@ -31,7 +32,7 @@ def test_types_are_known_and_no_word_is_called_type(kind):
 
 def test_words_of_parts_are_words_of_their_calls():
     for part, adder in ADDERS.items():
-        stated = {field.name for field in part.__dataclass_fields__.values() if not field.metadata.get("derived")}
+        stated = {field.name for field in fields(part) if not field.metadata.get("derived")}
         assert stated - {"name"} <= set(words(adder.removeprefix("add_")))
 
 

@@ -103,6 +103,7 @@ def test_linear_maps_and_patterns_are_sums():
     assert np.allclose(tied[1, simple], (2 * single[0] - 0.5 * single[2])[simple], rtol=1e-12)
 
 
+@pytest.mark.filterwarnings("ignore:axes out of line:mbsvib.errors.NearSingularWarning")
 def test_tilting_one_pin_of_a_planar_loop_has_no_derivative():
     system = planar(1, bodies=4, loops=1).linearize()
     names = list(system.parameters)
