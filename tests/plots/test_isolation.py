@@ -1,5 +1,7 @@
 """Figures of isolation show what the results hold."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -21,8 +23,7 @@ def test_transmissibility_and_compliance():
 
 
 def test_root_locus_and_front():
-    plant = isolation.actuated(active_strut(), "payload", "leg", directions="z")
-    locus = isolation.root_locus(plant, lambda g: isolation.force_feedback(plant, g), np.linspace(0.0, 300.0, 40))
+    plant, locus = isolation.actuated(active_strut(), "payload", "leg", directions="z"), _locus()
     figure = plots.root_locus(locus)
     assert figure.get_suptitle() == "IFF: least damping 0 % → 50 %\nat gain 141.4"
     dots = [line.get_xydata()[0] for line in figure.axes[0].lines
@@ -36,6 +37,7 @@ def test_root_locus_and_front():
     assert np.array_equal(figure.axes[0].lines[0].get_xdata(), front.price)
 
 
+@cache
 def _locus():
     plant = isolation.actuated(active_strut(), "payload", "leg", directions="z")
     return isolation.root_locus(plant, lambda g: isolation.force_feedback(plant, g), np.linspace(0.0, 300.0, 40))

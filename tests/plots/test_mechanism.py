@@ -7,6 +7,7 @@ from matplotlib.text import Text
 import mbsvib as mv
 from mbsvib.plots import mechanism, topology
 from mbsvib.plots._projection import axes_of
+from tests.support.sizes import few
 from tests.support.slow_cases import some
 
 
@@ -49,8 +50,8 @@ LIBRARY = ("quadruped", "stanford", "seven_r", "puma", "singular_beam", "stewart
 
 
 @pytest.mark.parametrize("dpi", some([60, 220], 60))
-@pytest.mark.parametrize("make", [*(getattr(mv.library, name) for name in LIBRARY), tree_of_26,
-                                  lambda: mv.library.tree(5)])  # fmt: skip
+@pytest.mark.parametrize("make", [*few((getattr(mv.library, name) for name in LIBRARY), 6), tree_of_26,
+                                  pytest.param(lambda: mv.library.tree(5), marks=pytest.mark.slow)])  # fmt: skip
 def test_names_overlap_nothing(make, dpi):
     figure = mechanism(make())
     figure.set_dpi(dpi)

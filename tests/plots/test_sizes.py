@@ -7,6 +7,7 @@ import mbsvib as mv
 from mbsvib import isolation, library, plots
 from mbsvib.campbell import campbell
 from mbsvib.plots import _style as style
+from tests.support.sizes import few
 
 SMALL = (4.0, 3.0)
 
@@ -50,7 +51,7 @@ def test_texts_shrink_with_the_figure_and_grow_back():
         np.testing.assert_allclose([text.get_fontsize() for text in labels], 8.5 * scale)
 
 
-@pytest.mark.parametrize("size", [None, SMALL, (12.0, 8.0)])
+@pytest.mark.parametrize("size", few([SMALL, None, (12.0, 8.0)], 1))
 def test_labels_of_axes_do_not_meet(size):
     system = library.stewart_isolator().linearize()
     for figure in (plots.modes(system), plots.energy(system), plots.mode_comparison(system, [9.0, 10.0, 11.0])):
@@ -61,7 +62,7 @@ def test_labels_of_axes_do_not_meet(size):
         assert all(within(figure, box) for box in boxes([*labels, *titles]))
 
 
-@pytest.mark.parametrize("size", [None, (12.0, 8.0)])
+@pytest.mark.parametrize("size", few([None, (12.0, 8.0)], 1))
 @pytest.mark.parametrize("model", [library.stewart_isolator, library.quadruped, library.cantilever])
 def test_the_legend_of_a_mechanism_is_within_the_figure(model, size):
     figure = drawn(plots.mechanism(model()), size)
