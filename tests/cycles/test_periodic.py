@@ -1,5 +1,7 @@
 """Linear periodic equations about cycles: closed forms, Mathieu's equation, and the equations of small motion."""
 
+from functools import cache
+
 import mpmath as mp
 import numpy as np
 import pytest
@@ -9,10 +11,12 @@ from scipy.special import mathieu_a, mathieu_b
 
 import mbsvib as mv
 from mbsvib import library
+from tests.support.sizes import few
 
 TURN = 2 * np.pi
 
 
+@cache
 def driven(n=96, speed=TURN, **words):
     return library.hoeken(**words).cycle("crank.rz", TURN * np.arange(n) / n, speed=speed)
 
@@ -148,7 +152,7 @@ def inertia(q):
         (rest, a, 0.1), (a, b, 0.25), (rest, b, 0.25)))  # fmt: skip
 
 
-@pytest.mark.parametrize("stiffness", [0.0, 2.0])
+@pytest.mark.parametrize("stiffness", few([2.0, 0.0], 1))
 def test_multipliers_against_the_nonlinear_motion(stiffness):
     """J q'' + J' q'^2 / 2 = tau(t) - k (q - W t), integrated over a turn from neighbouring starts."""
     slope = lambda q: (inertia(q + 1e-5) - inertia(q - 1e-5)) / 2e-5  # noqa: E731
