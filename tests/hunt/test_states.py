@@ -15,8 +15,6 @@ from tests.hunt.run import ON_PRINCIPLE
 from tests.hunt.skip import Skip
 from tests.hunt.states import CHECKS, States
 
-# by chance in random scenes
-pytestmark = pytest.mark.filterwarnings("ignore:axes out of line:mbsvib.errors.NearSingularWarning")
 FEW, MANY = (20011, 20017, 20021), range(20022, 20120)
 # Each comparison holds in so many of 100 scenes at least.
 COMPARED = 15
