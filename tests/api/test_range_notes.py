@@ -22,7 +22,7 @@ def test_others_tell_nothing():
     """Loops with other equations than the model's, systems of matrices, and larger mechanisms."""
     system = library.toggle(angle=0.01).linearize()
     space = mv.System.from_matrices(system.M, system.C, system.K)
-    tree = library.tree().linearize()
+    tree = library.tree(4).linearize()
     assert any(SENTENCE in text for text in tree.linear_range().sentences())
     for modes in (space.modes(), tree.modes()):
         assert not any(SENTENCE in note for note in modes.remarks())
