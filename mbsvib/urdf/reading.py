@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 AXIS = np.array((1.0, 0.0, 0.0))  # default axis of a joint in the format
+# Elements by which extensions of the format close loops; a simulator's own joints have a child.
+LOOPS = ("loop", "loop_joint", "constraint", "gazebo/joint[child]")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,6 +80,7 @@ def read(path: str | PathLike[str]) -> Robot:
                          f"xacro a.xacro > a.urdf") from error  # fmt: skip
     if top.tag != "robot":
         raise ModelError(f"{path}: the file's element is <{top.tag}>; expected <robot>, as URDF has it.")
+    _complete(top, path)
     links = {name: _link(element, name) for name, element in _named(top, "link", path).items()}
     joints = {name: _joint(element, name, links) for name, element in _named(top, "joint", path).items()}
     for joint in joints.values():
@@ -85,6 +88,20 @@ def read(path: str | PathLike[str]) -> Robot:
             raise ModelError(f"joint '{joint.name}': mimics '{joint.mimic.joint}', which is no joint."
                              f"{nearest(joint.mimic.joint, joints)}", element=joint.name, field="mimic")  # fmt: skip
     return Robot(top.get("name") or "robot", links, joints, _root(links, joints, path))
+
+
+def _complete(top: ElementTree.Element, path: str | PathLike[str]) -> None:
+    """Refuse what would be lost in silence: macros that are not expanded, and loops beside the tree."""
+    for element in top.iter():
+        tag = str(element.tag)
+        if tag.startswith("xacro:"):
+            raise ModelError(f"{path}: <{tag}> is not expanded. Expand the file first: xacro a.xacro > a.urdf",
+                             element=tag)  # fmt: skip
+    for element in (found for kind in LOOPS for found in top.findall(kind)):
+        name = element.get("name", "")
+        raise ModelError(f"{path}: <{element.tag}> {name!r} closes a loop; a URDF is read as a tree. Remove the "
+                         f"element from a copy of the file, load the copy, and close the loop by model.add_joint().",
+                         element=name)  # fmt: skip
 
 
 def _named(top: ElementTree.Element, kind: str, path: str | PathLike[str]) -> dict[str, ElementTree.Element]:
@@ -155,7 +172,7 @@ def _joint(element: ElementTree.Element, name: str, links: dict[str, Link]) -> H
     damping, friction = (float(_numbers(element.find("dynamics"), key, "0", 1, who)[0])
                          for key in ("damping", "friction"))  # fmt: skip
     follows, mimic = element.find("mimic"), None
-    if follows is not None:
+    if follows is not None and kind != "fixed":  # a fixed joint has no coordinate that could follow
         factor, offset = (_numbers(follows, key, value, 1, who)[0]
                           for key, value in (("multiplier", "1"), ("offset", "0")))  # fmt: skip
         mimic = Mimic(follows.get("joint", ""), float(factor), float(offset))

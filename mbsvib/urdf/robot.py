@@ -39,7 +39,8 @@ def load_urdf(
     ``JOINT.force``, and its motion as an output, ``JOINT.angle`` or ``JOINT.travel``. A spring-damper in a joint is the
     bushing ``JOINT.k``, z its axis. Joints that mimic others are coupled to them. A joint
     that has the name of a link becomes ``NAME.joint``. Shapes and limits are left, dry friction with a
-    ``LeftOutWarning``.
+    ``LeftOutWarning``; likewise a robot is reported in which nothing with a mass moves. Loops are refused: close
+    them with ``Model.add_joint`` after loading.
 
     Parameters
     ----------
@@ -69,7 +70,7 @@ def load_urdf(
     Raises
     ------
     ModelError
-        If the file is no URDF, or a name or value is refused.
+        If the file is no URDF, is not expanded or has loops, or a name or value is refused.
     """
     robot = read(path)
     _known("pose", pose or {}, robot)
@@ -79,6 +80,10 @@ def load_urdf(
     for group in dict.fromkeys(groups.values()):
         if group.name != GROUND:
             group.add(model)
+    if not any(group.mass for group in groups.values() if group.name != GROUND):
+        way = "give the links <inertial> elements" if floating or model.bodies else "pass floating=True"
+        warnings.warn(f"{path}: nothing with a mass moves: {len(robot.links)} links, {len(model.bodies)} bodies. Check "
+                      f"the file, or {way}.", LeftOutWarning, stacklevel=2)  # fmt: skip
     labels = {name: f"{name}.joint" if name in model.bodies else name for name in robot.joints}
     for joint in robot.joints.values():
         if joint.kind != "fixed":

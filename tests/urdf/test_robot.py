@@ -255,3 +255,34 @@ def test_dry_friction_is_left_out_and_named(robot):
     with pytest.warns(mv.LeftOutWarning, match=r"left out: dry friction in 'j1', 'j2', .*'j8' and 1 more\."):
         model = mv.load_urdf(path)
     assert model.springs["j1.k"].damping[5] == 0.5
+
+
+@pytest.mark.parametrize(("element", "told"), [
+    ('<loop name="close"><link1 link="b"/></loop>', "<loop> 'close'"),
+    ('<loop_joint name="close" type="revolute"/>', "<loop_joint> 'close'"),
+    ('<constraint name="close" type="point"/>', "<constraint> 'close'"),
+    ('<gazebo><joint name="close" type="ball"><parent>a</parent><child>b</child></joint></gazebo>', "<joint> 'close'"),
+])  # fmt: skip
+def test_loops_beside_the_tree_are_refused(robot, element, told):
+    tree = link("a") + link("b", 1.0) + joint("j", "revolute", "a", "b")
+    with pytest.raises(mv.ModelError, match=f"{told} closes a loop.*add_joint"):
+        mv.load_urdf(robot(tree + element))
+    assert mv.load_urdf(robot(tree + '<gazebo reference="b"><mu1>0.2</mu1></gazebo>')).linearize().M.shape == (1, 1)
+
+
+def test_macros_that_are_not_expanded_are_refused(robot):
+    macro = '<xacro:arm xmlns:xacro="http://www.ros.org/wiki/xacro"/>'
+    with pytest.raises(mv.ModelError, match="<xacro:arm> is not expanded"):
+        mv.load_urdf(robot(link("a", 1.0) + macro), floating=True)
+
+
+@pytest.mark.parametrize(("mass", "floating", "way"), [(1.0, False, "floating=True"), (None, True, "inertial")])
+def test_robots_in_which_nothing_moves_are_reported(robot, mass, floating, way):
+    with pytest.warns(mv.LeftOutWarning, match=f"nothing with a mass moves: 1 links.*{way}"):
+        mv.load_urdf(robot(link("a", mass)), floating=floating)
+
+
+def test_a_fixed_joint_that_mimics_has_no_coordinate(robot):
+    tree = link("a") + link("b", 1.0) + link("c", 2.0) + joint("j", "prismatic", "a", "b")
+    follows = joint("f", "fixed", "b", "c", more='<mimic joint="j" multiplier="2" offset="0.1"/>')
+    np.testing.assert_allclose(mv.load_urdf(robot(tree + follows)).linearize().M, [[3.0]], rtol=1e-15)
