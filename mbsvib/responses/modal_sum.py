@@ -241,7 +241,7 @@ def _of_one_pole(c: Array, b: Array, ports: tuple[Array, Array]) -> Array:
     The sum is 0 if it is rounding. The basis is mass-normalised: entries of ``ports``, c and b in it, are known to
     rounding of their lengths, whatever the units.
     """
-    result = _outer(c, b)
+    result: Array = _outer(c, b)
     if not result.shape[1]:
         return result
     c_size, c_part = np.linalg.norm(ports[0], axis=1), np.linalg.norm(c, axis=1)
