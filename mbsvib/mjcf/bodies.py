@@ -43,7 +43,7 @@ def add_bodies(scene: Scene) -> None:
     scene.bodies = {i: group.name for i, group in groups.items()}
     for group in dict.fromkeys(groups.values()):
         if group is not groups[0]:
-            group.add(scene.model)
+            group.add(scene.model, file.path, 'Correct the file, or set <compiler balanceinertia="true"/>.')
     for i in range(1, m.nbody):
         if int(m.body_jntnum[i]):
             _add_joints(scene, i)

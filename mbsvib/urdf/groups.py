@@ -7,7 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.errors import ModelError
+
 if TYPE_CHECKING:
+    from os import PathLike
+
     from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
     from mbsvib.urdf.reading import Link
@@ -15,6 +19,9 @@ if TYPE_CHECKING:
 
 # Entries of symmetric tensors below this share of the largest one are rounding of rotated frames.
 ROUNDING = 1e-15
+# Share of the largest moment by which six printed digits can falsify a second moment of mass: half a unit of the last
+# digit is at most 5e-6 of an entry; a second moment sums three moments by halves, and products add as much again.
+PRINTED = 2e-5
 
 
 @dataclass(slots=True, eq=False)
@@ -35,8 +42,12 @@ class Group:
         self.mass += link.mass
         self.first += link.mass * self.links[-1][1]
 
-    def add(self, model: Model) -> None:
-        """Add the body that the links are together."""
+    def add(self, model: Model, path: str | PathLike[str], way: str, repair: bool = False) -> bool:
+        """Add the body that the links are together; return whether its inertia was far from possible and is repaired.
+
+        The second moments of mass E = tr(J) / 2 - J of a body are positive semidefinite. The nearest possible E has
+        zero for negative eigenvalues, and J = tr(E) - E. A refusal ends with ``way``, what to do.
+        """
         centre = self.first / self.mass if self.mass else self.links[0][1]
         tensor = np.zeros((3, 3))
         for link, at, inertia in self.links:
@@ -44,5 +55,16 @@ class Group:
             tensor += inertia + link.mass * ((arm @ arm) * np.eye(3) - np.outer(arm, arm))
         tensor = self.axes.T @ tensor @ self.axes
         tensor = 0.5 * (tensor + tensor.T)
+        values, vectors = np.linalg.eigh(0.5 * np.trace(tensor) * np.eye(3) - tensor)
+        impossible = bool(values[0] < -PRINTED * np.abs(tensor).max())
+        if impossible and not repair:
+            low, middle, high = np.linalg.eigvalsh(tensor)
+            raise ModelError(f"{path}: body '{self.name}': inertia has principal moments {low:.6g}, {middle:.6g}, "
+                             f"{high:.6g} kg m^2; none can be negative or exceed the sum of the other two. {way}",
+                             element=self.name, field="inertia")  # fmt: skip
+        if values[0] < 0.0:
+            second = (vectors * np.maximum(values, 0.0)) @ vectors.T
+            tensor = np.trace(second) * np.eye(3) - second
         tensor[np.abs(tensor) <= ROUNDING * np.abs(tensor).max()] = 0.0
         model.add_body(self.name, self.mass, tensor, centre, self.axes)
+        return impossible

@@ -10,7 +10,7 @@ import numpy as np
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
-from mbsvib.errors import LeftOutWarning, ModelError, nearest
+from mbsvib.errors import AccuracyWarning, LeftOutWarning, ModelError, nearest
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.urdf.groups import Group
 from mbsvib.urdf.reading import Hinge, Robot, read
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
 
 
+REPAIR = 'Correct the file, or take the nearest possible one by load_urdf(..., inertia="repair").'
 MOST_NAMES = 8  # joints that a warning lists
 # Joint of the model, and the direction along or about which its spring acts, by the joint of the file.
 KINDS = {"revolute": ("revolute", 5), "continuous": ("revolute", 5), "prismatic": ("prismatic", 2)}
@@ -31,6 +32,7 @@ KINDS = {"revolute": ("revolute", 5), "continuous": ("revolute", 5), "prismatic"
 def load_urdf(
     path: str | PathLike[str], *, pose: Mapping[str, float] | None = None, stiffness: Any = 0.0, damping: Any = None,
     tip: str | None = None, floating: bool = False, gravity: ArrayLike | None = None, name: str | None = None,
+    inertia: str = "as given",
 ) -> Model:  # fmt: skip
     """Read a robot from a URDF file, in a pose, with springs in its joints.
 
@@ -61,6 +63,9 @@ def load_urdf(
         As for a model. The pose has to be in balance with it: see ``Model.equilibrium``, or preload the bushings.
     name : str, optional
         Name of the model; default: the robot's.
+    inertia : {"as given", "repair"}
+        What is done with a body whose inertia no body can have: it is refused, or replaced by the nearest possible one
+        with an ``AccuracyWarning``. What rounding to six printed digits explains is always replaced, without a warning.
 
     Returns
     -------
@@ -72,15 +77,18 @@ def load_urdf(
     ModelError
         If the file is no URDF, is not expanded or has loops, or a name or value is refused.
     """
+    if inertia not in ("as given", "repair"):
+        raise ModelError(f'inertia = {inertia!r}; expected "as given" or "repair".', field="inertia")
     robot = read(path)
     _known("pose", pose or {}, robot)
     frames = _link_frames(robot, _positions(robot, pose or {}))
     model = Model(robot.name if name is None else name, gravity)
     groups = _groups(robot, frames, floating)
-    for group in dict.fromkeys(groups.values()):
-        if group.name != GROUND:
-            group.add(model)
-    if not any(group.mass for group in groups.values() if group.name != GROUND):
+    moving = [group for group in dict.fromkeys(groups.values()) if group.name != GROUND]
+    if repaired := [group.name for group in moving if group.add(model, path, REPAIR, inertia == "repair")]:
+        warnings.warn(f"{path}: no body can have the inertia of {', '.join(map(repr, repaired))}; the nearest possible "
+                      f"one is taken.", AccuracyWarning, stacklevel=2)  # fmt: skip
+    if not any(group.mass for group in moving):
         way = "give the links <inertial> elements" if floating or model.bodies else "pass floating=True"
         warnings.warn(f"{path}: nothing with a mass moves: {len(robot.links)} links, {len(model.bodies)} bodies. Check "
                       f"the file, or {way}.", LeftOutWarning, stacklevel=2)  # fmt: skip

@@ -286,3 +286,24 @@ def test_a_fixed_joint_that_mimics_has_no_coordinate(robot):
     tree = link("a") + link("b", 1.0) + link("c", 2.0) + joint("j", "prismatic", "a", "b")
     follows = joint("f", "fixed", "b", "c", more='<mimic joint="j" multiplier="2" offset="0.1"/>')
     np.testing.assert_allclose(mv.load_urdf(robot(tree + follows)).linearize().M, [[3.0]], rtol=1e-15)
+
+
+@pytest.mark.parametrize("inertia", [
+    (0.0123452, 0.0345676, 0.0469130, 0, 0, 0),  # a plate: the last moment is the sum, but for six digits
+    (-5e-20, 1e-3, 1e-3, 0, 0, 0),
+])  # fmt: skip
+def test_inertia_that_is_off_by_printed_digits_is_accepted(robot, inertia):
+    body = mv.load_urdf(robot(link("a", 1.0, inertia=inertia)), floating=True).bodies["a"]
+    np.testing.assert_allclose(body.inertia[:3], inertia[:3], rtol=2e-5, atol=1e-15)
+
+
+def test_inertia_that_no_body_has_is_refused_or_repaired(robot):
+    path = robot(link("a", 1.0, inertia=(1.0, 1.0, 3.0, 0, 0, 0)))
+    with pytest.raises(mv.ModelError, match=r"robot\.urdf: body 'a': inertia .* 1, 1, 3 .*inertia=\"repair\""):
+        mv.load_urdf(path, floating=True)
+    with pytest.warns(mv.AccuracyWarning, match=r"robot\.urdf: no body can have the inertia of 'a'"):
+        body = mv.load_urdf(path, floating=True, inertia="repair").bodies["a"]
+    # second moments (1.5, 1.5, -0.5) become (1.5, 1.5, 0)
+    np.testing.assert_allclose(body.inertia[:3], (1.5, 1.5, 3.0), rtol=1e-14)
+    with pytest.raises(mv.ModelError, match="expected \"as given\" or \"repair\""):
+        mv.load_urdf(path, inertia="guess")
