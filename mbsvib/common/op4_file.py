@@ -223,10 +223,10 @@ class _Binary:
             record = self.record()
             column, row, words = self.integers(record, 3)
             data = record[3 * self.word :]
+            if column > head.columns:  # its number is no entry, and writers count it as one word of eight bytes as well
+                return
             if column < 1 or row < 0 or words * self.word != len(data):
                 raise ContentError(f"a column that begins with {column}, {row}, {words} and has {len(data)} bytes")
-            if column > head.columns:
-                return
             if row:
                 yield column, row, self.numbers(data, dtype, head)
                 continue
