@@ -64,7 +64,8 @@ def _modal(basis: Basis, modal: Damped, b: Array, w: Array) -> Complex:
         eta = responses.refined_solutions(basis, modal, b, s)
         bad = np.flatnonzero(~np.isfinite(eta).all(axis=(0, 1)))
         eta[:, :, bad] = responses.direct_solutions(modal, b, w, bad)
-    flat = (modal.shapes @ eta.reshape(len(b), b.shape[1] * len(w)).view(float)).view(complex)
+    with np.errstate(invalid="ignore"):  # infinite at poles, which the caller refuses
+        flat = (modal.shapes @ eta.reshape(len(b), b.shape[1] * len(w)).view(float)).view(complex)
     return np.asarray(flat.reshape(len(modal.shapes), *eta.shape[1:]))
 
 
