@@ -16,7 +16,6 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from mbsvib.common.atomic_file import write_atomic
 from mbsvib.errors import ExportError, nearest
 
 SOURCE = Path(__file__).parent / "source"
@@ -142,6 +141,8 @@ def binary(name: str) -> bytes:
         content = build(name, Path(folder)).read_bytes()
     with suppress(OSError, ExportError):  # a cache that cannot be written costs time, not the export
         cached.parent.mkdir(parents=True, exist_ok=True)
+        from mbsvib.common.atomic_file import write_atomic  # needs numpy, which builds of wheels lack
+
         write_atomic(cached, lambda stream: stream.write(content))
     return content
 
