@@ -124,7 +124,7 @@ def near_singular(group: LoopGroup) -> str:
 def _by_an_angle(model: Mechanism, group: LoopGroup, names: Sequence[str]) -> str | None:
     """The words for loops that would be free with their axes in line; None where these would not be."""
     members = {*group.joints, *(name.rpartition(".")[0] for name in names)}
-    joints = [joint for joint in model.joints.values() if joint.name in members]
+    joints = [joint for joint in model.joints.values() if joint.name in members or not joint.freedom]
     if not len(joints) > 1 or len(names) > MOST_COORDINATES:
         return None
     bodies = {body for joint in joints for body in (joint.first, joint.second)}
@@ -135,7 +135,7 @@ def _by_an_angle(model: Mechanism, group: LoopGroup, names: Sequence[str]) -> st
         gravity=None, couplers=couplers, expansion=None), group.length)  # fmt: skip
     limit = max(RANK_FACTOR * group.noise, group.retained / RANK_GAP)
     freedom = len(group.columns) - group.rank
-    best = _aligned(loops, joints, limit, freedom)
+    best = _aligned(loops, joints, limit, freedom) if loops.freedom(limit) == freedom else None
     if best is None:
         return None
     aligned = loops.with_joints([joint for joint, _ in best])

@@ -50,7 +50,7 @@ class Magnitudes:
 
 def coordinate_units(statement: FiniteMotion, size: float) -> tuple[Array, Array]:
     """Return units (n,) of tree coordinates and (rows,) of closures: 1 rad, the size of the mechanism [m], and of a
-    mode the amplitude at which it moves a node by one of these.
+    mode the amplitude at which it moves a node by one of these, or has the mass of the nodes moved by one.
     """
     motion = statement.motion
     units, closures = motion.scales(size)
@@ -62,8 +62,10 @@ def coordinate_units(statement: FiniteMotion, size: float) -> tuple[Array, Array
 
 
 def _amplitude(block: ElasticBlock, mode: Array, size: float) -> float:
-    nodes = np.abs(mode[: 6 * len(block.elastic)]).reshape(-1, 2, 3) / np.array([[size], [1.0]])
-    return 1.0 / max(float(nodes.max(initial=0.0)), 1e-300)
+    units = np.tile([size, size, size, 1.0, 1.0, 1.0], len(block.points))
+    inertia = float(block.mass.diagonal()[: len(units)] @ units**2)
+    moved = float((np.abs(mode[: 6 * len(block.elastic)]) / units[: 6 * len(block.elastic)]).max(initial=0.0))
+    return 1.0 / max(moved, 1.0 / np.sqrt(inertia) if inertia > 0.0 else 0.0) if moved or inertia > 0.0 else 1.0
 
 
 def magnitudes(

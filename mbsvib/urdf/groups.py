@@ -55,6 +55,10 @@ class Group:
             tensor += inertia + link.mass * ((arm @ arm) * np.eye(3) - np.outer(arm, arm))
         tensor = self.axes.T @ tensor @ self.axes
         tensor = 0.5 * (tensor + tensor.T)
+        if not np.isfinite(tensor).all():
+            raise ModelError(f"{path}: body '{self.name}': its mass, inertia or distances are too large for numbers "
+                             f"of 64 bits: moment of inertia {np.abs(tensor).max():g} kg m^2. {way}", element=self.name,
+                             field="inertia")  # fmt: skip
         values, vectors = np.linalg.eigh(0.5 * np.trace(tensor) * np.eye(3) - tensor)
         impossible = bool(values[0] < -PRINTED * np.abs(tensor).max())
         if impossible and not repair:

@@ -82,3 +82,19 @@ def test_a_flat_four_bar_whose_axes_are_in_line_is_not_warned_of(lift):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert model.linearize().dof == 1
+
+
+def test_a_body_held_by_a_fixed_joint_is_in_the_loop():
+    """Without the fixed joint the loops had six more degrees of freedom, all of which an axis seemed to lock."""
+    model = four_bar("C", 1e-3)
+    split = mv.Model("split")
+    for name, body in model.bodies.items():
+        split.add_body(name, body.mass, body.inertia, body.position)
+    split.add_body("end", 0.1, (1e-3, 1e-3, 1e-3), (0.85, 0.6, 0.0))
+    split.add_joint("weld", "fixed", "coupler", "end", (0.85, 0.6, 0.0))
+    for name, joint in model.joints.items():
+        ends = ["end" if name == "C" and body == "coupler" else body for body in ENDS[name]]
+        axis = (np.sin(1e-3), 0, np.cos(1e-3)) if name == "C" else (0, 0, 1)
+        split.add_joint(name, "revolute", *ends, joint.position, axis=axis)
+    with pytest.warns(mv.NearSingularWarning, match=r"joint 'C' by 0\.001 rad .* 1 more degree of freedom"):
+        assert split.linearize(cut=["C"]).dof == 0

@@ -62,7 +62,7 @@ class Subject:
         with warnings.catch_warnings(record=True) as seen:
             warnings.simplefilter("error")
             warnings.simplefilter("always", mv.UndeterminedForceWarning)
-            warnings.filterwarnings("ignore", "axes out of line", mv.NearSingularWarning)  # by chance
+            warnings.filterwarnings("ignore", ".*(out of line|nearly redundant)", mv.NearSingularWarning)
             result = self.scene.model().linearize(method="dense")
         self.warned = " ".join(str(item.message) for item in seen)
         return result
