@@ -227,29 +227,6 @@ class SampledLoop(FeedbackLoop):
         check_decays(modes.eigenvalues, modes.errors * np.abs(modes.eigenvalues), self.name, "H2")
         return Norm(h2_norm(self.with_ports(outputs, inputs)))
 
-    def demanded(self, measured: Array) -> Array:
-        """Return the forces that the controllers demand at each sample, from rest.
-
-        Parameters
-        ----------
-        measured : array, shape (sensors, samples)
-            What the sensors would measure with open loops.
-
-        Returns
-        -------
-        array, shape (actuators, samples)
-            Forces.
-        """
-        a, b, c, d = self.discrete
-        plant, observed = self._mechanism, self._mechanism.outputs[self.ports[0]]
-        x, z, forces = np.zeros(len(plant.a)), np.zeros(len(a)), np.empty((len(d), measured.shape[1]))
-        for k, passive in enumerate(measured.T):
-            y = passive + observed @ x
-            forces[:, k] = c @ z + d @ y
-            z = a @ z + b @ y
-            x = plant.a @ x + plant.forces @ forces[:, k]
-        return forces
-
     def time_response(
         self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: None = None, outputs: Names = None,
         inputs: Names = None,
@@ -277,8 +254,8 @@ class SampledLoop(FeedbackLoop):
         Raises
         ------
         ResponseError
-            If times do not ascend, shapes do not match, the hold or a name is unknown, initial states are given, or an
-            unstable plant would leave no digits.
+            If times do not ascend, shapes do not match, the hold or a name is unknown, initial states are given, or
+            there are more than two million samples.
         """
         from mbsvib.feedback.sampled_time import time_response
 

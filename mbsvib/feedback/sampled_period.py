@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol, Self, TypeVar
 import numpy as np
 
 from mbsvib.feedback.held_mechanism import split_delay
-from mbsvib.linalg.balancing import scaled
+from mbsvib.linalg.balancing import column_units, scaled
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -37,6 +37,8 @@ class Period:
 
     ``sample`` (after, before) and ``measured`` (after, inputs): x+ = E x + F w at a sample; ``action`` (after, before);
     ``flow``, ``driven``, ``seen``, ``direct``: A, B, C, D between events. ``start``: number of the first force.
+    ``acting`` are the forces that act, between sample and action; before and after they are ``actuators`` places lower.
+    ``waiting`` and ``rest`` [s]: times between sample and action, and from there to the next sample.
     """
 
     sample: Array
@@ -48,14 +50,20 @@ class Period:
     direct: Array
     unit: Array
     start: int
+    acting: slice
     waiting: float
-    acting: float
+    rest: float
 
     @property
     def demand(self) -> tuple[Array, Array]:
         """Forces that the controllers demand at a sample, of the state (actuators, states), of the inputs."""
         forces = slice(self.start, self.start + len(self.unit))
         return self.sample[forces] * self.unit[:, None], self.measured[forces] * self.unit[:, None]
+
+    def after_action(self) -> tuple[Array, Array, Array]:
+        """Return A, B, C of the states after an action, which are those without demanded forces."""
+        kept = [*range(self.start), *range(self.start + len(self.unit), len(self.flow))]
+        return self.flow[np.ix_(kept, kept)], self.driven[kept], self.seen[:, kept]
 
     def composed(
         self, event: Callable[[Array, Array], S], motion: Callable[[Array, Array, Array, Array, float], S]
@@ -65,12 +73,10 @@ class Period:
         ``event`` takes E (after, before) and F (after, inputs) of x+ = E x + F w; ``motion`` takes A, B, C, D and the
         time [s] of x' = A x + B w, y = C x + D w.
         """
-        after = [*range(self.start), *range(self.start + len(self.unit), len(self.flow))]  # without demanded forces
         waiting = motion(self.flow, self.driven, self.seen, self.direct, self.waiting)
-        acting = motion(self.flow[np.ix_(after, after)], self.driven[after], self.seen[:, after], self.direct,
-                        self.acting)  # fmt: skip
+        rest = motion(*self.after_action(), self.direct, self.rest)
         action = event(self.action, np.zeros((len(self.action), self.driven.shape[1])))
-        return event(self.sample, self.measured).then(waiting).then(action).then(acting)
+        return event(self.sample, self.measured).then(waiting).then(action).then(rest)
 
 
 def period(loop: Sampled, shown: list[int], sources: list[int]) -> Period:
@@ -83,8 +89,7 @@ def period(loop: Sampled, shown: list[int], sources: list[int]) -> Period:
     delayed = m * (periods + 1)
     size = n + m + delayed + k
     last = slice(n + delayed, n + m + delayed)  # what acts
-    strength, fastest = np.abs(b[:, u]).max(axis=0, initial=0.0), float(np.abs(a).max(initial=0.0)) or loop.rate
-    unit = np.exp2(np.round(np.log2(fastest / np.where(strength > 0.0, strength, fastest))))
+    unit = column_units(b[:, u], float(np.abs(a).max(initial=0.0)) or loop.rate)
     # a sample: the forces demanded join the state, and the controller's states advance
     observed, direct = np.zeros((len(y), n + delayed + k)), space.D[np.ix_(y, sources)]
     observed[:, :n], observed[:, n + delayed - m : n + delayed] = c[y], space.D[np.ix_(y, u)] * unit
@@ -101,5 +106,5 @@ def period(loop: Sampled, shown: list[int], sources: list[int]) -> Period:
     flow, driven, seen = np.zeros((size, size)), np.zeros((size, len(sources))), np.zeros((len(shown), size))
     flow[:n, :n], flow[:n, last], driven[:n] = a, b[:, u] * unit, b[:, sources]
     seen[:, :n], seen[:, last] = c[shown], space.D[np.ix_(shown, u)] * unit
-    return Period(sample, measured, action, flow, driven, seen, space.D[np.ix_(shown, sources)], unit, n, remainder,
-                  1.0 / loop.rate - remainder)  # fmt: skip
+    return Period(sample, measured, action, flow, driven, seen, space.D[np.ix_(shown, sources)], unit, n, last,
+                  remainder, 1.0 / loop.rate - remainder)  # fmt: skip

@@ -55,6 +55,3 @@ class Sampled(Protocol):
     @property
     def discrete(self) -> tuple[Array, Array, Array, Array]:
         """The controllers, z+ = A z + B y, u = C z + D y."""
-
-    def demanded(self, measured: Array) -> Array:
-        """Return the forces (actuators, samples) that the controllers demand."""

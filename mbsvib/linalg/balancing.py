@@ -52,6 +52,13 @@ def scaled(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
     return balanced(a, b, c, np.empty((0, len(a))))[:3]
 
 
+def column_units(b: Array, size: float) -> Array:
+    """Return powers of two (columns,) that give each column of a matrix times its own the ``size``; 1 of zeros."""
+    largest = np.abs(b).max(axis=0, initial=0.0)
+    used = largest > 0.0
+    return np.asarray(np.where(used, np.exp2(np.round(np.log2(size / np.where(used, largest, size)))), 1.0))
+
+
 def scaled_matrix(a: Array) -> Array:
     """Return T^-1 A T (n, n), T = diag(2^k) with k by ``matrix_exponents``, for eigenvalues."""
     power = matrix_exponents(a)

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.balancing import column_units
+
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
 
@@ -52,8 +54,7 @@ def first_order_hold(a: Array, b: Array, step: float) -> tuple[Array, Array, Arr
 
     n, i = b.shape
     # the size of inputs must not decide how often expm squares; powers of two round nothing
-    largest = np.abs(b).max(axis=0, initial=0.0)
-    scale = np.where(largest > 0.0, np.exp2(-np.round(np.log2(np.where(largest > 0.0, largest, 1.0)))), 1.0)
+    scale = column_units(b, 1.0)
     augmented = np.zeros((n + 2 * i, n + 2 * i))
     augmented[:n, :n], augmented[:n, n : n + i] = a * step, b * scale
     augmented[n : n + i, n + i :] = np.eye(i)

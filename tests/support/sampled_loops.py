@@ -41,3 +41,25 @@ def response(plant, law, rate, delay, w, beside="1e-25"):
         value = g + g[:, :u] * forces * hold
         s_z = (mp.eye(u) - k * g_z) ** -1
         return tuple(np.array(m.tolist(), dtype=complex) for m in (value, s_z))
+
+
+def step_response(plant, law, rate, samples):
+    """Return the first state of x' = A x + B_u K y + B_w, y = C x, from rest at some samples.
+
+    By powers of the equations from sample to sample. ``plant``: A, B_u, C, B_w; ``law``: with one state, by Tustin's
+    rule.
+    """
+    with mpmath.workdps(DIGITS):
+        mp = mpmath
+        a, b, c, w = (mp.matrix(np.asarray(m, dtype=float).tolist()) for m in plant)
+        ak, bk, ck, dk = (mp.matrix(np.asarray(m, dtype=float).tolist()) for m in (law.A, law.B, law.C, law.D))
+        n, h, block = a.rows, 1 / mp.mpf(rate), mp.zeros(a.rows + 2)
+        block[:n, :n], block[:n, n], block[:n, n + 1] = a * h, b * h, w * h
+        whole, pole = mp.expm(block), 1 / (1 - h / 2 * ak[0, 0])
+        law_step = pole * (1 + h / 2 * ak[0, 0]), h * pole * bk, ck * pole, dk + h / 2 * ck * pole * bk
+        step = mp.zeros(n + 2)  # states, that of the controller, and the constant disturbance
+        step[:n, :n] = whole[:n, :n] + whole[:n, n] * law_step[3] * c
+        step[:n, n], step[:n, n + 1] = whole[:n, n] * law_step[2][0, 0], whole[:n, n + 1]
+        step[n, :n], step[n, n], step[n + 1, n + 1] = law_step[1] * c, law_step[0], mp.mpf(1)
+        start = mp.matrix([0] * (n + 1) + [1])
+        return np.array([float((step**k * start)[0]) for k in samples])
