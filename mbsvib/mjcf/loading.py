@@ -14,6 +14,7 @@ from mbsvib.errors import LeftOutWarning
 from mbsvib.mjcf import actuators, bodies, checking, tendons, ties
 from mbsvib.mjcf.compiled import Compiled, compiled
 from mbsvib.mjcf.scene import Scene
+from mbsvib.urdf.extensions import in_words
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
 
-MOST_NAMES = 8  # maximum number of names of each kind in a warning
 UNNAMED = "MuJoCo Model"  # MuJoCo's default name of a model
 
 
@@ -94,14 +94,8 @@ def load_mjcf(
     checking.compare(scene)
     checking.look_for_left(scene)
     if scene.remarks:
-        remarks_text = "; ".join(f"{remark} {_listed(names)}" for remark, names in scene.remarks.items())
-        warnings.warn(f"{path}: left out: {remarks_text}.", LeftOutWarning, stacklevel=2)
+        warnings.warn(f"{path}: left out: {in_words(scene.remarks)}.", LeftOutWarning, stacklevel=2)
     return model
-
-
-def _listed(names: list[str]) -> str:
-    more = len(names) - MOST_NAMES
-    return ", ".join(names[:MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
 
 
 def _name(file: Compiled) -> str:

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from mbsvib.urdf.reading import Link
 
 
-# Entries of symmetric tensors below this share of the largest one are rounding of rotated frames.
+# Entries of symmetric tensors below this share of the largest one are rounding of rotated frames, and moments below
+# this share of the mass times the squared distance of its centre are rounding of moved ones.
 ROUNDING = 1e-15
 # Share of the largest moment by which six printed digits can falsify a second moment of mass: half a unit of the last
 # digit is at most 5e-6 of an entry; a second moment sums three moments by halves, and products add as much again.
@@ -26,13 +27,22 @@ PRINTED = 2e-5
 
 @dataclass(slots=True, eq=False)
 class Group:
-    """Links that move as one: mass, first moment about the world's origin, and the axes of the first link."""
+    """Links that move as one: mass, first moment about the world's origin, and the axes of the first link.
+
+    ``rounding`` [kg m^2]: by how much printed decimals can falsify a second moment of mass.
+    """
 
     name: str
     mass: float = 0.0
+    rounding: float = 0.0
     first: Array = field(default_factory=lambda: np.zeros(3))
     links: list[tuple[Link, Array, Array]] = field(default_factory=list)
     axes: Array = field(default_factory=lambda: np.eye(3))
+
+    @property
+    def cancelled(self) -> float:
+        """Rounding [kg m^2] of moments that were moved to the centres of the links by subtraction."""
+        return ROUNDING * sum(link.mass * float(link.centre @ link.centre) for link, _, _ in self.links)
 
     def take(self, link: Link, origin: Array, axes: Array) -> None:
         """Add a link whose frame is at ``origin`` [m] with ``axes`` (columns), both in the world."""
@@ -40,6 +50,7 @@ class Group:
             self.axes = axes
         self.links.append((link, origin + axes @ link.centre, axes @ link.inertia @ axes.T))
         self.mass += link.mass
+        self.rounding += link.rounding
         self.first += link.mass * self.links[-1][1]
 
     def add(self, model: Model, path: str | PathLike[str], way: str, repair: bool = False) -> bool:
@@ -60,7 +71,8 @@ class Group:
                              f"of 64 bits: moment of inertia {np.abs(tensor).max():g} kg m^2. {way}", element=self.name,
                              field="inertia")  # fmt: skip
         values, vectors = np.linalg.eigh(0.5 * np.trace(tensor) * np.eye(3) - tensor)
-        impossible = bool(values[0] < -PRINTED * np.abs(tensor).max())
+        slack = PRINTED * np.abs(tensor).max() + self.rounding + self.cancelled
+        impossible = bool(values[0] < -slack)
         if impossible and not repair:
             low, middle, high = np.linalg.eigvalsh(tensor)
             raise ModelError(f"{path}: body '{self.name}': inertia has principal moments {low:.6g}, {middle:.6g}, "

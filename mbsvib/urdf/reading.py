@@ -2,38 +2,46 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import cos, sin
+from dataclasses import dataclass, replace
+from math import atan2, cos, sin
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common import arguments as check
 from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.common.number_text import real
 from mbsvib.common.xml_file import read_xml
 from mbsvib.errors import ModelError, nearest
+from mbsvib.urdf.extensions import left_out, refuse_macros
 
 if TYPE_CHECKING:
     from os import PathLike
     from xml.etree import ElementTree
 
     from mbsvib.common.arrays import Array
+    from mbsvib.urdf.extensions import Remarks
 
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 AXIS = np.array((1.0, 0.0, 0.0))  # default axis of a joint in the format
-# Elements by which extensions of the format close loops; a simulator's own joints have a child.
-LOOPS = ("loop", "loop_joint", "constraint", "gazebo/joint[child]")
+# Decimals from which on a number without exponent was printed with a fixed count of them, as "%f" does: its last digit
+# is rounded, however few digits that leaves of a small number.
+DECIMALS = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Link:
-    """A link: ``mass`` [kg], ``centre`` (3,) [m] and ``inertia`` (3, 3) [kg m^2] about it, in the link's axes."""
+    """A link: ``mass`` [kg], ``centre`` (3,) [m] and ``inertia`` (3, 3) [kg m^2] about it, in the link's axes.
+
+    ``rounding`` [kg m^2]: by how much rounding to the printed decimals can falsify a second moment of mass.
+    """
 
     name: str
     mass: float
     centre: Array
     inertia: Array
+    rounding: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,12 +71,15 @@ class Hinge:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Robot:
-    """All links and joints by name; ``root`` is the link that is not the child of a joint."""
+    """All links and joints by name; ``root`` is the link that is not the child of a joint; ``left`` names what was left
+    out.
+    """
 
     name: str
     links: dict[str, Link]
     joints: dict[str, Hinge]
     root: str
+    left: Remarks
 
 
 def read(path: str | PathLike[str]) -> Robot:
@@ -80,28 +91,49 @@ def read(path: str | PathLike[str]) -> Robot:
                          f"xacro a.xacro > a.urdf") from error  # fmt: skip
     if top.tag != "robot":
         raise ModelError(f"{path}: the file's element is <{top.tag}>; expected <robot>, as URDF has it.")
-    _complete(top, path)
-    links = {name: _link(element, name) for name, element in _named(top, "link", path).items()}
-    joints = {name: _joint(element, name, links) for name, element in _named(top, "joint", path).items()}
-    for joint in joints.values():
-        if joint.mimic is not None and joint.mimic.joint not in joints:
-            raise ModelError(f"joint '{joint.name}': mimics '{joint.mimic.joint}', which is no joint."
-                             f"{nearest(joint.mimic.joint, joints)}", element=joint.name, field="mimic")  # fmt: skip
-    return Robot(top.get("name") or "robot", links, joints, _root(links, joints, path))
+    refuse_macros(top, path)
+    links = {name: _link(element, name, path) for name, element in _named(top, "link", path).items()}
+    joints = {name: _joint(element, name, links, path) for name, element in _named(top, "joint", path).items()}
+    joints = {name: _held(joint, joints, path) for name, joint in joints.items()}
+    root = _root(links, joints, path)
+    return Robot(top.get("name") or "robot", links, joints, root, left_out(top, root, path))
 
 
-def _complete(top: ElementTree.Element, path: str | PathLike[str]) -> None:
-    """Refuse what would be lost in silence: macros that are not expanded, and loops beside the tree."""
-    for element in top.iter():
-        tag = str(element.tag)
-        if tag.startswith("xacro:"):
-            raise ModelError(f"{path}: <{tag}> is not expanded. Expand the file first: xacro a.xacro > a.urdf",
-                             element=tag)  # fmt: skip
-    for element in (found for kind in LOOPS for found in top.findall(kind)):
-        name = element.get("name", "")
-        raise ModelError(f"{path}: <{element.tag}> {name!r} closes a loop; a URDF is read as a tree. Remove the "
-                         f"element from a copy of the file, load the copy, and close the loop by model.add_joint().",
-                         element=name)  # fmt: skip
+def _held(joint: Hinge, joints: dict[str, Hinge], path: str | PathLike[str]) -> Hinge:
+    """The joint itself, or a fixed one where what it mimics, directly or not, is constant.
+
+    A fixed joint has the position 0, so that q = offset; so has a joint that mimics with the factor 0.
+    """
+    factor, offset, leader, chain = 1.0, 0.0, joint, [joint.name]
+    while leader.mimic is not None and factor != 0.0:
+        factor, offset = factor * leader.mimic.factor, offset + factor * leader.mimic.offset
+        target = leader.mimic.joint
+        if target not in joints:
+            raise ModelError(f"{path}: joint '{leader.name}': mimics '{target}', which is no joint."
+                             f"{nearest(target, joints)}", element=leader.name, field="mimic")  # fmt: skip
+        if target in chain:
+            raise ModelError(f"{path}: joint '{joint.name}': mimics itself in the end.",
+                             element=joint.name, field="mimic")  # fmt: skip
+        chain.append(target)
+        leader = joints[target]
+    for name in chain if len(chain) > 1 else ():
+        if joints[name].kind in ("floating", "planar"):
+            raise ModelError(f"{path}: joint '{joint.name}': mimics '{chain[1]}', but a {joints[name].kind} joint "
+                             f"('{name}') has no single position. Leave out the <mimic> in a copy of the file, and add "
+                             f"a coupler by model.add_coupler().", element=joint.name, field="mimic")  # fmt: skip
+    if joint.mimic is None or (factor != 0.0 and leader.kind != "fixed"):
+        return joint
+    at, axes = moved(joint, offset)
+    return replace(joint, kind="fixed", origin=at, axes=axes, mimic=None)
+
+
+def moved(joint: Hinge, q: float) -> tuple[Array, Array]:
+    """Position and axes of the child's frame in the parent's, at the position ``q`` [rad, m] of a joint."""
+    if joint.kind in ("revolute", "continuous"):
+        return joint.origin, joint.axes @ np.array(check.exponential(tuple(q * joint.axis)))
+    if joint.kind == "prismatic":
+        return joint.origin + q * (joint.axes @ joint.axis), joint.axes
+    return joint.origin, joint.axes
 
 
 def _named(top: ElementTree.Element, kind: str, path: str | PathLike[str]) -> dict[str, ElementTree.Element]:
@@ -116,11 +148,14 @@ def _named(top: ElementTree.Element, kind: str, path: str | PathLike[str]) -> di
 
 
 def _root(links: dict[str, Link], joints: dict[str, Hinge], path: str | PathLike[str]) -> str:
+    if not links:
+        raise ModelError(f"{path}: <robot> has no <link>. If xacro wrote the file, it calls no macro that makes some.",
+                         element=str(path))  # fmt: skip
     parents: dict[str, str] = {}
     for joint in joints.values():
         if joint.child in parents:
-            raise ModelError(f"link '{joint.child}': joints '{parents[joint.child]}' and '{joint.name}' both carry it; "
-                             f"a URDF is a tree. Close the loop by model.add_joint() afterwards.",
+            raise ModelError(f"{path}: link '{joint.child}': joints '{parents[joint.child]}' and '{joint.name}' both "
+                             f"carry it; a URDF is a tree. Close the loop by model.add_joint() afterwards.",
                              element=joint.child)  # fmt: skip
         parents[joint.child] = joint.name
     roots = [name for name in links if name not in parents]
@@ -140,21 +175,31 @@ def _root(links: dict[str, Link], joints: dict[str, Hinge], path: str | PathLike
     return roots[0]
 
 
-def _link(element: ElementTree.Element, name: str) -> Link:
-    inertial = element.find("inertial")
+def _link(element: ElementTree.Element, name: str, path: str | PathLike[str]) -> Link:
+    inertial, who = element.find("inertial"), f"{path}: link '{name}'"
     if inertial is None:
         return Link(name, 0.0, np.zeros(3), np.zeros((3, 3)))
-    centre, axes = _frame(inertial.find("origin"), f"link '{name}'")
-    mass = _numbers(inertial.find("mass"), "value", None, 1, f"link '{name}'")[0]
+    centre, axes = _frame(inertial.find("origin"), who, name)
+    mass = _numbers(inertial.find("mass"), "value", None, 1, who, name)[0]
     entries = inertial.find("inertia")
-    xx, xy, xz, yy, yz, zz = (_numbers(entries, key, "0", 1, f"link '{name}'")[0]
-                              for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))  # fmt: skip
-    tensor = np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
-    return Link(name, float(mass), centre, axes @ tensor @ axes.T)
+    tensor, rounding = np.zeros((3, 3)), np.zeros((3, 3))
+    for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"):
+        i, j = ("xyz".index(letter) for letter in key[1:])
+        tensor[i, j] = tensor[j, i] = _numbers(entries, key, "0", 1, who, name)[0]
+        rounding[i, j] = rounding[j, i] = _last_digit("0" if entries is None else entries.get(key, "0"))
+    off = 0.5 * np.trace(rounding) + rounding.sum(axis=1).max()  # of tr(J) / 2 - J
+    return Link(name, float(mass), centre, axes @ tensor @ axes.T, float(off))
 
 
-def _joint(element: ElementTree.Element, name: str, links: dict[str, Link]) -> Hinge:
-    who, kind = f"joint '{name}'", element.get("type", "")
+def _last_digit(text: str) -> float:
+    """Half a unit of the last decimal of a number printed with a fixed count of decimals; otherwise 0."""
+    decimals = text.strip().rpartition(".")[2]
+    fixed = "." in text and decimals.isdigit() and len(decimals) >= DECIMALS
+    return float(0.5 * 10.0 ** -len(decimals)) if fixed else 0.0
+
+
+def _joint(element: ElementTree.Element, name: str, links: dict[str, Link], path: str | PathLike[str]) -> Hinge:
+    who, kind = f"{path}: joint '{name}'", element.get("type", "")
     if kind not in KINDS:
         raise ModelError(f"{who}: type = {kind!r}; expected {', '.join(KINDS)}.", element=name, field="type")
     ends = []
@@ -164,26 +209,38 @@ def _joint(element: ElementTree.Element, name: str, links: dict[str, Link]) -> H
         if link not in links:
             raise ModelError(f"{who}: {role} = {link!r} is no link.{nearest(link, links)}", element=name, field=role)
         ends.append(link)
-    origin, axes = _frame(element.find("origin"), who)
+    origin, axes = _frame(element.find("origin"), who, name)
     axis_element = element.find("axis")
-    axis = AXIS if axis_element is None else _numbers(axis_element, "xyz", "1 0 0", 3, who)
+    axis = AXIS if axis_element is None else _numbers(axis_element, "xyz", "1 0 0", 3, who, name)
     if not np.any(axis) and kind in ("revolute", "continuous", "prismatic", "planar"):
         raise ModelError(f"{who}: axis = (0, 0, 0) is no direction.", element=name, field="axis")
-    damping, friction = (float(_numbers(element.find("dynamics"), key, "0", 1, who)[0])
+    damping, friction = (float(_numbers(element.find("dynamics"), key, "0", 1, who, name)[0])
                          for key in ("damping", "friction"))  # fmt: skip
     follows, mimic = element.find("mimic"), None
     if follows is not None and kind != "fixed":  # a fixed joint has no coordinate that could follow
-        factor, offset = (_numbers(follows, key, value, 1, who)[0]
+        factor, offset = (_numbers(follows, key, value, 1, who, name)[0]
                           for key, value in (("multiplier", "1"), ("offset", "0")))  # fmt: skip
         mimic = Mimic(follows.get("joint", ""), float(factor), float(offset))
     length = np.linalg.norm(axis) or 1.0
     return Hinge(name, kind, ends[0], ends[1], origin, axes, axis / length, damping, friction, mimic)
 
 
-def _frame(element: ElementTree.Element | None, who: str) -> tuple[Array, Array]:
-    """Position and axes of an origin: fixed-axis angles roll, pitch and yaw, R = Rz(yaw) Ry(pitch) Rx(roll)."""
-    at = _numbers(element, "xyz", "0 0 0", 3, who)
-    roll, pitch, yaw = _numbers(element, "rpy", "0 0 0", 3, who)
+def _frame(element: ElementTree.Element | None, who: str, name: str) -> tuple[Array, Array]:
+    """Position and axes of an origin: a quaternion, or fixed-axis angles roll, pitch and yaw, R = Rz(yaw) Ry(pitch)
+    Rx(roll).
+    """
+    at = _numbers(element, "xyz", "0 0 0", 3, who, name)
+    if element is not None and element.get("quat_xyzw") is not None:
+        if element.get("rpy") is not None:
+            raise ModelError(f"{who}: origin has both rpy and quat_xyzw; expected one of them.",
+                             element=name, field="origin")  # fmt: skip
+        quaternion = _numbers(element, "quat_xyzw", None, 4, who, name)
+        length = float(np.linalg.norm(quaternion[:3]))
+        if not quaternion.any():
+            raise ModelError(f"{who}: quat_xyzw = (0, 0, 0, 0) is no rotation.", element=name, field="quat_xyzw")
+        turn = 2.0 * atan2(length, quaternion[3]) / (length or 1.0) * quaternion[:3]
+        return at, np.array(check.exponential(tuple(turn)))
+    roll, pitch, yaw = _numbers(element, "rpy", "0 0 0", 3, who, name)
     cr, sr, cp, sp, cy, sy = cos(roll), sin(roll), cos(pitch), sin(pitch), cos(yaw), sin(yaw)
     axes = np.array(((cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
                      (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
@@ -191,7 +248,9 @@ def _frame(element: ElementTree.Element | None, who: str) -> tuple[Array, Array]
     return at, axes
 
 
-def _numbers(element: ElementTree.Element | None, key: str, default: str | None, count: int, who: str) -> Array:
+def _numbers(
+    element: ElementTree.Element | None, key: str, default: str | None, count: int, who: str, name: str,
+) -> Array:  # fmt: skip
     text = default if element is None else element.get(key, default)
     try:
         values = np.array([real(word) for word in (text or "").split()])
@@ -199,5 +258,5 @@ def _numbers(element: ElementTree.Element | None, key: str, default: str | None,
         values = np.zeros(0)
     if len(values) != count:
         raise ModelError(f"{who}: {key} = {text!r}; expected {count} finite number{'s' if count > 1 else ''}.",
-                         element=who, field=key)  # fmt: skip
+                         element=name, field=key)  # fmt: skip
     return values

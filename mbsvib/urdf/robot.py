@@ -10,10 +10,12 @@ import numpy as np
 
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
+from mbsvib.common.tables import listed
 from mbsvib.errors import AccuracyWarning, LeftOutWarning, ModelError, nearest
 from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.urdf.extensions import in_words
 from mbsvib.urdf.groups import Group
-from mbsvib.urdf.reading import Hinge, Robot, read
+from mbsvib.urdf.reading import Hinge, Robot, moved, read
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -24,7 +26,6 @@ if TYPE_CHECKING:
 
 
 REPAIR = 'Correct the file, or take the nearest possible one by load_urdf(..., inertia="repair").'
-MOST_NAMES = 8  # joints that a warning lists
 # Joint of the model, and the direction along or about which its spring acts, by the joint of the file.
 KINDS = {"revolute": ("revolute", 5), "continuous": ("revolute", 5), "prismatic": ("prismatic", 2)}
 
@@ -41,8 +42,9 @@ def load_urdf(
     ``JOINT.force``, and its motion as an output, ``JOINT.angle`` or ``JOINT.travel``. A spring-damper in a joint is the
     bushing ``JOINT.k``, z its axis. Joints that mimic others are coupled to them. A joint
     that has the name of a link becomes ``NAME.joint``. Shapes and limits are left, dry friction with a
-    ``LeftOutWarning``; likewise a robot is reported in which nothing with a mass moves. Loops are refused: close
-    them with ``Model.add_joint`` after loading.
+    ``LeftOutWarning``, as are springs of joints and other mechanics that simulators add; likewise a robot is reported
+    in which nothing with a mass moves. Elements that connect links beside the tree, such as loops, bushings and
+    tendons, are refused: add them to the model after loading. A joint that mimics a fixed one is held at its offset.
 
     Parameters
     ----------
@@ -65,7 +67,8 @@ def load_urdf(
         Name of the model; default: the robot's.
     inertia : {"as given", "repair"}
         What is done with a body whose inertia no body can have: it is refused, or replaced by the nearest possible one
-        with an ``AccuracyWarning``. What rounding to six printed digits explains is always replaced, without a warning.
+        with an ``AccuracyWarning``. What rounding to six printed digits, or to printed decimals as of ``%f``, explains
+        is always replaced. An ``AccuracyWarning`` names bodies of which such rounding leaves no digit of a moment.
 
     Returns
     -------
@@ -88,6 +91,10 @@ def load_urdf(
     if repaired := [group.name for group in moving if group.add(model, path, REPAIR, inertia == "repair")]:
         warnings.warn(f"{path}: no body can have the inertia of {', '.join(map(repr, repaired))}; the nearest possible "
                       f"one is taken.", AccuracyWarning, stacklevel=2)  # fmt: skip
+    if vague := [repr(group.name) for group in moving if group.mass and _is_vague(model, group)]:
+        warnings.warn(f"{path}: inertia is zero, or not larger than the rounding of its printed decimals: "
+                      f"{listed(vague)}. Motions that need it are inaccurate; write the moments with more digits, as "
+                      f"'%.9g' does.", AccuracyWarning, stacklevel=2)  # fmt: skip
     if not any(group.mass for group in moving):
         way = "give the links <inertial> elements" if floating or model.bodies else "pass floating=True"
         warnings.warn(f"{path}: nothing with a mass moves: {len(robot.links)} links, {len(model.bodies)} bodies. Check "
@@ -98,16 +105,22 @@ def load_urdf(
             _add(model, labels[joint.name], joint, groups, frames, _of(stiffness, joint, robot, "stiffness", 0.0),
                  _of(damping, joint, robot, "damping", joint.damping))  # fmt: skip
     for joint in robot.joints.values():
-        if joint.mimic is not None and joint.kind in KINDS:
+        if joint.mimic is not None:
             follower, leader = labels[joint.name], labels[joint.mimic.joint]
             model.add_coupler(f"{follower}.mimic", {follower: 1.0, leader: -joint.mimic.factor})
     if tip is not None:
         _add_tip(model, tip, groups, frames)
-    if rubbing := [name for name, joint in robot.joints.items() if joint.kind != "fixed" and joint.friction]:
-        more = f" and {len(rubbing) - MOST_NAMES} more" if len(rubbing) > MOST_NAMES else ""
-        warnings.warn(f"{path}: left out: dry friction in {', '.join(map(repr, rubbing[:MOST_NAMES]))}{more}.",
-                      LeftOutWarning, stacklevel=2)  # fmt: skip
+    rubbing = [repr(joint.name) for joint in robot.joints.values() if joint.kind != "fixed" and joint.friction]
+    if left := {**robot.left, **({"dry friction in": rubbing} if rubbing else {})}:
+        warnings.warn(f"{path}: left out: {in_words(left)}.", LeftOutWarning, stacklevel=2)
     return model
+
+
+def _is_vague(model: Model, group: Group) -> bool:
+    """Whether rounding leaves no digit of a principal moment of inertia, or all of them are zero."""
+    xx, yy, zz, xy, xz, yz = model.bodies[group.name].inertia
+    moments = np.linalg.eigvalsh(np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))))
+    return bool(moments[0] <= group.rounding if group.rounding else moments[2] <= group.cancelled)
 
 
 def _groups(robot: Robot, frames: dict[str, tuple[Array, Array]], floating: bool) -> dict[str, Group]:
@@ -129,13 +142,8 @@ def _positions(robot: Robot, pose: Mapping[str, float]) -> dict[str, float]:
     result: dict[str, float] = {}
     for name in robot.joints:
         factor, offset, leader = 1.0, 0.0, name
-        for _ in robot.joints:
-            mimic = robot.joints[leader].mimic
-            if mimic is None or leader in pose:
-                break
+        while leader not in pose and (mimic := robot.joints[leader].mimic) is not None:
             factor, offset, leader = factor * mimic.factor, offset + factor * mimic.offset, mimic.joint
-        else:
-            raise ModelError(f"joint '{name}': mimics itself in the end.", element=name, field="mimic")
         result[name] = offset + factor * check.number(pose.get(leader, 0.0), f"joint '{leader}'", "pose")
     return result
 
@@ -151,15 +159,12 @@ def _link_frames(robot: Robot, positions: dict[str, float]) -> dict[str, tuple[A
         link = stack.pop()
         origin, axes = frames[link]
         for joint in reversed(children.get(link, [])):
-            at, joint_axes, q = origin + axes @ joint.origin, axes @ joint.axes, positions[joint.name]
-            if joint.kind in ("revolute", "continuous"):
-                joint_axes = joint_axes @ np.array(check.exponential(tuple(q * joint.axis)))
-            elif joint.kind == "prismatic":
-                at = at + q * (joint_axes @ joint.axis)
-            elif q:
+            q = positions[joint.name]
+            if q and joint.kind not in KINDS:
                 raise ModelError(f"joint '{joint.name}': pose = {q:g}, but a {joint.kind} joint has no position of its "
                                  f"own.", element=joint.name, field="pose")  # fmt: skip
-            frames[joint.child] = (at, joint_axes)
+            at, joint_axes = moved(joint, q)
+            frames[joint.child] = (origin + axes @ at, axes @ joint_axes)
             stack.append(joint.child)
     return frames
 

@@ -1,5 +1,7 @@
 """Robots from URDF files against closed forms and the same robots built by hand."""
 
+import re
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +69,16 @@ def test_the_same_arm_by_denavit_and_hartenberg(robot):
     np.testing.assert_allclose(ours.B, other.B, atol=1e-14)
 
 
+def test_origins_turn_by_quaternions(robot):
+    """A turn of 2 atan(1/2) about (1, 2, 2) / 3, of which the axes are rational."""
+    words = link("base") + link("b", 1.0) + joint("j", "revolute", "base", "b", at='0 0 0" quat_xyzw="1 2 2 6')
+    path = robot(words.replace(' rpy="0 0 0"', ""))
+    turned = np.array(mv.load_urdf(path).joints["j"].axes)[:, 2]
+    np.testing.assert_allclose(turned, np.array((28, -4, 35)) / 45, atol=1e-15)
+    with pytest.raises(mv.ModelError, match=r"robot\.urdf: joint 'j': origin has both rpy and quat_xyzw"):
+        mv.load_urdf(robot(words))
+
+
 def test_fixed_joints_make_one_body(robot):
     path = robot(link("base") + link("foot", 5.0) + link("a", 2.0, "1 0 0") + link("b", 3.0, "0 0 0")
                  + joint("bolt", "fixed", "base", "foot", "0 0 -1")
@@ -97,6 +109,27 @@ def test_mimicking_joints_follow(robot):
     system = model.linearize()
     assert system.dof == 1
     np.testing.assert_allclose(system.modes().frequencies, [np.sqrt(10.0 / 5.0) / (2 * np.pi)], rtol=1e-14)
+
+
+def test_joints_that_mimic_what_is_constant_are_held(robot):
+    """Of a fixed joint q = offset, and with the factor 0 too: c hangs on b, 0.4 rad on, d on c, 0.1 + 2 * 0.4 m on."""
+    follows = '<mimic joint="{}" multiplier="{}" offset="{}"/>'
+    path = robot(link("base") + link("a", 1.0) + link("b", 1.0) + link("c", 1.0, "1 0 0") + link("d", 1.0)
+                 + joint("j", "prismatic", "base", "a") + joint("bolt", "fixed", "a", "b")
+                 + joint("e", "revolute", "b", "c", more=follows.format("bolt", 3, 0.4))
+                 + joint("f", "prismatic", "c", "d", axis="1 0 0", more=follows.format("e", 2, 0.1)))  # fmt: skip
+    model = mv.load_urdf(path, pose={"j": 0.5})
+    assert list(model.bodies) == ["a"]
+    turned = np.array((np.cos(0.4), np.sin(0.4), 0))
+    np.testing.assert_allclose(model.bodies["a"].position, (turned + 0.9 * turned) / 4 + (0, 0, 0.5), atol=1e-15)
+    path.write_text(path.read_text().replace('type="fixed"', 'type="revolute"').replace('multiplier="3"',
+                                                                                        'multiplier="0"'))  # fmt: skip
+    model = mv.load_urdf(path)
+    assert (list(model.bodies), list(model.joints)) == (["a", "b"], ["j", "bolt"])
+    path.write_text(path.read_text().replace('"bolt" type="revolute"', '"bolt" type="planar"')
+                    .replace('multiplier="0"', 'multiplier="3"'))  # fmt: skip
+    with pytest.raises(mv.ModelError, match=r"robot\.urdf: joint 'e': mimics 'bolt', but a planar joint"):
+        mv.load_urdf(path)
 
 
 @pytest.mark.parametrize("given", ["a", "b"])
@@ -206,6 +239,7 @@ def test_gears_carry_the_weight():
     (link("a") + link("b", 1.0) + joint("j", "revolute", "a", "b", more='<mimic joint="j"/>'), "mimics itself"),
     (link("a") + link("b", -1.0) + joint("j", "revolute", "a", "b"), "mass"),
     ("<link", "no XML"),
+    ("", r"robot\.urdf: <robot> has no <link>"),
 ])  # fmt: skip
 def test_faulty_files_are_told(robot, words, message):
     with pytest.raises(mv.ModelError, match=message):
@@ -257,17 +291,74 @@ def test_dry_friction_is_left_out_and_named(robot):
     assert model.springs["j1.k"].damping[5] == 0.5
 
 
-@pytest.mark.parametrize(("element", "told"), [
-    ('<loop name="close"><link1 link="b"/></loop>', "<loop> 'close'"),
-    ('<loop_joint name="close" type="revolute"/>', "<loop_joint> 'close'"),
-    ('<constraint name="close" type="point"/>', "<constraint> 'close'"),
-    ('<gazebo><joint name="close" type="ball"><parent>a</parent><child>b</child></joint></gazebo>', "<joint> 'close'"),
+TREE = link("a") + link("b", 1.0) + joint("j", "revolute", "a", "b")
+FIX = '<gazebo><joint name="f" type="fixed"><parent>world</parent><child>{}</child></joint></gazebo>'
+
+
+@pytest.mark.parametrize(("element", "told", "call"), [
+    ('<loop name="close"><link1 link="b"/></loop>', "<loop> 'close'", "add_joint"),
+    ('<loop_joint name="close" type="revolute"/>', "<loop_joint> 'close'", "add_joint"),
+    ('<constraint name="close" type="point"/>', "<constraint> 'close'", "add_joint"),
+    ('<drake:ball_constraint/>', "<drake:ball_constraint> ''", "add_joint"),
+    ('<d:Ball_Constraint xmlns:d="http://drake.mit.edu"/>', "<d:Ball_Constraint> ''", "add_joint"),
+    ('<drake:linear_bushing_rpy name="s"/>', "<drake:linear_bushing_rpy> 's'", "add_bushing"),
+    ('<drake:linear_spring_damper/>', "<drake:linear_spring_damper> ''", "add_spring"),
+    ('<force_element name="s"/>', "<force_element> 's'", "add_spring"),
+    ('<drake:tendon_constraint/>', "<drake:tendon_constraint> ''", "add_coupler"),
+    ('<mujoco><compiler/><equality><connect body1="a"/></equality></mujoco>', "<equality> ''", "add_joint"),
+    ('<drake:joint name="g" type="ball"/>', "<drake:joint> 'g'", "floating.*add_joint"),
+    ('<gazebo><joint name="close" type="ball"><child>b</child></joint></gazebo>', "<joint> 'close'", "add_joint"),
+    (FIX.format("b"), "<joint> 'f'", "add_joint"),
 ])  # fmt: skip
-def test_loops_beside_the_tree_are_refused(robot, element, told):
-    tree = link("a") + link("b", 1.0) + joint("j", "revolute", "a", "b")
-    with pytest.raises(mv.ModelError, match=f"{told} closes a loop.*add_joint"):
-        mv.load_urdf(robot(tree + element))
-    assert mv.load_urdf(robot(tree + '<gazebo reference="b"><mu1>0.2</mu1></gazebo>')).linearize().M.shape == (1, 1)
+def test_connections_beside_the_tree_are_refused(robot, element, told, call):
+    with pytest.raises(mv.ModelError, match=rf"robot\.urdf: {told} connects links beside the tree.*{call}"):
+        mv.load_urdf(robot(TREE + element))
+
+
+def test_links_of_simulators_are_refused(robot):
+    with pytest.raises(mv.ModelError, match=r"robot\.urdf: <model> 'm' adds links .* Write them as <link>"):
+        mv.load_urdf(robot(TREE + '<gazebo><model name="m"/></gazebo>'))
+
+
+@pytest.mark.parametrize("element", [
+    '<gazebo reference="b"><mu1>0.2</mu1><springStiffness>0</springStiffness><gravity>true</gravity></gazebo>',
+    '<gazebo><plugin name="p" filename="l.so"><spring>1</spring><joint>j</joint></plugin></gazebo>',
+    '<transmission name="t"><joint name="j"/><actuator name="m"><mechanicalReduction>9</mechanicalReduction></actuator>'
+    "</transmission>",
+    '<material name="m"/><mujoco><compiler fusestatic="false"/></mujoco><drake:collision_filter_group name="g"/>',
+    FIX.format("a"),  # the reader does the same
+])  # fmt: skip
+def test_elements_without_mechanics_are_ignored(robot, element):
+    assert mv.load_urdf(robot(TREE + element)).linearize().M.shape == (1, 1)
+
+
+@pytest.mark.parametrize(("element", "told"), [
+    ('<gazebo reference="j"><springStiffness>5</springStiffness></gazebo>', r"spring in 'j' \(<springStiffness> 5\)"),
+    ('<gazebo reference="b"><turnGravityOff>true</turnGravityOff></gazebo>', "no gravity on 'b'"),
+    ('<gazebo reference="b"><gravity>0</gravity></gazebo>', "no gravity on 'b'"),
+    ('<transmission name="t"><actuator name="m"><drake:rotor_inertia value="1e-4"/></actuator></transmission>',
+     "rotor inertia in 'm'"),
+    ('<flywheel name="f"/>', "<flywheel> 'f'"),
+    (link("c", 1.0).replace("</link>", "<inertial/></link>") + joint("k", "fixed", "b", "c"),
+     "all but the first <inertial> of 'c'"),
+    (link("c", 1.0) + joint("k", "revolute", "b", "c", more='<dynamics damping="1" stiffness="7"/>'),
+     r"stiffness of 'k' \(7\)"),
+    (link("c", 1.0) + joint("k", "revolute", "b", "c", more='<spring stiffness="7"/>'), "<spring> of 'k'"),
+])  # fmt: skip
+def test_mechanics_that_are_not_read_are_named(robot, element, told):
+    with pytest.warns(mv.LeftOutWarning, match=rf"robot\.urdf: left out: {told}"):
+        mv.load_urdf(robot(TREE + element))
+
+
+@pytest.mark.parametrize("attribute", ["${mass}", "$(arg mass)"])
+def test_values_that_are_not_expanded_are_refused(robot, attribute):
+    path = robot(link("a") + link("b", attribute) + joint("j", "revolute", "a", "b"))
+    told = rf"robot\.urdf: <mass value='{re.escape(attribute)}'> .*: xacro file\.urdf\.xacro > file\.urdf"
+    with pytest.raises(mv.ModelError, match=told):
+        mv.load_urdf(path)
+    path.write_text(path.read_text().replace(attribute, "1").replace('name="j"', 'name="${side}j"'))
+    with pytest.raises(mv.ModelError, match=r"<joint name='\${side}j'> has a macro"):
+        mv.load_urdf(path)
 
 
 def test_macros_that_are_not_expanded_are_refused(robot):
@@ -295,6 +386,32 @@ def test_a_fixed_joint_that_mimics_has_no_coordinate(robot):
 def test_inertia_that_is_off_by_printed_digits_is_accepted(robot, inertia):
     body = mv.load_urdf(robot(link("a", 1.0, inertia=inertia)), floating=True).bodies["a"]
     np.testing.assert_allclose(body.inertia[:3], inertia[:3], rtol=2e-5, atol=1e-15)
+
+
+def test_inertia_that_is_off_by_the_rounding_of_moved_axes_is_zero(robot):
+    """A public file has a mass with such moments: parallel axes, subtracted."""
+    path = robot(link("a", 0.526, "0 0 0.03045", inertia=("-5.42101e-20", "-5.42101e-20", 0, 0, 0, 0)))
+    with pytest.warns(mv.AccuracyWarning, match="inertia is zero"):
+        assert not any(mv.load_urdf(path, floating=True).bodies["a"].inertia)
+
+
+@pytest.mark.parametrize("moments", [(3.4e-6, 1.4e-6, 4.6e-6), (40.4e-6, 20.4e-6, 60.7e-6)])
+def test_inertia_that_is_off_by_printed_decimals_is_accepted(robot, moments):
+    """Decimals as of "%f" leave 3, 1, 5 of a possible body."""
+    inertia = [f"{moment:f}" for moment in (*moments, 0, 0, 0)]
+    vague = moments[0] < 1e-5
+    with pytest.warns(mv.AccuracyWarning, match="inertia is zero, or not larger .*: 'a'") if vague else nullcontext():
+        body = mv.load_urdf(robot(link("a", 1.0, inertia=inertia)), floating=True).bodies["a"]
+    np.testing.assert_allclose(body.inertia[:3], moments, atol=1.5e-6)
+    exact = [f"{moment:.9f}" for moment in (3e-6, 1e-6, 5e-6, 0, 0, 0)]
+    with pytest.raises(mv.ModelError, match="none can be negative"):
+        mv.load_urdf(robot(link("a", 1.0, inertia=exact)), floating=True)
+
+
+@pytest.mark.parametrize("zero", ["0", "0.000000", "0.0"])
+def test_masses_without_inertia_are_named(robot, zero):
+    with pytest.warns(mv.AccuracyWarning, match=r"robot\.urdf: inertia is zero.*: 'b'\. .* more digits"):
+        mv.load_urdf(robot(link("a") + link("b", 1.0, inertia=[zero] * 6) + joint("j", "revolute", "a", "b")))
 
 
 def test_inertia_that_no_body_has_is_refused_or_repaired(robot):
