@@ -39,6 +39,9 @@ class Tests:
 
         self.data = CoverageData(coverage_file)
         self.data.read()
+        if not any(self.data.measured_contexts()):
+            raise SystemExit(f"{coverage_file} does not say which test runs which line; expected --cov-context=test, "
+                             f"and --dist no with -n 0.")  # fmt: skip
         self.seconds, self.of_file = {}, defaultdict(list)
         for file in durations:
             for case in ElementTree.parse(file).iter("testcase"):

@@ -3,7 +3,7 @@
 import control
 import numpy as np
 import pytest
-from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.linalg import solve_continuous_lyapunov
 from scipy.optimize import linear_sum_assignment
 
 import mbsvib as mv
@@ -63,32 +63,48 @@ def test_poles_responses_and_norms(seed):
     np.testing.assert_allclose(loop.time_response(t, u), theirs, atol=1e-11 * np.abs(theirs).max())
 
 
-@pytest.mark.parametrize("seed", range(8))
-@pytest.mark.parametrize("gain", [0.5, 3.0, -3.0])
-def test_margins_of_one_loop(seed, gain):
-    system, (a, b, c), _ = plant(seed)
-    law = control.ss([[-5.0]], [[1.0]], [[40.0 * gain]], [[gain]])
-    loop = system.feedback(law, "v", "a")
-    if not loop.stable:
-        return
-    opened = -control.ss(a, b[:, :1], c[1:], [[0.0]]) * law
-    gains, phases, distances = control.stability_margins(opened, returnall=True)[:3]
-    gains = gains[gains < 1e12]  # crossings far away are rounding
-    margins = loop.margins()
-    assert margins.gain[0] == pytest.approx(gains[gains > 1.0].min(initial=np.inf), rel=1e-6)
-    assert margins.lower[0] == pytest.approx(gains[gains < 1.0].max(initial=0.0), rel=1e-6)
-    assert margins.phase[0] == pytest.approx(np.abs(phases).min(initial=np.inf), rel=1e-6)
-    assert margins.modulus_each[0] == pytest.approx(distances.min(initial=1.0), rel=1e-4)
+def opened(space, law, i):
+    """The loop gain at actuator i while the other one is closed, L = -K G, whose critical point is -1."""
+    a, b, c = space
+    j = 1 - i
+    inside = np.block([[a + b[:, [j]] @ law.D[[j]] @ c, b[:, [j]] @ law.C[[j]]], [law.B @ c, law.A]])
+    return -control.ss(inside, np.vstack((b[:, [i]], np.zeros((2, 1)))), np.hstack((law.D[[i]] @ c, law.C[[i]])), 0.0)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_poles_of_sampled_loops(seed):
-    system, (a, b, c), rng = plant(seed)
-    law = control.ss(-np.diag(rng.uniform(1, 30, 2)), *rng.normal(size=(3, 2, 2)), inputs=SENSORS, outputs=ACTUATORS)
-    step, n = 1 / 200.0, len(a)
-    block = np.zeros((n + 2, n + 2))
-    block[:n, :n], block[:n, n:] = a, b[:, :2]
-    held = expm(block * step)
-    discrete = control.c2d(law, step, "tustin")
-    exact = np.linalg.eigvals(closed((held[:n, :n], held[:n, n:], c), discrete))
-    assert distance(np.exp(step * system.feedback(law).sampled(200.0).poles()), exact) < 1e-11
+def first(values, at, without):
+    """The least of some values and where it is."""
+    return (values.min(), at[values.argmin()]) if len(values) else (without, np.nan)
+
+
+@pytest.mark.parametrize("seed", [16, 26, 36])
+def test_margins_of_each_loop(seed):
+    """Up to four limits of the gain on each side of 1, and phases of both signs at up to six crossings."""
+    system, space, rng = plant(seed)
+    strength = np.array([3.0, 30.0, 30.0])[:, None, None]
+    law = control.ss(-np.diag(rng.uniform(1, 30, 2)), *rng.normal(size=(3, 2, 2)) * strength, inputs=SENSORS,
+                     outputs=ACTUATORS)  # fmt: skip
+    got = system.feedback(law).margins()
+    w = np.geomspace(0.1, 1e3, 400)
+    for i in range(2):
+        gain = opened(space, law, i)
+        gains, phases, _, at_gains, at_phases, _ = control.stability_margins(gain, returnall=True)
+        at_gains, gains = at_gains[gains < 1e8], gains[gains < 1e8]  # crossings far away are rounding
+        lower, upper, late = gains < 1.0, gains > 1.0, np.mod(np.radians(phases), 2.0 * np.pi) / at_phases
+        least, at = first(-gains[lower], at_gains[lower], 0.0)
+        expected = np.array([
+            (-least, at), first(gains[upper], at_gains[upper], np.inf),
+            first(np.abs(phases), at_phases, np.inf), first(late, at_phases, np.inf)]).T  # fmt: skip
+        values = [(each[i], at[i]) for each, at in (
+            (got.lower, got.lower_at), (got.gain, got.gain_at), (got.phase, got.phase_at), (got.delay, got.delay_at))]
+        np.testing.assert_allclose(np.transpose(values), expected / [[1.0], [2.0 * np.pi]], rtol=1e-7, atol=1e-6)
+        nearest = np.abs(1.0 + gain(2j * np.pi * got.modulus_at[i]))
+        assert got.modulus_each[i] == pytest.approx(nearest, rel=1e-10)
+        assert nearest <= np.abs(1.0 + gain(1j * w)).min() * (1.0 + 1e-12)
+    a, b, c = space
+    all_gains = -law * control.ss(a, b[:, :2], c, np.zeros((2, 2)))
+
+    def distance(omega):
+        return np.linalg.svd(np.eye(2) + np.moveaxis(all_gains(1j * omega), 2, 0), compute_uv=False)[:, -1]
+
+    assert got.modulus == pytest.approx(distance(2.0 * np.pi * np.array([got.frequency]))[0], rel=1e-10)
+    assert got.modulus <= distance(w).min() * (1.0 + 1e-12)

@@ -1,9 +1,8 @@
-"""Norms, zeros and equations at the samples of sampled loops: closed forms, python-control, simulated covariances."""
+"""Norms and zeros of sampled loops: closed forms, slow limits and python-control."""
 
 import control
 import numpy as np
 import pytest
-from scipy.linalg import block_diag, expm, solve_discrete_lyapunov
 
 import mbsvib as mv
 from tests.feedback.test_closed_loops import slider
@@ -25,49 +24,6 @@ def test_h2_norm_of_an_integrator_in_closed_form(gain, rate):
     assert sampled.h2_norm().value == pytest.approx(exact**0.5, rel=1e-14 + 1e-16 / (gain * h))
 
 
-def covariances(sampled, steps):
-    """Mean square of the outputs: covariances propagated in steps from sample to sample, by the trapezoidal rule."""
-    space, (y, u) = sampled.plant.space, sampled.ports
-    rows, columns = ([names.index(name) for name in chosen] for names, chosen in
-                     ((space.outputs, sampled.outputs), (space.inputs, sampled.inputs)))  # fmt: skip
-    law = control.c2d(control.ss(*(getattr(sampled.law, part) for part in "ABCD")), 1 / sampled.rate, "tustin")
-    n, k, m, step = len(space.A), len(sampled.law.A), len(u), 1.0 / sampled.rate / steps
-    late = round(sampled.delay / step)
-    van_loan = expm(np.block([[-space.A, space.B[:, columns] @ space.B[:, columns].T],
-                              [np.zeros((n, n)), space.A.T]]) * step)  # fmt: skip
-    noise = van_loan[n:, n:].T @ van_loan[:n, n:]
-    held = expm(np.block([[space.A, space.B[:, u]], [np.zeros((m, n + m))]]) * step)[:n]
-    queue = late + 1  # forces on their way, one place a step; the last one acts
-    size = n + m * queue + k
-    sample, move = np.eye(size), np.zeros((size, size))
-    acts = slice(n + m * late, n + m * queue)
-    observed = np.zeros((len(y), size))
-    observed[:, :n], observed[:, acts] = space.C[y], space.D[np.ix_(y, u)]
-    sample[n + m * queue :] = law.B @ observed
-    sample[n + m * queue :, n + m * queue :] += law.A
-    sample[n : n + m] = law.D @ observed
-    sample[n : n + m, n + m * queue :] += law.C
-    move[:n, :n], move[:n, acts] = held[:, :n], held[:, n:]
-    move[n : n + m, n : n + m] = np.eye(m)  # a demand is held until the next one
-    move[n + m : n + m * queue, n : n + m * late] = np.eye(m * late)
-    move[n + m * queue :, n + m * queue :] = np.eye(k)
-    added = block_diag(noise, np.zeros((size - n, size - n)))
-    whole, total = sample, np.zeros((size, size))
-    for _ in range(steps):
-        whole, total = move @ whole, move @ total @ move.T + added
-    covariance = solve_discrete_lyapunov(whole, total)
-    mean, covariance = 0.0, sample @ covariance @ sample.T
-    for i in range(steps + 1):
-        mean += (0.5 if i in (0, steps) else 1.0) * np.sum(space.C[rows] @ covariance[:n, :n] * space.C[rows]) / steps
-        covariance = move @ covariance @ move.T + added
-    return mean**0.5
-
-
-@pytest.mark.parametrize(("rate", "delay"), [(200.0, 0.0), (200.0, 0.4), (100.0, 1.0), (400.0, 2.25)])
-def test_h2_norm_against_propagated_covariances(rate, delay):
-    sampled = loop().sampled(rate, delay / rate)
-    coarse, fine = (covariances(sampled, steps) for steps in (40, 80))
-    assert sampled.h2_norm().value == pytest.approx((4.0 * fine - coarse) / 3.0, rel=1e-7)
 
 
 def test_h2_norm_of_fast_samples_is_that_in_continuous_time():
@@ -108,21 +64,6 @@ def test_zeros_and_poles_against_python_control(delay):
         made, expected = (np.sort_complex(np.exp(values / rate)) for values in (zeros, exact))
         np.testing.assert_allclose(made, expected, atol=1e-8)
 
-
-@pytest.mark.parametrize("delay", [0.0, 0.4, 1.0, 2.25])
-def test_equations_at_the_samples_are_the_time_response(delay):
-    rate = 200.0
-    sampled = slider(800.0, 4.0).feedback(LAW, ["x", "a"], "F").sampled(rate, delay / rate)
-    loop = sampled.sample_to_sample
-    a, b, c, d = loop.A, loop.B, loop.C, loop.D
-    u = np.random.default_rng(5).normal(size=(b.shape[1], 40))
-    x, exact = np.zeros(len(a)), np.empty((len(c), 40))
-    for i, w in enumerate(u.T):
-        exact[:, i], x = c @ x + d @ w, a @ x + b @ w
-    response = sampled.time_response(np.arange(40) / rate, u, "zero")
-    assert len(loop.states) == len(a)
-    keep = [i for i, name in enumerate(sampled.outputs) if name != "a"]  # an acceleration jumps where a force begins
-    np.testing.assert_allclose(response[keep], exact[keep], atol=1e-9 * np.abs(exact[keep]).max())
 
 
 @pytest.mark.parametrize(("ask", "message"), [

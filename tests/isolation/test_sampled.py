@@ -1,11 +1,8 @@
-"""Sampled controllers: monodromy by steps of the exact solution, python-control, and slow limits."""
-
-from itertools import pairwise
+"""Sampled controllers of platforms: slow limits, and the sources of poles."""
 
 import control
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
 import mbsvib as mv
 from mbsvib import isolation, library
@@ -23,87 +20,7 @@ def loop(law=isolation.velocity_feedback, gain=GAIN):
     return p.with_gains(law(p, gain))
 
 
-def test_without_delay_against_python_control():
-    rate = 300.0
-    sampled = loop().sampled(rate)
-    k, c, m = 1.2e5, 60.0, 12.0
-    full = control.ss([[0, 1], [-k / m, -c / m]], [[0], [1 / m]], [[0, 1]], 0)
-    discrete = control.sample_system(full, 1 / rate, "zoh")
-    poles = np.log(control.feedback(discrete, GAIN).poles()) * rate
-    assert np.allclose(np.sort_complex(sampled.poles()), np.sort_complex(poles), rtol=1e-10)
 
-
-@pytest.mark.parametrize("delay", [0.0, 0.3, 1.0, 2.75])
-def test_delays_against_steps_of_the_exact_solution(delay):
-    rate, gain = 300.0, 700.0
-    sampled = loop(isolation.force_feedback, gain).sampled(rate, delay / rate)
-    space = sampled.plant.system.state_space("modal")
-    y, u = space.outputs.index("leg.tension"), space.inputs.index("leg.actuator")
-    period = 1.0 / rate
-    block = np.zeros((3, 3))
-    block[:2] = np.column_stack((space.A, space.B[:, u]))
-
-    def advance(x, force, time):
-        return (expm(block * time) @ np.append(x, force))[:2]
-
-    full = int(delay)
-    part = (delay - full) * period
-
-    def step(state):
-        x, z, last, queue = state[:2], state[2], state[3], list(state[4:])
-        # forces wait in the queue, the newest first; what acts when the sample is taken is ``last``
-        seen = space.C[y] @ x + space.D[y, u] * last
-        force = gain * (z + 0.5 * period * seen)  # Tustin's rule for gain / s
-        z = z + period * seen
-        queue = [force, *queue]
-        due = queue.pop()
-        if part:
-            x = advance(x, last, part)
-        x = advance(x, due, period - part)
-        return np.concatenate((x, [z, due], queue))
-
-    n = 4 + full
-    monodromy = np.column_stack([step(e) for e in np.eye(n)])
-    z = np.linalg.eigvals(monodromy)
-    z = z[np.abs(z) > 1e-8]
-    exact = np.log(z.astype(complex)) * rate
-    got = sampled.poles()
-    assert len(got) == len(exact)
-    assert np.allclose(np.sort_complex(np.exp(got * period)), np.sort_complex(np.exp(exact * period)), atol=1e-9)
-
-
-def test_frequency_response_is_that_of_the_stepped_loop():
-    rate, delay = 250.0, 0.0011
-    sampled = loop().sampled(rate, delay)
-    w = 2 * np.pi * 31.0  # its period is not a whole number of samples
-    g = sampled.frequency_response([w])
-    out, into = sampled.outputs.index("displacement.z"), sampled.inputs.index("load.z")
-    # by the exact states from sample to sample, forces as constants and a sine as its own oscillator
-    space = sampled.plant.system.state_space("modal")
-    y, u, d = (names.index(n) for names, n in ((space.outputs, "leg.rate"), (space.inputs, "leg.actuator"),
-                                               (space.outputs, "displacement.z")))  # fmt: skip
-    wide = np.zeros((5, 5))
-    wide[:2, :2], wide[:2, 2], wide[:2, 3] = space.A, space.B[:, u], space.B[:, space.inputs.index("load.z")]
-    wide[3:, 3:] = [[0, w], [-w, 0]]
-    cut = np.array([0.0, delay, 1.0 / rate])
-    parts, x, last = 12, np.array([0.0, 0.0, 0.0, 0.0, 1.0]), 0.0
-    total, count = 0.0, 4000
-    steps = [(expm(wide * (b - a) / parts), (b - a) / parts, a) for a, b in pairwise(cut)]
-    for i in range(count):
-        x[2] = last
-        force = -GAIN * float(space.C[y] @ x[:2])
-        for half, (turn, h, start) in enumerate(steps):
-            x[2] = last if half == 0 else force
-            for j in range(parts):
-                if i >= count // 2:
-                    t = i / rate + start + j * h
-                    # the middle of each step
-                    total += h * (space.C[d] @ x[:2]) * np.exp(-1j * w * t)
-                x = turn @ x
-        last = force
-    time = (count - count // 2) / rate
-    amplitude = 2j * total / time
-    assert amplitude == pytest.approx(g[out, into, 0], rel=2e-2)
 
 
 def test_fast_sampling_is_the_continuous_law():

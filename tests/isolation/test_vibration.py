@@ -59,10 +59,12 @@ def test_directions_of_one_source_add_as_amplitudes(phase):
     f, weights = np.polynomial.legendre.leggauss(400)
     f, weights = 252.5 + 247.5 * f, 247.5 * weights
     g = study.linear.frequency_response(2 * np.pi * f)
-    square = np.abs(g[:, x] * phase + 2 * g[:, y]) ** 2 * 1e-4 * f / 5 @ weights
+    density = np.abs(g[:, x] * phase + 2 * g[:, y]) ** 2 * 1e-4 * f / 5
     for leg, stroke in result.stroke.items():
-        expected = square[study.linear.outputs.index(f"{leg}.stroke")]
+        expected = density[study.linear.outputs.index(f"{leg}.stroke")] @ weights
         assert stroke**2 == pytest.approx(expected, rel=1e-8, abs=0)
+    rows = [study.linear.outputs.index(f"acceleration.{d}") for d in ("x", "y", "z", "rx", "ry", "rz")]
+    np.testing.assert_allclose(result.density(f), density[rows], rtol=1e-9, atol=1e-12 * density[rows].max())
 
 
 def test_moments_of_correlated_white_noise_in_closed_form():
