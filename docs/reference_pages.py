@@ -11,6 +11,7 @@ from pathlib import Path
 
 from mbsvib.cli._app import DESCRIPTION
 from mbsvib.cli._commands import HOMES, OPTIONS, command_of
+from mbsvib.cli._robots import ROBOTS
 from mbsvib.files import schema
 
 FOLDER = Path(__file__).parent / "pages" / "reference"
@@ -23,6 +24,13 @@ or a name that `mbsvib models` lists.
 
 Exit status: 0; 1 if a model is faulty or a check fails; 2 if the command line is wrong. Messages go to standard error,
 so that `--json` leaves nothing but JSON on standard output.
+"""
+ROBOTS_START = """\
+## Options of URDF and MJCF files
+
+Commands that take a MODEL take these options too, as in
+`mbsvib modes arm.urdf --stiffness 1e4 --stiffness lift=2e4 --pose lift=0.6`. They are arguments of
+[`load_urdf` and `load_mjcf`](models.md). An option that a file does not take is refused.
 """
 FILES_START = """\
 # Model files
@@ -59,6 +67,8 @@ def commands_page() -> str:
                 for one in command.arguments]  # fmt: skip
         usage = " ".join(["mbsvib", name, *words])
         parts += [f"## {name}\n\n`{usage}`\n\n{command.summary}\n", _table("Argument", rows)]
+    rows = [(_option(one), one.settings["help"]) for one in ROBOTS]
+    parts += [ROBOTS_START, _table("Option", rows)]
     parts += ["## Options of all commands\n", _table("Option", list(OPTIONS.items()))]
     return "\n".join(parts)
 

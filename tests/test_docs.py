@@ -3,6 +3,7 @@
 import ast
 import inspect
 import re
+import shlex
 import textwrap
 import tomllib
 from importlib import import_module
@@ -102,10 +103,11 @@ def test_names_in_the_table_of_terms_exist():
 def test_commands_work(tmp_path, monkeypatch):
     pytest.importorskip("plotly", reason="plotly is not installed (extra 'report')")
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.urdf").write_bytes((DOCS.parent / "examples" / "robots" / "arm.urdf").read_bytes())
     for page in PAGES:
         for block in re.findall(r"^```bash\n(.*?)^```$", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE):
             for line in block.splitlines():
-                result = invoke(line.split()[1:])
+                result = invoke(shlex.split(line)[1:])
                 assert result.exit_code == 0, line
 
 

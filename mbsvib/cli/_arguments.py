@@ -12,8 +12,15 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     # names in the model on the line
-    Named: TypeAlias = Literal["input", "output", "body", "parameter", "coordinate", "spring"]
+    Named: TypeAlias = Literal["input", "output", "body", "parameter", "coordinate", "spring", "joint"]
     Candidates: TypeAlias = Named | Literal["", "model", "file"] | tuple[str, ...]  # or these words
+
+
+class ModelFile(NamedTuple):
+    """A model on the command line: a path or a built-in name, and the options with which its file is read."""
+
+    word: str
+    options: dict[str, Any] = {}  # noqa: RUF012 (a default that nothing changes)
 
 
 class Argument(NamedTuple):
@@ -39,6 +46,11 @@ class Command(NamedTuple):
 
     run: Callable[..., None]
     arguments: tuple[Argument, ...]
+
+    @property
+    def models(self) -> list[str]:
+        """The names of those arguments that are models."""
+        return [one.settings.get("dest", one.names[0]) for one in self.arguments if one.completes == "model"]
 
     @property
     def summary(self) -> str:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._arguments import JSON, Command, flag, number, option, positional
+from mbsvib.cli._arguments import JSON, Command, ModelFile, flag, number, option, positional
 from mbsvib.cli._lookup import system_of
 
 
 def check_export(
-    file: Path, model: str | None = None, limit: float = 1e-6, run: bool = False, as_json: bool = False
+    file: Path, model: ModelFile | None = None, limit: float = 1e-6, run: bool = False, as_json: bool = False
 ) -> None:
     """Read an export again and compare frequency response and poles with the model; exit status 1 if they differ."""
     import mbsvib_export as mx

@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbsvib.cli import _shell as shell
+from mbsvib.cli._arguments import ModelFile
 from mbsvib.cli._commands import HOMES, OPTIONS, command_of
 from mbsvib.cli._lookup import SUFFIXES, model_of
+from mbsvib.cli._robots import READERS, ROBOTS
 from mbsvib.errors import MbsvibError, nearest
 
 if TYPE_CHECKING:
@@ -71,9 +73,12 @@ def candidates(words: list[str]) -> list[str]:
     if before[0] in ("--install-completion", "--show-completion"):
         return _fitting(list(SCRIPTS), typed)
     try:
-        arguments = command_of(before[0]).arguments
+        command = command_of(before[0])
     except MbsvibError:
         return []
+    arguments = command.arguments
+    if command.models and any(word.lower().endswith(tuple(READERS)) for word in before):
+        arguments += ROBOTS
     by_name = {name: argument for argument in arguments for name in argument.names}
     awaited = by_name.get(before[-1])
     if awaited is not None and awaited.takes_value:
@@ -102,7 +107,7 @@ def _values(argument: Argument, before: list[str], typed: str, by_name: dict[str
     if not argument.completes or not positional:
         return []
     try:
-        return _fitting(_names(model_of(positional[0]), argument.completes), typed)
+        return _fitting(_names(model_of(ModelFile(positional[0])), argument.completes), typed)
     except (MbsvibError, OSError):  # a faulty model has no names; its commands say why
         return []
 
@@ -112,6 +117,8 @@ def _names(model: Model, kind: Named) -> list[str]:
         return list(model.parameters)
     if kind == "coordinate":
         return [f"{joint.name}.{direction}" for joint in model.joints.values() for direction, _ in joint.freedom]
+    if kind == "joint":
+        return [f"{name}=" for name in model.joints]
     if kind == "spring":
         return list(model.springs)
     if kind == "body":

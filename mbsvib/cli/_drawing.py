@@ -15,6 +15,7 @@ from mbsvib.cli._arguments import (
     MODEL,
     OUTPUTS,
     Command,
+    ModelFile,
     file_argument,
     flag,
     number,
@@ -39,7 +40,7 @@ MOTIONS = (".gif", ".mp4", ".html")
 
 
 def bode(
-    model: str, inputs: Names = None, outputs: Names = None, first: Limit = None, last: Limit = None,
+    model: ModelFile, inputs: Names = None, outputs: Names = None, first: Limit = None, last: Limit = None,
     decibels: bool = False, file: Path | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
     """Draw a Bode plot into a file (default: NAME-bode.png)."""
@@ -50,7 +51,7 @@ def bode(
 
 
 def nyquist(
-    model: str, inputs: Names = None, outputs: Names = None, first: Limit = None, last: Limit = None,
+    model: ModelFile, inputs: Names = None, outputs: Names = None, first: Limit = None, last: Limit = None,
     file: Path | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
     """Draw frequency responses in the complex plane into a file (default: NAME-nyquist.png)."""
@@ -60,7 +61,7 @@ def nyquist(
 
 
 def sigma(
-    model: str, inputs: Names = None, outputs: Names = None, first: Limit = None, last: Limit = None,
+    model: ModelFile, inputs: Names = None, outputs: Names = None, first: Limit = None, last: Limit = None,
     file: Path | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
     """Draw the singular values of the frequency response into a file (default: NAME-sigma.png)."""
@@ -88,7 +89,7 @@ def sigma(
 
 
 def step(
-    model: str, inputs: Names = None, outputs: Names = None, duration: Limit = None, file: Path | None = None,
+    model: ModelFile, inputs: Names = None, outputs: Names = None, duration: Limit = None, file: Path | None = None,
     as_json: bool = False,
 ) -> None:  # fmt: skip
     """Draw responses to unit steps into a file (default: NAME-step.png)."""
@@ -112,7 +113,7 @@ def step(
         deliver(figure, file or default_path(system.name, "step.png"), as_json, remark)
 
 
-def draw(model: str, view: str = "3-D", file: Path | None = None, as_json: bool = False) -> None:
+def draw(model: ModelFile, view: str = "3-D", file: Path | None = None, as_json: bool = False) -> None:
     """Draw the mechanism into a file (default: NAME-mechanism.png)."""
     check_format(file)
     source = model_of(model)
@@ -122,7 +123,9 @@ def draw(model: str, view: str = "3-D", file: Path | None = None, as_json: bool 
     shell.say_written(path, as_json)
 
 
-def animate(model: str, mode: int = 1, view: str = "3-D", file: Path | None = None, as_json: bool = False) -> None:
+def animate(
+    model: ModelFile, mode: int = 1, view: str = "3-D", file: Path | None = None, as_json: bool = False
+) -> None:
     """Write a mode in motion into a file (default: NAME-modeN.gif)."""
     if file is not None and file.suffix.lower() not in MOTIONS:
         raise shell.UsageProblem(f"'{file}': motions end in {', '.join(MOTIONS)}.")
@@ -135,7 +138,7 @@ def animate(model: str, mode: int = 1, view: str = "3-D", file: Path | None = No
 
 
 def _frequency_curves(
-    name: str, plot: Callable[..., Figure], model: str, inputs: Names, outputs: Names, span: tuple[Limit, Limit],
+    name: str, plot: Callable[..., Figure], model: ModelFile, inputs: Names, outputs: Names, span: tuple[Limit, Limit],
     file: Path | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Draw responses over frequency, or print them."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._arguments import INPUTS, JSON, MODEL, OUTPUTS, Command, file_argument, number, option
+from mbsvib.cli._arguments import INPUTS, JSON, MODEL, OUTPUTS, Command, ModelFile, file_argument, number, option
 from mbsvib.cli._lookup import model_of
 from mbsvib.errors import nearest
 
@@ -43,7 +43,7 @@ CHOICES = {
 
 
 def export(
-    model: str, file: Path, realization: str | None = None, step: float | None = None, method: str | None = None,
+    model: ModelFile, file: Path, realization: str | None = None, step: float | None = None, method: str | None = None,
     version: str | None = None, platforms: str | None = None, tunable: list[str] | None = None,
     inputs: list[str] | None = None, outputs: list[str] | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
@@ -63,7 +63,7 @@ def export(
             raise shell.UsageProblem(f"{name}: '{file}' has no such choice; give {name} with a file that ends in "
                                      f"{' or '.join(kinds)}.")  # fmt: skip
     source = model_of(model)
-    if file.exists() and Path(model).exists() and file.samefile(model):
+    if file.exists() and Path(model.word).exists() and file.samefile(model.word):
         raise shell.UsageProblem(f"'{file}' is the model itself, which would be overwritten; give another file by -o.")
     content = KINDS[suffix]
     if suffix == ".yaml":

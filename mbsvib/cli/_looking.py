@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._arguments import JSON, MODEL, Command, flag
+from mbsvib.cli._arguments import JSON, MODEL, Command, ModelFile, flag
 from mbsvib.cli._lookup import system_of
 
 
@@ -20,7 +20,7 @@ def models(as_json: bool = False) -> None:
     tables.show("Built-in models", [("name", "left"), ("what it is", "left")], rows, [note])
 
 
-def modes(model: str, as_csv: bool = False, as_json: bool = False) -> None:
+def modes(model: ModelFile, as_csv: bool = False, as_json: bool = False) -> None:
     """Print natural frequencies, damping ratios and what moves most in each mode."""
     if as_csv and as_json:
         raise shell.UsageProblem("modes: --csv and --json together; choose one of them.")
@@ -35,7 +35,7 @@ def modes(model: str, as_csv: bool = False, as_json: bool = False) -> None:
     tables.show(**result.table())
 
 
-def check(model: str, as_json: bool = False) -> None:
+def check(model: ModelFile, as_json: bool = False) -> None:
     """Load and linearize a model and explain what was found; exit status 1 if it is faulty."""
     system = system_of(model)
     if as_json:

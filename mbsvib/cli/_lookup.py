@@ -4,33 +4,38 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from mbsvib.cli._shell import UsageProblem
+from mbsvib.cli import _robots as robots
+from mbsvib.cli._shell import UsageProblem, complain
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from mbsvib.api.model import Model
     from mbsvib.api.system import System
+    from mbsvib.cli._arguments import ModelFile
 
 SUFFIXES = (".yaml", ".yml", ".json", ".xml", ".urdf")
 
 
-def model_of(word: str) -> Model:
+def model_of(source: ModelFile) -> Model:
     """Return the model of a file or of a name in the library.
 
-    ``word``: a path that ends in .yaml, .yml or .json, in .xml (MJCF or URDF) or .urdf, or a built-in name.
+    ``source``: a path that ends in .yaml, .yml or .json, in .xml (MJCF or URDF) or .urdf, or a built-in name; and
+    options of files that state less than a model.
     """
+    word = source.word
     path = Path(word)
     if path.suffix.lower() in SUFFIXES or path.is_file():
         if not path.is_file():
             candidates = [str(path.parent / file.name) for file in _models_in_folder(path)]
             raise UsageProblem(f"there is no file '{word}'.{nearest(word, candidates)}")
-        return _read(path)
+        return _read(path, source.options)
     from mbsvib import library
 
+    robots.refuse_others(word, "a built-in model", source.options, [])
     try:
         return library.build(word)
     except ModelError as error:
@@ -44,29 +49,39 @@ def model_of(word: str) -> Model:
         ) from error
 
 
-def _read(path: Path) -> Model:
+def _read(path: Path, options: Mapping[str, Any]) -> Model:
     """Read a file by its suffix; the root element of XML determines whether it is MJCF or URDF."""
     suffix = path.suffix.lower()
     if suffix == ".xml":
         from mbsvib.mjcf.kind import root_of
 
         suffix = ".urdf" if root_of(path) == "robot" else ".xml"
-    if suffix == ".xml":
-        from mbsvib.mjcf import load_mjcf
-
-        return load_mjcf(path)
-    if suffix == ".urdf":
-        from mbsvib.urdf import load_urdf
-
-        return load_urdf(path)
+    if suffix in robots.READERS:
+        with as_misuse(*_names_in(options)):
+            return robots.read(str(path), suffix, options)
     from mbsvib.files import load
 
+    robots.refuse_others(str(path), "a model file", options, [])
     return load(path)
 
 
-def system_of(word: str) -> System:
-    """Return the linear system of a model; raises as ``model_of`` does, and if it cannot be linearized."""
-    return model_of(word).linearize()
+def _names_in(options: Mapping[str, Any]) -> list[str]:
+    """The names of joints, links and others that options contain."""
+    values = [value if isinstance(value, (list, dict)) else [value] for value in options.values()]
+    return [name for names in values for name in names if isinstance(name, str)]
+
+
+def system_of(source: ModelFile) -> System:
+    """Return the linear system of a model; raises as ``model_of`` does, and if it cannot be linearized.
+
+    A robot whose joints nothing holds is remarked.
+    """
+    model = model_of(source)
+    if source.word.lower().endswith(tuple(robots.READERS)) and model.joints and model.gravity is None and not any(
+            any(part.stiffness) if isinstance(part.stiffness, tuple) else part.stiffness
+            for part in model.springs.values()):  # fmt: skip
+        complain(f"remark: no joint of {source.word} has stiffness; --stiffness gives it, --pose where the joints are.")
+    return model.linearize()
 
 
 @contextmanager

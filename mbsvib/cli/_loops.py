@@ -6,7 +6,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._arguments import INPUTS, JSON, MODEL, OUTPUTS, Command, file_argument, number, option, positional
+from mbsvib.cli._arguments import (
+    INPUTS,
+    JSON,
+    MODEL,
+    OUTPUTS,
+    Command,
+    ModelFile,
+    file_argument,
+    number,
+    option,
+    positional,
+)
 from mbsvib.cli._controllers import FORMATS, read_controller
 from mbsvib.cli._figures import check_format, deliver
 from mbsvib.cli._lookup import ports, system_of
@@ -17,7 +28,7 @@ if TYPE_CHECKING:
 
 
 def loop(
-    model: str, controller: Path, sensors: list[str] | None = None, actuators: list[str] | None = None,
+    model: ModelFile, controller: Path, sensors: list[str] | None = None, actuators: list[str] | None = None,
     rate: float | None = None, delay: float = 0.0, inputs: list[str] | None = None, outputs: list[str] | None = None,
     file: Path | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip

@@ -6,7 +6,7 @@ from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._arguments import JSON, MODEL, Command, file_argument, flag, option, positional, whole_number
+from mbsvib.cli._arguments import JSON, MODEL, Command, ModelFile, file_argument, flag, option, positional, whole_number
 from mbsvib.cli._lookup import model_of
 from mbsvib.cli._ranges import range_of
 from mbsvib.errors import nearest
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from mbsvib.studies.results import Sweep
 
 
-def params(model: str, pattern: str = "*", as_json: bool = False) -> None:
+def params(model: ModelFile, pattern: str = "*", as_json: bool = False) -> None:
     """List the parameters of a model with values and units."""
     known = model_of(model).parameters
-    names = _fitting(pattern, known, model)
+    names = _fitting(pattern, known, model.word)
     if as_json:
         shell.say_json([{"name": name, "value": known[name], "unit": known.units[name]} for name in names])
         return
@@ -34,8 +34,9 @@ def params(model: str, pattern: str = "*", as_json: bool = False) -> None:
 
 
 def sweep(
-    model: str, ranges: list[str], modes: int = 6, log: bool = False, file: Path | None = None, as_json: bool = False
-) -> None:
+    model: ModelFile, ranges: list[str], modes: int = 6, log: bool = False, file: Path | None = None,
+    as_json: bool = False,
+) -> None:  # fmt: skip
     """Compute natural frequencies over one or more parameters."""
     from mbsvib import studies
     from mbsvib.cli._figures import FORMATS, deliver
@@ -51,7 +52,7 @@ def sweep(
         twice = next(name for k, (name, _) in enumerate(pairs) if name in [other for other, _ in pairs[:k]])
         raise shell.UsageProblem(f"'{twice}' is given twice; give one range for each parameter.")
     for name in values:
-        _fitting(name, source.parameters, model)
+        _fitting(name, source.parameters, model.word)
     count = min(modes, source.linearize().dof)
     result = studies.sweep(source, values, of={f"mode {k + 1} [Hz]": studies.frequency(k + 1) for k in range(count)})
     if as_json:

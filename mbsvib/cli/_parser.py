@@ -5,6 +5,8 @@ from __future__ import annotations
 from argparse import Action, ArgumentParser, HelpFormatter
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from mbsvib.cli._arguments import ModelFile
+from mbsvib.cli._robots import ROBOTS, given
 from mbsvib.cli._shell import UsageProblem
 from mbsvib.errors import nearest
 
@@ -21,11 +23,15 @@ class Parser(ArgumentParser):
 
     def __init__(self, name: str, command: Command) -> None:
         """Prepare a command's arguments."""
-        with_model = any(argument.completes == "model" for argument in command.arguments)
+        self._models = command.models
         super().__init__(f"mbsvib {name}", description=command.summary, allow_abbrev=False, add_help=False,
-                         formatter_class=Formatter, epilog=EPILOG if with_model else None)  # fmt: skip
+                         formatter_class=Formatter, epilog=EPILOG if self._models else None)  # fmt: skip
         for argument in command.arguments:
             self.add_argument(*argument.names, **argument.settings)
+        if self._models:
+            group = self.add_argument_group("options of URDF and MJCF files")
+            for argument in ROBOTS:
+                group.add_argument(*argument.names, **argument.settings)
         self.add_argument("--help", "-h", action="help", help="Show this message and exit.")
 
     def read(self, words: Sequence[str]) -> dict[str, Any]:
@@ -35,7 +41,9 @@ class Parser(ArgumentParser):
             known = [name for action in self._actions for name in action.option_strings]
             kind = "option" if rest[0].startswith("-") else "argument"
             self.error(f"there is no {kind} '{rest[0]}' here.{nearest(rest[0], known)}")
-        return vars(values)
+        result = vars(values)
+        options = given(result) if self._models else {}
+        return result | {name: ModelFile(result[name], options) for name in self._models if result[name] is not None}
 
     def error(self, message: str) -> NoReturn:
         """Raise the problem that argparse has met."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._arguments import INPUTS, JSON, MODEL, OUTPUTS, Command, file_argument, option
+from mbsvib.cli._arguments import INPUTS, JSON, MODEL, OUTPUTS, Command, ModelFile, file_argument, option
 from mbsvib.cli._lookup import model_of
 
 
 def report(
-    model: str, file: Path | None = None, inputs: list[str] | None = None, outputs: list[str] | None = None,
-    as_json: bool = False, compare: str | None = None,
+    model: ModelFile, file: Path | None = None, inputs: list[str] | None = None, outputs: list[str] | None = None,
+    as_json: bool = False, compare: ModelFile | None = None,
 ) -> None:  # fmt: skip
     """Write one page for a browser: the model in 3-D, its modes in motion, any Bode plot, topology, accuracy.
 
@@ -26,9 +26,9 @@ def report(
     if compare is None:
         write(source, path, outputs or None, inputs or None)
     else:
-        other, names = model_of(compare), (Path(model).stem, Path(compare).stem)
+        other, names = model_of(compare), (Path(model.word).stem, Path(compare.word).stem)
         write(source, path, outputs or None, inputs or None, compare=other,
-              names=names if names[0] != names[1] else (model, compare))  # fmt: skip
+              names=names if names[0] != names[1] else (model.word, compare.word))  # fmt: skip
     size = path.stat().st_size
     if as_json:
         shell.say_written(path, as_json, bytes=size)

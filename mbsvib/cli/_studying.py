@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._arguments import JSON, MODEL, Command, file_argument, number, option, positional
+from mbsvib.cli._arguments import JSON, MODEL, Command, ModelFile, file_argument, number, option, positional
 from mbsvib.cli._figures import check_format, deliver
 from mbsvib.cli._lookup import as_misuse, model_of
 from mbsvib.cli._ranges import range_of
@@ -20,7 +20,7 @@ LAWS = ("force", "velocity", "skyhook")
 
 
 def equilibrium(
-    model: str, preload: list[str] | None = None, file: Path | None = None, as_json: bool = False
+    model: ModelFile, preload: list[str] | None = None, file: Path | None = None, as_json: bool = False
 ) -> None:
     """Find the equilibrium of a mechanism under its loads."""
     result = model_of(model).equilibrium(preload or None, report=True)
@@ -40,7 +40,7 @@ def equilibrium(
 
 
 def path(
-    model: str, values: str, switch: int = 0, file: Path | None = None, as_json: bool = False
+    model: ModelFile, values: str, switch: int = 0, file: Path | None = None, as_json: bool = False
 ) -> None:
     """Follow the equilibria while a joint coordinate is led along values, with their stability."""
     check_format(file)
@@ -66,7 +66,7 @@ def path(
 
 
 def isolation(
-    model: str, body: str, base: str = "ground", feedback: str | None = None, gain: float | None = None,
+    model: ModelFile, body: str, base: str = "ground", feedback: str | None = None, gain: float | None = None,
     leak: float = 0.0, file: Path | None = None, as_json: bool = False,
 ) -> None:  # fmt: skip
     """Print how well a body is isolated from the motion of its base, also with feedback in its legs."""

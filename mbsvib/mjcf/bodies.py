@@ -16,6 +16,7 @@ from mbsvib.mjcf.scene import Link, Scene
 from mbsvib.mjcf.wheels import add_wheel
 from mbsvib.urdf.groups import Group
 from mbsvib.urdf.reading import Link as Mass
+from mbsvib.urdf.robot import ALL
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -86,7 +87,8 @@ def add_springs(scene: Scene, stiffness: Any, damping: Any) -> None:
             if name not in scalar and name in file.names("joint"):
                 raise ModelError(f"{field}: joint '{name}' is a ball or free joint; give hinges and slides only, and "
                                  f"model.add_bushing() afterwards.", element=name, field=field)  # fmt: skip
-            known(name, scalar, field, "hinge or slide")
+            if name != ALL:
+                known(name, scalar, field, "hinge or slide")
     for i, link in scene.links.items():
         name = file.name("joint", i)
         k, force = _file_stiffness(scene, i)
@@ -184,7 +186,7 @@ def _six(values: Array, direction: int) -> Array:
 
 def _option(value: Any, name: str, field: str) -> Any:
     if isinstance(value, Mapping):
-        value = value.get(name)
+        value = value.get(name, value.get(ALL))
     if value is None:
         return None
     return check.numbers(np.ravel(value).tolist(), (1, 6), f"joint '{name}'", field, "one number, or six")

@@ -66,7 +66,7 @@ class Compiled:
     def refuse(self, kind: str, i: int, reason: str, field: str | None = None) -> ModelError:
         """Build the error that names the file and the element."""
         name = self.name(kind, i)
-        advice = f" Leave it out by leave=[{name!r}]." if kind in LEAVABLE else ""
+        advice = f" Leave it out by leave=[{name!r}] (--leave)." if kind in LEAVABLE else ""
         return ModelError(f"{self.path}: {kind} '{name}': {reason}{advice}", element=name, field=field)
 
     def off(self, *flags: str) -> bool:

@@ -55,9 +55,9 @@ def load_mjcf(
         Controls of actuators in this pose; default: the keyframe's, or 0. Where an actuator has a state of its own,
         this is the state.
     stiffness : float, array-like of shape (6,), or mapping of str to these, optional
-        Of all hinges and slides, or by joint: one number about or along the axis [N m/rad, N/m]; six values x y z rx ry
-        rz, z along the axis, where bearings give way too. Such springs are without load in the pose. Default: what the
-        file says.
+        Of all hinges and slides, or by joint, "*" being all others: one number about or along the axis [N m/rad, N/m];
+        six values x y z rx ry rz, z along the axis, where bearings give way too. Such springs are without load in the
+        pose. Default: what the file says.
     damping : float, array-like of shape (6,), or mapping of str to these, optional
         Likewise [N m s/rad, N s/m]; default: as in the file.
     sites : iterable of str

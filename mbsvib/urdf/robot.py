@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
 
 
-REPAIR = 'Correct the file, or take the nearest possible one by load_urdf(..., inertia="repair").'
+REPAIR = 'Correct the file, or take the nearest possible one: load_urdf(..., inertia="repair"), or --inertia repair.'
+ALL = "*"  # key of a mapping by joint: all joints that it does not name
 # Joint of the model, and the direction along or about which its spring acts, by the joint of the file.
 KINDS = {"revolute": ("revolute", 5), "continuous": ("revolute", 5), "prismatic": ("prismatic", 2)}
 
@@ -53,8 +54,9 @@ def load_urdf(
     pose : mapping of str to float, optional
         Positions of joints [rad, m]; default: 0, or that of a mimic.
     stiffness : float, array-like of shape (6,), or mapping of str to these
-        Of all joints, or by joint: one number about or along the axis [N m/rad, N/m]; six values x y z rx ry rz, z
-        along the axis, where bearings give way too: the joint is then free in all directions, held by the bushing.
+        Of all joints, or by joint, "*" being all others: one number about or along the axis [N m/rad, N/m]; six values
+        x y z rx ry rz, z along the axis, where bearings give way too: the joint is then free in all directions, held by
+        the bushing.
     damping : float, array-like of shape (6,), or mapping of str to these, optional
         Likewise [N m s/rad, N s/m]; default: as in the file.
     tip : str, optional
@@ -96,7 +98,7 @@ def load_urdf(
                       f"{listed(vague)}. Motions that need it are inaccurate; write the moments with more digits, as "
                       f"'%.9g' does.", AccuracyWarning, stacklevel=2)  # fmt: skip
     if not any(group.mass for group in moving):
-        way = "give the links <inertial> elements" if floating or model.bodies else "pass floating=True"
+        way = "give the links <inertial> elements" if floating or model.bodies else "pass floating=True (--floating)"
         warnings.warn(f"{path}: nothing with a mass moves: {len(robot.links)} links, {len(model.bodies)} bodies. Check "
                       f"the file, or {way}.", LeftOutWarning, stacklevel=2)  # fmt: skip
     labels = {name: f"{name}.joint" if name in model.bodies else name for name in robot.joints}
@@ -222,7 +224,7 @@ def _of(value: Any, joint: Hinge, robot: Robot, field: str, default: float) -> A
     """One number or six for a joint."""
     if isinstance(value, Mapping):
         _known(field, value, robot)
-        value = value.get(joint.name)
+        value = value.get(joint.name, value.get(ALL))
     if value is None:
         return default
     values = check.numbers(np.ravel(value).tolist(), (1, 6), f"joint '{joint.name}'", field, "one number, or six")
@@ -232,6 +234,6 @@ def _of(value: Any, joint: Hinge, robot: Robot, field: str, default: float) -> A
 def _known(field: str, by_joint: Mapping[str, Any], robot: Robot) -> None:
     moving = [name for name, joint in robot.joints.items() if joint.kind != "fixed"]
     for name in by_joint:
-        if name not in moving:
+        if name not in moving and (name != ALL or field == "pose"):
             raise ModelError(f"{field}: {name!r} is no joint that moves.{nearest(str(name), moving)} There are "
                              f"{', '.join(moving)}.", element=str(name), field=field)  # fmt: skip

@@ -103,9 +103,9 @@ def test_errors_of_the_library_itself_are_not_hidden(run, monkeypatch):
 
 
 def test_warnings_are_messages(run, monkeypatch):
-    def warn(word):
+    def warn(model):
         warnings.warn("near a singular pose", NearSingularWarning, stacklevel=1)
-        return mv.library.build(word).linearize()
+        return mv.library.build(model.word).linearize()
 
     monkeypatch.setattr("mbsvib.cli._looking.system_of", warn)
     result = run("modes stewart")

@@ -7,6 +7,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.cli._commands import HOMES, command_of
+from mbsvib.cli._robots import ROBOTS
 from tests.cli.test_loops import LAW, NAMES
 
 LINES = {
@@ -27,6 +28,11 @@ def test_each_command_is_tried():
     assert set(LINES) == set(HOMES)
 
 
+def test_options_of_robots_are_no_command_s_own():
+    own = {argument.settings.get("dest") for name in HOMES for argument in command_of(name).arguments}
+    assert not own & {argument.settings["dest"] for argument in ROBOTS}
+
+
 @pytest.mark.parametrize("name", HOMES)
 def test_help_says_what_each_argument_is(run, name):
     result = run(f"{name} --help")
@@ -35,7 +41,7 @@ def test_help_says_what_each_argument_is(run, name):
     words = "".join(result.stdout.split())  # lines break at blanks and hyphens
     assert command.summary.replace(" ", "") in words
     assert command.summary.endswith(".") or command.summary.endswith(")")
-    for argument in command.arguments:
+    for argument in command.arguments + (ROBOTS if command.models else ()):
         assert argument.settings["help"].replace(" ", "") in words
         assert argument.names[0] in words or argument.settings["metavar"] in words
 

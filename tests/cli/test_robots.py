@@ -1,5 +1,7 @@
 """Files of other programs where commands take model files."""
 
+import json
+import math
 from pathlib import Path
 
 import pytest
@@ -30,3 +32,83 @@ def test_mjcf(run, tmp_path):
     (tmp_path / "pendulum.xml").write_text("<sdf/>", encoding="utf-8")
     result = run("modes pendulum.xml")
     assert (result.exit_code, "expected <mujoco>" in result.stderr) == (1, True)
+
+
+TWO_RODS = """<robot name="rods"><link name="base"/>
+<link name="a"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="2"/></inertial></link>
+<link name="b"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="2"/></inertial></link>
+<joint name="i" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/></joint>
+<joint name="j" type="prismatic"><parent link="base"/><child link="b"/><axis xyz="1 0 0"/></joint></robot>"""
+
+
+@pytest.fixture
+def rods(tmp_path):
+    """A wheel of 2 kg m^2 on joint i, a mass of 1 kg on the slide j."""
+    (tmp_path / "rods.urdf").write_text(TWO_RODS, encoding="utf-8")
+    return "rods.urdf"
+
+
+@pytest.mark.parametrize(("words", "expected"), [
+    ("--stiffness 8", (8 / 2, 8 / 1)),
+    ("--stiffness 8 --stiffness j=18", (8 / 2, 18 / 1)),
+    ("--stiffness i=8 --stiffness j=18", (8 / 2, 18 / 1)),
+    ("--stiffness=8 --pose j=-0.5 --damping 0 --damping i=0.1 --gravity=0,0,0", (8 / 2, 8 / 1)),
+    ("--stiffness i=8 --stiffness j=1e3,2e3,18,50,50,50", (8 / 2, 18 / 1, 50 / 2, 50 / 1, 50 / 1, 1e3 / 1, 2e3 / 1)),
+])  # fmt: skip
+def test_stiffness_of_joints(run, rods, words, expected):
+    result = run(f"modes {rods} {words} --json")
+    assert (result.exit_code, result.stderr) == (0, "")
+    squares = [(2 * math.pi * mode["natural_hz"]) ** 2 for mode in json.loads(result.stdout)["modes"]]
+    assert squares == pytest.approx(sorted(expected), rel=1e-12)
+
+
+def test_joints_without_stiffness_are_remarked(run, rods):
+    assert "remark: no joint of rods.urdf has stiffness; --stiffness gives it" in run(f"modes {rods}").stderr
+
+
+def test_options_reach_every_command(run, rods):
+    assert run(f"export {rods} --stiffness 8 --pose j=0.25 --floating -o rods.yaml").exit_code == 0
+    model = mv.load("rods.yaml")
+    assert model.springs["j.k"].stiffness[2] == 8.0
+    assert model.bodies["b"].position[0] == 0.25
+    assert "base" in model.bodies
+    held = run(f"equilibrium {rods} --stiffness 8 --gravity 2,0,0 --json")
+    assert json.loads(held.stdout)["displacements"]["b"][0] == pytest.approx(2.0 / 8.0)
+
+
+@pytest.mark.parametrize(("line", "told"), [
+    ("modes rods.urdf --keyframe home", "--keyframe: 'rods.urdf' is URDF, which .* for files of MJCF (.xml)."),
+    ("modes slider.yaml --stiffness 1", "--stiffness: 'slider.yaml' is a model file, .* URDF (.urdf) and MJCF (.xml)."),
+    ("modes stewart --floating", "--floating: 'stewart' is a built-in model, .* URDF (.urdf)."),
+    ("report rods.urdf --compare slider.yaml --stiffness 1", "--stiffness: 'slider.yaml' is a model file"),
+    ("modes rods.urdf --stiffness k=1", "stiffness: 'k' is no joint that moves."),
+    ("modes rods.urdf --pose k=1", "pose: 'k' is no joint that moves."),
+    ("modes rods.urdf --tip k", "tip = 'k' is no link."),
+    ("modes rods.urdf --stiffness j", "expected a number, or six with commas between, of all joints or as JOINT="),
+    ("modes rods.urdf --pose 1", "expected NAME=VALUE, such as elbow=0.5, and not '1'."),
+    ("modes rods.urdf --gravity 9.81", "expected X,Y,Z without blanks, such as 0,0,-9.81, and not '9.81'."),
+])  # fmt: skip
+def test_options_that_do_not_fit_are_refused(run, rods, line, told):
+    result = run(line)
+    assert result.exit_code == 2
+    first, _, last = told.partition(" .* ")
+    assert first in result.stderr
+    assert last in result.stderr
+
+
+def test_options_of_mjcf(run, tmp_path):
+    pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'mbsvib[mjcf]'")
+    (tmp_path / "pendulum.xml").write_text(PENDULUM.replace(' frictionloss="1"', ""), encoding="utf-8")
+    line = "modes pendulum.xml --gravity 0,0,0 --stiffness hinge=7 --pose hinge=0.3 --json"
+    (mode,) = json.loads(run(line).stdout)["modes"]
+    assert mode["natural_hz"] == pytest.approx(math.sqrt(7 / (0.03 + 2 * 0.4**2)) / (2 * math.pi), rel=1e-12)
+    assert "for files of URDF (.urdf)" in run("modes pendulum.xml --floating").stderr
+
+
+def test_options_are_completed(run, rods):
+    def candidates(*words):
+        return run(f"--complete {' '.join(words)}").stdout.split()
+
+    assert "--stiffness" in candidates("modes", rods, "--s")
+    assert candidates("modes", rods, "--stiffness", "i") == ["i="]
+    assert "--stiffness" not in candidates("modes", "stewart", "--s")
