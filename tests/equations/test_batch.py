@@ -361,18 +361,28 @@ def test_a_variant_with_more_freedom():
 
 @pytest.mark.parametrize("cut", ["nut", "pin"])
 def test_pitch_of_a_screw_in_a_loop(cut):
-    """A nut on a slider that a screw drives: x = pitch * angle, whichever joint is cut."""
+    """A slider without rotation on a screw: x = -pitch * angle of the screw, whichever joint is cut."""
     model = mv.Model("press")
     model.add_body("slider", 2.0, (1.0, 1.0, 1.0))
     model.add_body("shaft", 3.0, (1.0, 1.0, 0.5))
     model.add_joint("guide", "prismatic", "ground", "slider", axis=(0, 0, 1))
     model.add_joint("pin", "revolute", "ground", "shaft", (0, 0, 0), axis=(0, 0, 1))
     model.add_joint("nut", "screw", "shaft", "slider", (0, 0, 0), axis=(0, 0, 1), pitch=0.1)
-    model.add_bushing("k", "ground", "slider", (0, 0, 0), (0, 0, 100.0, 0, 0, 0))
+    model.add_bushing("k", "ground", "slider", (0, 0, 0), (0, 0, 100.0, 0, 0, 0), (0, 0, 3.0, 0, 0, 0))
+    model.add_bushing("t", "slider", "shaft", (0, 0, 0), (0, 0, 0, 0, 0, 5.0), (0, 0, 0, 0, 0, 0.7))
+    model.add_input("F", "slider", "z")
+    model.add_input("Mz", "shaft", "rz")
+    for name, quantity in (("angle", "displacement"), ("speed", "velocity"), ("spin-up", "acceleration")):
+        model.add_output(name, "shaft", "rz", quantity=quantity)
     pitch = np.array([0.1, 0.2, -0.3])
     batch = model.linearize(independent=["guide.z"], cut=[cut], values={"nut.pitch": pitch})
     assert batch.coordinates == ("guide.z",)
-    np.testing.assert_allclose(batch.M[:, 0, 0], 2.0 + 0.5 / pitch**2, rtol=1e-14)
+    for matrix, of_slider, of_shaft in ((batch.M, 2.0, 0.5), (batch.C, 3.0, 0.7), (batch.K, 100.0, 5.0)):
+        np.testing.assert_allclose(matrix[:, 0, 0], of_slider + of_shaft / pitch**2, rtol=1e-14)
+    np.testing.assert_allclose(batch.B[:, 0], np.stack((np.ones(3), -1.0 / pitch), axis=1), rtol=1e-14)
+    for row, matrix in enumerate((batch.Cq, batch.Cv, batch.Ca)):
+        np.testing.assert_allclose(matrix[:, row, 0], -1.0 / pitch, rtol=1e-14)
+        assert not np.delete(matrix, row, axis=1).any()
 
 
 def test_directions_of_a_bushing_come_and_go():

@@ -8,6 +8,7 @@ import threading
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import mbsvib as mv
 
@@ -126,15 +127,50 @@ def test_four_bar_turns_over_with_coordinates_chosen_anew():
     np.testing.assert_allclose(place, there.bodies["coupler"].position, atol=1e-11)
 
 
-def test_initial_values_follow_through_loops():
-    model = mv.library.four_bar()
-    run = model.simulate([0.0, 1e-3], initial={"A.rz": (0.2, 1.0)})
-    there = model.moved({"A.rz": 0.2})
-    rotation, shift = run.frames()["rocker"]
-    place = rotation[0] @ np.array(model.bodies["rocker"].position) + shift[0]
-    np.testing.assert_allclose(place, there.bodies["rocker"].position, atol=1e-11)
-    assert run.rates["A.rz"][0] == pytest.approx(1.0)
-    assert abs(run.rates["D.rz"][0]) > 0.05
+def bars(crank):
+    """Angles of the library's four-bar, B, C and D of A = ``crank``, from the pose as described on."""
+    path = np.concatenate((np.linspace(0.0, crank, 200), [crank - 1e-5, crank + 1e-5]))
+    a, b, c, d = 0.0, 0.2 + 0.25j, 1.05 + 0.65j, 1.2
+    tip = a + (b - a) * np.exp(-1j * path)  # the joints turn about y, from z to x
+    reach = np.abs(d - tip)
+    along = (np.abs(c - b) ** 2 - np.abs(c - d) ** 2 + reach**2) / (2.0 * reach)
+    knee = tip + (along + 1j * np.sqrt(np.abs(c - b) ** 2 - along**2)) * (d - tip) / reach
+    coupler, rocker = (-np.unwrap(np.angle(part / part[0])) for part in (knee - tip, knee - d))
+    angles = np.array([path, coupler - path, rocker - coupler, -rocker])
+    return angles[:, 199], (angles[:, 201] - angles[:, 200]) / 2e-5
+
+
+@pytest.mark.parametrize("crank", [2.5, -7.0])
+def test_initial_values_follow_through_loops(crank):
+    """As the crank is turned there from the pose as described, also by more than a whole turn."""
+    run = mv.library.four_bar().simulate([0.0, 1e-3], initial={"A.rz": (crank, -2.0)})
+    angles, rates = bars(crank)
+    names = ("A.rz", "B.rz", "C.rz", "D.rz")
+    np.testing.assert_allclose([run.coordinates[name][0] for name in names], angles, atol=1e-10)
+    np.testing.assert_allclose([run.rates[name][0] for name in names], -2.0 * rates, atol=1e-7)
+
+
+def test_rotation_vectors_of_a_ball_joint_and_their_rates():
+    """The vector turns one body against the other, beyond half a turn, and its rate is its slope."""
+    model = mv.Model("ball", gravity=(0, 0, -9.81))
+    model.add_body("arm", 2.0, (0.03, 0.02, 0.04), (0.2, 0.0, 0.0))
+    model.add_body("top", 1.0, (0.01, 0.02, 0.025), (0.5, 0.1, 0.2), orientation=(0.2, -0.4, 0.3))
+    model.add_joint("hinge", "revolute", "ground", "arm", (0, 0, 0), axis=(0, 1, 0.3))
+    model.add_joint("ball", "spherical", "arm", "top", (0.4, 0.1, 0.1), axis=(1, 2, -2))
+    h, names = 1e-3, ("ball.rx", "ball.ry", "ball.rz")
+    start = dict(zip(names, [(0.4, 3.0), (-0.3, 9.0), (0.5, -6.0)], strict=True))
+    t = (np.linspace(0.0, 0.6, 13)[1:, None] + h * np.arange(-2, 3)).ravel()
+    run = model.simulate(np.concatenate(([0.0], t)), initial=start, tolerance=1e-9)
+    vector, rate = (np.array([part[name] for name in names]) for part in (run.coordinates, run.rates))
+    np.testing.assert_allclose(np.transpose((vector[:, 0], rate[:, 0])), list(start.values()), atol=1e-12)
+    frames = run.frames()
+    turn = Rotation.from_matrix(frames["arm"][0].transpose(0, 2, 1) @ frames["top"][0])
+    axes = np.array(model.joints["ball"].axes)
+    np.testing.assert_allclose(turn.as_matrix(), Rotation.from_rotvec(vector.T @ axes.T).as_matrix(), atol=1e-9)
+    clusters = vector[:, 1:].reshape(3, -1, 5)
+    slope = clusters @ np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / (12.0 * h)
+    np.testing.assert_allclose(rate[:, 1:].reshape(3, -1, 5)[:, :, 2], slope, rtol=1e-5, atol=1e-5)
+    assert np.linalg.norm(vector, axis=0).max() > 1.5 * np.pi
 
 
 def test_pendulum_from_a_large_angle():
