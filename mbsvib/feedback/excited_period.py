@@ -12,20 +12,31 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mbsvib.common.memory import BATCH_BYTES
-from mbsvib.feedback.loop_rounding import check_poles
 from mbsvib.feedback.sampled_period import period
 from mbsvib.linalg.products import product
+from mbsvib.linalg.rank import ZERO_RESPONSE
 from mbsvib.linalg.spectrum import spectrum
 from mbsvib.responses.first_order_solver import first_order_solver
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.feedback.sampled_period import Period
     from mbsvib.feedback.sampled_plant import Sampled
+    from mbsvib.responses.first_order_solver import FirstOrderSolver
 
 # Integrals over times of at most this many radians and time constants, by Gauss's rule with so many nodes, are exact to
 # rounding.
 SHORT, NODES = 0.5, 8
+# A response is taken from a circle about its frequency if this lies closer to a pole on the unit circle, where the loop
+# may not decay but the response need not contain it: others lose digits to rounding there.
+BESIDE = 1e-6
+# So many points on a circle of this radius [rad in a period], or of this share of the distance of the next pole, which
+# leaves 4^-24 of the terms of the series.
+POINTS, RADIUS, APART = 24, 0.1, 0.25
 
 
 class Excited(NamedTuple):
@@ -46,7 +57,7 @@ class Excited(NamedTuple):
     def then(self, other: Excited) -> Excited:
         """Return both in a row."""
         before, after = self.base + self.change, other.base + other.change
-        back = self.turn.conj()
+        back = 1.0 / self.turn
         later = _each(other.seen.transpose(1, 0, 2), self.driven)
         return Excited(
             other.base @ self.base, other.change @ before + other.base @ self.change,
@@ -68,7 +79,7 @@ def _sum(factors: Array, phases: Complex) -> Complex:
     return np.asarray(product(wide, phases).reshape(rows, columns, n))
 
 
-def excited_motion(a: Array, b: Array, c: Array, d: Array, time: float, w: Array) -> Excited:
+def excited_motion(a: Array, b: Array, c: Array, d: Array, time: float, w: Array | Complex) -> Excited:
     """Return the motion x' = A x + B w, y = C x + D w over a time [s], at angular frequencies ``w`` (n,) [rad/s].
 
     U = integral of exp(A (t - s)) B exp(i omega s),  P = integral of C exp((A - i omega) s),
@@ -96,13 +107,11 @@ def excited_motion(a: Array, b: Array, c: Array, d: Array, time: float, w: Array
 
 
 class SteadyState(NamedTuple):
-    """A loop under inputs exp(i omega t): the ``forces`` (actuators, inputs, n) demanded at the sample at t = 0, and
-    the component exp(i omega t) of the outputs, ``value`` (outputs, inputs, n); ``force_terms`` and ``terms`` are the
-    sizes of the terms of both.
+    """A loop under inputs exp(i omega t), at n frequencies: ``value`` (rows, inputs, n) and the size of its terms.
+
+    Rows: the forces demanded at the sample at t = 0, then the component exp(i omega t) of each output.
     """
 
-    forces: Complex
-    force_terms: Array
     value: Complex
     terms: Array
 
@@ -115,14 +124,32 @@ def steady_state(loop: Sampled, w: Array, shown: list[int], sources: list[int]) 
     ``shown``, ``sources``: numbers of outputs and inputs of the plant.
     """
     at = period(loop, shown, sources)
-    size = at.sample.shape[1] * (len(shown) + len(sources)) + len(shown) * len(sources)
+    excited = _excited(at, np.zeros(1))
+    slow, none = excited.base - np.eye(len(excited.base)) + excited.change, np.empty((len(excited.base), 0))
+    solver, of_a = first_order_solver(slow, none, none.T, loop.name), spectrum(slow)
+    size = len(slow) * (len(shown) + len(sources)) + len(shown) * len(sources)
     batch = max(1, BATCH_BYTES // (64 * max(1, size)))
-    parts = [_batch(loop, at, w[start : start + batch]) for start in range(0, max(1, len(w)), batch)]
-    return SteadyState(*[np.concatenate(values, axis=2) for values in zip(*parts, strict=True)])
+
+    def evaluate(w: Array | Complex) -> SteadyState:
+        parts = [_at(at, solver, w[start : start + batch]) for start in range(0, max(1, len(w)), batch)]
+        return SteadyState(*[np.concatenate(values, axis=2) for values in zip(*parts, strict=True)])
+
+    s = np.expm1(1j * w / loop.rate)
+    distance = np.abs(s[:, None] - of_a.values)
+    pole = (distance <= of_a.errors).any(axis=1)
+    near = pole | ((distance <= BESIDE) & (np.abs(np.abs(1.0 + of_a.values) - 1.0) <= of_a.errors)).any(axis=1)
+    value, terms = np.empty((2, len(at.unit) + len(shown), len(sources), len(w)), dtype=complex)
+    value[:, :, ~pole], terms[:, :, ~pole] = evaluate(w[~pole])
+    for k in np.flatnonzero(near).tolist():
+        regular, size, hidden = _on_circle(evaluate, float(w[k]), of_a.values, at.waiting + at.rest)
+        if pole[k]:
+            regular, hidden = np.where(hidden, regular, np.nan), True
+        value[:, :, k], terms[:, :, k] = np.where(hidden, (regular, size), (value[:, :, k], terms[:, :, k]))
+    return SteadyState(value, terms.real)
 
 
-def _batch(loop: Sampled, at: Period, w: Array) -> SteadyState:
-    none, outputs = np.empty((at.sample.shape[1], 0)), len(at.seen)
+def _excited(at: Period, w: Array | Complex) -> Excited:
+    outputs = len(at.seen)
 
     def event(transition: Array, inputs: Array) -> Excited:
         nothing = np.zeros((transition.shape[1], outputs, len(w)), complex)
@@ -130,20 +157,42 @@ def _batch(loop: Sampled, at: Period, w: Array) -> SteadyState:
         return Excited(transition, np.zeros_like(transition), driven, nothing,
                        np.zeros((outputs, *driven.shape[1:]), complex), np.ones(len(w), complex))  # fmt: skip
 
-    excited = at.composed(event, partial(excited_motion, w=w))
-    slow = excited.base - np.eye(len(none)) + excited.change
-    solver = first_order_solver(slow, none, none.T, loop.name)
+    return at.composed(event, partial(excited_motion, w=w))
+
+
+def _at(at: Period, solver: FirstOrderSolver, w: Array | Complex) -> SteadyState:
+    """The response at some frequencies (n,), complex ones too."""
+    excited, rate = _excited(at, w), 1.0 / (at.waiting + at.rest)
     scale = np.ldexp(1.0, solver.power)[:, None, None]
-    s = np.expm1(1j * w / loop.rate)
-    check_poles(s, w, spectrum(slow), loop.name)
-    solutions = solver.states(s, w, excited.driven / scale)
     x: Complex = np.empty_like(excited.driven)
-    for part, solution in solutions:
+    for part, solution in solver.states(np.expm1(1j * w / rate), w, excited.driven / scale):
         x[:, :, part] = scale * solution
     seen, (rows, through) = excited.seen.transpose(1, 0, 2), at.demand
+    outputs = rate * (_each(seen, x) + excited.direct)
+    terms = rate * (np.einsum("osn,sin->oin", np.abs(seen), np.abs(x)) + np.abs(excited.direct))
     return SteadyState(
-        np.asarray(product(rows, x) + through[:, :, None], dtype=complex),
-        product(np.abs(rows), np.abs(x)) + np.abs(through)[:, :, None],
-        loop.rate * (_each(seen, x) + excited.direct),
-        loop.rate * (np.einsum("osn,sin->oin", np.abs(seen), np.abs(x)) + np.abs(excited.direct)),
+        np.concatenate((product(rows, x) + through[:, :, None], outputs)),
+        np.concatenate((product(np.abs(rows), np.abs(x)) + np.abs(through)[:, :, None], terms)),
     )
+
+
+def _on_circle(
+    evaluate: Callable[[Complex], SteadyState], w: float, values: Complex, step: float
+) -> tuple[Complex, Array, NDArray[np.bool_]]:  # fmt: skip
+    """The response at a pole or next to one, (rows, inputs), the size of its terms, and where it has none.
+
+    By its Laurent series, from points on a circle in the plane of complex frequencies: a response that has no pole
+    inside is its mean value, and all coefficients of negative powers are rounding.
+
+    ``values``: eigenvalues of J + E - 1. ``step``: the period [s].
+    """
+    with np.errstate(divide="ignore"):
+        turns = np.abs(np.log((1.0 + values) * np.exp(-1j * w * step)))  # distances of poles, times the step
+    others = turns[turns > 2.0 * BESIDE]
+    radius = min(RADIUS, APART * float(others.min(initial=np.inf)))
+    circle = np.exp(2j * np.pi * (np.arange(POINTS) + 0.5) / POINTS)
+    value, terms = evaluate(w + radius / step * circle)
+    size = terms.mean(axis=2)
+    powers = circle ** np.arange(1, len(turns) - len(others) + 1)[:, None]
+    negative = np.abs(np.tensordot(value, powers, axes=(2, 1))).max(axis=2) / POINTS
+    return value.mean(axis=2), size, negative <= ZERO_RESPONSE * size

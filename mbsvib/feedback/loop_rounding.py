@@ -59,12 +59,11 @@ def at_poles(s: Complex, of_a: Spectrum) -> NDArray[np.bool_]:
     return np.asarray((np.abs(s[:, None] - of_a.values) <= of_a.errors).any(axis=1))
 
 
-def check_poles(s: Complex, w: Array, of_a: Spectrum, name: str) -> None:
-    """Refuse points ``s`` (n,) at poles of a loop, with their angular frequencies ``w`` (n,) [rad/s]."""
-    pole = np.flatnonzero(at_poles(s, of_a))
-    if len(pole):
-        raise ResponseError(f"frequency_response: {w[pole[0]]:g} rad/s cannot be told from a pole of '{name}' by "
-                            f"rounding; leave this frequency out.")  # fmt: skip
+def refuse_poles(pole: NDArray[np.bool_], w: Array, name: str) -> None:
+    """Refuse a response at poles of a loop: some of the angular frequencies ``w`` (n,) [rad/s]."""
+    if pole.any():
+        raise ResponseError(f"frequency_response: {w[int(pole.argmax())]:g} rad/s cannot be told from a pole of "
+                            f"'{name}' by rounding; leave this frequency out.")  # fmt: skip
 
 
 def blended(value: Complex, error: Array, closed: Closed) -> Complex:

@@ -13,17 +13,18 @@ from mbsvib.errors import ResponseError
 from mbsvib.feedback.excited_period import steady_state
 from mbsvib.feedback.feedback_loop import FeedbackLoop
 from mbsvib.feedback.held_mechanism import HeldMechanism, held_mechanism, split_delay
-from mbsvib.feedback.loop_rounding import check_poles
+from mbsvib.feedback.loop_rounding import at_poles, refuse_poles
 from mbsvib.feedback.participation import eigen
 from mbsvib.feedback.resolution import Resolution
 from mbsvib.feedback.sampled_norm import h2_norm
 from mbsvib.linalg.discrete import tustin
+from mbsvib.linalg.lasting import separated
 from mbsvib.linalg.rank import EPS
-from mbsvib.linalg.spectrum import spectrum
+from mbsvib.linalg.spectrum import outside, spectrum
 from mbsvib.responses.first_order_solver import FirstOrderSolver, first_order_solver
 from mbsvib.responses.first_order_zeros import first_order_zeros
 from mbsvib.responses.frequency_grid import frequency_grid
-from mbsvib.responses.norms import Norm, check_decays
+from mbsvib.responses.norms import Norm
 
 if TYPE_CHECKING:
 
@@ -86,14 +87,16 @@ class SampledLoop(FeedbackLoop):
         del plant  # the closed-loop equations are always those that lose no digits
         state = steady_state(self, w, [], self.selected_ports[1])
         hold = np.sinc(w / (2.0 * np.pi * self.rate)) * np.exp(-1j * w * (0.5 / self.rate + self.delay))
-        forces, terms = hold * state.forces, np.abs(hold) * state.force_terms
+        forces, terms = hold * state.value, np.abs(hold) * state.terms
         return forces.transpose(2, 0, 1), EPS * terms.transpose(2, 0, 1)
 
     def _by_states(self, w: Array) -> Closed:
         def closed(rows: Index, columns: Index, at: Index) -> tuple[Complex, Array]:
             shown, sources = self.selected_ports
             state = steady_state(self, w[at], [shown[k] for k in rows], [sources[k] for k in columns])
-            return state.value, state.terms
+            value, terms = state.value[len(self.actuators) :], state.terms[len(self.actuators) :]
+            refuse_poles(np.isnan(value).any(axis=(0, 1)), w[at], self.name)
+            return value, terms
 
         return closed
 
@@ -106,19 +109,27 @@ class SampledLoop(FeedbackLoop):
         return np.asarray(-(gains @ (plant.outputs[self.ports[0]] @ _resolved(plant.a, plant.forces, z))))
 
     def _sensitivity(self, w: Array) -> Complex:
-        solver, ports = self._demands
+        solver, of_a, ports = self._demands
         z = np.exp(1j * w / self.rate)
-        check_poles(z, w, self._spectrum, self.name)
+        refuse_poles(at_poles(z, of_a), w, self.name)
         return solver.bounded(z, w, ports)[0].transpose(2, 0, 1)
 
     @cached_property
-    def _demands(self) -> tuple[FirstOrderSolver, tuple[Array, Array, Array]]:
-        """Solver and B, C, D from sample to sample, from what is added to the demanded forces to the sum of both."""
+    def _demands(self) -> tuple[FirstOrderSolver, Spectrum, tuple[Array, Array, Array]]:
+        """Solver, spectrum and B, C, D from sample to sample, from what is added to the demanded forces to the sum of
+        both, without poles on the unit circle that are not in it.
+        """
         _, _, c, d = self.discrete
         plant, one = self._mechanism, np.eye(len(d))
         forces = np.concatenate((plant.forces, np.zeros((len(c.T), len(d)))))
         demanded = np.concatenate((d @ plant.outputs[self.ports[0]], c), axis=1)
-        return first_order_solver(self.sample_to_sample.A, forces, demanded, self.name), (forces, demanded, one)
+        parts = separated(self.sample_to_sample.A, forces, demanded, outside)
+        if len(parts.shown) == len(parts.lasting):
+            a, of_a = self.sample_to_sample.A, self._spectrum
+        else:
+            a, forces, demanded = parts.minimal.a, parts.minimal.b, parts.minimal.c
+            of_a = spectrum(a)
+        return first_order_solver(a, forces, demanded, self.name), of_a, (forces, demanded, one)
 
     @cached_property
     def sample_to_sample(self) -> SampleToSample:
@@ -223,8 +234,6 @@ class SampledLoop(FeedbackLoop):
             If parameters are given.
         """
         self._refuse_parameters("h2_norm", parameters)
-        modes = self.modes()
-        check_decays(modes.eigenvalues, modes.errors * np.abs(modes.eigenvalues), self.name, "H2")
         return Norm(h2_norm(self.with_ports(outputs, inputs)))
 
     def time_response(

@@ -8,7 +8,10 @@ import numpy as np
 
 from mbsvib.errors import ResponseError
 from mbsvib.feedback.sampled_period import period
+from mbsvib.linalg.lasting import separated
 from mbsvib.linalg.rank import EPS
+from mbsvib.linalg.spectrum import outside
+from mbsvib.responses.norms import pole_words
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -76,6 +79,7 @@ def h2_norm(loop: Sampled) -> float:
     ||G||^2 = (tr(weight P) + own) / h,  P = E P E^T + noise
 
     P is the noise accumulated over so many periods that older noise has decayed; their number is doubled from one on.
+    Poles that do not decay are left out if the outputs do not show what noise does to them.
 
     Source: Bamieh & Pearson, Syst. Control Lett. 19 (1992) 1: the H2 problem for sampled-data systems.
     """
@@ -88,7 +92,7 @@ def h2_norm(loop: Sampled) -> float:
             raise ResponseError(f"H2 norm of '{loop.name}': input '{system.inputs[sources[i]]}' {why} "
                                 f"'{system.outputs[rows[o]]}', so that the norm is infinite. Choose displacements or "
                                 f"velocities, and other inputs: outputs=[...], inputs=[...].")  # fmt: skip
-    interval = period(loop, shown, sources).composed(Stretch.event, free_motion)
+    interval = _decaying(period(loop, shown, sources).composed(Stretch.event, free_motion), loop)
     lasting = interval
     for _ in range(LONGEST):
         if np.abs(lasting.transition).max(initial=0.0) <= EPS**2:
@@ -96,3 +100,20 @@ def h2_norm(loop: Sampled) -> float:
         lasting = lasting.then(lasting)
     total = float(np.sum(interval.weight * lasting.noise)) + interval.own
     return float(np.sqrt(max(0.0, total * loop.rate)))
+
+
+def _decaying(interval: Stretch, loop: Sampled) -> Stretch:
+    """The part of a period that decays; refused if the rest grows or is in the norm."""
+    e, noise, weight, own = interval
+    parts = separated(e, noise, weight, outside)
+    for group in parts.lasting:
+        z, errors = group.part.poles, group.part.errors[0]
+        if group.shown.any() or (np.abs(z) > 1.0 + errors).any():
+            k = int(z.imag.argmax())
+            pole = 0j if abs(z[k] - 1.0) <= errors[k] else complex(loop.rate * np.log(z[k]))
+            raise ResponseError(f"H2 norm of '{loop.name}': {pole_words(pole)} does not decay, so that the norm is "
+                                f"infinite. Give it damping, or change the controller.")  # fmt: skip
+    if not parts.lasting:
+        return interval
+    rest = parts.decaying
+    return Stretch(rest.a, rest.left @ noise @ rest.left.T, rest.right.T @ weight @ rest.right, own)

@@ -21,6 +21,8 @@ from mbsvib.linalg.rank import EPS, POLE_ROUNDINGS
 from mbsvib.linalg.spectrum import spectrum
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Complex, Index
@@ -81,28 +83,37 @@ class Separation:
         return _joined([self.decaying, *[group.part for group in self.shown]])
 
 
-def separated(a: Array, b: Array, c: Array) -> Separation:
-    """Return first-order equations, ``a`` (n, n), ``b`` (n, inputs), ``c`` (outputs, n), in parts."""
+def separated(
+    a: Array, b: Array, c: Array, lasts: Callable[[Spectrum], Mask] = lambda of_a: ~of_a.decaying
+) -> Separation:  # fmt: skip
+    """Return first-order equations, ``a`` (n, n), ``b`` (n, inputs), ``c`` (outputs, n), in parts.
+
+    ``lasts``: tells which eigenvalues are those of groups that are judged, with their conjugates; default: those that
+    do not decay in continuous time.
+    """
     none = np.zeros((0, 0))
     decays = [Part(np.zeros((0, len(a))), np.zeros((len(a), 0)), np.zeros(0, dtype=complex), none, b[:0], c[:, :0],
                    (np.zeros(0), none, b[:0], c[:, :0]))]  # fmt: skip
     lasting: list[Part] = []
     for states in by_label(part_numbers(a != 0.0)):
-        first, groups = _split(a[np.ix_(states, states)], b[states], c[:, states], states, len(a))
+        first, groups = _split(a[np.ix_(states, states)], b[states], c[:, states], (states, len(a)), lasts)
         decays.append(first)
         lasting += groups
     return Separation(_joined(decays), tuple([_judged(_joined(group)) for group in _same_poles(lasting)]))
 
 
-def _split(a: Array, b: Array, c: Array, states: Index, n: int) -> tuple[Part, list[Part]]:
-    """The decaying part and each group of lasting poles of a matrix whose ``states`` are some of n."""
+def _split(
+    a: Array, b: Array, c: Array, own: tuple[Index, int], lasts: Callable[[Spectrum], Mask]
+) -> tuple[Part, list[Part]]:  # fmt: skip
+    """The decaying part and each group of lasting poles of a matrix whose states are some of n, ``own``."""
+    states, n = own
     power = exponents(a, b, c)
     ports = scaled_by(power, a, b, c)
     of_a = spectrum(a)
     size = float(np.linalg.norm(ports[0]))
     columns, rows = np.zeros((n, len(a))), np.zeros((len(a), n))
     columns[states], rows[:, states] = np.diag(np.ldexp(1.0, power)), np.diag(np.ldexp(1.0, -power))
-    groups = of_a.clusters(~of_a.decaying)
+    groups = of_a.clusters(lasts(of_a))
     label = np.full(len(a), -1)
     for k, group in enumerate(groups):
         label[group] = k

@@ -69,6 +69,11 @@ def decaying(values: Complex, errors: Array) -> Mask:
     return np.asarray(values.real < -errors)
 
 
+def outside(of_a: Spectrum) -> Mask:
+    """Return which eigenvalues (n,) of x+ = A x may be on the unit circle or outside."""
+    return np.asarray(np.abs(of_a.values) >= 1.0 - of_a.errors)
+
+
 def spectrum(a: Array) -> Spectrum:
     """Return the eigenvalues of a matrix (n, n) with their errors, in LAPACK's order."""
     from scipy.linalg import eig

@@ -11,7 +11,6 @@ from mbsvib.common.display import Displayed
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.lasting import separated
 from mbsvib.linalg.rank import ZERO_SUM
-from mbsvib.linalg.spectrum import decaying
 from mbsvib.responses.extrema import Band, panels
 
 if TYPE_CHECKING:
@@ -36,14 +35,6 @@ class Norm(Displayed):
     variables: tuple[str, ...] = ()
     slopes: Array = field(default_factory=lambda: np.zeros(0))
     omega: float | None = None
-
-
-def check_decays(poles: Complex, errors: Array, name: str, norm: str) -> None:
-    """Refuse the norm of equations that do not decay, by their ``poles`` (poles,) [1/s] and the errors of these."""
-    lasting = np.flatnonzero(~decaying(poles, errors))
-    if len(lasting):
-        raise ResponseError(f"{norm} norm of '{name}': {pole_words(complex(poles[lasting[0]]))} does not decay, so "
-                            f"that the norm is infinite. Give it damping, or change the controller.")  # fmt: skip
 
 
 def pole_words(pole: complex) -> str:

@@ -1,5 +1,7 @@
 """Loops at and beside poles of the plant, where responses with open loops cancel: closed forms and many digits."""
 
+from contextlib import nullcontext
+
 import control
 import numpy as np
 import pytest
@@ -99,6 +101,46 @@ def test_hexapod_without_damping_under_force_feedback():
     value = loop.response(np.array([w]))[..., 0]
     large = np.abs(exact) > 1e-6 * np.abs(exact).max()
     np.testing.assert_allclose(value[large], exact[large], rtol=1e-10)
+
+
+@pytest.mark.parametrize("proportional", [0.0, 30.0, 300.0])
+@pytest.mark.parametrize("rate", [100.0, 1e4])
+def test_sampled_pi_on_a_velocity_at_rest(proportional, rate):
+    """The pole at z = 1 is in no response: that at 0 Hz was refused, and 1e-9 rad/s had lost half of the digits."""
+    law = control.ss([[0.0]], [[1.0]], [[-9.0]], [[-proportional]])
+    loop = slider(800.0, 4.0).feedback(law, "v", "F").sampled(rate)
+    space = np.array([[0.0, 1.0], [-400.0, -2.0]]), PORTS, np.array([[0.0, 1.0], [1.0, 0.0]])
+    for w in (0.0, 1e-9, 1e-3):
+        exact, s = sampled_loops.response(space, law, rate, 0.0, w or 1e-25)
+        value = loop.frequency_response([w], "x", "disturbance")[0, 0, 0]
+        assert value == pytest.approx(exact[1, 1], rel=1e-11)
+        assert value.imag == pytest.approx(exact[1, 1].imag, rel=1e-5, abs=1e-18)
+        assert loop.sensitivity([w])[0, 0, 0] == pytest.approx(s[0, 0], rel=1e-7)
+
+
+def free_pair():
+    """Two free masses of 2 kg, a spring between them that a controller adds to, force and distance between them."""
+    k = np.array([[100.0, -100.0], [-100.0, 100.0]])
+    system = mv.System.from_matrices(2.0 * np.eye(2), 0.02 * k, k, [[-1.0, 1.0], [1.0, 0.0]], [[-1.0, 1.0], [1.0, 0.0]],
+                                     inputs=["F", "push"], outputs=["d", "x"])  # fmt: skip
+    return system.feedback([[-30.0]], "d", "F")
+
+
+def test_sampled_loop_of_free_masses_between_them():
+    """d'' + 2 d' + 100 d = F - 30 d at samples; the masses drift together at z = 1, which d does not show."""
+    loop = free_pair().sampled(1e3, 2e-4)
+    alone = mv.System.from_matrices([[1.0]], [[2.0]], [[100.0]], [[1.0]], [[1.0]], inputs=["F"], outputs=["d"])
+    alone = alone.feedback([[-30.0]], "d", "F").sampled(1e3, 2e-4)
+    w = np.array([0.0, 1e-9, 1.0, 20.0])
+    np.testing.assert_allclose(loop.frequency_response(w, "d", "F"), alone.frequency_response(w), rtol=1e-11)
+    np.testing.assert_allclose(loop.frequency_response(w, "x", "F"), -0.5 * alone.frequency_response(w), rtol=1e-11)
+    np.testing.assert_allclose(loop.sensitivity(w), alone.sensitivity(w), rtol=1e-7)
+    assert loop.h2_norm("d", "F").value == pytest.approx(alone.h2_norm().value, rel=1e-11)
+    for output, source in (("x", "push"), ("d", "push")):
+        with pytest.raises(mv.ResponseError, match="the norm is infinite") if output == "x" else nullcontext():
+            loop.h2_norm(output, source)
+    with pytest.raises(mv.ResponseError, match="0 rad/s cannot be told from a pole of"):
+        loop.response(np.array([0.0]))
 
 
 def static():
