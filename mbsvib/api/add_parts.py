@@ -128,7 +128,9 @@ class RigidMechanism(Mechanism):
         position : array-like, shape (3,)
             The point [m], world axes.
         stiffness, damping : array-like, shape (6,) or (6, 6)
-            Along and about the bushing's axes, x y z rx ry rz: N/m and N m/rad; N s/m and N m s/rad.
+            Along and about the bushing's axes, x y z rx ry rz: N/m and N m/rad; N s/m and N m s/rad. A matrix K gives
+            the wrench -K d on ``second`` and need not be symmetric: cross-coupling, as that of journal bearings and
+            seals, makes K (C) of the system unsymmetric and may let it whirl.
         orientation : array-like, shape (3, 3) or (3,), optional
             Axes as columns, or a rotation vector [rad]; default: world axes.
         preload : array-like, shape (6,), optional

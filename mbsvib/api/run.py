@@ -30,7 +30,8 @@ class Energy(Displayed):
 
     The kinetic and the potential energy by part; springs, elastic parts and weights are potential energy, a weight
     being 0 in the pose as described. ``dissipated`` is what dampers have taken since the start, ``supplied`` the work
-    of loads and inputs. So total + dissipated - supplied stays what it was: ``balance`` is its change.
+    of loads, inputs and cross-coupled bushings. So total + dissipated - supplied stays what it was: ``balance`` is its
+    change.
     """
 
     parts: tuple[str, ...]

@@ -17,11 +17,11 @@ from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.connection import Connection, check_ends
 from mbsvib.elements.deformations import Law, six
-from mbsvib.elements.part import ParameterField, Part, rotation_field, spatial_field, vector_field
+from mbsvib.elements.part import ParameterField, Part, is_unsymmetric, rotation_field, spatial_field, vector_field
 from mbsvib.elements.preload_form import PreloadForm
 from mbsvib.errors import ModelError
 from mbsvib.linalg.products import eigenrows
-from mbsvib.linalg.rank import EPS
+from mbsvib.linalg.rank import EPS, UNSYMMETRIC
 from mbsvib.linalg.rotations import inverse_jacobian, logarithm, second_order
 
 if TYPE_CHECKING:
@@ -49,9 +49,10 @@ _SIX = np.eye(6)
 class Bushing(Connection):
     """A spatial spring-damper between ``first`` and ``second`` at ``position`` [m], in the axes ``orientation``.
 
-    ``stiffness`` [N/m, N m/rad] and ``damping`` [N s/m, N m s/rad] are six values (x y z rx ry rz) or symmetric 6x6
-    matrices; they act on the displacement of the second body relative to the first. ``preload`` [N, N m] is the wrench
-    on the second body in the reference pose, in these axes; its reaction acts on the first body at the same point.
+    ``stiffness`` [N/m, N m/rad] and ``damping`` [N s/m, N m s/rad] are six values (x y z rx ry rz) or 6x6 matrices;
+    they act on the displacement of the second body relative to the first. Unsymmetric ones are cross-coupled, as those
+    of journal bearings and seals are. ``preload`` [N, N m] is the wrench on the second body in the reference pose, in
+    these axes; its reaction acts on the first body at the same point.
     """
 
     law = Law(six, "stiffness", "damping", preload="preload", wrench=True, rotations=slice(3, 6))
@@ -83,6 +84,15 @@ class Bushing(Connection):
         return (*force, *moment)
 
     @property
+    def cross_coupling(self) -> tuple[Array, Array] | None:
+        if not any(is_unsymmetric(value) for value in (self.stiffness, self.damping)):
+            return None
+        axes = np.kron(np.eye(2), np.array(self.orientation))
+        stiffness, damping = (axes @ (value - symmetric_part(value)) @ axes.T for value in
+                              map(matrix6, (self.stiffness, self.damping)))  # fmt: skip
+        return stiffness, damping
+
+    @property
     def batched_fields(self) -> frozenset[str]:
         # rows of a 6x6 matrix change with its values in ways of their own
         matrix = isinstance(self.stiffness[0], tuple) or isinstance(self.damping[0], tuple)
@@ -96,10 +106,10 @@ class Bushing(Connection):
 
     def preload_form(self, size: float) -> PreloadForm | None:
         stiffness = np.array(self.stiffness)
-        values, units = (stiffness, _SIX) if stiffness.ndim == 1 else eigenrows(stiffness)
+        sizes, axes = np.array([1.0] * 3 + [1.0 / size] * 3), np.kron(np.eye(2), np.array(self.orientation))
+        values, units = (stiffness, _SIX) if stiffness.ndim == 1 else eigenrows(_with_same_range(stiffness, sizes))
         if not values.any():
             return None
-        sizes, axes = np.array([1.0] * 3 + [1.0 / size] * 3), np.kron(np.eye(2), np.array(self.orientation))
         wrenches = np.linalg.qr((units[values != 0.0] * sizes).T)[0].T / sizes
         largest = np.abs(stiffness) if stiffness.ndim == 1 else np.abs(stiffness).max(axis=1)
         resolution = EPS * float(max(largest[:3].max() * size, largest[3:].max() / size))
@@ -170,8 +180,8 @@ def _expanded_about(bushings: Sequence[Bushing], d: Array, rho: Array) -> list[S
     transposed = jacobian.swapaxes(-1, -2)
     tangent = transposed @ k @ jacobian
     tangent[:, 3:, 3:] -= second_order(rho, wrench[:, 3:])
-    stiffness = _symmetric(tangent, bushings, "stiffness", has_moment)
-    damping = _symmetric(transposed @ c @ jacobian, bushings, "damping", damps_rotation)
+    stiffness = _finite(tangent, bushings, "stiffness", has_moment)
+    damping = _finite(transposed @ c @ jacobian, bushings, "damping", damps_rotation)
     wrenches = (transposed @ wrench[..., None])[..., 0].tolist()
     return [(stiffness.get(i, part.stiffness), damping.get(i, part.damping), _preload(part, values))
             for i, (part, values) in enumerate(zip(bushings, wrenches, strict=True))]
@@ -183,13 +193,31 @@ def matrix6(value: Six | Matrix6) -> Array:
     return array * _SIX if array.ndim == 1 else array
 
 
-def _symmetric(matrices: Array, bushings: Sequence[Bushing], field: str, which: Mask) -> dict[int, Matrix6]:
-    """The symmetric parts of some of the matrices, by number."""
-    numbers, selected = which.nonzero()[0].tolist(), matrices[which]
-    mean = 0.5 * (selected + selected.swapaxes(-1, -2))
-    for i in np.flatnonzero(~np.isfinite(mean).all(axis=(1, 2))).tolist():
-        raise check.refuse(f"bushing '{bushings[numbers[i]].name}'", field, mean[i], FINITE)
-    return {i: tuple(map(tuple, rows)) for i, rows in zip(numbers, mean.tolist(), strict=True)}
+def symmetric_part(matrix: Array) -> Array:
+    """Return the symmetric part of matrices (..., 6, 6)."""
+    return 0.5 * (matrix + matrix.swapaxes(-1, -2))
+
+
+def _with_same_range(matrix: Array, sizes: Array) -> Array:
+    """Return a symmetric matrix (6, 6) with the range of one whose symmetric part is not negative: K_s + |K_a|.
+
+    ``sizes`` (6,): units of forces and moments, in which the size of the antisymmetric part is measured.
+    """
+    symmetric = symmetric_part(matrix)
+    _, values, units = np.linalg.svd((matrix - symmetric) * np.multiply.outer(sizes, sizes))
+    return symmetric + (units.T * values) @ units / np.multiply.outer(sizes, sizes)
+
+
+def _finite(matrices: Array, bushings: Sequence[Bushing], field: str, which: Mask) -> dict[int, Matrix6]:
+    """Some of the matrices, by number; those that should be symmetric are so exactly."""
+    result: dict[int, Matrix6] = {}
+    for i in which.nonzero()[0].tolist():
+        unsymmetric = is_unsymmetric(getattr(bushings[i], field))
+        matrix = matrices[i] if unsymmetric else symmetric_part(matrices[i])
+        if not np.isfinite(matrix).all():
+            raise check.refuse(f"bushing '{bushings[i].name}'", field, matrix, FINITE)
+        result[i] = tuple(map(tuple, matrix.tolist()))
+    return result
 
 
 def _preload(bushing: Bushing, wrench: list[float]) -> Six | None:
@@ -211,14 +239,17 @@ def _is_nonzero(value: Six | Matrix6) -> bool:
 
 
 def coefficients(value: Any, who: str, field: str) -> Six | Matrix6:
-    """Return stiffness or damping as six finite floats, or as a symmetric 6x6 matrix of them."""
-    expected = "6 values (x y z rx ry rz) or a symmetric 6x6 matrix"
+    """Return stiffness or damping as six finite floats, or as a 6x6 matrix of them, symmetric if it is so to rounding.
+    """
+    expected = "6 values (x y z rx ry rz) or a 6x6 matrix"
     items = value if type(value) is tuple else value.tolist() if hasattr(value, "tolist") else value
     if not (hasattr(items, "__len__") and len(items) == 6 and hasattr(items[0], "__len__")):
         return check.numbers(items, (6,), who, field, expected)
     rows = check.square(items, 6, who, field, expected)
-    # the limit allows for rounding of a matrix that was transformed to other axes
-    largest = max(abs(entry) for row in rows for entry in row)
-    if any(abs(rows[i][j] - rows[j][i]) > 1e-9 * largest for i in range(6) for j in range(i)):
-        raise check.refuse(who, field, value, expected, "This one is not symmetric.")
+    matrix = np.array(rows)
+    blocks = np.abs(matrix).reshape(2, 3, 2, 3).max(axis=(1, 3))  # entries of a block have the same unit
+    blocks = np.maximum(np.maximum(blocks, blocks.T), np.sqrt(np.multiply.outer(*2 * [blocks.diagonal()])))
+    limit = UNSYMMETRIC * np.kron(blocks, np.ones((3, 3)))
+    if (np.abs(matrix - matrix.T) > limit).any():
+        return rows
     return tuple(tuple(0.5 * (rows[i][j] + rows[j][i]) for j in range(6)) for i in range(6))

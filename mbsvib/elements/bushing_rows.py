@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.arguments import IDENTITY
-from mbsvib.elements.bushing import matrix6
+from mbsvib.elements.bushing import matrix6, symmetric_part
 from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.rows import Rows, columns, table
 from mbsvib.linalg.products import eigenrows
@@ -55,10 +55,13 @@ def _rows_of_values(parts: Numbered, number: Mapping[str, int]) -> ElementRows:
 
 
 def _rows_of_matrices(parts: Numbered, number: Mapping[str, int]) -> ElementRows:
-    """One row for each eigenvector of K if C is proportional to it, else rows of K and rows of C."""
+    """One row for each eigenvector of K if C is proportional to it, else rows of K and rows of C.
+
+    Both are the symmetric parts; ``cross_coupling`` of a bushing is the rest.
+    """
     which, units, k, c = [], [np.zeros((0, 6))], [np.zeros(0)], [np.zeros(0)]
     for i, (_, part) in enumerate(parts):
-        stiffness, damping = matrix6(part.stiffness), matrix6(part.damping)
+        stiffness, damping = (symmetric_part(matrix6(value)) for value in (part.stiffness, part.damping))
         values, vectors = _eigenrows(stiffness if stiffness.any() else damping)
         ratio = _proportion(damping, stiffness)
         if ratio is not None:

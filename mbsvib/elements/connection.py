@@ -12,6 +12,7 @@ from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from mbsvib.common.arguments import Vector
+    from mbsvib.common.arrays import Array
     from mbsvib.elements.deformations import Law
     from mbsvib.elements.preload_form import PreloadForm
 
@@ -52,6 +53,12 @@ class Connection(Part):
     def rest_wrench(self) -> tuple[float, ...]:
         """Wrench (6,) [N, N m] on the second body in the reference pose, at the last of its points, world axes."""
         return ZERO
+
+    @property
+    def cross_coupling(self) -> tuple[Array, Array] | None:
+        """Antisymmetric parts of its stiffness and damping (6, 6) at its point, world axes; None where both are zero.
+        """
+        return None
 
     @property
     def at_rest(self) -> Connection | None:

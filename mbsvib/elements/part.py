@@ -33,7 +33,7 @@ def derived(default: Any = None) -> Any:
 @fast_init
 @dataclass(frozen=True, slots=True)
 class ParameterField:
-    """A field of a part whose values are parameters: a number, a vector or a symmetric 6x6 matrix as tuples.
+    """A field of a part whose values are parameters: a number, a vector or a 6x6 matrix as tuples.
 
     ``suffixes`` name the entries of a vector or matrix. ``unit`` is the unit of all entries, or a function of the
     index.
@@ -44,19 +44,30 @@ class ParameterField:
     unit: str | Callable[[Index], str]
     suffixes: tuple[str, ...] | None = None
 
+    @property
+    def is_symmetric(self) -> bool:
+        """Whether it is a symmetric matrix, whose pairs of entries are one number each."""
+        return self.suffixes is not None and isinstance(self.value[0], tuple) and not is_unsymmetric(self.value)
+
     def entries(self) -> Iterator[tuple[str, Index, float, str]]:
-        """Yield suffix, index, value and unit of each entry, of a matrix only those of the upper triangle."""
+        """Yield suffix, index, value and unit of each entry, of a symmetric matrix those of the upper triangle."""
         unit: Callable[[Index], str] = self.unit if callable(self.unit) else lambda _: str(self.unit)
         if self.suffixes is None:
             yield "", (), self.value, unit(())
         elif isinstance(self.value[0], tuple):
+            symmetric = self.is_symmetric
             for i in range(6):
-                for j in range(i, 6):
+                for j in range(i if symmetric else 0, 6):
                     suffix = f".{self.suffixes[i]}" + (f".{self.suffixes[j]}" if i != j else "")
                     yield suffix, (i, j), self.value[i][j], unit((i, j))
         else:
             for i, suffix in enumerate(self.suffixes):
                 yield f".{suffix}", (i,), self.value[i], unit((i,))
+
+
+def is_unsymmetric(value: Any) -> bool:
+    """Tell whether a coefficient is a matrix, rows as tuples, that differs from its transpose."""
+    return isinstance(value[0], tuple) and value != tuple(zip(*value, strict=True))
 
 
 def vector_field(name: str, value: Any, unit: str = "m") -> ParameterField:
@@ -70,7 +81,7 @@ def rotation_field() -> ParameterField:
 
 
 def spatial_field(name: str, value: Any, units: tuple[str, str, str]) -> ParameterField:
-    """Return the field of six values or of a symmetric 6x6 matrix on x y z rx ry rz.
+    """Return the field of six values or of a 6x6 matrix on x y z rx ry rz.
 
     Parameters
     ----------

@@ -17,6 +17,7 @@ from mbsvib.equations.inertia import check_mass
 from mbsvib.equations.locked_loops import check_loops
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene
+from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.kinematics.mobility import check_mobility
 
 if TYPE_CHECKING:
@@ -135,7 +136,7 @@ def _joint_forces(draft: Draft) -> Draft:
 
 
 def _spin(draft: Draft) -> Draft:
-    if not draft.model.rotors:
+    if not draft.model.derived(has_antisymmetric_forces):
         return draft
     from mbsvib.equations.spin_terms import with_spin
 

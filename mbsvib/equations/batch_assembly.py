@@ -21,6 +21,7 @@ from mbsvib.equations.matrices import matrices
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene as scene_of
 from mbsvib.equations.terms import MATRICES
+from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
@@ -79,8 +80,8 @@ def linearize_batch(
 
 
 def _adds_by_variant(model: Mechanism, scene: Scene, nominal: Equations) -> bool:
-    """Return whether a mechanism has loads, spin, inerters or motions without mass, which are computed by variant."""
-    return bool(scene.loads is not None or scene.port.wrench_outputs or model.rotors
+    """Return whether a mechanism has loads, antisymmetric forces, inerters or motions without mass, by variant."""
+    return bool(scene.loads is not None or scene.port.wrench_outputs or model.derived(has_antisymmetric_forces)
                 or scene.springs.inertance is not None or nominal.provenance.separation is not None)  # fmt: skip
 
 

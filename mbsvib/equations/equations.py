@@ -142,7 +142,8 @@ class Equations(Matrices):
     displacements. Arrays are read-only.
 
     Antisymmetric parts are None where the mechanism has none: C = D^T diag(c) D + G with ``gyroscopic`` G (m, m) of
-    spinning bodies, K = D^T diag(k) D + N with ``circulatory`` N (m, m) of follower loads. M is singular if
+    spinning bodies, K = D^T diag(k) D + N with ``circulatory`` N (m, m) of follower loads, and G and N of
+    cross-coupled bushings. M is singular if
     ``massless`` > 0: the motions ``null_inertia`` (m, massless) move no mass but dampers (their damping is regular),
     each has one first-order state in place of two, and there are 2m - massless eigenvalues. Massless motions without
     damping are not among the coordinates: they follow from statics, and their direct response to inputs is in D

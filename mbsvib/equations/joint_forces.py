@@ -22,6 +22,7 @@ from mbsvib.equations.inertia import inertia_tensor
 from mbsvib.equations.reactions import Reactions, reactions
 from mbsvib.equations.shared_forces import shared_wrenches
 from mbsvib.equations.wrench_pairs import unit_wrenches
+from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.kinematics.mobility import crossed_product
 from mbsvib.linalg.products import product_with_zeros
 from mbsvib.linalg.rotations import skew
@@ -77,8 +78,9 @@ def with_joint_forces(draft: Draft) -> Draft:
     if change is not None:
         elastic = elastic + change.on_bodies
     gyroscopic = np.zeros_like(inertia)
-    if model.rotors:
-        elastic = elastic + _rotating_damper_wrenches(model, scene, reduction, position)
+    if model.derived(has_antisymmetric_forces):
+        coupled = _cross_coupled_wrenches(model, scene, reduction, position)
+        elastic, damping = elastic + coupled[0], damping + coupled[1]
         gyroscopic = _rotor_wrenches(model, scene, body_motion)
     on_bodies = {"Cq": elastic, "Cv": damping + gyroscopic, "Ca": inertia + inerters, "D": inputs + base}
     if any(kind == "joint" for _, kind, _, _ in scene.port.wrench_outputs):
@@ -141,17 +143,16 @@ def _rotor_wrenches(model: Mechanism, scene: Scene, motion: Array) -> Array:
     return result
 
 
-def _rotating_damper_wrenches(model: Mechanism, scene: Scene, reduction: Reduction, position: Array) -> Array:
-    """Circulatory wrenches of rotating dampers on their bodies, (6, bodies + 1, m) per unit of q."""
-    from mbsvib.equations.spin_terms import rotating_dampers
+def _cross_coupled_wrenches(model: Mechanism, scene: Scene, reduction: Reduction, position: Array) -> Array:
+    """Antisymmetric wrenches of elements on their bodies, (2, 6, bodies + 1, m) per unit of q and of q'."""
+    from mbsvib.equations.spin_terms import cross_couplings
 
-    result = np.zeros((6, position.shape[1], len(reduction.independent)))
-    for damper in rotating_dampers(model, scene.bodies, scene.elements):
-        wrench = damper.wrench(scene.coordinates, reduction)
-        force, moment = wrench[:3], wrench[3:]
-        for body, sign in ((damper.second, 1.0), (damper.first, -1.0)):
-            arm = damper.point - position[:, body]
-            result[:, body] += sign * np.concatenate((force, moment + np.cross(arm, force, axis=0)))
+    result = np.zeros((2, 6, position.shape[1], len(reduction.independent)))
+    for part in cross_couplings(model, scene.bodies, scene.elements):
+        force, moment = part.wrenches(scene.coordinates, reduction).reshape(2, 2, 3, -1).swapaxes(0, 1)
+        for body, sign in ((part.second, 1.0), (part.first, -1.0)):
+            arm = skew(part.point - position[:, body])
+            result[:, :, body] += sign * np.concatenate((force, moment + arm @ force), axis=1)
     return result
 
 

@@ -198,7 +198,7 @@ def _first_order(
     if 1.0 / np.linalg.cond(scaled) < CANCELLING_SPRINGS:
         worst = null @ (np.linalg.svd(scaled)[2][-1] / scale)
         reason = "the dampers that act on it cancel each other" if terms.gyroscopic is None else \
-            "spin alone ties it to others"  # fmt: skip
+            "spin or cross-coupling alone ties it to others"  # fmt: skip
         raise massless_motion_error(worst, unit, names, reason)
     others = np.setdiff1d(np.arange(len(names)), independent)
     check_mass(terms.M[np.ix_(others, others)], tuple(names[i] for i in others))

@@ -1,10 +1,11 @@
-"""Spin: gyroscopic terms -[h]x in C for rotations of bodies, and circulatory terms in K of rotating dampers.
+"""Antisymmetric terms: gyroscopic ones in C, and circulatory ones in K, of rotors, rotating dampers and cross-coupling.
 
 The torque of a body with the angular momentum h is d/dt (I theta' + h + theta x h) = I theta'' - [h]x theta'. A damper
 between two bodies that spin together at W acts on the rate of their relative displacement d in axes that rotate with
-them, d' - W x d, and so adds -C_d [W]x to K: rotating, or internal, damping.
+them, d' - W x d, and so adds -C_d [W]x to K: rotating, or internal, damping. Elements with cross-coupling, as journal
+bearings and seals, add the antisymmetric parts of their own matrices.
 
-Source: Genta, Dynamics of Rotating Systems (2005), for gyroscopic matrices and rotating damping.
+Source: Genta, Dynamics of Rotating Systems (2005), for gyroscopic matrices, rotating damping and cross-coupling.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.arguments import IDENTITY
 from mbsvib.elements.contribution import Contribution, Weights, rotation_rows
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.inertia import inertia_tensor
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
     from mbsvib.elements.connection import Connection
     from mbsvib.equations.draft import Draft
     from mbsvib.equations.scene import Scene
+    from mbsvib.equations.terms import Terms
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.mechanism.mechanism import Mechanism
 
@@ -38,52 +41,56 @@ if TYPE_CHECKING:
 def spin_contribution(
     model: Mechanism, bodies: Sequence[Body], elements: Sequence[Connection]
 ) -> Contribution:
-    """Return the contribution of rotors to C and of rotating dampers to K.
+    """Return the antisymmetric contribution of rotors, rotating dampers and cross-coupling to C and K.
 
     ``bodies`` and ``elements`` are those of the mechanism in the order of their numbers.
     """
-    check_steady(model, bodies, elements)
-    _check_base_motion(model)
+    if model.rotors:
+        check_steady(model, bodies, elements)
+        _check_base_motion(model)
     ground = len(bodies)
     return Contribution.join([
-        *(Contribution.of(rotation_rows(np.full(3, i), np.eye(3), ground), gyroscopic=_antisymmetric(skew(momentum)))
+        *(Contribution.of(rotation_rows(np.full(3, i), np.eye(3), ground), gyroscopic=_antisymmetric(-skew(momentum)))
           for i, momentum in momenta(model, bodies)),
-        *(Contribution.of(damper.rows, circulatory=_antisymmetric(damper.matrix))
-          for damper in rotating_dampers(model, bodies, elements)),
+        *(Contribution.of(part.rows, circulatory=_antisymmetric(part.stiffness),
+                          gyroscopic=_antisymmetric(part.damping))
+          for part in cross_couplings(model, bodies, elements)),
     ])  # fmt: skip
 
 
 def _antisymmetric(matrix: Array) -> Weights:
-    """Weights of minus the antisymmetric part of a form R^T A R."""
+    """Weights of the antisymmetric part of a form R^T A R."""
     first, second = np.triu_indices(len(matrix), 1)
-    value = 0.5 * (matrix[second, first] - matrix[first, second])
+    value = 0.5 * (matrix[first, second] - matrix[second, first])
     used = np.flatnonzero(value)
     return Weights(first[used], second[used], value[used], np.zeros(len(used), dtype=np.intp))
 
 
 def with_spin(draft: Draft) -> Draft:
-    """Return equations of motion with the terms of rotors."""
+    """Return equations of motion with the antisymmetric terms of rotors and elements."""
     model, scene, reduction, terms = draft.model, draft.scene, draft.reduction, draft.terms
     part = spin_contribution(model, scene.bodies, scene.elements)
     rows = minimal_rows(part, scene.coordinates, reduction, terms.body_motion)
-    terms = replace(terms, Cq=_with_forces(model, scene, reduction, terms.Cq)).with_antisymmetric(
+    outputs = _with_forces(model, scene, reduction, terms)
+    terms = replace(terms, Cq=outputs[0], Cv=outputs[1]).with_antisymmetric(
         antisymmetric(part.gyroscopic, rows), antisymmetric(part.circulatory, rows))  # fmt: skip
     return replace(draft, terms=terms)
 
 
 @dataclass(frozen=True, slots=True)
-class RotatingDamper:
-    """An element at ``point`` between bodies with the numbers ``first`` and ``second`` that spin together.
+class CrossCoupling:
+    """Antisymmetric matrices of an element at ``point`` between bodies with the numbers ``first`` and ``second``.
 
-    ``matrix`` C_d [W]x (6, 6), world axes, times its relative displacement is the wrench on the second body. ``axes``
-    (6, 6) times a wrench in the axes of the element is the same wrench in world axes, along the rows of the element.
+    ``stiffness`` and ``damping`` (6, 6), world axes, times its relative displacement and velocity are minus the wrench
+    on the second body. ``axes`` (6, 6) times a wrench in the axes of the element is the same wrench in world axes.
     """
 
     name: str
     first: int
     second: int
     point: Array
-    matrix: Array
+    stiffness: Array
+    damping: Array
     axes: Array
 
     @property
@@ -93,10 +100,10 @@ class RotatingDamper:
         return Rows(np.full(6, self.first), np.full(6, self.second), np.repeat(self.point[:, None], 6, axis=1),
                     six[:3], six[3:])  # fmt: skip
 
-    def wrench(self, coordinates: Twists, reduction: Reduction) -> Array:
-        """Return the wrench C_d [W]x d (6, m) in minimal coordinates."""
+    def wrenches(self, coordinates: Twists, reduction: Reduction) -> Array:
+        """Return the wrenches (2, 6, m) on the second body per unit of the minimal coordinates, and of their rates."""
         relative = reduction.apply_exactly(relative_motion(coordinates, self.rows).dense(0, 6))
-        return np.asarray(self.matrix @ relative)
+        return -np.stack((self.stiffness, self.damping)) @ relative
 
 
 def momenta(model: Mechanism, bodies: Sequence[Body]) -> list[tuple[int, Array]]:
@@ -109,34 +116,40 @@ def momenta(model: Mechanism, bodies: Sequence[Body]) -> list[tuple[int, Array]]
     return result
 
 
-def rotating_dampers(
+def cross_couplings(
     model: Mechanism, bodies: Sequence[Body], elements: Sequence[Connection]
-) -> list[RotatingDamper]:
-    """Return the elements between bodies that spin together; those along lines are on the axis and do not rotate.
+) -> list[CrossCoupling]:
+    """Return the elements with antisymmetric matrices: those with cross-coupling, and dampers between bodies that spin
+    together. Dampers along lines are on the axis and do not rotate.
 
     ``bodies`` and ``elements`` are those of the mechanism in the order of their numbers.
     """
     number, spins, result = {body.name: i for i, body in enumerate(bodies)}, spin_velocities(model), []
-    for spring in elements:
-        if not spring.acts_along_line and spin_together(model, spins, spring.first, spring.second):
-            wrenches, rows = rows_at_point(spring)
-            if not rows.damping.any():
-                continue
-            spin = np.kron(np.eye(2), skew(spins[spring.first]))
-            ends, damping = (number[spring.first], number[spring.second]), (wrenches * rows.damping) @ wrenches.T
-            result.append(RotatingDamper(spring.name, *ends, np.array(point_of(spring)), damping @ spin,
-                                         wrenches @ rows.unit))  # fmt: skip
+    ground = len(bodies)
+    for part in elements:
+        stiffness, damping = part.cross_coupling or (np.zeros((6, 6)), np.zeros((6, 6)))
+        if spins and not part.acts_along_line and spin_together(model, spins, part.first, part.second):
+            wrenches, rows = rows_at_point(part)
+            rotation = np.kron(np.eye(2), skew(spins[part.first]))
+            stiffness = stiffness - (wrenches * rows.damping) @ wrenches.T @ rotation
+        if stiffness.any() or damping.any():
+            ends = (number.get(part.first, ground), number.get(part.second, ground))
+            axes = np.kron(np.eye(2), np.array(getattr(part, "orientation", IDENTITY)))
+            result.append(CrossCoupling(part.name, *ends, np.array(point_of(part)), stiffness, damping, axes))
     return result
 
 
-def _with_forces(model: Mechanism, scene: Scene, reduction: Reduction, outputs: Array) -> Array:
-    """Cq with the circulatory forces of rotating dampers in outputs that are forces in these."""
-    result = outputs.copy() if scene.port.force_outputs else outputs
-    for damper in rotating_dampers(model, scene.bodies, scene.elements) if scene.port.force_outputs else ():
-        for row, owner, wrench in scene.port.force_outputs:
-            if scene.elements[owner].name == damper.name:
-                result[row] -= (damper.axes @ wrench) @ damper.wrench(scene.coordinates, reduction)
-    return result
+def _with_forces(model: Mechanism, scene: Scene, reduction: Reduction, terms: Terms) -> tuple[Array, Array]:
+    """Cq and Cv with these forces of elements in outputs that are forces in them."""
+    if not scene.port.force_outputs:
+        return terms.Cq, terms.Cv
+    result = np.stack((terms.Cq, terms.Cv))
+    part_of = {part.name: part for part in cross_couplings(model, scene.bodies, scene.elements)}
+    for row, owner, wrench in scene.port.force_outputs:
+        part = part_of.get(scene.elements[owner].name)
+        if part is not None:
+            result[:, row] -= (part.axes @ wrench) @ part.wrenches(scene.coordinates, reduction)
+    return result[0], result[1]
 
 
 def _check_base_motion(model: Mechanism) -> None:

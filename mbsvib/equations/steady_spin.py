@@ -203,7 +203,14 @@ def _check_spring(
             _check_axisymmetric(wrenches.T, (center, axis), subject, rotor)
         return
     stiffness, damping = ((wrenches * values) @ wrenches.T for values in (coefficients.stiffness, coefficients.damping))
-    if not spin_together(model, spins, *pair):
+    if spring.cross_coupling is not None:
+        stiffness, damping = stiffness + spring.cross_coupling[0], damping + spring.cross_coupling[1]
+    if spin_together(model, spins, *pair):
+        if spring.cross_coupling is not None and spring.cross_coupling[1].any():
+            raise ModelError(f"{subject}turns with it and has a damping matrix that is not symmetric; that is "
+                             "supported only between a spinning body and one that does not spin along.",
+                             element=rotor, field="axis")  # fmt: skip
+    else:
         point = np.array(point_of(spring))
         force_rates = _blocks(stiffness @ _relative_velocity(point, pair, bodies, spins)[:, None])
         size = _blocks(stiffness) @ (_reference_length(bodies[spinning], point), 1.0)

@@ -50,9 +50,9 @@ class Matrices:
     body_motion: Array
     """Displacements of the bodies by the coordinates (bodies, 6, m), world axes."""
     gyroscopic: Array | None = None
-    """Antisymmetric part of C from spinning bodies (m, m), None without."""
+    """Antisymmetric part of C from spinning bodies and cross-coupling (m, m), None without."""
     circulatory: Array | None = None
-    """Antisymmetric part of K from follower loads and rotating dampers (m, m), None without."""
+    """Antisymmetric part of K from follower loads, rotating dampers and cross-coupling (m, m), None without."""
     massless: int = 0
     """Number of motions that move dampers but no mass: one state each in place of two."""
     null_inertia: Array | None = None
@@ -78,7 +78,7 @@ class Matrices:
 
 _NAMES = tuple([item.name for item in fields(Matrices)])
 MATRICES = _NAMES[: _NAMES.index("inertia_factor")]
-# Arrays that equations without spin, follower loads and massless motions lack.
+# Arrays that equations without spin, follower loads, cross-coupling and massless motions lack.
 OPTIONAL = ("gyroscopic", "circulatory", "null_inertia")
 
 

@@ -62,6 +62,11 @@ def is_loaded(model: Mechanism) -> bool:
     return gravity or bool(model.loads) or any(spring.loaded for spring in model.springs.values())
 
 
+def has_antisymmetric_forces(model: Mechanism) -> bool:
+    """Return whether a model has rotors or elements with cross-coupling."""
+    return bool(model.rotors) or any(part.cross_coupling is not None for part in model.springs.values())
+
+
 def applied_wrenches(model: Mechanism, number: Mapping[str, int]) -> AppliedWrenches:
     """Return the applied wrenches of a model."""
     weight = np.zeros((3, len(model.bodies) + 1))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -91,6 +91,10 @@ def balance(at: PosedModel, independent: Sequence[str] | None = None) -> Balance
         draft = with_loads(draft)
         assert draft.statics is not None
         residual, balanced_forces = draft.statics.residual, draft.statics.size
+    if any(part.cross_coupling is not None for part in model.springs.values()):
+        from mbsvib.equations.spin_terms import with_spin
+
+        draft = with_spin(replace(draft, model=model.with_parts(rotors={})))
     lengths, stiffness = at.scale[draft.reduction.independent], draft.terms.K
     size = np.maximum(balanced_forces, EPS / RESOLVED * (np.abs(stiffness) @ lengths))
     scale = lengths * elastic_scale(at.reference, draft.names, stiffness.diagonal() * lengths**2)

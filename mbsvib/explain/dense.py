@@ -165,6 +165,7 @@ def removed(part: Removed) -> list[str]:
 
 def _unsymmetric(system: Equations) -> list[str]:
     """Rotors and other causes of unsymmetric C and K."""
+    from mbsvib.elements.connection import Connection
     from mbsvib.elements.rotor import Rotor
 
     rotors = [part for part in system.provenance.parts if isinstance(part, Rotor)]
@@ -174,10 +175,15 @@ def _unsymmetric(system: Equations) -> list[str]:
         moment = "" if rotor.inertia is None else f"{rotor.inertia:.6g} kg m^2 on "
         subject = f"{moment}body '{rotor.body}'{'' if moment else ' itself'}"
         lines.append(f"  rotor '{rotor.name}': {subject}, {rotor.speed:.6g} rad/s about ({axis})")
+    coupled = [part.name for part in system.provenance.parts
+               if isinstance(part, Connection) and part.cross_coupling is not None]  # fmt: skip
+    if coupled:
+        lines.append(f"  cross-coupled, with unsymmetric stiffness or damping: {listed(coupled)}")
     if system.gyroscopic is not None:
         lines.append("  C = dampers + gyroscopic terms: modes have right and left vectors")
     if system.circulatory is not None:
-        lines.append("  K = stiffness + circulatory terms (rotating dampers, follower loads): flutter is possible")
+        lines.append("  K = stiffness + circulatory terms (rotating dampers, follower loads, cross-coupling): flutter "
+                     "is possible")
     return lines
 
 

@@ -32,7 +32,7 @@ def explain_loads(system: Equations) -> list[str]:
     lines.append(f"  balance: relative residual of the forces {statics.imbalance:.1e} (allowed {BALANCE:g})")
     lines += _stiffness(system)
     if system.circulatory is not None:
-        lines.append("  follower loads or torques make K unsymmetric")
+        lines.append("  follower loads, torques or cross-coupled bushings make K unsymmetric")
     return lines
 
 

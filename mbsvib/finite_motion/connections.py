@@ -28,6 +28,7 @@ class Connected:
     ``potential`` V [J], ``dissipation`` R [W] (half the power that dampers take) and ``kinetic`` [J]. ``yields`` (k,)
     are its first-order states and ``yield_rates`` (k,) their derivatives; ``deformation`` (d,) [m, rad] is what its
     force acts along and ``force`` (d,) [N, N m] that force, positive where it pulls the first body to the second.
+    ``cross_force`` (d,) is the part of it without energy, of the antisymmetric parts of stiffness and damping.
     ``angle`` [rad] must stay below the limit of bushings, where it is not None; beyond it forces are NaN.
     """
 
@@ -38,6 +39,7 @@ class Connected:
     kinetic: Expression
     yields: Expression
     yield_rates: Expression
+    cross_force: Expression
     angle: Expression | None = None
 
 
@@ -70,7 +72,8 @@ def connected(part: Any, motion: Kinematics) -> Connected:
         series = k1 * (x - y)
         force, potential = force + series, potential + 0.5 * k1 * (x - y) ** 2
         dissipation, rates = dissipation + 0.5 * series**2 / c1, series / c1
-    return Connected(x, force, potential, dissipation, 0.5 * ca.dot(xd, b @ xd), y, rates, angle)
+    crossed = ca.SX(*x.shape) if part.cross_coupling is None else 0.5 * ((k - k.T) @ x + (c - c.T) @ xd)
+    return Connected(x, force, potential, dissipation, 0.5 * ca.dot(xd, b @ xd), y, rates, crossed, angle)
 
 
 def _columns(part: Connection, numbers: Numbers) -> Any:

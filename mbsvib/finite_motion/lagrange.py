@@ -3,7 +3,7 @@
 L = T + G - V,   d/dt dL/dq' - dL/dq = -dR/dq' + Q + J^T lambda,   phi(q) = 0,   J = dphi/dq
 
 with the kinetic energy T, the terms G that are linear in the rates (rotors), the potential V, the dissipation function
-R, generalized forces Q of loads and inputs, and the loop closures phi.
+R, generalized forces Q of loads, inputs and cross-coupled bushings, and the loop closures phi.
 """
 
 from __future__ import annotations
@@ -78,6 +78,15 @@ class FiniteMotion:
         return generalized(self.motion, _sum(self.loads)) if self.loads else ca.SX.zeros(self.motion.q.shape)
 
     @cached_property
+    def cross_forces(self) -> Expression:
+        """Generalized forces (n,) of connections with cross-coupling, which have no energy."""
+        motion, result = self.motion, ca.SX.zeros(self.motion.q.shape)
+        for part in self.connections.values():
+            if part.cross_force.nnz():
+                result -= ca.jtimes(motion.rate(part.deformation), motion.qd, part.cross_force, True)
+        return result
+
+    @cached_property
     def input_forces(self) -> Expression:
         """Generalized forces (n, inputs) of inputs of 1 N, 1 N m or 1 m/s^2."""
         columns = [generalized(self.motion, power) for power in self.inputs.values()]
@@ -93,7 +102,7 @@ class FiniteMotion:
         lagrangian = self.total_kinetic + self.gyroscopic - self.total_potential
         result = ca.gradient(lagrangian, motion.q) - ca.jtimes(self.momenta, motion.q, motion.qd) + self.load_forces
         rayleigh = _sum(self.dissipation)
-        return result - ca.gradient(rayleigh, motion.qd)
+        return result - ca.gradient(rayleigh, motion.qd) + self.cross_forces
 
     @cached_property
     def jacobian(self) -> Expression:

@@ -118,6 +118,9 @@ SAME_ENERGY = 1e-6
 COLUMN_REGULARISATION = 1e-12
 # Eigenvalues of a 6x6 coefficient matrix, scaled to a unit diagonal, are rounding below this share of the largest.
 ZERO_EIGENVALUE = 1e-14
+# A 6x6 coefficient matrix differs from its transpose by rounding below this share of the largest entries that have the
+# same units: it was transformed to other axes, or printed.
+UNSYMMETRIC = 1e-9
 
 # Reduced models.
 # Unit rows of an interface of which one is a combination of the others but for this: rows carry the rounding of paths

@@ -67,7 +67,7 @@ def changed_fields(parameters: Parameters, values: Mapping[str, Array]) -> dict[
             start = np.array(_value(parameters.parts[entry.part], entry.field), dtype=float)
             fields[entry.field] = np.repeat(start[..., None], len(array), axis=-1)
         fields[entry.field][entry.index] = array
-        if len(entry.index) == 2:
+        if entry.is_pair:
             fields[entry.field][entry.index[::-1]] = array
     return result
 

@@ -15,7 +15,7 @@ name                                    unit                        what it is
 ``MAXWELL.static_stiffness``            N/m                         of the spring parallel to both
 ``SPRING.preload``                      N                           where given; likewise ``SPRING.free_length``, m
 ``BUSHING.stiffness.x`` ... ``.rz``     N/m, N m/rad                likewise ``damping``
-``BUSHING.stiffness.x.rz``              N/m, N/rad, N m/rad         off the diagonal of a 6x6 matrix, each pair once
+``BUSHING.stiffness.x.rz``              N/m, N/rad, N m/rad         off the diagonal of a 6x6 matrix, see below
 ``BUSHING.preload.x`` ... ``.rz``       N, N m                      where given
 ``GEAR.ratio``, ``RACK.radius``         -, m                        of gears and worms; of racks
 ``COUPLER.coefficient.1`` (2 ...)       -                           in the order of the sum
@@ -26,6 +26,8 @@ name                                    unit                        what it is
 ``BEAM.radius`` (wall, width, height)   m                           of its section, or ``.A``, ``.Iy``, ``.Iz``, ``.J``
 ``BEAM.alpha``, ``.beta``               1/s, s                      Rayleigh damping; likewise ``.damping_ratio``
 ======================================  ==========================  ============================================
+
+A symmetric 6x6 matrix has each pair of entries off the diagonal once; one with cross-coupling has all entries.
 
 An orientation parameter is a component of the rotation vector w, in world axes, of the part from its present
 orientation: its axes Q become exp([w]x) Q, so that these parameters are zero, also in a model that ``with_values`` has
@@ -57,7 +59,10 @@ class UnknownParameterError(ModelError, KeyError):
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Parameter(Displayed):
-    """A number of a model: entry ``index`` of the field ``field`` of the part named ``part``; ``unit`` is SI."""
+    """A number of a model: entry ``index`` of the field ``field`` of the part named ``part``; ``unit`` is SI.
+
+    Both of a pair of entries of a symmetric matrix are one number: ``is_pair``.
+    """
 
     name: str
     part: str
@@ -65,6 +70,7 @@ class Parameter(Displayed):
     index: tuple[int, ...]
     value: float
     unit: str
+    is_pair: bool = False
 
 
 class Parameters(Mapping[str, float], Displayed):
@@ -174,8 +180,10 @@ def _listed(part: Part) -> Iterator[Parameter]:
     """All parameters of one part."""
     for field in part.parameter_fields():
         owner = f"{part.name}.{field.name}" if field.name else part.name
+        symmetric = field.is_symmetric
         for end, index, value, unit in field.entries():
-            yield Parameter(owner + end, part.name, field.name, index, value, unit)
+            yield Parameter(owner + end, part.name, field.name, index, value, unit,
+                            symmetric and index[0] != index[1])  # fmt: skip
 
 
 def _hint(name: str, parts: Iterable[str]) -> str:

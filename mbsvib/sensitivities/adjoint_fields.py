@@ -145,8 +145,8 @@ def fields(
     if network.spin is not None and side:
         on_bodies = on_bodies + 0.0 * rate
         on_bodies[:, 3:] += network.spin.on_bodies(motion.body, rate, side)
-        if network.spin.circulatory is not None:
-            spring_wrench += network.spin.in_springs(motion.relative[joints:], stiff, side)
+        if network.spin.coupling is not None:
+            spring_wrench += network.spin.in_springs(motion.relative[joints:], stiff, rate, side)
     if network.forces is not None:
         carrying = motion.body if inertia_only is None else motion.body - inertia_only
         on_bodies = on_bodies + geometric_wrenches(network.forces, carrying, side, turned) * stiff

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from mbsvib.elements.connection import Connection
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.load import Gravity
 from mbsvib.elements.part import Composed
@@ -43,7 +44,8 @@ def limits(system: Equations) -> tuple[Limit, ...]:
             result.append(_INERTIA if _turned(system) else _DAMPING | _INERTIA)
         else:
             result.append(_STIFFNESS | _DAMPING | _INERTIA | (set() if falls else _MASS))
-    if _has(parts, Rotor) and (is_loaded(system) or provenance.origin is None):
+    coupled = any(isinstance(part, Connection) and part.cross_coupling is not None for part in parts)
+    if (_has(parts, Rotor) or coupled) and (is_loaded(system) or provenance.origin is None):
         # dampers that turn with a rotor are stiffness, too
         result.append(_STIFFNESS | _DAMPING if system.circulatory is None else _STIFFNESS)
     separation = provenance.separation

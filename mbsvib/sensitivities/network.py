@@ -50,8 +50,8 @@ class Network:
     that are not zero, ``floating`` (f,) the bodies that hang on nothing. ``limits`` say which parameters act by rules
     of their own. A ``bare`` network has no parts, as no parameter has a rule. ``forces`` are those at the pose of a
     loaded scene whose derivatives through the equilibrium are known, ``shared`` what more than two bodies share,
-    ``spin`` what rotors add and ``inertance`` (s, 6, 6) what inerters. ``loads`` are those of the model and the weights
-    of beams and superelements, ``reactions`` the elements of these whose forces statics gives.
+    ``spin`` what rotors and cross-coupling add and ``inertance`` (s, 6, 6) what inerters. ``loads`` are those of the
+    model and the weights of beams and superelements, ``reactions`` the elements of these whose forces statics gives.
     """
 
     parts: tuple[Part, ...]

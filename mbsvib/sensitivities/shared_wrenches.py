@@ -2,8 +2,8 @@
 
 Beam elements have mass, reduced models stiffness, damping and mass on all of their nodes: F = R^T w R d, with d the
 displacements of the nodes. A rotor of the angular momentum h adds -h x theta' to the moment on its body, a damper that
-turns along with spinning bodies -C_d W x d to its own force; both are antisymmetric, so that the left side of a form
-has them with the other sign.
+turns along with spinning bodies -C_d W x d to its own force, an element with cross-coupling the antisymmetric parts of
+its matrices; all are antisymmetric, so that the left side of a form has them with the other sign.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from scipy.sparse import csr_array
 
 from mbsvib.elements.rotor import Rotor
 from mbsvib.elements.rows import Rows
-from mbsvib.equations.spin_terms import momenta, rotating_dampers
+from mbsvib.equations.spin_terms import cross_couplings, momenta
 from mbsvib.equations.steady_spin import spin_velocities
+from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.kinematics.shared_rows import shared_rows
 from mbsvib.linalg.vectors import cross, transformed, wide
 
@@ -106,36 +107,38 @@ def shared_forces(
 @dataclass(frozen=True, slots=True)
 class Spin:
     """Steady spin: angular ``momentum`` (b, 3) [kg m^2/s] that rotors add to bodies, of each ``rotor`` the number of
-    its body and its share per unit of speed; the ``circulatory`` matrices (s, 6, 6) of dampers that turn along, None
-    without any, and the ``bodies`` that themselves spin, by name.
+    its body and its share per unit of speed; the antisymmetric ``coupling`` (2, s, 6, 6) in the stiffness and the
+    damping of connections, None without any, and the ``bodies`` that themselves spin, by name.
     """
 
     momentum: Array
     rotor: dict[str, tuple[int, Array]]
-    circulatory: Array | None
+    coupling: Array | None
     bodies: frozenset[str]
 
     def on_bodies(self, body: Field, rate: Field, side: int) -> Field:
         """Return the moments (b, 3, ...) of rotors: -h x theta', with the other sign on the left."""
         return np.asarray(-side * cross(wide(self.momentum, body), body[:, 3:]) * rate)
 
-    def in_springs(self, strained: Field, stiff: Field, side: int) -> Field:
-        """Return the wrenches (s, 6, ...) of dampers that turn along, with the other sign on the left."""
-        assert self.circulatory is not None
-        return np.asarray(-side * transformed(self.circulatory, strained) * stiff)
+    def in_springs(self, strained: Field, stiff: Field, rate: Field, side: int) -> Field:
+        """Return the antisymmetric wrenches (s, 6, ...) of connections, with the other sign on the left."""
+        assert self.coupling is not None
+        stiffness, damping = self.coupling
+        return np.asarray(side * (transformed(stiffness, strained) * stiff + transformed(damping, strained) * rate))
 
 
 def spin(plain: Mechanism, bodies: Sequence[Body], springs: Sequence[Bushing | Spring]) -> Spin | None:
-    """Return what rotors add to the forces of a mechanism in plain parts, None where there are none."""
-    rotors: list[Rotor] = list(plain.rotors.values())
-    if not rotors:
+    """Return what rotors and cross-coupling add to the forces of a mechanism in plain parts, None without both."""
+    if not plain.derived(has_antisymmetric_forces):
         return None
+    rotors: list[Rotor] = list(plain.rotors.values())
     momentum, of = np.zeros((len(bodies), 3)), {}
     unit = plain.with_parts(rotors={rotor.name: replace(rotor, speed=1.0) for rotor in rotors})
     for rotor, (i, per_speed) in zip(rotors, momenta(unit, bodies), strict=True):
         momentum[i] += rotor.speed * per_speed
         of[rotor.name] = i, per_speed
-    number_of, circulatory = {spring.name: k for k, spring in enumerate(springs)}, np.zeros((len(springs), 6, 6))
-    for damper in rotating_dampers(plain, bodies, springs):
-        circulatory[number_of[damper.name]] = 0.5 * (damper.matrix - damper.matrix.T)
-    return Spin(momentum, of, circulatory if circulatory.any() else None, frozenset(spin_velocities(plain)))
+    number_of, coupling = {spring.name: k for k, spring in enumerate(springs)}, np.zeros((2, len(springs), 6, 6))
+    for part in cross_couplings(plain, bodies, springs):
+        for k, matrix in enumerate((part.stiffness, part.damping)):
+            coupling[k, number_of[part.name]] = 0.5 * (matrix - matrix.T)
+    return Spin(momentum, of, coupling if coupling.any() else None, frozenset(spin_velocities(plain)))

@@ -115,8 +115,9 @@ def _refusal(system: Equations) -> ModelError:
     who = next((part.name for part in system.provenance.parts if isinstance(part, Maxwell) or
                 (isinstance(part, Body) and part.mass == 0.0)), system.name)  # fmt: skip
     return ModelError(
-        f"sensitivities: '{who}' makes motions without mass in a mechanism that spins, for which there are those of "
-        f"eigenvalues, matrices and frequency responses only. Compare variants by model.with_values.", element=who,
+        f"sensitivities: '{who}' makes motions without mass in a mechanism that spins or is cross-coupled, for which "
+        f"there are those of eigenvalues, matrices and frequency responses only. Compare variants by "
+        f"model.with_values.", element=who,
     )  # fmt: skip
 
 

@@ -75,10 +75,17 @@ def fields_of(part: Part) -> PartFields:
         if field.suffixes is None:
             shapes.append((field.name, 0, 1))
         elif isinstance(field.value[0], tuple):
-            shapes.append((field.name, 2, len(_COLUMN)))
+            shapes.append((field.name, 2, len(_COLUMN) if field.is_symmetric else 36))
         else:
             shapes.append((field.name, 1, len(field.suffixes)))
     return _part_fields(*shapes)
+
+
+def _entry(index: tuple[int, ...], count: int) -> int:
+    """The place of an entry among the ``count`` ones of its field, row by row."""
+    if len(index) == 2:
+        return _COLUMN[index] if count == len(_COLUMN) else 6 * index[0] + index[1]
+    return index[0] if index else 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,12 +115,13 @@ class FieldLayout:
     def picked(self, parameters: Sequence[Parameter]) -> FieldLayout:
         """Return the same fields with some of their entries as parameters."""
         starts = self.starts
-        start = {(name, field): first + shift
+        start = {(name, field): (first + shift, count)
                  for name, fields, first in zip(self.names, self.fields, starts, strict=False)
-                 for field, _, shift, _ in fields.fields}  # fmt: skip
+                 for field, _, shift, count in fields.fields}  # fmt: skip
         number = np.full(starts[-1], -1, dtype=np.intp)
         for k, entry in enumerate(parameters):
-            number[start[entry.part, entry.field] + _COLUMN.get(entry.index, entry.index[0] if entry.index else 0)] = k
+            first, count = start[entry.part, entry.field]
+            number[first + _entry(entry.index, count)] = k
         return FieldLayout(self.names, self.fields, number)
 
     def of_parameters(self, values: Sequence[Sequence[bool]]) -> Mask:

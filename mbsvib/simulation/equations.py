@@ -32,9 +32,9 @@ class MotionEquations:
     """Functions of CasADi for a mechanism of ``n`` tree coordinates, ``rank`` independent closures, ``dof`` = n - rank.
 
     ``closures``: (q, bases) -> (phi, J).  ``flow``: (q, v, y, P, W, bases, u, limit) -> (q', v', y', powers), powers
-    being those that dampers take, that loads and that inputs give [W]; NaN where dependent coordinates go more than
-    ``limit`` times as fast as independent ones. ``smooth_flow`` is the same with derivatives, for Newton's method.
-    ``unfolded``: the same arguments but the last -> (q', q'').
+    being those that dampers take, that loads and cross-coupling and that inputs give [W]; NaN where dependent
+    coordinates go more than ``limit`` times as fast as independent ones. ``smooth_flow`` is the same with
+    derivatives, for Newton's method. ``unfolded``: the same arguments but the last -> (q', q'').
     """
 
     n: int
@@ -64,8 +64,8 @@ def motion_equations(statement: FiniteMotion, rank: int, scale: Array) -> Motion
     u = ca.SX.sym("u", len(inputs))
     driven = statement.input_forces @ u if inputs else ca.SX.zeros(n)
     powers = ca.vertcat(
-        2.0 * sum(statement.dissipation.values(), ca.SX(0.0)), sum(statement.loads.values(), ca.SX(0.0)),
-        ca.dot(driven, qd),
+        2.0 * sum(statement.dissipation.values(), ca.SX(0.0)),
+        sum(statement.loads.values(), ca.dot(statement.cross_forces, qd)), ca.dot(driven, qd),
     )  # fmt: skip
     terms = ca.Function("terms", [q, qd, y, bases, u], [
         statement.mass, ca.densify(statement.forces + driven), ca.densify(statement.closure_bias),

@@ -115,7 +115,7 @@ def _loads(draft: SparseDraft) -> SparseDraft:
 
 
 def _spin(draft: SparseDraft) -> SparseDraft:
-    """Add gyroscopic and circulatory terms of rotors and rotating dampers."""
+    """Add gyroscopic and circulatory terms of rotors, rotating dampers and cross-coupling."""
     spins = spin_forces(draft.model, draft.bodies, draft.structure, draft.layout)
     if spins is None:
         return draft

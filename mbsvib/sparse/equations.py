@@ -33,9 +33,10 @@ class SparseEquations:
     ``model`` is the linearized model, ``removed`` are the bodies that ``reachable`` removed. Owners of rows are
     ``springs`` and then ``loading``: loads, preloads, joints and bodies whose forces cause geometric stiffness;
     ``undetermined`` lists output forces in joints that redundant constraints do not determine. ``circulatory`` and
-    ``gyroscopic`` (unknowns, unknowns) are the antisymmetric parts of K and C from follower loads, torques and rotors,
-    or None. ``separation`` describes the motions without mass, None if there is none. They stay among the unknowns;
-    ``D`` includes the direct contribution of the static ones, ``separation.at_once``, as in dense equations.
+    ``gyroscopic`` (unknowns, unknowns) are the antisymmetric parts of K and C from follower loads, torques, rotors
+    and cross-coupling, or None. ``separation`` describes the motions without mass, None if there is none. They stay
+    among the unknowns; ``D`` includes the direct contribution of the static ones, ``separation.at_once``,
+    as in dense equations.
     """
 
     kind: ClassVar[str] = "sparse system"

@@ -122,8 +122,9 @@ class ForceSums(SparseDraft):
         if self._rotated is not None:
             result[0] += self._rotated.of_joints(motion)
         if self.spins is not None:
-            result[0] += self.spins.of_dampers(motion)
-            result[1] += self.spins.of_rotors(all_rotations(motion, self.layout))
+            of_elements = self.spins.of_elements(motion)
+            result[0] += of_elements[0]
+            result[1] += of_elements[1] + self.spins.of_rotors(all_rotations(motion, self.layout))
         inertia, through = self._of_inertia(motion)
         result[2] += inertia
         inputs = self.port.force_inputs

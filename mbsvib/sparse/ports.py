@@ -10,6 +10,8 @@ import numpy as np
 from mbsvib.equations.base_motion import ground_motion, inertia_of_ground_motion
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from scipy.sparse import csr_matrix
 
     from mbsvib.sparse.draft import SparseDraft
@@ -47,19 +49,20 @@ def with_ports(draft: SparseDraft) -> SparseDraft:
             line = (csr_matrix(factors * value[which]) @ draft.elastic[which]).tocoo()
             outputs[derivative] = outputs[derivative] + csr_matrix(
                 (line.data, (np.full(line.nnz, row), line.col)), shape=shape)  # fmt: skip
-    return replace(draft, inputs=inputs, outputs=(_with_spin(draft, outputs[0]), outputs[1], outputs[2]), D=through)
+    return replace(draft, inputs=inputs, outputs=(*_with_cross_coupling(draft, outputs[:2]), outputs[2]), D=through)
 
 
-def _with_spin(draft: SparseDraft, rows: csr_matrix) -> csr_matrix:
-    """Rows of outputs, with the contributions of rotating dampers to the forces in their bushings."""
-    if draft.spins is None:
-        return rows
-    from scipy.sparse import csr_matrix
+def _with_cross_coupling(draft: SparseDraft, outputs: Sequence[csr_matrix]) -> tuple[csr_matrix, csr_matrix]:
+    """Rows of outputs over the unknowns and their rates, with antisymmetric forces in bushings."""
+    result = list(outputs)
+    if draft.spins is not None:
+        from scipy.sparse import csr_matrix
 
-    elements = list(draft.model.springs.values())
-    for row, owner, wrench in draft.port.force_outputs:
-        line = draft.spins.in_element(elements[owner].name, wrench)
-        if line is not None:
-            at = np.flatnonzero(line)
-            rows = rows + csr_matrix((line[at], (np.full(len(at), row), at)), shape=rows.shape)
-    return rows
+        elements = list(draft.model.springs.values())
+        for row, owner, wrench in draft.port.force_outputs:
+            lines = draft.spins.in_element(elements[owner].name, wrench)
+            for order, line in enumerate(() if lines is None else lines):
+                at = np.flatnonzero(line)
+                result[order] = result[order] + csr_matrix(
+                    (line[at], (np.full(len(at), row), at)), shape=result[order].shape)  # fmt: skip
+    return result[0], result[1]

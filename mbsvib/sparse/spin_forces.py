@@ -1,7 +1,7 @@
-"""Virtual work of rotors and rotating dampers in a motion that releases a joint.
+"""Virtual work of rotors and cross-coupled elements in a motion that releases a joint.
 
-The moment of a rotor with the angular momentum h on its body is h x theta', the wrench of a rotating damper on its
-second body is C_d [W]x d. Their work in a motion is a row over the rates of the unknowns, and over the unknowns.
+The moment of a rotor with the angular momentum h on its body is h x theta', the wrench of a cross-coupled element on
+its second body is -K_a d - C_a d'. Their work in a motion is a row over the unknowns, and one over their rates.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.spin_terms import momenta, rotating_dampers
+from mbsvib.equations.spin_terms import cross_couplings, momenta
+from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.sparse.rows import relative_rows
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Body
-    from mbsvib.equations.spin_terms import RotatingDamper
+    from mbsvib.equations.spin_terms import CrossCoupling
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree
@@ -30,11 +31,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class SpinForces:
-    """Angular momenta (body, h) of rotors, and rotating ``dampers`` with their six rows over the unknowns."""
+    """Angular momenta (body, h) of rotors, and cross-coupled ``elements`` with their six rows over the unknowns."""
 
     layout: Layout
     momenta: list[tuple[int, Array]]
-    dampers: list[tuple[RotatingDamper, csr_matrix]]
+    elements: list[tuple[CrossCoupling, csr_matrix]]
 
     def of_rotors(self, rotations: Array) -> Array:
         """Return the work of rotors in rotations (bodies + 1, 3), as a row over the rates of the unknowns (size,)."""
@@ -45,29 +46,33 @@ class SpinForces:
             result[column[used]] += np.cross(rotations[body], momentum)[used]
         return result
 
-    def of_dampers(self, motion: Motion) -> Array:
-        """Return the work of rotating dampers in a motion, as a row over the unknowns (size,)."""
-        result = np.zeros(self.layout.size)
-        for damper, rows in self.dampers:
-            along = motion.along(damper.rows)
+    def of_elements(self, motion: Motion) -> Array:
+        """Return the work of cross-coupled elements in a motion, as rows (2, size) over the unknowns and their rates.
+        """
+        result = np.zeros((2, self.layout.size))
+        for part, rows in self.elements:
+            along = motion.along(part.rows)
             if motion.tree_motion is not None:
                 along = along + rows @ motion.tree_motion
-            result += rows.T @ (damper.matrix.T @ along)
+            for order, matrix in enumerate((part.stiffness, part.damping)):
+                result[order] -= rows.T @ (matrix.T @ along)
         return result
 
     def in_element(self, name: str, wrench: Array) -> Array | None:
-        """Return the force of a rotating damper along a wrench (6,) in its axes; None if the element does not rotate.
+        """Return the force of an element along a wrench (6,) in its axes, as rows (2, size) over the unknowns and their
+        rates; None without cross-coupling.
         """
-        for damper, rows in self.dampers:
-            if damper.name == name:
-                return np.asarray(-(rows.T @ (damper.matrix.T @ (damper.axes @ wrench))))
+        for part, rows in self.elements:
+            if part.name == name:
+                return np.stack([rows.T @ (matrix.T @ (part.axes @ wrench))
+                                 for matrix in (part.stiffness, part.damping)])  # fmt: skip
         return None
 
 
 def spin_forces(model: Mechanism, bodies: Sequence[Body], tree: Tree, layout: Layout) -> SpinForces | None:
-    """Return the forces of a model's rotors, or None if it has none."""
-    if not model.rotors:
+    """Return the forces of a model's rotors and cross-coupled elements, or None if it has none."""
+    if not model.derived(has_antisymmetric_forces):
         return None
-    dampers = [(damper, relative_rows(tree, layout, damper.rows))
-               for damper in rotating_dampers(model, bodies, tuple(model.springs.values()))]  # fmt: skip
-    return SpinForces(layout, momenta(model, bodies), dampers)
+    elements = [(part, relative_rows(tree, layout, part.rows))
+                for part in cross_couplings(model, bodies, tuple(model.springs.values()))]  # fmt: skip
+    return SpinForces(layout, momenta(model, bodies), elements)

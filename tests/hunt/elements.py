@@ -45,7 +45,7 @@ def springs(draft):
 
 
 def besides(draft):
-    """An inerter between two bodies, and a torsion spring."""
+    """An inerter between two bodies, a torsion spring, and a bushing whose matrices are not symmetric."""
     rng, features = draft.rng, draft.features
     if "inerter" in features:
         first, second = draft.pair()
@@ -57,6 +57,16 @@ def besides(draft):
         loaded = "preloaded torsion spring" in features
         draft.add("torsion_spring", "torsion", first=first, second=second, axis=rng.normal(size=3), stiffness=stiffness,
                   damping=draft.damping(stiffness), preload=float(10 * rng.normal()) if loaded else None)  # fmt: skip
+    if "cross-coupled bushing" in features:
+        first, second = draft.pair()
+        name = bushing(draft, first, second, full=True, prefix="seal")
+        arguments = next(call for call in draft.calls if call.name == name).arguments
+        cross = np.triu(rng.uniform(-0.5, 0.5, (6, 6)), 1)
+        for word, share in (("stiffness", 1.0), ("damping", 1e-3)):
+            if word == "stiffness" or "no damping" not in features:
+                matrix = arguments["stiffness"]
+                size = np.sqrt(np.outer(matrix.diagonal(), matrix.diagonal()))
+                arguments[word] = share * (matrix + size * (cross - cross.T))
 
 
 def bushing(draft, first, second, full=False, negative=False, at=None, prefix="bush"):

@@ -27,7 +27,7 @@ GLOBAL = ("floating", "locked", "far from origin")
 LOADING = (*LOADS, "preloaded torsion spring")
 # Features that some scenes have besides those that their seed asks for, so that the plans of seeds stay as they are.
 BESIDES = ("inerter", "inerter force", "torsion spring", "preloaded torsion spring", "torsion spring moment",
-           "beam strain")  # fmt: skip
+           "beam strain", "cross-coupled bushing")  # fmt: skip
 PAIRED = (*TREE, *LOOP, *REDUNDANT, *COUPLERS, *ELASTIC, *DAMPING, *MASSLESS, *SPIN, *BEAMS, *SUPERELEMENTS, *LOADS,
           *HOLDS, *BASE, *SIGNALS, *FORCES, *GLOBAL)  # fmt: skip
 ALL = (*PAIRED, *BESIDES)

@@ -33,6 +33,7 @@ ROWS = {
     "Couplers, gears, worms, racks": features.COUPLERS,
     "Bushings, springs, dampers": ("bushing 6x6", "line spring", "negative stiffness", "damper alone",
                                    *features.DAMPING),
+    "Cross-coupled bushings": ("cross-coupled bushing",),
     "Maxwell elements": ("maxwell",),
     "Maxwell elements with a static spring": ("maxwell with static spring",),
     "Inerters": ("inerter",),

@@ -48,7 +48,7 @@ def followed():
 
 
 @pytest.mark.parametrize(("ask", "message"), [
-    (lambda: spinning().h2_norm(), r"'plate' makes motions without mass in a mechanism that spins, .*with_values"),
+    (lambda: spinning().h2_norm(), r"'plate' makes motions without mass in a mechanism that spins .*with_values"),
     (lambda: sliding().matrix_derivatives(["weight.force.x"]),
      r"'weight\.force\.x' moves the equilibrium of 'sliding' along a motion that no stiffness holds, .*Name other"),
     (lambda: followed().matrix_derivatives().factors("f.force.z", "K"),

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.elements.part import is_unsymmetric
 from mbsvib.sensitivities.displaced_bodies import holds_turns
 from mbsvib.sensitivities.families.rules import AtRest, PartRules, joins_spinning_body
 from mbsvib.sensitivities.families.terms import among_springs, in_axes, moved_point, square_terms, turned_axes
@@ -35,9 +36,20 @@ def _matrix(power: str, pairs: tuple[tuple[int, int], ...]) -> Rule:
     return rule
 
 
+def _unsymmetric(power: str) -> Rule:
+    """Each entry of an unsymmetric matrix: x_i y_j of the motion x on the left and y on the right."""
+    def rule(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+        strain, factor = in_axes(data[0], fields.strain[among_springs(fields, k)]), 0.5 * getattr(fields, power)
+        on_left = factor * (1 - fields.side)
+        return [[(strain[:, i] * (factor if i == j else on_left), strain[:, j])] for i in range(6) for j in range(6)]
+
+    return rule
+
+
 def _rule(_: Network, bushing: Bushing, field: str) -> Rule:
-    full = field in ("stiffness", "damping") and isinstance(getattr(bushing, field)[0], tuple)
-    return _OF_FIELDS[f"full {field}" if full else field]
+    if field not in ("stiffness", "damping") or not isinstance(getattr(bushing, field)[0], tuple):
+        return _OF_FIELDS[field]
+    return _OF_FIELDS[f"{'unsymmetric' if is_unsymmetric(getattr(bushing, field)) else 'full'} {field}"]
 
 
 def _constants(_: Network, parts: Sequence[Bushing], field: str) -> tuple[Array, ...]:
@@ -47,8 +59,8 @@ def _constants(_: Network, parts: Sequence[Bushing], field: str) -> tuple[Array,
 
 
 def _is_exception(bushing: Bushing, _: bool, turned: frozenset[str]) -> bool:
-    """What the moments of a turned bushing do about axes changes in ways of its own."""
-    return bushing.name in turned and holds_turns(bushing)
+    """What the moments of a turned bushing do about axes, and forces without energy, change in ways of their own."""
+    return bushing.cross_coupling is not None or (bushing.name in turned and holds_turns(bushing))
 
 
 def _at_rest(bushing: Bushing) -> AtRest:
@@ -113,6 +125,7 @@ def _add_reference_terms(terms: ReferenceTerms, bushing: Bushing, k: int) -> Non
 _OF_FIELDS: dict[str, Rule] = {
     "stiffness": _matrix("stiff", _DIAGONAL), "full stiffness": _matrix("stiff", _FULL),
     "damping": _matrix("rate", _DIAGONAL), "full damping": _matrix("rate", _FULL),
+    "unsymmetric stiffness": _unsymmetric("stiff"), "unsymmetric damping": _unsymmetric("rate"),
     "position": moved_point(1), "orientation": turned_axes(1),
 }  # fmt: skip
 RULES = PartRules(

@@ -57,7 +57,7 @@ def _follow(rates: PoseRates, rotor: Rotor, _: int) -> None:
 
 
 RULES = PartRules(
-    "rotor", single=_single, alters_spin=lambda spin, rotor, _: rotor.inertia is None and spin.circulatory is not None,
+    "rotor", single=_single, alters_spin=lambda spin, rotor, _: rotor.inertia is None and spin.coupling is not None,
     internal=(AXIS, 3), internal_rules=_internal_rules, follow=_follow,
     # bearings may leave the axis of a body that spins itself
     is_exception=lambda rotor, *_: rotor.inertia is None,

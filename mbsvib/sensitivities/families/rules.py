@@ -27,7 +27,7 @@ def joins_spinning_body(spin: Spin, part: Any, field: str) -> bool:
     """
     if not spin.bodies.intersection((part.first, part.second)):
         return False
-    return field not in ("stiffness", "damping") or (field == "damping" and spin.circulatory is not None)
+    return field not in ("stiffness", "damping") or (field == "damping" and spin.coupling is not None)
 
 
 def any_field(*_: Any) -> bool:
