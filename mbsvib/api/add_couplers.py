@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 class CoupledMechanism(Mechanism):
     """A mechanism whose joint coordinates may be coupled."""
 
-    def add_coupler(self, name: str, coefficients: Mapping[str, float]) -> Coupler:
+    def add_coupler(self, name: str, coefficients: Mapping[str, float], tangent: bool = False) -> Coupler:
         """Add a linear relation between joint coordinates.
 
         sum of coefficient_i q_i = 0
@@ -29,6 +29,10 @@ class CoupledMechanism(Mechanism):
         coefficients : mapping of str to float
             A coefficient for each of two or more joint coordinates, ``{"knee.rz": 1.0, "hip.rz": -2.0}``; of a joint
             with a single coordinate the direction may be left out. Rotations are in rad, translations in m.
+        tangent : bool
+            True: this is only the tangent, at the pose as described, of a relation that is not linear. It holds for
+            small motions about that pose where no force acts at rest. Refused are loads, gravity and preloads, whose
+            stiffness would contain the curvature of the relation, other poses, and runs.
 
         Returns
         -------
@@ -41,7 +45,7 @@ class CoupledMechanism(Mechanism):
             If a coordinate is unknown, a coefficient is zero, or there are fewer than two.
         """
         self._check_name(name, "coupler")
-        part = _coupler.make_coupler(name, coefficients, self._joints)
+        part = _coupler.make_coupler(name, coefficients, tangent, self._joints)
         return self._keep(self._couplers, part)
 
     def add_gear(self, name: str, first: str | Joint, second: str | Joint, ratio: float) -> Gear:

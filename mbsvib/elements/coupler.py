@@ -20,7 +20,7 @@ from the respective pose.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import partial
 from typing import TYPE_CHECKING, Any, Self, TypeVar
@@ -41,19 +41,24 @@ class Coupling(Part):
     """The base class of couplers: ``terms`` are pairs (coordinate, coefficient), the sum of their products is zero."""
 
     symbol = "coupler"
+    tangent = False  # whether it is the tangent of a nonlinear relation, at the reference pose alone
 
     terms: Terms = derived(())
 
 
 @dataclass(frozen=True, slots=True)
 class Coupler(Coupling):
-    """A linear relation, sum of coefficient times coordinate = 0; ``coefficients`` are pairs (coordinate, number)."""
+    """A linear relation, sum of coefficient times coordinate = 0; ``coefficients`` are pairs (coordinate, number).
+
+    ``tangent``: it is that of a nonlinear relation at the reference pose.
+    """
 
     coefficients: Terms = ()
+    tangent: bool = False
 
     def constructor_kwargs(self) -> dict[str, Any]:
         """Return the arguments of ``add_coupler`` that make this part."""
-        return {"name": self.name, "coefficients": dict(self.coefficients)}
+        return {"name": self.name, "coefficients": dict(self.coefficients), "tangent": self.tangent}
 
     def parameter_fields(self) -> Iterator[ParameterField]:
         suffixes = tuple(str(i + 1) for i in range(len(self.coefficients)))
@@ -61,7 +66,7 @@ class Coupler(Coupling):
 
     def with_values(self, values: Mapping[str, Any]) -> Coupler:
         terms = {name: value for (name, _), value in zip(self.coefficients, values["coefficient"], strict=True)}
-        return _coupler(self.name, terms)
+        return _coupler(self.name, terms, self.tangent)
 
 
 class Transmission(Coupling):
@@ -128,11 +133,11 @@ def _names(family: type[Transmission]) -> list[str]:
     return [item.name for item in fields(family)[2:]]
 
 
-def _coupler(name: str, terms: Mapping[str, Any]) -> Coupler:
+def _coupler(name: str, terms: Mapping[str, Any], tangent: bool) -> Coupler:
     checked = tuple((coordinate, _not_zero(value, f"coupler '{name}'", "coefficients",
                                            f"a finite number for '{coordinate}', not zero: leave it out"))
                     for coordinate, value in terms.items())  # fmt: skip
-    return Coupler(name, checked, checked)
+    return Coupler(name, checked, checked, tangent)
 
 
 def _transmission(family: type[T], name: str, first: str, second: str, factor: Any) -> T:
@@ -140,7 +145,7 @@ def _transmission(family: type[T], name: str, first: str, second: str, factor: A
     return family(name, ((first, -number), (second, 1.0)), first, second, number)  # type: ignore[call-arg]
 
 
-def make_coupler(name: str, coefficients: Any, joints: Mapping[str, Joint]) -> Coupler:
+def make_coupler(name: str, coefficients: Any, tangent: Any, joints: Mapping[str, Joint]) -> Coupler:
     """Check the values of a coupler and build it."""
     who = f"coupler '{name}'"
     expected = 'a coefficient for each of two or more joint coordinates, {"knee.rz": 1.0, "hip.rz": -2.0}'
@@ -155,7 +160,9 @@ def make_coupler(name: str, coefficients: Any, joints: Mapping[str, Joint]) -> C
     if len(terms) < 2:
         hint = "To lock one coordinate, take a joint that does not have it." if terms else ""
         raise check.refuse(who, "coefficients", dict(coefficients), expected, hint)
-    return _coupler(name, terms)
+    if not isinstance(tangent, bool):
+        raise check.refuse(who, "tangent", tangent, "True or False")
+    return _coupler(name, terms, tangent)
 
 
 def _make(family: type[T], name: str, first: Any, second: Any, factor: Any, joints: Mapping[str, Joint]) -> T:
@@ -170,6 +177,14 @@ def _make(family: type[T], name: str, first: Any, second: Any, factor: Any, join
 
 
 make_gear, make_worm, make_rack = partial(_make, Gear), partial(_make, Worm), partial(_make, Rack)
+
+
+def refuse_tangents(parts: Iterable[Coupling], reason: str) -> None:
+    """Refuse couplers that are only tangents; ``reason`` says why and what to do."""
+    for part in parts:
+        if part.tangent:
+            raise ModelError(f"coupler '{part.name}': it is the tangent of a nonlinear relation, {reason}",
+                             element=part.name, field="tangent")  # fmt: skip
 
 
 def coordinate_of(

@@ -13,8 +13,10 @@ from mbsvib.kinematics.relative_motion import Twists, relative_motion
 from mbsvib.linalg.rotations import logarithm
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from mbsvib.common.arrays import Array
-    from mbsvib.elements import Joint
+    from mbsvib.elements import Body, Joint
     from mbsvib.equilibrium.pose import Pose
     from mbsvib.kinematics.couplings import Couplings
     from mbsvib.mechanism.mechanism import Mechanism
@@ -48,11 +50,11 @@ def coupler_travel(model: Mechanism, pose: Pose, near: Array | None) -> Array:
 
 
 def check_couplers(model: Mechanism, moved: Mechanism) -> None:
-    """Refuse a pose in which couplers on homokinetic joints are no longer linear relations of joint coordinates.
+    """Refuse a pose in which couplers are no longer linear relations of joint coordinates.
 
-    ``moved`` is the model in the new pose. The components of a rotation vector w from the reference pose change by
-    e . J(w) omega, with J of ``rotations.inverse_jacobian``; after a finite w that differs from the coordinates of the
-    joint in the new pose.
+    ``moved`` is the model in the new pose. The components of a rotation vector w from the reference pose of a
+    homokinetic joint change by e . J(w) omega, with J of ``rotations.inverse_jacobian``; after a finite w that differs
+    from the coordinates of the joint in the new pose. Couplers that are only tangents hold in the reference pose alone.
     """
     if not model.couplers:
         return
@@ -61,18 +63,37 @@ def check_couplers(model: Mechanism, moved: Mechanism) -> None:
         for name, _ in part.terms:
             owner, _, direction = name.rpartition(".")
             joint = model.joints[owner]
-            if direction[0] != "r" or not joint.bisects:
+            if not part.tangent and (direction[0] != "r" or not joint.bisects):
                 continue
-            first, second = (np.eye(3) if body == "ground" else np.array(after[body].orientation) @
-                             np.array(before[body].orientation).T for body in (joint.first, joint.second))  # fmt: skip
-            angle = float(np.linalg.norm(logarithm(first.T @ second)))
-            if angle > TURNED:
+            angle, shift = _displacement(joint, before, after)
+            if part.tangent and (angle > TURNED or shift):
+                raise ModelError(
+                    f"coupler '{part.name}': it is the tangent of a nonlinear relation in the pose as described, and "
+                    f"joint '{owner}' has moved by {f'{angle:.3g} rad' if angle > TURNED else f'{shift:.3g} m'}. "
+                    f"Describe the model in the other pose anew, as load_mjcf(..., pose=...) does.",
+                    element=part.name, field="tangent",
+                )  # fmt: skip
+            if not part.tangent and angle > TURNED:
                 raise ModelError(
                     f"coupler '{part.name}': '{name}' is a component of the rotation vector of the {joint.kind} joint "
                     f"'{owner}', which has turned by {angle:.3g} rad; the coupler is not a linear relation of its "
                     f"coordinates in another pose. Couple joints with one free rotation, or universal ones.",
                     element=part.name,
                 )  # fmt: skip
+
+
+def _displacement(joint: Joint, before: Mapping[str, Body], after: Mapping[str, Body]) -> tuple[float, float]:
+    """Angle [rad] and shift [m] of a joint's second body relative to its first; 0 for a shift that is rounding."""
+    turns, ends = [], []
+    for body in (joint.first, joint.second):
+        on_ground = body == "ground"
+        turns.append(np.eye(3) if on_ground else np.array(after[body].orientation) @
+                     np.array(before[body].orientation).T)  # fmt: skip
+        at = np.array(joint.point or before[joint.first if joint.second == "ground" else joint.second].position)
+        ends.append(at if on_ground else after[body].position + turns[-1] @ (at - before[body].position))
+    shift = float(np.linalg.norm(ends[1] - ends[0]))
+    angle = float(np.linalg.norm(logarithm(turns[0].T @ turns[1])))
+    return angle, shift if shift > TURNED * max(float(np.abs(end).max()) for end in ends) else 0.0
 
 
 def joint_travel(joint: Joint, direction: str, pose: Pose) -> float:

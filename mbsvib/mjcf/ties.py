@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.rank import ZERO_PRODUCT
 from mbsvib.mjcf.scene import Scene
 from mbsvib.mjcf.tendons import Path, joint_path, sums
 
@@ -71,12 +72,9 @@ def _close(scene: Scene, i: int, weld: bool) -> None:
 
 def _couple(scene: Scene, i: int, tendons: Mapping[int, Path | None], of_tendons: bool) -> None:
     file, m = scene.file, scene.file.m
-    data = np.array(m.eq_data[i])
-    if data[2:5].any() and int(m.eq_obj2id[i]) >= 0:
-        raise file.refuse("equality", i, f"polycoef = {data[:5].tolist()} is no straight line; only its first two "
-                          f"numbers have a place in a model.", "polycoef")  # fmt: skip
+    slope, curved = _slope(scene, i, of_tendons)
     terms: dict[str, float] = {}
-    for target, factor in ((int(m.eq_obj1id[i]), 1.0), (int(m.eq_obj2id[i]), -float(data[1]))):
+    for target, factor in ((int(m.eq_obj1id[i]), 1.0), (int(m.eq_obj2id[i]), -slope)):
         if target < 0 or factor == 0.0:
             continue
         path = tendons[target] if of_tendons else joint_path(scene, target)
@@ -87,10 +85,30 @@ def _couple(scene: Scene, i: int, tendons: Mapping[int, Path | None], of_tendons
     terms = {coordinate: value for coordinate, value in terms.items() if value}
     name = scene.fresh(file.name("equality", i), "tie")
     if len(terms) > 1:
-        scene.model.add_coupler(name, terms)
+        scene.model.add_coupler(name, terms, tangent=curved)
     elif terms:  # a single fixed coordinate
         joint = scene.model.joints[next(iter(terms)).rpartition(".")[0]]
         if joint.kind == "free":
             raise file.refuse("equality", i, f"locks '{joint.name}', whose bearings give way; give it one stiffness, "
                               f"not six.", "stiffness")  # fmt: skip
         scene.model.add_joint(name, "fixed", joint.first, joint.second, joint.position)
+
+
+def _slope(scene: Scene, i: int, of_tendons: bool) -> tuple[float, bool]:
+    """Slope dx1/dx2 in this pose of a constraint x1 - x1_0 = sum of a_k (x2 - x2_0)^k, k = 0 ... 4, of positions or
+    lengths, and whether it differs in other poses.
+    """
+    file, m, second = scene.file, scene.file.m, int(scene.file.m.eq_obj2id[i])
+    coefficients = np.array(m.eq_data[i])[:5]
+    if second < 0 or not coefficients[2:].any():
+        return float(coefficients[1]), False
+    if of_tendons:
+        x = float(file.d.ten_length[second] - m.tendon_length0[second])
+    else:
+        x = float(file.position(second)[0] - m.qpos0[int(m.jnt_qposadr[second])])
+    parts = coefficients[1:] * np.arange(1, 5) * x ** np.arange(4)
+    if abs(parts.sum()) <= ZERO_PRODUCT * len(parts) * np.abs(parts).sum():
+        kind = "tendon" if of_tendons else "joint"
+        raise file.refuse("equality", i, f"its polynomial has the slope 0 in this pose, where it locks its first "
+                          f"{kind} and is no relation of both. Give a pose beside it.", "polycoef")  # fmt: skip
+    return float(parts.sum()), True

@@ -103,3 +103,35 @@ def test_a_four_bar_under_its_weight(tmp_path):
     np.testing.assert_allclose(held.bodies["crank"].position, model.bodies["crank"].position, atol=1e-6)
     by_itself = mv.load_mjcf(path).equilibrium().linearize(independent=["a.rz"])
     np.testing.assert_allclose(by_itself.K, system.K, rtol=1e-9)
+
+
+TIED = """<mujoco><option gravity="0 0 0"/><worldbody>
+<body><joint name="a" axis="0 1 0" stiffness="30"/><geom size=".1" mass="2" pos=".3 0 0"/></body>
+<body pos="0 2 0"><joint name="b" type="slide" axis="1 0 0" ref=".2"/><geom size=".1" mass="3"/>
+<body pos=".4 0 0"><joint name="d" axis="0 0 1" stiffness="7"/><geom size=".1" mass="1" pos=".2 .1 0"/></body></body>
+</worldbody><tendon><fixed name="one"><joint joint="a" coef="2"/></fixed>
+<fixed name="two"><joint joint="b" coef="3"/><joint joint="d" coef="-.5"/></fixed></tendon>
+<equality>{}</equality></mujoco>"""
+POLYNOMIAL = (0.1, 0.5, 2.0, -1.0, 3.0)
+
+
+@pytest.mark.parametrize("kind", ["joint", "tendon"])
+def test_couplings_by_polynomials_are_tangents(tmp_path, kind):
+    """Modes on the null space of MuJoCo's own constraint Jacobian, in a pose that meets the polynomial."""
+    first, second = {"joint": ("a", "b"), "tendon": ("one", "two")}[kind]
+    words = " ".join(map(str, POLYNOMIAL))
+    path = tmp_path / "tied.xml"
+    path.write_text(TIED.format(f'<{kind} name="c" {kind}1="{first}" {kind}2="{second}" polycoef="{words}"/>'))
+    b, d = 0.5, 0.3
+    x = b - 0.2 if kind == "joint" else 3.0 * (b - 0.2) - 0.5 * d
+    met = float(np.polynomial.Polynomial(POLYNOMIAL)(x)) / (1.0 if kind == "joint" else 2.0)
+    pose = {"a": met, "b": b, "d": d}
+    # springs at rest in this pose; those of the file are wound
+    path.write_text(path.read_text().replace('stiffness="30"', f'stiffness="30" springref="{np.rad2deg(met)}"')
+                    .replace('stiffness="7"', f'stiffness="7" springref="{np.rad2deg(d)}"'))  # fmt: skip
+    expected = projected(compiled(path, pose, None, {}, ()))
+    model = mv.load_mjcf(path, pose=pose, stiffness={"a": 30.0, "d": 7.0})
+    np.testing.assert_allclose(2 * np.pi * model.linearize().modes().frequencies, expected, rtol=1e-8, atol=1e-6)
+    assert model.couplers["c"].tangent
+    mv.save(model, tmp_path / "tied.yaml")
+    assert mv.load(tmp_path / "tied.yaml").couplers == model.couplers

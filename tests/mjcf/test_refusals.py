@@ -40,8 +40,8 @@ def sites(words):
     (PENDULUM + '<equality><joint name="c" joint1="hinge" polycoef=".3 0 0 0 0"/></equality>',
      "equality 'c': gapes by 0.3"),
     (world(body('<joint name="a"/>' + ROD, "a"), body('<joint name="b"/>' + ROD),
-           more='<equality><joint name="c" joint1="a" joint2="b" polycoef="0 1 2 0 0"/></equality>'),
-     "equality 'c': polycoef = .* no straight line"),
+           more='<equality><joint name="c" joint1="a" joint2="b" polycoef="0 0 2 0 0"/></equality>'),
+     "equality 'c': its polynomial has the slope 0 in this pose, .*joint"),
     (PENDULUM.replace("axis", 'actuatorfrcrange="-1 1" axis') + '<actuator><general joint="hinge" biastype="affine" '
      'biasprm="5 0 0"/></actuator>', "joint 'hinge': MuJoCo has 1 N or N m .* makes 5"),
     (sites('<tendon><spatial name="t" stiffness="1" springlength="0 .4"><site site="f"/><site site="g"/></spatial>'
