@@ -46,6 +46,14 @@ def test_poles_responses_and_norms(seed):
     poles = np.linalg.eigvals(a)
     assert distance(loop.poles(), poles) < 1e-12
     assert loop.stable == (poles.real.max() < 0.0)
+    waves = poles[poles.imag > 0.0]
+    waves = waves[np.argsort(np.abs(waves))]
+    np.testing.assert_allclose(loop.vibrating, waves, rtol=1e-9)
+    np.testing.assert_allclose(loop.damping_ratios, -waves.real / np.abs(waves), rtol=1e-9, atol=1e-10)
+    part = loop.law["b", "p"]
+    assert part.state_space().name == loop.law.name
+    for made, whole in ((part.A, law.A), (part.B, law.B[:, :1]), (part.C, law.C[1:]), (part.D, law.D[1:, :1])):
+        np.testing.assert_array_equal(made, whole)
     if not loop.stable:
         return
     b, c = np.vstack((space[1], np.zeros((2, 3)))), np.hstack((space[2], np.zeros((2, 2))))
