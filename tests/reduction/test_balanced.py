@@ -117,7 +117,9 @@ def test_states_that_do_not_decay_stay():
     """An integrator beside, and coupled into, decaying states."""
     a = np.array([[0.0, 1.0, 0.3], [0.0, -1.0, 2.0], [0.0, 0.0, -30.0]])
     plant = space(a, np.array([[0.0], [1.0], [1.0]]), np.array([[1.0, 0.0, 0.2]]))
-    small = reduced_space(plant, 2)
+    whole, small = reduced_space(plant, 3), reduced_space(plant, 2)
+    assert whole.states == ("lasting1", "hankel1", "hankel2")
+    assert_allclose(response(whole, np.array([0.3, 5.0])), response(plant, np.array([0.3, 5.0])), rtol=1e-12)
     assert small.states == ("lasting1", "hankel1")
     assert_allclose(np.linalg.eigvals(small.A).max(), 0.0, atol=1e-14)
     omega = np.geomspace(1e-3, 1e4, 2000)

@@ -5,6 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
+from mbsvib.reduction.modal import ModalTruncation
+from mbsvib.reduction.projection import projected
 from mbsvib.reduction.reduced import reduced_equations
 from tests.support.random_models import spatial
 from tests.support.slow_cases import some
@@ -59,6 +61,53 @@ def test_all_coordinates_are_the_same_system():
     bodies, same = system.modes().body_shapes, small.modes().body_shapes
     for name, shape in bodies.items():
         assert_allclose(np.abs(same[name]), np.abs(shape), atol=1e-9 * np.abs(shape).max())
+
+
+def test_every_matrix_is_projected():
+    """Also gyroscopic and circulatory parts, and outputs of velocities and accelerations."""
+    rng = np.random.default_rng(8)
+    mass, damping, stiffness = (r @ r.T + np.eye(5) for r in rng.normal(size=(3, 5, 5)))
+    turns = rng.normal(size=(2, 5, 5))
+    damping, stiffness = damping + turns[0] - turns[0].T, stiffness + turns[1] - turns[1].T
+    ports = rng.normal(size=(5, 2)), *rng.normal(size=(3, 4, 5)), rng.normal(size=(4, 2))
+    system, shapes = mv.System.from_matrices(mass, damping, stiffness, *ports), rng.normal(size=(5, 3))
+    small = projected(system, shapes, ["a", "b", "c"], ["m"] * 3)
+    for name, matrix in (("M", mass), ("C", damping), ("K", stiffness)):
+        assert_allclose(getattr(small, name), shapes.T @ matrix @ shapes, rtol=1e-12, atol=1e-13, err_msg=name)
+    whole = shapes.T @ ports[0], *(rows @ shapes for rows in ports[1:4]), ports[4]
+    for name, matrix in zip(("B", "Cq", "Cv", "Ca", "D"), whole, strict=True):
+        assert_allclose(getattr(small, name), matrix, rtol=1e-13, atol=1e-14, err_msg=name)
+    np.testing.assert_array_equal(small.provenance.reduction.independent, range(3))
+    assert_allclose(small.inertia_factor.T @ small.inertia_factor, small.M, rtol=1e-13, atol=1e-13)
+    s = 2.0j
+    exact = (ports[1] + s * ports[2] + s**2 * ports[3]) @ shapes @ np.linalg.solve(
+        shapes.T @ (s**2 * mass + s * damping + stiffness) @ shapes, shapes.T @ ports[0]) + ports[4]  # fmt: skip
+    assert_allclose(small.frequency_response([2.0])[..., 0], exact, rtol=1e-11)
+
+
+def test_modes_are_ranked_by_the_peaks_of_their_responses():
+    """On a fine grid; two modes that creep have theirs at rest, and free motions come first, seen or not."""
+    rng, n = np.random.default_rng(4), 9
+    natural, ratio = np.concatenate(([0.0, 0.0], np.geomspace(3.0, 40.0, n))), rng.uniform(0.002, 0.01, n + 2)
+    b = rng.normal(size=(n + 2, 2)) * 10 ** rng.uniform(-1, 1, (n + 2, 1))
+    cq, cv = rng.normal(size=(2, 3, n + 2)) * np.array([10.0, 0.1])[:, None, None]
+    ca = cq / np.maximum(natural, 1.0) ** 2 * rng.uniform(0.3, 1.5, n + 2)
+    b[1], cq[:, 1], cv[:, 1], ca[:, 1] = 0.0, 0.0, 0.0, 0.0
+    creep = [4, 7]
+    ratio[creep], cq[:, creep], cv[:, creep], ca[:, creep] = [2.0, 5.0], 500.0 * cq[:, creep], 0.0, 0.0
+    system = mv.System.from_matrices(np.eye(n + 2), np.diag(2.0 * ratio * natural), np.diag(natural**2), b, cq, cv, ca)
+    w = np.union1d(np.geomspace(1e-3, 60.0, 3000), natural[2:, None] * np.linspace(0.98, 1.02, 81))
+    s = 1j * w[:, None, None]
+    rows = np.linalg.norm(cq + s * cv + s**2 * ca, axis=1) / np.abs(
+        natural**2 + 2.0 * ratio * natural * s[:, 0] + s[:, 0] ** 2)  # fmt: skip
+    heights = (rows.max(axis=0) * np.linalg.norm(b, axis=1))[2:]
+    order = np.concatenate(([0, 1], 2 + np.argsort(-heights)))
+    assert order.tolist() != sorted(order.tolist())
+    family = ModalTruncation(system, corrected=False)
+    for count in range(2, n + 2):
+        small = family.model(count)
+        assert small.coordinates == tuple([f"mode{k + 1}" for k in sorted(order[:count].tolist())])
+        assert_allclose(np.diag(small.K), natural[np.sort(order[:count])] ** 2, rtol=1e-12, atol=1e-12)
 
 
 def test_free_motions_stay():
