@@ -123,12 +123,13 @@ def near_singular(group: LoopGroup) -> str:
 
 def _by_an_angle(model: Mechanism, group: LoopGroup, names: Sequence[str]) -> str | None:
     """The words for loops that would be free with their axes in line; None where these would not be."""
+    couplers = {part.name: part for part in model.couplers.values() if part.name in group.joints}
+    names = [*names, *(name for part in couplers.values() for name, _ in part.terms)]
     members = {*group.joints, *(name.rpartition(".")[0] for name in names)}
     joints = [joint for joint in model.joints.values() if joint.name in members or not joint.freedom]
     if not len(joints) > 1 or len(names) > MOST_COORDINATES:
         return None
     bodies = {body for joint in joints for body in (joint.first, joint.second)}
-    couplers = {part.name: part for part in model.couplers.values() if part.name in group.joints}
     loops = Loops(model.with_parts(
         bodies={name: body for name, body in model.bodies.items() if name in bodies},
         joints={joint.name: joint for joint in joints}, springs={}, composed={}, loads={}, inputs={}, outputs={},

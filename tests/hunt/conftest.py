@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import pytest
 
-FIRST, COUNT = 0, 500
+FIRST, COUNT = 0, 240
 
 
 @dataclass(frozen=True)
