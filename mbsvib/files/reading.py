@@ -14,6 +14,10 @@ from mbsvib.files.json_text import read_json
 from mbsvib.files.yaml_text import read_yaml
 
 READERS = {".yaml": read_yaml, ".yml": read_yaml, ".json": read_json}
+HINTS = {
+    ".xacro": " Expand macros to a URDF first, xacro file.urdf.xacro > file.urdf, which load_urdf and commands read.",
+    ".sdf": " SDF is not read; write the robot as a URDF or MJCF file, which load_urdf, load_mjcf and commands read.",
+}  # fmt: skip
 ROBOTS = {".urdf": "load_urdf", ".xml": "load_mjcf"}
 
 
@@ -21,7 +25,8 @@ def suffix_of(path: str | PathLike[str]) -> str:
     """Return the suffix of a model file in lower case; refuse unknown ones."""
     suffix = a_path(path, "file", ModelError).suffix
     if suffix.lower() not in READERS:
-        robot = f" Robots are read by mbsvib.{ROBOTS[suffix.lower()]}." if suffix.lower() in ROBOTS else ""
+        robot = f" Robots are read by mbsvib.{ROBOTS[suffix.lower()]}." if suffix.lower() in ROBOTS else \
+            HINTS.get(suffix.lower(), "")  # fmt: skip
         raise ModelError(f"{path}: the suffix is {suffix!r}; expected .yaml, .yml or .json, which says how a model "
                          f"is written.{robot}")  # fmt: skip
     return suffix.lower()

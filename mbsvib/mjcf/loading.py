@@ -93,6 +93,9 @@ def load_mjcf(
     bodies.add_ports(scene, [sites] if isinstance(sites, str) else list(sites))
     checking.compare(scene)
     checking.look_for_left(scene)
+    if not model.joints:
+        warnings.warn(f"{path}: nothing moves: {file.m.nbody - 1} bodies without joints, which are part of the ground. "
+                      f"Give those that move a <joint> or <freejoint>.", LeftOutWarning, stacklevel=2)  # fmt: skip
     if scene.remarks:
         warnings.warn(f"{path}: left out: {in_words(scene.remarks)}.", LeftOutWarning, stacklevel=2)
     return model

@@ -293,7 +293,7 @@ class Modes(Displayed):
             One sentence each.
         """
         if not len(self):
-            return ("The mechanism is fully locked: it has no degree of freedom.",)
+            return ("No modes: no motion that the joints leave has mass or damping.",)
         result = []
         if self.rigid:
             result.append(f"{counted(self.rigid, 'rigid-body mode')}, exactly 0 Hz.")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,11 +41,12 @@ def load_urdf(
     Links that fixed joints hold together are one body, with name and axes of the first of them; those that hang on the
     root are the ground, unless the robot floats. Each joint has a torque or force as an input, ``JOINT.torque`` or
     ``JOINT.force``, and its motion as an output, ``JOINT.angle`` or ``JOINT.travel``. A spring-damper in a joint is the
-    bushing ``JOINT.k``, z its axis. Joints that mimic others are coupled to them. A joint
-    that has the name of a link becomes ``NAME.joint``. Shapes and limits are left, dry friction with a
-    ``LeftOutWarning``, as are springs of joints and other mechanics that simulators add; likewise a robot is reported
-    in which nothing with a mass moves. Elements that connect links beside the tree, such as loops, bushings and
-    tendons, are refused: add them to the model after loading. A joint that mimics a fixed one is held at its offset.
+    bushing ``JOINT.k``, z its axis. Joints that mimic others are coupled to them; one that mimics a fixed joint is held
+    at its offset. A joint that has the name of a link becomes ``NAME.joint``.
+
+    Shapes and limits are left. A ``LeftOutWarning`` names dry friction, springs of joints and other mechanics that
+    simulators add, joints that move no mass, and a robot in which nothing with a mass moves. Elements that connect
+    links beside the tree, such as loops, bushings and tendons, are refused: add them to the model after loading.
 
     Parameters
     ----------
@@ -101,6 +102,9 @@ def load_urdf(
         way = "give the links <inertial> elements" if floating or model.bodies else "pass floating=True (--floating)"
         warnings.warn(f"{path}: nothing with a mass moves: {len(robot.links)} links, {len(model.bodies)} bodies. Check "
                       f"the file, or {way}.", LeftOutWarning, stacklevel=2)  # fmt: skip
+    elif idle := _idle(robot, frames):
+        warnings.warn(f"{path}: no mass moves with {listed(idle)}. Give the links behind <inertial> elements, or make "
+                      f"these joints fixed ones.", LeftOutWarning, stacklevel=2)  # fmt: skip
     labels = {name: f"{name}.joint" if name in model.bodies else name for name in robot.joints}
     for joint in robot.joints.values():
         if joint.kind != "fixed":
@@ -116,6 +120,16 @@ def load_urdf(
     if left := {**robot.left, **({"dry friction in": rubbing} if rubbing else {})}:
         warnings.warn(f"{path}: left out: {in_words(left)}.", LeftOutWarning, stacklevel=2)
     return model
+
+
+def _idle(robot: Robot, frames: Iterable[str]) -> list[str]:
+    """Joints behind which nothing has a mass or an inertia; ``frames`` are the links, parents before children."""
+    joint_of = {joint.child: joint for joint in robot.joints.values()}
+    heavy = {name for name, link in robot.links.items() if link.mass or link.inertia.any()}
+    for link in reversed(list(frames)):
+        if link in heavy and link in joint_of:
+            heavy.add(joint_of[link].parent)
+    return [repr(joint.name) for joint in robot.joints.values() if joint.kind != "fixed" and joint.child not in heavy]
 
 
 def _is_vague(model: Model, group: Group) -> bool:

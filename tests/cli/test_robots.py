@@ -105,6 +105,14 @@ def test_options_of_mjcf(run, tmp_path):
     assert "for files of URDF (.urdf)" in run("modes pendulum.xml --floating").stderr
 
 
+@pytest.mark.parametrize(("name", "told"), [("m.sdf", "SDF is not read; write the robot as a URDF or MJCF file"),
+                                            ("m.urdf.xacro", "xacro file.urdf.xacro > file.urdf")])  # fmt: skip
+def test_files_that_are_not_read_are_told_what_to_do(run, tmp_path, name, told):
+    (tmp_path / name).write_text("<sdf/>")
+    result = run(f"modes {name}")
+    assert (result.exit_code, told in result.stderr) == (1, True)
+
+
 def test_options_are_completed(run, rods):
     def candidates(*words):
         return run(f"--complete {' '.join(words)}").stdout.split()

@@ -202,3 +202,10 @@ def test_armature_feels_no_turning_of_the_ground(tmp_path):
     np.testing.assert_allclose(system.M, [[own + 2.0]], rtol=1e-13)
     np.testing.assert_allclose(system.B[0, tilt], -own, rtol=1e-13)
     np.testing.assert_allclose(np.abs(system.Ca[-1]), [own], rtol=1e-12)
+
+
+@pytest.mark.parametrize(("words", "count"), [("<worldbody/>", 0), ('<worldbody><geom size="1"/></worldbody>', 0),
+                                              ('<worldbody><body><geom size="1"/></body></worldbody>', 1)])  # fmt: skip
+def test_files_in_which_nothing_moves_are_reported(tmp_path, words, count):
+    with pytest.warns(mv.LeftOutWarning, match=f"nothing moves: {count} bodies without joints, .*<joint>"):
+        assert not mv.load_mjcf(write(tmp_path, words)).bodies

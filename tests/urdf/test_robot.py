@@ -373,6 +373,16 @@ def test_robots_in_which_nothing_moves_are_reported(robot, mass, floating, way):
         mv.load_urdf(robot(link("a", mass)), floating=floating)
 
 
+def test_joints_that_move_no_mass_are_reported(robot):
+    """Also behind other links; fixed links lend their mass, and so does what hangs on a link without one."""
+    words = (link("a") + link("b") + link("c", 1.0) + link("d") + link("e") + link("f", 1.0)
+             + joint("carries", "revolute", "a", "b") + joint("k", "revolute", "b", "c")
+             + joint("idle", "revolute", "a", "d") + joint("tip", "prismatic", "d", "e"))  # fmt: skip
+    with pytest.warns(mv.LeftOutWarning, match=r"robot\.urdf: no mass moves with 'idle', 'tip'\. .*fixed"):
+        mv.load_urdf(robot(words + joint("weld", "fixed", "c", "f")))
+    assert len(mv.load_urdf(robot(words + joint("weld", "fixed", "e", "f"))).joints) == 4
+
+
 def test_a_fixed_joint_that_mimics_has_no_coordinate(robot):
     tree = link("a") + link("b", 1.0) + link("c", 2.0) + joint("j", "prismatic", "a", "b")
     follows = joint("f", "fixed", "b", "c", more='<mimic joint="j" multiplier="2" offset="0.1"/>')
