@@ -143,6 +143,13 @@ def test_modes(damping, tmp_path):
         else:
             assert item["freq"] == pytest.approx(mode.frequency)
         assert np.array_equal(item["r2"][:3], mode.shape[:3, 1])
+    # the same file in millimetres
+    path.write_bytes(path.read_bytes().replace(b"1.0000000000000000D+00", b"1.0000000000000000D+03", 1))
+    shorter = mx.from_uff(path)
+    for node, same in zip(measured.nodes, shorter.nodes, strict=True):
+        assert same.position == pytest.approx(np.multiply(1e-3, node.position))
+    for mode, same in zip(measured.modes, shorter.modes, strict=True):
+        np.testing.assert_allclose(same.shape, mode.shape * np.repeat([1e-3, 1.0], 3), rtol=1e-12, atol=1e-20)
 
 
 def test_text_holds_the_responses_at_the_frequencies_that_it_holds(tmp_path):

@@ -142,8 +142,15 @@ def bars(crank):
 
 @pytest.mark.parametrize("crank", [2.5, -7.0])
 def test_initial_values_follow_through_loops(crank):
-    """As the crank is turned there from the pose as described, also by more than a whole turn."""
-    run = mv.library.four_bar().simulate([0.0, 1e-3], initial={"A.rz": (crank, -2.0)})
+    """As the crank is turned there from the pose as described, also by more than a whole turn; and what follows."""
+    model, h = mv.library.four_bar(), 1e-3
+    for body, direction in (("rocker", "ry"), ("coupler", "x")):
+        for quantity in ("velocity", "acceleration"):
+            model.add_output(f"{body} {quantity}", body, direction, quantity=quantity)
+    run = model.simulate(h * np.arange(5), initial={"A.rz": (crank, -2.0)}, tolerance=1e-11)
+    for body in ("rocker", "coupler"):  # an acceleration is the slope of the velocity
+        slope = run[f"{body} velocity"] @ [1.0, -8.0, 0.0, 8.0, -1.0] / (12.0 * h)
+        assert run[f"{body} acceleration"][2] == pytest.approx(slope, rel=1e-6)
     angles, rates = bars(crank)
     names = ("A.rz", "B.rz", "C.rz", "D.rz")
     np.testing.assert_allclose([run.coordinates[name][0] for name in names], angles, atol=1e-10)
