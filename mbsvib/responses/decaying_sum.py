@@ -177,7 +177,8 @@ class DecayingSum:
             if not len(a):
                 break
             if k > BRACKETED and len(a) == 1 and (low[0] > level) != (high[0] > level):
-                return float(brentq(lambda x: self._signed(np.array([x]), sign)[0] - level, a[0], b[0], rtol=1e-14))
+                return float(brentq(lambda x: self._signed(np.array([x]), sign)[0] - level, a[0], b[0],
+                                    xtol=1e-14 * b[0], rtol=1e-14))  # fmt: skip
             middle = 0.5 * (a + b)
             f = self._signed(middle, sign)
             best = max(best, float((side * middle[f > level]).max(initial=-np.inf)))

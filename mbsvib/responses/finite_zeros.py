@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.linalg.rank import EPS
+from mbsvib.linalg.rank import EPS, POLE_ROUNDINGS
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Complex
@@ -28,6 +30,8 @@ POINTS, NORMAL_RANK = (0.31 + 0.47j, 0.083 + 0.019j, 1.9 - 1.3j), 1e-10
 # LOST roundings, the square root of fewer for a double zero; it grows GROWTH times on the share AWAY of the way to the
 # nearest pole. Poles nearer than AT_POLE belong to modes that are not met; near poles transfer matrices are rounding.
 FALLS, LOST, GROWTH, AWAY, NEAR_POLE, AT_POLE = 1e-2, 3e4, 30.0, 0.25, 1e-3, 1e-6
+# Circles about 0 grow until the system matrix is regular on so many points of them, at most up to a share of its size.
+WIDER, DIRECTIONS, SLOWEST = 2.0, np.exp(0.5j * np.pi * np.arange(4) + 0.3j), 1e-3
 
 
 def finite_zeros(a: Array, b: Array, c: Array, d: Array) -> Complex:
@@ -35,18 +39,18 @@ def finite_zeros(a: Array, b: Array, c: Array, d: Array) -> Complex:
     one.
 
     More outputs than inputs, or fewer, are combined to as many as the normal rank: zeros of the combination are those
-    of all, and others, at which the whole matrix keeps its rank.
+    of all, and others, at which the whole matrix keeps its rank. Those that rounding cannot tell from 0 are 0.
 
     Source: Emami-Naeini & Van Dooren, Automatica 18 (1982).
     """
-    if len(d) == d.shape[1]:
-        return _of_square(a, b, c, d)
-    rank = normal_rank(a, b, c, d)
-    if not rank:
-        return _of_square(a, b, c, d)
-    left, right = (combination(count, rank) for count in d.shape)
-    zeros = _of_square(a, b @ right, left.T @ c, left.T @ d @ right)
-    return zeros[_loses_rank((a, b, c, d), zeros, rank)]
+    rank = len(d) if len(d) == d.shape[1] else normal_rank(a, b, c, d)
+    if len(d) == d.shape[1] or not rank:
+        zeros = _of_square(a, b, c, d)
+    else:
+        left, right = (combination(count, rank) for count in d.shape)
+        zeros = _of_square(a, b @ right, left.T @ c, left.T @ d @ right)
+        zeros = zeros[_loses_rank((a, b, c, d), zeros, rank)]
+    return _exact_at_zero((a, b, c, d), zeros, rank)
 
 
 def normal_rank(a: Array, b: Array, c: Array, d: Array) -> int:
@@ -77,15 +81,11 @@ def _loses_rank(equations: tuple[Array, Array, Array, Array], zeros: Complex, ra
     not grow, as along a chain of many masses, it is small at all s.
     """
     a, b, c, d = equations
-    n, poles, whole = len(a), np.linalg.eigvals(a), np.block([[a, b], [c, d]])
-    shift = np.pad(np.eye(n), ((0, len(c)), (0, b.shape[1])))
-    rounding = EPS * float(np.linalg.norm(whole, 2))
+    n, poles = len(a), np.linalg.eigvals(a)
+    least, rounding = _least(equations, rank)
 
     def gain(s: complex) -> float:
         return float(np.linalg.svd(c @ np.linalg.solve(s * np.eye(n) - a, b) + d, compute_uv=False)[rank - 1])
-
-    def least(s: complex) -> float:
-        return float(np.linalg.svd(whole - s * shift, compute_uv=False)[n + rank - 1])
 
     lost = np.zeros(len(zeros), dtype=bool)
     for i, s in enumerate(zeros.tolist()):
@@ -97,6 +97,34 @@ def _loses_rank(equations: tuple[Array, Array, Array, Array], zeros: Complex, ra
         if value <= LOST * noise:
             lost[i] = max(least(s + reach * turn) for turn in (1.0, 1j)) > GROWTH * max(value, noise)
     return lost
+
+
+def _least(equations: tuple[Array, Array, Array, Array], rank: int) -> tuple[Callable[[complex], float], float]:
+    """The singular value of the system matrix that is 0 at zeros, as a function of s, and a rounding of the matrix."""
+    a, b, c, d = equations
+    n, whole = len(a), np.block([[a, b], [c, d]])
+    shift = np.pad(np.eye(n), ((0, len(c)), (0, b.shape[1])))
+
+    def least(s: complex) -> float:
+        return float(np.linalg.svd(whole - s * shift, compute_uv=False)[n + rank - 1])
+
+    return least, EPS * float(np.linalg.norm(whole, 2))
+
+
+def _exact_at_zero(equations: tuple[Array, Array, Array, Array], zeros: Complex, rank: int) -> Complex:
+    """The zeros, 0 in place of those within a circle on which the system matrix is singular but for rounding.
+
+    As of eigenvalues, k zeros that coincide at 0 differ from it by the k-th root of rounding.
+    """
+    if not (np.abs(zeros) < SLOWEST).any():
+        return zeros
+    least, rounding = _least(equations, rank)
+    radius = rounding = POLE_ROUNDINGS * rounding
+    while min(least(radius * turn) for turn in DIRECTIONS) <= rounding:
+        radius *= WIDER
+        if radius > SLOWEST:  # singular everywhere
+            return zeros
+    return np.where(np.abs(zeros) <= radius, 0.0, zeros)
 
 
 def _of_square(a: Array, b: Array, c: Array, d: Array) -> Complex:
