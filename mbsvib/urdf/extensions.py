@@ -22,9 +22,8 @@ if TYPE_CHECKING:
 # Parts of the names of elements that connect links, and the calls that add the same to a model.
 CONNECTIONS = {
     "tendon": "add_coupler()", "equality": "add_joint() or add_coupler()", "bushing": "add_bushing()",
-    "spring": "add_spring() or add_bushing()", "damper": "add_spring() or add_bushing()",
-    "force_element": "add_spring() or add_bushing()", "loop": "add_joint()", "clos": "add_joint()",
-    "constraint": "add_joint()", "weld": "add_joint()", "joint": "add_joint()",
+    "spring": "add_spring() or add_bushing()", "damper": "add_spring() or add_bushing()", "loop": "add_joint()",
+    "clos": "add_joint()", "constraint": "add_joint()", "weld": "add_joint()", "joint": "add_joint()",
 }  # fmt: skip
 # Elements that add links.
 ADDED = ("link", "model", "include", "body")
@@ -68,17 +67,19 @@ def _read_elements(top: Element) -> Iterator[Element]:
                 yield from part.iter()
 
 
-def left_out(top: Element, root: str, path: str | PathLike[str]) -> Remarks:
+def left_out(top: Element, path: str | PathLike[str]) -> Remarks:
     """Refuse what connects or adds links beside the tree; return what else is left out.
 
-    ``root``: the root link, which a simulator's fixed joint may hold to the world, as the reader does.
+    A simulator's fixed joint may hold the root link to the world, as the reader does.
     """
+    carried = [child.get("link") for child in top.findall("joint/child")]
+    roots = [str(link.get("name")) for link in top.findall("link") if link.get("name") not in carried]
     notes = [note for element in top.iter() for note in _noted(element)]
     for element in top:
         tag = _name(element)
         if tag == "gazebo":
             for part in element:
-                if not _holds_root(part, root) and not element.get("reference"):
+                if not _holds_root(part, roots) and not element.get("reference"):
                     _refuse_connection(part, path)
         elif tag == "mujoco":
             for part in element:
@@ -88,10 +89,11 @@ def left_out(top: Element, root: str, path: str | PathLike[str]) -> Remarks:
                 notes.append(("all but the first <inertial> of", f"'{element.get('name')}'"))
         elif element.tag == "joint":
             notes += _in_joint(element)
-        else:
-            _refuse_connection(element, path)
-            if tag not in HARMLESS:
-                notes.append((f"<{element.tag}>", repr(element.get("name", ""))))
+        elif tag not in HARMLESS:
+            for part in element.iter():
+                if part is element or _name(part) not in (*ADDED, "joint"):  # within others these are mere names
+                    _refuse_connection(part, path)
+            notes.append((f"<{element.tag}>", repr(element.get("name", ""))))
     remarks: Remarks = {}
     for what, name in notes:
         remarks.setdefault(what, []).append(name)
@@ -115,7 +117,7 @@ def _refuse_connection(element: Element, path: str | PathLike[str]) -> None:
         raise ModelError(f"{path}: <{element.tag}> {name!r} adds links in a way that is not read. Write them as <link> "
                          f"and <joint> of <robot>.", element=name)  # fmt: skip
     call = next((call for part, call in CONNECTIONS.items() if part in tag), None)
-    if call is None or tag in HARMLESS:
+    if call is None:
         return
     closing = f"<{element.tag}> {name!r} connects links beside the tree of joints, and is not read."
     way = "Remove the element from a copy of the file, load the copy"
@@ -124,10 +126,10 @@ def _refuse_connection(element: Element, path: str | PathLike[str]) -> None:
     raise ModelError(f"{path}: {closing} {way}, and add what it does by model.{call}.", element=name)
 
 
-def _holds_root(element: Element, root: str) -> bool:
-    """Whether a simulator's joint fixes the root link to the world."""
+def _holds_root(element: Element, roots: list[str]) -> bool:
+    """Whether a simulator's joint fixes the only root link to the world."""
     ends = [(element.findtext(role) or "").strip() for role in ("parent", "child")]
-    return _name(element) == "joint" and element.get("type") == "fixed" and ends == ["world", root]
+    return _name(element) == "joint" and element.get("type") == "fixed" and ends == ["world", *roots]
 
 
 def _noted(element: Element) -> Iterator[tuple[str, str]]:

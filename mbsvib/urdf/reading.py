@@ -92,11 +92,11 @@ def read(path: str | PathLike[str]) -> Robot:
     if top.tag != "robot":
         raise ModelError(f"{path}: the file's element is <{top.tag}>; expected <robot>, as URDF has it.")
     refuse_macros(top, path)
+    left = left_out(top, path)
     links = {name: _link(element, name, path) for name, element in _named(top, "link", path).items()}
     joints = {name: _joint(element, name, links, path) for name, element in _named(top, "joint", path).items()}
     joints = {name: _held(joint, joints, path) for name, joint in joints.items()}
-    root = _root(links, joints, path)
-    return Robot(top.get("name") or "robot", links, joints, root, left_out(top, root, path))
+    return Robot(top.get("name") or "robot", links, joints, _root(links, joints, path), left)
 
 
 def _held(joint: Hinge, joints: dict[str, Hinge], path: str | PathLike[str]) -> Hinge:
