@@ -22,12 +22,12 @@ from mbsvib_export.cosimulation.unit import equations
 from mbsvib_export.cosimulation.unit_file import open_unit
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     from mbsvib.common.arrays import Array
     from mbsvib.common.selection import Names
     from mbsvib_export.cosimulation.connections import Connections
-    from mbsvib_export.cosimulation.unit_file import UnitFile
+    from mbsvib_export.cosimulation.unit_file import Signal, UnitFile
 
 
 _STEPS = 256  # of the first size, where no duration is given
@@ -39,7 +39,7 @@ _FLOOR = 1e-9  # outputs below this share of the largest of their unit are measu
 def check_cosimulation(
     plant: Any, controller: Any, step: float, *, masters: Names = None,
     connections: Mapping[str, str | None] | None = None, excitation: Mapping[str, float] | None = None,
-    duration: float | None = None, bonds: Mapping[str, str] | None = None,
+    duration: float | None = None, bonds: Mapping[str, str] | None = None, systems: Mapping[str, Any] | None = None,
 ) -> CosimulationCheck:  # fmt: skip
     """Co-simulate a plant and a controller as FMUs, and compare the result with that of the loop as one system.
 
@@ -53,8 +53,8 @@ def check_cosimulation(
     Parameters
     ----------
     plant, controller : path, System, StateSpace, SystemData or control.StateSpace
-        FMU files, FMI 2.0 or 3.0 with model exchange and co-simulation; systems are exported first.
-        Signals of the same name are connected.
+        FMU files, FMI 2.0 or 3.0 with co-simulation; systems are exported first. Signals of the same name are
+        connected.
     step : float
         Communication step H [s].
     masters : str or sequence of str, optional
@@ -70,6 +70,9 @@ def check_cosimulation(
         Time to simulate [s]. Default: 256 steps H.
     bonds : mapping of str to str, optional
         Displacement (m, rad) by force input of the plant that works on it, for the energy that the coupling generates.
+    systems : mapping of str to System, StateSpace, SystemData or control.StateSpace, optional
+        The equations of ``"plant"`` or ``"controller"``, with its inputs and outputs by name. They are needed for an
+        FMU without model exchange that lists no states; others state them.
 
     Returns
     -------
@@ -87,9 +90,13 @@ def check_cosimulation(
         folder = stack.enter_context(TemporaryDirectory(prefix="mbsvib-"))
         units = [stack.enter_context(open_unit(as_file(source, Path(folder) / f"{word}.fmu"), "check_cosimulation"))
                  for word, source in (("plant", plant), ("controller", controller))]  # fmt: skip
+        for word in systems or {}:
+            if word not in ("plant", "controller"):
+                raise ExportError(f"check_cosimulation: systems: {word!r}; expected 'plant' or 'controller'.")
         links = connect(units[0], units[1], connections)
         methods, remarks = _able(masters, units)
-        numbers = [equations(unit) for unit in units]
+        numbers = [_equations(word, unit, (systems or {}).get(word), Path(folder))
+                   for word, unit in zip(("plant", "controller"), units, strict=True)]  # fmt: skip
         refuse_algebraic_loop(units[0], units[1], links, numbers[0][3], numbers[1][3])
         make = _loops(units, numbers, links)
         a = make(h).monolithic()[0]
@@ -98,6 +105,9 @@ def check_cosimulation(
             remarks.append(f"The closed loop itself is unstable: a pole at {growth:.3g} 1/s.")
         e, notes = _excited(units, links, excitation)
         x = np.zeros(len(a)) if e.any() else _nominal(units)
+        if not e.any() and len(x) != len(a):
+            raise ExportError("check_cosimulation: excitation: no free input is excited, and an FMU lists no states "
+                              "that could start elsewhere than at rest; leave an input free, and excite it.")
         if not e.any():
             remarks.append("No free input is excited: states start at their nominal values.")
         work = _bonds(units[0], bonds)
@@ -123,6 +133,30 @@ def as_file(source: Any, path: Path, version: str = "3.0") -> Path:
     from mbsvib_export.fmu_ import to_fmu
 
     return to_fmu(source, path, version).path
+
+
+def _equations(word: str, unit: UnitFile, system: Any, folder: Path) -> tuple[Array, Array, Array, Array]:
+    """A, B, C, D of an FMU: those of the system that is given for it, or what its binary answers."""
+    if system is None:
+        if unit.hides_states:
+            raise ExportError(f"{unit.path}: '{unit.name}' is for co-simulation only and lists no states, so that "
+                              f"there is nothing to compare with; give its equations: systems={{'{word}': system}}.")
+        return equations(unit)
+    with open_unit(as_file(system, folder / f"{word}_system.fmu"), "check_cosimulation") as other:
+        a, b, c, d = equations(other)
+        columns, rows = (_by_name(word, kind, getattr(unit, kind), getattr(other, kind))
+                         for kind in ("inputs", "outputs"))  # fmt: skip
+        return a, b[:, columns], c[rows], d[np.ix_(rows, columns)]
+
+
+def _by_name(word: str, kind: str, signals: Sequence[Signal], given: Sequence[Signal]) -> list[int]:
+    """Numbers of the signals of an FMU among those of the system that is given for it."""
+    names = [signal.name for signal in given]
+    for signal in signals:
+        if signal.name not in names:
+            raise ExportError(f"check_cosimulation: systems['{word}'] has no '{signal.name}' among its {kind}, which "
+                              f"the FMU has.{nearest(signal.name, names)}")  # fmt: skip
+    return [names.index(signal.name) for signal in signals]
 
 
 def _able(masters: Names, units: list[UnitFile]) -> tuple[list[str], list[str]]:

@@ -48,10 +48,11 @@ def run(
 
 
 def _run(method: str, p: Instance, k: Instance, loop: Loop, x: Array, e: Array, count: int) -> tuple[Array, Array]:
-    n, h = len(p.unit.states), loop.h
+    n, h = loop.sizes[0], loop.h
     plant_excitation, controller_excitation = loop.plant_free @ e, loop.controller_free @ e
-    p.enter().set_states(x[:n])
-    k.enter().set_states(x[n:])
+    for instance, states in ((p, x[:n]), (k, x[n:])):
+        listed = len(instance.unit.states)
+        instance.enter().set_states(states if len(states) == listed else np.zeros(listed))
     y, f = np.zeros(len(p.unit.outputs)), np.zeros(len(k.unit.outputs))
     for _ in range(len(y) + len(f) + 1):  # feedthrough converges, as there is no algebraic loop
         before = y, f

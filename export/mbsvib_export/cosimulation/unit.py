@@ -159,11 +159,11 @@ class _Values:
 def equations(unit: UnitFile) -> tuple[Array, Array, Array, Array]:
     """Return A (n, n), B (n, inputs), C (outputs, n), D (outputs, inputs) of an FMU.
 
-    They are its model-exchange results for unit states and inputs.
+    They are its results for unit states and inputs in initialization mode, of model exchange where it has both kinds.
     """
     n, m = len(unit.states), len(unit.inputs)
     with ExitStack() as stack:
-        instance = Instance(unit, "me")
+        instance = Instance(unit, "cs" if unit.description.modelExchange is None else "me")
         stack.callback(instance.close)
         instance.enter()
 
@@ -190,10 +190,13 @@ def equations(unit: UnitFile) -> tuple[Array, Array, Array, Array]:
 def state_space_of_unit(path: str | os.PathLike[str]) -> StateSpace:
     """Return the state space of an FMU, from the answers of its binary and not from the numbers in its archive.
 
-    ``path``: a unit with model exchange, FMI 2.0 or 3.0. Names are those of mbsvib; ``transform`` is the identity, as
-    an FMU knows no coordinates.
+    ``path``: a unit with model exchange, or one that lists its states, FMI 2.0 or 3.0. Names are those of mbsvib;
+    ``transform`` is the identity, as an FMU knows no coordinates.
     """
     with open_unit(path, "state_space_of_unit") as unit:
+        if unit.hides_states:
+            raise ExportError(f"{unit.path}: '{unit.name}' is for co-simulation only and lists no states "
+                              f"(ModelStructure, derivatives); export it with model exchange, too.")  # fmt: skip
         a, b, c, d = equations(unit)
         names = {kind: tuple(signal.name for signal in getattr(unit, kind)) for kind in ("states", "inputs", "outputs")}
         units = {kind: tuple(signal.unit for signal in getattr(unit, kind)) for kind in names}

@@ -54,6 +54,11 @@ class UnitFile:
         """Whether it is one of FMI 3."""
         return str(self.description.fmiVersion).startswith("3")
 
+    @property
+    def hides_states(self) -> bool:
+        """Whether it may have states that it does not list, as units for co-simulation only may."""
+        return self.description.modelExchange is None and not self.states
+
 
 @contextmanager
 def open_unit(path: str | os.PathLike[str], caller: str) -> Iterator[UnitFile]:
