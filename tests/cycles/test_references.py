@@ -110,6 +110,22 @@ def test_geared_drive():
         assert_allclose(by_wheel.reactions[name], without.reactions[name], atol=1e-11)
 
 
+def test_a_wheel_geared_to_the_joint_at_which_its_loop_is_cut_else():
+    """The drive feels the power of the wheel, J r^2 theta' theta''."""
+    model = library.hoeken()
+    model.add_body("wheel", 0.0, (1e-3, 1e-3, 2e-3), (0, 0.3, 0))
+    model.add_joint("axle", "revolute", "ground", "wheel", (0, 0.3, 0), axis=(0, 0, 1))
+    model.add_gear("mesh", "pin23", "axle", 3.0)
+    t = np.array([-1e-4, 0.0, 1e-4])
+    motion = {"crank.rz": (0.3 + 2.0 * t + 2.5 * t**2, 2.0 + 5.0 * t, 5.0 + 0.0 * t)}
+    cycle = model.cycle(motion=motion)
+    rate = cycle.rates["pin23.rz"]
+    assert_allclose(cycle.rates["axle.rz"], 3.0 * rate, rtol=1e-11)
+    power = 2e-3 * 9.0 * rate[1] * (rate[2] - rate[0]) / 2e-4
+    without = library.hoeken().cycle(motion=motion).torque[1]
+    assert 2.0 * (cycle.torque[1] - without) == pytest.approx(power, rel=1e-6)
+
+
 def closed_form(crank, coupler, rocker, ground, angle):
     """Centres and directions of the three bars, as functions of the crank's angle, of a four-bar linkage."""
     a = lambda q: mp.matrix([crank * mp.cos(q), crank * mp.sin(q)])  # noqa: E731

@@ -34,7 +34,7 @@ def in_axes(start, model, reactions):
     return np.array(result)
 
 
-@pytest.mark.parametrize("seed", few(range(6), 1))
+@pytest.mark.parametrize("seed", few((3, 0, 1, 2, 4, 5), 1))  # 3 has universal joints in a loop
 @pytest.mark.parametrize("loops", [0, 1])
 @pytest.mark.parametrize("under_load", [False, True])
 def test_a_small_load_changes_reactions_as_the_static_response_says(seed, loops, under_load):

@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import splu
 
 import mbsvib as mv
 from mbsvib.api.sparse_system import SparseSystem
 from mbsvib.elements import Bushing, Output
+from mbsvib.sparse.tableau import Factor
 from tests.sparse import scenes
 from tests.support import overconstrained
 from tests.support.loaded_models import loaded
@@ -139,3 +142,19 @@ def test_large_models_that_spin_become_sparse_of_their_own_accord(monkeypatch):
     monkeypatch.setattr("mbsvib.sparse.choice.MANY", 10)
     monkeypatch.setattr("mbsvib.sparse.choice.is_small", lambda _: False)
     assert isinstance(shaft(8).linearize(), SparseSystem)
+
+
+@pytest.mark.parametrize("kind", [float, complex])
+@pytest.mark.parametrize("transposed", [False, True])
+def test_solutions_of_a_factored_matrix_and_of_its_transpose(kind, transposed):
+    """A of SI units is that of the factor between both scales; real matrices take complex right sides, too."""
+    rng = np.random.default_rng(3)
+    scaled = (rng.normal(size=(9, 9)) + (1j * rng.normal(size=(9, 9)) if kind is complex else 0.0)).astype(kind)
+    rows, columns = 2.0 ** rng.integers(-9, 9, (2, 9))
+    factor = Factor(csc_matrix(scaled), splu(csc_matrix(scaled)), rows, columns)
+    a = scaled / rows[:, None] / columns
+    for right in (rng.normal(size=9), rng.normal(size=(9, 3)) + 1j * rng.normal(size=(9, 3))):
+        exact = np.linalg.solve(a.T if transposed else a, right)
+        np.testing.assert_allclose(factor.solve(right, transposed=transposed), exact, rtol=1e-11)
+    if not transposed:
+        np.testing.assert_allclose(factor.solve_closely(np.ones((9, 2)), 1e-6)[0], np.linalg.solve(a, np.ones((9, 2))))
