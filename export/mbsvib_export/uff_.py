@@ -18,6 +18,7 @@ from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path, kind_of
 from mbsvib.common.file_content import ContentError, content_of
 from mbsvib.errors import ExportError
+from mbsvib.responses.frequency_grid import resonant_grid
 from mbsvib_export.neutral import SystemData, linear_of, refuse_many
 from mbsvib_export.responses import second_order_response
 from mbsvib_export.selection import with_ports
@@ -64,7 +65,8 @@ def to_uff(
     path : str or path
         File to write, taken as it is: no suffix is added.
     omega : array-like, shape (n,), optional
-        Angular frequencies [rad/s], ascending; default: the system's frequency grid.
+        Angular frequencies [rad/s], ascending; default: those that resolve every resonance. ``system.frequency_grid()``
+        resolves the antiresonances of each pair as well, whose number, and time, grows with outputs times inputs.
     binary : bool
         Whether values are kept bit for bit (data sets 58b), or as text: the format keeps six digits of a frequency
         then, and the responses, of twelve digits, are those at the rounded frequencies.
@@ -96,11 +98,11 @@ def to_uff(
     if not (linear.inputs and linear.outputs):
         raise ExportError(f"to_uff: '{linear.name}' has {len(linear.inputs)} inputs and {len(linear.outputs)} outputs; "
                           f"expected one of each at least (model.add_input, model.add_output).")  # fmt: skip
-    if omega is None and not hasattr(linear, "frequency_grid"):
+    if omega is None and not hasattr(linear, "poles"):
         raise ExportError("to_uff: omega is missing; a system out of a file has no frequency grid of its own.")
     if modes and not isinstance(linear, System):
         raise ExportError("to_uff: modes = True; only a System has modes in which its bodies move.")
-    grid = linear.frequency_grid() if omega is None else omega
+    grid = resonant_grid(linear.poles()) if omega is None else omega
     frequency = np.atleast_1d(np.asarray(grid, dtype=float)) / (2 * np.pi)
     if frequency.ndim != 1 or not len(frequency) or (frequency < 0.0).any() or (np.diff(frequency) <= 0.0).any():
         raise ExportError("to_uff: omega does not ascend from 0 on; expected a vector of ascending angular frequencies "
@@ -116,7 +118,7 @@ def to_uff(
              for j, source in enumerate(geometry.inputs) for i, output in enumerate(geometry.outputs)]  # fmt: skip
     if modes:
         sets += [item.encode("ascii", "replace") for item in mode_sets(linear, geometry)]
-    return write_atomic(path, lambda stream: stream.write(b"".join(sets)))
+    return write_atomic(path, lambda stream: stream.writelines(sets))
 
 
 def from_uff(path: str | os.PathLike[str]) -> Measurement:

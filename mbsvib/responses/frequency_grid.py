@@ -51,6 +51,13 @@ def frequency_grid(
     return 2.0 * np.pi * resolving_frequencies(roots(linear, poles), poles, low, high, n)
 
 
+def resonant_grid(poles: Complex) -> Array:
+    """Return angular frequencies [rad/s] that resolve every resonance of some poles [1/s], ascending: a number of them
+    that does not depend on outputs and inputs.
+    """
+    return 2.0 * np.pi * resolving_frequencies(poles, poles, *span(poles, None, None))
+
+
 def roots(linear: Any, poles: Complex) -> Complex:
     """Return some poles, and the zeros [1/s] of each single response of linear equations."""
     zeros = [linear.transmission_zeros(output, source) for source in linear.inputs for output in linear.outputs]

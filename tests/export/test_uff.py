@@ -6,6 +6,7 @@ import pytest
 import mbsvib as mv
 import mbsvib_export as mx
 from mbsvib import library
+from mbsvib.responses.frequency_grid import resonant_grid
 from mbsvib.responses.measurement import Point
 from tests.export.plants import INERTIA, same_bits, slider, stewart
 
@@ -70,10 +71,29 @@ def test_a_set_says_what_it_is(tmp_path):
     assert (one["ordinate_spec_data_type"], one["orddenom_spec_data_type"]) == (8, 13)  # displacement, force
     assert (one["abscissa_spec_data_type"], one["abscissa_axis_units_lab"].strip()) == (18, "Hz")
     assert one["rsp_ent_name"].strip() == "mass.z"
-    assert len(one["x"]) == len(system.frequency_grid())
+    assert len(one["x"]) == len(resonant_grid(system.poles()))
     assert int(one["n_bytes"]) == 24 * len(one["x"])
     (units,) = sets_of(path, 164)
     assert (units["units_code"], units["length"], units["force"], units["temp_offset"]) == (1, 1.0, 1.0, 273.15)
+
+
+def test_frequencies_resolve_every_resonance_of_any_number_of_ports(tmp_path):
+    """The peak of a mode of damping ratio z is F / (2 z k); points follow from the modes alone."""
+    grids = []
+    for ports in (1, 5):
+        model = mv.Model("row")
+        for i in range(5):
+            model.add_body(f"b{i}", 1.0, (1, 1, 1), (i, 0, 0))
+            model.add_joint(f"j{i}", "prismatic", "ground", f"b{i}", (i, 0, 0), axis=(0, 0, 1))
+            model.add_spring(f"k{i}", "ground", f"b{i}", (i, 0, -1), (i, 0, 0), 10.0 ** (2 + i), 0.02)
+        for i in range(ports):
+            model.add_input(f"f{i}", f"b{i}", "z")
+            model.add_output(f"z{i}", f"b{i}", "z")
+        measured = mx.from_uff(mx.to_uff(model.linearize(), tmp_path / "row.uff"))
+        grids.append(measured.omega)
+    np.testing.assert_allclose(*grids, rtol=1e-14)
+    peaks = np.abs(measured.responses[range(5), range(5)]).max(axis=1)
+    np.testing.assert_allclose(peaks, 1.0 / (0.02 * np.sqrt(10.0 ** np.arange(2, 7))), rtol=1e-3)
 
 
 def test_points_are_those_of_the_model(tmp_path, capsys):
