@@ -9,6 +9,8 @@ of a response and, cut to ten characters, with its nodes.
 from __future__ import annotations
 
 import os
+import re
+import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +19,7 @@ from mbsvib.api.system import System
 from mbsvib.common.atomic_file import write_atomic
 from mbsvib.common.expected import a_path, kind_of
 from mbsvib.common.file_content import ContentError, content_of
-from mbsvib.errors import ExportError
+from mbsvib.errors import ExportError, LeftOutWarning
 from mbsvib.responses.frequency_grid import resonant_grid
 from mbsvib_export.neutral import SystemData, linear_of, refuse_many
 from mbsvib_export.responses import second_order_response
@@ -124,9 +126,9 @@ def to_uff(
 def from_uff(path: str | os.PathLike[str]) -> Measurement:
     """Return what a universal file holds: measured frequency responses with their points, nodes and modes.
 
-    Data sets 58 (function type 4, text and binary), 55 (modes), 15 and 2411 (nodes), 2420 (coordinate systems), 2467
-    (groups), 82 (lines) and 164 (units) are read, and converted to SI units. Files of ``to_uff`` give the names of the
-    model; in others, an output or input is called by its entity, node and direction, ``"12+Z"``.
+    Data sets 58 (function type 4, text and binary), 55 and 2414 (modes), 15 and 2411 (nodes), 2420 (coordinate
+    systems), 2467 (groups), 82 (lines) and 164 (units) are read, and converted to SI units. Files of ``to_uff`` give
+    the names of the model; in others, an output or input is called by its entity, node and direction, ``"12+Z"``.
 
     Parameters
     ----------
@@ -136,7 +138,8 @@ def from_uff(path: str | os.PathLike[str]) -> Measurement:
     Returns
     -------
     Measurement
-        Responses, names, units, points, nodes and modes; ``left_out`` lists what else is in the file.
+        Responses, names, units, points, nodes and modes; ``left_out`` lists what else is in the file. A
+        ``LeftOutWarning`` names modes that cannot be read.
 
     Raises
     ------
@@ -146,9 +149,14 @@ def from_uff(path: str | os.PathLike[str]) -> Measurement:
     where = os.fspath(a_path(path, "from_uff", ExportError))
     raw = content_of(where, ExportError, "a universal file")
     try:
-        return measurement_of(raw)
+        result = measurement_of(raw)
     except ContentError as error:
         raise ExportError(f"{where}: no universal file that can be read, or a damaged one: {error}.") from error
+    modes = [item for item in result.left_out if re.search("data set (55|2414): analysis type [237],", item)]
+    if modes:
+        warnings.warn(f"from_uff: {where}: modes are left out: {'; '.join(modes)}; expected displacements at nodes, of "
+                      f"3 or 6 real or complex values.", LeftOutWarning, stacklevel=2)  # fmt: skip
+    return result
 
 
 def _function(

@@ -1,10 +1,10 @@
-"""From data sets of universal files to a measurement: 58, 55, 15, 2411, 2420, 82, 164 and 2467."""
+"""From data sets of universal files to a measurement: 58, 55, 2414, 15, 2411, 2420, 82, 164 and 2467."""
 
 from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from math import hypot, pi
+from math import hypot, pi, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +19,10 @@ if TYPE_CHECKING:
     from mbsvib_export.uff_functions import Axis
 
 _NODES = 7  # type of entities in groups
-_NORMAL, _COMPLEX, _COMPLEX_VELOCITY = 2, 3, 7
+_AT_NODES = 1
+_NORMAL, _COMPLEX, _COMPLEX_VELOCITY = 2, 3, 7  # types of analysis
+_DISPLACEMENT = 8
+_REAL_VALUES, _COMPLEX_VALUES = (2, 4), (5, 6)  # types of data: single and double precision
 # Frequencies of responses that agree to this share are the same: single precision, and five digits of text.
 _SAME = 2e-5
 
@@ -49,7 +52,7 @@ def measurement_of(raw: bytes) -> Measurement:
         raise ContentError(f"{len(units)} data sets 164 with different units")
     if units:
         content.length, content.force = units[0]
-    for item in sorted(sets, key=lambda item: item.kind in _READERS and item.kind == 55):  # modes behind the axes
+    for item in sorted(sets, key=lambda item: item.kind in _MODES):  # modes behind the axes
         if item.kind in _READERS:
             _READERS[item.kind](item, content)
         elif item.kind not in (164, 151):
@@ -165,33 +168,59 @@ def _lines(data: DataSet, content: _Content) -> None:
             line = []
 
 
-def _mode(data: DataSet, content: _Content) -> None:
-    _, analysis, characteristic, kind, values, per_node = data.integers(5, *[10] * 6)
-    if analysis not in (_NORMAL, _COMPLEX, _COMPLEX_VELOCITY) or kind != 8 or characteristic not in (2, 3) \
-            or values not in (2, 5) or per_node not in (3, 6):  # fmt: skip
-        content.left_out[f"data set 55: analysis type {analysis}, data type {kind}"] += 1
-        return
+def _mode_55(data: DataSet, content: _Content) -> None:
+    layout = data.integers(5, *[10] * 6)
     integers, reals = data.integers(6, 10, 10)
     if not (2 <= integers <= 100 and 1 <= reals <= 100):
         raise ContentError(f"data set 55 at line {data.start} announces {integers} and {reals} numbers of a mode")
     at = 6 + -(-(2 + integers) // 8)
-    numbers = data.table(at, reals, (13,) * 6)
-    at += -(-reals // 6)
-    if analysis == _NORMAL:
-        frequency, damping = float(numbers[0]), float(numbers[2]) if reals > 2 else 0.0
-    else:
-        size = hypot(*numbers[:2])
-        frequency, damping = size / (2 * pi), -float(numbers[0]) / size if size else 0.0
-    width = per_node * (2 if values == 5 else 1)
+    numbers = np.zeros(3)
+    numbers[: min(reals, 3)] = data.table(at, reals, (13,) * 6)[:3]
+    normal = float(numbers[0]), float(numbers[2])
+    _add_mode(data, content, layout, data.line(0), normal, numbers[:2], at + -(-reals // 6))
+
+
+def _mode_2414(data: DataSet, content: _Content) -> None:
+    """Analysis data as newer programs write them: numbers of all kinds of analysis at fixed places."""
+    layout, location = data.integers(8, *[10] * 6), data.integers(2, 10)[0]
+    if location != _AT_NODES:
+        content.left_out[f"data set 2414: analysis type {layout[1]}, at location {location}, not at nodes"] += 1
+        return
+    _, frequency, eigenvalue, _, damping, _ = data.reals(11, *[13] * 6)
+    if frequency == 0.0 and eigenvalue > 0.0:
+        frequency = sqrt(eigenvalue) / (2 * pi)
+    _add_mode(data, content, layout, data.line(1), (frequency, damping), np.array(data.reals(12, 13, 13)), 13)
+
+
+def _add_mode(
+    data: DataSet, content: _Content, layout: list[int], name: str, normal: tuple[float, float], eigenvalue: Array,
+    at: int,
+) -> None:  # fmt: skip
+    """Add a mode whose nodes begin at line ``at``.
+
+    ``normal``: frequency [Hz] and damping ratio of a normal mode. ``eigenvalue`` (2,): real and imaginary part of a
+    complex one.
+    """
+    _, analysis, characteristic, kind, values, per_node = layout
+    if analysis not in (_NORMAL, _COMPLEX, _COMPLEX_VELOCITY) or kind != _DISPLACEMENT or characteristic not in (2, 3) \
+            or values not in (*_REAL_VALUES, *_COMPLEX_VALUES) or per_node not in (3, 6):  # fmt: skip
+        content.left_out[f"data set {data.kind}: analysis type {analysis}, result type {kind}, data type {values}"] += 1
+        return
+    frequency, damping = normal
+    if analysis != _NORMAL:
+        size = hypot(*eigenvalue)
+        frequency, damping = size / (2 * pi), -float(eigenvalue[0]) / size if size else 0.0
+    is_complex = values in _COMPLEX_VALUES
+    width = per_node * (2 if is_complex else 1)
     step = 1 + -(-width // 6)
     numbered, shapes = [], []
     for k in range(at, len(data.lines), step):
         numbered.append(data.integers(k, 10)[0])
-        shapes.append(_displacement(data.table(k + 1, width, (13,) * 6), values == 5, numbered[-1], content))
+        shapes.append(_displacement(data.table(k + 1, width, (13,) * 6), is_complex, numbered[-1], content))
     if len(set(numbered)) < len(numbered):
-        raise ContentError(f"data set 55 at line {data.start} has a node twice")
-    shape: Array | Complex = np.asarray(shapes, dtype=complex if values == 5 else float).reshape(len(numbered), 6)
-    content.modes.append(MeasuredMode(data.line(0).strip(), frequency, damping, tuple(numbered), shape))
+        raise ContentError(f"data set {data.kind} at line {data.start} has a node twice")
+    shape: Array | Complex = np.asarray(shapes, dtype=complex if is_complex else float).reshape(len(numbered), 6)
+    content.modes.append(MeasuredMode(name.strip(), frequency, damping, tuple(numbered), shape))
 
 
 def _displacement(numbers: Array, is_complex: bool, node: int, content: _Content) -> Array | Complex:
@@ -203,4 +232,5 @@ def _displacement(numbers: Array, is_complex: bool, node: int, content: _Content
     return np.asarray(six if axes is None else np.concatenate((axes @ six[:3], axes @ six[3:])))
 
 
-_READERS = {58: _function, 15: _nodes_15, 2411: _nodes_2411, 2420: _systems, 2467: _groups, 82: _lines, 55: _mode}
+_MODES = {55: _mode_55, 2414: _mode_2414}
+_READERS = {58: _function, 15: _nodes_15, 2411: _nodes_2411, 2420: _systems, 2467: _groups, 82: _lines, **_MODES}

@@ -172,6 +172,53 @@ def test_modes(damping, tmp_path):
         np.testing.assert_allclose(same.shape, mode.shape * np.repeat([1e-3, 1.0], 3), rtol=1e-12, atol=1e-20)
 
 
+def analysis_data(analysis, reals, nodes, *, location=1, layout=(3, 8, 2, 6), name="bending"):
+    """A data set 2414, as programs of finite elements write modes: twelve real numbers, then values at nodes."""
+    lines = [f"{-1:6d}", f"{2414:6d}", f"{1:10d}", name, f"{location:10d}", *["NONE"] * 5,
+             "".join(f"{value:10d}" for value in (1, analysis, *layout)), *[f"{0:10d}" * 8] * 2]  # fmt: skip
+    numbers = np.zeros(12)
+    numbers[list(reals)] = list(reals.values())
+    lines += ["".join(f"{value:13.5E}" for value in numbers[k : k + 6]) for k in (0, 6)]
+    for node, values in nodes.items():
+        lines.append(f"{node:10d}")
+        lines += ["".join(f"{value:13.5E}" for value in values[k : k + 6]) for k in range(0, len(values), 6)]
+    return "\n".join([*lines, f"{-1:6d}", ""])
+
+
+def test_modes_of_analysis_data(tmp_path):
+    """Data set 2414: frequency and damping of normal modes, eigenvalues of complex ones, as pyuff reads them."""
+    path, six = tmp_path / "modes.unv", {3: (1.0, 2.0, 3.0, 0.1, 0.2, 0.3), 7: (0.0, -1.0, 0.5, 0.0, 0.0, 0.0)}
+    complex_three = {3: (1.0, 0.5, 2.0, -0.5, 0.0, 0.25)}
+    path.write_text(
+        analysis_data(2, {1: 12.5, 4: 0.01}, six) + analysis_data(2, {2: (2 * np.pi * 20.0) ** 2}, six, name="torsion")
+        + analysis_data(3, {6: -3.0, 7: 40.0}, complex_three, layout=(2, 8, 5, 3), name="damped")
+    )  # fmt: skip
+    measured = mx.from_uff(path)
+    bending, torsion, damped = measured.modes
+    assert (bending.name, torsion.name, damped.name) == ("bending", "torsion", "damped")
+    assert (bending.frequency, bending.damping_ratio, bending.nodes) == (12.5, 0.01, (3, 7))
+    assert torsion.frequency == pytest.approx(20.0, rel=1e-5)
+    assert damped.frequency == pytest.approx(abs(-3 + 40j) / (2 * np.pi))
+    assert damped.damping_ratio == pytest.approx(3.0 / abs(-3 + 40j))
+    np.testing.assert_array_equal(bending.shape, list(six.values()))
+    np.testing.assert_array_equal(damped.shape[0, :3], [1 + 0.5j, 2 - 0.5j, 0.25j])
+    theirs = sets_of(path, 2414)
+    assert theirs[0]["frequency"] == 12.5
+    np.testing.assert_array_equal(theirs[2]["node_nums"], damped.nodes)
+    assert not measured.left_out
+
+
+def test_modes_that_cannot_be_read_are_named(tmp_path):
+    path, six = tmp_path / "modes.unv", {3: (1.0, 2.0, 3.0, 0.1, 0.2, 0.3)}
+    path.write_text(analysis_data(2, {1: 12.5}, six) + analysis_data(2, {1: 12.5}, six, layout=(3, 11, 2, 6))
+                    + analysis_data(1, {}, six))  # fmt: skip
+    message = "modes are left out: 1 of data set 2414: analysis type 2, result type 11"
+    with pytest.warns(mv.LeftOutWarning, match=message):
+        measured = mx.from_uff(path)
+    assert len(measured.modes) == 1
+    assert measured.left_out[1].startswith("1 of data set 2414: analysis type 1")
+
+
 def test_text_holds_the_responses_at_the_frequencies_that_it_holds(tmp_path):
     system = stewart()
     omega = 1e4 * np.sqrt([0.2, 0.3, 0.5])
