@@ -203,7 +203,7 @@ def test_modes_of_analysis_data(tmp_path):
     np.testing.assert_array_equal(bending.shape, list(six.values()))
     np.testing.assert_array_equal(damped.shape[0, :3], [1 + 0.5j, 2 - 0.5j, 0.25j])
     theirs = sets_of(path, 2414)
-    assert theirs[0]["frequency"] == 12.5
+    assert theirs[0]["record12_field2"] == 12.5
     np.testing.assert_array_equal(theirs[2]["node_nums"], damped.nodes)
     assert not measured.left_out
 
