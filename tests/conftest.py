@@ -46,6 +46,21 @@ def pytest_xdist_setupnodes(specs):
     os.environ.setdefault("OPENBLAS_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // len(specs))))
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Of tests with the marker ``few(n)`` n cases run by default, spread evenly; the others are slow."""
+    cases = {}
+    for item in items:
+        marker = item.get_closest_marker("few")
+        if marker is not None and item.get_closest_marker("slow") is None:
+            cases.setdefault(item.nodeid.partition("[")[0], (marker.args[0], []))[1].append(item)
+    for count, group in cases.values():
+        quick = {round((k + 0.5) * len(group) / count - 0.5) for k in range(min(count, len(group)))}
+        for k, item in enumerate(group):
+            if k not in quick:
+                item.add_marker(pytest.mark.slow)
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_collection():
     """Collect thousands of tests without searching them for garbage again and again."""

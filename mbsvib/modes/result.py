@@ -293,7 +293,7 @@ class Modes(Displayed):
             One sentence each.
         """
         if not len(self):
-            return ("No modes: no motion that the joints leave has mass or damping.",)
+            return ("No modes: the mechanism is locked, or what its joints leave free has neither mass nor damping.",)
         result = []
         if self.rigid:
             result.append(f"{counted(self.rigid, 'rigid-body mode')}, exactly 0 Hz.")

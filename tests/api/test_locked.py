@@ -139,6 +139,7 @@ def verbs(kind):
     return {name for name, item in inspect.getmembers(kind, inspect.isfunction) if not name.startswith("_")}
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("scene", SCENES)
 def test_every_question_has_an_answer(scene):
     system = SCENES[scene]().linearize()
@@ -155,6 +156,7 @@ def test_no_question_is_missing():
     assert verbs(mv.System) <= set(VERBS)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", FEEDTHROUGH)
 def test_responses_are_those_of_the_feedthrough(name):
     system, d = SCENES[name]().linearize(), np.array(FEEDTHROUGH[name], dtype=float)

@@ -58,6 +58,7 @@ def test_repr_counts():
     assert repr(arm()) == "Model('robot': 2 bodies, 2 joints, 2 springs, 2 inputs, 2 outputs)"
 
 
+@pytest.mark.slow
 @given(open_trees())
 def test_words_rebuild_any_model(model):
     again = rebuilt(model)

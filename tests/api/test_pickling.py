@@ -25,6 +25,7 @@ def test_a_system_after_its_sensitivities(name):
                        system.mode_sensitivities([parameter]).frequencies)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_run():
     pytest.importorskip("casadi")
     run = library.slider_crank().simulate(np.linspace(0.0, 0.1, 6), {"torque": lambda t: 0.1 * t})
@@ -45,6 +46,7 @@ def test_a_run():
         other.outputs["new"] = 0.0
 
 
+@pytest.mark.slow
 def test_a_cycle():
     pytest.importorskip("casadi")
     model = library.slider_crank()

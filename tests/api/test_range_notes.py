@@ -1,6 +1,7 @@
 """Tables of the modes of small mechanisms tell outputs whose linear range is small."""
 
 import numpy as np
+import pytest
 
 import mbsvib as mv
 from mbsvib import library
@@ -18,6 +19,7 @@ def test_a_toggle_near_its_dead_centre():
     assert SENTENCE not in str(library.toggle(angle=0.3).linearize().modes())
 
 
+@pytest.mark.slow
 def test_others_tell_nothing():
     """Loops with other equations than the model's, systems of matrices, and larger mechanisms."""
     system = library.toggle(angle=0.01).linearize()

@@ -31,6 +31,7 @@ ANY = st.one_of(open_trees(**WORDS), open_trees(floating=st.just(True)), closed_
 GROUNDED = st.one_of(open_trees(), closed_loops(), planar_loops())
 
 
+@pytest.mark.slow
 @examples(12, slow=40)
 @given(ANY)
 def test_all_matrices(model):
@@ -93,6 +94,7 @@ def well_behaved(system):
     return distance.min(initial=1.0) > 1e-3
 
 
+@pytest.mark.slow
 @examples(15, slow=25)
 @given(GROUNDED, st.integers(0, 100))
 def test_insertion_order(model, order):
@@ -119,6 +121,7 @@ def test_moved_ten_kilometres(model, seed):
     assert_same_answers(first, second, rtol=1e-7)
 
 
+@pytest.mark.slow
 @examples(15, slow=25)
 @given(GROUNDED, seeds())
 def test_world_turned(model, seed):
@@ -232,6 +235,7 @@ def test_a_small_inertia_is_no_zero(small):
     assert model.linearize().M[2, 2] == pytest.approx(small, rel=1e-14)
 
 
+@pytest.mark.slow
 @examples(12, slow=40)
 @given(ANY)
 def test_explain_tells_the_story(model):

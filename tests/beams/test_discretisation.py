@@ -60,6 +60,7 @@ def test_bent_line_has_the_frequencies_of_the_assembled_matrices(shear):
     assert model.linearize().modes().frequencies == pytest.approx(np.sqrt(square) / (2 * np.pi), rel=1e-9)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("n", [20, 60, pytest.param(200, marks=pytest.mark.slow)])
 def test_lowest_modes_of_fine_beams_keep_all_digits(n):
     """Assembled matrices lose (highest / lowest frequency)^2 eps; deformations as coordinates lose nothing."""

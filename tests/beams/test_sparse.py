@@ -49,6 +49,7 @@ def test_superelement_and_beam_between_two_bodies():
     assert sparse.frequencies[0] == dense.frequencies[0] == 0.0
 
 
+@pytest.mark.slow
 def test_many_elements_are_taken_sparse_of_their_own_accord():
     system = mast(800).linearize()
     assert type(system).__name__ == "SparseSystem"

@@ -13,6 +13,7 @@ def units(run, tmp_path):
     return run
 
 
+@pytest.mark.slow
 def test_a_step_that_is_short_enough(units, tmp_path):
     result = units("cosim plant.fmu law.fmu --step 1e-3 --duration 0.02 -o error.png")
     assert result.exit_code == 0
@@ -21,12 +22,14 @@ def test_a_step_that_is_short_enough(units, tmp_path):
     assert (tmp_path / "error.png").stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_a_step_that_is_too_long(units):
     result = units("cosim plant.fmu law.fmu --step 0.02 --master jacobi")
     assert result.exit_code == 1
     assert "NO, unstable" in result.stdout
 
 
+@pytest.mark.slow
 def test_names_are_connected_by_hand(units, tmp_path):
     mx.to_fmu(controller(-40.0, outputs=("command",)), tmp_path / "other.fmu")
     assert units("cosim plant.fmu other.fmu --step 1e-3 --master jacobi --connect F=command").exit_code == 0

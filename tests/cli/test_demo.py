@@ -85,6 +85,7 @@ def test_its_numbers_are_those_of_the_library(run, without_figures, monkeypatch)
     np.testing.assert_allclose(slope, 2.0, atol=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by_uv", few([True, False], 1))
 def test_what_an_extra_would_add_is_said_with_its_command(run, tmp_path, monkeypatch, without_figures, by_uv):
     monkeypatch.setenv("UV", "uv") if by_uv else monkeypatch.delenv("UV", raising=False)

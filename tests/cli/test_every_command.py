@@ -46,6 +46,7 @@ def test_help_says_what_each_argument_is(run, name):
         assert argument.names[0] in words or argument.settings["metavar"] in words
 
 
+@pytest.mark.slow
 def test_every_command_prints_json(run, tmp_path):
     (tmp_path / "law.json").write_text(json.dumps(LAW | NAMES))
     for name, line in LINES.items():
@@ -56,6 +57,7 @@ def test_every_command_prints_json(run, tmp_path):
         assert json.loads(result.stdout), name
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("line", [
     "sweep slider.yaml k.stiffness=1e3:1e4:3 -o t.csv", "sweep slider.yaml k.stiffness=1e3:1e4:3 -o t.svg",
     "equilibrium slider.yaml -o t.yaml", "path slider.yaml rail.z=0:0.1:3 -o t.svg",

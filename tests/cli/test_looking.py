@@ -74,6 +74,7 @@ def test_csv_and_json_together_are_refused(run):
     assert "choose one" in result.stderr
 
 
+@pytest.mark.slow
 def test_check_explains(run):
     result = run("check stewart")
     assert result.exit_code == 0

@@ -40,6 +40,7 @@ def test_poles_are_those_of_the_characteristic_polynomial(files, line):
     assert result.exit_code == (0 if data["stable"] else 1)
 
 
+@pytest.mark.slow
 def test_a_stable_loop_has_margins_and_a_figure(files, tmp_path):
     (tmp_path / "damper.json").write_text(json.dumps(LAW | NAMES | {"C": [[GAIN]]}))
     result = files("loop slider.yaml damper.json -o open-closed.png")
@@ -186,6 +187,7 @@ def test_damaged_controllers_are_refused(files, tmp_path):
         assert result.stderr.count("\n") == 1, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", few(["force", "velocity", "skyhook"], 1))
 def test_isolation_with_feedback(run, kind):
     model = library.stewart_isolator()
@@ -199,6 +201,7 @@ def test_isolation_with_feedback(run, kind):
     assert data["amplification"] == pytest.approx(isolation.study(model, "platform").amplification, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_isolation_prints_and_draws_open_against_closed(run, tmp_path):
     result = run("isolation stewart_isolator platform --feedback force --gain 60 --leak 1 -o isolation.png")
     assert result.exit_code == 0

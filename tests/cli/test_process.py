@@ -15,6 +15,7 @@ def mbsvib(*words, code=None):
     return subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)
 
 
+@pytest.mark.slow
 def test_a_table_in_a_pipe_is_neither_coloured_nor_wrapped():
     result = mbsvib("modes", "stewart")
     assert result.returncode == 0
@@ -23,12 +24,14 @@ def test_a_table_in_a_pipe_is_neither_coloured_nor_wrapped():
     assert any("780.601788" in line and "platform" in line for line in result.stdout.splitlines())
 
 
+@pytest.mark.slow
 def test_an_error_is_one_line_and_a_status():
     result = mbsvib("check", "stewrt")
     assert (result.returncode, result.stdout) == (2, "")
     assert result.stderr.startswith("error: there is no model 'stewrt'")
 
 
+@pytest.mark.slow
 def test_debug_shows_the_traceback():
     result = mbsvib("check", "stewrt", "--debug")
     assert result.returncode == 1
@@ -47,6 +50,7 @@ def test_help_imports_nothing_heavy():
     assert not modules & {"matplotlib", "control", "scipy", "numpy", "ruamel", "mbsvib_export"}
 
 
+@pytest.mark.slow
 def test_modes_import_only_what_they_need():
     """The command starts in less than 1.9 times the CPU time of importing scipy.linalg: benchmarks/start.py."""
     code = (
@@ -77,6 +81,7 @@ def test_one_thread_of_blas_unless_the_user_says_otherwise(monkeypatch, given, u
     assert mbsvib("--version", code=code).stdout.splitlines()[-1] == used
 
 
+@pytest.mark.slow
 def test_a_reader_that_has_seen_enough_is_not_an_error():
     command = f"{sys.executable} -m mbsvib params stewart | head -1"
     result = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True)

@@ -20,6 +20,7 @@ def test_urdf_by_its_ending_or_its_element(run, tmp_path):
     assert run("modes arm.xml").stdout == message
 
 
+@pytest.mark.slow
 def test_mjcf(run, tmp_path):
     pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'mbsvib[mjcf]'")
     (tmp_path / "pendulum.xml").write_text(PENDULUM, encoding="utf-8")

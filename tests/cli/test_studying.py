@@ -33,6 +33,7 @@ def test_params(run):
     assert "Did you mean 'tyre.stiffness'?" in result.stderr
 
 
+@pytest.mark.slow
 def test_sweep(run, tmp_path):
     swept = json.loads(run("sweep quarter_car tyre.stiffness=1e5:4e5:3 --log --json").stdout)
     assert_allclose(swept["parameters"]["tyre.stiffness"], [1e5, 2e5, 4e5])
@@ -93,6 +94,7 @@ springs:
 """
 
 
+@pytest.mark.slow
 def test_path(run, tmp_path):
     Path("toggle.yaml").write_text(TOGGLE)
     over = mv.load("toggle.yaml").path("hinge.rz", np.linspace(0.0, 0.5, 6))
@@ -106,6 +108,7 @@ def test_path(run, tmp_path):
     assert "Did you mean 'hinge.rz'" in run("path toggle.yaml hing.rz=0:1").stderr
 
 
+@pytest.mark.slow
 def test_isolation(run, tmp_path):
     study = isolation.study(mv.library.stewart_isolator(), "platform")
     found = json.loads(run("isolation stewart_isolator platform --json -o t.svg").stdout)
@@ -119,6 +122,7 @@ def test_isolation(run, tmp_path):
 CURVES = ["sigma quarter_car", "nyquist quarter_car -i actuator --output travel --from 0.5 --to 20"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", CURVES)
 def test_curves(run, line, tmp_path):
     result = run(line)

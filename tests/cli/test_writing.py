@@ -12,6 +12,7 @@ import mbsvib_export as mx
 PNG = b"\x89PNG"
 
 
+@pytest.mark.slow
 def test_bode_writes_a_figure_of_the_model_s_name(run, tmp_path):
     result = run("bode slider.yaml")
     assert result.exit_code == 0
@@ -83,6 +84,7 @@ def test_paths_elsewhere_are_named_in_full(run, tmp_path_factory):
     assert f"Written: {elsewhere} " in run(f"export slider.yaml -o {elsewhere}").stdout
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("suffix", "package"), [("mat", "scipy"), ("h5", "h5py"), ("uff", "numpy"),
                                                  ("op4", "numpy"), ("npz", "numpy"), ("fmu", "fmpy")])  # fmt: skip
 def test_exports_are_checked_against_their_model(run, suffix, package):
@@ -116,6 +118,7 @@ def test_check_export_has_a_status_for_ci(run, tmp_path):
     assert run("check-export slider.pch").exit_code == 1
 
 
+@pytest.mark.slow
 def test_report_is_one_page_with_the_names_asked_for(run, tmp_path):
     pytest.importorskip("plotly", reason="plotly is not installed (extra 'report')")
     result = run("report slider.yaml --input F --output x")
@@ -132,6 +135,7 @@ def test_report_is_one_page_with_the_names_asked_for(run, tmp_path):
     assert "reports end in .html" in refused.stderr
 
 
+@pytest.mark.slow
 def test_the_mechanism_and_its_modes_are_drawn(run, tmp_path):
     assert run("draw slider.yaml --view y").stdout == "Written: slider-mechanism.png\n"
     assert (tmp_path / "slider-mechanism.png").read_bytes().startswith(PNG)

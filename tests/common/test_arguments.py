@@ -23,6 +23,7 @@ def skew(w):
     return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
 
 
+@pytest.mark.slow
 @given(seeds, st.floats(-12, 1.5))
 def test_exponential_is_the_matrix_exponential(seed, size):
     w = 10.0**size * np.random.default_rng(seed).normal(size=3)

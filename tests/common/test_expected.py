@@ -41,6 +41,7 @@ def test_what_needs_a_model_says_so(call):
         call(None)
 
 
+@pytest.mark.slow
 def test_reports_take_either():
     pytest.importorskip("plotly")
     assert report.html(MODEL) == report.html(SYSTEM)

@@ -142,6 +142,7 @@ def test_a_gear_that_a_loop_implies_in_one_pose_only_is_refused():
             model.linearize(cut=[cut])
 
 
+@pytest.mark.slow
 @examples(10, slow=40)
 @given(seeds(), st.integers(3, 5), st.integers(1, 2))
 def test_cut_where_one_likes(seed, bodies, loops):
@@ -161,6 +162,7 @@ def test_cut_where_one_likes(seed, bodies, loops):
         assert_same_eigenvalues(other.modes().eigenvalues, system.modes().eigenvalues, 1e-9)
 
 
+@pytest.mark.slow
 @examples(12, slow=60)
 @given(seeds(), st.integers(2, 4), st.integers(0, 2), st.integers(1, 2))
 def test_same_matrices_as_in_fifty_digits(seed, bodies, loops, couplers):

@@ -47,6 +47,7 @@ def test_loads_are_refused(model, method, load):
         model.equilibrium()
 
 
+@pytest.mark.slow
 def test_other_poses_are_refused(model):
     told = "coupler 'tie': it is the tangent .* joint 'a.slide' has moved by 0.175 m.* load_mjcf"
     with pytest.raises(mv.ModelError, match=told):

@@ -11,6 +11,7 @@ NONE = dict.fromkeys(("drive", "angles", "speed", "motion", "about"))
 WORDS = NONE | {"drive": "crank.rz", "angles": 2 * np.pi * np.arange(12) / 12, "speed": 2 * np.pi}
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("changed", "alike"), [({"link2.mass": 3.0}, True), ({"link2.position.x": 0.12}, True),
                                                 ({"pin12.position.y": 0.001}, False)])  # fmt: skip
 def test_a_like_machine_has_the_cycle_of_its_own(changed, alike):

@@ -39,6 +39,7 @@ def crank_inertia(q):
     return total
 
 
+@pytest.mark.slow
 def test_coefficients_of_a_linkage():
     """tau = J q'' + J' q'^2 / 2, so that M = J, C = J' q', K = J'' q'^2 / 2 at constant speed."""
     found = driven(12).periodic()
@@ -50,6 +51,7 @@ def test_coefficients_of_a_linkage():
         assert_allclose(found.K[i], [[float(curve) * TURN**2 / 2]], rtol=1e-6, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_at_rest_they_are_those_of_small_motion():
     """Speed zero: the system that linearize makes of every pose, with springs and gravity."""
     model = library.four_bar()
@@ -78,6 +80,7 @@ def geared_pendulums(samples, turns):
     return model.cycle("fast.pivot.rz", angles, speed=10.0)
 
 
+@pytest.mark.slow
 def test_a_turn_of_a_geared_shaft_is_no_period():
     with pytest.raises(mv.ModelError, match=r"'geared' do not repeat after 0.628319 s; .* over several turns"):
         geared_pendulums(32, 1).periodic()
@@ -112,6 +115,7 @@ def shaken_pendulum(a, q, damping=0.0, n=48):
     return cycle.periodic({"pin.rz": (a - 9.81, damping)}, period=np.pi)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("q", [0.5, 3.0])
 @pytest.mark.parametrize("branch", [(mathieu_a, 0, 1), (mathieu_b, 1, -1), (mathieu_a, 1, -1), (mathieu_b, 2, 1)])
 def test_borders_of_mathieus_equation(branch, q):
@@ -127,6 +131,7 @@ def test_borders_of_mathieus_equation(branch, q):
     assert above.stable is (curve is mathieu_a)
 
 
+@pytest.mark.slow
 def test_damping_shrinks_the_product_of_multipliers():
     """Liouville: the product of all is exp(-integral of trace C / M)."""
     found = shaken_pendulum(1.2, 0.8, damping=0.3)
@@ -152,6 +157,7 @@ def inertia(q):
         (rest, a, 0.1), (a, b, 0.25), (rest, b, 0.25)))  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stiffness", few([2.0, 0.0], 1))
 def test_multipliers_against_the_nonlinear_motion(stiffness):
     """J q'' + J' q'^2 / 2 = tau(t) - k (q - W t), integrated over a turn from neighbouring starts."""
@@ -170,6 +176,7 @@ def test_multipliers_against_the_nonlinear_motion(stiffness):
     assert_allclose(np.poly(found).real, np.poly(over), rtol=1e-4, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_stiff_drives_are_those_of_frozen_equations():
     """A shaft that is fast against the turn: its multipliers wind as the frozen frequency does on average."""
     found = driven().periodic({"crank.rz": (300.0, 0.0)})
@@ -193,6 +200,7 @@ def test_two_released_drives_of_an_arm():
     assert_allclose(np.abs(found.multipliers()), 1.0, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_mistakes_are_named():
     cycle = driven(12)
     for released, said in (({"rocker.rz": (0, 0)}, "released 'rocker.rz' is none of its drives"), ({}, "at least one"),

@@ -47,6 +47,7 @@ def test_trajectory_of_a_puma():
     assert_allclose([cycle.torque[f"joint{i}.rz"][1] for i in range(1, 7)], expected, rtol=0, atol=0.51e-9)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("model", "drives"),
     [(library.puma(), [f"joint{i}.rz" for i in range(1, 7)]),
@@ -93,6 +94,7 @@ def test_a_pendulum_with_everything():
     assert not cycle.undetermined
 
 
+@pytest.mark.slow
 def test_geared_drive():
     """A wheel of inertia J on the crank's gear counts by the square of the ratio, and its tooth force turns it."""
     model = library.hoeken()
@@ -149,6 +151,7 @@ def closed_form(crank, coupler, rocker, ground, angle):
     return values, [a(angle), b(angle)]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("angle", [0.3, 2.0, 4.4])
 def test_pins_of_a_linkage_against_the_matrix_method(angle):
     """Nine equations of Newton and Euler for four pins and the torque, in closed-form accelerations."""
@@ -176,6 +179,7 @@ def test_pins_of_a_linkage_against_the_matrix_method(angle):
     assert cycle.undetermined == dict.fromkeys(("crank", "pin12", "pin23", "rocker"), ("z", "rx", "ry"))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("model", "angles"),
     [(library.hoeken(), ANGLES), (library.hoeken(balance_radius=0.08), ANGLES), (library.carpet_scraper(), ANGLES),
@@ -236,6 +240,7 @@ def rebuilt(model, turned=False, offset=(0.0, 0.0, 0.0)):
     return result
 
 
+@pytest.mark.slow
 def test_joints_the_other_way_round():
     model, angles = library.carpet_scraper(), ANGLES[::4]
     one = running(model, angles=angles)
@@ -247,6 +252,7 @@ def test_joints_the_other_way_round():
     assert other.undetermined == one.undetermined
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("far", few([1e5, 1e2], 1))
 def test_far_from_the_origin(far):
     """Points are rounded relative to the origin, and results as much: loops of a third of a metre still close."""
@@ -261,6 +267,7 @@ KINDS = [("screw", {"pitch": 0.02}), ("cylindrical", {}), ("prismatic", {}), ("r
          ("universal", {}), (None, {"free": ("x", "z", "ry")}), (None, {"free": ("y", "rx", "rz")})]  # fmt: skip
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(4))
 def test_what_joints_of_all_kinds_carry(seed):
     """Along a chain, a joint and its drives carry the inertia of all that is beyond; the joint alone does no work."""

@@ -41,6 +41,7 @@ CASES = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", some(CASES, "hoeken", "slide"))
 def test_against_differences(case):
     model, drive, angles, names = CASES[case]
@@ -58,6 +59,7 @@ def test_against_differences(case):
             assert_allclose(exact[i], slope, rtol=1e-6, atol=3e-7 * max(1.0, abs(slope).max()))
 
 
+@pytest.mark.slow
 def test_rms_and_peak():
     model, angles = library.hoeken(), TURN * np.arange(18) / 18
     asked = [(what, quantity) for what in ("rms", "peak") for quantity in ("force", "moment", "torque")]
@@ -129,6 +131,7 @@ REACTIONS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", some(REACTIONS, "kinds"))
 def test_reactions_against_differences(case):
     model, motion, names = REACTIONS[case]

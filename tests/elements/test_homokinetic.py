@@ -104,6 +104,7 @@ def bent(kind="homokinetic", loop=False):
 SCENES = [(False, ()), (True, ("rod",)), (True, ("u",)), (True, ("v",))]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("loop", "cut"), SCENES)
 def test_equilibrium_and_stiffness_there_are_those_of_the_exact_lagrangian(loop, cut):
     model = bent(loop=loop)
@@ -156,6 +157,7 @@ def test_sparse_equations_are_the_dense_ones(loop, cut):
     assert np.allclose(expected[0], dense.frequency_response(omega)[0], rtol=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("loop", "cut"), [SCENES[0], pytest.param(*SCENES[3], marks=pytest.mark.slow)])
 def test_sensitivities_through_an_equilibrium_far_from_where_joints_are_described(loop, cut):
     """Axes of coordinates turn with the square root of the rotation, which a bend of 1.5 rad tells from its half."""
@@ -213,6 +215,7 @@ def test_couplers_on_a_homokinetic_joint_stay_in_the_pose_in_which_they_are_desc
         model.equilibrium()
 
 
+@pytest.mark.slow
 def test_files_pictures_and_words(tmp_path):
     model = bent()
     for name in ("bent.yaml", "bent.json"):

@@ -99,6 +99,7 @@ def shaken(model, centre):
     return result
 
 
+@pytest.mark.slow
 @examples(16, slow=50)
 @given(seeds(), st.integers(2, 4), st.integers(0, 2))
 def test_on_a_shaker(seed, bodies, loops):

@@ -119,6 +119,7 @@ def assert_all_the_same(model, batch, systems):
             assert all((getattr(single, key) == getattr(batch, key)[i]).all() for key in MATRICES)
 
 
+@pytest.mark.slow
 @examples(20, slow=40)
 @given(ANY, seeds())
 def test_every_kind_of_parameter(model, seed):
@@ -127,6 +128,7 @@ def test_every_kind_of_parameter(model, seed):
     check(model, other_values(model, rng, some_names(model, rng), 3), 3)
 
 
+@pytest.mark.few(1)
 @examples(8, slow=40)
 @pytest.mark.parametrize("fields", [("mass", "inertia"), ("stiffness", "damping"), ("position",), ("orientation",),
                                     ("start", "end"), ("pitch",), ("mass",), ("damping",)], ids="-".join)  # fmt: skip
@@ -228,6 +230,7 @@ def test_a_thin_plate_passes_as_it_does_by_itself():
         model.linearize(values={"b.inertia.zz": [*izz, 3.0 * (1 + 1.1e-6)]})
 
 
+@pytest.mark.slow
 def test_what_does_not_vary_is_computed_once():
     model = library.stewart()
     batch = model.linearize(values={"leg1.k.stiffness": np.linspace(1e7, 3e7, 50)})
@@ -280,6 +283,7 @@ def test_coordinates_without_mass_are_refused_by_index():
         model.linearize(values=values)
 
 
+@pytest.mark.slow
 def test_one_by_one():
     model = library.stewart()
     values = {"leg*.k.stiffness": [1e7, 2e7, 3e7], "leg2.head.position.z": [0.075, 0.076, 0.077], "platform.mass": 2.0}

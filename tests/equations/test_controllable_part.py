@@ -202,6 +202,7 @@ def together(first, second):
     return model
 
 
+@pytest.mark.slow
 @examples(20, slow=40)
 @given(open_trees(), st.one_of(open_trees(), planar_loops()))
 def test_random_mechanisms_side_by_side(first, second):

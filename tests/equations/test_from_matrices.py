@@ -85,6 +85,7 @@ def test_names_and_default_outputs():
     assert "moves most" in str(system.modes())
 
 
+@pytest.mark.slow
 def test_everything_that_needs_no_mechanism(tmp_path):
     system = same(library.stewart().linearize(), name="given")
     assert plots.bode(system, "x", "Fx").axes

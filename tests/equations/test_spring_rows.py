@@ -46,6 +46,7 @@ def held(stiffness, damping, seed=0):
     return model
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("damping", DAMPING)
 @pytest.mark.parametrize("stiffness", MATRICES)
 def test_any_symmetric_matrix(stiffness, damping):

@@ -102,6 +102,7 @@ def test_values_that_a_gear_ties_are_refused():
         gearbox(2.0).moved({"pinion.axle.rz": 0.1, "wheel.axle.rz": 0.2})
 
 
+@pytest.mark.slow
 def test_a_motor_winds_a_spring_up_by_many_turns_of_its_pinion():
     model = gearbox(1 / 20)
     model.add_bushing("spring", "ground", "wheel", (0.5, 0, 0), (0, 0, 0, 0, 0, 10.0))

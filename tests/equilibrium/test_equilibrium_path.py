@@ -33,6 +33,7 @@ def force(height, v):
     return 2 * STIFF * stretched * y, along, 2 * STIFF * (1 / length**2 + stretched * y**2 / length**2)
 
 
+@pytest.mark.slow
 def test_an_arch_snaps_where_its_force_is_largest():
     values = [-0.1, -0.3, -0.5, -0.7, -1.0, -1.2]
     path = truss(0.5).path("arch.y", values)
@@ -62,6 +63,7 @@ def test_a_steep_arch_sways_before_it_snaps():
     assert path.forces == pytest.approx([force(4.0, v)[0] for v in path.values], rel=1e-12)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("sense", [1, -1])
 def test_the_crossing_path_of_a_steep_arch(sense):
     """Sideways one rod has its free length and the other one turns: balance of both forces across vanishes there."""
@@ -81,6 +83,7 @@ def test_the_crossing_path_of_a_steep_arch(sense):
     assert 0.2 < sense * across[1] < sense * across[2]
 
 
+@pytest.mark.slow
 def test_a_soft_pusher_snaps_back_though_it_is_held():
     """The pusher moves by w = v + F(v) / k, which has extremes; a value behind one is reached on the way after it."""
     soft = 50.0
@@ -118,6 +121,7 @@ def column(elbow=3.0, length=0.5, pusher=400.0):
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sense", [1, -1])
 def test_a_column_of_two_links_buckles(sense):
     """P = 2 k / l; beyond, each link leans by an angle a with P l sin(a) = 2 k a (dead load of the pusher)."""
@@ -148,6 +152,7 @@ def test_a_path_reverses_with_its_values():
     assert path.points == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "coordinate", "words"), [
     ("revolute", "rz", {"axis": (0.3, -0.5, 0.8)}), ("prismatic", "z", {"axis": (0.3, -0.5, 0.8)}),
     ("cylindrical", "rz", {"axis": (0.3, -0.5, 0.8)}), ("cylindrical", "z", {"axis": (0.3, -0.5, 0.8)}),

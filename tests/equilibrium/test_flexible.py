@@ -82,6 +82,7 @@ def arms(height=0.192):
     return model
 
 
+@pytest.mark.slow
 def test_the_statically_loaded_start_of_the_drop_test():
     """30 N on the middle: the published start, sag and energy."""
     model = arms()
@@ -127,6 +128,7 @@ def hanging(tilt, elements=4, **material):
     return model
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("tilt", [0.0, 0.6, -2.0])
 def test_a_pendulum_on_a_beam_hangs_straight_down(tilt):
     there = hanging(tilt).equilibrium()
@@ -146,6 +148,7 @@ def test_a_pendulum_on_a_beam_hangs_straight_down(tilt):
     np.testing.assert_allclose(system.modes().natural, built.linearize().modes().natural, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_stiff_beam_is_a_rigid_body():
     """A beam on a spring-loaded hub with a load at its tip, beside a mechanism with a rigid rod in its place."""
 
@@ -172,6 +175,7 @@ def test_a_stiff_beam_is_a_rigid_body():
     assert errors[1] == pytest.approx(errors[0] / 10, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_beam_is_the_superelement_of_its_matrices():
     """A bent line in space between a hub and a body, carried at an angle: the same pose by either description."""
     nodes = np.array([(0, 0, 0), (0.4, 0.1, 0.1), (0.6, -0.1, 0.3), (0.9, 0, 0)])
@@ -209,6 +213,7 @@ def _world(part, shape):
     return (np.array(part.displacements).reshape(-1, 3) @ np.array(part.orientation).T).reshape(shape).reshape(-1)
 
 
+@pytest.mark.slow
 def test_files_keep_bent_beams(tmp_path):
     there = hanging(0.3).equilibrium()
     for name in ("there.yaml", "there.json"):

@@ -119,6 +119,7 @@ def test_an_equilibrium_is_on_the_way_down(seed):
     assert side(model.equilibrium()) == side(model)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", [189, 310])
 def test_a_branch_that_ends_at_a_dead_point_is_not_left_for_another(seed):
     """In steps of a thirtieth it ends under the same share of the load."""

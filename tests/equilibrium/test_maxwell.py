@@ -50,6 +50,7 @@ def test_a_mass_sags():
     assert there.springs["leg"].preload == pytest.approx(2 * 9.81, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_files_and_parameters_keep_the_preload(tmp_path):
     there = held(True).equilibrium()
     mv.save(there, tmp_path / "there.yaml")

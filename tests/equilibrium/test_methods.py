@@ -23,6 +23,7 @@ def hanging_chain(links=9, span=1.6):
     return model
 
 
+@pytest.mark.slow
 def test_a_chain_hangs_in_its_catenary():
     model = hanging_chain()
     result = model.equilibrium(report=True)

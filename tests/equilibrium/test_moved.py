@@ -89,6 +89,7 @@ def test_two_steps_of_one_joint_are_one(kind):
     assert np.allclose(back.bodies["far"].position, model.bodies["far"].position, rtol=0, atol=1e-14)
 
 
+@pytest.mark.slow
 @examples(10, slow=40)
 @given(seeds())
 def test_random_trees_against_the_exact_constraints(seed):
@@ -166,6 +167,7 @@ def test_a_pose_out_of_reach_says_how_far_it_goes():
     assert 0.8 + reached == pytest.approx(limit, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_stewart_platform_turned_about_its_axis():
     model = mv.library.stewart()
     names = model.linearize().coordinates

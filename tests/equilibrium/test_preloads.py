@@ -131,6 +131,7 @@ def test_bushings_carry_what_they_are_stiff_in(full):
     assert in_balance(held)
 
 
+@pytest.mark.slow
 def test_legs_of_a_stewart_platform_hold_its_payload():
     model = reloaded(mv.library.stewart())
     held = model.equilibrium(preload=("leg*",))
@@ -163,6 +164,7 @@ def test_what_springs_cannot_hold_is_named():
         model.equilibrium(preload=["d"])
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", few(range(6), 2))
 def test_springs_of_random_mechanisms_hold_them(seed):
     kinds = ("cylindrical", "universal", "spherical", "planar", "screw", "revolute", "distance", "point_on_line")

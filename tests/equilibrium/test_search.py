@@ -123,6 +123,7 @@ def test_four_bar_under_gravity(spring):
             assert height(result.model) < height(result.model.moved({"A.rz": by}))
 
 
+@pytest.mark.slow
 def test_stewart_platform_sags_under_its_payload():
     model = reloaded(mv.library.stewart(), (300.0, -200.0, -900.0))  # of a launch
     result = equilibrium(model)
@@ -147,6 +148,7 @@ def test_follower_loads_and_bushings_turned_far():
     check(model, result)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", few(range(8), 2))
 def test_random_trees_on_their_springs(seed):
     kinds = ("revolute", "prismatic", "cylindrical", "screw", "universal", "spherical", "planar", "free")
@@ -203,6 +205,7 @@ def test_an_arch_may_snap_through_when_it_is_told_so():
     check(model, result)
 
 
+@pytest.mark.slow
 def test_a_body_that_nothing_holds_is_named():
     model = mv.Model("falling", gravity=G)
     model.add_body("stone", 1.0, (0.1, 0.1, 0.1))
@@ -223,6 +226,7 @@ def test_rigid_motions_in_balance_are_left_alone():
     assert np.count_nonzero(result.model.linearize().modes().frequencies) == 1
 
 
+@pytest.mark.slow
 def test_a_pose_out_of_reach_keeps_its_last_residual():
     model = mv.Model("pull")
     model.add_body("hook", 1.0, (0.1, 0.1, 0.1), (1.0, 0, 0))

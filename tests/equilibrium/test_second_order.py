@@ -32,6 +32,7 @@ def deflection(tension, force):
     return force / tension * (LENGTH - of(k * LENGTH) / k)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("tension", [5.0, 50.0, -10.0])
 def test_tension_resists_bending(tension):
     """The error falls with the fourth power of the elements' length, as that of the cubic deflection."""
@@ -63,6 +64,7 @@ def test_shear_deformation_beside_tension():
     assert abs(there) < 0.9 * without
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("side", "force", "stiffer"), [(4e-3, 12.0, 1.6), (1e-3, 10.0, 150.0)])
 def test_a_beam_between_walls_stretches(side, force, stiffer):
     """By 1.4 and by 18 of its thicknesses; tension and sag follow from the length of the line."""
@@ -96,6 +98,7 @@ def test_a_beam_that_bends_comes_nearer():
     assert LENGTH - tip[0] == pytest.approx(force**2 * LENGTH**5 / (15 * EI**2), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_strut_buckles_where_euler_says():
     """The path of a strut that its end compresses crosses the bent one at 4 pi^2 EI / L^2."""
     model = mv.Model("strut")

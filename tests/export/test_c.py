@@ -45,6 +45,7 @@ def library(files, real):
     return run
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["stewart_isolator", "quarter_car", "cantilever", "rotor_stator", "wafer_stage"])
 def test_the_compiled_code_gives_the_response(name, tmp_path):
     """Held inputs: the exact response of the mechanism, as the core computes it mode by mode."""
@@ -72,6 +73,7 @@ def test_linear_inputs(tmp_path):
     assert_allclose(y / size, expected / size, rtol=0, atol=1e-12)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("realization", ["physical", "balanced"])
 def test_other_states_give_the_same(realization, tmp_path):
     system = mv.library.quarter_car().linearize()
@@ -81,6 +83,7 @@ def test_other_states_give_the_same(realization, tmp_path):
     assert_allclose(one, two, rtol=0, atol=1e-11 * np.abs(one).max())
 
 
+@pytest.mark.slow
 def test_controllers_go_by_tustins_rule(tmp_path):
     """The frequency response of the code is that of the controller at 2/h tan(w h/2)."""
     a, b, c, d = np.array([[0.0, 1.0], [-900.0, -12.0]]), np.array([[0.0], [1.0]]), np.array([[40.0, 3.0]]), [[0.5]]
@@ -106,6 +109,7 @@ def test_gains_have_no_states(tmp_path):
     assert_allclose(library(files, float)(np.array([[1.0], [1.0]]), 2, 0)[:, 0], [2.0, -3.0])
 
 
+@pytest.mark.slow
 def test_single_precision(tmp_path):
     system = mv.library.stewart_isolator().linearize()
     files = mx.to_c(system, tmp_path, 1e-3, precision="single")
@@ -117,6 +121,7 @@ def test_single_precision(tmp_path):
     assert 1e-9 < np.abs((y - expected) / size).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_a_wrong_coefficient_is_found(tmp_path):
     files = mx.to_c(mv.library.quarter_car().linearize(), tmp_path, 1e-3)
     text = files.source.read_text()

@@ -44,6 +44,7 @@ def test_states_that_act_on_nothing_stay():
         control.reset_defaults()
 
 
+@pytest.mark.slow
 def test_dc_gain_is_the_static_compliance():
     plant = mx.to_control(stewart())
     gain = plant.dcgain()

@@ -29,6 +29,7 @@ def damaged(raw, rng, k):
     return bytes(result)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", KINDS)
 def test_damage_is_refused_or_harmless(kind, tmp_path, capsys):
     write, read, package = KINDS[kind]

@@ -61,6 +61,7 @@ def test_universal_files(name, tmp_path):
     assert truth.any()
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", SMALL_FIRST)
 def test_schema(name):
     import jsonschema

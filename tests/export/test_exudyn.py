@@ -67,6 +67,7 @@ def pendulum():
     return model
 
 
+@pytest.mark.slow
 def test_small_motion_under_loads_is_the_time_response():
     """Geometric stiffness of gravity, preload, dead and follower load: a second-order difference in the amplitude."""
     model, steps, end = pendulum(), 4000, 2.0

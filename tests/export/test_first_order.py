@@ -106,6 +106,7 @@ def test_op4_holds_a_b_c_d(case, binary, tmp_path):
     assert mx.check_export(path, source).passed
 
 
+@pytest.mark.slow
 def test_op4_is_read_by_pyyeti(tmp_path):
     op4 = pytest.importorskip("pyyeti.nastran.op4", reason="pyyeti is not installed: pip install pyyeti")
     loop = car().feedback(skyhook())

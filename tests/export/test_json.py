@@ -42,6 +42,7 @@ def assert_same(data, system, realization="physical"):
         assert getattr(data.state_space, key) == getattr(space, key), key
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("case", SYSTEMS)
 @pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
 def test_there_and_back(case, realization, tmp_path):

@@ -139,6 +139,7 @@ def test_base_names_do_not_catch_an_indexed_name():
     assert mx.to_control(slider(inputs=["F[0]"])).find_inputs("F") is None
 
 
+@pytest.mark.slow
 def test_names_that_would_be_formulas_can_be_drawn():
     matplotlib = pytest.importorskip("matplotlib")
     matplotlib.use("agg")

@@ -83,6 +83,7 @@ def test_files_of_another_kind(tmp_path):
             mx.from_npz(path)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(place=st.floats(0.0, 1.0, exclude_max=True), flip=st.integers(0, 255))
 def test_a_damaged_file_is_refused_or_whole(place, flip, tmp_path_factory):

@@ -20,6 +20,7 @@ def test_every_public_name_is_there_and_explained():
         _ = mx.to_nothing
 
 
+@pytest.mark.slow
 def test_a_target_is_imported_when_it_is_used():
     code = (
         "import sys, mbsvib_export as mx; loaded = {'control', 'scipy.signal', 'matplotlib'};"

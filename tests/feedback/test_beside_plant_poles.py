@@ -92,6 +92,7 @@ def test_a_free_mass_under_its_servo_at_low_frequencies(w):
     assert value.imag == pytest.approx(exact.imag, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_hexapod_without_damping_under_force_feedback():
     """At its lowest natural frequency, which three modes share, in 40 digits; it was 15 % wrong."""
     plant = isolation.actuated(library.cubic_hexapod(damping=0.0), "platform")

@@ -220,6 +220,7 @@ def test_norms_against_lyapunov_of_python_control():
         loop.hinf_norm(parameters=["k.stiffness"])
 
 
+@pytest.mark.slow
 def test_open_and_closed_loop_in_one_figure():
     system = chain()
     loop = system.feedback(PI, "x", "Fx")
@@ -233,6 +234,7 @@ def test_open_and_closed_loop_in_one_figure():
         assert plots.bode(other).axes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["static gain", "integrator"])
 def test_exports(name, tmp_path):
     loop = chain().feedback(*LAWS[name])

@@ -101,6 +101,7 @@ def test_gains_that_are_not_finite_are_refused(law):
         isolation.controller([[np.inf]], ["a"], ["b"], "drift")
 
 
+@pytest.mark.slow
 def test_figures_and_reports_of_controllers():
     law = rig().feedback(filters()).law
     for source in (law, mx.to_control(law), filters()):

@@ -54,6 +54,7 @@ def test_poles_that_pass_each_other_keep_apart(grid):
     assert columns_at_end(at, grid).imag == pytest.approx(np.sqrt(np.linalg.eigvalsh(stiffness(2.0))), rel=1e-9)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("grid", GRIDS)
 @pytest.mark.parametrize("copies", [1, 2, 3])
 def test_a_pair_that_meets_on_the_real_axis_goes_on_to_the_right(grid, copies):
@@ -101,6 +102,7 @@ def by_chance(seed):
     return lambda g: start + g * change
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(16))
 def test_branches_of_any_family_are_the_same_on_all_grids(seed):
     at, common = by_chance(seed), np.linspace(0.0, 5.0, 6)
@@ -129,6 +131,7 @@ def test_branches_of_a_symmetric_hexapod_are_the_same_on_all_grids(law):
         np.testing.assert_allclose(table, tables[0], rtol=1e-7, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_modes_under_force_feedback_end_near_zeros():
     """The classical root locus: a branch leads from each pole to a zero, or to infinity along an asymptote."""
     plant = isolation.actuated(mv.library.stewart_isolator(), "platform")

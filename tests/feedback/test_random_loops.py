@@ -84,6 +84,7 @@ def first(values, at, without):
     return (values.min(), at[values.argmin()]) if len(values) else (without, np.nan)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", [16, 26, 36])
 def test_margins_of_each_loop(seed):
     """Up to four limits of the gain on each side of 1, and phases of both signs at up to six crossings."""

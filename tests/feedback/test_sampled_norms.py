@@ -32,6 +32,7 @@ def test_h2_norm_of_fast_samples_is_that_in_continuous_time():
     assert errors[1] < 0.02 * errors[0] < 1e-3
 
 
+@pytest.mark.slow
 def test_h2_norm_has_what_sampling_folds():
     """The components at the frequency of the excitation alone have less variance than the outputs."""
     sampled = loop().sampled(12.0)

@@ -86,6 +86,7 @@ def test_long_records_of_plants_that_do_not_decay(stiffness, law, sensor, rate, 
     np.testing.assert_allclose(value, sampled_loops.step_response(plant, law, rate, samples), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_uneven_times_over_thousands_of_samples():
     """All at once, or asked for again from the tenth of them: states go on from one batch of periods to the next."""
     sampled, rng = loop().sampled(2e3, 1.3e-4), np.random.default_rng(7)
@@ -121,6 +122,7 @@ def test_the_continuous_loop_is_kept():
     np.testing.assert_allclose(again.poles(), loop().poles(), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_continuous_and_sampled_loops_in_one_figure():
     continuous = loop()
     sampled = continuous.sampled(500.0, 0.5 / 500.0)

@@ -79,6 +79,7 @@ def test_choices_are_those_of_the_parts():
             assert [parts[kind]["properties"]["type"]["const"] for kind in kinds[1:]] == [*kinds[1:]]
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", sorted(library_models()))
 def test_library_models_are_valid(name, tmp_path):
     model = library_models()[name][0]()
@@ -86,6 +87,7 @@ def test_library_models_are_valid(name, tmp_path):
     VALID.validate(content(save(model, tmp_path / "model.yaml").read_text("utf-8")))
 
 
+@pytest.mark.slow
 @examples(15, slow=40)
 @given(model=models())
 def test_random_models_are_valid(tmp_path_factory, model):

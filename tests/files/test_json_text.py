@@ -19,6 +19,7 @@ values = st.recursive(
 mappings = st.dictionaries(st.text("abc:{", min_size=1, max_size=3), values, max_size=4)
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(mappings, st.sampled_from([None, 0, 2, "\t"]))
 def test_same_values_and_lines_as_yaml(data, indent):

@@ -9,6 +9,7 @@ BOMB = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
 ENTITIES = '<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>'
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("text", "message"), [
     (BOMB, "line 6: the aliases up to here stand for more than 1000000 values"),
     ("bodies: " + "[" * 100_000, "nested more than 40 deep"),

@@ -188,6 +188,7 @@ known_words = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @examples(100, slow=400)
 @given(st.data())
 def test_no_value_makes_any_other_error(tmp_path_factory, data):

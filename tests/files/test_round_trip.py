@@ -28,6 +28,7 @@ def bits(value):
     return tuple(map(bits, value)) if isinstance(value, tuple) else value
 
 
+@pytest.mark.few(1)
 @examples(15, slow=60)
 @pytest.mark.parametrize("suffix", MOST)
 @given(model=models())
@@ -61,6 +62,7 @@ def test_axes_of_unit_length_keep_every_bit(tmp_path, suffix):
     assert [bits(part.y_axis) for part in again.beams.values()] == [bits(part.y_axis) for part in model.beams.values()]
 
 
+@pytest.mark.slow
 @given(st.floats(allow_nan=False, allow_infinity=False), st.sampled_from([yaml_text, json_text]))
 @settings(max_examples=500, deadline=None)
 def test_every_float_comes_back_to_the_last_bit(value, write):

@@ -193,6 +193,7 @@ def test_places_that_cannot_be_written(model, tmp_path):
     assert [*tmp_path.iterdir()] == []
 
 
+@pytest.mark.slow
 def test_yaml_parser_is_imported_only_when_yaml_is_read():
     code = (
         "import sys, mbsvib.files as f, tempfile, pathlib\n"

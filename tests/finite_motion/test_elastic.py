@@ -53,6 +53,7 @@ def all_moved(model, body):
     return model
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("damping", [{}, {"beta": 1e-5}, {"alpha": 2.0}, {"damping_ratio": 0.02}])
 def test_cantilever_on_the_ground(damping):
     model = mv.Model("c")
@@ -63,6 +64,7 @@ def test_cantilever_on_the_ground(damping):
     assert len(fm.motion.names) == 18
 
 
+@pytest.mark.slow
 def test_beam_that_a_moving_body_carries():
     """A rotor arm on a pivot: rigid motion of the root and small displacements in its frame."""
     model = mv.Model("arm")
@@ -75,6 +77,7 @@ def test_beam_that_a_moving_body_carries():
     assert len(fm.motion.names) == 3 + 18
 
 
+@pytest.mark.slow
 def test_two_bodies_on_one_floating_beam():
     model = mv.Model("free")
     for name, x in (("left", 0.0), ("right", 0.7)):

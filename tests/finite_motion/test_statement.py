@@ -45,6 +45,7 @@ def assert_same(system, mass, damping, stiffness):
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-12 * max(np.abs(theirs).max(), 1e-6))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", some(LIBRARY, "stewart", "hinged_rod", "pendulum_chain", "four_bar", "slider_crank"))
 def test_second_derivatives_are_the_linear_model(name):
     assert_same(*at_rest(mv.library.models()[name][0]()))
@@ -63,6 +64,7 @@ def scene(kind, first="ground", second="b", extra=()):
     return model
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", sorted(KINDS))
 @pytest.mark.parametrize("reversed_", [False, True])
 def test_frames_of_tree_joints_are_those_of_moved(kind, reversed_):
@@ -84,6 +86,7 @@ def test_frames_of_tree_joints_are_those_of_moved(kind, reversed_):
             np.testing.assert_allclose(turned, there.bodies[body].orientation, atol=1e-13)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", sorted(set(KINDS) - {"fixed", "free"}))
 def test_cut_joints_are_closed_where_moved_closes_them(kind):
     """The second joint between a and b is cut; closures are zero in the pose of the moved model."""
@@ -126,6 +129,7 @@ def test_all_connections_loads_and_rotors():
     assert_same(*at_rest(model))
 
 
+@pytest.mark.slow
 def test_derivatives_to_parameters_are_those_of_changed_models():
     model = mv.library.four_bar()
     names = ("crank.mass", "coupler.inertia.yy", "rocker.position.x", "B.position.x", "C.position.z", "gravity.z",

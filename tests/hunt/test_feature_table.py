@@ -163,6 +163,7 @@ def check(row, engine, selected):
             assert re.search("use |linearize|ask|make it", str(error)), f"{feature}: nothing says what to do: {error}"
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("row", ROWS)
 @pytest.mark.parametrize("engine", ENGINES)
 def test_the_table_says_what_engines_do(row, engine):

@@ -43,6 +43,7 @@ def compared(seeds):
     return held, failed
 
 
+@pytest.mark.slow
 def test_few_scenes():
     held, failed = compared(FEW)
     assert not failed, "\n".join(failed)

@@ -26,6 +26,7 @@ def test_force_feedback_on_a_massless_strut():
         assert loop.stable
 
 
+@pytest.mark.slow
 def test_most_damping_of_force_feedback_in_closed_form():
     pole, zero = np.sqrt(1.2e5 / MASS), np.sqrt(3e4 / MASS)
     gain, ratio = isolation.force_feedback_optimum(pole, zero)
@@ -41,6 +42,7 @@ def test_most_damping_of_force_feedback_in_closed_form():
         isolation.force_feedback_optimum(1.0, 2.0)
 
 
+@pytest.mark.slow
 def test_decentralised_force_feedback_reaches_the_closed_form_in_every_mode():
     # a bushing as isotropic as the legs leaves shapes as they are, so that each mode is a strut of its own
     model = library.cubic_hexapod(edge=0.2, stiffness=1e6, damping=0.0)
@@ -118,6 +120,7 @@ def test_several_loops_against_the_feedback_of_python_control():
     assert (np.abs(g - np.moveaxis(flat, 0, 2)) <= 1e-9 * size).all()
 
 
+@pytest.mark.slow
 def test_unstable_loops_are_told_with_the_mode():
     plant = isolation.actuated(library.cubic_hexapod(), "platform")
     loop = plant.with_gains(isolation.velocity_feedback(plant, -2000.0))
@@ -156,6 +159,7 @@ def test_poles_and_zeros_interlace_in_closed_form():
     assert tension.interlaced
 
 
+@pytest.mark.slow
 def test_symmetric_legs_are_collocated():
     plant = isolation.actuated(stiff_isolator(), "platform")
     for pair in isolation.collocation(plant, [("leg2.k.actuator", f"leg2.k.{x}") for x in ("tension", "rate")]).pairs:
@@ -167,6 +171,7 @@ def test_symmetric_legs_are_collocated():
     assert not other.passive
 
 
+@pytest.mark.slow
 def test_relaxation_legs_may_be_active():
     plant = isolation.actuated(relaxing_hexapod(), "platform")
     loop = plant.with_gains(isolation.skyhook(plant, 0.3, "modal"))

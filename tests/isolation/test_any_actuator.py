@@ -66,6 +66,7 @@ def test_torsion_springs_have_no_stroke():
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-15 * np.abs(b).max())
 
 
+@pytest.mark.slow
 def test_legs_of_a_platform_by_their_joints():
     """The springs of the platform act along its slides: an actuator beside the one is one in the other."""
     model = library.stewart()

@@ -9,6 +9,7 @@ from tests.isolation.scenes import active_strut
 pytest.importorskip("fmpy")
 
 
+@pytest.mark.slow
 def test_largest_stable_steps_are_those_of_sampled_loops():
     plant = isolation.actuated(active_strut(damping=60.0), "payload", "leg", directions="z")
     law = isolation.velocity_feedback(plant, 500.0)
@@ -24,6 +25,7 @@ def test_largest_stable_steps_are_those_of_sampled_loops():
             assert loop.sampled(1.0 / h, late * h).stable is stable, (master, factor)
 
 
+@pytest.mark.slow
 def test_force_feedback_as_units():
     plant = isolation.actuated(active_strut(damping=60.0), "payload", "leg", directions="z")
     law = isolation.force_feedback(plant, 140.0, leak=5.0)

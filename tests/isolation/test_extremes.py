@@ -61,6 +61,7 @@ def test_amplification_of_the_isolator_is_that_of_its_first_modes():
     assert result.resonance == pytest.approx(780.64, rel=1e-5)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("ratio", [1e-4, 1e-6, 1e-8])
 def test_many_sharp_peaks(ratio):
     rng = np.random.default_rng(3)
@@ -196,6 +197,7 @@ def test_a_hundred_times_stiffer_and_softer_legs_level_off_alike():
     assert first.plateau == pytest.approx(second.plateau, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_roll_off_of_closed_loops():
     """Skyhook k / (m s^2 + g s + k); velocity feedback is a damper; a sampled law tells none but that of masses."""
     plant = isolation.actuated(active_strut(), "payload", "leg", directions="z")
@@ -227,6 +229,7 @@ def test_closed_loops_show_their_own_resonances():
     assert result.index.max() > 0.99 * exact
 
 
+@pytest.mark.slow
 def test_sampled_loops_repeat_their_resonances():
     """Beside each multiple of the rate there is an image of a resonance, as far as the hold lets it through."""
     plant = isolation.actuated(active_strut(damping=1e3), "payload", "leg", directions="z")

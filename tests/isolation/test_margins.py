@@ -63,6 +63,7 @@ def test_lower_gain_limits_what_needs_its_loop():
     assert got.lower == pytest.approx([2e4 / 1.2e5], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_equal_loops_of_a_symmetric_platform():
     p = isolation.actuated(library.cubic_hexapod(), "platform")
     got = p.with_gains(isolation.velocity_feedback(p, 500.0)).margins()
@@ -71,6 +72,7 @@ def test_equal_loops_of_a_symmetric_platform():
     assert got.modulus >= 0.999
 
 
+@pytest.mark.slow
 def test_delay_margin_is_where_a_sampled_loop_becomes_unstable():
     p = plant()
     loop = p.with_gains(isolation.velocity_feedback(p, 2000.0))
@@ -92,6 +94,7 @@ def test_gain_margin_of_a_sampled_loop_is_at_half_the_rate():
     assert got.modulus == pytest.approx(1 - 1 / got.gain[0], rel=1e-3)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", few(range(8), 4))
 def test_gain_margins_of_random_loops_are_where_poles_reach_the_axis(seed):
     """Two actuators with light dampers from 1e-6 on, each loop by itself while the other is closed."""
@@ -129,6 +132,7 @@ def test_a_band_of_two_frequencies_is_enough():
         loop.margins([3.0])
 
 
+@pytest.mark.slow
 def test_no_limit_of_all_gains_is_infinite():
     """Where the loop gain vanishes, 1 - modulus is rounding and its inverse no limit."""
     plant = isolation.actuated(library.stewart_isolator(), "platform")

@@ -42,6 +42,7 @@ def test_best_damper_under_white_noise_is_half_of_critical():
     assert "amplification" in str(result)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", few([2.0, 5.0], 1))
 def test_best_relaxation_leg_in_closed_form(ratio):
     # all dampers meet at one point, 1 + 2 / N high: the best one has its peak there (Ruzicka 1967)
@@ -106,6 +107,7 @@ def test_the_sag_is_the_displacement_along_the_load():
     assert np.linalg.norm(displacement) > 1.1 * displacement[2]
 
 
+@pytest.mark.slow
 def test_gradients_against_differences():
     model = library.cubic_hexapod(edge=EDGE, stiffness=K, damping=2000.0)
     goal = isolation.passive(model, "platform")
@@ -124,6 +126,7 @@ def test_gradients_against_differences():
         assert (np.abs(exact - differences) <= 1e-5 * np.abs(differences).max(axis=0) + rounding).all(), item.label
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("coupled", [False, True])
 def test_strokes_of_bushings_with_and_without_couplings(coupled):
     # a direction by itself tells its stroke by its force, one that is coupled by its motion
@@ -172,6 +175,7 @@ def test_angles_of_joints_in_closed_form():
         isolation.passive(model, "payload", joints=["hinje"])
 
 
+@pytest.mark.slow
 def test_a_payload_under_its_weight_comes_to_rest():
     model = mv.Model("weighed", gravity=(0, 0, -9.81))
     model.add_body("payload", MASS, (0.2, 0.2, 0.2), (0, 0, 0.3))
@@ -196,6 +200,7 @@ def test_noise_of_correlated_design_shares_its_panels():
     assert np.allclose(stroke(system), single(system), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_eight_variables():
     model = library.cubic_hexapod()
     goal = isolation.passive(model, "platform")

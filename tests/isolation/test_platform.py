@@ -120,6 +120,7 @@ def exactly(geometry, at):
     return points | turns
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("share", [0.0, 1e-5, 1.0])
 def test_values_and_rates_to_fifty_digits(share):
     model = stewart()
@@ -158,6 +159,7 @@ def test_sweep_of_geometry():
         assert np.allclose(result, anew.linearize().modes().frequencies, rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_tolerances_and_fronts_of_geometry():
     model = stewart()
     geometry = isolation.platform(model, "platform")
@@ -178,6 +180,7 @@ def test_tolerances_and_fronts_of_geometry():
         )
 
 
+@pytest.mark.slow
 def test_gradients_against_models_built_anew():
     model = built(**(EVERY | LEGS))
     goal = isolation.passive(model, "platform", point=(0, 0, 0.085), length=0.1)

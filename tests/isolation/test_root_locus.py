@@ -17,6 +17,7 @@ def least(plant, gain):
     return plant.with_gains(isolation.force_feedback(plant, gain)).damping_ratios.min(initial=1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gains", [[0.0, 300.0], [0.0, 138.0, 145.0, 300.0], np.linspace(0.0, 1e3, 7)])
 def test_the_best_gain_is_between_those_that_are_given(gains):
     """s (s^2 + W^2) + g (s^2 + z^2) is damped most at g = W sqrt(W / z), by (W - z) / 2 z."""
@@ -27,6 +28,7 @@ def test_the_best_gain_is_between_those_that_are_given(gains):
     assert "least damping 0 % → 50 % at gain 141.4" in str(locus).replace("\n", " ").lower()
 
 
+@pytest.mark.slow
 def test_poles_of_the_controller_that_vibrate_count():
     """Where z < W / 3 the mode is overdamped for a while; then an integrator's pole swings with one of its own."""
     plant = isolation.actuated(active_strut(leg=9e4, beside=1e3), "payload", "leg", directions="z")
@@ -45,6 +47,7 @@ def test_poles_of_the_controller_that_vibrate_count():
     assert overdamped.summary() == ("least damping 0 % → overdamped", f"at gain {gain:.4g}")
 
 
+@pytest.mark.slow
 def test_modes_that_do_not_move_are_told_apart():
     """Legs spin at 637 Hz whatever their force does; the zeros of the platform are far below."""
     plant = isolation.actuated(stiff_isolator(torsion_stiffness=20.0), "platform", length=0.1)
@@ -65,6 +68,7 @@ def test_modes_that_do_not_move_are_told_apart():
     assert all(row[5] == "" for row in rows)  # critical damping is within reach, no other is promised
 
 
+@pytest.mark.slow
 def test_a_law_is_asked_when_the_locus_is_made():
     plant = isolation.actuated(active_strut(), "payload", "leg", directions="z")
     feed = {"law": isolation.force_feedback}

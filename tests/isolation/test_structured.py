@@ -20,6 +20,7 @@ def of_rank_one(products, real):
     return ((zonotope + np.abs(products[~real]).sum()) / np.cos(angles)).min()
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("seed", range(25))
 def test_matrices_of_rank_one(seed):
     rng = np.random.default_rng(seed)
@@ -31,6 +32,7 @@ def test_matrices_of_rank_one(seed):
     assert -1e-8 * expected <= bound - expected <= 1e-6 * expected + 2e-6 * np.linalg.norm(m, 2)
 
 
+@pytest.mark.slow
 def test_complex_blocks():
     rng = np.random.default_rng(2)
     m = rng.normal(size=(5, 5, 20)) + 1j * rng.normal(size=(5, 5, 20))
@@ -54,6 +56,7 @@ def test_scaling_changes_nothing(real):
     assert mu(1e-200 * m, real=real) == pytest.approx(1e-200 * mu(m, real=real))
 
 
+@pytest.mark.slow
 def test_real_parameters():
     """Between the largest real eigenvalue of M Delta, Delta at all corners, and the bound for complex ones."""
     rng = np.random.default_rng(4)
@@ -80,6 +83,7 @@ def test_blocks_that_act_one_way():
     assert mu(np.zeros((2, 2))) == 0.0
 
 
+@pytest.mark.slow
 def test_uncertain_actuators_of_a_hexapod():
     """Gains of six actuators, each of its own: the loop becomes unstable no sooner than mu of K G S says."""
     p = isolation.actuated(library.cubic_hexapod(damping=20.0), "platform")
@@ -110,6 +114,7 @@ def test_refusals(arguments, message):
         mu(*arguments)
 
 
+@pytest.mark.slow
 def test_a_real_parameter_that_makes_a_loop_unstable_is_seen():
     """x'' + c x' + (k + delta) x = 0 is unstable from delta = -k on, at s = 0, and under delta < 0 beside c = 0.
 
@@ -128,6 +133,7 @@ def test_a_real_parameter_that_makes_a_loop_unstable_is_seen():
     assert values[2] <= 2.0 * r / c
 
 
+@pytest.mark.slow
 def test_a_complex_share_is_one_more_block():
     """delta + e delta' of one parameter: the least size that makes 1 - (d + e d') z zero, in closed form."""
     for z in (2.0 + 1.0j, 0.5 - 0.2j, 1j):

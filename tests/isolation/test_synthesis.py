@@ -47,6 +47,7 @@ def test_cheap_position_control_of_a_mass_in_closed_form():
     assert all(np.abs(result - pole).min() <= 1e-6 * abs(pole) for pole in exact)
 
 
+@pytest.mark.slow
 def test_lqg_on_the_platform_beats_the_open_loop():
     p = isolation.actuated(library.stewart(), "platform")
     f = np.geomspace(10.0, 5000.0, 200)

@@ -195,6 +195,7 @@ def test_noise_through_small_masses_is_no_rounding():
     assert 1e-8 < result.plateau < 1e-7
 
 
+@pytest.mark.slow
 def test_rms_of_a_sampled_loop_far_above_its_rate():
     """Poles repeat at multiples of the rate, and what is late goes round: against a fine even grid."""
     plant = isolation.actuated(active_strut(damping=60.0), "payload", "leg", directions="z")

@@ -26,6 +26,7 @@ from tests.support.random_models import (
 from tests.support.sizes import examples
 
 
+@pytest.mark.slow
 @examples(20, slow=40)
 @given(st.one_of(closed_loops(), planar_loops(), planar_loops(offset=st.just(1e4))))
 def test_rank_and_redundant_rows(model):
@@ -37,6 +38,7 @@ def test_rank_and_redundant_rows(model):
         assert direction in dict(model.joints[joint].locked)
 
 
+@pytest.mark.slow
 @given(seeds(), st.integers(3, 6), st.integers(1, 2))
 def test_planar_loops_have_three_redundant_rows_each(seed, bodies, loops):
     """Where the loops leave a freedom; a loop that locks itself has more."""
@@ -52,6 +54,7 @@ def test_redundant_rows_of_a_plane_are_those_out_of_it():
     assert set(system.redundant) == {f"{cut}.z", f"{cut}.rx", f"{cut}.ry"}
 
 
+@pytest.mark.slow
 @examples(15, slow=40)
 @given(st.one_of(closed_loops(), planar_loops()), seeds())
 def test_any_independent_coordinates_may_be_pinned(model, seed):
@@ -156,6 +159,7 @@ def scaled(model, factor):
     return rebuilt(model, change)
 
 
+@pytest.mark.slow
 @given(st.one_of(planar_loops(ports=st.just(False)), closed_loops(ports=st.just(False))), st.sampled_from([1e-4, 1e4]))
 def test_rank_knows_no_units(model, factor):
     system, other = linearized(model), linearized(scaled(model, factor))

@@ -65,17 +65,20 @@ def check_variants(pair, rng, count):
     assert_allclose(batch.M[-1], M, rtol=0, atol=1e-7 * np.abs(M).max(initial=0.0))
 
 
+@pytest.mark.slow
 def test_any_two_joints_in_line():
     """The count is that of integers, the frequencies are those of the motions that both joints allow."""
     for pair in some(1):
         check_as_drawn(pair)
 
 
+@pytest.mark.slow
 def test_any_two_joints_in_line_after_moving():
     for pair in some(2, COMMON + PAIRS[::7]):
         check_elsewhere(pair)
 
 
+@pytest.mark.slow
 def test_any_two_joints_in_line_in_variants():
     for k, pair in enumerate(some(0, PAIRS[::2])):
         check_variants(pair, np.random.default_rng(k), 5)
@@ -200,6 +203,7 @@ def test_a_hinge_that_is_small_against_its_bodies_moved_again_and_again():
             assert model.linearize(method=method).dof == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arm", few([1e3, 1.0], 1))
 def test_axes_through_one_point_moved_again_and_again(arm):
     """A spherical four-bar: its joints are one point but for rounding, by which it has no size."""
@@ -226,6 +230,7 @@ def test_axes_through_one_point_moved_again_and_again(arm):
         model = model.moved({"j0.rz": 0.2}, relaxed=True)
 
 
+@pytest.mark.slow
 def test_two_equal_joints_in_one_place():
     """The second is redundant in this pose and in all others, whatever the first leaves free."""
     for k, free in enumerate(free for count in range(1, 6) for free in combinations(DIRECTIONS, count)):

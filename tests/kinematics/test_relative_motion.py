@@ -16,6 +16,7 @@ ANY = st.one_of(open_trees(), open_trees(floating=st.just(True)), closed_loops()
 FAR = st.one_of(open_trees(offset=st.just(1e4)), closed_loops(offset=st.just(1e4)), planar_loops(offset=st.just(1e4)))
 
 
+@pytest.mark.slow
 @examples(15, slow=40)
 @given(st.one_of(ANY, FAR))
 def test_displacements_of_the_bodies(model):
@@ -29,6 +30,7 @@ def test_displacements_of_the_bodies(model):
         assert_allclose(moved[name], expected, rtol=0, atol=2e-13 * max(1.0, np.abs(exact).max(initial=0)))
 
 
+@pytest.mark.slow
 @examples(20, slow=40)
 @given(st.one_of(ANY, FAR), seeds())
 def test_displacements_meet_every_constraint(model, seed):
@@ -39,6 +41,7 @@ def test_displacements_meet_every_constraint(model, seed):
     assert reference.violation(moved) <= 1e-13 * max(size, 1.0)
 
 
+@pytest.mark.slow
 @given(closed_loops(), seeds())
 def test_coordinates_are_relative_displacements_of_their_joints(model, seed):
     """The displacement of a joint's second body against its first one, read at the joint, is the coordinate."""
@@ -80,6 +83,7 @@ def test_relative_rows_involve_only_the_joints_between():
     assert set(touched) == between
 
 
+@pytest.mark.slow
 def test_relative_rows_keep_their_digits_on_long_arms():
     """Two bodies a millimetre apart at the end of 10 km: differences of displacements would lose seven digits."""
     model = chain(12, at=1e4)
@@ -91,6 +95,7 @@ def test_relative_rows_keep_their_digits_on_long_arms():
     assert_allclose(system.Cq, reference.minimal(system.coordinates)["Cq"], rtol=1e-15, atol=1e-19)
 
 
+@pytest.mark.slow
 @given(seeds())
 def test_displacements_are_linear_and_take_many_columns(seed):
     system = spatial(seed, bodies=3, ports=False).linearize()

@@ -98,6 +98,7 @@ def mass_matrix(rows):
     return np.array(total.tolist(), dtype=float)
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(st.integers(0, 2**31), st.integers(1, 7))
 def test_kinematics_and_mass_matrix_of_any_arm(seed, n):
@@ -120,6 +121,7 @@ def test_kinematics_and_mass_matrix_of_any_arm(seed, n):
     assert_allclose(system.M, exact, rtol=0, atol=1e-13 * np.abs(exact).max())
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(st.integers(0, 2**31), st.integers(2, 7))
 def test_mass_matrix_of_any_tree(seed, n):

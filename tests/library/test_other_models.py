@@ -88,6 +88,7 @@ def test_quadruped_against_fifty_digits():
 DRIVEN = {"hoeken", "carpet_scraper", "two_link", "gripper", "six_link", "puma", "stanford"}
 
 
+@pytest.mark.slow
 def test_every_model_builds_and_vibrates():
     for name, (function, line) in models().items():
         model = build(name)
@@ -118,6 +119,7 @@ def test_unknown_models():
         build("")
 
 
+@pytest.mark.slow
 def test_quadruped_with_worms_of_their_own():
     """The rotors' inertia counts by the square of the reduction, which a motor of 40 turns a turn makes large."""
     plain, driven = quadruped(), quadruped(worm_ratio=1 / 40)

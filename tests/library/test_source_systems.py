@@ -82,6 +82,7 @@ def test_the_edge_of_the_scraper_moves_twice_as_far_as_the_tip():
     assert_allclose(moves["edge.x"], 2 * moves["tip.x"], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_cumulative_degrees_of_freedom():
     """Appendix B: 2 of the coupler along either path, 1 of its neighbours; the cut joint is one of the coupler's."""
     system = four_bar().linearize()

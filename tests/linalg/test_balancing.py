@@ -25,6 +25,7 @@ def powers(space):
     return np.array([int(unit.split()[0][2:]) if unit.startswith("2^") else 0 for unit in space.state_units], dtype=int)
 
 
+@pytest.mark.slow
 @examples(20, slow=20)
 @given(ANY)
 def test_every_bit_comes_back(model):

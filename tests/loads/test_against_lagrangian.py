@@ -39,6 +39,7 @@ def off(model, system):
                np.abs(mass - system.M).max() / np.abs(mass).max())  # fmt: skip
 
 
+@pytest.mark.few(1)
 @pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("seed", few([1, 0, *range(2, 8)], 1))
@@ -49,6 +50,7 @@ def test_stiffness_of_random_mechanisms(scene, seed):
     assert off(model, system) < (1e-10 if scene != "far from the origin" else 1e-9)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("loops", [0, 1])
 @pytest.mark.parametrize("kind", [*JOINTS, "custom"])
 @pytest.mark.parametrize("seeds", few([range(1), range(1, 6)], 1))
@@ -64,12 +66,14 @@ def test_every_kind_of_joint(kind, loops, seeds):
     assert compared or kind in ("fixed", "custom")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", [kind for kind in JOINTS if kind not in ("fixed", "distance")])
 def test_couplers_on_every_kind_of_joint(kind):
     model, system = linearized(1, bodies=3, couplers=1, kinds=(kind,))
     assert off(model, system) < 1e-10
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")
 def test_couplers_on_joints_at_which_loops_are_cut():
     compared = 0

@@ -34,6 +34,7 @@ def in_axes(start, model, reactions):
     return np.array(result)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", few((3, 0, 1, 2, 4, 5), 1))  # 3 has universal joints in a loop
 @pytest.mark.parametrize("loops", [0, 1])
 @pytest.mark.parametrize("under_load", [False, True])
@@ -46,6 +47,7 @@ def test_a_small_load_changes_reactions_as_the_static_response_says(seed, loops,
     assert_static_response(model)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["bennett", "cardan", "locomotive", "wedge", "differential screw"])
 def test_forces_that_redundant_constraints_leave_open_change_with_the_pose(name):
     """They are of least norm in every pose, and so are self-stress and the mechanism's length other ones in each."""

@@ -246,6 +246,7 @@ def warned(model, **words):
     return system, [str(item.message) for item in caught if item.category is mv.UndeterminedForceWarning]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("by", [np.eye(3), rotation(np.random.default_rng(1))])
 @pytest.mark.parametrize("method", ["dense", "sparse"])
 def test_outputs_that_are_left_open_are_named(method, by):

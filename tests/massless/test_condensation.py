@@ -8,6 +8,7 @@ import mbsvib as mv
 from tests.massless.scenes import along_z
 
 
+@pytest.mark.slow
 def test_springs_in_series():
     k1, k2, mass = 100.0, 300.0, 2.0
     springs = {"k1": ("ground", "node", k1, 0), "k2": ("node", "b", k2, 0)}

@@ -114,6 +114,7 @@ def check(model):
     assert_allclose(of_states(system.state_space("modal"), omega) / size, expected / size, rtol=0, atol=1e-7)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", [0, 33])  # in the second, a pair of eigenvalues is 5e4 apart: damping ratio 200
 def test_a_platform_on_relaxation_legs_and_a_cable(seed):
     check(platform(seed))
@@ -125,6 +126,7 @@ def test_two_floating_bodies(scene, seed):
     check(scene(seed))
 
 
+@pytest.mark.slow
 def test_a_floating_scene():
     check(anything(9))
 
@@ -145,6 +147,7 @@ def loaded(model, kind):
     return model
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("scene", "seed", "kind"), [
     (two_bushings, 0, "force"), (two_bushings, 1, "preload"), (damped_node, 0, "force"), (anything, 11, "preload"),
     (anything, 1, "torque"),

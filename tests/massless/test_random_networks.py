@@ -77,6 +77,7 @@ def test_eigenvalues_of_the_descriptor_pencil(seed):
         assert np.abs(poles - value).min() <= 1e-12 * abs(value)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_responses_of_the_descriptor_equations(seed):
     system = network(seed).linearize()

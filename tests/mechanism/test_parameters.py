@@ -104,6 +104,7 @@ def test_a_system_keeps_the_parameters_that_it_was_made_of():
     assert "late.mass" in model.parameters
 
 
+@pytest.mark.slow
 @examples(20, slow=20)
 @given(ANY)
 def test_values_as_they_are_change_nothing(model):
@@ -118,6 +119,7 @@ def test_values_as_they_are_change_nothing(model):
         assert [d for d, _ in again.joints[name].freedom] == [d for d, _ in joint.freedom]
 
 
+@pytest.mark.slow
 @given(ANY, st.integers(0, 10**6))
 def test_with_values_sets_what_it_names_and_nothing_else(model, seed):
     rng = np.random.default_rng(seed)

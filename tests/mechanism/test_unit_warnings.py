@@ -19,6 +19,7 @@ def test_inertia_in_gram_square_millimetres():
     assert "body 'plate': a radius of gyration of 1.58e+03 m in a mechanism of 0.0539 m" in stated
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", some(mv.library.models(), "stewart", "wafer_stage", "quarter_car", "toggle"))
 def test_models_of_the_library_are_beyond_doubt(name):
     assert "doubtful" not in mv.library.build(name).linearize().explain()

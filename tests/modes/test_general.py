@@ -132,6 +132,7 @@ def test_strong_dampers(strength, every):
         assert modes.errors.max() <= 1e-12
 
 
+@pytest.mark.slow
 def test_many_strong_dampers_agree_with_their_forces_as_unknowns():
     """Two roads: right and left vectors on the factors, and Aberth's iteration with the dampers' forces."""
     system = braked(60, 0, 1e6, 3)

@@ -28,6 +28,7 @@ def modes_of(model, limit=9):
     return system, system.modes()
 
 
+@pytest.mark.slow
 @examples(15, slow=25)
 @given(SMALL)
 def test_damped_eigenvalues(model):
@@ -36,6 +37,7 @@ def test_damped_eigenvalues(model):
     assert_same_eigenvalues(modes.eigenvalues, reference.eigenvalues)
 
 
+@pytest.mark.slow
 @examples(15, slow=25)
 @given(st.one_of(open_trees(ports=st.just(False), damped=st.just(False)), planar_loops(damped=st.just(False))))
 def test_undamped_frequencies(model):
@@ -46,6 +48,7 @@ def test_undamped_frequencies(model):
     assert not modes.damping_ratios.any()
 
 
+@pytest.mark.slow
 @examples(12, slow=28)
 @given(FLOATING)
 def test_rigid_body_modes_are_exact_zeros(model):
@@ -68,6 +71,7 @@ def test_negative_stiffness(model):
     assert modes.stable == bool((reference.eigenvalues.real <= 0).all())
 
 
+@pytest.mark.slow
 @examples(16, slow=24)
 @given(st.one_of(SMALL, FLOATING, UNSTABLE))
 def test_error_estimates_hold(model):
@@ -127,6 +131,7 @@ def test_real_shapes_are_normalized_by_mass(model):
     assert_allclose(gram, np.eye(system.dof), atol=1e-8)
 
 
+@pytest.mark.slow
 @examples(12, slow=28)
 @given(SMALL)
 def test_body_shapes_are_the_displacements_of_the_bodies(model):
@@ -347,6 +352,7 @@ def test_a_number_of_modes_that_is_none(count):
         stiff_chain(4, 2, 1).linearize().modes(count)
 
 
+@pytest.mark.slow
 @given(SMALL)
 def test_kinetic_energy_is_shared_among_the_bodies(model):
     _, modes = modes_of(model, limit=30)

@@ -31,6 +31,7 @@ def test_points_move_as_the_bodies_do(stewart):
     assert motion.title.startswith(f"Mode 3: {modes.frequencies[2]:.5g} Hz")
 
 
+@pytest.mark.slow
 def test_a_gif_has_all_frames(stewart, tmp_path):
     path = tmp_path / "mode.gif"
     stewart.modes().animate(1, path, frames=4, view="x")
@@ -43,11 +44,13 @@ def test_a_gif_has_all_frames(stewart, tmp_path):
     assert [item.name for item in tmp_path.iterdir()] == ["mode.gif"]
 
 
+@pytest.mark.slow
 def test_a_page_needs_no_network(stewart, tmp_path):
     page = stewart.modes().animate(1, frames=2).save(tmp_path / "mode.html").read_text(encoding="utf-8")
     assert page.count("data:image/png;base64") >= 2
 
 
+@pytest.mark.slow
 def test_an_mp4_has_all_frames(stewart, tmp_path):
     pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed: pip install 'mbsvib[video]'")
     path = stewart.modes().animate(1, frames=6, rate=12.0).save(tmp_path / "mode.mp4")
@@ -100,6 +103,7 @@ def test_complex_shapes_go_round():
     assert np.linalg.norm(motion.points(np.pi / 2) - motion.scene.points) > 0.0
 
 
+@pytest.mark.slow
 def test_refusals(stewart, tmp_path, monkeypatch):
     modes = stewart.modes()
     with pytest.raises(mv.ResponseError, match="from 1 to 6"):

@@ -103,6 +103,7 @@ def test_every_public_figure_is_here():
     assert set(plots.__all__) <= set(FIGURES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in FIGURES if name not in ("mechanism", "topology", "time_grid")])
 def test_labels_have_units_in_one_style(name):
     for figure in FIGURES[name]():

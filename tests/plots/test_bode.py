@@ -21,6 +21,7 @@ def curve(axes, number=0):
     return np.asarray(lines[number].get_xdata()), np.asarray(lines[number].get_ydata(), dtype=float)
 
 
+@pytest.mark.slow
 def test_labels_and_units(slider):
     figure = bode(slider(damping=10.0))
     titles = [top.get_title(loc="left") for top, _ in panels(figure)]
@@ -50,6 +51,7 @@ def test_decibels_and_radians_per_second(slider):
     assert long.get_ylabel() == "|G| [dB re 1 (m/s²)/N]"  # the word would reach into the panel of the phase
 
 
+@pytest.mark.slow
 def test_panels_of_one_unit_share_their_limits(slider):
     system = mv.library.quarter_car().linearize()
     ports = ["travel", "body.z"], ["actuator", "road"]
@@ -151,6 +153,7 @@ def test_what_is_zero_by_symmetry_is_named():
     assert np.isnan(curve(top)[1]).all()
 
 
+@pytest.mark.slow
 def test_a_response_that_is_exactly_zero_is_drawn(tmp_path):
     model = mv.Model("two")
     for name in ("one", "other"):
@@ -165,6 +168,7 @@ def test_a_response_that_is_exactly_zero_is_drawn(tmp_path):
     assert [text.get_text() for text in figure.axes[0].texts] == ["zero"]
 
 
+@pytest.mark.slow
 def test_a_locked_mechanism_passes_base_motion_on(tmp_path):
     model = mv.Model("locked")
     model.add_body("b", 1.0, (1, 1, 1))
@@ -178,6 +182,7 @@ def test_a_locked_mechanism_passes_base_motion_on(tmp_path):
     np.testing.assert_allclose(magnitude, 1.0)
 
 
+@pytest.mark.slow
 def test_a_single_frequency_is_drawn(slider, tmp_path):
     figure = bode(slider(damping=1.0), "x", "F", [3.0])
     figure.savefig(tmp_path / "one.png")
@@ -193,6 +198,7 @@ def test_several_systems_get_a_legend(slider):
     assert figure.axes[0].lines[0].get_linestyle() != figure.axes[0].lines[1].get_linestyle()
 
 
+@pytest.mark.slow
 def test_flat_responses_keep_labels_on_their_axis(slider, tmp_path):
     figure = bode(slider(), "x", "F", span=(0.01, 0.1))
     figure.savefig(tmp_path / "flat.png")
@@ -206,6 +212,7 @@ def test_nothing_global_is_left_behind(slider):
     assert dict(mpl.rcParams) == before
 
 
+@pytest.mark.slow
 def test_figures_can_be_built_in_threads(slider, tmp_path):
     system = slider(damping=1.0)
     before, sizes = dict(mpl.rcParams), []

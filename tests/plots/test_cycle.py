@@ -23,6 +23,7 @@ def test_several_cycles_in_the_same_panels():
     assert moment.get_xlabel() == "crank.rz [deg]"
 
 
+@pytest.mark.slow
 def test_drives_of_a_robot():
     motion = {"joint1.rz": ([0, 1, 2], 1.0, 0.0), "joint2.rz": ([0, 1, 2], 1.0, 3.0)}
     axes = plots.cycle(library.six_link(joints="RRRRRR").cycle(
@@ -40,6 +41,7 @@ def test_mistakes():
         plots.cycle(library.hoeken().cycle("crank.rz", ANGLES, speed=1.0), labels=["a", "b"])
 
 
+@pytest.mark.slow
 def test_multipliers_against_the_unit_circle():
     cycle = library.hoeken().cycle("crank.rz", 2 * np.pi * np.arange(128) / 128, speed=2 * np.pi)
     for stiffness, title, mark in ((0.2, "stable", "o"), (0.3, "deviations grow", "s")):

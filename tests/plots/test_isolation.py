@@ -22,6 +22,7 @@ def test_transmissibility_and_compliance():
         plots.isolation([first, second], ["light"])
 
 
+@pytest.mark.slow
 def test_root_locus_and_front():
     plant, locus = isolation.actuated(active_strut(), "payload", "leg", directions="z"), _locus()
     figure = plots.root_locus(locus)
@@ -56,6 +57,7 @@ def test_root_locus_keeps_the_limits_that_are_given():
     assert plots.root_locus(locus, real=(-5.0, 1.0), equal=True).axes[0].get_aspect() == 1.0
 
 
+@pytest.mark.slow
 def test_modes_that_the_gain_does_not_move_leave_room_for_the_others():
     plant = isolation.actuated(mv.library.stewart_isolator(), "platform")
     locus = isolation.root_locus(plant, lambda g: isolation.force_feedback(plant, g), [0.0, 100.0])

@@ -80,6 +80,7 @@ def test_loop_gain_and_its_margins_are_drawn():
     assert f"phase {margins.phase[0]:.3g} deg" in top.get_title(loc="left")
 
 
+@pytest.mark.slow
 def test_each_actuator_has_a_panel():
     loop = several()
     assert len(plots.loop_gain(loop).axes) == 12
@@ -92,6 +93,7 @@ def test_each_actuator_has_a_panel():
     assert_allclose(curve.get_xdata() + 1j * curve.get_ydata(), line_of(loop.sensitivity(2 * np.pi * f)[2, 2]))
 
 
+@pytest.mark.slow
 def test_peaks_of_sensitivities():
     loop = several()
     figure = plots.sensitivity([loop, loop.sampled(5e4)], labels=["continuous", "sampled"])
@@ -121,6 +123,7 @@ def legends(figure):
     return [axes.get_legend().get_texts()[0].get_text() for axes in figure.axes]
 
 
+@pytest.mark.slow
 def test_an_end_of_the_range_is_no_peak():
     """S = (s + 1) / (s + 11) rises to 1, and T = 10 / (s + 11) falls from 10 / 11."""
     plant = mv.StateSpace.from_arrays([[-1.0]], [[1.0]], [[1.0]], [[0.0]], inputs=["u"], outputs=["y"])

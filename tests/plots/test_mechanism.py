@@ -11,6 +11,7 @@ from tests.support.sizes import few
 from tests.support.slow_cases import some
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", some(mv.library.models(), "stewart", "rssr", "gripper", "puma", "quarter_car"))
 def test_every_built_in_mechanism_has_a_picture(name):
     model = mv.library.build(name)
@@ -27,6 +28,7 @@ def test_a_system_looks_like_its_model():
     assert sorted(map(np.ndarray.tolist, pictures[0])) == sorted(map(np.ndarray.tolist, pictures[1]))
 
 
+@pytest.mark.slow
 def test_bodies_are_named():
     texts = {text.get_text() for text in mechanism(mv.library.build("stewart")).axes[0].texts}
     assert {"platform", "leg1.upper", "leg6.lower"} <= texts
@@ -49,6 +51,7 @@ LIBRARY = ("quadruped", "stanford", "seven_r", "puma", "singular_beam", "stewart
            "gripper", "wafer_stage", "carpet_scraper")  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dpi", some([60, 220], 60))
 @pytest.mark.parametrize("make", [*few((getattr(mv.library, name) for name in LIBRARY), 6), tree_of_26,
                                   pytest.param(lambda: mv.library.tree(5), marks=pytest.mark.slow)])  # fmt: skip
@@ -69,6 +72,7 @@ def test_names_overlap_nothing(make, dpi):
         assert not any(box.contains(*mark) for box in boxes.values() for mark in marks)
 
 
+@pytest.mark.slow
 def test_the_legend_explains_what_is_drawn():
     words = [text.get_text() for text in mechanism(mv.library.quadruped()).legends[0].get_texts()]
     assert words == ["body, centre of mass", "joint", "axis of a joint", "bushing or torsion spring",
@@ -77,6 +81,7 @@ def test_the_legend_explains_what_is_drawn():
     assert {"spring", "joint at which a loop is cut"} <= set(loops)
 
 
+@pytest.mark.slow
 def test_bushings_are_rings_around_joints():
     axes = mechanism(mv.library.quadruped()).axes[0]
     bushings, *others = sorted((line for line in axes.lines if len(line.get_xdata())), key=lambda line: -line.get_ms())
@@ -109,6 +114,7 @@ def test_views_look_along_their_axis():
     np.testing.assert_allclose(turned @ turned.T, np.eye(3), atol=1e-15)
 
 
+@pytest.mark.slow
 def test_what_is_not_complete_is_drawn_too():
     model = mv.Model("sketch")
     mechanism(model)
@@ -116,6 +122,7 @@ def test_what_is_not_complete_is_drawn_too():
     assert "b" in {text.get_text() for text in mechanism(model).axes[0].texts}
 
 
+@pytest.mark.slow
 def test_topology_shows_tree_cuts_and_springs():
     system = mv.library.build("stewart").linearize()
     axes = topology(system).axes[0]
@@ -126,6 +133,7 @@ def test_topology_shows_tree_cuts_and_springs():
     assert set(system.cut_joints) <= {text.get_text() for text in axes.texts}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["stewart_isolator", "stewart", "quadruped", "seven_r", "engine_on_mounts"])
 def test_names_of_the_topology_do_not_overlap(name):
     figure = topology(mv.library.build(name).linearize())
@@ -162,6 +170,7 @@ def test_a_torsion_spring_stands_at_the_joint_of_its_bodies():
         assert rings == {"motor": [0.1, 0.2, 0.3], "belt": [0.7, 0.0, 0.0]}
 
 
+@pytest.mark.slow
 def test_torques_have_two_heads():
     def heads(direction, view):
         model = mv.Model("bar")

@@ -12,6 +12,7 @@ def bars(figure, column=0):
     return np.array([bar.get_height() for bar in below[column].patches])
 
 
+@pytest.mark.slow
 def test_differences_of_two_systems(tmp_path):
     model = mv.library.chain(5)
     heavier = model.with_values({name: 1.21 * value for name, value in model.parameters.items()
@@ -44,6 +45,7 @@ def test_damping_ratios_of_two_systems():
     assert np.allclose(figure.axes[1].lines[0].get_ydata(), 100.0 * model.linearize().modes().damping_ratios)
 
 
+@pytest.mark.slow
 def test_damping_ratios_of_another_program():
     """As in the source: frequencies and damping ratios over mode order."""
     system = mv.library.quadruped().linearize()

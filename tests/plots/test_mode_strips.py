@@ -31,6 +31,7 @@ def test_bars_are_the_displacements_of_the_bodies():
     assert words == ["x", "y", "rz", "rotations × 0.2 m"]
 
 
+@pytest.mark.slow
 def test_titles_tell_frequency_and_damping():
     system = mv.library.stewart_isolator().linearize()
     first, *_, last = (axes.get_title(loc="left") for axes in mode_strips(system).axes)
@@ -61,6 +62,7 @@ def test_complex_shapes_are_drawn_in_phase_and_in_quadrature():
         assert abs((drawn**2).sum().imag) < 1e-9  # most nearly real
 
 
+@pytest.mark.slow
 def test_many_modes_take_pages_and_many_bodies_lines():
     system = mv.library.chain(30).linearize()
     first, last = mode_strips(system), mode_strips(system, page=3)

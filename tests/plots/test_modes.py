@@ -26,6 +26,7 @@ def test_a_wide_range_is_logarithmic():
     assert top.get_yscale() == "log"
 
 
+@pytest.mark.slow
 def test_rigid_body_modes_are_open_circles(slider, tmp_path):
     figure = modes(slider(stiffness=0.0))
     figure.savefig(tmp_path / "rigid.png")
@@ -34,6 +35,7 @@ def test_rigid_body_modes_are_open_circles(slider, tmp_path):
     assert dots(top)[-1].get_ydata() == pytest.approx([0.0])
 
 
+@pytest.mark.slow
 def test_a_braked_rigid_body_is_drawn(slider, tmp_path):
     modes(slider(stiffness=0.0, damping=3.0)).savefig(tmp_path / "braked.png")
     assert (tmp_path / "braked.png").stat().st_size > 1000

@@ -1,10 +1,13 @@
 """What a notebook shows."""
 
+import pytest
+
 import mbsvib as mv
 
 EVIL = "<img src=x onerror=alert(1)>"
 
 
+@pytest.mark.slow
 def test_models_systems_and_modes_show_themselves():
     model = mv.library.quarter_car()
     system = model.linearize()
@@ -18,6 +21,7 @@ def test_models_systems_and_modes_show_themselves():
     assert "data:image/png;base64," in system._repr_html_()
 
 
+@pytest.mark.slow
 def test_names_are_escaped():
     model = mv.Model(EVIL)
     model.add_body(EVIL, 1.0, (1, 1, 1))

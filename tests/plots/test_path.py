@@ -1,10 +1,12 @@
 """Figures of paths of equilibria."""
 
 import numpy as np
+import pytest
 
 from mbsvib import library, plots
 
 
+@pytest.mark.slow
 def test_a_latch_over_its_stretched_pose():
     data = library.toggle(angle=0.284).path("base.rz", [0.0, -0.1, -0.2, -0.4, -0.5])
     above, below = plots.path(data).axes
@@ -24,6 +26,7 @@ def test_a_latch_over_its_stretched_pose():
     assert above.get_title(loc="right") == "toggle"
 
 
+@pytest.mark.slow
 def test_frequencies_end_at_0_where_the_force_has_its_extreme():
     """The moment, k l^2 (cos b - cos a) sin b times a number, has them at 2 cos^2 b - cos a cos b = 1."""
     cosine = (np.cos(0.284) + np.sqrt(np.cos(0.284) ** 2 + 8.0)) / 4.0

@@ -38,6 +38,7 @@ def locus():
     return isolation.root_locus(plant, lambda gain: isolation.force_feedback(plant, gain, 1.0), [0.0, 40.0, 90.0])
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:figure of 1.28 x")
 def test_texts_shrink_with_the_figure_and_grow_back():
     figure = drawn(plots.modes(library.engine_on_mounts().linearize()))
@@ -51,6 +52,7 @@ def test_texts_shrink_with_the_figure_and_grow_back():
         np.testing.assert_allclose([text.get_fontsize() for text in labels], 8.5 * scale)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", few([SMALL, None, (12.0, 8.0)], 1))
 def test_labels_of_axes_do_not_meet(size):
     system = library.stewart_isolator().linearize()
@@ -62,6 +64,7 @@ def test_labels_of_axes_do_not_meet(size):
         assert all(within(figure, box) for box in boxes([*labels, *titles]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", few([None, (12.0, 8.0)], 1))
 @pytest.mark.parametrize("model", [library.stewart_isolator, library.quadruped, library.cantilever])
 def test_the_legend_of_a_mechanism_is_within_the_figure(model, size):
@@ -70,12 +73,14 @@ def test_the_legend_of_a_mechanism_is_within_the_figure(model, size):
     assert within(figure, legend.get_window_extent().extents)
 
 
+@pytest.mark.slow
 def test_titles_take_as_many_lines_as_they_need():
     figure = drawn(plots.root_locus(locus()))
     (title,) = [text for text in figure.texts if "least damping" in text.get_text()]
     assert within(figure, title.get_window_extent().extents)
 
 
+@pytest.mark.slow
 def test_strips_do_not_hide_their_legend():
     figure = drawn(plots.mode_strips(library.rotor_stator().linearize()))
     legend = figure.legends[0].get_window_extent().extents
@@ -83,6 +88,7 @@ def test_strips_do_not_hide_their_legend():
     assert within(figure, legend)
 
 
+@pytest.mark.slow
 def test_names_of_a_long_chain_do_not_hide_another():
     """Thirty levels in nine inches: names stand beside their bodies, and all springs are on the same side."""
     figure = drawn(plots.topology(library.chain(30).linearize()))
@@ -101,6 +107,7 @@ def test_the_marks_of_one_mode_are_within_the_axes():
     assert axes.get_ylim()[1] > 8.5
 
 
+@pytest.mark.slow
 def test_one_figure_has_one_style_of_labels():
     system = library.stewart_isolator(ports=("platform", "base")).linearize()
     for decibels in (False, True):
@@ -110,6 +117,7 @@ def test_one_figure_has_one_style_of_labels():
     assert plots.bode(system, "z", "Fz").axes[0].get_ylabel() == "|z / Fz| [m/N]"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("draw", [
     pytest.param(lambda: plots.bode(library.stewart_isolator().linearize(), ["x", "y", "z"], ["Fx", "Fy", "Fz"]),
                  marks=pytest.mark.slow),
@@ -120,6 +128,7 @@ def test_a_figure_too_small_for_its_panels_says_so(draw):
         drawn(draw(), SMALL)
 
 
+@pytest.mark.slow
 def test_campbell_diagrams_and_long_titles_fit_small_figures():
     """Legends and titles ran out of the figure."""
     data = campbell(library.rotor_stator(), np.linspace(0.0, 500.0, 6))
@@ -131,6 +140,7 @@ def test_campbell_diagrams_and_long_titles_fit_small_figures():
     assert within(figure, boxes([figure.axes[0].title, figure.axes[0]._left_title])[0])
 
 
+@pytest.mark.slow
 def test_loops_and_studies_of_one_model_have_different_names():
     plant = isolation.actuated(library.stewart_isolator(), "platform")
     loop = plant.with_gains(isolation.force_feedback(plant, 80.0, 1.0))

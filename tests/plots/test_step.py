@@ -63,6 +63,7 @@ def test_what_is_zero_by_symmetry_is_named():
     assert not axes.lines[-1].get_ydata().any()
 
 
+@pytest.mark.slow
 def test_several_systems_and_panels(slider, tmp_path):
     figure = step([slider(damping=1.0), slider(damping=50.0)], ["x", "v", "a"], "F", labels=["light", "heavy"])
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["light", "heavy"]

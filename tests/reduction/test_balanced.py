@@ -137,6 +137,7 @@ def test_states_that_nothing_reaches_go_without_error():
     assert error(plant, small) < 1e-14
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", [*range(8), *[pytest.param(seed, marks=pytest.mark.slow) for seed in range(8, 208)]])
 def test_the_bound_holds_on_random_plants(seed):
     rng = np.random.default_rng(seed)

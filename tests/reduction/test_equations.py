@@ -25,6 +25,7 @@ def largest_error(full, small):
     return np.linalg.norm(off.transpose(2, 0, 1), ord=2, axis=(1, 2)).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("seed", [0, 1, 2, *[pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 70)]])
 def test_the_bound_holds_and_is_tight(method, seed):
@@ -43,6 +44,7 @@ def test_the_bound_holds_and_is_tight(method, seed):
         assert small.error_bound <= 1.3 * off + noise
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", some(METHODS, "modal"))
 def test_an_error_gives_a_small_model(method):
     system = mv.library.wafer_stage().linearize()
@@ -130,6 +132,7 @@ def test_free_motions_stay():
         reduced_equations(system, "modal", 0)
 
 
+@pytest.mark.slow
 def test_the_static_correction_is_exact_at_rest():
     system = mv.library.wafer_stage().with_parts(outputs={k: v for k, v in mv.library.wafer_stage().outputs.items()
                                                           if v.quantity == "displacement"}).linearize()  # fmt: skip

@@ -20,6 +20,7 @@ def off(system, small):
     return np.linalg.norm(difference.transpose(2, 0, 1), ord=2, axis=(1, 2)).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["balanced", "modal", "static-corrected"])
 def test_names_and_bounds(method):
     system = stage()
@@ -33,6 +34,7 @@ def test_names_and_bounds(method):
     assert "error" not in repr(system) + repr(system.state_space())
 
 
+@pytest.mark.slow
 def test_kept_outputs_decide_the_error():
     system = stage()
     some = system.reduced(error=1e-6, keep=system.outputs[0])
@@ -44,6 +46,7 @@ def test_kept_outputs_decide_the_error():
         system.reduced(4, keep="nothing")
 
 
+@pytest.mark.slow
 def test_state_spaces_and_loops():
     plant = stage()
     loop = plant.feedback([[-2.0]], sensors=[plant.outputs[0]], actuators=["Fx"])
@@ -56,6 +59,7 @@ def test_state_spaces_and_loops():
     assert small.reduced(12).error_bound > small.error_bound
 
 
+@pytest.mark.slow
 def test_explain_tells_the_bound():
     small = stage().reduced(8, method="modal")
     text = small.explain()
@@ -63,6 +67,7 @@ def test_explain_tells_the_bound():
     assert f"{upper(small.error_bound)} at most" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["balanced", "modal", "craig-bampton"])
 def test_exports_take_them(method, tmp_path):
     system = stage()

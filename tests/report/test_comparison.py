@@ -1,6 +1,7 @@
 """Modes of two designs in pairs, where frequencies coincide too."""
 
 import numpy as np
+import pytest
 
 import mbsvib as mv
 from mbsvib.report.comparison import compared_modes
@@ -17,6 +18,7 @@ def plate(angle, more=0.0):
     return model.linearize()
 
 
+@pytest.mark.slow
 def test_equal_frequencies_are_paired_by_their_plane():
     """A small change of one of two equal springs picks shapes anywhere in the plane: they are all alike."""
     rows = compared_modes(plate(0.0), plate(0.6, more=1.0))["rows"]

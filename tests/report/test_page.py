@@ -35,6 +35,7 @@ def stewart():
     return model, model.linearize()
 
 
+@pytest.mark.slow
 def test_a_page_is_small_and_whole(stewart, tmp_path):
     path = report.write(stewart[0], tmp_path / "report.html")
     assert path.stat().st_size < 3e6
@@ -42,6 +43,7 @@ def test_a_page_is_small_and_whole(stewart, tmp_path):
     assert stored(path.read_text(encoding="utf-8"))["name"] == "stewart"
 
 
+@pytest.mark.slow
 def test_nothing_is_fetched(stewart):
     page = report.html(stewart[1])
     own = page.replace(re.search(r'<script id="plotly".*?</script>', page, re.DOTALL)[0], "")
@@ -50,6 +52,7 @@ def test_nothing_is_fetched(stewart):
     assert "default-src 'none'" in own
 
 
+@pytest.mark.slow
 def test_the_data_are_those_of_the_system(stewart):
     system = stewart[1]
     data, modes = collect(system), system.modes()
@@ -71,6 +74,7 @@ def test_the_data_are_those_of_the_system(stewart):
     assert data["explained"] == system.explain()
 
 
+@pytest.mark.slow
 def test_names_cannot_leave_their_place():
     model = mv.Model(EVIL)
     model.add_body(EVIL, 1.0, (1, 1, 1))
@@ -101,6 +105,7 @@ def test_what_has_nothing_to_show_is_a_page_nevertheless():
     assert data["modes"]["rows"] == []
 
 
+@pytest.mark.slow
 def test_no_pair_is_left_out():
     model = mv.Model("many")
     for i in range(14):
@@ -119,6 +124,7 @@ def test_no_pair_is_left_out():
         report.html(model, outputs="x14")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", some(mv.library.models(), "stewart", "rotor_stator", "ladder"))
 def test_every_page_of_the_library_is_small_and_its_form_accurate(name):
     page = report.html(mv.library.build(name))
@@ -163,6 +169,7 @@ def test_names_of_a_comparison_are_two():
         report.html(model, compare=model, names="before")
 
 
+@pytest.mark.slow
 def test_refusals_say_what_to_do(monkeypatch, tmp_path):
     model = mv.library.quarter_car()
     with pytest.raises(mv.ExportError, match="cannot be written"):

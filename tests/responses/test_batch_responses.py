@@ -52,6 +52,7 @@ def value_of(value, i):
     return value if np.ndim(value) == 0 else value[i]
 
 
+@pytest.mark.slow
 @examples(15, slow=25)
 @given(ANY, seeds())
 def test_modes_are_those_of_each_variant(model, seed):
@@ -70,6 +71,7 @@ def test_modes_are_those_of_each_variant(model, seed):
             assert np.array_equal(modes.body_shapes[name][i], item.body_shapes[name])
 
 
+@pytest.mark.slow
 @examples(15, slow=25)
 @given(ANY, seeds())
 def test_modes_solve_their_equations(model, seed):
@@ -83,6 +85,7 @@ def test_modes_solve_their_equations(model, seed):
             assert np.abs(modes.shapes.T @ system.M @ modes.shapes - np.eye(batch.dof)).max() < 1e-8
 
 
+@pytest.mark.few(1)
 @examples(6, slow=40)
 @pytest.mark.parametrize("rtol", [1e-10, 1e-13])
 @given(model=st.one_of(open_trees(damped=st.booleans()), planar_loops()), seed=seeds())
@@ -96,6 +99,7 @@ def test_errors_of_modes_are_honest(rtol, model, seed):
         assert (modes.errors[i] < 1e-6).all() or not batch.row_damping.any()
 
 
+@pytest.mark.slow
 @examples(15, slow=40)
 @given(ANY, seeds(), st.integers(1, 30))
 def test_frequency_response_is_that_of_each_variant(model, seed, count):
@@ -108,6 +112,7 @@ def test_frequency_response_is_that_of_each_variant(model, seed, count):
         assert_same_response(item, system.frequency_response(omega), rtol=1e-8)
 
 
+@pytest.mark.slow
 @examples(8, slow=40)
 @given(st.one_of(open_trees(damped=st.booleans()), closed_loops(), planar_loops()), seeds())
 def test_frequency_response_against_the_reference(model, seed):
@@ -141,6 +146,7 @@ def test_poles_are_refused_by_the_index_of_the_variant():
         batch.frequency_response([np.nan])
 
 
+@pytest.mark.slow
 @examples(15, slow=40)
 @given(open_trees(), seeds())
 def test_time_response_and_state_space(model, seed):
@@ -214,6 +220,7 @@ def test_what_inertia_does_not_reach_stays_small_far_above_the_modes():
     np.testing.assert_allclose(result[:, 1, 0], -(w**2) * exact, rtol=1e-11)
 
 
+@pytest.mark.few(1)
 @examples(8, slow=40)
 @pytest.mark.parametrize("factor", [1.0, 30.0, 1e3, 1e5, 1e7])
 @given(model=open_trees(), seed=seeds())

@@ -115,6 +115,7 @@ def test_moving_starts(case, hold, t):
         assert_allclose(result, expected, rtol=0, atol=1e-9 * np.abs(expected).max(axis=1).min())
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", [name for name in CLASSES if name not in UNDAMPED_OR_FREE])
 def test_norms(name):
     """H2 by the Lyapunov equation; H-infinity against a fine scan about the peak."""

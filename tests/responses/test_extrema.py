@@ -154,6 +154,7 @@ def test_undamped_poles_that_are_excited(residue):
     assert len(excited(size, poles - 1e-3, 0.1, 4.0)) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantity", range(3))
 def test_no_response_is_above_its_norm(quantity):
     """On a grid about each pole, of modes with damping ratios down to 1e-7; SLICOT missed a peak at 13 rad/s once."""

@@ -33,6 +33,7 @@ def lightly_damped(ratio, n=9, seed=0):
     return sliding_chain(m, k, 1e-6 * c * ratio / lowest, (0, 2), outputs).linearize()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", few([1e-6, 0.1, 1e-4, 1e-2], 2))
 @pytest.mark.parametrize("seed", few(range(2), 1))
 def test_no_peak_and_no_dip_is_missed(ratio, seed):

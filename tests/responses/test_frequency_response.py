@@ -21,6 +21,7 @@ ANY = st.one_of(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @examples(15, slow=40)
 @given(ANY)
 def test_against_the_reference(model):
@@ -30,6 +31,7 @@ def test_against_the_reference(model):
     assert_same_response(system.frequency_response(omega), reference.frequency_response(omega))
 
 
+@pytest.mark.slow
 @examples(15, slow=40)
 @given(open_trees(negative=st.just(True), damped=st.booleans()))
 def test_negative_stiffness(model):
@@ -38,6 +40,7 @@ def test_negative_stiffness(model):
     assert_same_response(system.frequency_response(omega), reference.frequency_response(omega), rtol=1e-8)
 
 
+@pytest.mark.slow
 @examples(15, slow=40)
 @given(st.one_of(open_trees(offset=st.just(1e4)), closed_loops(offset=st.just(1e4)), planar_loops(offset=st.just(1e4))))
 def test_ten_kilometres_away(model):
@@ -46,6 +49,7 @@ def test_ten_kilometres_away(model):
     assert_same_response(system.frequency_response(omega), reference.frequency_response(omega))
 
 
+@pytest.mark.slow
 @examples(15, slow=40)
 @given(st.one_of(open_trees(), closed_loops(), planar_loops()))
 def test_static_compliance(model):
@@ -88,6 +92,7 @@ def test_resonances_keep_ten_digits(ratio, detune):
         assert abs(value - expected) <= 1e-10 * abs(expected) + 4e-16 / ratio * abs(expected) * (detune == 0)
 
 
+@pytest.mark.slow
 @examples(15, slow=40)
 @given(ANY)
 def test_many_frequencies_at_once(model):
@@ -99,6 +104,7 @@ def test_many_frequencies_at_once(model):
     assert_same_response(result, reference.frequency_response(few))
 
 
+@pytest.mark.slow
 @examples(15, slow=40)
 @given(st.one_of(open_trees(), planar_loops(), open_trees(damped=st.just(False))), st.floats(2, 5))
 def test_far_above_the_modes(model, decades):
@@ -224,6 +230,7 @@ def test_no_frequency_and_no_port():
     assert model.linearize().frequency_response([1.0]).shape == (0, 0, 1)
 
 
+@pytest.mark.slow
 @examples(20, slow=20)
 @given(open_trees(damped=st.booleans()))
 def test_negative_frequencies_are_conjugate(model):
@@ -233,6 +240,7 @@ def test_negative_frequencies_are_conjugate(model):
         assert_allclose(system.frequency_response(-w), system.frequency_response(w).conj(), rtol=1e-12)
 
 
+@pytest.mark.slow
 @examples(15, slow=40)
 @given(open_trees())
 def test_one_frequency_at_a_time_is_the_same(model):
@@ -244,6 +252,7 @@ def test_one_frequency_at_a_time_is_the_same(model):
         assert_allclose(single[:, :, 0], full[:, :, k], rtol=1e-10, atol=1e-13 * np.abs(full[:, :, k]).max(initial=0))
 
 
+@pytest.mark.slow
 @examples(20, slow=20)
 @given(open_trees(kinds=st.just(("revolute", "spherical", "universal"))))
 def test_reciprocity(model):

@@ -57,6 +57,7 @@ def test_time_response_where_spin_just_stabilises(beyond):
     assert error.max() <= 1e-10
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("pairs", few([((0, 1), (1, 0)), ((0, 0), (1, 1))], 1), ids=["across", "own"])
 @pytest.mark.parametrize("family", ["spin and dampers", "spin", "all", "follower loads", "free", "massless ones",
                                     "massless and all"])  # fmt: skip

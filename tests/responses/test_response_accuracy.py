@@ -23,6 +23,7 @@ def random_chain(n, ratio, classical, seed=0):
     return m, k, c * 1e-6 * ratio / lowest
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("classical", [True, False])
 def test_ten_digits_at_resonances_of_two_hundred_modes(classical):
     """Damping ratios from 5e-5: an error of a frequency counts ten thousand times at its resonance."""
@@ -248,6 +249,7 @@ def test_time_response_where_eigenvectors_are_nearly_dependent(detune):
     assert_allclose(model.linearize().time_response(t, u), expected, rtol=0, atol=1e-12 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_two_hundred_coupled_modes_in_time():
     """Against the exponential of the whole state matrix, which knows nothing of modes."""
     data = random_chain(200, 5e-5, classical=False)

@@ -52,6 +52,7 @@ def test_a_slow_and_a_fast_real_pole():
     assert_allclose(info.overshoot, 0.0, atol=1e-9)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(4))
 def test_python_control(seed):
     rng = np.random.default_rng(seed)
@@ -91,6 +92,7 @@ def test_a_step_at_once_and_no_step_at_all():
     assert_allclose(info.peak[0], [2.0, 0.0])
 
 
+@pytest.mark.slow
 def test_ports_and_table():
     system = library.stewart_isolator(ports="platform").linearize()
     info = system.step_info(["z", "x"], "F*")

@@ -58,6 +58,7 @@ def close(result, expected, rtol=1e-10):
     assert (np.abs(result - expected) <= rtol * np.maximum(size, 1e-4 * size.max(initial=0))).all()
 
 
+@pytest.mark.slow
 @examples(10, slow=20)
 @given(SMALL, seeds(), st.sampled_from(["first", "zero"]), st.booleans())
 def test_against_the_reference(model, seed, hold, moving):

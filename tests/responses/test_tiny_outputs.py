@@ -48,6 +48,7 @@ def wrong(system, omega, result, expected):
     return float((np.abs(result - expected)[clear] / np.abs(expected)[clear]).max())
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("damping", [None, (1e-3, 1e-1), (1e-1, 1e3), (1e-3, 1e6)])
 @pytest.mark.parametrize("seed", [4, 7, 15])
 def test_any_damping_over_twelve_decades(seed, damping):

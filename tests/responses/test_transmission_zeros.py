@@ -160,6 +160,7 @@ SMALL = st.one_of(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @examples(12, slow=25)
 @given(SMALL, st.integers(0, 2), st.integers(0, 5))
 def test_single_pairs_against_determinants(model, source, result):
@@ -174,6 +175,7 @@ def test_single_pairs_against_determinants(model, source, result):
     assert_same_eigenvalues(actual, expected, rtol=1e-8)
 
 
+@pytest.mark.slow
 @examples(8, slow=15)
 @given(SMALL)
 def test_two_by_two_against_determinants(model):

@@ -38,6 +38,7 @@ def test_what_may_take_a_spinning_body_off_its_axis_is_not():
     }  # fmt: skip
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("feature", ["beam between bodies", "modal damping", "superelement", "rotor on body"])
 def test_places_beside_beams_reduced_models_and_rotors(feature):
     """Wrenches in joints have what beams, reduced models and rotors do to bodies."""
@@ -69,6 +70,7 @@ def test_an_overhung_disk_in_closed_form():
             assert result[:, at].imag == pytest.approx([along * per_momentum, speed * per_momentum], rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_beam_that_spins_carries_its_rotor():
     """A disk in the middle of a shaft: every number against differences of the whole equations."""
     model = mv.Model("shaft")
@@ -88,6 +90,7 @@ def test_a_beam_that_spins_carries_its_rotor():
         assert_as_variants(result, k, system, of_variants(system, name), system.parameters[name], 1e-8, 1e-10)
 
 
+@pytest.mark.slow
 def test_inerters_torsion_springs_and_strains():
     """Numbers of a scene with all of these, with outputs that are forces in them, against differences."""
     model = mv.Model("mixed")

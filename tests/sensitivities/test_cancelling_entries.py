@@ -60,6 +60,7 @@ def test_a_spring_that_never_strains():
     assert np.abs(slopes["Cq"]).max() > 10.0
 
 
+@pytest.mark.slow
 def test_what_cancels_may_change():
     """The coupler turns as soon as its pins are no parallelogram: -1 + 1 becomes a derivative of its own size.
 

@@ -28,6 +28,7 @@ def coupled(seed, under_load):
     return model
 
 
+@pytest.mark.slow
 @examples(1, slow=6)
 @pytest.mark.parametrize("under_load", [False, True])
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")

@@ -116,6 +116,7 @@ def test_tilting_one_pin_of_a_planar_loop_has_no_derivative():
         assert model.linearize().dof < system.dof
 
 
+@pytest.mark.slow
 @examples(4, slow=12)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 @given(seeds())

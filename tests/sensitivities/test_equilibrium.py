@@ -26,6 +26,7 @@ def settled(model, system, name, of):
     return (8 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12 * h), h
 
 
+@pytest.mark.slow
 @examples(1, slow=7)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 @given(seeds())
@@ -101,6 +102,7 @@ def test_a_spring_hangs_lower_under_more_mass():
     assert actual[at] == pytest.approx(-expected[0], rel=1e-12)
 
 
+@pytest.mark.slow
 def test_responses_and_matrices_follow_the_equilibrium():
     """A crank under gravity, held by a spring: its compliance, and D of what joints carry."""
     model = mv.Model("crank", gravity=(0, 0, -9.81))
@@ -158,6 +160,7 @@ def test_forces_that_are_zero_move_the_pose_once_they_are_not():
         assert np.abs(row).max() > 0.0
 
 
+@pytest.mark.slow
 def test_stiffness_beside_a_condensed_node_under_a_dead_torque():
     """K is not symmetric, so that what condenses the node acts from the left in another way than from the right."""
     model = mv.Model("node")

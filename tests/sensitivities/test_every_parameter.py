@@ -34,6 +34,7 @@ def asked(name):
 SLOW = {"cantilever", "singular_beam"}
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else [])
                                   for name in library.models()])  # fmt: skip
 def test_eigenvalues(name):
@@ -62,6 +63,7 @@ def refusal(method, system, names):
     return ""
 
 
+@pytest.mark.slow
 def test_gravity_beside_a_relaxing_spring_that_holds_at_rest():
     """A static spring in parallel counts like one of its own: as differences of equilibria say."""
     def scene(apart):

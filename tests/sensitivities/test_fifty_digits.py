@@ -42,6 +42,7 @@ def slopes(model, parameters, name, values):
     return np.array(result)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 @settings(max_examples=5, deadline=None)
 @given(seeds())

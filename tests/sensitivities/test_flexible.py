@@ -33,6 +33,7 @@ def test_frequencies_of_a_cantilever_go_with_the_root_of_stiffness_over_density(
     assert result.frequencies[1] == pytest.approx(-0.5 * f / METAL["rho"], rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shear", [False, True])
 def test_differences(shear):
     model = frame(shear, alpha=2.0, beta=1e-5)
@@ -65,6 +66,7 @@ def test_places_and_modal_damping():
             assert_derivative(row, difference(model, system, name, eigenvalues), values, step, 1e-7)
 
 
+@pytest.mark.slow
 def test_a_beam_that_bends_under_its_load_bends_anew():
     """Every variant of a beam that equilibrium has bent is in an equilibrium of its own."""
     model = mv.Model("shelf", gravity=(0, 0, -9.81))

@@ -48,6 +48,7 @@ CASES = [pytest.param(kind, swap, marks=() if (kind, swap) in QUICK else pytest.
          for kind in KINDS for swap in (False, True)]  # fmt: skip
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("kind", "swap"), CASES)
 def test_orientation_and_position(kind, swap):
     model = loaded(kind, swap)

@@ -19,6 +19,7 @@ def known(system):
             or (".stiffness" in name and not name.startswith("free"))]  # fmt: skip
 
 
+@pytest.mark.slow
 @examples(3, slow=8)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 @given(seeds())
@@ -66,6 +67,7 @@ def rotor():
     return model
 
 
+@pytest.mark.slow
 def test_rotors_in_all_their_numbers():
     model = rotor()
     system = model.linearize()
@@ -83,6 +85,7 @@ def test_rotors_in_all_their_numbers():
         assert np.abs(row - expected).max() <= 1e-7 * np.abs(expected).max() + 1e-15
 
 
+@pytest.mark.slow
 def test_shapes_norms_and_time_responses_beside_a_rotor():
     """A housing on dampers in all directions, with something that spins in it."""
     model = mv.Model("housing")
@@ -117,6 +120,7 @@ def test_shapes_norms_and_time_responses_beside_a_rotor():
             assert norm.slopes[k] == pytest.approx(slope, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_number_that_no_neighbour_has_is_none():
     """A rotor is round and turns about an axis of its own: what changes that has no neighbour."""
     system = rotor().linearize()
@@ -171,6 +175,7 @@ def relaxing():
     return model
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("make", "names"), [
     (geared, ["gear.ratio", "wheel0.mass", "wheel1.inertia.zz", "spring0.stiffness.rz", "shaft1.position.x"]),
     (relaxing, ["leg.stiffness", "leg.damping", "leg.static_stiffness", "mass.mass", "leg.start.z", "leg.start.x"]),
@@ -203,6 +208,7 @@ def test_gear_in_closed_form():
         assert result == pytest.approx(-along * rate / slope, rel=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [None, ([0.01], [0.2])])
 def test_relaxation_in_time_and_norms(start):
     """The Maxwell element's force has a state of its own, without a velocity."""

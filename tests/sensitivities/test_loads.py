@@ -14,6 +14,7 @@ from tests.support.sizes import examples
 # redundant constraints are welcome here: what they leave open is compared as well
 pytestmark = pytest.mark.filterwarnings("ignore::mbsvib.UndeterminedForceWarning")
 
+@pytest.mark.slow
 @examples(2, slow=6)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 @given(seeds())
@@ -40,6 +41,7 @@ def test_forces_of_random_mechanisms(seed):
         assert_as_variants(result, 0, system, expected, system.parameters[name], 1e-8, 1e-10)
 
 
+@pytest.mark.slow
 @examples(2, slow=5)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 @given(seeds())

@@ -72,6 +72,7 @@ def test_unknown_names_are_refused_with_the_nearest():
         result.factors("bob.mass", "B")
 
 
+@pytest.mark.slow
 @examples(4, slow=12)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 @given(st.one_of(seeds().map(lambda seed: spatial(seed, bodies=3, loops=seed % 3)),
@@ -95,6 +96,7 @@ def test_differences_of_random_mechanisms(model, seed):
             assert np.abs(getattr(result, key)[k] - matrix).max(initial=0.0) <= limit, (names[k], key)
 
 
+@pytest.mark.slow
 @settings(max_examples=8, deadline=None)
 @given(seeds(), st.integers(0, 2))
 def test_coordinates_of_bodies_that_float_go_with_their_centres_of_mass(seed, loops):

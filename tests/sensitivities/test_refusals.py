@@ -47,6 +47,7 @@ def followed():
     return model.linearize()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("ask", "message"), [
     (lambda: spinning().h2_norm(), r"'plate' makes motions without mass in a mechanism that spins .*with_values"),
     (lambda: sliding().matrix_derivatives(["weight.force.x"]),

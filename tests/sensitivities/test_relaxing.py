@@ -29,6 +29,7 @@ def relaxing(seed, under_load):
     return model
 
 
+@pytest.mark.slow
 @examples(1, slow=6)
 @pytest.mark.parametrize("under_load", [False, True])
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")

@@ -80,6 +80,7 @@ def check(model, rng, count=4):
         assert (np.abs(result[k] - expected) <= limit).all(), names[k]
 
 
+@pytest.mark.slow
 @examples(3, slow=9)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 @given(seeds())
@@ -88,6 +89,7 @@ def test_differences_of_random_mechanisms(seed):
     check(spatial(seed, bodies=3, loops=int(rng.integers(3))), rng)
 
 
+@pytest.mark.slow
 @settings(max_examples=5, deadline=None)
 @given(seeds())
 def test_differences_of_random_planar_loops(seed):

@@ -83,6 +83,7 @@ def aligned(shapes, mass, start):
     return shapes * (np.abs(phase) / phase)
 
 
+@pytest.mark.slow
 @examples(3, slow=9)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 @given(seeds())

@@ -32,6 +32,7 @@ def assert_as_dense(model, count, names=None):
     assert off.max() <= SHAPES * np.abs(known[position]).max()
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("model", [
     lambda: library.build("C10RF1"), scenes.dashed, scenes.braced, scenes.ring, scenes.leapfrog, scenes.floating,
     lambda n: scenes.grid(4, n // 3),
@@ -47,6 +48,7 @@ def test_a_platform_with_modes_that_coincide():
     assert len(result.modes) == 2  # of a pair that both are there
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("features", [["gear"], ["beam", "modal damping"], ["superelement"], ["rotor on body"],
                                       ["screw in loop", "rack"], ["inerter"]])  # fmt: skip
 def test_elements(features):

@@ -39,6 +39,7 @@ def test_uneven_steps_initial_states_and_all_kinds_of_outputs(hold):
         assert (np.abs(row - expected).max(axis=1) <= 1e-7 * np.abs(expected).max(axis=1) + 1e-12).all(), name
 
 
+@pytest.mark.slow
 @examples(3, slow=9)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 @given(seeds())
@@ -79,6 +80,7 @@ def test_norms_of_an_isolator_in_closed_form():
     assert peak.slopes == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_norms_of_the_platform_against_differences():
     model = mv.library.stewart()
     system = model.linearize()

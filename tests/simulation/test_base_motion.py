@@ -98,6 +98,7 @@ def with_superelements():
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", some([flexible, with_superelements], with_superelements))
 def test_what_bends_in_a_ground_that_accelerates(make):
     """For small motion it answers as the linear equations do, but for what falls with the square."""
@@ -112,6 +113,7 @@ def test_what_bends_in_a_ground_that_accelerates(make):
     assert np.all(off[1] <= np.maximum(off[0] / 13.0, 1e-8 * largest))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elements", some([1, 3], 1))
 def test_the_weight_of_beams_is_that_of_an_accelerated_ground(elements):
     """Loads at the nodes are consistent with the mass matrix: not half of each element's mass at either node."""

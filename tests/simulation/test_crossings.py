@@ -21,6 +21,7 @@ def oscillator(gravity=None):
     return model
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("count", [2, 3, 4, 5, 9])
 @pytest.mark.parametrize("name", ["rail.z", "force"])
 def test_passes_do_not_depend_on_the_samples(count, name):
@@ -33,6 +34,7 @@ def test_passes_do_not_depend_on_the_samples(count, name):
     np.testing.assert_allclose(run.crossings(name, level), exact[exact < end], rtol=1e-8)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("periods", [1, 2, 8])
 def test_samples_at_whole_periods(periods):
     """All samples are alike, as if nothing moved."""
@@ -43,6 +45,7 @@ def test_samples_at_whole_periods(periods):
     np.testing.assert_allclose(run.crossings("z"), exact, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_swings_that_just_pass_or_just_do_not():
     run = oscillator().simulate([0.0, 3.0 * np.pi / OMEGA], initial={"rail.z": 0.1})
     for beyond in (1e-2, 1e-4, 1e-6):
@@ -52,6 +55,7 @@ def test_swings_that_just_pass_or_just_do_not():
         assert len(run.crossings("z", -0.1 * (1.0 + beyond))) == 0
 
 
+@pytest.mark.slow
 def test_an_event_in_a_long_interval_is_the_first_one():
     run = oscillator().simulate([0.0, 10.0], initial={"rail.z": 0.1}, until={"z": -0.0999})
     assert run.time[-1] == pytest.approx(np.arccos(-0.999) / OMEGA, rel=1e-7)
@@ -66,6 +70,7 @@ def test_inputs_go_on_from_times_within_an_interval():
     np.testing.assert_allclose(run.crossings("z", 0.04), [exact], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_chain_with_few_samples():
     model, end = library.pendulum_chain(2), 4.0
     dense = model.simulate(np.linspace(0.0, end, 81), initial={"pin1.rz": 2.0}).crossings("pin2.rz")

@@ -15,6 +15,7 @@ def turning():
     return library.four_bar().simulate(np.linspace(0.0, 0.5, 11), initial={"A.rz": (0.0, 40.0)})
 
 
+@pytest.mark.slow
 def test_angles_of_a_four_bar_add_up_to_zero_over_whole_turns():
     run = turning()
     assert run.trace.cut.names == ("C.rz",)
@@ -27,6 +28,7 @@ def test_angles_of_a_four_bar_add_up_to_zero_over_whole_turns():
     assert np.abs(at - run.time[5]).min() < 1e-9
 
 
+@pytest.mark.slow
 def test_a_joint_that_is_displaced_is_in_the_tree():
     """The same motion, started by the rate of any joint of the loop."""
     run = turning()
@@ -37,6 +39,7 @@ def test_a_joint_that_is_displaced_is_in_the_tree():
             np.testing.assert_allclose(other.coordinates[f"{joint}.rz"], run.coordinates[f"{joint}.rz"], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_slider_at_which_the_loop_is_cut():
     t = np.linspace(0.0, 0.4, 9)
     run = library.slider_crank().simulate(t, initial={"A.rz": (0.0, 10.0)})
@@ -50,6 +53,7 @@ def test_a_slider_at_which_the_loop_is_cut():
     assert ended.time[-1] == pytest.approx(run.crossings("rail.z", level)[0], rel=1e-7)
 
 
+@pytest.mark.slow
 def test_a_run_starts_with_rates_of_all_joints_of_a_loop():
     run, model = turning(), library.four_bar()
     state = {name: (0.0, float(rates[0])) for name, rates in run.rates.items()}

@@ -60,6 +60,7 @@ def test_table_of_the_undamped_drop():
     np.testing.assert_allclose(0.2 * (np.cos(theta_of(run)) - 1.0) - GAP, run["w"] + W0, rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_first_passes_and_turns():
     model = mv.library.singular_beam()
     model.add_output("rate", "lower", "ry", quantity="velocity")
@@ -73,6 +74,7 @@ def test_first_passes_and_turns():
     np.testing.assert_allclose(run.crossings("rate")[-2:], TURNS, rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_table_of_the_damped_drop():
     run = mv.library.singular_beam(damping=2e-5).simulate([0.0, 0.1, 0.2], without="drop")
     np.testing.assert_allclose(theta_of(run)[1:], A[:, 1], rtol=0, atol=1e-8)

@@ -50,6 +50,7 @@ def test_where_a_run_starts_is_no_event():
     assert run.time[-1] == pytest.approx(2 * 4.0 / G, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_run_that_starts_next_to_an_event_goes_on_to_the_next_one():
     model, t = library.pendulum_chain(2), np.linspace(0.0, 4.0, 41)
     free = model.simulate(t, initial={"pin1.rz": 2.0})
@@ -97,6 +98,7 @@ def test_a_force_ends_a_run_and_is_crossed():
     assert ended["force"][-1] == pytest.approx(2.0, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_a_linkage_with_inputs():
     """The same time as the crossing of a run that goes on, with functions of time as inputs."""
     model = library.four_bar()

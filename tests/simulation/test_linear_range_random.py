@@ -60,6 +60,7 @@ def shares(model, conservative=False):
     return result
 
 
+@pytest.mark.slow
 def test_some_random_chains():
     found = [share for seed in (2, 24, 31) for share in shares(chain(seed))]
     assert len(found) >= 5
@@ -75,6 +76,7 @@ def test_a_hundred_random_chains():
     assert np.median(found) == pytest.approx(SHARE, rel=0.02)
 
 
+@pytest.mark.slow
 def test_some_random_chains_within_the_conservative_range():
     """The share is not reached, and the range is less than twice too small."""
     found = [share for seed in (2, 24, 31) for share in shares(chain(seed), conservative=True)]

@@ -82,6 +82,7 @@ MODELS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.UndeterminedForceWarning")
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "stewart_isolator"))
                                   for name in MODELS])  # fmt: skip
@@ -118,6 +119,7 @@ def four_bar():
     return with_forces(model, "A", "D", "ground")
 
 
+@pytest.mark.slow
 def test_forces_of_large_motion_balance():
     """The ground feels its two joints; what the redundant hinges leave open, out of the plane, is not told."""
     model = four_bar()
@@ -176,6 +178,7 @@ def beam_with_an_arm():
     return with_forces(model, "pin", "beam.e2", "ground")
 
 
+@pytest.mark.slow
 def test_strains_and_forces_of_beams():
     model = beam_with_an_arm()
     system, t, off = model.linearize(), np.linspace(0.0, 0.05, 9), []

@@ -59,6 +59,7 @@ def clamped(held):
     return model
 
 
+@pytest.mark.slow
 def test_only_a_beam_whose_ends_are_held_apart_is_stretched():
     """By a sag of 0.24 of its thickness, which makes it stiffer by about 0.75 times the square of that."""
     t, off = np.linspace(0.0, 0.04, 41), []

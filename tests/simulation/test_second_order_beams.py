@@ -33,6 +33,7 @@ def flapping(model, speed, end=0.25):
     return omega / UNIT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("speed", "exact"), [(3.0, 4.7973), pytest.param(6.0, 7.3604, marks=pytest.mark.slow)])
 def test_a_spinning_blade_flaps_faster(speed, exact):
     """Source: Wright et al., J. Appl. Mech. 49 (1982), table of rotating uniform beams. The error falls with h^2."""
@@ -41,6 +42,7 @@ def test_a_spinning_blade_flaps_faster(speed, exact):
     assert errors[1] / errors[0] < 0.25
 
 
+@pytest.mark.slow
 def test_spin_does_not_stiffen_a_linear_blade():
     assert flapping(blade(1, second_order=False), 3.0) == pytest.approx(3.53, rel=0.01)
 

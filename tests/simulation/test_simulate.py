@@ -26,6 +26,7 @@ def lamp():
     return model.equilibrium(preload="spring")
 
 
+@pytest.mark.slow
 def test_small_motion_is_the_linear_response_to_second_order():
     model, t = lamp(), np.linspace(0.0, 1.0, 101)
     shape = np.sin(7.0 * t) * t
@@ -38,6 +39,7 @@ def test_small_motion_is_the_linear_response_to_second_order():
     np.testing.assert_allclose(slopes, 2.0, atol=0.06)
 
 
+@pytest.mark.slow
 def test_all_elements_in_small_motion():
     """Maxwell elements, inerters, torsion springs, bushings, rotors and gears against the exact linear response."""
     model = mv.Model("all")
@@ -89,6 +91,7 @@ def test_geared_wheels_over_many_turns():
     assert at["wheel.turn"][-1] == pytest.approx(20.0 * np.pi, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_tumbling_body_keeps_its_angular_momentum():
     """A free body that turns about its middle axis flips over and over; rotation vectors start anew on the way."""
     model = mv.Model("top")
@@ -108,6 +111,7 @@ def test_tumbling_body_keeps_its_angular_momentum():
     assert len({id(sample.chart) for sample in run.trace.samples}) > 3
 
 
+@pytest.mark.slow
 def test_four_bar_turns_over_with_coordinates_chosen_anew():
     """The longest bar and the shortest are longer than the others together: every bar swings to and fro."""
     pins = ((0.0, 0.0), (0.0868, 0.4924), (0.65, 0.55), (1.0, 0.0))
@@ -140,6 +144,7 @@ def bars(crank):
     return angles[:, 199], (angles[:, 201] - angles[:, 200]) / 2e-5
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("crank", [2.5, -7.0])
 def test_initial_values_follow_through_loops(crank):
     """As the crank is turned there from the pose as described, also by more than a whole turn; and what follows."""
@@ -157,6 +162,7 @@ def test_initial_values_follow_through_loops(crank):
     np.testing.assert_allclose([run.rates[name][0] for name in names], -2.0 * rates, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_rotation_vectors_of_a_ball_joint_and_their_rates():
     """The vector turns one body against the other, beyond half a turn, and its rate is its slope."""
     model = mv.Model("ball", gravity=(0, 0, -9.81))
@@ -180,6 +186,7 @@ def test_rotation_vectors_of_a_ball_joint_and_their_rates():
     assert np.linalg.norm(vector, axis=0).max() > 1.5 * np.pi
 
 
+@pytest.mark.slow
 def test_pendulum_from_a_large_angle():
     """Period 4 sqrt(l/g) K(sin(a/2)) of a point mass."""
     from scipy.special import ellipk
@@ -314,6 +321,7 @@ def test_contact_is_refused_with_a_way_out(kind):
         lamp().add_joint("c", kind, "ground", "arm", (0, 0, 0))
 
 
+@pytest.mark.slow
 def test_what_a_run_tells(tmp_path, monkeypatch):
     model = lamp()
     model.add_base_motion("shake", "z")
@@ -362,6 +370,7 @@ def test_strong_dampers_do_not_bind_the_steps():
     np.testing.assert_allclose(run.coordinates["slow.rail.z"], slow, rtol=0, atol=2e-8)
 
 
+@pytest.mark.slow
 def test_beams_that_bend_far_are_warned_of():
     model = mv.Model("ruler")
     model.add_body("tip", 0.2, (1e-4,) * 3, (0.5, 0, 0))

@@ -37,6 +37,7 @@ def deviation(model, amplitude):
     return max(np.abs(run[name] - y).max() / np.abs(y).max() for name, y in zip(system.outputs, linear, strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("swap", [False, True])
 @pytest.mark.parametrize("free", some(FREE, *FREE[:4]), ids="-".join)
 def test_loaded_custom_joints(free, swap):
@@ -49,6 +50,7 @@ def test_loaded_custom_joints(free, swap):
     assert deviation(model.equilibrium(preload=True), 1e-5) < 1e-3
 
 
+@pytest.mark.slow
 def test_a_loop_that_is_redundant_as_a_whole():
     """The second of two coaxial hinges closes a loop that says nothing: rounding of it is no constraint."""
     model = two_bodies()

@@ -49,6 +49,7 @@ def test_an_arm_that_falls(units):
     np.testing.assert_allclose(dissipated, reference.energy.dissipated, rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("units", UNITS[:1])
 def test_a_beam_that_is_pushed(units):
     t = np.linspace(0.0, 0.02, 3)

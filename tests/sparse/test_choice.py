@@ -40,6 +40,7 @@ def test_an_unknown_method_is_refused():
         mv.library.chain(5).linearize(method="sparce")
 
 
+@pytest.mark.slow
 def test_words_that_ask_for_dense_equations_get_them():
     model = mv.library.chain(MANY + 1)
     assert isinstance(model.linearize(independent=["joint1.rz"]), System)
@@ -100,6 +101,7 @@ def test_accuracy_that_is_asked_for_is_checked():
         system.modes(3, rtol=1e-18)
 
 
+@pytest.mark.slow
 def test_it_says_how_it_came_about():
     text = mv.library.ladder(200).linearize(method="sparse").explain()
     for words in ("200 DOF, sparse matrices", "cut at", "redundant: ", "multipliers", "from leaves to root",

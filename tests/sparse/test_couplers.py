@@ -46,6 +46,7 @@ ANY = st.one_of(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @examples(8, slow=40)
 @given(ANY)
 def test_random_mechanisms(model):
@@ -60,6 +61,7 @@ def test_random_mechanisms(model):
     assert differ(sparse.reduced(sparse.dof).frequency_response(OMEGA), expected, retained) < 1e-9
 
 
+@pytest.mark.few(1)
 @pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")
 @pytest.mark.parametrize("seed", few(range(5), 2))
 @pytest.mark.parametrize("words", [
@@ -126,6 +128,7 @@ def train(n, ratio=-0.8):
     return model
 
 
+@pytest.mark.slow
 def test_trains_of_very_many_gears():
     """One freedom of thousands of shafts, in equations that grow with them."""
     n, ratio = 3000, -0.8

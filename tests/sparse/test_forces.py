@@ -51,6 +51,7 @@ def smallest_pivot(system):
     return min((group.retained for group in system.constraints.groups), default=1.0)
 
 
+@pytest.mark.slow
 @examples(10, slow=40)
 @given(ANY)
 def test_random_mechanisms(model):
@@ -73,6 +74,7 @@ def test_random_mechanisms(model):
     assert np.abs(result - expected).max() < 1e-8 / retained * np.abs(expected).max()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", few(sorted(overconstrained.ALL, key=lambda name: name.startswith("slider ")), 8))
 def test_redundant_constraints_share_forces_as_on_the_dense_path(name, monkeypatch):
     """Of least norm, at rest and as the pose changes; by dense factors and by the sparse ones of large groups."""
@@ -86,6 +88,7 @@ def test_redundant_constraints_share_forces_as_on_the_dense_path(name, monkeypat
             assert differ(model.linearize(method="sparse").frequency_response(OMEGA), expected) < 1e-9
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("make", [
     lambda: scenes.grid(4, 3), lambda: scenes.grid(3, 3, "spherical", flat=False), lambda: scenes.ring(12),
     lambda: scenes.braced(13), lambda: mv.library.ladder(6), lambda: mv.library.stewart(),
@@ -123,6 +126,7 @@ def test_static_parts_of_modes_that_are_left_out():
                                rtol=1e-9, atol=1e-9 * np.abs(expected).max())  # fmt: skip
 
 
+@pytest.mark.slow
 def test_static_parts_where_the_mechanism_floats():
     model = scenes.floating(40)
     model.add_input("F", "b39", (0.3, 1.0, 0.2, 0.1, 0.2, 0.3))
@@ -137,6 +141,7 @@ def test_static_parts_where_the_mechanism_floats():
     assert off > 1e-2
 
 
+@pytest.mark.slow
 def test_shaking_force_of_very_many_bodies_in_closed_form():
     """Carried along slowly, a chain leans on its foundation with all of its mass, and with its root on the joint."""
     n = 3000
@@ -252,6 +257,7 @@ def weighed_stewart():
     return model.equilibrium(preload="leg*.k")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("make", [mv.library.four_bar, mv.library.trifilar_pendulum, weighed_stewart,
                                   lambda: mv.library.pendulum_chain(20)])  # fmt: skip
 def test_loaded_machines(make):

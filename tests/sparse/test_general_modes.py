@@ -30,6 +30,7 @@ def same_modes(dense, result, k, near, rtol=1e-12):
     assert result.errors.max() < rtol
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("words", "near"), [*((words, 0.0) for words in SHAFTS), *((words, 100.0) for words in SHAFTS),
                                              (SHAFTS[0], 1e6), (SHAFTS[1], 1000.0), (SHAFTS[5], 1000.0)])  # fmt: skip
 def test_disks_that_spin(words, near):
@@ -38,6 +39,7 @@ def test_disks_that_spin(words, near):
                4, near)  # fmt: skip
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("near", [0.0, 10.0, 100.0])
 @pytest.mark.parametrize("words", CHAINS, ids=str)
 def test_chains_under_follower_loads(words, near):
@@ -48,6 +50,7 @@ def test_chains_under_follower_loads(words, near):
     same_modes(dense, model.linearize(method="sparse").modes(5, near=near), 5, near)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("full", [False, True])
 @pytest.mark.parametrize("seed", range(3))
 def test_random_mechanisms(seed, full, monkeypatch):
@@ -107,6 +110,7 @@ def test_a_long_shaft():
     same_modes(model.linearize(method="dense").modes(rtol=1.0), model.linearize(method="sparse").modes(8), 8, 0.0)
 
 
+@pytest.mark.slow
 def test_long_chain_of_wheels():
     """Wheels in a row on equal springs between them: eigenvalues by those of the row, in closed form."""
     count, inertia, momentum, stiffness = 500, 0.02, 3.0, 50.0
@@ -129,6 +133,7 @@ def test_long_chain_of_wheels():
     np.testing.assert_allclose(system.modes(4, near=near / (2.0 * np.pi)).natural, expected, rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_what_modes_give_further():
     """Shapes of bodies, tables, reduced systems with their responses in frequency and time, states."""
     model = shaft(12, damping=1e-3, rotating=1e-6)
@@ -152,6 +157,7 @@ def test_what_modes_give_further():
     assert np.abs(values[:, None] - result.eigenvalues).min(axis=0).max() < 1e-8 * np.abs(result.eigenvalues).max()
 
 
+@pytest.mark.slow
 def test_static_correction_beside_follower_loads():
     sparse = follower_chain(20, 300.0).linearize(method="sparse")
     omega = np.linspace(0.0, 0.5, 10) * sparse.modes(1).natural[0]

@@ -36,6 +36,7 @@ def run(n):
     return json.loads(answer.stdout)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("make", [chain, ladder])
 def test_unknowns_and_entries_grow_with_the_bodies(make):
     small, large = (make(n).linearize(method="sparse") for n in (50, 500))

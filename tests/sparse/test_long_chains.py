@@ -50,6 +50,7 @@ def test_lowest_modes_of_a_shaft(n):
     assert_allclose(shape, exact, atol=1e-8 * np.abs(exact).max())
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.8, 0.999])
 def test_modes_around_a_frequency(share):
     """The count of eigenvalues says that none is missed: each is the mode with the number that it should have."""
@@ -64,12 +65,14 @@ def test_modes_around_a_frequency(share):
     assert (np.abs(modes.frequencies / exact[nearest] - 1) <= HONEST * modes.errors[0::2] + 4e-16).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("near", few([46.0, 1e5], 1))
 def test_beyond_the_highest_mode(near):
     modes = torsional(1000).linearize().modes(3, near=near)
     assert_allclose(modes.frequencies, shaft_frequencies(1000, (998, 999, 1000)), rtol=2e-13)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", few([100, 1000], 1))
 def test_a_beam_of_links_against_transfer_matrices(n):
     """Revolute joints across the line: frequencies fall with n^-2, the lowest is 1e-6 of a single link's."""
@@ -97,6 +100,7 @@ def uneven(n, seed=0):
     return m, k, rng.uniform(0, 1, n) * 1e-4 * np.sqrt(k * m)  # damping ratios from 3e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", few([700, 1500], 1))
 def test_response_of_an_uneven_chain(n):
     """Every output quantity, at, between and far from resonances, base motion included."""
@@ -113,12 +117,14 @@ def test_response_of_an_uneven_chain(n):
     assert error[:, :, 4:].max() <= 5e-14
 
 
+@pytest.mark.slow
 def test_static_compliance_of_a_shaft():
     """Equal springs in a row: n / k."""
     n = 5000
     assert_allclose(torsional(n).linearize().static_compliance(), [[n / 1e4]], rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", few([(250, 0.0), (800, 0.0), (800, 5.0)], 1))
 def test_coupled_damping_against_transfer_matrices(case):
     """A damper at every seventh joint: eigenvalues that no undamped mode has, each a root in 40 digits."""
@@ -138,6 +144,7 @@ def _about_joint():
     return 1.0, 1.0, 0.125
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("off", few([0.0, 1e-12, 1e-15, 1e-9, 1e-6], 2))
 def test_around_a_mode_itself(off):
     """On an eigenvalue nothing but its own mode is left of a solve: its neighbours keep their digits nevertheless."""
@@ -150,6 +157,7 @@ def test_around_a_mode_itself(off):
         assert modes.errors.max() <= 1e-10
 
 
+@pytest.mark.slow
 def test_around_a_frequency_that_all_modes_share():
     """The matrix at this shift is zero exactly."""
     model = scenes.pendulums(700)

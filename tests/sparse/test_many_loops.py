@@ -34,6 +34,7 @@ def test_as_the_dense_path(name):
     assert_allclose(sparse.frequency_response(OMEGA), expected, rtol=0, atol=1e-11 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_two_thousand_bodies_with_five_hundred_loops():
     """Every brace closes a spatial loop of its own; eigenvalues hold for the whole equations."""
     model = scenes.braced(2000)
@@ -49,6 +50,7 @@ def test_two_thousand_bodies_with_five_hundred_loops():
     assert_same_eigenvalues(again.eigenvalues, modes.nearest(4, float(modes.frequencies[6])).eigenvalues, rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_modes_of_many_loops_are_peaks_of_the_whole_response():
     """Independent of Lanczos: each damped eigenvalue is a pole of G, found by Newton's method on 1 / G."""
     system = scenes.braced(600).linearize()
@@ -71,6 +73,7 @@ def test_planar_loops_have_three_redundant_rows_each(layers):
     assert {name.rsplit(".", 1)[0] for name in system.redundant} <= names
 
 
+@pytest.mark.slow
 def test_a_large_grid_of_balls_is_decided_as_a_whole():
     """Loops that all share coordinates, with more rows than a dense rank decision takes."""
     model = scenes.grid(14, 14, "spherical", flat=False)

@@ -59,6 +59,7 @@ def test_random_networks(seed):
     assert_allclose(sparse.static_compliance(), dense.Cq @ np.linalg.solve(dense.K, dense.B) + dense.D, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_long_chain_of_isolators():
     """Against the tridiagonal equations of the masses, which the elements join by k0 + k1 c s / (k1 + c s)."""
     n, omega = 1500, np.array([0.0, 1e-3, 0.02, 0.3, 4.0, 30.0])

@@ -11,6 +11,7 @@ from tests.sparse import scenes
 OMEGA = np.array([0.3, 17.0, 240.0])
 
 
+@pytest.mark.slow
 def test_one_chain_of_three():
     system = beside(400, 300, 500).linearize()
     part = system.reachable(["displacement1", "acceleration1", "M1"], "F1")

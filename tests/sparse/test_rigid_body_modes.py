@@ -33,6 +33,7 @@ def unsprung(n):
     return model
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("n", [20, 700])
 def test_zero_exactly_and_named(name, n):
@@ -92,6 +93,7 @@ def test_free_motion_is_that_of_a_rigid_body():
         assert_allclose(shape[:3], first[:3] + np.cross(first[3:].T, arm).T, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_equal_frequencies_of_equal_parts():
     """One frequency 2000 times: Lanczos alone sees it once, the count finds the others."""
     modes = scenes.pendulums(2000).linearize().modes(20)
@@ -184,6 +186,7 @@ def cylinders(n, damping=0.0, force=8.0):
     return model
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("n", [1, 3, 12])
 @pytest.mark.parametrize("damping", [0.0, 0.3])
 def test_diverging_motions_are_not_taken_for_free_ones(n, damping):

@@ -37,6 +37,7 @@ def motion_of(shape):
     return whole / np.linalg.norm(whole, axis=0)
 
 
+@pytest.mark.slow
 @examples(16, slow=24)
 @given(ANY)
 def test_modes(model):
@@ -48,6 +49,7 @@ def test_modes(model):
     assert other.missed == 0
 
 
+@pytest.mark.slow
 @examples(14, slow=26)
 @given(ANY)
 def test_shapes(model):
@@ -62,6 +64,7 @@ def test_shapes(model):
             assert abs(abs(np.vdot(a[:, i], b[:, i])) - 1) < 1e-8
 
 
+@pytest.mark.slow
 @given(ANY)
 def test_frequency_response(model):
     """Displacement, velocity, acceleration and force outputs of forces and base motion."""
@@ -78,6 +81,7 @@ def test_frequency_response(model):
     assert (np.abs(found - expected) <= (1e-10 * size + noise) / pivot).all()
 
 
+@pytest.mark.slow
 @examples(14, slow=26)
 @given(ANY)
 def test_static_compliance(model):
@@ -89,6 +93,7 @@ def test_static_compliance(model):
     assert_allclose(sparse.static_compliance(), expected, rtol=0, atol=1e-8 * np.abs(expected).max(initial=1e-30))
 
 
+@pytest.mark.slow
 @examples(20, slow=20)
 @given(ANY, st.data())
 def test_some_modes(model, data):
@@ -128,6 +133,7 @@ def test_overconstrained_mechanisms(name):
     assert_same_eigenvalues(sparse.modes(sparse.dof).eigenvalues, dense.modes().eigenvalues, rtol=1e-12)
 
 
+@pytest.mark.slow
 @examples(14, slow=26)
 @given(ANY)
 def test_reduced_by_all_modes_is_the_whole(model):

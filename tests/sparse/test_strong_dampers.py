@@ -22,6 +22,7 @@ def chain(count, dampers, seed):
     return model
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("dampers", "seed"), [(1, 0), (1, 3), (5, 1), (5, 5)])
 def test_the_slowest_modes_are_those_of_dense_equations(dampers, seed):
     model = chain(60, dampers, seed)

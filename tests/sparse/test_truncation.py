@@ -60,6 +60,7 @@ def test_free_motions_are_left_aside():
         sparse.reduced(4, correction=True)
 
 
+@pytest.mark.slow
 def test_error_against_the_whole_response():
     """The largest error of displacements falls with the number of modes, and by the correction."""
     system = torsional(800, damping=20.0).linearize()

@@ -106,6 +106,7 @@ def same_forces(model):
     assert (np.abs(result - expected) <= 1e-10 * (size + 1e-2 * size.max(axis=0))).all()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("floating", [False, True])
 @pytest.mark.parametrize(("follower", "torque"), [(True, False), (False, True), (True, True)])
 @pytest.mark.parametrize("loops", [0, 1])

@@ -12,6 +12,7 @@ from tests.spin.test_rotors import rotor_and_stator, shaft, whirl_roots
 SPEEDS = np.linspace(0.0, 12.0, 7)
 
 
+@pytest.mark.slow
 def test_every_eigenvalue_is_one_of_the_closed_form():
     data = campbell(rotor_and_stator(3.0), SPEEDS)
     for speed, row, errors in zip(SPEEDS, data.eigenvalues, data.errors, strict=True):
@@ -36,6 +37,7 @@ def test_whirl_of_an_isotropic_rotor_is_round():
     np.testing.assert_allclose(np.sort(back.whirl[0]), np.sort(data.whirl[-1]), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_critical_speeds():
     """i W is an eigenvalue but for damping: Im(lambda) = W to the last digits, and none is missing."""
     data = campbell(rotor_and_stator(3.0), SPEEDS, orders=(1.0, 2.0))
@@ -85,6 +87,7 @@ def test_rounding_of_undamped_modes_is_no_limit():
     assert data.limits == ()
 
 
+@pytest.mark.slow
 def test_internal_damping_shows():
     data = campbell(shaft(1.0), [5.0, 14.9, 15.1, 20.0])
     assert data.stable.tolist() == [True, True, False, False]
@@ -97,6 +100,7 @@ def test_internal_damping_shows():
     assert (data.directions[:, grows] == "forward").all()
 
 
+@pytest.mark.slow
 def test_tracks_do_not_depend_on_the_steps():
     """Tracks that cross keep their modes, however far apart the speeds are."""
     model = shaft(1.0)
@@ -130,6 +134,7 @@ def test_refusals():
         campbell(plain, [1.0])
 
 
+@pytest.mark.slow
 def test_plot(tmp_path):
     data = campbell(shaft(1.0), np.linspace(0.0, 60.0, 13))
     figure = plot(data, orders=(1.0, 2.0))

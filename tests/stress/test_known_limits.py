@@ -56,6 +56,7 @@ def strongly_damped(seed):
     return model
 
 
+@pytest.mark.slow
 def test_tiny_terms_beside_strong_dampers():
     """Displacements have their digits, however little of what each input moves they see."""
     for seed in (2, 5, 8, 110, 114, 409):

@@ -43,6 +43,7 @@ def loops_of(seed, sizes, stacked, spatial):
     return model
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("sizes", few([(1e-6, 1e3), (1e3, 1.0, 1e-6), (1e3, 1e-6), (1e-6, 1.0, 1e3)], 2))
 @pytest.mark.parametrize("stacked", [False, True])
 @pytest.mark.parametrize("spatial", [False, True])
@@ -165,6 +166,7 @@ def arm_determinant(square, stiffness):
     return columns[0][0] * columns[1][1] - columns[1][0] * columns[0][1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("decades", few([6, 2], 1))
 def test_three_hundred_links_of_an_arm(decades):
     """Newton's step in 2000 digits tells the error of a frequency."""

@@ -38,6 +38,7 @@ def check(model, order, limit):
     return system
 
 
+@pytest.mark.slow
 @examples(12, slow=25)
 @given(ANY, seeds())
 def test_any_mechanism_in_any_order(model, order):
@@ -51,6 +52,7 @@ def test_any_mechanism_in_any_order_at_length(model, order):
     check(model, order, limit=12)
 
 
+@pytest.mark.slow
 @examples(30, slow=60)
 @given(ANY, seeds(), seeds())
 def test_order_changes_nothing_but_names(model, first, second):

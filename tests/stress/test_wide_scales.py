@@ -31,6 +31,7 @@ def check_undamped(family, seeds):
     return np.concatenate(bounds)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("family", UNDAMPED)
 def test_undamped(family):
     """Twelve digits of every frequency, exact zeros of rigid-body modes, no false alarm, and no bound thrown away."""
@@ -67,6 +68,7 @@ def check_damped(family, shares, seeds):
     return np.concatenate(bounds)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("shares", few(["any", "critical"], 1))
 @pytest.mark.parametrize("family", DAMPED)
 def test_damped(family, shares):

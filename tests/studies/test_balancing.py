@@ -47,6 +47,7 @@ def least_squares(model, names, weights, bounds=(0.0, 5.0)):
 NAMES = ("link1.counterweight.mass", "link3.counterweight.mass")
 
 
+@pytest.mark.slow
 def test_the_force_alone_is_balanced_as_berkof_and_lowen_do():
     model = weighted_hoeken()
     best = studies.optimize(model, dict.fromkeys(NAMES, (0.0, 5.0)), run().mean_square("force"))
@@ -62,6 +63,7 @@ WEIGHTS = [{"force": 1.0, "moment": 1.0, "torque": 1.0}, {"force": 1.0, "moment"
            {"force": 0.2, "torque": 1.0}]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weights", some(WEIGHTS, WEIGHTS[0]))
 def test_weighted_optimum_is_that_of_least_squares(weights):
     model, machine = weighted_hoeken(), run()
@@ -92,6 +94,7 @@ def test_trade_off_of_force_moment_and_torque():
     assert front[-1, 0] < 1e-3
 
 
+@pytest.mark.slow
 def test_a_bound_on_one_and_the_least_of_another():
     model, machine = weighted_hoeken(), run()
     best = studies.optimize(model, dict.fromkeys(NAMES, (0.0, 5.0)), machine.mean_square("moment"),
@@ -116,6 +119,7 @@ def test_mass_redistribution():
     assert best.objective == pytest.approx(objective, rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("points", [4, 7])
 def test_equimomental_systems_move_alike(points):
     for model in (library.hoeken(), library.seven_r()):
@@ -133,6 +137,7 @@ def test_equimomental_systems_move_alike(points):
     assert some.bodies["link1"].mass > 0.0
 
 
+@pytest.mark.slow
 def test_machines_under_gravity_are_balanced_too():
     """Nothing holds the crank at rest: there are no linear equations, and none are needed."""
     model = studies.with_counterweights(library.hoeken(gravity=(0, -9.81, 0)), {"link1": (0.0, (-0.08, 0, 0))})
@@ -145,6 +150,7 @@ def test_machines_under_gravity_are_balanced_too():
     assert around[1] == pytest.approx(best.objective, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_gradients_of_quantities():
     model = weighted_hoeken()
     names = [*NAMES, "pin12.position.y"]

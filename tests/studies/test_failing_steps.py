@@ -35,6 +35,7 @@ def test_steps_to_where_there_is_no_response_are_shortened():
 WIDTH = [st.variable(f"m{a}.position.x") - st.variable(f"m{b}.position.x") <= 0.7 for a, b in ((1, 2), (4, 3))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", few([0, 1], 1))
 def test_success_at_a_kink_does_not_depend_on_rounding(seed):
     """Two frequencies coincide at the optimum, where their gradients turn; SLSQP itself stops beside it or at it."""

@@ -25,6 +25,7 @@ def test_a_sweep_finds_the_pose_of_each_point():
     assert np.ptp(result) > 0.1
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["arm.mass", "cord.stiffness", "cord.free_length", "hinge.position.x", "cord.start.x",
                                   "arm.position.x", "cord.damping", "arm.inertia.yy", "gravity.z"])  # fmt: skip
 def test_gradients_far_from_the_pose_described(name):
@@ -42,6 +43,7 @@ def test_gradients_far_from_the_pose_described(name):
     assert np.allclose(system.eigenvalue_sensitivities(name)[0], expected, rtol=1e-7, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_search_follows_the_equilibrium():
     """The mass and the cord that give 3.5 Hz with the arm level are found, and the model is handed back at rest."""
     model = crank()

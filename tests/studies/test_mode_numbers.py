@@ -58,6 +58,7 @@ def test_critical_speeds_have_the_number_that_is_printed():
             pytest.approx(point.frequency, rel=0.01)
 
 
+@pytest.mark.slow
 def test_root_loci_count_as_they_print():
     result = locus()
     number, *_, printed, _ = result.table()["rows"][5]

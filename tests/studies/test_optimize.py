@@ -55,6 +55,7 @@ def place(variable=None, change=0.0):
     return st.evaluation.DesignPoint.of(model.linearize(), VARIABLES)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", QUANTITIES)
 def test_gradients_are_those_of_the_values(name):
     quantity, model = QUANTITIES[name], absorber(40.0, 0.8, below=2.0)
@@ -71,6 +72,7 @@ def test_gradients_are_those_of_the_values(name):
         assert np.allclose(result[:, i], expected, rtol=1e-6, atol=1e-8 * size / p), variable
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(4))
 def test_gradients_of_random_mechanisms_with_loops(seed):
     model = spatial(seed, bodies=3, loops=1) if seed % 2 else spatial(seed, bodies=3)
@@ -126,6 +128,7 @@ def test_root_mean_squares_are_those_of_isolation_studies(spectrum):
     assert st.rms("a", {"floor": spectrum})(model.linearize()) == pytest.approx(expected, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", few(["SLSQP", "ipopt"], 1))  # examples/absorber_by_ipopt.py has the other
 def test_best_absorber_has_two_peaks_of_one_height(method):
     if method == "ipopt":
@@ -194,6 +197,7 @@ def test_damping_floor_holds():
     assert floor.constraints["all damping ratios [1] >= 0.02"].shape == (2,)
 
 
+@pytest.mark.slow
 def test_flat_objectives_and_unfinished_searches_are_told():
     flat = st.optimize(two(), {"slow.mass": (0.5, 2.0)}, st.frequency(2))
     assert flat.success
@@ -206,6 +210,7 @@ def test_flat_objectives_and_unfinished_searches_are_told():
     assert st.peak("x", "F")(started.model.linearize()) == pytest.approx(started.objective, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_peaks_are_bounded_as_constraints():
     model = absorber(45.0, 1.3)
     bound = 7.0 / STIFF
@@ -319,6 +324,7 @@ def test_one_start_ends_in_the_nearest_minimum_and_says_that_it_is_local():
     assert "This is a local minimum. A smaller one may exist: starts=n searches from n points." in str(result)
 
 
+@pytest.mark.slow
 def test_several_starts_find_the_lower_minimum_and_report_the_others():
     words = {"variables": {"slow.position.x": (-2.0, 2.0)}, "objective": two_minima(), "starts": 5,
              "start": {"slow.position.x": 0.8}}  # fmt: skip

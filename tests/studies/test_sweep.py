@@ -246,6 +246,7 @@ def test_csv_keeps_every_digit(tmp_path):
     assert set(result.to_numpy()) == {"tyre.stiffness", "low", "poles"}
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("values", "of", "kind"), [
     (GRID, "modes.frequencies", "map"), ({"tyre.stiffness": TYRE}, "modes.frequencies", "lines"),
     ({"tyre.stiffness": TYRE, "body.mass": TYRE / 1e3, "wheel.mass": 40.0}, lowest, "histogram"),

@@ -77,6 +77,7 @@ def test_modes_that_nearly_coincide_repel_each_other():
     assert result.mean[0] < result.nominal[0] < result.nominal[1] < result.mean[1]
 
 
+@pytest.mark.slow
 def test_responses_and_ties():
     of = {"peak": st.peak("x", "F"), "both": st.frequency(1) * st.frequency(2)}
     names = {"k2.stiffness": "0.3 %", "k2.damping": "0.3 %", "scale": 0.003}
@@ -109,6 +110,7 @@ def test_samples_that_fail_are_not_within():
     assert np.isfinite(result.std).all()
 
 
+@pytest.mark.slow
 def test_table_and_figures():
     result = st.tolerances(stewart(), {"leg*.k.stiffness": "2 %"}, samples=50)
     text = str(result)

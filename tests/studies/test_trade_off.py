@@ -68,6 +68,7 @@ def test_quantities_that_agree_have_one_design():
     assert "1 design of 4 local searches; not on the front: 3 same as others" in str(front)
 
 
+@pytest.mark.slow
 def test_force_against_moment_against_torque(tmp_path):
     """All samples are linear in the masses: a design on the front is a least square of some weights."""
     model, machine = weighted_hoeken(), run()

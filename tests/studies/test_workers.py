@@ -54,6 +54,7 @@ def test_back_ends_that_answer_at_the_end_are_given_some_at_a_time():
     assert same(result, expected())
 
 
+@pytest.mark.slow
 def test_a_point_that_fails_in_a_process_is_recorded(tmp_path):
     def fails(system):
         if system.K.max() > 2.9e5:

@@ -109,6 +109,7 @@ def test_the_pose_of_least_energy(hinged):
     assert there.equilibrium(report=True).iterations == 0
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("hinged", [True, False])
 def test_stiffness_is_the_hessian_there(hinged):
     """K over the coordinates of the reference, and what modes and sparse equations make of the same."""

@@ -15,6 +15,7 @@ from tests.export.fmu.test_importers import ecos
 H, COUNT = 1e-3, 100
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_the_description_is_valid_and_whole(version, tmp_path):
     path = mx.to_ssp(plant(), speed_feedback(), tmp_path / "loop.ssp", version=version)

@@ -35,6 +35,7 @@ def check(files):
     return mx.check_cosimulation(*files, H, bonds={"F": "z"})
 
 
+@pytest.mark.slow
 def test_units_do_what_numpy_says(check):
     assert check.passed
     assert len(check.masters) == 4
@@ -53,6 +54,7 @@ def test_the_closed_loop_is_that_of_python_control(check):
     assert check.growth == pytest.approx(closed_poles(speed_feedback()).real.max(), rel=1e-10)
 
 
+@pytest.mark.slow
 def test_coupling_makes_less_energy_with_smaller_steps(files, check):
     finer = mx.check_cosimulation(*files, H / 4, masters="jacobi", bonds={"F": "z"}, duration=256 * H)
     assert abs(finer["jacobi"].energy) < 0.4 * abs(check["jacobi"].energy)
@@ -85,6 +87,7 @@ def test_error_of_jacobi_is_that_of_a_program_without_this_package(files):
     assert result == pytest.approx(np.abs(np.subtract(rows, truth)).max() / np.abs(truth).max(), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_largest_stable_step_is_where_the_units_begin_to_grow(files):
     largest = mx.check_cosimulation(*files, H, masters="jacobi")["jacobi"].largest_stable_step
     assert 2 * H < largest < 100 * H
@@ -97,6 +100,7 @@ def test_the_largest_stable_step_is_where_the_units_begin_to_grow(files):
     assert above.largest_stable_step == pytest.approx(largest, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_step_that_is_stable_again_beyond_unstable_ones_does_not_pass(files):
     """Steps much longer than all time constants see a plant at rest, whatever happens in between."""
     largest = mx.check_cosimulation(*files, H, masters="jacobi")["jacobi"].largest_stable_step
@@ -107,6 +111,7 @@ def test_a_step_that_is_stable_again_beyond_unstable_ones_does_not_pass(files):
     assert far.largest_stable_step == pytest.approx(largest, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_feedthrough_lags_a_step(tmp_path):
     """Velocity feedback with a direct part: Gauss-Seidel is of first order then."""
     masters = ("gauss-seidel", "iteration")
@@ -117,12 +122,14 @@ def test_feedthrough_lags_a_step(tmp_path):
     assert result.passed
 
 
+@pytest.mark.slow
 def test_acceleration_is_measured_by_a_controller_without_feedthrough():
     result = mx.check_cosimulation(plant("acceleration"), controller(-1.0), H, masters=("jacobi", "slopes"))
     assert result.passed
     assert result["jacobi"].order == pytest.approx(1, abs=0.15)
 
 
+@pytest.mark.slow
 def test_without_free_inputs_states_start_at_nominal_values():
     masters = ("jacobi", "iteration")
     result = mx.check_cosimulation(plant(disturbance=False), speed_feedback(), H, masters=masters, duration=128 * H)

@@ -119,6 +119,7 @@ def test_units_that_were_tampered_with(version, tmp_path):
             state_space_of_unit(path)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("lacks", "message"), [
     (("maxOutputDerivativeOrder", "canGetAndSetFMUstate"),
      {"slopes": "'law' gives no derivatives of outputs", "iteration": "'law' does not support repeated steps"}),
@@ -157,6 +158,7 @@ def content(tmp_path_factory):
     return mx.to_fmu(plant(), tmp_path_factory.mktemp("unit") / "good.fmu", "2.0").path.read_bytes()
 
 
+@pytest.mark.slow
 @given(place=st.floats(0, 1, exclude_max=True), bits=st.integers(1, 255), cut=st.booleans())
 def test_spoilt_archives_are_refused_or_as_they_were(content, place, bits, cut):
     """Any byte changed, or all behind it missing; what still opens answers as before."""

@@ -54,6 +54,7 @@ def survived(program, folder, rounds, seeds):
     return taken
 
 
+@pytest.mark.slow
 def test_spoilt_files_and_calls_in_any_order(quick_folder):
     if not compilers():
         pytest.skip("no gcc or clang here")

@@ -81,6 +81,7 @@ def test_casadi_takes_jacobians_to_parameters(version, tmp_path):
     assert close(result["jac_y_p"], np.array(outputs).T)
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize(("name", "version"), EITHER)
 def test_fmpy_runs_every_library_model(name, version, tmp_path):
     """Co-simulation against scipy; model exchange against the equations; the validator finds nothing."""
@@ -134,6 +135,7 @@ EXCHANGES = [
 ]  # fmt: skip
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("name", "version", "realization"), EXCHANGES)
 def test_model_exchange_is_as_accurate_as_asked_for(name, version, realization, tmp_path):
     """Nominal values of states: all inputs at once, each such that some output follows it, against the exact response.

@@ -54,6 +54,7 @@ def test_a_step_of_any_size_is_exact(chain, version, tmp_path):
         assert worst(run(file, tmp_path / "chain", u, h), truth) < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("realization", ["physical", "modal"])
 def test_400_states_step_exactly(realization, tmp_path):
     system = library.chain(200, line=(0, 1, 0)).linearize()
@@ -112,6 +113,7 @@ def test_model_exchange_gives_the_equations(version, tmp_path):
         assert plant.get(names_of(file, "output")) == pytest.approx(y, rel=1e-13, abs=1e-13 * np.abs(y).max())
 
 
+@pytest.mark.slow
 def test_model_exchange_integrates(tmp_path):
     system = library.quarter_car().linearize()
     file = mx.to_fmu(system, tmp_path / "car.fmu", realization="modal")

@@ -28,6 +28,7 @@ def environment():
     return os.environ | {"PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "export"))), "OPENBLAS_NUM_THREADS": "1"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["json", "npz", "superelement mat"])
 def test_some_damaged_files(kind, tmp_path):
     refused, read = run(kind, 0, 60, tmp_path)

@@ -26,6 +26,7 @@ def free_along_a_screw(far):
     return model
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("far", [0.5, 3.0, 100.0])
 def test_the_nearest_pose_is_the_same_to_rules_and_to_variants(far):
     system = free_along_a_screw(far).linearize()

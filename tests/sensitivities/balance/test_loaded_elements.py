@@ -35,6 +35,7 @@ def with_elements(model, rng, moment=True):
     return model
 
 
+@pytest.mark.slow
 @examples(1, slow=7)
 @QUIET
 @given(seeds())
@@ -52,6 +53,7 @@ def test_differences_of_whole_equations(seed):
         assert_as_variants(found, k, system, of_variants(system, name), system.parameters[name], RTOL, NOISE)
 
 
+@pytest.mark.slow
 @examples(1, slow=7)
 @QUIET
 @given(seeds())
@@ -71,6 +73,7 @@ def test_differences_of_equilibria_found_for_every_variant(seed):
     check(system.provenance.origin, system, [str(name) for name in rng.choice(own, 3, replace=False)])
 
 
+@pytest.mark.slow
 def test_torsion_springs_that_an_equilibrium_has_turned(monkeypatch):
     """Two pendulums, one on the other, which turn about the axes of their torsion springs."""
     model = hanging(0.7)

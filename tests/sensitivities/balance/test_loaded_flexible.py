@@ -72,11 +72,13 @@ def check(model, names=None):
         assert_as_variants(found, k, system, of_variants(system, name), system.parameters[name], RTOL, NOISE)
 
 
+@pytest.mark.slow
 def test_some_parameters_of_a_scene_with_a_beam():
     names = ("beam.E", "beam.end.y", "beam.rho", "tip.mass", "gravity.x", "hinge.orientation.rz")
     check(BEAMS["timoshenko, damped"](), names)
 
 
+@pytest.mark.slow
 def test_some_parameters_of_a_scene_with_a_superelement():
     check(SUPERELEMENTS["damped"](), ("push.force.y", "pull.force.x", "tip.mass", "gravity.x", "hinge.orientation.rz"))
 
@@ -87,6 +89,7 @@ def test_all_parameters(scene):
     check(scene())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("feature", ["beam", "timoshenko beam"])
 def test_no_variant_is_made(monkeypatch, feature):
     features = frozenset((feature, "gravity", "follower force", "held by loads"))

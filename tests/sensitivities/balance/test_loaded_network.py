@@ -43,6 +43,7 @@ def with_ports(model, rng):
     return model
 
 
+@pytest.mark.slow
 @examples(5, slow=28)
 @QUIET
 @given(seeds())
@@ -67,6 +68,7 @@ def test_stiffness_of_forces_and_of_what_the_pose_leaves_over(seed):
     assert np.abs(left + system.K.T).max() <= 1e-13 * size
 
 
+@pytest.mark.slow
 @examples(1, slow=7)
 @QUIET
 @given(seeds())
@@ -83,6 +85,7 @@ def test_differences_of_whole_equations(seed):
         assert_as_variants(every, k, system, expected, system.parameters[name], RTOL, NOISE)
 
 
+@pytest.mark.slow
 @examples(3, slow=6)
 @QUIET
 @given(seeds())
@@ -174,6 +177,7 @@ def test_a_pin_that_a_planar_loop_cannot_tilt():
     assert np.isfinite(found[1:]).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(seeds())
 def test_what_loads_a_free_motion_is_told_from_rounding(seed):

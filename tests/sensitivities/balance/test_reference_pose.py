@@ -47,6 +47,7 @@ def check(model, system, names):
         assert_as_variants(result, k, system, expected, model.parameters[name], RTOL, NOISE)
 
 
+@pytest.mark.slow
 @examples(1, slow=8)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 @given(seeds())
@@ -93,6 +94,7 @@ def test_a_pendulum_described_at_an_angle():
     assert result == pytest.approx(list(slopes.values()), rel=1e-10, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_what_turned_bushings_do_about_axes_is_differenced(monkeypatch):
     """k about the hinge, slack at an angle a: omega^2 = (m g r cos b + k) / (I + m r^2), k (b - a) = -m g r sin b."""
     k, angle = 20.0, 0.7
@@ -110,6 +112,7 @@ def test_what_turned_bushings_do_about_axes_is_differenced(monkeypatch):
     assert result == pytest.approx(expected, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_dampers_of_turned_bushings_act_in_axes_of_both_bodies():
     """A damper about axes across the turn: C goes with the rotation vector, and is no longer its own value."""
     model = mv.Model("ball", gravity=(0, 0, -9.81))
