@@ -120,6 +120,7 @@ def results():
     yield library.chain(800).linearize()
 
 
+@pytest.mark.slow
 def test_results_of_all_folders():
     kinds = set()
     for result in results():
@@ -147,6 +148,7 @@ def test_a_norm_of_many_parameters_is_short():
     assert str(norm) == repr(norm)
 
 
+@pytest.mark.slow
 def test_tables_of_many_modes_fit_on_a_page():
     """A fan on a shaft of beams had 54 columns."""
     rotor = mv.Model("fan")

@@ -53,6 +53,7 @@ def assert_same(first, second, rtol=0.0):
         assert_allclose(a, b, rtol=0, atol=rtol * np.abs(b).max(initial=0.0), err_msg=key)
 
 
+@pytest.mark.slow
 def test_no_loop_no_second_transformation(monkeypatch):
     """B'' of an open tree is not formed; formed as the identity it changes no bit."""
     model = spatial(4, bodies=4)
@@ -74,6 +75,7 @@ def test_no_loop_no_second_transformation(monkeypatch):
     assert "no loop with constraints: second-order terms B'' were not formed" in plain.explain()
 
 
+@pytest.mark.slow
 def test_no_redundant_row_no_look_at_the_poses_nearby(monkeypatch):
     """Forced, the look finds the same rank and lets the pose pass."""
     model = mv.library.stewart()
@@ -188,6 +190,7 @@ def test_classical_damping_takes_no_problem_of_twice_the_size(monkeypatch, kind)
         assert_allclose(full.frequency_response(OMEGA), response, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_damper_that_couples_takes_it(monkeypatch):
     calls = counting(monkeypatch, damped, "_coupled")
     system = spatial(11, bodies=3).linearize()
@@ -196,6 +199,7 @@ def test_a_damper_that_couples_takes_it(monkeypatch):
     assert "twice the size" not in system.explain()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", few(["chain", "stewart", "ladder"], 2))
 def test_higher_rungs_of_the_ladder_are_not_climbed(monkeypatch, name):
     """Singular values and Jacobi rotations, forced, give the same frequencies within the errors that are promised."""
@@ -220,6 +224,7 @@ def test_the_ladder_is_climbed_where_it_has_to_be():
     assert solvers - {"products"}
 
 
+@pytest.mark.slow
 def test_responses_of_separate_modes_solve_nothing_frequency_by_frequency(monkeypatch):
     never(monkeypatch, frequency_response, "_solved", "direct_solutions")
     system = spatial(11, bodies=3).linearize()
@@ -227,6 +232,7 @@ def test_responses_of_separate_modes_solve_nothing_frequency_by_frequency(monkey
     assert "responses are sums over modes" in system.explain()
 
 
+@pytest.mark.slow
 def test_modes_are_computed_once(monkeypatch):
     system = mv.library.stewart().linearize()
     assert "no mode and no response was requested yet" in system.explain()
@@ -250,6 +256,7 @@ print(" ".join(sorted(name for name in sys.modules if name.startswith(("mbsvib",
 """
 
 
+@pytest.mark.slow
 def test_parts_of_the_program_that_a_scene_does_not_need_are_not_loaded():
     """Neither batches, sparse factors nor anything of modes and responses."""
     answer = subprocess.run([sys.executable, "-c", LEAN], capture_output=True, text=True, check=True)
@@ -282,6 +289,7 @@ def test_outputs_that_are_not_asked_for_change_nothing(model):
                     atol=1e-15 * np.abs(full.frequency_response(OMEGA)).max())  # fmt: skip
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(2))
 def test_planar_loops_that_lose_all_they_can_are_not_moved(monkeypatch, seed):
     """A pose nearby would say the same: as many constraints are independent there."""

@@ -23,6 +23,7 @@ def chain():
     return library.chain(200, line=ALONG_Y).linearize()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("rtol", "clean", "limit"), [(1e-6, False, 160), (1e-10, False, 370), (1e-12, False, 370), (1e-13, True, 410)],
 )  # counted: 78, 186, 186, 207
@@ -30,18 +31,21 @@ def test_modes_of_two_hundred_coordinates(chain, rtol, clean, limit):
     assert calls(lambda: modes(chain, rtol, clean)) < limit
 
 
+@pytest.mark.slow
 def test_linearize_costs_in_proportion_to_the_bodies():
     few, many = (calls(library.chain(n, line=ALONG_Y).linearize) for n in (50, 200))
     assert few < 2300  # 1136
     assert many < 4.2 * few  # 4.05
 
 
+@pytest.mark.slow
 def test_frequencies_are_answered_at_once(chain):
     few, many = (calls(partial(chain.frequency_response, np.geomspace(1.0, 1e4, n))) for n in (10, 1000))
     assert few < 240  # 118
     assert many < 430  # 214: a thousand come in some blocks
 
 
+@pytest.mark.slow
 def test_small_scenes_are_not_lost_in_overhead():
     """A platform of 14 bodies."""
     model = library.stewart()
@@ -54,6 +58,7 @@ def test_small_scenes_are_not_lost_in_overhead():
     assert calls(lambda: modes(coupled, 1e-10, clean=False)) < 430  # 216
 
 
+@pytest.mark.slow
 def test_variants_in_one_pass():
     model = library.stewart()
     values = ({"leg1.k.stiffness": np.linspace(1e7, 3e7, n)} for n in (10, 100))
@@ -76,6 +81,7 @@ def test_many_bodies_cost_in_proportion():
     assert high < 1.1 * low  # 5460 both
 
 
+@pytest.mark.slow
 def test_a_study_of_isolation_does_not_go_from_frequency_to_frequency():
     model = library.stewart()
 

@@ -207,6 +207,7 @@ def test_variants():
     assert {motion.shape for motion in asked["displacements"]()[0].values()} == {(3, 6)}
 
 
+@pytest.mark.slow
 def test_sparse():
     model = locked()
     sparse, dense = model.linearize(method="sparse"), model.linearize()

@@ -39,6 +39,7 @@ def test_all_matrices(model):
     assert_same_matrices(linearized(model), Exact(model))
 
 
+@pytest.mark.slow
 @examples(6, slow=40)
 @given(st.one_of(open_trees(offset=st.just(1e4)), closed_loops(offset=st.just(1e4)), planar_loops(offset=st.just(1e4))))
 def test_all_matrices_ten_kilometres_away(model):
@@ -64,6 +65,7 @@ def test_matrices_are_symmetric_and_mass_is_positive(model):
     assert (np.linalg.eigvalsh(system.M) > 0).all()
 
 
+@pytest.mark.slow
 @given(ANY)
 def test_the_factors_give_the_matrices(model):
     system = linearized(model)

@@ -85,6 +85,7 @@ def program(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not installed")
 def test_bash(run, program):
     assert str(program) in run("--install-completion bash").stdout

@@ -39,6 +39,7 @@ def test_names_are_connected_by_hand(units, tmp_path):
     assert units("cosim plant.fmu other.fmu --step 1e-3 --connect F").exit_code == 2
 
 
+@pytest.mark.slow
 def test_a_missing_file_and_a_strange_figure(units):
     assert "no such file" in units("cosim plant.fmu none.fmu --step 1e-3").output
     assert units("cosim plant.fmu law.fmu --step 1e-3 --master jacobi -o error.xyz").exit_code == 2

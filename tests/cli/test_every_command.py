@@ -74,6 +74,7 @@ def test_json_with_a_file_is_nothing_but_json(run, tmp_path, line):
     assert (tmp_path / line.split()[-1]).stat().st_size > 0
 
 
+@pytest.mark.slow
 def test_curves_as_json_are_those_of_the_library(run):
     system = mv.load("slider.yaml").linearize()
     data = json.loads(run("bode slider.yaml --from 1 --to 50 --json").stdout)

@@ -33,6 +33,7 @@ def test_keywords_select_as_brackets_do(ask):
     np.testing.assert_array_equal(ask(SYSTEM, **ports), ask(SYSTEM[["z", "x"], ["Fz", "Fx"]]))
 
 
+@pytest.mark.slow
 def test_responses_are_rows_and_columns_of_all():
     response = SYSTEM.frequency_response(W)
     rows = [SYSTEM.outputs.index(name) for name in ("z", "x")]

@@ -125,6 +125,7 @@ def test_a_universal_joint_is_another_one_under_load(cut):
     assert np.abs(universal.K - system.K).max() > 1e-2 * np.abs(system.K).max()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("loop", "cut"), SCENES)
 def test_forces_in_joints_change_as_the_static_response_says(loop, cut):
     there, _ = in_equilibrium(bent(loop=loop))

@@ -208,6 +208,7 @@ def test_a_slider_without_a_point():
     assert path.forces == pytest.approx([0.0, -0.002 * model.springs["spring"].stiffness], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_beam_bends_along_the_path():
     """A slider pulls the tip of a cantilever by a spring: two springs in series."""
     model = mv.Model()

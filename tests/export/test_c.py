@@ -100,6 +100,7 @@ def test_controllers_go_by_tustins_rule(tmp_path):
     assert_allclose(np.fft.rfft(y)[1:-1], law.at(1j * warped)[:, 0, 0], rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_gains_have_no_states(tmp_path):
     files = mx.to_c(controller([[2.0, 0.0], [0.0, -3.0]], ["a.b", "a b"], ["f", "g"], "gain"), tmp_path)
     assert subprocess.run([compiled(files)], check=False).returncode == 0

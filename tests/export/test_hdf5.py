@@ -15,6 +15,7 @@ from tests.export.test_massless import plant as massless
 h5py = pytest.importorskip("h5py", reason="h5py is not installed: pip install 'mbsvib[hdf5]'")
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("case", SYSTEMS)
 @pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
 def test_there_and_back(case, realization, tmp_path):

@@ -19,6 +19,7 @@ OCTAVE = shutil.which("octave-cli")
 needs_octave = pytest.mark.skipif(OCTAVE is None, reason="octave-cli is not installed (apt-get install octave)")
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
 def test_there_and_back(case, realization, tmp_path):

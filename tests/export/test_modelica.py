@@ -29,6 +29,7 @@ def read(folder, name):
     return model, -slopes[0][:n], -slopes[1][:n], -slopes[0][n:], -slopes[1][n:]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("name", "realization"), [
     ("stewart_isolator", "physical"), ("quarter_car", "modal"), ("rotor_stator", "balanced"),
 ])  # fmt: skip

@@ -38,6 +38,7 @@ def distance(values, exact):
     return table[linear_sum_assignment(table)].max() / np.abs(exact).max()
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", range(8))
 def test_poles_responses_and_norms(seed):
     system, space, rng = plant(seed)

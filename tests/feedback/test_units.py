@@ -39,6 +39,7 @@ def same(answer, other, tolerance=1e-9):
     np.testing.assert_allclose(other, answer, rtol=tolerance, atol=tolerance * np.abs(answer).max(initial=0.0))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("units", UNITS.values(), ids=UNITS)
 def test_norms_reduction_zeros_and_steps(units):
     one, time = plant(), units[0]
@@ -71,6 +72,7 @@ def test_norms_reduction_zeros_and_steps(units):
         same(100.0 + getattr(steps[0], name), 100.0 + getattr(steps[1], name))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rate", [None, 400.0])
 @pytest.mark.parametrize("units", UNITS.values(), ids=UNITS)
 def test_loops_and_margins(units, rate):

@@ -39,6 +39,7 @@ def test_random_model(tmp_path_factory, suffix, model):
     assert sections(again) == sections(model)
 
 
+@pytest.mark.few(7)
 @pytest.mark.parametrize("suffix", MOST)
 @pytest.mark.parametrize("name", sorted(library_models()))
 def test_library_model(tmp_path, name, suffix):
@@ -48,6 +49,7 @@ def test_library_model(tmp_path, name, suffix):
     assert sections(again) == sections(model)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("suffix", MOST)
 def test_axes_of_unit_length_keep_every_bit(tmp_path, suffix):
     """Axes are brought to unit length when they are given: once more must not change a bit."""

@@ -114,6 +114,7 @@ def test_all_coordinates_of_a_loop_that_locks_nothing_may_be_pinned():
     assert model.linearize(independent=["pin.rz"]).coordinates == ("pin.rz",)
 
 
+@pytest.mark.slow
 @examples(20, slow=20)
 @given(closed_loops(ports=st.just(False)), seeds())
 def test_any_joint_of_a_loop_may_be_cut(model, seed):

@@ -56,6 +56,7 @@ def distances(model):
     return result
 
 
+@pytest.mark.slow
 @given(st.one_of(closed_loops(), planar_loops(), open_trees()))
 def test_the_tree_holds_a_shortest_path_to_every_body(model):
     system = linearized(model)

@@ -62,6 +62,7 @@ def test_rigid_body_modes_are_exact_zeros(model):
     assert_same_eigenvalues(modes.eigenvalues, reference.eigenvalues)
 
 
+@pytest.mark.slow
 @examples(15, slow=25)
 @given(UNSTABLE)
 def test_negative_stiffness(model):

@@ -15,6 +15,7 @@ def drawn(figure):
     return dict(zip(names, np.asarray(axes.images[0].get_array()), strict=True))
 
 
+@pytest.mark.slow
 def test_colours_are_the_shares():
     system = mv.library.build("stewart").linearize()
     shares = system.stiffness_shares(system.modes())

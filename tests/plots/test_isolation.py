@@ -44,6 +44,7 @@ def _locus():
     return isolation.root_locus(plant, lambda g: isolation.force_feedback(plant, g), np.linspace(0.0, 300.0, 40))
 
 
+@pytest.mark.slow
 def test_root_locus_keeps_the_limits_that_are_given():
     locus = _locus()
     (default,) = plots.root_locus(locus).axes

@@ -36,6 +36,7 @@ def test_singular_values_bound_every_direction():
         assert (size >= lowest * (1 - 1e-9)).all()
 
 
+@pytest.mark.slow
 def test_each_pair_of_units_has_a_panel_of_singular_values():
     system = mv.library.build("stewart").linearize()
     figure = singular_values(system)

@@ -181,6 +181,7 @@ def locked_by_dampers(seed):
     return m, k, np.sqrt(k * m) * 10.0 ** rng.uniform(-2, 6, n)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", range(6))
 def test_strong_dampers(seed):
     """Rounding in Gamma is more than all that locked motions feel: what dampers feel is told from what they do not."""

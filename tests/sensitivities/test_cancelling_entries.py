@@ -38,6 +38,7 @@ def parallelogram(spring="low", output=None, force=None, inputs="push", gravity=
     return model
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("case", [
     {"output": "displacement"}, {"output": "velocity"}, {"output": "acceleration"}, {"inputs": "turn"},
     {"inputs": "base"}, {"spring": "coupler", "force": "spring"},

@@ -44,6 +44,7 @@ def test_frequency_responses(case):
         assert_close(result[k], slope(lambda q: frequency_response(q, OMEGA), p, name), rtol)
 
 
+@pytest.mark.few(2)
 def test_time_responses_from_moving_starts(case):
     p, system, names, rtol = case
     rng = np.random.default_rng(1)
@@ -76,6 +77,7 @@ def test_eigenvalues(name):
         assert (np.abs(result[k, order] - expected) <= 1e-6 * np.abs(expected) + 1e-6 * size).all()
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", [name for name in CLASSES if name not in UNDAMPED_OR_FREE])
 def test_norms(name):
     """H2 by the Lyapunov equation; the peak by the response at its frequency, which the peak does not change with."""

@@ -119,6 +119,7 @@ def test_forces_that_constraints_do_not_tell_stay_beside():
         assert system.matrix_derivatives(f"{name}.position.z").D[0] * share == pytest.approx(slope, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_forces_beside_parameters_that_are_differenced():
     """A rotor on a bracket: spin goes through variants, forces in the bearing of two hinges too, each counted once."""
     model = mv.Model("rotor")

@@ -40,6 +40,7 @@ def response(upper, lower, w):
     return np.array([[upper, upper - inertia], [upper + lower, upper]]) / det
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("carrier", ["ground", "node"])
 @pytest.mark.parametrize("w", [0.0, 10.0, 50.0])
 def test_frequency_responses_at_a_massless_node(carrier, w):

@@ -80,6 +80,7 @@ def test_rotation_vectors_are_counted_beyond_a_turn():
     assert run.coordinates["ball.rz"][-1] == pytest.approx(13.0, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_force_ends_a_run_and_is_crossed():
     """A spring's force has no rate that is told: its crossing is bracketed."""
     model = mv.Model("oscillator")

@@ -38,6 +38,7 @@ def test_pendulum_on_a_spring_has_the_second_order_part_of_lindstedt():
     assert found.values[0, 0] == pytest.approx(0.1 / abs(0.5 * e), rel=1e-9)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("angle", [0.284, 0.05])
 def test_toggle_in_a_nonlinear_run_has_the_mean_and_harmonic_predicted(angle):
     model = toggle(angle=angle, spring_damping=1e-9)
@@ -54,6 +55,7 @@ def test_toggle_in_a_nonlinear_run_has_the_mean_and_harmonic_predicted(angle):
     assert max(abs(mean), abs(second)) / abs(first) == pytest.approx(share, rel=0.02)
 
 
+@pytest.mark.slow
 def test_velocity_outputs_and_the_table():
     model = toggle()
     model.add_output("v", "slider", "x", quantity="velocity")

@@ -58,6 +58,7 @@ def clamped(**words):
     return model
 
 
+@pytest.mark.slow
 def test_a_run_settles_in_the_pose_of_equilibrium():
     """A beam between clamps under a sudden force, damped: sag, tension and strain are those of the bent beam."""
     model = clamped(beta=5e-3)

@@ -71,6 +71,7 @@ def test_all_elements_in_small_motion():
         np.testing.assert_allclose(run[name], linear[i], rtol=0, atol=2e-4 * np.abs(linear[i]).max(), err_msg=name)
 
 
+@pytest.mark.slow
 def test_geared_wheels_over_many_turns():
     model = mv.Model("gears")
     for name, x, inertia in (("wheel", 0.0, 0.02), ("pinion", 0.3, 0.003)):

@@ -39,6 +39,7 @@ def beam(length=1.0, time=1.0, force=1.0):
     return model
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("units", UNITS)
 def test_an_arm_that_falls(units):
     t = np.linspace(0.0, 1.0, 9)

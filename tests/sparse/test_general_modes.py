@@ -69,6 +69,7 @@ def test_random_mechanisms(seed, full, monkeypatch):
             same_modes(every, sparse.modes(k, near=near), k, near, rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_overdamped_modes_around_a_frequency():
     """Two real eigenvalues far below and far above the frequency of which they are the geometric mean."""
     model = shaft(12, damping=1e-4)

@@ -113,6 +113,7 @@ def flat_four_bars(n, singular):
     return model
 
 
+@pytest.mark.slow
 def test_a_singular_pose_among_many_is_refused_by_name():
     assert flat_four_bars(250, None).linearize(method="sparse").dof == 250
     with pytest.raises(mv.SingularPoseError, match=r"j137\.\d: singular pose"):

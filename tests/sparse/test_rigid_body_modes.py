@@ -103,6 +103,7 @@ def test_equal_frequencies_of_equal_parts():
     assert np.linalg.matrix_rank(shapes) == 20
 
 
+@pytest.mark.slow
 def test_static_compliance_without_a_hold_is_refused():
     model = scenes.floating(300)
     model.add_input("F", "b10", "x")

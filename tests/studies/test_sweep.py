@@ -205,6 +205,7 @@ def damaged(lines):
         yield b'{"point": 2, "result": ' + value + b"}", "a result that is no array of numbers"
 
 
+@pytest.mark.slow
 def test_damaged_lines_of_a_record_are_refused(tmp_path):
     """Each by its number and reason; a point with a wrong number took the place of another one."""
     file = tmp_path / "sweep.jsonl"

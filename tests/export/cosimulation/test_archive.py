@@ -46,6 +46,7 @@ def truth():
     return np.array(rows)
 
 
+@pytest.mark.slow
 def test_ecos_runs_it(tmp_path):
     package = ecos()
     path = mx.to_ssp(plant(), speed_feedback(), tmp_path / "loop.ssp", outer=False)

@@ -44,6 +44,7 @@ def test_units_do_what_numpy_says(check):
         assert item.steps == (H, H / 2, H / 4)
 
 
+@pytest.mark.slow
 def test_orders_are_those_of_theory(check):
     for method, order in (("jacobi", 1), ("gauss-seidel", 2), ("slopes", 2), ("iteration", 2)):
         assert check[method].order == pytest.approx(order, abs=0.15)
@@ -62,6 +63,7 @@ def test_coupling_makes_less_energy_with_smaller_steps(files, check):
     assert np.isnan(mx.check_cosimulation(*files, H, masters="jacobi", duration=H)["jacobi"].energy)
 
 
+@pytest.mark.slow
 def test_error_of_jacobi_is_that_of_a_program_without_this_package(files):
     """The whole master again in ten lines: held inputs, both at once; and the loop by one exponential."""
     result = mx.check_cosimulation(*files, H, masters="jacobi")["jacobi"].errors[0]
@@ -139,12 +141,14 @@ def test_without_free_inputs_states_start_at_nominal_values():
     assert result["jacobi"].order == pytest.approx(1, abs=0.15)
 
 
+@pytest.mark.slow
 def test_a_loop_that_is_unstable_itself_is_said_so():
     result = mx.check_cosimulation(plant(), controller(400.0), H, masters="jacobi")
     assert result.growth > 0
     assert "unstable: a pole at" in str(result)
 
 
+@pytest.mark.slow
 def test_connections_and_excitation_by_name():
     law = controller(-40.0, inputs=("speed", "reference"), outputs=("command",))
     law.B[0, 1] = -1.0

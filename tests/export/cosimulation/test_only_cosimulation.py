@@ -41,6 +41,7 @@ def units(request, tmp_path_factory):
             without(law, folder / "law_only.fmu", exchange))  # fmt: skip
 
 
+@pytest.mark.few(1)
 def test_states_that_are_listed_give_the_equations(units):
     listed, _, law = units
     expected = mx.check_cosimulation(plant(), speed_feedback(), H, masters="gauss-seidel")["gauss-seidel"]
@@ -50,6 +51,7 @@ def test_states_that_are_listed_give_the_equations(units):
     np.testing.assert_allclose(state_space_of_unit(listed).A, plant().state_space("physical").A, rtol=1e-12)
 
 
+@pytest.mark.few(1)
 def test_hidden_states_need_a_system(units):
     _, hidden, law = units
     with pytest.raises(mv.ExportError, match=r"lists no states, .*systems={'plant': system}"):
