@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 # Rows from which on strings have headers of two numbers (BIGMAT), whatever the sign of their number.
 BIG = 65_536
-_FORMAT = re.compile(r"(?:1P,?)?(\d{1,2})[ED](\d{1,2})\.\d{1,2}")
+_FORMAT = re.compile(r"(?:^|[ (,P])(\d{0,2})[ED][SN]?(\d{1,2})\.\d{1,2}")
 _DEFAULT_FORMAT = 5, 16
 _SHORT_HEADER, _LONG_HEADER = 24, 48  # bytes of the first record, by which byte order and size of integers are known
 
@@ -99,6 +99,8 @@ class _Text:
         return cls(lines)
 
     def more(self) -> bool:
+        while self.at < len(self.lines) and not self.lines[self.at].strip():
+            self.at += 1
         return self.at < len(self.lines)
 
     def line(self) -> str:
@@ -123,7 +125,7 @@ class _Text:
         columns, rows, _, kind = self.integers(line, wide, wide, 8, 8)
         rest = line[2 * wide + 16 :].rstrip().removesuffix("|I16")
         style = _FORMAT.search(rest[8:].upper())
-        per_line, width = (int(style[1]), int(style[2])) if style else _DEFAULT_FORMAT
+        per_line, width = (int(style[1] or 1), int(style[2])) if style else _DEFAULT_FORMAT
         if not per_line or not width:
             raise ContentError(f"line {self.at}: the format '{rest[8:]}' is none")
         return _head(columns, rows, kind, rest[:8], per_line, width)
@@ -134,15 +136,16 @@ class _Text:
             column, row, words = self.integers(self.line(), 8, 8, 8)
             if column < 1 or row < 0 or words < 0:
                 raise ContentError(f"line {self.at}: {column}, {row}, {words} begin no column")
-            if column > head.columns:
-                self.values(words, head)
+            if column > head.columns:  # its number is no entry, and writers differ in how they count it
+                while self.more() and "." in self.lines[self.at][: head.width]:
+                    self.at += 1
                 return
             if row:
                 yield column, row, self.values(words, head, head.is_complex)
                 continue
             while words > 0:
                 line = self.line()
-                if head.is_big:
+                if head.is_big or len(line.split()) == 2:
                     length, row = self.integers(line, 8, 8)
                     words -= length + 1
                     length -= 1

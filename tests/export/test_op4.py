@@ -106,6 +106,45 @@ def header(columns=1, rows=1, kind=2, name="MAA", style="1P,3E24.16"):
     return f"{columns:8}{rows:8}{6:8}{kind:8}{name:<8}{style}\n"
 
 
+VALUES = (1.5, -2.25, 1e-12)
+
+
+def column(width=24, digits=16, per_line=3, letter="E"):
+    """A column of the three values, as text of one format."""
+    words = [f"{value:{width}.{digits}E}".replace("E", letter) for value in VALUES]
+    lines = ["".join(words[k : k + per_line]) for k in range(0, 3, per_line)]
+    return "\n".join([f"{1:8}{1:8}{3:8}", *lines, ""])
+
+
+def closing(words=1, number="1.4142135623730951E+00"):
+    return f"{2:8}{1:8}{words:8}\n" + (f"{number:>24}\n" if number else "")
+
+
+NUMBERS = "".join(f"{value:24.16E}" for value in VALUES) + "\n"
+
+
+@pytest.mark.parametrize("text", [
+    header(rows=3, style="1P,5E16.9") + column(16, 9, 5) + closing(),
+    header(rows=3, style="") + column(16, 9, 5) + closing(),
+    header(rows=3, style="E16.9") + column(16, 9, 1) + closing(),
+    header(rows=3, style="(1P3D24.16)") + column(letter="D") + closing(),
+    header(rows=3, style="3ES25.16E3") + column(25) + closing(),
+    header(rows=3) + column() + closing(number=""),
+    header(rows=3) + column() + closing(0, ""),
+    header(rows=3) + column() + closing(2),
+    header(rows=-3) + f"{1:8}{0:8}{8:8}\n{7:8}{1:8}\n{NUMBERS}" + closing(),
+    header(rows=3) + f"{1:8}{0:8}{8:8}\n{7:8}{1:8}\n{NUMBERS}" + closing(),
+    header(rows=3) + f"{1:8}{0:8}{7:8}\n{(7 << 16) + 1:12}\n{NUMBERS}" + closing(),
+    "\r\n".join((header(rows=3) + column() + closing()).split("\n")),
+], ids=["5E16.9", "default", "no repeat", "D", "ES", "no closing number", "closed by no word", "closed by two words",
+        "long strings", "long strings of positive rows", "short strings", "line ends of two characters"])  # fmt: skip
+def test_texts_of_other_writers_are_read(text):
+    other = header(name="OTHER", rows=3) + column() + closing()
+    result = read_op4_file((text + "\n\n" + other).encode())
+    for name in ("MAA", "OTHER"):
+        np.testing.assert_allclose(result[name][:, 0], VALUES, rtol=1e-9)
+
+
 @pytest.mark.parametrize(("text", "message"), [
     ("nothing of the kind\n" * 3, "line 1: .*is no integer"),
     (header(99_999_999, 99_999_999), "expected a reduced matrix"),
