@@ -54,6 +54,26 @@ def test_shear_lowers_the_buckling_load():
     assert result == pytest.approx(euler / (1 + euler / (p.ky * ALLOY.shear_modulus * p.A)), rel=1e-4)
 
 
+@pytest.mark.parametrize(("inertia", "factor"), [("Iy", "kz"), ("Iz", "ky")])
+def test_one_element_with_shear_buckles_as_in_the_book(inertia, factor):
+    """K_G = -P / (L (1 + f)^2) [[6/5 + 2 f + f^2, -L/10], [-L/10, L^2 (2/15 + f/6 + f^2/12)]] of deflection and turn.
+
+    Source: Przemieniecki, Theory of Matrix Structural Analysis (1968), for shear; f = 12 E I / (k G A L^2).
+    """
+    stout = Rectangle(0.2, 0.3)
+    p = stout.properties(ALLOY.poisson)
+    bend = ALLOY.E * getattr(p, inertia)
+    f = 12.0 * bend / (getattr(p, factor) * ALLOY.shear_modulus * p.A * LENGTH**2)
+    k = bend / (LENGTH**3 * (1.0 + f)) * np.array([[12.0, -6.0 * LENGTH], [-6.0 * LENGTH, (4.0 + f) * LENGTH**2]])
+    geometric = np.array([[1.2 + 2.0 * f + f**2, -0.1 * LENGTH],
+                          [-0.1 * LENGTH, LENGTH**2 * (2.0 / 15.0 + f / 6.0 + f**2 / 12.0)]]) / (
+        LENGTH * (1.0 + f) ** 2)  # fmt: skip
+    exact = eigh(k, geometric, eigvals_only=True)
+    result = critical(column(1, 0, section=stout, shear=True), column(1, -1.0, section=stout, shear=True))
+    for value in exact:
+        assert np.abs(result / value - 1.0).min() < 1e-7  # the load of 1 N is the difference of two stiffnesses
+
+
 def test_stiffness_under_tension_is_that_of_the_book():
     """K + K_G, K_G = N / (30 L) [[36, 3 L, -36, 3 L], [3 L, 4 L^2, -3 L, -L^2], ...] in both planes."""
     n, force = 5, 3.0e3

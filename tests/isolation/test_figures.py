@@ -116,8 +116,13 @@ def test_csv_holds_every_digit(tmp_path):
     with open(result.to_csv(tmp_path / "figures.csv")) as stream:
         rows = list(csv.DictReader(stream))
     assert [float(row["index"]) for row in rows] == result.index.tolist()
-    assert float(rows[1]["T_x_ry_im"]) == result.transmissibility[0, 4, 1].imag
-    assert float(rows[0]["C_rz_rz_re"]) == result.compliance[5, 5, 0].real
+    directions = ("x", "y", "z", "rx", "ry", "rz")
+    for symbol, table in (("T", result.transmissibility), ("C", result.compliance)):
+        read = [[[complex(float(row[f"{symbol}_{i}_{j}_re"]), float(row[f"{symbol}_{i}_{j}_im"])) for row in rows]
+                 for j in directions] for i in directions]  # fmt: skip
+        np.testing.assert_array_equal(read, table)
+    np.testing.assert_array_equal([float(rows[1][f"singular_value_{k}"]) for k in range(1, 7)],
+                                  result.singular_values[:, 1])  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import pytest
 
 from mbsvib import isolation, library, studies
 from mbsvib.errors import ModelError
+from mbsvib.isolation.rings import ring_of
 from mbsvib.studies.design import design
 from tests.isolation.scenes import stiff_isolator
 
@@ -231,3 +232,17 @@ def test_eight_variables_in_few_systems():
     anew = built(**(dict(geometry.start) | dict(result.values)))
     assert np.allclose(result.model.linearize().modes().frequencies, anew.linearize().modes().frequencies, rtol=1e-9)
     assert "base.spread [rad]" in str(result)
+
+
+@pytest.mark.parametrize("half", [0.1, 0.5])
+@pytest.mark.parametrize("turn", [0.0, 0.3, 1.0, 3.0, 5.5])
+def test_ends_on_a_ring_are_pairs_whatever_the_direction_of_x(half, turn):
+    """The nearest neighbours; ends at equal angles are 0.524 rad from the middle of each pair."""
+    side = np.array([1.0, -1.0, -1.0, 1.0, 1.0, -1.0])
+    angle = turn + 2.0 * np.pi / 3.0 * np.array([0, 0, 1, 1, 2, 2]) + half * side
+    ends = np.stack((0.3 * np.cos(angle), 0.3 * np.sin(angle), 0.1 + 0.0 * angle), axis=1)
+    others = np.stack((np.cos(angle + 0.2 * side), np.sin(angle + 0.2 * side), 0.0 * angle), axis=1)
+    ring = ring_of(ends, others, [f"leg{k}" for k in range(6)], "platform")
+    assert ring.half == pytest.approx(half, rel=1e-12)
+    np.testing.assert_array_equal(ring.side, side)
+    np.testing.assert_allclose(ring.radius, 0.3, rtol=1e-14)

@@ -25,6 +25,7 @@ def test_the_best_gain_is_between_those_that_are_given(gains):
     locus = force_locus(plant, gains)
     assert locus.best() == pytest.approx((100 * np.sqrt(2), 0.5), rel=1e-5)
     assert locus.best(1) == pytest.approx((100 * np.sqrt(2), 0.5), rel=1e-5)
+    assert [float(cell) for cell in locus.table()["rows"][0][4:]] == pytest.approx([50.0, 50.0], rel=1e-4)
     assert "least damping 0 % → 50 % at gain 141.4" in str(locus).replace("\n", " ").lower()
 
 
