@@ -1,5 +1,6 @@
 """Each kind of joint and connection in finite motion: displacement, openings, deformation and rows cannot disagree."""
 
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -7,10 +8,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
+import mbsvib as mv
 from mbsvib.elements import bushing, inerter, joint, maxwell, spring, torsion_spring
 from mbsvib.elements.families import FAMILIES, connection_rows, has_rows
 from mbsvib.elements.joint_kinds import KINDS
 from mbsvib.elements.joint_motion import Columns
+from mbsvib.equilibrium.pose_kinematics import pose_kinematics
 from mbsvib.linalg import components as c
 from mbsvib.linalg import rotations
 from mbsvib.linalg.displacements import Displacement, small
@@ -186,3 +189,47 @@ def test_complex_steps_are_derivatives():
     for angle in (1e-9, 0.1, 0.6, 3.0):
         turned = c.turn((0.0, 0.6, 0.8), angle + 1j * step)
         np.testing.assert_allclose(np.imag(c.rotation_vector(turned)) / step, (0.0, 0.6, 0.8), rtol=1e-12, atol=1e-14)
+
+
+def placed(displacement, body, first):
+    """Centre and rotation of a body that is displaced against the first one, which is moved, too: (turn, shift)."""
+    turn, shift = first
+    rotation = np.array(displacement.rotation, dtype=float)
+    return turn @ np.array(displacement.point(tuple(body)), dtype=float) + shift, turn @ rotation
+
+
+@pytest.mark.parametrize("name", [name for name in JOINTS if name != "free"])
+def test_openings_in_a_pose_are_zero_where_displacements_lead_and_grow_along_the_rows(name):
+    """What equilibria and moved models close: after several turns of a screw, and in all other poses of both bodies."""
+    model, part, rng = mv.Model(), made(name), np.random.default_rng(7)
+    for body, at in (("a", (0.2, 0.1, -0.3)), ("b", (-0.1, 0.6, 0.2))):
+        model.add_body(body, 1.0, (1, 1, 1), at)
+        model.add_joint(f"to {body}", "free", "ground", body, at)
+    kinematics = pose_kinematics(model.with_parts(joints=dict(model.joints) | {"j": part}), ("j",))
+    start = kinematics.described
+    q = rng.uniform(-0.9, 0.9, len(part.freedom))
+    if name == "screw":
+        q[:] = 16.0
+    elif name == "slider that turns twice":
+        q[:2] = 0.0  # poses in which its first rotation has turned its slide are refused
+    first = rotations.exponential(rng.normal(size=3)), rng.normal(size=3)
+    here = part.motion.displacement(list(q), columns(part))
+
+    def opened(displacement):
+        centre, turn = start.centre.copy(), start.rotations.copy()
+        for k, body in ((start.number["a"], Displacement()), (start.number["b"], displacement)):
+            centre[k], turn[k] = placed(body, start.origin[k], first)
+        pose = replace(start, centre=centre, rotations=turn)
+        cuts = kinematics.at(pose)[1]
+        return kinematics.openings(pose, cuts), cuts.rows
+
+    values, rows = opened(here)
+    np.testing.assert_allclose(values, 0.0, atol=2e-15 * np.abs(q).max(initial=1.0))
+    e = 1e-6 * rng.normal(size=(2, 3))  # a small rotation and translation at the joint's point, in axes of the first
+    point = here.point(part.point or POINT)
+    both = [opened(small(tuple(sign * e[0]), tuple(sign * e[1]), point).then(here))[0] for sign in (1.0, -1.0)]
+    turn, shift = first
+    at_row = turn @ np.array(point, dtype=float) + shift
+    moved = turn @ e[1][:, None] + np.cross(turn @ e[0], rows.point - at_row[:, None], axis=0)
+    expected = (rows.force * moved).sum(axis=0) + (turn @ e[0]) @ rows.moment
+    np.testing.assert_allclose(0.5 * (both[0] - both[1]), expected, atol=1e-12)
