@@ -89,6 +89,8 @@ def read_dmig(path: str | os.PathLike[str]) -> dict[str, Array]:
         if not count or cards.labels != tuple((k + 1, 0) for k in range(count)):
             raise ContentError("scalar points from 1 on are missing")
         entries = {name.decode(): int(number) for name, number in _ENTRIES.findall(raw) if number != b"0"}
+        for name, reason in cards.left_out.items():
+            raise ContentError(f"matrix {name}: {reason}")
         if entries != cards.entries:
             raise ContentError(f"entries of matrices: {cards.entries}; expected {entries}, as its comments say")
     except ContentError as error:

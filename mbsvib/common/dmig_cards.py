@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     Label = tuple[int, int]
 
 SYMMETRIC, SQUARE = "6", "1"
+_FORMS = (SQUARE, "2", SYMMETRIC, "9")
 _REAL_TYPES = ("0", "1", "2")
+_TYPES = (*_REAL_TYPES, "3", "4")
 _MOST_LISTED = 1_000_000  # scalar points of SPOINT cards
 _MOST_POINTS = 100_000_000  # numbers of points have eight digits
 
@@ -27,12 +29,13 @@ _MOST_POINTS = 100_000_000  # numbers of points have eight digits
 @dataclass(frozen=True, slots=True, eq=False)
 class Cards:
     """Square matrices (n, n) by name, their ``labels`` (n,): point and component, 0 for a scalar point, and the number
-    of ``entries`` on the cards of each.
+    of ``entries`` on the cards of each. ``left_out`` says of the names of other matrices why they are not read.
     """
 
     matrices: dict[str, NDArray[np.float64]]
     labels: tuple[Label, ...]
     entries: dict[str, int]
+    left_out: dict[str, str]
 
 
 @dataclass(slots=True)
@@ -43,9 +46,12 @@ class _Matrix:
 
 @dataclass(slots=True)
 class _Reading:
-    """What was read up to a line: matrices, ranges of scalar points, and the column that a card continues."""
+    """What was read up to a line: matrices, those left out and why, ranges of scalar points, and the column that a card
+    continues.
+    """
 
     matrices: dict[str, _Matrix] = field(default_factory=dict)
+    left_out: dict[str, str] = field(default_factory=dict)
     points: list[range] = field(default_factory=list)
     name: str = ""
     column: Label = (0, 0)
@@ -53,7 +59,7 @@ class _Reading:
 
 
 def read_dmig_cards(raw: bytes) -> Cards:
-    """Return the real square matrices of DMIG cards; cards of other kinds and comments are passed over.
+    """Return the real square matrices of DMIG cards; other matrices, other cards and comments are passed over.
 
     Returns matrices on all points that occur: grid points in ascending order, then scalar points.
     """
@@ -79,7 +85,7 @@ def read_dmig_cards(raw: bytes) -> Cards:
                 dense[index_of[column], index_of[row]] = value
         result[name] = dense
     entries = {name: len(matrix.entries) for name, matrix in reading.matrices.items()}
-    return Cards(result, tuple(ordered), entries)
+    return Cards(result, tuple(ordered), entries, reading.left_out)
 
 
 def _read_line(reading: _Reading, line: str) -> None:
@@ -118,13 +124,20 @@ def _begin(reading: _Reading, fields: list[str]) -> None:
     name = fields[0]
     if fields[1] in ("", "0"):
         reading.name = ""
-        if fields[2] not in (SQUARE, SYMMETRIC):
-            raise ValueError("only square and symmetric matrices are read")
-        if fields[3] not in _REAL_TYPES:
-            raise ValueError("only real matrices are read")
-        if name in reading.matrices:
+        if name in reading.matrices or name in reading.left_out:
             raise ValueError(f"the matrix {name} is there twice")
+        if fields[2] not in _FORMS or fields[3] not in _TYPES:
+            raise ValueError(f"form {fields[2]!r} and type {fields[3]!r} of the matrix {name} are none")
+        if fields[2] not in (SQUARE, SYMMETRIC):
+            reading.left_out[name] = "only square and symmetric matrices are read"
+            return
+        if fields[3] not in _REAL_TYPES:
+            reading.left_out[name] = "only real matrices are read"
+            return
         reading.matrices[name] = _Matrix(fields[2] == SYMMETRIC)
+        return
+    if name in reading.left_out:
+        reading.name = ""
         return
     if name not in reading.matrices:
         raise ValueError(f"there is no header of the matrix {name} before its columns")

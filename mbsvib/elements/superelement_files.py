@@ -159,6 +159,9 @@ def read_punch(
         cards = read_dmig_cards(raw)
     except ContentError as error:
         raise ModelError(f"{path}, {error}", element=str(path)) from error
+    for name in (M, K, C):
+        if name in cards.left_out:
+            raise ModelError(f"{path}: '{name}' is not read: {cards.left_out[name]}.", element=str(path), field=name)
     return replace(_reduced(path, cards.matrices, M, K, C), labels=cards.labels)
 
 

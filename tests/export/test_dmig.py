@@ -115,8 +115,19 @@ def test_small_free_and_continued_fields():
     assert cards.labels[2:] == ((7, 0), (8, 0))
 
 
+def test_matrices_of_loads_and_complex_ones_beside_are_passed_over():
+    """As punch files of external superelements have them: rectangular loads (form 9), complex damping (type 4)."""
+    loads = "DMIG    PAX            0       9       2       0                       2\n" \
+            "DMIG*   PAX                            1               0\n" \
+            "*                      5               1            4.D3\n"  # fmt: skip
+    damping = "DMIG    BC             0       6       4       0\nDMIG,BC,1,1,,1,1,1.,2.\n"
+    cards = read_dmig_cards((loads + HEAD + "DMIG,KAAX,1,1,,1,1,4.E3\n" + damping).encode())
+    assert cards.labels == ((1, 1),)
+    assert np.array_equal(cards.matrices["KAAX"], [[4000.0]])
+    assert cards.left_out == {"PAX": "only square and symmetric matrices are read", "BC": "only real matrices are read"}
+
+
 @pytest.mark.parametrize(("text", "message"), [
-    (HEAD.replace("6", "2", 1), "only square and symmetric"), (HEAD.replace("2  ", "3  "), "only real matrices"),
     (HEAD + HEAD, "KAAX is there twice"), (HEAD.replace("0", "1", 1), "no header of the matrix KAAX"),
     (HEAD + "DMIG,KAAX,1,0,,1,0,1.0\n+,1,0,2.0", "entry of .* is there twice"),
     (HEAD + "DMIG,KAAX,1,0,,2,0,1.0\nDMIG,KAAX,2,0,,1,0,1.0", "entry of .* is there twice"),

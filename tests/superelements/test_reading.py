@@ -117,7 +117,7 @@ def test_punch_with_small_fields_and_odd_numbers(tmp_path):
     with pytest.raises(mv.ModelError, match=r"no matrix 'K2'; the file has KAAX, MAAX"):
         read_punch(path, K="K2")
     path.write_text("DMIG    KAAX           0       2       1       0\n")
-    with pytest.raises(mv.ModelError, match=r"line 1: the card is not understood: only square and symmetric"):
+    with pytest.raises(mv.ModelError, match=r"'KAAX' is not read: only square and symmetric"):
         read_punch(path)
     with pytest.raises(mv.ModelError, match=r"cannot be read"):
         read_punch(tmp_path / "none.pch")
