@@ -20,11 +20,47 @@ if TYPE_CHECKING:
 
 _NODES = 7  # type of entities in groups
 _AT_NODES = 1
+_CARTESIAN, _CYLINDRICAL, _SPHERICAL = 0, 1, 2  # types of coordinate systems
 _NORMAL, _COMPLEX, _COMPLEX_VELOCITY = 2, 3, 7  # types of analysis
 _DISPLACEMENT = 8
 _REAL_VALUES, _COMPLEX_VALUES = (2, 4), (5, 6)  # types of data: single and double precision
 # Frequencies of responses that agree to this share are the same: single precision, and five digits of text.
 _SAME = 2e-5
+
+
+@dataclass(frozen=True, slots=True)
+class _System:
+    """A coordinate system: ``kind`` (Cartesian, cylindrical or spherical), ``axes`` (3, 3) as columns, ``origin`` (3,),
+    in units of the file.
+    """
+
+    kind: int
+    axes: Array
+    origin: Array
+
+    def position(self, numbers: Array) -> Array:
+        """Return a position in world axes from its three coordinates; angles are in degrees."""
+        if self.kind == _CARTESIAN:
+            local = numbers
+        elif self.kind == _CYLINDRICAL:
+            turn = np.radians(numbers[1])
+            local = np.array([numbers[0] * np.cos(turn), numbers[0] * np.sin(turn), numbers[2]])
+        else:
+            tilt, turn = np.radians(numbers[1:])
+            local = numbers[0] * np.array([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)])
+        return np.asarray(self.origin + self.axes @ local)
+
+    def axes_at(self, position: Array) -> Array:
+        """Return the axes (3, 3) of displacements at a position: of the system, or along its coordinates there."""
+        if self.kind == _CARTESIAN:
+            return self.axes
+        x, y, z = self.axes.T @ (position - self.origin)
+        turn, tilt = np.arctan2(y, x), np.arctan2(np.hypot(x, y), z)
+        radial, around = np.array([np.cos(turn), np.sin(turn), 0.0]), np.array([-np.sin(turn), np.cos(turn), 0.0])
+        up = np.array([0.0, 0.0, 1.0])
+        local = (radial, around, up) if self.kind == _CYLINDRICAL else (
+            np.sin(tilt) * radial + np.cos(tilt) * up, np.cos(tilt) * radial - np.sin(tilt) * up, around)  # fmt: skip
+        return np.asarray(self.axes @ np.column_stack(local))
 
 
 @dataclass(slots=True)
@@ -35,7 +71,8 @@ class _Content:
     force: float = 1.0
     positions: dict[int, tuple[float, float, float]] = field(default_factory=dict)
     system_of: dict[int, int] = field(default_factory=dict)
-    axes: dict[int, Array] = field(default_factory=dict)
+    systems: dict[int, _System] = field(default_factory=dict)
+    defined_in: set[int] = field(default_factory=set)
     names: dict[int, str] = field(default_factory=dict)
     lines: list[tuple[int, ...]] = field(default_factory=list)
     functions: list[Function] = field(default_factory=list)
@@ -52,7 +89,8 @@ def measurement_of(raw: bytes) -> Measurement:
         raise ContentError(f"{len(units)} data sets 164 with different units")
     if units:
         content.length, content.force = units[0]
-    for item in sorted(sets, key=lambda item: item.kind in _MODES):  # modes behind the axes
+    # coordinate systems before the nodes, and modes behind them
+    for item in sorted(sets, key=lambda item: (item.kind in _MODES) - (item.kind == _SYSTEMS)):
         if item.kind in _READERS:
             _READERS[item.kind](item, content)
         elif item.kind not in (164, 151):
@@ -60,7 +98,8 @@ def measurement_of(raw: bytes) -> Measurement:
     if not (content.functions or content.modes or content.positions):
         others = f"; only {', '.join(content.left_out)}" if content.left_out else ""
         raise ContentError(f"it holds no responses, modes or nodes{others}")
-    unknown = sorted({number for number in content.system_of.values() if number} - content.axes.keys())
+    used = content.defined_in.union(content.system_of.values()) - {0}
+    unknown = sorted(used - content.systems.keys())
     if unknown:
         content.left_out[f"coordinate system {', '.join(map(str, unknown))}, which is not in the file: taken for that "
                          "of the world"] += 1  # fmt: skip
@@ -115,32 +154,36 @@ def _function(data: DataSet, content: _Content) -> None:
         content.functions.append(result)
 
 
-def _add_coordinate_system(content: _Content, number: int, system: int, position: list[float]) -> None:
+def _add_node(content: _Content, number: int, system: int, position: Array) -> None:
     if number < 1 or number in content.positions:
         raise ContentError(f"the node {number} is there twice, or no number of a node")
-    x, y, z = (value / content.length for value in position)
+    x, y, z = (position / content.length).tolist()
     content.positions[number], content.system_of[number] = (x, y, z), system
 
 
 def _nodes_15(data: DataSet, content: _Content) -> None:
     for k in range(len(data.lines)):
-        number, _, system, _ = data.integers(k, 10, 10, 10, 10)
-        _add_coordinate_system(content, number, system, data.reals(k, -40, 13, 13, 13))
+        number, defined_in, system, _ = data.integers(k, 10, 10, 10, 10)
+        position = np.array(data.reals(k, -40, 13, 13, 13))
+        if defined_in in content.systems:
+            position = content.systems[defined_in].position(position)
+        content.defined_in.add(defined_in)
+        _add_node(content, number, system, position)
 
 
 def _nodes_2411(data: DataSet, content: _Content) -> None:
     for k in range(0, len(data.lines), 2):
         number, _, system, _ = data.integers(k, 10, 10, 10, 10)
-        _add_coordinate_system(content, number, system, data.reals(k + 1, 25, 25, 25))
+        _add_node(content, number, system, np.array(data.reals(k + 1, 25, 25, 25)))
 
 
 def _systems(data: DataSet, content: _Content) -> None:
     for k in range(2, len(data.lines), 6):
         number, kind, _ = data.integers(k, 10, 10, 10)
         rows = np.array([data.reals(k + 2 + i, 25, 25, 25) for i in range(4)])
-        if kind != 0 or number in content.axes:
-            raise ContentError(f"the coordinate system {number} of type {kind} is there twice or not Cartesian")
-        content.axes[number] = rows[:3].T
+        if kind not in (_CARTESIAN, _CYLINDRICAL, _SPHERICAL) or number in content.systems:
+            raise ContentError(f"the coordinate system {number} of type {kind} is there twice, or of no known type")
+        content.systems[number] = _System(kind, rows[:3].T, rows[3])
 
 
 def _groups(data: DataSet, content: _Content) -> None:
@@ -227,10 +270,14 @@ def _displacement(numbers: Array, is_complex: bool, node: int, content: _Content
     """Six components of a node in world axes; rotations that the file does not have are NaN."""
     values = numbers[0::2] + 1j * numbers[1::2] if is_complex else numbers
     six = np.concatenate((values, np.full(6 - len(values), np.nan)))
-    axes = content.axes.get(content.system_of.get(node, 0))
+    system = content.systems.get(content.system_of.get(node, 0))
     six[:3] /= content.length
-    return np.asarray(six if axes is None else np.concatenate((axes @ six[:3], axes @ six[3:])))
+    if system is None:
+        return np.asarray(six)
+    axes = system.axes_at(np.multiply(content.positions[node], content.length))
+    return np.asarray(np.concatenate((axes @ six[:3], axes @ six[3:])))
 
 
 _MODES = {55: _mode_55, 2414: _mode_2414}
-_READERS = {58: _function, 15: _nodes_15, 2411: _nodes_2411, 2420: _systems, 2467: _groups, 82: _lines, **_MODES}
+_SYSTEMS = 2420
+_READERS = {58: _function, 15: _nodes_15, 2411: _nodes_2411, _SYSTEMS: _systems, 2467: _groups, 82: _lines, **_MODES}

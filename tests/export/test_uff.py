@@ -208,6 +208,39 @@ def test_modes_of_analysis_data(tmp_path):
     assert not measured.left_out
 
 
+def coordinate_systems(**kinds):
+    """A data set 2420: systems of some types by number, all with the origin (1, 0, 0)."""
+    lines = [f"{-1:6d}", f"{2420:6d}", f"{1:10d}", "part"]
+    for name, kind in kinds.items():
+        lines += [f"{int(name[1:]):10d}{kind:10d}{8:10d}", name]
+        lines += ["".join(f"{value:25.16E}" for value in row) for row in (*np.eye(3), (1.0, 0.0, 0.0))]
+    return "\n".join([*lines, f"{-1:6d}", ""])
+
+
+def nodes_15(*nodes):
+    """A data set 15: number, definition and displacement coordinate system, and position of each node."""
+    lines = ["".join(f"{value:10d}" for value in (*numbers, 8)) + "".join(f"{value:13.5E}" for value in position)
+             for *numbers, position in nodes]  # fmt: skip
+    return "\n".join([f"{-1:6d}", f"{15:6d}", *lines, f"{-1:6d}", ""])
+
+
+def test_coordinate_systems_of_all_types(tmp_path):
+    """Nodes in cylindrical (r, phi, z) and spherical (r, theta, phi) systems, displacements along their directions."""
+    path, unit = tmp_path / "round.unv", {4: (1.0, 0.0, 0.0), 5: (0.0, 1.0, 0.0), 6: (0.0, 1.0, 0.0)}
+    path.write_text(
+        nodes_15((4, 1, 1, (2.0, 90.0, 1.0)), (5, 0, 1, (1.0, 2.0, 1.0)), (6, 2, 2, (3.0, 90.0, 0.0)))
+        + analysis_data(2, {1: 12.5}, unit, layout=(2, 8, 2, 3)) + coordinate_systems(c1=1, s2=2)
+    )  # fmt: skip
+    measured = mx.from_uff(path)
+    positions = [node.position for node in measured.nodes]
+    np.testing.assert_allclose(positions, [(1, 2, 1), (1, 2, 1), (4, 0, 0)], atol=1e-15)
+    shape = measured.modes[0].shape[:, :3]
+    np.testing.assert_allclose(shape, [(0, 1, 0), (-1, 0, 0), (0, 0, -1)], atol=1e-15)
+    assert not measured.left_out
+    path.write_text(nodes_15((4, 7, 0, (2.0, 90.0, 1.0))))
+    assert mx.from_uff(path).left_out[0].startswith("1 of coordinate system 7, which is not in the file")
+
+
 def test_modes_that_cannot_be_read_are_named(tmp_path):
     path, six = tmp_path / "modes.unv", {3: (1.0, 2.0, 3.0, 0.1, 0.2, 0.3)}
     path.write_text(analysis_data(2, {1: 12.5}, six) + analysis_data(2, {1: 12.5}, six, layout=(3, 11, 2, 6))
