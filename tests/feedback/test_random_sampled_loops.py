@@ -96,6 +96,8 @@ def test_poles_equations_at_the_samples_and_time_response(late):
     t = np.arange(after.shape[1]) * by_hand.step
     response = loop.time_response(t, np.repeat(u, STEPS, axis=1), "zero")
     np.testing.assert_allclose(response, after, atol=1e-11 * np.abs(after).max())
+    later = loop.time_response(t + 3.0, np.repeat(u, STEPS, axis=1), "zero")  # the first sample is the first time
+    np.testing.assert_allclose(later, after, atol=1e-11 * np.abs(after).max())
     x, at, made = np.zeros(len(loop.sample_to_sample.A)), loop.sample_to_sample, []
     for w in u.T:
         made.append(at.C @ x + at.D @ w)

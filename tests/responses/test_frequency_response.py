@@ -8,6 +8,8 @@ from numpy.testing import assert_allclose
 
 import mbsvib as mv
 from mbsvib import library
+from mbsvib.responses import frequency_response
+from mbsvib.responses.basis import Basis
 from tests.modes.test_modes import oscillator, stiff_chain
 from tests.support.compare import assert_same_response, frequencies, linearized
 from tests.support.digits import mp
@@ -264,3 +266,27 @@ def test_reciprocity(model):
     n = len(model.bodies)
     result = system.frequency_response([5.0])[-n:, -n:, 0]
     assert_allclose(result, result.T, rtol=0, atol=1e-11 * np.abs(result).max())
+
+
+def test_pieces_of_frequencies_and_those_that_refinement_gives_up(monkeypatch):
+    """In pieces of three frequencies, of which each other one is solved directly: the response by matrices."""
+    rng = np.random.default_rng(6)
+    mass, damping, stiffness = (r @ r.T + np.eye(4) for r in rng.normal(size=(3, 4, 4)))
+    b, cq, cv, ca = rng.normal(size=(4, 2)), *rng.normal(size=(3, 3, 4))
+    basis = Basis(mv.System.from_matrices(mass, damping, stiffness, b, cq, cv, ca))
+    given_up, whole = [], frequency_response.refined_solutions
+
+    def refined(basis, modal, b, s):
+        eta = whole(basis, modal, b, s)
+        eta[:, :, 1::2] = np.nan
+        given_up.append(len(s))
+        return eta
+
+    monkeypatch.setattr(frequency_response, "refined_solutions", refined)
+    monkeypatch.setattr(frequency_response, "BATCH_BYTES", 3 * 64 * b.size)
+    w = np.linspace(0.1, 5.0, 11)
+    result = frequency_response._solved(basis, basis.modal, w)
+    assert given_up == [3, 3, 3, 2]
+    for k, s in enumerate(1j * w):
+        exact = (cq + s * cv + s**2 * ca) @ np.linalg.solve(s**2 * mass + s * damping + stiffness, b)
+        np.testing.assert_allclose(result[:, :, k], exact, rtol=1e-11)
