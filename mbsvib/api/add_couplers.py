@@ -17,8 +17,10 @@ if TYPE_CHECKING:
 class CoupledMechanism(Mechanism):
     """A mechanism whose joint coordinates may be coupled."""
 
-    def add_coupler(self, name: str, coefficients: Mapping[str, float], tangent: bool = False) -> Coupler:
-        """Add a linear relation between joint coordinates.
+    def add_coupler(
+        self, name: str, coefficients: Mapping[str, float], curvature: Mapping[str, float] | None = None
+    ) -> Coupler:
+        """Add a relation between joint coordinates, linear unless it has a curvature.
 
         sum of coefficient_i q_i = 0
 
@@ -29,10 +31,10 @@ class CoupledMechanism(Mechanism):
         coefficients : mapping of str to float
             A coefficient for each of two or more joint coordinates, ``{"knee.rz": 1.0, "hip.rz": -2.0}``; of a joint
             with a single coordinate the direction may be left out. Rotations are in rad, translations in m.
-        tangent : bool
-            True: this is only the tangent, at the pose as described, of a relation that is not linear. It holds for
-            small motions about that pose where no force acts at rest. Refused are loads, gravity and preloads, whose
-            stiffness would contain the curvature of the relation, other poses, and runs.
+        curvature : mapping of str to float, optional
+            Of a relation that is not linear and is known to second order at the pose as described only: second
+            derivatives h_k by coordinates, sum of coefficient_i q_i + sum of h_k q_k^2 / 2 = 0. They make stiffness of
+            the coupler's force at rest. Other poses and runs, and loads in sparse equations, are refused.
 
         Returns
         -------
@@ -45,7 +47,7 @@ class CoupledMechanism(Mechanism):
             If a coordinate is unknown, a coefficient is zero, or there are fewer than two.
         """
         self._check_name(name, "coupler")
-        part = _coupler.make_coupler(name, coefficients, tangent, self._joints)
+        part = _coupler.make_coupler(name, coefficients, curvature, self._joints)
         return self._keep(self._couplers, part)
 
     def add_gear(self, name: str, first: str | Joint, second: str | Joint, ratio: float) -> Gear:

@@ -13,6 +13,10 @@ In any pose the constraint is sum of c_i (q_i - q_i of the reference pose) = 0, 
 - for any other joint a component of p_b - p_a or of the rotation vector from the first to the second body, in its axes,
   which are fixed in the first body.
 
+A coupler with curvature is of a relation that is not linear, known to second order in the reference pose only:
+sum of c_i q_i + sum of h_k q_k^2 / 2 = 0. Its force at rest makes stiffness of h (``equations.coupler_curvature``); in
+other poses it is refused.
+
 In another pose the components of a rotation vector are no linear function of the coordinates. Therefore mechanisms with
 couplers on homokinetic joints cannot be moved, and couplers on joints with three free rotations relate small rotations
 from the respective pose.
@@ -41,24 +45,33 @@ class Coupling(Part):
     """The base class of couplers: ``terms`` are pairs (coordinate, coefficient), the sum of their products is zero."""
 
     symbol = "coupler"
-    tangent = False  # whether it is the tangent of a nonlinear relation, at the reference pose alone
-
     terms: Terms = derived(())
+
+    @property
+    def curvatures(self) -> Terms | None:
+        """Second derivatives of the relation by coordinates at the reference pose; None if it is linear everywhere."""
+        return None
 
 
 @dataclass(frozen=True, slots=True)
 class Coupler(Coupling):
     """A linear relation, sum of coefficient times coordinate = 0; ``coefficients`` are pairs (coordinate, number).
 
-    ``tangent``: it is that of a nonlinear relation at the reference pose.
+    ``curvature``: pairs (coordinate, second derivative) of a relation that is not linear, which holds to second order
+    about the reference pose; None for a linear one.
     """
 
     coefficients: Terms = ()
-    tangent: bool = False
+    curvature: Terms | None = None
+
+    @property
+    def curvatures(self) -> Terms | None:
+        return self.curvature
 
     def constructor_kwargs(self) -> dict[str, Any]:
         """Return the arguments of ``add_coupler`` that make this part."""
-        return {"name": self.name, "coefficients": dict(self.coefficients), "tangent": self.tangent}
+        return {"name": self.name, "coefficients": dict(self.coefficients),
+                "curvature": None if self.curvature is None else dict(self.curvature)}  # fmt: skip
 
     def parameter_fields(self) -> Iterator[ParameterField]:
         suffixes = tuple(str(i + 1) for i in range(len(self.coefficients)))
@@ -66,7 +79,7 @@ class Coupler(Coupling):
 
     def with_values(self, values: Mapping[str, Any]) -> Coupler:
         terms = {name: value for (name, _), value in zip(self.coefficients, values["coefficient"], strict=True)}
-        return _coupler(self.name, terms, self.tangent)
+        return _coupler(self.name, terms, self.curvature)
 
 
 class Transmission(Coupling):
@@ -133,11 +146,11 @@ def _names(family: type[Transmission]) -> list[str]:
     return [item.name for item in fields(family)[2:]]
 
 
-def _coupler(name: str, terms: Mapping[str, Any], tangent: bool) -> Coupler:
+def _coupler(name: str, terms: Mapping[str, Any], curvature: Terms | None) -> Coupler:
     checked = tuple((coordinate, _not_zero(value, f"coupler '{name}'", "coefficients",
                                            f"a finite number for '{coordinate}', not zero: leave it out"))
                     for coordinate, value in terms.items())  # fmt: skip
-    return Coupler(name, checked, checked, tangent)
+    return Coupler(name, checked, checked, curvature)
 
 
 def _transmission(family: type[T], name: str, first: str, second: str, factor: Any) -> T:
@@ -145,7 +158,7 @@ def _transmission(family: type[T], name: str, first: str, second: str, factor: A
     return family(name, ((first, -number), (second, 1.0)), first, second, number)  # type: ignore[call-arg]
 
 
-def make_coupler(name: str, coefficients: Any, tangent: Any, joints: Mapping[str, Joint]) -> Coupler:
+def make_coupler(name: str, coefficients: Any, curvature: Any, joints: Mapping[str, Joint]) -> Coupler:
     """Check the values of a coupler and build it."""
     who = f"coupler '{name}'"
     expected = 'a coefficient for each of two or more joint coordinates, {"knee.rz": 1.0, "hip.rz": -2.0}'
@@ -160,9 +173,14 @@ def make_coupler(name: str, coefficients: Any, tangent: Any, joints: Mapping[str
     if len(terms) < 2:
         hint = "To lock one coordinate, take a joint that does not have it." if terms else ""
         raise check.refuse(who, "coefficients", dict(coefficients), expected, hint)
-    if not isinstance(tangent, bool):
-        raise check.refuse(who, "tangent", tangent, "True or False")
-    return _coupler(name, terms, tangent)
+    if curvature is None:
+        return _coupler(name, terms, None)
+    expected = 'a second derivative for each of one or more joint coordinates, {"hip.rz": 0.5}'
+    if not isinstance(curvature, Mapping) or not curvature:
+        raise check.refuse(who, "curvature", curvature, expected)
+    curves = {coordinate_of(key, joints, who, "curvature"): check.number(value, who, "curvature")
+              for key, value in curvature.items()}  # fmt: skip
+    return _coupler(name, terms, tuple(curves.items()))
 
 
 def _make(family: type[T], name: str, first: Any, second: Any, factor: Any, joints: Mapping[str, Joint]) -> T:
@@ -179,12 +197,12 @@ def _make(family: type[T], name: str, first: Any, second: Any, factor: Any, join
 make_gear, make_worm, make_rack = partial(_make, Gear), partial(_make, Worm), partial(_make, Rack)
 
 
-def refuse_tangents(parts: Iterable[Coupling], reason: str) -> None:
-    """Refuse couplers that are only tangents; ``reason`` says why and what to do."""
+def refuse_curved(parts: Iterable[Coupling], reason: str) -> None:
+    """Refuse couplers of nonlinear relations, known at the reference pose only; ``reason`` says why and what to do."""
     for part in parts:
-        if part.tangent:
-            raise ModelError(f"coupler '{part.name}': it is the tangent of a nonlinear relation, {reason}",
-                             element=part.name, field="tangent")  # fmt: skip
+        if part.curvatures is not None:
+            raise ModelError(f"coupler '{part.name}': its relation is not linear and known at the reference pose only, "
+                             f"{reason}", element=part.name, field="curvature")  # fmt: skip
 
 
 def coordinate_of(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements.contribution import Contribution
+from mbsvib.equations.coupler_curvature import curvature_stiffness
 from mbsvib.equations.force_paths import ForcePaths, force_paths
 from mbsvib.equations.geometric_stiffness import GeometricTerms, geometric_terms
 from mbsvib.equations.reactions import reactions
@@ -118,6 +119,10 @@ def with_loads(draft: Draft) -> Draft:
     used = (stiffness * rows.any(axis=1)).nonzero()[0]
     terms = terms.with_rows(rows.take(used, axis=0), stiffness.take(used), len(scene.owners) + owner.take(used))
     terms = terms.with_antisymmetric(None, antisymmetric(contribution.circulatory, displacements))
+    if any(coupler.curvatures for coupler in scene.couplers):
+        multipliers = to_joints.multipliers(forces.tree_wrenches)[:, 0]
+        rows, stiffness, owner = curvature_stiffness(scene, draft.reduction, multipliers)
+        terms = terms.with_rows(rows, stiffness, len(scene.owners) + len(applied.names) + owner)
     return replace(draft, terms=terms, statics=statics, undetermined=statics.undetermined, reactions=to_joints)
 
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.elements.coupler import refuse_tangents
 from mbsvib.equations.wrench_pairs import WrenchPairs
 
 if TYPE_CHECKING:
@@ -69,9 +68,7 @@ def has_antisymmetric_forces(model: Mechanism) -> bool:
 
 
 def applied_wrenches(model: Mechanism, number: Mapping[str, int]) -> AppliedWrenches:
-    """Return the applied wrenches of a model; a coupler that is only a tangent is refused, as forces act through it."""
-    refuse_tangents(model.couplers.values(), "whose curvature adds an unknown stiffness where gravity, loads or "
-                    "preloads act. Leave these out: gravity=(0, 0, 0), and springs that are at rest in this pose.")
+    """Return the applied wrenches of a model."""
     weight = np.zeros((3, len(model.bodies) + 1))
     if model.gravity is not None:
         weight[:, :-1] = np.multiply.outer(model.gravity, [body.mass for body in model.bodies.values()])

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.elements.coupler import refuse_curved
 from mbsvib.equations.expansion import expanded
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.relative_motion import Twists, relative_motion
@@ -54,7 +55,7 @@ def check_couplers(model: Mechanism, moved: Mechanism) -> None:
 
     ``moved`` is the model in the new pose. The components of a rotation vector w from the reference pose of a
     homokinetic joint change by e . J(w) omega, with J of ``rotations.inverse_jacobian``; after a finite w that differs
-    from the coordinates of the joint in the new pose. Couplers that are only tangents hold in the reference pose alone.
+    from the coordinates of the joint in the new pose. Couplers with curvature are known at the reference pose only.
     """
     if not model.couplers:
         return
@@ -63,17 +64,15 @@ def check_couplers(model: Mechanism, moved: Mechanism) -> None:
         for name, _ in part.terms:
             owner, _, direction = name.rpartition(".")
             joint = model.joints[owner]
-            if not part.tangent and (direction[0] != "r" or not joint.bisects):
+            curved = part.curvatures is not None
+            if not curved and (direction[0] != "r" or not joint.bisects):
                 continue
             angle, shift = _displacement(joint, before, after)
-            if part.tangent and (angle > TURNED or shift):
-                raise ModelError(
-                    f"coupler '{part.name}': it is the tangent of a nonlinear relation in the pose as described, and "
-                    f"joint '{owner}' has moved by {f'{angle:.3g} rad' if angle > TURNED else f'{shift:.3g} m'}. "
-                    f"Describe the model in the other pose anew, as load_mjcf(..., pose=...) does.",
-                    element=part.name, field="tangent",
-                )  # fmt: skip
-            if not part.tangent and angle > TURNED:
+            if curved and (angle > TURNED or shift):
+                moved_by = f"{angle:.3g} rad" if angle > TURNED else f"{shift:.3g} m"
+                refuse_curved([part], f"and joint '{owner}' has moved by {moved_by}. Describe the model in the other "
+                              f"pose anew, as load_mjcf(..., pose=...) does.")  # fmt: skip
+            if not curved and angle > TURNED:
                 raise ModelError(
                     f"coupler '{part.name}': '{name}' is a component of the rotation vector of the {joint.kind} joint "
                     f"'{owner}', which has turned by {angle:.3g} rad; the coupler is not a linear relation of its "
@@ -84,16 +83,19 @@ def check_couplers(model: Mechanism, moved: Mechanism) -> None:
 
 def _displacement(joint: Joint, before: Mapping[str, Body], after: Mapping[str, Body]) -> tuple[float, float]:
     """Angle [rad] and shift [m] of a joint's second body relative to its first; 0 for a shift that is rounding."""
-    turns, ends = [], []
+    turns, ends, size = [], [], 0.0
     for body in (joint.first, joint.second):
-        on_ground = body == "ground"
-        turns.append(np.eye(3) if on_ground else np.array(after[body].orientation) @
-                     np.array(before[body].orientation).T)  # fmt: skip
         at = np.array(joint.point or before[joint.first if joint.second == "ground" else joint.second].position)
-        ends.append(at if on_ground else after[body].position + turns[-1] @ (at - before[body].position))
+        if body == "ground":
+            turns.append(np.eye(3))
+            ends.append(at)
+            continue
+        start, end = np.array(before[body].position), np.array(after[body].position)
+        turns.append(np.array(after[body].orientation) @ np.array(before[body].orientation).T)
+        ends.append(end + turns[-1] @ (at - start))
+        size = max(size, float(np.abs((at, start, end)).max()))
     shift = float(np.linalg.norm(ends[1] - ends[0]))
-    angle = float(np.linalg.norm(logarithm(turns[0].T @ turns[1])))
-    return angle, shift if shift > TURNED * max(float(np.abs(end).max()) for end in ends) else 0.0
+    return float(np.linalg.norm(logarithm(turns[0].T @ turns[1]))), shift if shift > TURNED * size else 0.0
 
 
 def joint_travel(joint: Joint, direction: str, pose: Pose) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from mbsvib.common.display import Displayed
 from mbsvib.common.expected import reals
 from mbsvib.elements import bushing
-from mbsvib.elements.coupler import refuse_tangents
+from mbsvib.elements.coupler import refuse_curved
 from mbsvib.equilibrium.articulation import articulated
 from mbsvib.equilibrium.continuation import Passed, led_to
 from mbsvib.equilibrium.held_state import State, started
@@ -143,7 +143,7 @@ def equilibrium_path(model: M, coordinate: str, values: ArrayLike, switch: int =
                          field="values")  # fmt: skip
     if switch not in (-1, 0, 1):
         raise ModelError(f"path: switch = {switch!r}; expected 1 or -1, or 0 to stay on the path.", field="switch")
-    refuse_tangents(model.couplers.values(), "which a path leaves; it holds in linear equations only.")
+    refuse_curved(model.couplers.values(), "which a path leaves; it holds for linear equations.")
     articulated_model = static_model(articulated(model))
     first = posed_model(articulated_model, cut=cut_elsewhere_of(articulated_model, [coordinate]))
     _check(model, coordinate, first.coordinates.names)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TypeVar
 
 from mbsvib.common.expected import names
+from mbsvib.elements.coupler import refuse_curved
 from mbsvib.equilibrium.articulation import articulated
 from mbsvib.equilibrium.balance import balance, unbalanced_force
 from mbsvib.equilibrium.couplers import check_couplers
@@ -34,6 +35,8 @@ def equilibrium(model: M, snap: bool = False, cut: Sequence[str] = ()) -> Equili
     if before.share <= BALANCED:
         model_there = balanced_model(model, first.pose)
         return Equilibrium(model_there, 0, (before.share,), (), _displacements(model, first.pose))
+    refuse_curved(model.couplers.values(), "so that no equilibrium elsewhere is looked for. Describe the model in "
+                  "balance, or hold this pose by preloads: equilibrium(preload=...).")
     result = descend(first) if snap or not _is_held(first) else follow(first)
     if result.stopped:
         raise _unreachable(result)

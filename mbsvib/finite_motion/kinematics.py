@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.elements.coupler import refuse_tangents
+from mbsvib.elements.coupler import refuse_curved
 from mbsvib.elements.joint import make as make_joint
 from mbsvib.errors import ModelError
 from mbsvib.finite_motion.elastic_nodes import coordinates_of, node_displacement
@@ -198,7 +198,7 @@ def _coupled(
     part: Coupling, symbol: Mapping[str, Expression], inactive: Collection[str]
 ) -> tuple[str, Expression, bool]:
     """Name of a coupler, the sum that it holds at zero, and whether that is of rotations only."""
-    refuse_tangents([part], "which finite motions leave; it holds in linear equations only.")
+    refuse_curved([part], "which finite motions leave; it holds for linear equations.")
     for name, _ in part.terms:
         if name not in symbol and name not in inactive:
             raise ModelError(f"coupler '{part.name}': joint '{name.rpartition('.')[0]}' of its coordinate '{name}' is "

@@ -37,11 +37,12 @@ def load_mjcf(
     Bodies without joints are one with their parents, those of the world are the ground. Several joints of a body have
     bodies without mass between them. Springs and dampers of joints are bushings ``JOINT.k``; armature and fixed tendons
     of several joints are wheels on the ground that couplers turn. Servos are spring-dampers ``ACTUATOR.servo``. Loops
-    closed by connect and weld are ideal joints, joints and tendons tied by equality are couplers, of a polynomial its
-    ``tangent`` in the pose. Inputs: of each hinge and slide ``JOINT.torque`` or ``JOINT.force``, of each actuator its
-    control under its own name, of each site with a name ``SITE.Fx`` ... ``SITE.Mz``. Outputs: ``JOINT.angle`` or
-    ``JOINT.travel``, ``SITE.x`` ... ``SITE.rz``, world axes. What is nonlinear or has no place in a model is refused by
-    name; friction, and limits and contacts that touch in this pose, are left with a ``LeftOutWarning``.
+    closed by connect and weld are ideal joints, joints and tendons tied by equality are couplers, of a polynomial with
+    slope and ``curvature`` in the pose. Inputs: of each hinge and slide ``JOINT.torque`` or ``JOINT.force``, of each
+    actuator its control under its own name, of each site with a name ``SITE.Fx`` ... ``SITE.Mz``. Outputs:
+    ``JOINT.angle`` or ``JOINT.travel``, ``SITE.x`` ... ``SITE.rz``, world axes. What is nonlinear or has no place in a
+    model is refused by name; friction, and limits and contacts that touch in this pose, are left with a
+    ``LeftOutWarning``.
 
     Parameters
     ----------

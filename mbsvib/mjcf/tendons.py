@@ -145,6 +145,15 @@ def sums(scene: Scene, path: Path, factor: float = 1.0) -> dict[str, float]:
     return {scene.links[joint].coordinate: factor * value for joint, value in path.terms}
 
 
+def single(scene: Scene, path: Path) -> tuple[str, float]:
+    """Return a coordinate and its coefficient in a path's length: of the only joint, or of the path's wheel."""
+    if len(path.terms) == 1:
+        return next(iter(sums(scene, path).items()))
+    wheel, radius = _wheel(scene, path, 0.0)
+    axis = next(joint.name for joint in scene.model.joints.values() if joint.second == wheel)
+    return f"{axis}.rz", radius
+
+
 def _wheel(scene: Scene, path: Path, inertia: float) -> tuple[str, float]:
     """The wheel of a fixed tendon; its inertia must be given at its first use."""
     key = f"{path.kind} {path.number}"

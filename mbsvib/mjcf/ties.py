@@ -1,4 +1,5 @@
-"""Equality constraints: loops closed by ideal joints, coordinates tied by couplers."""
+"""Equality constraints: loops closed by ideal joints, coordinates tied by couplers, which polynomials give a curvature.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +9,7 @@ import numpy as np
 
 from mbsvib.linalg.rank import ZERO_PRODUCT
 from mbsvib.mjcf.scene import Scene
-from mbsvib.mjcf.tendons import Path, joint_path, sums
+from mbsvib.mjcf.tendons import Path, joint_path, single, sums
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -72,9 +73,9 @@ def _close(scene: Scene, i: int, weld: bool) -> None:
 
 def _couple(scene: Scene, i: int, tendons: Mapping[int, Path | None], of_tendons: bool) -> None:
     file, m = scene.file, scene.file.m
-    slope, curved = _slope(scene, i, of_tendons)
-    terms: dict[str, float] = {}
-    for target, factor in ((int(m.eq_obj1id[i]), 1.0), (int(m.eq_obj2id[i]), -slope)):
+    slope, second_derivative = _slope(scene, i, of_tendons)
+    curvature, terms = None, dict[str, float]()
+    for k, target, factor in ((0, int(m.eq_obj1id[i]), 1.0), (1, int(m.eq_obj2id[i]), -slope)):
         if target < 0 or factor == 0.0:
             continue
         path = tendons[target] if of_tendons else joint_path(scene, target)
@@ -82,10 +83,13 @@ def _couple(scene: Scene, i: int, tendons: Mapping[int, Path | None], of_tendons
             raise file.refuse("equality", i, f"its tendon '{file.name('tendon', target)}' is no fixed one.")
         for coordinate, value in sums(scene, path, factor).items():
             terms[coordinate] = terms.get(coordinate, 0.0) + value
+        if k and second_derivative is not None:
+            coordinate, size = single(scene, path)
+            curvature = {coordinate: -second_derivative * size**2}
     terms = {coordinate: value for coordinate, value in terms.items() if value}
     name = scene.fresh(file.name("equality", i), "tie")
     if len(terms) > 1:
-        scene.model.add_coupler(name, terms, tangent=curved)
+        scene.model.add_coupler(name, terms, curvature)
     elif terms:  # a single fixed coordinate
         joint = scene.model.joints[next(iter(terms)).rpartition(".")[0]]
         if joint.kind == "free":
@@ -94,21 +98,21 @@ def _couple(scene: Scene, i: int, tendons: Mapping[int, Path | None], of_tendons
         scene.model.add_joint(name, "fixed", joint.first, joint.second, joint.position)
 
 
-def _slope(scene: Scene, i: int, of_tendons: bool) -> tuple[float, bool]:
-    """Slope dx1/dx2 in this pose of a constraint x1 - x1_0 = sum of a_k (x2 - x2_0)^k, k = 0 ... 4, of positions or
-    lengths, and whether it differs in other poses.
+def _slope(scene: Scene, i: int, of_tendons: bool) -> tuple[float, float | None]:
+    """p' and p'' in this pose of a constraint x1 - x1_0 = p(x2 - x2_0) of positions or lengths, p of the fourth degree;
+    None in place of p'' where p is a straight line.
     """
     file, m, second = scene.file, scene.file.m, int(scene.file.m.eq_obj2id[i])
-    coefficients = np.array(m.eq_data[i])[:5]
-    if second < 0 or not coefficients[2:].any():
-        return float(coefficients[1]), False
+    p = np.polynomial.Polynomial(np.array(m.eq_data[i])[:5])
+    if second < 0 or not p.coef[2:].any():
+        return float(p.coef[1]), None
     if of_tendons:
         x = float(file.d.ten_length[second] - m.tendon_length0[second])
     else:
         x = float(file.position(second)[0] - m.qpos0[int(m.jnt_qposadr[second])])
-    parts = coefficients[1:] * np.arange(1, 5) * x ** np.arange(4)
-    if abs(parts.sum()) <= ZERO_PRODUCT * len(parts) * np.abs(parts).sum():
+    slope, size = float(p.deriv()(x)), float(np.polynomial.Polynomial(np.abs(p.deriv().coef))(abs(x)))
+    if abs(slope) <= ZERO_PRODUCT * len(p.coef) * size:
         kind = "tendon" if of_tendons else "joint"
         raise file.refuse("equality", i, f"its polynomial has the slope 0 in this pose, where it locks its first "
                           f"{kind} and is no relation of both. Give a pose beside it.", "polycoef")  # fmt: skip
-    return float(parts.sum()), True
+    return slope, float(p.deriv(2)(x))

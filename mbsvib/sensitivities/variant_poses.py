@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.elements.coupler import refuse_curved
 from mbsvib.equilibrium.articulation import articulated, with_rigid_parts
 from mbsvib.equilibrium.balance import balance
 from mbsvib.equilibrium.motion import close, posed_model
@@ -95,6 +96,8 @@ class VariantPoses:
         unbalanced = np.where(np.abs(force) > ZERO_DIFFERENCE * rounding, force, 0.0)
         if not unbalanced.any():
             return unbalanced
+        refuse_curved(self.model.couplers.values(), "so that derivatives to parameters that move the equilibrium are "
+                      "not known. Name others, such as stiffness and damping.")
         unit = inverse_root(np.abs(forces.tangent.diagonal()) + forces.balanced_forces / self.steps)
         motions, unresisted = balancing_motion(self.tangent, unit, unbalanced[None], lambda: rounding[None])
         if unresisted[0]:

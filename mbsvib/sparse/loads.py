@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.elements.contribution import Contribution
+from mbsvib.elements.coupler import refuse_curved
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.force_paths import joint_ends
 from mbsvib.equations.geometric_stiffness import geometric_terms
@@ -83,6 +84,8 @@ def geometric(
     forces of least norm; elsewhere redundant constraints have none.
     """
     position = np.concatenate((tree.position, np.zeros((1, 3)))).T
+    refuse_curved(model.couplers.values(), "and sparse equations have no stiffness of its curvature under loads. Take "
+                  "dense ones: linearize(method='dense').")
     applied = applied_wrenches(model, number)
     wrench, sizes = applied.on_bodies(position)
     reach = max([float(np.abs(position).max()), *(abs(x) for joint in topology.joints for x in joint.position or ())])

@@ -116,7 +116,7 @@ POLYNOMIAL = (0.1, 0.5, 2.0, -1.0, 3.0)
 
 
 @pytest.mark.parametrize("kind", ["joint", "tendon"])
-def test_couplings_by_polynomials_are_tangents(tmp_path, kind):
+def test_couplings_by_polynomials_have_their_slope(tmp_path, kind):
     """Modes on the null space of MuJoCo's own constraint Jacobian, in a pose that meets the polynomial."""
     first, second = {"joint": ("a", "b"), "tendon": ("one", "two")}[kind]
     words = " ".join(map(str, POLYNOMIAL))
@@ -132,6 +132,27 @@ def test_couplings_by_polynomials_are_tangents(tmp_path, kind):
     expected = projected(compiled(path, pose, None, {}, ()))
     model = mv.load_mjcf(path, pose=pose, stiffness={"a": 30.0, "d": 7.0})
     np.testing.assert_allclose(2 * np.pi * model.linearize().modes().frequencies, expected, rtol=1e-8, atol=1e-6)
-    assert model.couplers["c"].tangent
+    assert model.couplers["c"].curvature is not None
     mv.save(model, tmp_path / "tied.yaml")
     assert mv.load(tmp_path / "tied.yaml").couplers == model.couplers
+
+
+@pytest.mark.parametrize("kind", ["joint", "tendon"])
+def test_couplings_by_polynomials_under_load(tmp_path, kind):
+    """Curvature of MuJoCo's energy along the only motion, its slope balanced by a constant force of an actuator."""
+    first, second = {"joint": ("a", "b"), "tendon": ("one", "two")}[kind]
+    tie = f'<{kind} name="c" {kind}1="{first}" {kind}2="{second}" polycoef="0.1 0.5 2 -1 3"/>'
+    lock = '<joint joint1="d"/>'
+    path = tmp_path / "tied.xml"
+    path.write_text(TIED.format(tie + lock).replace('gravity="0 0 0"', 'gravity="1 0 -9.81"')
+                    .replace("</mujoco>", '<actuator><motor name="f" joint="b"/></actuator></mujoco>'))  # fmt: skip
+    file, at, h = compiled(path, {}, None, {}, ()), 0.55, 1e-2
+    weights = np.array([[1, -8, 0, 8, -1], [-1, 16, -30, 16, -1]]) / 12  # of first and second derivatives
+    slope, curvature = weights @ [closed(file, 1, at + i * h) for i in range(-2, 3)] / (h, h * h)
+    closed(file, 1, at)
+    pose = {name: file.position(i)[0] for i, name in enumerate("abd")}
+    model = mv.load_mjcf(path, pose=pose, control={"f": slope})
+    system = model.equilibrium(preload="a.k").linearize(independent=["b.z"])  # what the differences leave over
+    np.testing.assert_allclose(system.K, [[curvature]], rtol=1e-5)
+    straight = model.replace("c", curvature={next(iter(model.couplers["c"].curvature))[0]: 0.0})
+    assert abs(straight.equilibrium(preload="a.k").linearize(independent=["b.z"]).K / curvature - 1.0) > 0.1

@@ -47,4 +47,4 @@ def _rates(coupler: Coupling, field: str, index: tuple[int, ...]) -> list[tuple[
     return [(name, (b - a) / size) for (name, a), (_, b) in zip(coupler.terms, changed.terms, strict=True)]
 
 
-RULES = PartRules("coupler", single=_single, is_exception=lambda _, moved, __: moved)
+RULES = PartRules("coupler", single=_single, is_exception=lambda part, moved, _: moved or part.curvatures is not None)
