@@ -61,6 +61,9 @@ def to_control(
     Hessenberg form, which costs the badly scaled physical states of a Stewart platform seven digits, modal and balanced
     ones (physical states times powers of two) none.
 
+    Next to a pole at 0 that no response contains, as that of PI on a velocity, python-control's ``dcgain`` is NaN;
+    ``system.frequency_response([0.0])`` has the value.
+
     Parameters
     ----------
     system : System, ClosedLoop, SampledLoop, Controller, StateSpace, control.StateSpace, SystemData or Batch

@@ -39,7 +39,8 @@ def structured_singular_values(
     Where all blocks that act on each other are real, mu can be 0 at all frequencies but single ones, at which a grid
     does not look: an unstable loop would show a mu of 0. So frequency responses of such blocks need a
     ``complex_share`` e, by which delta becomes delta + e delta', |delta'| < 1, complex: mu is then continuous and an
-    upper bound for the real parameters.
+    upper bound for the real parameters. Of a single complex matrix (n, n) mu is that of this matrix alone: it may be 0
+    where matrices as near as one likes have another one, so that it says nothing of a loop.
 
     Parameters
     ----------

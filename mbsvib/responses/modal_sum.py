@@ -24,6 +24,8 @@ from mbsvib.responses.general_terms import asymptotic_terms, cleaned, terms
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.equations.equations import Equations
     from mbsvib.modes.general import General
@@ -167,7 +169,8 @@ def _sum_of(modal: Damped, c: Array, order: Index, output: Index, b: Array, d: A
     rows, residues = (order, output, d), ((c[:, :0], b[:0]), (c, b))
     if modal.vectors is not None:
         return _gathered(_coupled(modal, c, b), rows, residues)
-    shape = np.sqrt(np.abs(modal.square)), modal.gamma, modal.square
+    pairs = ~_braked(modal)
+    shape = np.sqrt(np.abs(modal.square[pairs])), modal.gamma[pairs], modal.square[pairs]
     return _gathered(_classical(modal, c, b), rows, residues, shape)
 
 
@@ -228,11 +231,21 @@ def partial_sums(terms: Array, size: Array, start: Array, total: Array) -> Array
 
 
 def _classical(modal: Damped, c: Array, b: Array) -> _Terms:
-    """Each mode is one pair, with R1 = -R2."""
-    gamma = _outer(c, b)
-    free = np.flatnonzero((modal.pairs == 0.0).all(axis=1))
-    gamma[:, free] = _of_one_pole(c[:, free], b[free], (c, b))
-    return modal.pairs, np.zeros(0), gamma, None, np.zeros((len(gamma), 0)), np.arange(len(b))
+    """Each mode is one pair, with R1 = -R2; those of braked rigid-body modes stand alone, as that at 0 may."""
+    braked = _braked(modal)
+    pairs, alone = np.flatnonzero(~braked), np.flatnonzero(braked)
+    gamma = _outer(c[:, pairs], b[pairs])
+    free = (modal.pairs[pairs] == 0.0).all(axis=1)
+    gamma[:, free] = _of_one_pole(c[:, pairs[free]], b[pairs[free]], (c, b))
+    moved = b[alone] / modal.gamma[alone, None]
+    single = np.concatenate((_of_one_pole(c[:, alone], moved, (c, b)), -_outer(c[:, alone], moved)), axis=1)
+    real_poles = np.concatenate((np.zeros(len(alone)), -modal.gamma[alone]))
+    return modal.pairs[pairs], real_poles, gamma, None, single, np.concatenate((pairs, alone, alone))
+
+
+def _braked(modal: Damped) -> NDArray[np.bool_]:
+    """Which modes of classical damping have one of their two eigenvalues at 0, (m,)."""
+    return np.asarray((modal.pairs == 0.0).sum(axis=1) == 1)
 
 
 def _of_one_pole(c: Array, b: Array, ports: tuple[Array, Array]) -> Array:

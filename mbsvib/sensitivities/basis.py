@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cached_property
+from dataclasses import replace
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -152,11 +153,12 @@ class SensitivityBasis:
         loaded = None if ruled.all() or network.bare else self.loaded
         reference = None if loaded is None else self.reference_pose
         if loaded is None or not (reference is None or all(map(reference.covers, requested.parameters))):
-            return grouped_by_rule(network, requested, ruled, self.matrix_slopes, every)
-        result = grouped_through_equilibrium(loaded, reference, requested, self.matrix_slopes, every)
+            result = grouped_by_rule(network, requested, ruled, self.matrix_slopes, every)
+        else:
+            result = grouped_through_equilibrium(loaded, reference, requested, self.matrix_slopes, every)
         if result.unresisted is not None and result.unresisted.any() and not every:
             raise not_held(requested.names[int(np.argmax(result.unresisted))], self.equations.name)
-        return result
+        return replace(result, again=partial(self._grouped, network, requested, every=every))
 
     def matrix_slopes(self, directions: Sequence[Direction], every: bool = False) -> Mapping[str, Array]:
         """Return the derivatives of whole matrices along some directions: differences, or rows of the whole system.

@@ -43,7 +43,7 @@ class ParameterGroups:
     Where these go through an equilibrium, the parameters are all there are of the network ``loaded``: variables move
     them at ``rates`` (variables, parameters), None one by one, and the pose by ``motion`` (variables, c), those
     ``unresisted`` along one that nothing holds. ``slopes`` gives derivatives of whole matrices. ``every`` says that
-    these are all parameters, of which some may have no derivative.
+    these are all parameters, of which some may have no derivative. ``again`` makes the same groups.
     """
 
     network: Network
@@ -56,6 +56,11 @@ class ParameterGroups:
     motion: Array | None = None
     unresisted: NDArray[np.bool_] | None = None
     every: bool = False
+    again: Callable[[], ParameterGroups] | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how these groups are made again: rules of parameters are functions, which pickle cannot hold."""
+        return self.again, ()
 
     @cached_property
     def loses_freedom(self) -> NDArray[np.bool_]:

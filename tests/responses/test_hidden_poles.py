@@ -134,3 +134,26 @@ def test_what_depends_on_the_centre_of_mass_is_infinite():
 def test_acceleration_of_free_masses_at_rest():
     """A force on free bodies accelerates their centre of mass: F / 4 kg at 0 Hz."""
     assert free_masses()["felt", "push"].frequency_response([0.0])[0, 0, 0] == pytest.approx(0.25, rel=1e-12)
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_velocities_of_free_masses_in_a_viscous_fluid(coupled):
+    """Held by dampers alone, they move at the force over the sum of the dampers; the way that they go is infinite."""
+    mass, k = np.diag([2.0, 1.0]), 100.0 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    damping = np.diag([1.0, 3.0]) if coupled else 0.5 * mass
+    seen, none = np.eye(2), np.zeros((2, 2))
+    system = mv.System.from_matrices(
+        mass, damping, k, np.eye(2), np.vstack((seen, none, [[1.0, -1.0]])), np.vstack((none, seen, np.zeros((1, 2)))),
+        outputs=["x1", "x2", "v1", "v2", "apart"])  # fmt: skip
+    speed = 1.0 / damping.sum()
+    apart = np.array([1.0 - speed * damping[0, 0], -speed * damping[0, 0]]) / 100.0
+    for form in (system, system.state_space("physical"), system.state_space("modal")):
+        at_rest = form.frequency_response([0.0], ["v1", "v2", "apart"])[:, :, 0]
+        np.testing.assert_allclose(at_rest, [[speed] * 2, [speed] * 2, apart], rtol=1e-12, atol=1e-16)
+        near = form.frequency_response([1e-7], ["v1", "v2", "apart"])[:, :, 0]
+        np.testing.assert_allclose(near, at_rest, rtol=1e-6)
+        with pytest.raises(mv.ResponseError, match="is a pole of"):
+            form.frequency_response([0.0], "x1")
+    w = 1e3
+    z = k + 1j * w * damping - w**2 * mass
+    np.testing.assert_allclose(system.frequency_response([w], "x*")[:, :, 0], np.linalg.inv(z), rtol=1e-9)
