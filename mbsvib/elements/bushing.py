@@ -205,7 +205,7 @@ def _with_same_range(matrix: Array, sizes: Array) -> Array:
     """
     symmetric = symmetric_part(matrix)
     _, values, units = np.linalg.svd((matrix - symmetric) * np.multiply.outer(sizes, sizes))
-    return symmetric + (units.T * values) @ units / np.multiply.outer(sizes, sizes)
+    return np.asarray(symmetric + (units.T * values) @ units / np.multiply.outer(sizes, sizes))
 
 
 def _finite(matrices: Array, bushings: Sequence[Bushing], field: str, which: Mask) -> dict[int, Matrix6]:

@@ -174,6 +174,8 @@ def _reduced(path: Any, content: Mapping[str, Any], M: str, K: str, C: str | Non
             raise ModelError(f"{path}: there is no matrix '{name}'; the file has {known}.",
                              element=str(path), field=name)  # fmt: skip
         value = np.asarray(content[name])
+        if value.dtype.kind == "c" and not value.imag.any():  # as programs with structural damping write all matrices
+            value = value.real
         if value.dtype.kind not in "fiu" or value.ndim != 2 or value.shape[0] != value.shape[1]:
             raise ModelError(f"{path}: '{name}' is of type {value.dtype} and shape {value.shape}; expected a square "
                              f"matrix of real numbers.", element=str(path), field=name)  # fmt: skip

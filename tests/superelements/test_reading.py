@@ -27,6 +27,11 @@ def test_mat(tmp_path):
     assert np.array_equal(found.K, K)
     assert np.array_equal(found.C, 1e-5 * K)
     assert read_mat(path, "Mred", "Kred").C is None
+    savemat(path, {"M": M + 0j, "K": K + 0j, "H": K + 1j * K})  # programs with structural damping write all as complex
+    assert np.array_equal(read_mat(path).K, K)
+    with pytest.raises(mv.ModelError, match=r"'H' is of type complex128"):
+        read_mat(path, K="H")
+    savemat(path, {"Mred": M, "Kred": csc_matrix(K), "Cred": 1e-5 * K})
     with pytest.raises(mv.ModelError, match=r"no matrix 'M'; the file has Cred, Kred, Mred"):
         read_mat(path)
     path.write_text("not a MATLAB file at all, though long enough to have a header" * 4)
