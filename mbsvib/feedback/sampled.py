@@ -104,9 +104,17 @@ class SampledLoop(FeedbackLoop):
         a, b, c, d = self.discrete
         z = np.exp(1j * w / self.rate)
         plant, gains = self._mechanism, np.broadcast_to(d, (len(z), *d.shape)).astype(complex)
-        if len(a):
-            gains = gains + c @ _resolved(a, b, z)
-        return np.asarray(-(gains @ (plant.outputs[self.ports[0]] @ _resolved(plant.a, plant.forces, z))))
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):  # so close to a pole that there is no number
+                if len(a):
+                    gains = gains + c @ _resolved(a, b, z)
+                value = np.asarray(-(gains @ (plant.outputs[self.ports[0]] @ _resolved(plant.a, plant.forces, z))))
+        except np.linalg.LinAlgError:
+            value = np.full(1, np.nan, dtype=complex)
+        if not np.isfinite(value).all():
+            raise ResponseError("closed loop: the plant or a controller has a pole at one of the frequencies (a pure "
+                                "integrator at 0 Hz?); leave this frequency out.")  # fmt: skip
+        return value
 
     def _sensitivity(self, w: Array) -> Complex:
         solver, of_a, ports = self._demands
@@ -368,8 +376,4 @@ def sampled(loop: FeedbackLoop, rate: float, delay: float, form: type[L]) -> L:
 
 def _resolved(a: Array, b: Array, z: Complex) -> Complex:
     """(z - A)^-1 B, shape (n, states, columns)."""
-    try:
-        return np.asarray(np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, b))
-    except np.linalg.LinAlgError as error:
-        raise ResponseError("closed loop: the plant or a controller has a pole at one of the frequencies (a pure "
-                            "integrator at 0 Hz?); leave this frequency out.") from error  # fmt: skip
+    return np.asarray(np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, b))

@@ -162,6 +162,14 @@ def test_margins_without_dynamics(rate):
             assert margins.gain[0] == np.inf
 
 
+@pytest.mark.parametrize("w", [0.0, 1e-300])
+def test_loop_gain_at_a_pole_of_a_sampled_plant(w):
+    """A chain of three integrators: so close to 0 numbers overflowed with a warning of numpy."""
+    plant = mv.StateSpace.from_arrays(np.triu(np.ones((3, 3)), 1), [[1.0], [2.0], [3.0]], [[1.0, 2.0, 3.0]], 0)
+    with pytest.raises(mv.ResponseError, match="has a pole at one of the frequencies"):
+        plant.feedback([[-0.5]], "y1", "u1").sampled(10.0).loop_gain([w])
+
+
 def test_margins_of_a_loop_at_the_limit_of_stability():
     """A pole of the closed loop on the imaginary axis leaves no margin; meeting it ended in LinAlgError."""
     for loop, hertz in ((slider().feedback([[-800.0]], "x", "F"), 20.0 / (2.0 * np.pi)),
