@@ -272,7 +272,7 @@ def test_pieces_of_frequencies_and_those_that_refinement_gives_up(monkeypatch):
     """In pieces of three frequencies, of which each other one is solved directly: the response by matrices."""
     rng = np.random.default_rng(6)
     mass, damping, stiffness = (r @ r.T + np.eye(4) for r in rng.normal(size=(3, 4, 4)))
-    b, cq, cv, ca = rng.normal(size=(4, 2)), *rng.normal(size=(3, 3, 4))
+    b, (cq, cv, ca) = rng.normal(size=(4, 2)), rng.normal(size=(3, 3, 4))
     basis = Basis(mv.System.from_matrices(mass, damping, stiffness, b, cq, cv, ca))
     given_up, whole = [], frequency_response.refined_solutions
 
