@@ -31,6 +31,12 @@ FIRST_CHUNK = 10.0  # seconds of tests after which a mutant is a likely survivor
 NOT_RUN = (5, 99)  # exit codes: pytest collected nothing, or an error of our own
 
 
+def collected() -> set[str]:
+    """Names of all tests that run: one that is gone since coverage was measured would end pytest, as a failure does."""
+    words = [sys.executable, "-m", "pytest", "--collect-only", "-n", "0", "--dist", "no"]
+    return {*subprocess.check_output(words, cwd=ROOT, text=True).splitlines()}
+
+
 class Tests:
     """Which tests cover a line, and how long each takes."""
 
@@ -42,11 +48,12 @@ class Tests:
         if not any(self.data.measured_contexts()):
             raise SystemExit(f"{coverage_file} does not say which test runs which line; expected --cov-context=test, "
                              f"and --dist no with -n 0.")  # fmt: skip
-        self.seconds, self.of_file = {}, defaultdict(list)
+        self.seconds, self.of_file, known = {}, defaultdict(list), collected()
         for file in durations:
             for case in ElementTree.parse(file).iter("testcase"):
                 path = case.get("classname", "").replace(".", "/") + ".py"
-                self.seconds[f"{path}::{case.get('name')}"] = float(case.get("time", 0.0))
+                if (name := f"{path}::{case.get('name')}") in known:
+                    self.seconds[name] = float(case.get("time", 0.0))
         for test in self.seconds:
             self.of_file[test.partition("::")[0]].append(test)
 
