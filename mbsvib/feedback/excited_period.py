@@ -141,10 +141,11 @@ def steady_state(loop: Sampled, w: Array, shown: list[int], sources: list[int]) 
     value, terms = np.empty((2, len(at.unit) + len(shown), len(sources), len(w)), dtype=complex)
     value[:, :, ~pole], terms[:, :, ~pole] = evaluate(w[~pole])
     for k in np.flatnonzero(near).tolist():
-        regular, size, hidden = _on_circle(evaluate, float(w[k]), of_a.values, at.waiting + at.rest)
+        regular, around, hidden = _on_circle(evaluate, float(w[k]), of_a.values, at.waiting + at.rest)
         if pole[k]:
-            regular, hidden = np.where(hidden, regular, np.nan), True
-        value[:, :, k], terms[:, :, k] = np.where(hidden, (regular, size), (value[:, :, k], terms[:, :, k]))
+            regular, hidden = np.where(hidden, regular, np.nan), np.ones_like(hidden)
+        value[:, :, k] = np.where(hidden, regular, value[:, :, k])
+        terms[:, :, k] = np.where(hidden, around, terms[:, :, k])
     return SteadyState(value, terms.real)
 
 

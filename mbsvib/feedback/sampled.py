@@ -95,7 +95,7 @@ class SampledLoop(FeedbackLoop):
             shown, sources = self.selected_ports
             state = steady_state(self, w[at], [shown[k] for k in rows], [sources[k] for k in columns])
             value, terms = state.value[len(self.actuators) :], state.terms[len(self.actuators) :]
-            refuse_poles(np.isnan(value).any(axis=(0, 1)), w[at], self.name)
+            refuse_poles(np.asarray(np.isnan(value).any(axis=(0, 1))), w[at], self.name)
             return value, terms
 
         return closed

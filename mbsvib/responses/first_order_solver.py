@@ -69,7 +69,7 @@ class FirstOrderSolver:
             size[:, :, part] = np.tensordot(np.abs(observed), np.abs(x), axes=1) + np.abs(d)[:, :, None]
         return result, size
 
-    def states(self, s: Complex, w: Array, b: Array | Complex) -> Iterator[tuple[slice, Complex]]:
+    def states(self, s: Complex, w: Array | Complex, b: Array | Complex) -> Iterator[tuple[slice, Complex]]:
         """Return (s - A)^-1 B in scaled states, (states, inputs, points), for batches of points ``s`` (n,).
 
         ``w`` (n,): their angular frequencies [rad/s]. ``b`` (states, inputs), or (states, inputs, n) if it differs from
@@ -137,7 +137,7 @@ def check_poles(omega: ArrayLike, parts: Separation, name: str) -> None:
             _refuse_pole(w, int(pole[0]), name)
 
 
-def _refuse_pole(w: Array, at: int, name: str) -> None:
+def _refuse_pole(w: Array | Complex, at: int, name: str) -> None:
     raise ResponseError(f"frequency_response: omega[{at}] = {w[at]:g} rad/s is a pole of '{name}', where the response "
                         f"is infinite; leave this frequency out.")  # fmt: skip
 
