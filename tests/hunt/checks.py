@@ -298,6 +298,7 @@ def realizations(subject):
     q, own = subject.question, subject.answers
     for kind in ("physical", "balanced", "modal"):
         space = subject.system.state_space(kind)
+        loss = np.finfo(float).eps * eigenvector_condition(space.A) if kind == "modal" else 0.0
         if len(space.states) != own.size:
             raise Mismatch(f"{kind}: {len(space.states)} states, not {own.size}")
         rows, columns = rows_of(space.outputs, q.outputs), rows_of(space.inputs, q.inputs)
@@ -307,12 +308,17 @@ def realizations(subject):
             response[:, :, k] = (space.C @ states + space.D)[np.ix_(rows, columns)]
             size[:, :, k] = (np.abs(space.C) @ np.abs(states) + np.abs(space.D))[np.ix_(rows, columns)]
         largest = np.abs(own.response).max(axis=1, keepdims=True)
-        allowed = q.response_tolerance + OF_STATES * size + OF_RESPONSE * largest
+        allowed = q.response_tolerance + max(OF_STATES, loss) * size + OF_RESPONSE * largest
         wider = replace(q, response_tolerance=allowed + OF_STATES * largest.max(axis=2, keepdims=True))
         try:
             compare_responses(response, own.response, wider)
         except Mismatch as error:
             raise Mismatch(f"{kind}: {error}") from None
+
+
+def eigenvector_condition(matrix):
+    """Condition number of eigenvectors of unit length, by which modal states lose digits."""
+    return np.linalg.cond(np.linalg.eig(matrix)[1]) if len(matrix) else 1.0
 
 
 def solved(matrix, right):

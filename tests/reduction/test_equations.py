@@ -27,7 +27,7 @@ def largest_error(full, small):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("seed", [0, 1, 2, *[pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 70)]])
+@pytest.mark.parametrize("seed", [0, 1, 2, *range(4, 70, 3)])
 def test_the_bound_holds_and_is_tight(method, seed):
     system = spatial(seed, bodies=4, loops=seed % 2).linearize()
     least = np.linalg.matrix_rank(np.vstack((system.Cq, system.B.T))) if method == "craig-bampton" else 1

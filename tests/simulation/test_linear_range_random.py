@@ -61,33 +61,16 @@ def shares(model, conservative=False):
 
 
 @pytest.mark.slow
-def test_some_random_chains():
-    found = [share for seed in (2, 24, 31) for share in shares(chain(seed))]
-    assert len(found) >= 5
-    assert max(found) < 1.5 * SHARE
-    assert np.median(found) == pytest.approx(SHARE, rel=0.15)
-
-
-@pytest.mark.slow
-def test_a_hundred_random_chains():
+def test_fifty_random_chains():
     """The range is good to second order; what it leaves out adds up to four tenths of the share."""
-    found = [share for seed in range(100) for share in shares(chain(seed))]
+    found = [share for seed in range(0, 100, 2) for share in shares(chain(seed))]
     assert max(found) < 1.5 * SHARE
     assert np.median(found) == pytest.approx(SHARE, rel=0.02)
 
 
 @pytest.mark.slow
-def test_some_random_chains_within_the_conservative_range():
+def test_random_chains_within_the_conservative_range():
     """The share is not reached, and the range is less than twice too small."""
-    found = [share for seed in (2, 24, 31) for share in shares(chain(seed), conservative=True)]
-    assert len(found) >= 5
-    assert max(found) < SHARE
-    assert np.median(found) > 0.5 * SHARE
-
-
-@pytest.mark.slow
-def test_more_random_chains_within_the_conservative_range():
-    """Every fourth of the hundred, all of which hold."""
     found = [share for seed in range(0, 100, 4) for share in shares(chain(seed), conservative=True)]
     assert max(found) < SHARE
     assert np.median(found) > 0.5 * SHARE
