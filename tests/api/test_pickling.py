@@ -11,6 +11,7 @@ import mbsvib as mv
 from mbsvib import isolation, library, studies
 from mbsvib.campbell import campbell
 from tests.isolation.scenes import active_strut
+from tests.studies.test_trade_off import X, Y, distances, plate
 
 
 def sent(value):
@@ -119,6 +120,8 @@ RESULTS = {
     "root locus": (lambda: isolation.root_locus(active(), partial(isolation.force_feedback, active(), leak=1.0),
                                                 [10.0, 300.0]), str),
     "isolation": (lambda: active().isolation([1.0, 30.0]), lambda r: r.index),
+    "vibration": (lambda: loop().sampled(1e4).isolation([1.0]).under({"z": 1e-6}, band=(1.0, 50.0)),
+                  lambda r: r.acceleration),
     "platform": (lambda: isolation.platform(library.cubic_hexapod(), "platform"), str),
     "passive": (lambda: isolation.passive(library.cubic_hexapod(), "platform"), str),
     "struts": (lambda: isolation.struts(library.cubic_hexapod(), "platform"), str),
@@ -127,6 +130,7 @@ RESULTS = {
     "tolerances": (lambda: studies.tolerances(CAR(), {"body.mass": 3.0}, studies.frequency(1), samples=20), str),
     "optimum": (lambda: studies.optimize(CAR(suspension_damping=1e2), {"suspension.damping": (10.0, 1e4)},
                                          -studies.damping_ratio(1)), str),
+    "trade off": (lambda: studies.trade_off(plate(), {X: (0.5, 3.0), Y: (0.5, 3.0)}, distances(), divisions=2), str),
     "campbell": (lambda: campbell(library.rotor_stator(), [0.0, 100.0]), str),
     "path": (lambda: library.toggle(angle=0.284).path("base.rz", [0.0, -0.01]), str),
 }  # fmt: skip
