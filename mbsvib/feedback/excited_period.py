@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mbsvib.common.memory import BATCH_BYTES
+from mbsvib.errors import ResponseError
 from mbsvib.feedback.sampled_period import period
 from mbsvib.linalg.products import product
-from mbsvib.linalg.rank import ZERO_RESPONSE
+from mbsvib.linalg.rank import EPS, ZERO_RESPONSE
 from mbsvib.linalg.spectrum import spectrum
 from mbsvib.responses.first_order_solver import first_order_solver
 
@@ -123,6 +124,11 @@ def steady_state(loop: Sampled, w: Array, shown: list[int], sources: list[int]) 
 
     ``shown``, ``sources``: numbers of outputs and inputs of the plant.
     """
+    beyond = w[np.abs(w) * EPS > loop.rate]
+    if len(beyond):
+        raise ResponseError(f"frequency_response: omega = {beyond[0]:g} rad/s; '{loop.name}' is sampled at "
+                            f"{loop.rate:g} Hz, and beyond {loop.rate / EPS:g} rad/s rounding of "
+                            f"omega is more than a turn in a period.")  # fmt: skip
     at = period(loop, shown, sources)
     excited = _excited(at, np.zeros(1))
     slow, none = excited.base - np.eye(len(excited.base)) + excited.change, np.empty((len(excited.base), 0))

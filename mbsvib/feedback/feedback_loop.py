@@ -299,7 +299,14 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         -------
         array, shape (outputs, inputs, n)
             Complex responses.
+
+        Raises
+        ------
+        ResponseError
+            If ``w`` is no vector of frequencies, or one of them is so far above the rate of a sampled loop that
+            rounding of it is more than a turn in a period.
         """
+        w = angular(w)
         y, u = self.ports
         o, i = self.selected_ports
         system = self.plant.system

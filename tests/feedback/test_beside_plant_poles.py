@@ -170,6 +170,14 @@ def test_loop_gain_at_a_pole_of_a_sampled_plant(w):
         plant.feedback([[-0.5]], "y1", "u1").sampled(10.0).loop_gain([w])
 
 
+def test_frequencies_whose_phase_at_samples_is_not_known_are_refused():
+    """They overflowed with a warning of numpy; a list ended in TypeError."""
+    loop = pair()[0].sampled(10.0)
+    assert loop.response([2.0, 1e16]).shape == (3, 3, 2)
+    with pytest.raises(mv.ResponseError, match=r"omega = 1e\+18 .* at 10 Hz, and beyond 4\.5.*e\+16 rad/s"):
+        loop.response([2.0, 1e18])
+
+
 def test_margins_of_a_loop_at_the_limit_of_stability():
     """A pole of the closed loop on the imaginary axis leaves no margin; meeting it ended in LinAlgError."""
     for loop, hertz in ((slider().feedback([[-800.0]], "x", "F"), 20.0 / (2.0 * np.pi)),
