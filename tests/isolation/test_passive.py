@@ -230,6 +230,10 @@ def test_front_of_isolation_against_compliance_in_closed_form():
     assert np.allclose(front.price, bounds, rtol=1e-6)
     assert np.allclose(front.objective, k / (MASS * (2 * np.pi * f) ** 2 - k), rtol=1e-6)
     assert all(design.success for design in front.designs)
+    table = front.table()
+    assert [name for name, _ in table["columns"]] == ["sag along z [m]", "index at 100 Hz [1]", "mount.stiffness", ""]
+    assert [float(row[0]) for row in table["rows"]] == bounds
+    assert [float(row[2]) for row in table["rows"]] == pytest.approx(k, rel=1e-4)
     assert "Pareto front" in str(front)
     stiff = goal.front({"mount.stiffness": (1e3, 1e6)}, goal.index([f]), goal.sag(load=1.0), bounds[:1],
                        goal.index([f]) >= 1e-6)  # fmt: skip
