@@ -57,6 +57,7 @@ def test_all_matrices_at_length(model, data):
         assert_same_matrices(linearized(item), Exact(item))
 
 
+@pytest.mark.slow
 @given(ANY)
 def test_matrices_are_symmetric_and_mass_is_positive(model):
     system = linearized(model)
@@ -105,6 +106,7 @@ def test_insertion_order(model, order):
     assert_same_answers(first, second, rtol=1e-9)
 
 
+@pytest.mark.slow
 @examples(15, slow=25)
 @given(GROUNDED)
 def test_first_and_second_swapped(model):
@@ -113,6 +115,7 @@ def test_first_and_second_swapped(model):
     assert_same_answers(first, second, rtol=1e-9)
 
 
+@pytest.mark.slow
 @examples(15, slow=25)
 @given(GROUNDED, seeds())
 def test_moved_ten_kilometres(model, seed):

@@ -96,6 +96,7 @@ def test_exports_are_checked_against_their_model(run, suffix, package):
     assert run(f"check-export slider.{suffix} stewart").exit_code == 1
 
 
+@pytest.mark.slow
 def test_binaries_run_where_the_user_says_so(run):
     pytest.importorskip("fmpy")
     assert run("export slider.yaml -o slider.fmu").exit_code == 0

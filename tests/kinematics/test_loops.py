@@ -215,6 +215,7 @@ def test_small_and_large_loops_far_from_the_origin(factor, seed):
     assert_allclose(system.modes().frequencies * 2 * np.pi, np.sqrt(reference.squares), rtol=1e-9)
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("place", ["as drawn", "turned", "turned and moved"])
 @pytest.mark.parametrize("name", overconstrained.ALL)
 def test_overconstrained_mechanisms_that_move(name, place):

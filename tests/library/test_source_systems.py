@@ -125,6 +125,7 @@ def test_two_link_arm():
     assert_allclose(system.M, [[first, both], [both, m2 * l2**2 / 3]], rtol=1e-13)
 
 
+@pytest.mark.slow
 def test_gripper_is_a_tree():
     model = gripper()
     system = model.linearize()

@@ -72,6 +72,7 @@ def test_the_tree_holds_a_shortest_path_to_every_body(model):
     assert reached == shortest
 
 
+@pytest.mark.slow
 @given(open_trees())
 def test_open_chains_are_not_cut(model):
     system = model.linearize()

@@ -68,6 +68,7 @@ def test_modes_that_the_gain_does_not_move_leave_room_for_the_others():
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["open loops", "best gain", "zeros"]
 
 
+@pytest.mark.slow
 def test_labels_of_damping_are_on_their_rays_and_within_the_limits():
     (axes,) = plots.root_locus(_locus(), real=(-3.0, 0.2), imaginary=(2.0, 10.0)).axes
     labels = {text.get_text(): text.get_position() for text in axes.texts}

@@ -14,6 +14,7 @@ def heights(axes):
                      for group in axes.collections if isinstance(group, PolyCollection)])  # fmt: skip
 
 
+@pytest.mark.slow
 def test_bars_are_the_displacements_of_the_bodies():
     system = mv.library.gripper().linearize()
     modes = system.modes()

@@ -12,6 +12,7 @@ from tests.support.sizes import few
 G = 9.81
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("n", [40, 3000])
 def test_long_chains_have_the_roots_of_laguerre_polynomials(n):
     """x = j^2 / (4 v) (1 + (j^2 - 2) / (48 v^2)) + ... with v = n + 1/2 and j the zeros of J0: Tricomi's series."""

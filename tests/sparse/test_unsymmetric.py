@@ -45,6 +45,7 @@ def with_ports(model):
     return model
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("follower", "torque"), [(True, False), (False, True), (True, True)])
 @pytest.mark.parametrize("loops", [0, 1])
 def test_follower_loads_and_torques(loops, follower, torque):

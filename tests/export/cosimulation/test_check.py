@@ -51,6 +51,7 @@ def test_orders_are_those_of_theory(check):
     assert check["jacobi"].errors[0] > check["gauss-seidel"].errors[0] > check["gauss-seidel"].errors[2] > 0
 
 
+@pytest.mark.slow
 def test_the_closed_loop_is_that_of_python_control(check):
     assert check.growth == pytest.approx(closed_poles(speed_feedback()).real.max(), rel=1e-10)
 

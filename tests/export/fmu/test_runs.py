@@ -64,6 +64,7 @@ def test_400_states_step_exactly(realization, tmp_path):
     assert worst(run(file, tmp_path / "chain", u, 1e-3), truth) < 5e-12
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("version", VERSIONS)
 def test_slopes_of_inputs_make_steps_of_second_order_exact(chain, version, tmp_path):
     file = mx.to_fmu(chain, tmp_path / "chain.fmu", version)
