@@ -10,6 +10,7 @@ from mbsvib.api.linear_range import LinearRange
 SENTENCE = "the second-order part reaches 10% of the linear one at an estimated amplitude of"
 
 
+@pytest.mark.slow
 def test_a_toggle_near_its_dead_centre():
     system = library.toggle(angle=0.01).linearize()
     notes = [note for note in system.modes().remarks() if SENTENCE in note]

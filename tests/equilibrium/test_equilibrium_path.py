@@ -186,6 +186,7 @@ def test_held_models_have_the_stiffness_of_the_energy(kind, coordinate, words, t
     assert pytest.approx(there.K.T, abs=1e-9 * np.abs(there.K).max()) == there.K
 
 
+@pytest.mark.slow
 def test_a_closed_loop_under_gravity():
     """The holding moment of a four-bar is the derivative of its potential along the crank."""
     model = library.four_bar()

@@ -108,6 +108,7 @@ def near_a_dead_point(seed):
     return model
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", [39, 235])
 def test_an_equilibrium_is_on_the_way_down(seed):
     """Coupler and rocker keep the side to which they bend, as they do in steps of a thirtieth."""

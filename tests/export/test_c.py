@@ -135,6 +135,7 @@ def test_a_wrong_coefficient_is_found(tmp_path):
         assert "FAILED" in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("g++") is None, reason="needs g++")
 def test_the_header_serves_cpp(tmp_path):
     files = mx.to_c(mv.library.quarter_car().linearize(), tmp_path)
@@ -158,6 +159,7 @@ def test_files_of_others_stay(tmp_path):
     mx.to_c(mv.library.quarter_car().linearize(), tmp_path, name="other")
 
 
+@pytest.mark.slow
 def test_odd_names_compile(tmp_path):
     model = mv.Model('a*/ "b" \\ ü ??/')
     model.add_body("m", 1.0, (1, 1, 1))

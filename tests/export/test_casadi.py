@@ -143,6 +143,7 @@ def test_files_go_on_to_casadi(tmp_path):
     assert same_bits(result + 0.0, system.state_space().A + 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 def test_c_code_steps_as_casadi_does(tmp_path, monkeypatch):
     made = mx.to_casadi(slider(), 1e-3, ["k.stiffness", "mass.mass"])

@@ -19,6 +19,7 @@ CASES = {**SYSTEMS, "massless": massless, "stiff": lambda: stiff_model().lineari
          "free": lambda: slider(stiffness=0.0)}  # fmt: skip
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
 def test_every_system_passes(case, realization, tmp_path):

@@ -52,6 +52,7 @@ def test_files_are_read_again(name, suffix, tmp_path):
     assert result.passed, str(result)
 
 
+@pytest.mark.few(7)
 @pytest.mark.parametrize("name", MODELS)
 def test_universal_files(name, tmp_path):
     omega, truth = truth_of(name)

@@ -55,6 +55,7 @@ def test_there_and_back(case, realization, tmp_path):
     assert mx.to_json(mx.from_json(path)) == text
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("case", SYSTEMS)
 def test_the_schema_holds(case):
     schema = mx.json_schema()
@@ -151,6 +152,7 @@ def test_a_missing_file_and_a_folder(tmp_path):
             mx.from_json(path)
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.floats(0.0, 1.0, exclude_max=True))
 def test_a_cut_text_is_refused(place):

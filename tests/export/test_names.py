@@ -114,6 +114,7 @@ def test_python_control_takes_what_the_map_makes(name):
     assert taken(SignalNames.to_control(name))
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(SAID)
 def test_python_control_keeps_any_name(name):

@@ -44,6 +44,7 @@ def arm(damping=0.0):
     return model.linearize()
 
 
+@pytest.mark.slow
 def test_pyuff_reads_every_response(tmp_path):
     system = stewart()
     omega = np.geomspace(10.0, 1e5, 40)

@@ -72,6 +72,7 @@ def matched(values, exact):
     return max(np.abs(values - value).min() / abs(value) for value in exact)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", LAWS)
 def test_poles_and_responses_in_40_digits(name):
     law, sensors, actuators = LAWS[name]

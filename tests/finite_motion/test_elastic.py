@@ -109,6 +109,7 @@ def test_singular_beam_moves_in_its_plane_only():
     assert len(fm.motion.names) == 10
 
 
+@pytest.mark.slow
 def test_interface_that_two_parts_hold():
     """A plate on two beams: the displacements of the second follow from those of the first."""
     model = mv.Model("plate")

@@ -82,6 +82,7 @@ def test_many_sharp_peaks(ratio):
     assert below[0] > 1 > below[1]
 
 
+@pytest.mark.slow
 def test_frequencies_that_miss_every_peak_change_no_figure():
     first, second = (isolation.study(two_masses(c1=1e-3, c2=1e-3), "payload", directions="z", frequencies=f)
                   for f in (None, [0.1, 1e3]))  # fmt: skip
@@ -157,6 +158,7 @@ def test_roll_off_of_a_chain(n, damped):
     assert 20 * math.log10(slope) == pytest.approx(result.roll_off, rel=1e-2)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("massless", [False, True])
 @pytest.mark.parametrize("body", ["payload", "top"])
 def test_roll_off_of_bodies_that_equilibrium_has_turned(massless, body):

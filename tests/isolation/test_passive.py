@@ -29,6 +29,7 @@ def geometry(model):
     return isolation.ring(model, "start") | isolation.ring(model, "end")
 
 
+@pytest.mark.slow
 def test_best_damper_under_white_noise_is_half_of_critical():
     # (1 + 4 zeta^2) / (2 zeta) is least at 1/2
     goal = isolation.passive(one_axis(0.05), "payload", directions="z")
@@ -150,6 +151,7 @@ def test_strokes_of_bushings_with_and_without_couplings(coupled):
         assert np.allclose(exact[:, i] * value, (up - down) / 2e-5, rtol=1e-6, atol=1e-9 * up.max()), name
 
 
+@pytest.mark.slow
 def test_angles_of_joints_in_closed_form():
     # phi'' + 2 zeta w phi' + w^2 phi = -a m r / J under white noise a: <phi^2> = S (m r / J)^2 / (8 zeta w^3)
     mass, r, inertia, k, c = 2.0, 0.5, 0.1, 40.0, 0.8

@@ -47,6 +47,7 @@ def test_complex_blocks():
     assert mu(positive) == pytest.approx(np.abs(np.linalg.eigvals(positive)).max(), rel=1e-6)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("real", [(), (1, 3), range(5)])
 def test_scaling_changes_nothing(real):
     rng = np.random.default_rng(3)

@@ -67,6 +67,7 @@ def test_directions_of_one_source_add_as_amplitudes(phase):
     np.testing.assert_allclose(result.density(f), density[rows], rtol=1e-9, atol=1e-12 * density[rows].max())
 
 
+@pytest.mark.slow
 def test_moments_of_correlated_white_noise_in_closed_form():
     """The mean square of a sum: a S_x + b S_y + 2 c R sqrt(S_x S_y), with a, b and c from three other cases."""
     study = isolation.study(library.cubic_hexapod(), "platform")

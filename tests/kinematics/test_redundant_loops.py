@@ -145,6 +145,7 @@ def test_loops_of_a_centimetre_a_hundred_thousand_kilometres_off(kinds):
             pair.check(pair.model.linearize(method=method))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kinds", [("cylindrical", "screw"), ("screw", "screw"), ("screw", "cylindrical")])
 def test_screws_at_one_point_in_any_unit(kinds):
     """Loops without a size are measured by the pitch."""

@@ -103,6 +103,7 @@ def test_factors_make_the_matrix(seed):
         assert (system.circulatory == -system.circulatory.T).all()
 
 
+@pytest.mark.slow
 def test_geometric_stiffness_is_not_small_here():
     """A negative control: without K_g the comparison fails by much."""
     model, system = linearized(3, bodies=4)

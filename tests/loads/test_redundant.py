@@ -142,6 +142,7 @@ def test_the_cut_makes_no_difference(name):
         assert np.abs(result - expected).max() < 1e-9 * np.abs(expected).max()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("method", ["dense", "sparse"])
 def test_loops_with_a_weld_in_common_share_their_forces(method):
     """Two gates between the ground and one welded post: no coordinate is common to the loops, the weld's wrench is."""
@@ -166,6 +167,7 @@ def test_loops_with_a_weld_in_common_share_their_forces(method):
         np.testing.assert_allclose(result, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("method", ["dense", "sparse"])
 def test_joints_that_lock_nothing_make_no_difference(method):
     """Beside a door and a gate: a free joint between them, whether the tree goes through it or it closes a loop."""

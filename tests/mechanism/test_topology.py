@@ -150,6 +150,7 @@ def test_two_joints_between_the_same_bodies_make_a_loop():
     assert all(name.startswith("high.") for name in system.redundant)
 
 
+@pytest.mark.slow
 @examples(20, slow=20)
 @given(st.integers(0, 2**31), st.integers(0, 10))
 def test_the_order_of_the_calls_changes_neither_count_nor_cumulative_freedom(seed, order):

@@ -89,6 +89,7 @@ def test_a_program_that_fails_is_told(stewart, monkeypatch, tmp_path):
     assert not (tmp_path / "mode.mp4").exists()
 
 
+@pytest.mark.slow
 def test_it_shows_itself(stewart):
     assert "data:image/gif;base64," in stewart.modes().animate(2, frames=2)._repr_html_()
 

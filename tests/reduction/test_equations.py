@@ -112,6 +112,7 @@ def test_modes_are_ranked_by_the_peaks_of_their_responses():
         assert_allclose(np.diag(small.K), natural[np.sort(order[:count])] ** 2, rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_free_motions_stay():
     """A free chain of masses: two rigid motions of the two directions, infinite responses at rest, a finite error."""
     model = mv.Model("free chain")

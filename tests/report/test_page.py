@@ -96,6 +96,7 @@ def test_embedded_data_come_back(text):
     assert not set("<>&\u2028\u2029é") & set(code)
 
 
+@pytest.mark.slow
 def test_what_has_nothing_to_show_is_a_page_nevertheless():
     model = mv.Model("locked")
     model.add_body("b", 1.0, (1, 1, 1))
@@ -154,6 +155,7 @@ def test_modes_are_paired_by_shape_when_their_order_changes():
     assert data["labels"] == ["stiff", "soft"]
 
 
+@pytest.mark.slow
 def test_an_unstable_loop_is_a_page_that_says_so():
     plant = mv.library.quarter_car().linearize()
     law = mv.StateSpace.from_arrays([[-5.0]], [[1.0]], [[-20.0]], 0)

@@ -140,6 +140,7 @@ def test_a_diverging_mode_grows_as_it_should():
     assert_allclose(system.time_response(t, 0 * t, initial=([1.0], [0.0]))[0], np.cosh(2 * t), rtol=1e-12)
 
 
+@pytest.mark.slow
 @examples(15, slow=25)
 @given(SMALL, seeds())
 def test_finer_samples_of_the_same_input_change_nothing(model, seed):

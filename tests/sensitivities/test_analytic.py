@@ -23,6 +23,7 @@ def by_differences(system):
     return {entry.name for entry, known in zip(entries, analytic, strict=True) if not known}
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("feature", [*features.BEAMS, *features.SUPERELEMENTS, "rotor on body", "maxwell",
                                      "massless damped node", "gear", "planar four-bar"])  # fmt: skip
 def test_every_parameter_is_analytic(feature):

@@ -52,6 +52,7 @@ def test_shifts_along_the_axes_of_pins_change_nothing(case):
         assert all(np.abs(change).max(initial=0.0) < 1e-10 * largest for change in variants.slopes([shift]).values())
 
 
+@pytest.mark.slow
 def test_a_spring_that_never_strains():
     """Its stiffness k turn^2 vanishes with the turn of the coupler, and so do all first derivatives of it."""
     variants = Variants(parallelogram(spring="coupler", force="spring").linearize())

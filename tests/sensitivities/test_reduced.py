@@ -1,11 +1,13 @@
 """Sensitivities beside a reduced model, whose matrices no rule of a part holds."""
 
 import numpy as np
+import pytest
 
 from tests.sensitivities.differences import assert_derivative, difference, eigenvalues, step_of
 from tests.superelements.test_superelement import with_hub
 
 
+@pytest.mark.slow
 def test_what_hangs_on_a_reduced_pipe():
     model = with_hub(4)
     model.add_bushing("mount", "ground", "hub", (0, -0.25, 0.3), (1e5, 2e5, 3e5, 1e3, 2e3, 3e3),

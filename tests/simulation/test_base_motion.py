@@ -24,6 +24,7 @@ def swing(gravity=(0.0, 0.0, -9.81)):
     return model
 
 
+@pytest.mark.slow
 def test_a_constant_acceleration_acts_like_gravity():
     t = np.linspace(0.0, 0.7, 31)
     shaken = swing().simulate(t, {"shake": 6.0}, tolerance=1e-10)
@@ -38,6 +39,7 @@ def test_a_constant_acceleration_acts_like_gravity():
     assert np.abs(shaken.energy.balance).max() < 1e-8 * shaken.energy.kinetic.max()
 
 
+@pytest.mark.slow
 def test_what_does_not_turn_answers_as_the_linear_equations_do():
     model, t = mv.library.quarter_car(), np.linspace(0.0, 1.0, 201)
     road = np.sin(9.0 * t) * t

@@ -30,6 +30,7 @@ def theta_of(run):
     return THETA0 + run.coordinates["base.rz"]
 
 
+@pytest.mark.slow
 def test_the_start_is_the_pose_under_the_load():
     model = mv.library.singular_beam()
     run = model.simulate([0.0, 0.01])  # the load still acts: nothing moves

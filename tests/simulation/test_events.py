@@ -71,6 +71,7 @@ def test_a_run_goes_on_where_another_one_ended():
     assert when == pytest.approx([fall, 2 * fall, 2 * fall], rel=1e-8)
 
 
+@pytest.mark.slow
 def test_rotation_vectors_are_counted_beyond_a_turn():
     model = mv.Model("top")
     model.add_body("top", 1.0, (0.1, 0.1, 0.1))

@@ -23,6 +23,7 @@ def test_positions_are_those_of_exudyn(name):
     assert np.abs(run.energy.balance).max() < 1e-7 * size
 
 
+@pytest.mark.slow
 def test_a_tighter_tolerance_is_nearer():
     """The error follows the tolerance, down to that of the reference."""
     reference = np.array(DATA["double_pendulum"]["values"])

@@ -94,6 +94,7 @@ def test_what_has_no_range_is_refused_by_name():
         mv.System.from_matrices(np.eye(2), None, np.eye(2)).linear_range()
 
 
+@pytest.mark.slow
 def test_explain_tells_small_ranges_and_computes_no_modes_for_them():
     system = mv.library.toggle(angle=0.01).linearize()
     text = system.explain()

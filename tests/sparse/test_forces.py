@@ -101,6 +101,7 @@ def test_machines_with_many_loops(make):
     assert differ(sparse.frequency_response(OMEGA), dense.frequency_response(OMEGA), retained) < 1e-9
 
 
+@pytest.mark.slow
 def test_large_groups_of_loops_are_solved_sparse(monkeypatch):
     """The same forces as by the dense factors of small groups, redundant constraints included."""
     model = with_forces(mv.library.ladder(12), joints=list(mv.library.ladder(12).joints)[::7], bodies=())
@@ -227,6 +228,7 @@ def test_superelements_share_mass_and_stiffness():
     assert differ(sparse.frequency_response(OMEGA), dense.frequency_response(OMEGA)) < 1e-9
 
 
+@pytest.mark.few(1)
 @pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")
 @pytest.mark.parametrize("seed", few(range(6), 1))
 @pytest.mark.parametrize("words", [
@@ -241,6 +243,7 @@ def test_random_mechanisms_under_load(seed, words):
     assert differ(sparse.frequency_response(OMEGA), dense.frequency_response(OMEGA), smallest_pivot(sparse)) < 1e-9
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", [
     "universal", "homokinetic", "screw", "cylindrical", "planar", "distance", "point_on_line",
 ])  # fmt: skip

@@ -62,6 +62,7 @@ def test_modes_of_many_loops_are_peaks_of_the_whole_response():
         assert peak[0] > 2 * side[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layers", few([300, 1000], 1))
 def test_planar_loops_have_three_redundant_rows_each(layers):
     model = mv.library.ladder(layers)
@@ -83,6 +84,7 @@ def test_a_large_grid_of_balls_is_decided_as_a_whole():
     assert_same_eigenvalues(system.modes(6).eigenvalues, dense.modes(6).eigenvalues, rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_a_large_grid_of_hinges_has_redundant_rows():
     """Three in every loop, and more where loops share bodies that can no longer move."""
     model = scenes.grid(14, 14)

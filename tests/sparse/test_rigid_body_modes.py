@@ -57,6 +57,7 @@ def test_as_the_dense_path_has_them(name):
     assert_same_eigenvalues(some.eigenvalues, every.nearest(12).eigenvalues, rtol=1e-11)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", SCENES)
 def test_around_a_frequency(name):
     """They are exact zeros, too, where they are found because they are the nearest."""
@@ -72,6 +73,7 @@ def test_around_a_frequency(name):
     assert high.rigid == 0
 
 
+@pytest.mark.slow
 def test_fewer_than_there_are():
     """Two of six: still zeros, and motions that meet no spring."""
     system = scenes.floating(800).linearize()

@@ -33,6 +33,7 @@ def test_the_slowest_modes_are_those_of_dense_equations(dampers, seed):
     assert modes.missed in (0, None)
 
 
+@pytest.mark.slow
 def test_damping_proportional_to_stiffness_needs_no_solves(monkeypatch):
     """Row by row the same multiple of K: the undamped modes are those of the damped chain."""
     def refuse(*_):

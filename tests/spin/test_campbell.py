@@ -23,6 +23,7 @@ def test_every_eigenvalue_is_one_of_the_closed_form():
     np.testing.assert_allclose(data.damping_ratios[:, -1], 0.05, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_whirl_of_an_isotropic_rotor_is_round():
     """Spin raises the frequencies of forward whirl and lowers those of backward whirl."""
     data = campbell(rotor_and_stator(3.0), SPEEDS)

@@ -82,6 +82,7 @@ def test_small_finite_motion_is_the_linear_one(gravity):
         np.testing.assert_allclose(result, expected, atol=3e-6 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_energy_of_a_large_motion_is_balanced_by_the_work_of_the_cross_coupling():
     model, *_ = bearing()
     t = np.linspace(0.0, 0.03, 40)

@@ -81,6 +81,7 @@ def test_frequency_response(scene, off):
     assert (np.abs(result - expected) <= 2e-12 * np.abs(expected).max(axis=(0, 1))).all()
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("off", [1e-14, -1e-6])
 def test_time_response(scene, off):

@@ -88,6 +88,7 @@ def test_a_stewart_platform_at_its_singular_yaw(offset):
     assert max(error) <= 3e-15
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("offset", [1e-10, 1e-8, 1e-6, 1e-4, 1e-2])
 def test_a_stewart_platform_near_its_singular_yaw(offset):
     """The soft mode feels nothing but small differences of the geometry: eps / offset of it, promised and warned of."""

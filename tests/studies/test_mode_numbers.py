@@ -49,6 +49,7 @@ def test_labels_of_tolerances_and_columns_of_files_count_from_1(tmp_path):
     assert swept.to_csv(tmp_path / "sweep.csv").read_text().splitlines()[0] == "slow.mass,f(1),f(2)"
 
 
+@pytest.mark.slow
 def test_critical_speeds_have_the_number_that_is_printed():
     data = campbell(library.rotor_stator(), np.linspace(0.0, 12.0, 25))
     assert data.critical

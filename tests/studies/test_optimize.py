@@ -145,6 +145,7 @@ def test_best_absorber_has_two_peaks_of_one_height(method):
     assert np.sqrt(1 + 2 / SHARE) < result.objective < 1.001 * np.sqrt(1 + 2 / SHARE)
 
 
+@pytest.mark.slow
 def test_best_absorber_under_white_noise_is_that_of_the_closed_form():
     result = st.optimize(absorber(), TUNED, st.rms("x", {"F": 1.0}) * 1e3)
     assert result.success, result
@@ -189,6 +190,7 @@ def test_damping_is_shared_out_within_a_budget():
     assert np.allclose(list(result.values.values()), [2.0, 4.0], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_damping_floor_holds():
     floor = st.optimize(absorber(below=1.0), TUNED, st.variable("k2.damping"),
                         [st.damping_ratio() >= 0.02, st.frequency(1) >= 1.4])  # fmt: skip
@@ -261,6 +263,7 @@ BAD = [
 ]
 
 
+@pytest.mark.few(7)
 @pytest.mark.parametrize(("variables", "objective", "words", "message"), BAD)
 def test_bad_input_is_told(variables, objective, words, message):
     with pytest.raises(ModelError, match=message):

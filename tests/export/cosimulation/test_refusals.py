@@ -47,6 +47,7 @@ def test_units_without_connection():
     refused("no connection from outputs of the plant", plant(), controller(-1.0, inputs=("w",)), H)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("words", "more"),
     [
@@ -93,6 +94,7 @@ def rewritten(source, path, change):
     return path
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_units_that_were_tampered_with(version, tmp_path):
     good = mx.to_fmu(plant(), tmp_path / "good.fmu", version)

@@ -106,6 +106,7 @@ def test_a_torsion_spring_in_closed_form():
     assert found == pytest.approx(slopes, rel=1e-12)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("feature", ["inerter", "preloaded torsion spring", "rotor on body"])
 @pytest.mark.parametrize("hold", ["held by bushings", "held by loads"])
 def test_no_variant_is_made(monkeypatch, feature, hold):

@@ -122,6 +122,7 @@ def test_every_answer_agrees_with_the_matrices(seed):
             assert abs(slopes[k, i] + y @ work / norm) <= 1e-6 * np.abs(y) @ np.abs(work) / abs(norm) + 1e-12
 
 
+@pytest.mark.slow
 def test_no_variant_is_made(monkeypatch):
     """Loads, preloads, free lengths, gravity, geometry: all 334 numbers of the platform, and its responses."""
     model = library.stewart()
