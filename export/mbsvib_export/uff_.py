@@ -9,7 +9,6 @@ of a response and, cut to ten characters, with its nodes.
 from __future__ import annotations
 
 import os
-import re
 import warnings
 from typing import TYPE_CHECKING, Any
 
@@ -149,10 +148,9 @@ def from_uff(path: str | os.PathLike[str]) -> Measurement:
     where = os.fspath(a_path(path, "from_uff", ExportError))
     raw = content_of(where, ExportError, "a universal file")
     try:
-        result = measurement_of(raw)
+        result, modes = measurement_of(raw)
     except ContentError as error:
         raise ExportError(f"{where}: no universal file that can be read, or a damaged one: {error}.") from error
-    modes = [item for item in result.left_out if re.search("data set (55|2414): analysis type [237],", item)]
     if modes:
         warnings.warn(f"from_uff: {where}: modes are left out: {'; '.join(modes)}; expected displacements at nodes, of "
                       f"3 or 6 real or complex values.", LeftOutWarning, stacklevel=2)  # fmt: skip

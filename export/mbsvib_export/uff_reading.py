@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _NODES = 7  # type of entities in groups
 _AT_NODES = 1
 _CARTESIAN, _CYLINDRICAL, _SPHERICAL = 0, 1, 2  # types of coordinate systems
-_NORMAL, _COMPLEX, _COMPLEX_VELOCITY = 2, 3, 7  # types of analysis
+_NORMAL, _MODAL = 2, (2, 3, 7)  # types of analysis: normal modes; these, complex modes and those of first order
 _DISPLACEMENT = 8
 _REAL_VALUES, _COMPLEX_VALUES = (2, 4), (5, 6)  # types of data: single and double precision
 # Frequencies of responses that agree to this share are the same: single precision, and five digits of text.
@@ -78,10 +78,12 @@ class _Content:
     functions: list[Function] = field(default_factory=list)
     modes: list[MeasuredMode] = field(default_factory=list)
     left_out: Counter[str] = field(default_factory=Counter)
+    modes_left_out: set[str] = field(default_factory=set)
 
 
-def measurement_of(raw: bytes) -> Measurement:
-    """Return responses, points, nodes, modes and lines of a universal file, in SI units."""
+def measurement_of(raw: bytes) -> tuple[Measurement, tuple[str, ...]]:
+    """Return responses, points, nodes, modes and lines of a universal file, in SI units, and modes that are left out.
+    """
     content = _Content()
     sets = list(data_sets(raw))
     units = [_units(item) for item in sets if item.kind == 164]
@@ -105,8 +107,9 @@ def measurement_of(raw: bytes) -> Measurement:
                          "of the world"] += 1  # fmt: skip
     nodes = tuple(Node(number, content.names.get(number, ""), position)
                   for number, position in content.positions.items())  # fmt: skip
-    left_out = tuple(f"{count} of {kind}" for kind, count in content.left_out.items())
-    return _measurement(content, nodes, left_out, len(raw))
+    left_out = {kind: f"{count} of {kind}" for kind, count in content.left_out.items()}
+    return (_measurement(content, nodes, tuple(left_out.values()), len(raw)),
+            tuple(text for kind, text in left_out.items() if kind in content.modes_left_out))
 
 
 def _measurement(content: _Content, nodes: tuple[Node, ...], left_out: tuple[str, ...], size: int) -> Measurement:
@@ -227,7 +230,8 @@ def _mode_2414(data: DataSet, content: _Content) -> None:
     """Analysis data as newer programs write them: numbers of all kinds of analysis at fixed places."""
     layout, location = data.integers(8, *[10] * 6), data.integers(2, 10)[0]
     if location != _AT_NODES:
-        content.left_out[f"data set 2414: analysis type {layout[1]}, at location {location}, not at nodes"] += 1
+        _leave_out(content, layout[1],
+                   f"data set 2414: analysis type {layout[1]}, at location {location}, not at nodes")  # fmt: skip
         return
     _, frequency, eigenvalue, _, damping, _ = data.reals(11, *[13] * 6)
     if frequency == 0.0 and eigenvalue > 0.0:
@@ -245,9 +249,10 @@ def _add_mode(
     complex one.
     """
     _, analysis, characteristic, kind, values, per_node = layout
-    if analysis not in (_NORMAL, _COMPLEX, _COMPLEX_VELOCITY) or kind != _DISPLACEMENT or characteristic not in (2, 3) \
+    if analysis not in _MODAL or kind != _DISPLACEMENT or characteristic not in (2, 3) \
             or values not in (*_REAL_VALUES, *_COMPLEX_VALUES) or per_node not in (3, 6):  # fmt: skip
-        content.left_out[f"data set {data.kind}: analysis type {analysis}, result type {kind}, data type {values}"] += 1
+        _leave_out(content, analysis, f"data set {data.kind}: analysis type {analysis}, result type {kind}, data type "
+                                      f"{values}")  # fmt: skip
         return
     frequency, damping = normal
     if analysis != _NORMAL:
@@ -264,6 +269,13 @@ def _add_mode(
         raise ContentError(f"data set {data.kind} at line {data.start} has a node twice")
     shape: Array | Complex = np.asarray(shapes, dtype=complex if is_complex else float).reshape(len(numbered), 6)
     content.modes.append(MeasuredMode(name.strip(), frequency, damping, tuple(numbered), shape))
+
+
+def _leave_out(content: _Content, analysis: int, words: str) -> None:
+    """Note analysis data that are not read, and whether they are modes."""
+    content.left_out[words] += 1
+    if analysis in _MODAL:
+        content.modes_left_out.add(words)
 
 
 def _displacement(numbers: Array, is_complex: bool, node: int, content: _Content) -> Array | Complex:
