@@ -65,7 +65,8 @@ def _amplitude(block: ElasticBlock, mode: Array, size: float) -> float:
     units = np.tile([size, size, size, 1.0, 1.0, 1.0], len(block.points))
     inertia = float(block.mass.diagonal()[: len(units)] @ units**2)
     moved = float((np.abs(mode[: 6 * len(block.elastic)]) / units[: 6 * len(block.elastic)]).max(initial=0.0))
-    return 1.0 / max(moved, 1.0 / np.sqrt(inertia) if inertia > 0.0 else 0.0) if moved or inertia > 0.0 else 1.0
+    least = 1.0 / np.sqrt(inertia) if inertia > 0.0 else 0.0
+    return 1.0 / (max(moved, least) or 1.0)  # 1 for a mode that nothing can excite
 
 
 def magnitudes(
