@@ -72,8 +72,8 @@ def left_out(top: Element, path: str | PathLike[str]) -> Remarks:
 
     A simulator's fixed joint may hold the root link to the world, as the reader does.
     """
-    carried = [child.get("link") for child in top.findall("joint/child")]
-    roots = [str(link.get("name")) for link in top.findall("link") if link.get("name") not in carried]
+    children = [child.get("link") for child in top.findall("joint/child")]
+    roots = [str(link.get("name")) for link in top.findall("link") if link.get("name") not in children]
     notes = [note for element in top.iter() for note in _noted(element)]
     for element in top:
         tag = _name(element)
