@@ -195,12 +195,12 @@ class ClosedLoop(FeedbackLoop):
             return result
         return result.with_ports([space.outputs[i] for i in shown[0]], [space.inputs[i] for i in shown[1]])
 
-    def response(self, w: Array) -> Complex:
+    def response(self, w: ArrayLike) -> Complex:
         """Return the response of the closed loop, whether or not it is stable.
 
         Parameters
         ----------
-        w : array, shape (n,)
+        w : array-like, shape (n,)
             Angular frequencies [rad/s].
 
         Returns

@@ -276,8 +276,8 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         Returns
         -------
         array, shape (outputs, inputs, n)
-            Complex responses, from the accurate ones of the plant; where these cancel, as next to a pole of the plant
-            or of a controller, from the closed-loop equations.
+            Complex responses, from those of the plant; where these cancel, as next to its poles or a controller's,
+            from the closed-loop equations.
 
         Raises
         ------
@@ -285,14 +285,14 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
             If the loop is not stable, a frequency is a pole of the loop, or a name is unknown.
         """
         self.check_stable()
-        return self.with_ports(outputs, inputs).response(angular(omega))
+        return self.with_ports(outputs, inputs).response(omega)
 
-    def response(self, w: Array) -> Complex:
+    def response(self, w: ArrayLike) -> Complex:
         """Return the response of the closed loop, whether or not it is stable.
 
         Parameters
         ----------
-        w : array, shape (n,)
+        w : array-like, shape (n,)
             Angular frequencies [rad/s].
 
         Returns
@@ -303,23 +303,19 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         Raises
         ------
         ResponseError
-            If ``w`` is no vector of frequencies, or one of them is so far above the rate of a sampled loop that
-            rounding of it is more than a turn in a period.
+            If ``w`` is no vector of frequencies, or rounding of one is more than a turn in a period of sampling.
         """
-        w = angular(w)
-        y, u = self.ports
-        o, i = self.selected_ports
-        system = self.plant.system
+        at, system = angular(w), self.plant.system
+        (y, u), (o, i) = self.ports, self.selected_ports
         rows, columns = sorted({*o, *y}), sorted({*i, *u})
         part = system.with_ports([system.outputs[k] for k in rows], [system.inputs[k] for k in columns])
-        g = evaluated(lambda w: part.frequency_response(w).transpose(2, 0, 1), w, (len(rows), len(columns)))
-        y, o = [rows.index(k) for k in y], [rows.index(k) for k in o]
-        u, i = [columns.index(k) for k in u], [columns.index(k) for k in i]
+        g = evaluated(lambda w: part.frequency_response(w).transpose(2, 0, 1), at, (len(rows), len(columns)))
+        y, o = ([rows.index(k) for k in numbers] for numbers in (y, o))
+        u, i = ([columns.index(k) for k in numbers] for numbers in (u, i))
         acts, direct = g[:, o][:, :, u], g[:, o][:, :, i]
-        forces, error = self._forces(w, (g[:, y][:, :, u], g[:, y][:, :, i]))
-        value = direct + acts @ forces
+        forces, error = self._forces(at, (g[:, y][:, :, u], g[:, y][:, :, i]))
         error = EPS * np.abs(direct) + np.abs(acts) @ (EPS * np.abs(forces) + error)
-        return np.asarray(blended(value, error, self._by_states(w)).transpose(1, 2, 0))
+        return blended(direct + acts @ forces, error, self._by_states(at)).transpose(1, 2, 0)
 
     def poles(self) -> Complex:
         """Return the poles of the closed loop [1/s], in ascending magnitude."""
@@ -399,8 +395,7 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         notes = [f"Unstable: {words}." for words in self.growing]
         return {"title": f"Closed loop of {self.plant.system.name}: {self.title}",
                 "columns": [("mode", "right"), ("natural [Hz]", "right"), ("damping ratio [%]", "right"),
-                            ("origin", "left")],
-                "rows": rows, "notes": notes}  # fmt: skip
+                            ("origin", "left")], "rows": rows, "notes": notes}  # fmt: skip
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.plant.system.name!r} with {self.title})"

@@ -105,7 +105,7 @@ class SampledLoop(FeedbackLoop):
         z = np.exp(1j * w / self.rate)
         plant, gains = self._mechanism, np.broadcast_to(d, (len(z), *d.shape)).astype(complex)
         try:
-            with np.errstate(over="ignore", invalid="ignore"):  # so close to a pole that there is no number
+            with np.errstate(over="ignore", invalid="ignore"):  # so close to a pole that the value overflows
                 if len(a):
                     gains = gains + c @ _resolved(a, b, z)
                 value = np.asarray(-(gains @ (plant.outputs[self.ports[0]] @ _resolved(plant.a, plant.forces, z))))
