@@ -324,9 +324,8 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
     @cached_property
     def growing(self) -> tuple[str, ...]:
         """The unstable modes in words, each with the mode of the mechanism it comes from."""
-        poles, errors, _ = self._eigen
-        numbers = unstable(poles, errors)
-        return described(poles, self.sources, numbers) if len(numbers) else ()
+        numbers = unstable(*self._eigen[:2])
+        return described(self._eigen[0], self.sources, numbers) if len(numbers) else ()
 
     @cached_property
     def sources(self) -> tuple[str, ...]:
