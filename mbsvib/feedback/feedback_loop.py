@@ -314,7 +314,7 @@ class FeedbackLoop(LinearVerbs, Displayed, ABC):
         u, i = ([columns.index(k) for k in numbers] for numbers in (u, i))
         acts, direct = g[:, o][:, :, u], g[:, o][:, :, i]
         forces, error = self._forces(at, (g[:, y][:, :, u], g[:, y][:, :, i]))
-        error = EPS * np.abs(direct) + np.abs(acts) @ (EPS * np.abs(forces) + error)
+        error = EPS * np.abs(direct) + np.abs(acts) @ error
         return blended(direct + acts @ forces, error, self._by_states(at)).transpose(1, 2, 0)
 
     def poles(self) -> Complex:

@@ -93,6 +93,15 @@ def test_active_mechanisms_take_transfer_functions_by_name():
     np.testing.assert_allclose(plant.with_gains(law).poles(), plant.with_gains(same).poles(), rtol=1e-10)
 
 
+def test_states_of_each_input_stand_where_its_input_acts():
+    """Three inputs with two, one and three states: python-control's own responses."""
+    law = control.tf([[[1.0], [2.0, 1.0], [5.0]], [[3.0, 1.0], [4.0], [1.0, 0.0]]],
+                     [[[1.0, 2.0, 9.0], [1.0, 4.0], [1.0, 3.0, 3.0, 1.0]]] * 2)  # fmt: skip
+    space = mv.StateSpace.from_control(law)
+    assert space.A.shape == (6, 6)
+    np.testing.assert_allclose(space.frequency_response(W), law(1j * W), rtol=1e-12)
+
+
 @pytest.mark.parametrize("law", [[[np.nan]], control.ss([[np.inf]], [[1.0]], [[1.0]], [[0.0]])])
 def test_gains_that_are_not_finite_are_refused(law):
     with pytest.raises(mv.ResponseError, match="entries that are not finite"):

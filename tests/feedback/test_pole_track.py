@@ -5,6 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import isolation
+from mbsvib.feedback.gain_spectrum import GainSpectrum
 from mbsvib.feedback.pole_track import Track
 
 GRIDS = (np.array([0.0, 2.0]), np.linspace(0.0, 2.0, 5), np.linspace(0.0, 2.0, 24), np.linspace(0.0, 2.0, 101))
@@ -80,6 +81,20 @@ def test_nearly_equal_poles_move_together(grid):
     assert columns_at_end(at, grid) == pytest.approx([-2.0 + end * 1j, -2.0 + end * (1.0 + 1e-5) * 1j, -0.1 + 9j],
                                                      rel=1e-8)  # fmt: skip
     assert len(calls) < 300
+
+
+def test_slopes_of_repeated_poles():
+    """Three pairs and two real poles at one place each for gain 0, with slopes of their own."""
+
+    def at(g):
+        return mixed(oscillator(-0.5 + 2.0 * g, 4.0 - 3.0 * g), oscillator(-0.5 - g, 4.0 + 5.0 * g),
+                     oscillator(-0.5 + 7.0 * g, 4.0), np.diag([-1.0 + 0.5 * g, -1.0 - 8.0 * g]))  # fmt: skip
+
+    spectrum = GainSpectrum(0.0, at(0.0))
+    slopes = spectrum.slopes(at(1.0) - at(0.0))
+    for start, exact in ((-0.5 + 4j, [2 - 3j, -1 + 5j, 7]), (-0.5 - 4j, [2 + 3j, -1 - 5j, 7]), (-1, [0.5, -8])):
+        those = np.sort_complex(slopes[np.abs(spectrum.values - start) < 1e-6])
+        np.testing.assert_allclose(those, np.sort_complex(np.array(exact, dtype=complex)), rtol=1e-9)
 
 
 def by_chance(seed):

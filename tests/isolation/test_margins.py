@@ -37,7 +37,11 @@ def test_single_loop_against_python_control():
     # at the margins the loop just vibrates
     for factor, sign in ((0.999, True), (1.001, False)):
         assert loop_of(factor * got.gain[0] * law).stable is sign
-    assert "gain margin" in str(got)
+    name, all_loops = got.table()["rows"]
+    assert name == ("leg.actuator", f"0 ... {gain:.3g}", f"{abs(phase):.3g}", f"{1e3 * got.delay[0]:.3g}",
+                    f"{modulus:.3g}")  # fmt: skip
+    assert all_loops == ("disk margin (simultaneous)", f"{1.0 / (1.0 + modulus):.3g} ... {1.0 / (1.0 - modulus):.3g}",
+                         f"{np.degrees(2.0 * np.arcsin(0.5 * modulus)):.3g}", "", f"{modulus:.3g}")  # fmt: skip
 
 
 def test_force_feedback_has_infinite_gain_margin_and_ninety_degrees():

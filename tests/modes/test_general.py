@@ -97,6 +97,40 @@ def test_zeros_are_exact():
     assert len(held.nearest(3).eigenvalues) == 6 - held.nearest(3).first_order.sum()
 
 
+def test_zeros_of_massless_motions_are_no_pairs():
+    """A disk that spins about a fixed point comes to rest at any tilt, and so do two bodies without mass on dampers."""
+    model = mv.Model("gyroscope")
+    model.add_body("disk", 2.0, (0.5, 0.5, 0.8), (0, 0, 0))
+    model.add_joint("centre", "spherical", "ground", "disk", (0, 0, 0))
+    model.add_rotor("spin", "disk", 30.0, (0, 0, 1))
+    for i in range(2):
+        model.add_body(f"b{i}", 0.0, (0, 0, 0), (0, 0, 1.0 + i))
+        model.add_joint(f"rail{i}", "prismatic", "ground", f"b{i}", axis=(1, 0, 0))
+        model.add_bushing(f"c{i}", "ground", f"b{i}", position=(0, 0, 1.0 + i), damping=(3.0, 0, 0, 0, 0, 0))
+    modes = model.linearize().modes()
+    assert len(modes) == 5
+    assert modes.first_order.sum() == 2
+    assert modes.rigid == 4
+    assert np.count_nonzero(modes.eigenvalues == 0.0) == 6
+    np.testing.assert_allclose(modes.natural[-1], 30.0 * 0.8 / 0.5, rtol=1e-13)
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_a_shaft_that_is_light_against_its_disk(held):
+    """Masses over twelve decades: the vectors of the first step are not accurate, whether or not motions are free."""
+    model = mv.Model("fan")
+    model.add_body("disk", 12.0, (0.1, 0.1, 0.19), position=(0, 0, 0.4))
+    if not held:
+        model.add_body("hub", 30.0, (0.3, 0.3, 0.3), position=(0, 0, 0))
+    model.add_beam("shaft", "ground" if held else "hub", "disk", {"type": "circle", "radius": 0.015},
+                   {"E": 2.1e11, "nu": 0.3, "rho": 1e-6}, start=(0, 0, 0), end=(0, 0, 0.4), elements=2)  # fmt: skip
+    model.add_rotor("wheel", "disk", 300.0, (0, 0, 1), inertia=0.19)
+    system = model.linearize()
+    error, ratio = worst(system.modes(), eigenvalues(system))
+    assert error <= 1e-14
+    assert ratio <= 1.0
+
+
 def test_shapes_solve_the_equations():
     system = unsymmetric(chain(6, 4), 2.0, 10.0)
     modes = system.modes()

@@ -43,6 +43,19 @@ def test_one_mass_on_a_spring(ratio):
     assert off(later).max() < 0.02 * (1.0 + 1e-5)
 
 
+@pytest.mark.parametrize("unit", [1e-12, 1e12])
+def test_units_of_an_output_change_nothing(unit):
+    """Peaks between samples are found however small or large the numbers are."""
+    def info(size):
+        return mv.StateSpace.from_arrays([[-1.0, 10.0], [-10.0, -1.0]], [[0.0], [1.0]], [[size, 0.3 * size]], 0
+                                         ).step_info()  # fmt: skip
+
+    ours, same = info(unit), info(1.0)
+    assert_allclose(ours.peak, unit * same.peak, rtol=1e-12)
+    for name in ("overshoot", "undershoot", "peak_time", "settling_time", "rise_time"):
+        assert_allclose(getattr(ours, name), getattr(same, name), rtol=1e-9, err_msg=name)
+
+
 def test_a_slow_and_a_fast_real_pole():
     """1 / ((s + 1) (s + 1e6)) is that of the slow pole alone."""
     space = mv.StateSpace.from_arrays(np.diag([-1.0, -1e6]), [[1e6], [-1e6]], [[1.0, 1.0]], 0)
@@ -121,6 +134,11 @@ def test_what_does_not_settle_is_refused(monkeypatch):
     monkeypatch.setattr(decaying_sum, "MOST_SAMPLES", 50_000)
     with pytest.raises(mv.ResponseError, match=r"damping ratio of 1\.0e-09: it takes more than 50,000"):
         beating.step_info()
+    slower = np.array([[-1e-11, 1.0], [-1.0, -1e-11]])  # which the output hardly shows: it need not settle
+    beside = mv.StateSpace.from_arrays(block_diag(slower, *modes), np.tile([[0.0], [1.0]], (7, 1)),
+                                       [[1e-14, 0.0] + [1.0, 0.0] * 6], 0)  # fmt: skip
+    with pytest.raises(mv.ResponseError, match=r"damping ratio of 1\.0e-09: it takes more than 50,000"):
+        beside.step_info()
     with pytest.raises(mv.ResponseError, match=r"band = 2\.0; expected a share"):
         slider(1.0).step_info(band=2.0)
     with pytest.raises(mv.ResponseError, match="coincide"):
