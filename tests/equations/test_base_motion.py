@@ -200,3 +200,24 @@ def test_a_ground_that_shifts_or_turns_about_gravity_is_none_of_that():
     s = 1j * OMEGA
     assert_allclose(result[0, 1], 1.0 - s**2 / (2.0 * s**2 + 9.81), rtol=1e-11)  # J = 2, m l = 1
     assert_allclose(result[0, 0], 0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("torque", [0.0, 3.0])
+def test_a_load_that_follows_turns_with_the_ground(torque):
+    """Ziegler's column on a ground that turns: -M (1, 1)^T as input, K with the force of the tip in its first row."""
+    k, p, length = 50.0, 20.0, 1.0
+    model = mv.Model("column")
+    for name, below, x in (("a", "ground", 0.5), ("b", "a", 1.5)):
+        model.add_body(name, 2.0, (1, 1, 0.3), (x, 0, 0))
+        model.add_joint(f"j{name}", "revolute", below, name, (x - 0.5, 0, 0))
+        model.add_bushing(f"k{name}", below, name, (x - 0.5, 0, 0), (0, 0, 0, 0, 0, k))
+        model.add_output(f"r{name}", name, "rz")
+    model.add_load("push", "b", (-p, 0, 0), (torque, 0, 0), (2, 0, 0), follower=True)
+    model.add_base_motion("turn", "rz")
+    system = model.linearize()
+    # absolute small angles a, b: T = sum m v^2 / 2 + J w^2 / 2; the force follows b
+    mass = np.array([[0.3 + 2.0 * 0.25 + 2.0, 1.0], [1.0, 0.3 + 0.5]]) * length**2
+    stiffness = np.array([[2 * k - p, p - k], [-k, k]])
+    for w, result in zip(OMEGA, system.frequency_response(OMEGA)[:, 0].T, strict=True):
+        expected = np.linalg.solve(stiffness - w**2 * mass, -mass.sum(axis=1))
+        assert_allclose(result, expected, rtol=1e-11)

@@ -152,7 +152,7 @@ def test_nothing_to_drop_says_so():
 def test_twice_names_what_went_the_first_time_too():
     part = beside(2, 2, 2).linearize().reachable(inputs=["F0", "F1"]).reachable("M0", "F0")
     assert part.dof == 2
-    assert all(name in part.explain() for name in ("j1.0.rz", "j1.1.rz", "j2.0.rz", "j2.1.rz"))
+    assert "not controllable from F0: j2.0.rz, j2.1.rz, j1.0.rz, j1.1.rz" in part.explain()
 
 
 @pytest.mark.parametrize(("words", "message"), [

@@ -3,6 +3,7 @@
 import mpmath
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
@@ -72,6 +73,16 @@ def test_damping_of_all_kinds():
         assert (system.gyroscopic is not None) == (damping is not None and not np.allclose(damping, damping.T))
     circulatory = mv.System.from_matrices(mass, None, stiffness + skew)
     assert_allclose(circulatory.circulatory, skew, rtol=1e-9)
+
+
+@pytest.mark.parametrize("form", [sp.csr_array, sp.coo_matrix])
+def test_sparse_matrices(form):
+    mass, stiffness = masses(6)
+    b, c = np.eye(6)[:, :2], np.eye(6)[3:]
+    system = mv.System.from_matrices(form(mass), form(0.01 * stiffness), form(stiffness), form(b), form(c))
+    s = 1j * W[:3, None, None]
+    direct = c @ np.linalg.solve((1.0 + 0.01 * s) * stiffness + s * s * mass, b)
+    assert_allclose(system.frequency_response(W[:3]).transpose(2, 0, 1), direct, rtol=1e-9)
 
 
 def test_names_and_default_outputs():

@@ -42,6 +42,21 @@ def test_a_tilted_joint_of_a_four_bar_is_named(method, joint, tilt):
     assert four_bar(joint, tilt, {other: kind}, "ABCD".index(joint) % 2).linearize().dof == 1
 
 
+@pytest.mark.parametrize("method", ["dense", "sparse"])
+def test_a_tilted_joint_of_a_four_bar_on_a_floating_frame_is_named(method):
+    model = four_bar("C", 1e-3)
+    floating = mv.Model("floating")
+    floating.add_body("frame", 5.0, (1.0, 1.0, 1.0), (0.5, 0.0, 0.0))
+    for body in model.bodies.values():
+        floating.add_body(body.name, body.mass, body.inertia, body.position)
+    for name, ends in ENDS.items():
+        bodies = ("frame" if body == "ground" else body for body in ends)
+        floating.add_joint(name, "revolute", *bodies, POINTS[name], axis=model.joints[name].axes[2])
+    words = r"lock the motion of .*: joint 'C' by 0\.001 rad .* 1 more degree of freedom"
+    with pytest.warns(mv.NearSingularWarning, match=words):
+        assert floating.linearize(method=method).dof == 6
+
+
 @pytest.mark.parametrize("tilt", [1e-6, 3e-2])
 def test_a_tilted_slider_of_a_slider_crank_is_named(tilt):
     model = mv.Model("slider-crank")

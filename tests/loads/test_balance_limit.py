@@ -38,6 +38,31 @@ def test_the_limit_of_balance(make, size):
             make(off, size).linearize()
 
 
+@pytest.mark.parametrize("first", ["turner", "slider"])
+@pytest.mark.parametrize("method", ["dense", "sparse"])
+@pytest.mark.parametrize(("force", "torque", "body", "missing", "share"), [
+    (-15.0, -40.0, "slider", 5.0, 5.0 / 35.0),
+    (-20.0, -30.0, "turner", 10.0, 10.0 / 70.0),
+    (-16.0, -30.0, "turner", 10.0, 10.0 / 70.0),
+    (-10.0, -35.0, "slider", 10.0, 10.0 / 30.0),
+])  # fmt: skip
+def test_the_share_is_that_of_the_forces_on_the_body(first, method, force, torque, body, missing, share):
+    """A load of 20 N on one body and one of 40 N m on another, each held by a preload or not quite."""
+    model = mv.Model("two")
+    for name in (first, "slider" if first == "turner" else "turner"):
+        kind, preload = {"slider": ("prismatic", (0, 0, -force, 0, 0, 0)),
+                         "turner": ("revolute", (0, 0, 0, 0, 0, -torque))}[name]  # fmt: skip
+        model.add_body(name, 1.0, (1, 1, 1))
+        model.add_joint(f"{name} joint", kind, "ground", name, (0, 0, 0))
+        model.add_bushing(f"{name} k", "ground", name, (0, 0, 0), (0, 0, 7.0, 0, 0, 9.0), preload=preload)
+    model.add_load("force", "slider", force=(0, 0, -20.0))
+    model.add_load("torque", "turner", torque=(0, 0, -40.0))
+    with pytest.raises(mv.EquilibriumError, match=rf"\({share:.1e} of the forces") as caught:
+        model.linearize(method=method)
+    assert caught.value.body == body
+    assert caught.value.missing == pytest.approx(missing)
+
+
 @pytest.mark.parametrize("method", ["dense", "sparse"])
 def test_what_springs_make_of_rounded_positions_is_balance(method):
     """64 roundings of 2 m against 1e3 N/m are 3e-11 N: 1e-13 N of preload is none of a force, 1e-8 N is."""

@@ -140,3 +140,18 @@ def test_damping_that_commutes_is_told_in_a_basis_that_mixes():
     result = modes(rayleigh, 1e-10, clean=False)
     assert result.classical == "damping commutes with mass and stiffness"
     assert_allclose(-result.pairs[:, 0].real, 0.15 + 0.5e-5 * result.natural**2, rtol=1e-9)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.3])
+@pytest.mark.parametrize("radius", [1e-3, 1e-13])
+def test_a_spring_at_a_small_lever_arm_beside_a_free_motion(radius, damping):
+    """Units of length change no frequency: sqrt(k r^2 / J), sqrt(k / J) and a wheel that is free."""
+    model = mv.Model("wheels")
+    for name, below in (("a", "ground"), ("b", "a"), ("c", "ground")):
+        model.add_body(name, 1.0, (1, 1, 0.5))
+        model.add_joint(f"j{name}", "revolute", below, name, (0, 0, 0))
+    model.add_bushing("k", "ground", "b", (0, 0, 0), (0, 0, 0, 0, 0, 8.0), (0, 0, 0, 0, 0, damping))
+    model.add_spring("s", "ground", "a", (radius, -radius, 0), (radius, 0, 0), 5.0 / radius**2)
+    modes = model.linearize().modes()
+    assert modes.rigid == 1
+    assert_allclose(modes.natural, [0.0, 10.0**0.5, 4.0], rtol=1e-12)
