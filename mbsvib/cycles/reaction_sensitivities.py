@@ -45,7 +45,7 @@ def reaction_sensitivities(cycle: CycleData, names: tuple[str, ...]) -> dict[str
     residual = bodies.rows.T @ loads + drive_wrenches @ ca.vertcat(tau, shared) - bodies.required
     wrenches = ca.vertcat(*(bodies.unit_wrenches[:, which] @ loads[which] for which in bodies.slices))
     depends = [i for i in range(len(expressions.motion.motion.names)) if i not in set(motion.driven.tolist())]
-    state = ca.vertcat(expressions.q[depends], expressions.qd[depends], expressions.qdd[depends])
+    state = ca.vertcat(expressions.q[depends, :], expressions.qd[depends, :], expressions.qdd[depends, :])
     symbols = [expressions.q, expressions.qd, expressions.qdd, expressions.p, expressions.about]
     p = plant.values(expressions)
     at = (motion.q, motion.qd, motion.qdd, p, plant.about)

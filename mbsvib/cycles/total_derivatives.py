@@ -57,14 +57,12 @@ def _derivatives(
     p = plant.values(expressions)
     derivatives = matrices(function, motion.q, motion.qd, motion.qdd, coefficients, p, plant.about)
     f_z, f_p, y_z, y_p = derivatives
-    if not f_z.shape[2] or not f_p.shape[2]:
-        return np.zeros((len(motion.q), f_z.shape[2], f_p.shape[2])), y_z, y_p
     # rows and columns in units in which all are of like size
     row = np.tile(expressions.motion.motion.scales(plant.size)[1], 3 + len(driven))
     f_z, f_p = f_z / row[:, None], f_p / row[:, None]
     scale = np.linalg.norm(f_z, axis=1, keepdims=True)
     d_dependent = -np.linalg.pinv(f_z / scale) @ f_p
-    _check_assembled(f_p, f_p + f_z / scale @ d_dependent, names)
+    _check_assembled(f_p * plant.size, (f_p + f_z / scale @ d_dependent) * plant.size, names)
     return d_dependent / scale.transpose(0, 2, 1), y_z, y_p
 
 
@@ -80,7 +78,7 @@ def _slopes(expressions: Statement, driven: tuple[int, ...], to: str) -> ca.Func
     if key not in expressions.functions:
         tied = ca.vec(ca.jacobian(phi, expressions.q) @ coefficients)
         loops = ca.vertcat(phi, phi_rate, phi_acceleration, tied)
-        free = ca.vertcat(expressions.q[depends], expressions.qd[depends], expressions.qdd[depends],
+        free = ca.vertcat(expressions.q[depends, :], expressions.qd[depends, :], expressions.qdd[depends, :],
                           ca.vec(coefficients[depends, :]))  # fmt: skip
         results = ca.vertcat(coefficients.T @ expressions.required, expressions.force, expressions.moment)
         slopes = [ca.densify(ca.jacobian(numerator, by)) for numerator in (loops, results) for by in (free, variables)]
@@ -96,9 +94,9 @@ def _drives(expressions: Statement, driven: tuple[int, ...]) -> Expression:
 
 
 def _check_assembled(before: Array, residuals: Array, names: Sequence[str]) -> None:
-    """Refuse parameters that loops do not allow to change by themselves."""
+    """Refuse parameters that loops do not allow to change by themselves; arrays are per size of the mechanism."""
     for k, name in enumerate(names):
-        if np.abs(residuals[:, :, k]).max() > ASSEMBLED * max(1.0, float(np.abs(before[:, :, k]).max())):
+        if np.abs(residuals[:, :, k]).max(initial=0.0) > ASSEMBLED * np.abs(before[:, :, k]).max(initial=1.0):
             raise ModelError(f"cycle: a change of '{name}' takes the loops apart, as redundant constraints no longer "
                              f"agree; there is no derivative to it.", element=name, field="parameters")  # fmt: skip
 

@@ -99,6 +99,24 @@ def test_a_pin_that_leaves_its_plane():
     assert_allclose(cycle.sensitivities("pin12.position.z").torque, 0, atol=1e-12)
 
 
+@pytest.mark.parametrize("length", [1.0, 1e-9])
+def test_a_door_on_two_hinges(length):
+    """A door has no dependent coordinate: tau = m g (x cos q - y sin q). A hinge may move along its axis only."""
+    model = mv.Model("door", gravity=(0, -9.81 * length, 0))
+    inertia, centre = np.array((0.1, 0.2, 0.1)) * length**2, np.array((0.5, 0.1, 0.2)) * length
+    model.add_body("leaf", 3.0, inertia, centre)
+    for name, z in (("low", 0.0), ("high", length)):
+        model.add_joint(name, "revolute", "ground", "leaf", (0, 0, z), axis=(0, 0, 1))
+    cycle = model.cycle("low.rz", [0.0, 0.7], speed=2.0)
+    found = cycle.sensitivities(["leaf.mass", "high.position.z"])
+    cos, sin = np.cos([0.0, 0.7]), np.sin([0.0, 0.7])
+    moment = 9.81 * length**2 * (0.5 * cos - 0.1 * sin)
+    assert_allclose(found.torque, [moment, 0.0 * moment], rtol=1e-12, atol=1e-12 * length)
+    for name in ("low.position.x", "high.position.x", "high.position.y"):
+        with pytest.raises(mv.ModelError, match=f"a change of '{name}' takes the loops apart"):
+            cycle.sensitivities(name)
+
+
 def test_patterns():
     cycle = library.hoeken().cycle("crank.rz", [0.3], speed=TURN)
     assert cycle.sensitivities("link*.mass").parameters == ("link1.mass", "link2.mass", "link3.mass")

@@ -38,6 +38,26 @@ def test_pendulum_on_a_spring_has_the_second_order_part_of_lindstedt():
     assert found.values[0, 0] == pytest.approx(0.1 / abs(0.5 * e), rel=1e-9)
 
 
+@pytest.mark.parametrize("size", [1.0, 1e-3, 1e3])
+def test_travel_of_a_slide_is_in_sizes_of_the_mechanism(size):
+    """x'' + w^2 (x + e x^2) = 0 has the mean -e a^2 / 2: travel in sizes and amplitude in metres follow the scale."""
+    h, near = 0.5 * size, 0.003 * size
+    model = mv.Model("oblique")
+    model.add_body("b", 2.0, (0.1, 0.1, 0.1), (0, 0, 0))
+    model.add_joint("rail", "prismatic", "ground", "b", (0, 0, 0), axis=(0, 1, 0))
+    model.add_spring("s", "ground", "b", (h, -near, 0), (0, 0, 0), 500.0)
+    model.add_output("y", "b", "y")
+    length = np.hypot(h, near)
+    first, second = near / length, h**2 / length**3  # derivatives of the spring's length
+    amplitude = 0.1 / (0.5 * 1.5 * second / first)
+    found = model.linearize().linear_range(0.1)
+    assert found.values[0, 0] == pytest.approx(amplitude, rel=1e-9)
+    points = np.array([(0, 0, 0), (0, 0, 0), (h, -near, 0), (0, 0, 0)])
+    rms = np.sqrt(np.mean(np.sum((points - points.mean(axis=0)) ** 2, axis=1)))
+    assert found.travel[0, 0] == pytest.approx(amplitude / rms, rel=1e-9)
+    assert len(found.sentences()) == 1
+
+
 @pytest.mark.few(1)
 @pytest.mark.parametrize("angle", [0.284, 0.05])
 def test_toggle_in_a_nonlinear_run_has_the_mean_and_harmonic_predicted(angle):

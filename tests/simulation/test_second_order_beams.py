@@ -80,3 +80,17 @@ def test_energy_stays_in_a_beam_between_clamps():
     run = clamped().simulate(np.linspace(0.0, 0.02, 21), {"F": 20.0}, tolerance=1e-9)
     stored = run.energy.total
     np.testing.assert_allclose(stored - stored[0], 20.0 * run["w"], atol=1e-6 * np.abs(stored).max())
+
+
+def test_nodes_are_measured_where_they_are():
+    """The first node of a beam that nothing holds carries it; it stays on its hinge, the other turns."""
+    model, turn = mv.Model("bar"), 0.3
+    model.add_beam("bar", None, None, {"type": "rectangle", "width": 0.02, "height": 0.01},
+                   {"E": 2.1e11, "nu": 0.3, "rho": 7800.0}, (0.3, 0.1, 0), (0.8, 0.1, 0), elements=1,
+                   y_axis=(0, 0, 1))  # fmt: skip
+    model.add_joint("hinge", "revolute", "ground", "bar.0", (0.3, 0.1, 0.05), axis=(0, 0, 1))
+    for node in ("bar.0", "bar.1"):
+        model.add_output(node, node, "y")
+    run = model.simulate([0.0, 1e-6], initial={"hinge.rz": turn}, tolerance=1e-3)
+    assert run["bar.0"][0] == pytest.approx(0.0, abs=1e-15)
+    assert run["bar.1"][0] == pytest.approx(0.5 * np.sin(turn), rel=1e-12)

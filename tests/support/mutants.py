@@ -114,7 +114,7 @@ def _mutable(tree: ast.Module):
                 inside = [item for item in body if isinstance(item, ast.FunctionDef)]
             case ast.AnnAssign(value=value):
                 inside = [] if value is None else [value]
-            case ast.Assign(targets=[ast.Name(id=name)]) if name.isupper():
+            case ast.Assign(targets=[target]) if ast.unparse(target).isupper():
                 inside = []
             case ast.Compare() if any(isinstance(n, ast.Name) and n.id.isupper() and len(n.id) > 1
                                       for n in ast.walk(node)):  # fmt: skip
