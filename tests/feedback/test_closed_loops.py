@@ -96,6 +96,7 @@ def test_static_gains_keep_the_second_order():
     second = loop.second_order
     np.testing.assert_allclose(second.K, same.K, rtol=1e-15)
     np.testing.assert_allclose(second.C, same.C, rtol=1e-15)
+    assert len(second.row_owner) == len(second.elastic_rows) == len(second.row_stiffness) == len(second.row_damping)
     np.testing.assert_allclose(loop.poles(), same.poles(), rtol=1e-14)
     modes = loop.modes()
     np.testing.assert_allclose(modes.natural, same.modes().natural, rtol=1e-14)
@@ -186,6 +187,8 @@ def test_loops_around_loops_and_state_spaces():
     space = system.state_space("modal").feedback(PI, "x", "Fx")
     np.testing.assert_allclose(space.frequency_response(w, "x", "Fx"),
                                system.feedback(PI, "x", "Fx").frequency_response(w, "x", "Fx"), rtol=1e-9)  # fmt: skip
+    for gain in ("loop_gain", "sensitivity"):
+        np.testing.assert_allclose(getattr(space, gain)(w), getattr(system.feedback(PI, "x", "Fx"), gain)(w), rtol=1e-9)
     assert {*space.sources} == {"plant", "controller"}
 
 

@@ -83,6 +83,11 @@ def test_nearly_equal_poles_move_together(grid):
     assert len(calls) < 300
 
 
+def test_poles_ascend_and_conjugates_come_second():
+    poles = GainSpectrum(0.0, mixed(oscillator(-1.0, 5.0), np.diag([-3.0]), oscillator(-1.0, 2.0))).poles
+    np.testing.assert_allclose(poles, [-1 + 2j, -1 - 2j, -3, -1 + 5j, -1 - 5j], rtol=1e-12)
+
+
 def test_slopes_of_repeated_poles():
     """Three pairs and two real poles at one place each for gain 0, with slopes of their own."""
 

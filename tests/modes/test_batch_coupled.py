@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+import mbsvib as mv
 from mbsvib.modes import batch_coupled
 from mbsvib.modes.batch_coupled import starts
 from tests.support.compare import nearest_pairs
@@ -63,3 +64,23 @@ def test_modes_of_one_frequency_and_modes_that_creep():
     assert second.values.shape[1] == 6 - second.complex_count
     expected = np.linalg.eigvals(np.block([[np.zeros((3, 3)), np.eye(3)], [-np.diag(square[2]), -gamma[2]]]))
     assert_allclose(np.sort_complex(second.values[0]), np.sort_complex(expected[expected.imag >= 0.0]), rtol=1e-9)
+
+
+@pytest.mark.parametrize(("span", "seed"), [(2, 0), (3, 2)])
+def test_shapes_of_modes_that_creep_solve_the_equations(span, seed):
+    """Real eigenvalues and pairs, over decades: (lambda^2 M + lambda C + K) phi = 0 to the rounding of its terms."""
+    rng, n = np.random.default_rng(seed), 5
+    model = mv.Model("chain")
+    for i in range(n):
+        model.add_body(f"b{i}", 10 ** rng.uniform(-span, span), (1, 1, 1), position=(0, 0, i + 1.0))
+        model.add_joint(f"j{i}", "prismatic", "ground", f"b{i}", axis=(1, 0, 0))
+        stiffness, damping = 10 ** rng.uniform(2, 2 + span), 10 ** rng.uniform(0, 2 + span)
+        model.add_bushing(f"k{i}", f"b{i - 1}" if i else "ground", f"b{i}", position=(0, 0, i + 0.5),
+                          stiffness=(stiffness, 0, 0, 0, 0, 0), damping=(damping, 0, 0, 0, 0, 0))  # fmt: skip
+    batch = model.linearize(values={"b1.mass": model.bodies["b1"].mass * np.array([1.0, 1.1, 0.8])})
+    modes = batch.modes()
+    assert (modes.eigenvalues.imag == 0.0).any()
+    for i, system in enumerate(batch):
+        for value, shape in zip(modes.pairs[i, :, 0], modes.shapes[i].T, strict=True):
+            terms = [value**2 * system.M @ shape, value * system.C @ shape, system.K @ shape]
+            assert np.abs(sum(terms)).max() <= 1e-13 * max(np.abs(term).max() for term in terms)

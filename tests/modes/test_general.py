@@ -68,6 +68,27 @@ def test_spin_stabilises_negative_stiffness():
             np.testing.assert_allclose(np.sort(values.real), np.sqrt(-inside) * np.array([-1, -1, 1, 1]), rtol=1e-12)
 
 
+@pytest.mark.parametrize("beyond", [1e-2, 1e-6, 1e-8])
+def test_spin_that_just_stabilises(beyond):
+    """s^4 + (g^2 - 13) s^2 + 36 = 0 in turned coordinates, stable from g = 5 on, where two pairs meet."""
+    g = 5.0 * (1.0 + beyond)
+    base, stiffness = chain(2, 0, damp=0.0), np.array([-4.0, -9.0])
+    half = 0.5 * (g * g - 13.0)
+    exact = np.sqrt([36.0 / (half + np.sqrt(half * half - 36.0)), half + np.sqrt(half * half - 36.0)])
+    for seed in range(4):
+        t = np.eye(2) + 0.5 * np.random.default_rng(seed).normal(size=(2, 2))
+        spin = t.T @ np.array([[0.0, g], [-g, 0.0]]) @ t
+        spin = 0.5 * (spin - spin.T)
+        system = replace(base, inertia_factor=t, M=t.T @ t, elastic_rows=t, row_stiffness=stiffness, gyroscopic=spin,
+                         K=t.T @ np.diag(stiffness) @ t, C=spin, row_damping=np.zeros(2), row_owner=np.zeros(2, int),
+                         )  # fmt: skip
+        modes = system.modes()
+        assert not modes.eigenvalues.real.any()
+        off = np.abs(modes.eigenvalues.imag[0::2] / exact - 1.0)
+        assert off.max() <= 1e-13 / np.sqrt(beyond)
+        assert (off <= modes.errors[0::2] + 1e-15 / np.sqrt(beyond)).all()
+
+
 def test_equal_real_eigenvalues_that_rounding_makes_pairs():
     """Four relaxations of one rate: as two conjugate pairs they are still four real eigenvalues."""
     t = np.random.default_rng(0).normal(size=(6, 6))
@@ -80,6 +101,13 @@ def test_equal_real_eigenvalues_that_rounding_makes_pairs():
     np.testing.assert_allclose(a @ right, right * values, atol=1e-12)
     both = left.T @ right
     np.testing.assert_allclose(both, np.diag(np.diag(both)), atol=1e-12)
+    # a chain has one vector, and none that are independent
+    chained = np.array([[-1.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -3.0]])
+    right, left = (np.array(rows, dtype=complex).T for rows in (
+        [[1, 0, 0], [1, 1e-14, 0], [0, 0, 1]], [[0, 1, 0], [1e-14, 1, 0], [0, 0, 1]]))  # fmt: skip
+    values, left, right = _separated(chained, np.array([-1.0, -1.0, -3.0], dtype=complex), left, right)
+    np.testing.assert_allclose(chained @ right, right * values, atol=1e-12)
+    np.testing.assert_allclose(chained.T @ left, left * values, atol=1e-12)
 
 
 def test_zeros_are_exact():

@@ -38,6 +38,13 @@ def test_a_defective_mode_has_a_name():
     assert {most for most, in double.modes().strongest()} <= {"a", "b"}
 
 
+def test_a_static_gain_has_no_modes():
+    modes = mv.StateSpace.from_arrays(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[3.0]]).modes()
+    assert len(modes) == 0
+    assert modes.strongest() == ()
+    assert "There are no states." in str(modes)
+
+
 def test_poles_at_zero_are_zero_in_turned_states():
     """G = 1/s + sum of 1/(s + i): rounding of A leaves 1e-15 for the integrator."""
     turn = np.linalg.qr(np.random.default_rng(1).standard_normal((8, 8)))[0]

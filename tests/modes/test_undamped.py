@@ -155,3 +155,21 @@ def test_a_spring_at_a_small_lever_arm_beside_a_free_motion(radius, damping):
     modes = model.linearize().modes()
     assert modes.rigid == 1
     assert_allclose(modes.natural, [0.0, 10.0**0.5, 4.0], rtol=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [1e2, 1e4, 1e6])
+def test_a_heavy_mass_that_rides_on_a_light_one_in_a_batch(ratio):
+    """In the coordinate between them M is ill-conditioned; each is held by a spring of its own: k / m, exactly."""
+    model = mv.Model("rider")
+    model.add_body("light", 1.0, (1, 1, 1), position=(0, 0, 1))
+    model.add_body("heavy", ratio, (1, 1, 1), position=(0, 0, 2))
+    for first, name, k in (("ground", "light", 100.0), ("light", "heavy", 200.0 * ratio)):
+        model.add_joint(f"rail.{name}", "prismatic", first, name, axis=(1, 0, 0))
+        z = float(model.bodies[name].position[2])
+        model.add_bushing(f"k.{name}", "ground", name, position=(0, 0, z), stiffness=(k, 0, 0, 0, 0, 0))
+    mass = np.array([1.0, 1.3, 1.7])
+    modes = model.linearize(values={"light.mass": mass}).modes()
+    exact = np.sqrt(np.stack((100.0 / mass, np.full(3, 200.0)), axis=1))
+    off = np.abs(modes.natural / exact - 1.0)
+    assert (off <= modes.errors[:, 0::2]).all()
+    assert off.max() <= 1e-15
