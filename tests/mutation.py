@@ -67,7 +67,8 @@ class Tests:
         for context in inside:
             test, _, phase = context.partition("|")
             names.update(self.of_file[test.partition("::")[0]] if phase == "setup" else [test])
-        folder = Path(mutant.file.relative_to(ROOT).parts[1]).stem
+        top, inner = mutant.file.relative_to(ROOT).parts[:2]
+        folder = top if top == "export" else Path(inner).stem
         own = (f"tests/{folder}/", f"tests/test_{folder}")
         known = sorted((not name.startswith(own), self.seconds[name], name) for name in names & set(self.seconds))
         total = 0.0

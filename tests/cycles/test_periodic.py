@@ -198,6 +198,14 @@ def test_two_released_drives_of_an_arm():
     values = np.linalg.eigvals(np.linalg.solve(mass, np.diag([3.0, 5.0])))
     assert_allclose(np.sort(np.abs(found.averaged))[::2], np.sqrt(np.sort(values)), rtol=1e-10)
     assert_allclose(np.abs(found.multipliers()), 1.0, rtol=1e-9)
+    damped = cycle.periodic({"joint2.rz": (3.0, 0.4), "joint1.rz": (5.0, 0.1)}, period=0.1)
+    companion = np.block([[np.zeros((2, 2)), np.eye(2)],
+                          [-np.linalg.solve(mass, np.diag(part)) for part in ([3.0, 5.0], [0.4, 0.1])]])  # fmt: skip
+    values = np.linalg.eigvals(companion)
+    for eigenvalues in (damped.frozen[0], damped.frozen[1], damped.averaged):
+        assert_allclose(np.sort_complex(eigenvalues), np.sort_complex(values), rtol=1e-9)
+        assert_allclose(np.abs(eigenvalues), np.sort(np.abs(values)), rtol=1e-9)
+    assert_allclose(np.abs(damped.multipliers()), np.sort(np.exp(0.1 * values.real))[::-1], rtol=1e-9)
 
 
 @pytest.mark.slow

@@ -91,6 +91,9 @@ def test_robots_by_closed_form():
     for name in cycle.drives:
         assert_allclose(values @ found.torques[name], cycle.torques[name], rtol=1e-12)
     assert_allclose(np.einsum("k,knc->nc", values, found.shaking_force), cycle.shaking_force, rtol=1e-12, atol=1e-12)
+    for asked in (("force",), ("moment",), *(("torque", name) for name in cycle.drives)):
+        for what in ("rms", "peak"):
+            assert values @ getattr(found, what)(*asked) == pytest.approx(getattr(cycle, what)(*asked), rel=1e-12)
 
 
 def test_a_pin_that_leaves_its_plane():
