@@ -71,7 +71,5 @@ class Loops:
 
     def rank_at(self, q: Array, bases: Array) -> int:
         """Return the number of independent closures in a pose."""
-        if not len(self.row_scale):
-            return 0
         values = np.linalg.svd(self.scaled(q, bases)[1], compute_uv=False)
         return int(np.count_nonzero(values > REDUNDANT_LOOPS * max(1.0, float(values.max(initial=0.0)))))

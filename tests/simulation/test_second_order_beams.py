@@ -76,6 +76,14 @@ def test_a_run_settles_in_the_pose_of_equilibrium():
     assert bending == pytest.approx(linear[2] * run["w"][-1] / linear[0], rel=0.2)
 
 
+def test_a_bent_beam_stays_in_balance():
+    """Described as bent by a load, a beam has the tension of its slopes."""
+    model = clamped()
+    model.add_load("P", "rod.2", (0, 0, 20.0))
+    run = model.equilibrium().simulate([0.0, 2e-3])
+    np.testing.assert_allclose(run["w"], 0.0, atol=1e-14)
+
+
 def test_energy_stays_in_a_beam_between_clamps():
     run = clamped().simulate(np.linspace(0.0, 0.02, 21), {"F": 20.0}, tolerance=1e-9)
     stored = run.energy.total

@@ -296,6 +296,11 @@ def test_models_without_a_statement_are_refused_by_name():
         turning.simulate([0.0, 1.0], {"rock": 1.0})
     with pytest.raises(mv.SingularPoseError, match="another number of degrees of freedom"):
         flat_toggle().simulate([0.0, 1.0])
+    geared = mv.library.four_bar()
+    for name, pair in (("g1", ("A.rz", "B.rz")), ("g2", ("C.rz", "D.rz"))):
+        geared.add_gear(name, *pair, 1.0)
+    with pytest.raises(mv.ModelError, match=r"coupler 'g\d': all joints of the loop that '[ABCD]' closes are coupled"):
+        geared.simulate([0.0, 1.0])
     massless = mv.Model("massless")
     massless.add_body("b", 0.0, (0, 0, 0))
     massless.add_joint("rail", "prismatic", "ground", "b", axis=(1, 0, 0))

@@ -46,6 +46,7 @@ def test_an_arm_that_falls(units):
     reference, run = arm().simulate(t), arm(*units).simulate(units[1] * t)
     np.testing.assert_allclose(run["z"] / units[0], reference["z"], rtol=0, atol=1e-9)
     np.testing.assert_allclose(run.rates["q.rz"] * units[1], reference.rates["q.rz"], rtol=0, atol=1e-8)
+    assert np.abs(run.energy.balance).max() < 1e-8 * run.energy.kinetic.max()
     dissipated = run.energy.dissipated / (units[0] * units[2])
     np.testing.assert_allclose(dissipated, reference.energy.dissipated, rtol=0, atol=1e-9)
 
