@@ -11,6 +11,7 @@ import mbsvib_export as mx
 from mbsvib import library
 from mbsvib_export.checking import pole_error
 from mbsvib_export.fmu_ import reading
+from mbsvib_export.responses import CANCELLED, response_scale
 from tests.export.plants import slider, stewart, stiff_model
 from tests.export.test_json import SYSTEMS
 from tests.export.test_massless import plant as massless
@@ -28,6 +29,20 @@ def test_every_system_passes(case, realization, tmp_path):
     for result in (mx.check_export(path, system), mx.check_export(path)):
         assert result.passed, str(result)
         assert all(item.error < 1e-8 for item in result.comparisons), str(result)
+
+
+@pytest.mark.parametrize("quantity", ["Cq", "Cv", "Ca"])
+def test_an_output_in_which_all_cancels_is_measured_by_its_terms(quantity):
+    """The difference of two oscillators alike that one force pushes: each term is |w^k / (k + i w c - w^2 m)|."""
+    w, order = np.array([0.5, 3.0, 40.0]), ("Cq", "Cv", "Ca").index(quantity)
+    m, c, k = 2.0, 0.3, 20.0
+    system = mv.System.from_matrices(m * np.eye(2), c * np.eye(2), k * np.eye(2), [[1.0], [1.0]],
+                                     **{quantity: [[1.0, -1.0]]})  # fmt: skip
+    each = 1.0 / np.abs(k + 1j * w * c - w**2 * m)
+    assert response_scale(0j * w[None, None], system, w)[0, 0] == pytest.approx(2.0 * CANCELLED * w**order * each)
+    parts = (1.0, w, (k + w * c) / m)[order]  # an acceleration is (f - k q - c v) / m in a state space
+    expected = 2.0 * CANCELLED * parts * each
+    assert response_scale(0j * w[None, None], system.state_space(), w)[0, 0] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("version", ["2.0", "3.0"])

@@ -167,8 +167,7 @@ def _write(plant: Plant, path: Path, version: str, libraries: dict[str, bytes]) 
     name = identifier(plant.name)
     head = {
         "modelName": plant.name or "system",
-        "description": f"Linear vibration of {plant.name}, {len(plant.states)} states ({plant.realization})"
-                       if plant.realization != "given" else f"Linear system {plant.name}, {len(plant.states)} states",
+        "description": f"Linear system {plant.name}, {len(plant.states)} states ({plant.realization})",
         "generationTool": f"mbsvib {__version__}",
     }  # fmt: skip
     content, token = matrices_file(plant, VERSIONS[version](variables, head, name, ""))
