@@ -104,6 +104,17 @@ def test_the_triangle_rule_holds_beyond_print_out_digits(excess):
         make(inertia=(tensor + tensor.T) / 2)
 
 
+@pytest.mark.parametrize("turn", [np.eye(3), rotation(np.random.default_rng(2))], ids=["along", "turned"])
+@pytest.mark.parametrize("order", [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
+@pytest.mark.parametrize(("principal_moments", "message"), [
+    ((-1.0, 2.5, 2.5), "smallest principal moment is -1"), ((1.0, 1.5, 4.0), "exceeds the sum of the other two"),
+])  # fmt: skip
+def test_moments_that_no_body_has_are_refused_about_any_axis(principal_moments, message, order, turn):
+    tensor = turn @ np.diag(np.array(principal_moments)[list(order)]) @ turn.T
+    with pytest.raises(mv.ModelError, match=message):
+        make(inertia=(tensor + tensor.T) / 2)
+
+
 @given(st.integers(0, 2**31), st.floats(-12, 6), st.floats(-12, 0), st.floats(-12, 0))
 def test_principal_moments_against_numpy(seed, size, middle, low):
     turn = rotation(np.random.default_rng(seed))

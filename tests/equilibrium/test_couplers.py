@@ -113,3 +113,28 @@ def test_a_motor_winds_a_spring_up_by_many_turns_of_its_pinion():
     assert turned(there, model, "wheel") == pytest.approx(0.5, abs=1e-11)
     assert np.exp(1j * turned(there, model, "pinion")) == pytest.approx(np.exp(10j), abs=1e-10)
     assert there.linearize().K[0, 0] > 0
+
+
+@pytest.mark.parametrize("cut", ["output", "input"])
+@pytest.mark.parametrize("angle", [0.6, 2.0, -4.5])
+def test_a_wheel_behind_a_cardan_shaft(angle, cut):
+    """tan(b) = tan(a) / cos(bend), on the same side of half a turn: no sum of steps of the angles, as in a train."""
+    bend, ratio = 0.5, -3.0
+    along = np.array((np.sin(bend), 0.0, np.cos(bend)))
+    model = mv.Model("cardan")
+    for name, at in (("first", (0, 0, -0.5)), ("second", 0.5 * along), ("wheel", (1.0, 0.0, 0.5))):
+        model.add_body(name, 1.0, (0.1, 0.1, 0.1), at)
+    model.add_joint("input", "revolute", "ground", "first", (0, 0, -1), axis=(0, 0, 1))
+    model.add_joint("cross", "universal", "first", "second", (0, 0, 0), axis=(1, 0, 0), axis2=(0, 1, 0))
+    model.add_joint("output", "cylindrical", "ground", "second", along, axis=along)
+    model.add_joint("axle", "revolute", "ground", "wheel", (1.0, 0, 0), axis=(0, 0, 1))
+    model.add_gear("mesh", "output.rz", "axle.rz", ratio)
+    led = ("input.rz", angle) if cut == "output" else ("axle.rz", ratio * angle)
+    there = model.moved(dict([led]), cut=[cut])
+    x, y = np.cos(angle), np.sin(angle)
+    if cut == "output":
+        behind = np.arctan2(y, x * np.cos(bend))
+        assert np.exp(1j * turned(there, model, "wheel")) == pytest.approx(np.exp(1j * ratio * behind), abs=1e-11)
+    else:
+        before = np.arctan2(y * np.cos(bend), x)
+        assert np.exp(1j * turned(there, model, "first")) == pytest.approx(np.exp(1j * before), abs=1e-11)

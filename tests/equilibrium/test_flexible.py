@@ -1,5 +1,8 @@
 """Beams that bend on the way to equilibrium: closed forms, rigid limits, and the same part by its matrices."""
 
+import re
+import warnings
+
 import numpy as np
 import pytest
 
@@ -246,3 +249,17 @@ def test_preloads_of_springs_with_a_free_length_beside_a_beam():
     assert there.springs["stay"].free_length is None
     assert there.springs["stay"].preload == pytest.approx(0.5 * weight, rel=1e-12)
     assert there.linearize().dof == 13
+
+
+@pytest.mark.parametrize(("slope", "told"), [(0.14, False), (0.16, True), (-0.3, True)])
+def test_a_beam_that_bends_far_is_warned_of(slope, told):
+    """Beside another one that does not; the slope of the tip is P L^2 / 2EI, and its square over two the error."""
+    model = cantilever((0, 0, 2 * EI * slope / LENGTH**2), second_order=False)
+    model.add_beam("other", "ground", None, SECTION, STEEL, start=(0, 1, 0), end=(LENGTH, 1, 0), elements=1)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        model.equilibrium()
+    words = [str(item.message) for item in caught if item.category is mv.LargeDisplacementWarning]
+    assert len(words) == told
+    if told:
+        assert re.search(rf"beam 'rod' bends by {abs(slope):.2g} rad; .* about {0.5 * slope**2:.0%} there", words[0])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import newton
 from scipy.spatial.transform import Rotation
 
 import mbsvib as mv
@@ -81,3 +82,24 @@ def test_a_beam_bends_until_a_held_component_is_at_its_value():
                    start=(0.5, 0.1, 0.0), end=(0.5, 0.1, 2.0), elements=2)
     there = model.moved({"ball.rx": 0.1, "ball.rz": 0.08})
     assert np.allclose(rotation_vector(model, there, "ball")[[0, 2]], [0.1, 0.08], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("angle", [0.5, 4.0, -4.5])
+def test_a_held_rotation_vector_is_followed_beyond_half_a_turn(angle):
+    """A point of the body on its third axis stays in a plane through that axis, which decides the component between.
+
+    The plane is turned such that the way is free of dead points.
+    """
+    normal = np.array((np.cos(0.25 * angle), np.sin(0.25 * angle), 0.0))
+    model = mv.Model()
+    model.add_body("arm", 1.0, (1.0, 1.0, 1.0), (0.1, 0.2, 0.3))
+    model.add_joint("held", "spherical", "ground", "arm", (0.0, 0.0, 0.0))
+    model.add_joint("plane", "point_on_plane", "ground", "arm", (0.0, 0.0, 1.0), axis=normal)
+    between = 0.0
+    for share in np.linspace(0.0, 1.0, 41):
+        between = newton(lambda y, share=share: normal @ Rotation.from_rotvec(
+            (0.2 * share, y, angle * share)).as_matrix()[:, 2], between)  # fmt: skip
+    there = model.moved({"held.rx": 0.2, "held.rz": angle}, cut=["plane"])
+    expected = Rotation.from_rotvec((0.2, between, angle))
+    turned = Rotation.from_matrix(there.bodies["arm"].orientation)
+    assert np.allclose((turned * expected.inv()).as_rotvec(), 0.0, rtol=0, atol=1e-12)

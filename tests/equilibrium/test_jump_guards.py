@@ -1,9 +1,11 @@
 """Loops close to a dead point stay on their side of it, or are refused: four-bars by circles that intersect."""
 
+import re
 from functools import cache
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import mbsvib as mv
 from tests.support.sizes import few
@@ -126,3 +128,22 @@ def test_a_branch_that_ends_at_a_dead_point_is_not_left_for_another(seed):
     """In steps of a thirtieth it ends under the same share of the load."""
     with pytest.raises(mv.EquilibriumError, match="it would snap through to a pose elsewhere"):
         near_a_dead_point(seed).equilibrium()
+
+
+@pytest.mark.parametrize("case", few(range(6), 3))
+def test_a_path_ends_at_a_dead_point(case):
+    """Where the crank's end is as far from the rocker's pin as coupler and rocker reach, or as their difference."""
+    points, by, coupler, rocker = near_dead_points(6, -0.05, -1e-3)[case]
+
+    def room(angle):
+        gap = np.linalg.norm(turned(points, angle) - points[3, :2])
+        return min(coupler + rocker - gap, gap - abs(coupler - rocker))
+
+    angles = np.linspace(0.0, by, 2001)
+    first = next(k for k, angle in enumerate(angles) if room(angle) < 0.0)
+    dead = brentq(room, angles[first - 1], angles[first])
+    with pytest.raises(mv.EquilibriumError, match=r"path: 'j0\.rz' can be led to") as caught:
+        four_bar(points).path("j0.rz", [by])
+    told = float(re.search(r"led to (\S+)", str(caught.value))[1])
+    assert abs(told) < abs(dead) * (1.0 + 1e-5)
+    assert told == pytest.approx(dead, abs=5e-3)

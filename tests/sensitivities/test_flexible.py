@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from tests.beams.reference import assembled, matrices
 from tests.sensitivities.differences import assert_derivative, difference, eigenvalues, step_of
 
 TUBE = {"type": "tube", "radius": 0.02, "wall": 0.004}
@@ -82,3 +83,36 @@ def test_a_beam_that_bends_under_its_load_bends_anew():
                      for s in (1, -1))  # fmt: skip
         expected = (near - far) / (2 * step)
         assert row == pytest.approx(expected, rel=1e-5, abs=1e-7 * np.abs(expected).max())
+
+
+def hanging(reduced, g):
+    """A hub on a torsion spring, from which a beam hangs, or its matrices; a body off the end of it is turned by it."""
+    model = mv.Model("hanging", gravity=(0, 0, g))
+    model.add_body("hub", 1.0, (0.01, 0.02, 0.03))
+    model.add_body("tip", 0.5, (0.002, 0.003, 0.004), position=(0, 0, -1.1))
+    model.add_joint("hinge", "universal", "ground", "hub", (0, 0, 0), axis=(1, 0, 0), axis2=(0, 1, 0))
+    model.add_bushing("k", "ground", "hub", (0, 0, 0), (0, 0, 0, 15.0, 12.0, 0))
+    words = {"section": {"type": "rectangle", "width": 0.02, "height": 0.004}, "material": METAL, "y_axis": (1, 2, 0)}
+    if reduced:
+        frame, nodes = mv.Model(), [(0, 0, 0), (0, 0, -0.5), (0, 0, -1.0)]
+        frame.add_body("hub", 1.0, (1, 1, 1))
+        part = frame.add_beam("rod", "hub", None, nodes=nodes, **words)
+        (length, axes), *_ = part.frames()
+        properties = part.properties
+        k, m = assembled(nodes, [axes, axes], lambda _: matrices(
+            length, properties.A, properties.Iy, properties.Iz, properties.J, METAL["E"],
+            METAL["E"] / (2 + 2 * METAL["nu"]), METAL["rho"]))  # fmt: skip
+        model.add_superelement("rod", m, None, k, {f"n{i}": at for i, at in enumerate(nodes)},
+                               bodies={"n0": "hub", "n2": "tip"})  # fmt: skip
+    else:
+        model.add_beam("rod", "hub", "tip", start=(0, 0, 0), end=(0, 0, -1.0), elements=2, **words)
+    return model
+
+
+@pytest.mark.parametrize("reduced", [False, True])
+def test_gravity_along_a_part_that_bends(reduced):
+    """K is linear in gravity: of its weight, of what hangs below, and of what a part that is turned weighs."""
+    result = hanging(reduced, -9.81).linearize().matrix_derivatives(["gravity.z"]).K[0]
+    far, near = (hanging(reduced, g).linearize().K for g in (-30.0, 10.0))
+    expected = (far - near) / -40.0
+    assert np.abs(result - expected).max() < 1e-11 * np.abs(expected).max()

@@ -81,6 +81,21 @@ def test_random_mechanisms_under_load(seed, words):
     assert differ(sparse.frequency_response(OMEGA), dense.frequency_response(OMEGA), smallest_pivot(sparse)) < 1e-9
 
 
+@pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")
+@pytest.mark.parametrize(("seed", "words"), [
+    (4, {"loops": 1, "kinds": ("universal", "spherical", "cylindrical")}), (3, {"loops": 1}), (4, {"loops": 1}),
+    (3, {"loops": 2, "kinds": ("cylindrical", "universal", "spherical", "planar", "free", "screw", "point_on_plane")}),
+])  # fmt: skip
+def test_forces_of_couplers_at_cut_joints_make_stiffness(seed, words):
+    model = loaded(seed, bodies=4, couplers=2, **words)
+    for body in model.bodies:
+        model.add_input(f"push {body}", body, (1.0, 0.5, 0.3, 0.2, 0.1, 0.7))
+        model.add_output(f"see {body}", body, (0.3, 0.5, -1.0, 0.2, 0.7, 0.1))
+    dense, sparse = (model.linearize(method=method) for method in ("dense", "sparse"))
+    assert sparse.dof == dense.dof > 0
+    assert differ(sparse.frequency_response(OMEGA), dense.frequency_response(OMEGA), smallest_pivot(sparse)) < 1e-9
+
+
 @pytest.mark.parametrize("cut", ["j0", "j1", "j2", "j3"])
 @pytest.mark.parametrize("coefficients", [{"j0.rz": 1.0, "j1.rz": -0.7}, {"j0.rz": 1.0, "j3.rz": 2.0, "shaft.rz": 3.0}])
 def test_joints_of_a_loop_in_the_tree_or_cut(cut, coefficients):

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
+from mbsvib.common.arguments import DIRECTIONS
 from tests.support import overconstrained
 from tests.support.compare import assert_same_eigenvalues, assert_same_response, both_ways
 from tests.support.random_models import closed_loops, open_trees, planar_loops
@@ -149,3 +150,29 @@ def test_reduced_by_all_modes_is_the_whole(model):
     size = np.abs(expected).max(axis=1, keepdims=True)
     size = np.maximum(size, 1e-6 * size.max(initial=0.0))
     assert (np.abs(sparse.time_response(t, u, modes=sparse.dof) - expected) <= 1e-8 * size + 1e-30).all()
+
+
+@pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (2, -1, 2)])
+@pytest.mark.parametrize("seat", ["fixed", "revolute", "prismatic"])
+def test_a_body_on_the_arm_of_another(seat, axis):
+    """It moves where the other turns, also along directions in which its own joint does not move it."""
+    unit, at = np.array(axis) / np.linalg.norm(axis), np.array((1.0, 0.4, 0.5))
+    model = mv.Model("rider")
+    model.add_body("lever", 1.0, (0.1, 0.2, 0.3), (1, 0, 0))
+    model.add_body("rider", 2.0, (0.3, 0.2, 0.1), at)
+    model.add_joint("hinge", "revolute", "ground", "lever", (0, 0, 0), axis=axis)
+    model.add_joint("seat", seat, "lever", "rider", at, **{} if seat == "fixed" else {"axis": (0, 0, 1)})
+    model.add_bushing("k", "ground", "lever", (0, 0, 0), (1, 2, 3, 40, 40, 40))
+    model.add_bushing("k2", "lever", "rider", at, (7, 8, 9, 10, 11, 12))
+    wrench = np.arange(1.0, 7.0)
+    model.add_input("F", "rider", wrench)
+    for direction in DIRECTIONS:
+        model.add_output(direction, "rider", direction)
+    dense, sparse = (model.linearize(method=method).frequency_response(OMEGA) for method in ("dense", "sparse"))
+    assert_allclose(sparse, dense, rtol=1e-11, atol=1e-14 * np.abs(dense).max())
+    if seat == "fixed":  # one degree of freedom: w (w . F) / (k - J omega^2)
+        motion = np.concatenate((np.cross(unit, at), unit))
+        inertia = unit @ np.diag((0.4, 0.4, 0.4)) @ unit + np.sum(np.cross(unit, (1, 0, 0)) ** 2) \
+            + 2.0 * np.sum(motion[:3] ** 2)
+        expected = np.outer(motion * (motion @ wrench), 1.0 / (40.0 - inertia * OMEGA**2))
+        assert_allclose(sparse[:, 0], expected, rtol=1e-11, atol=1e-14 * np.abs(expected).max())
