@@ -51,9 +51,7 @@ def matrices(function: ca.Function, *arguments: Array) -> list[Array]:
     ``arguments`` (samples, k) or (k,): those of one axis are the same at every sample.
     """
     samples = max(len(array) for array in arguments if array.ndim == 2)
-    columns: list[Any] = [array.T if array.ndim == 2 else np.repeat(array[:, None], samples, axis=1)
-                          for array in arguments]  # fmt: skip
-    outputs = function.map(samples).call([ca.DM(column) for column in columns])
+    outputs = function.map(samples).call([ca.DM(array.T) for array in arguments])
     shapes = [function.size_out(i) for i in range(len(outputs))]
     return [np.array(output).reshape(rows, samples, width).transpose(1, 0, 2)
             for output, (rows, width) in zip(outputs, shapes, strict=True)]  # fmt: skip

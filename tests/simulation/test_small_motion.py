@@ -80,3 +80,19 @@ def test_a_mode_that_moves_no_node(node, coupled):
     expected = modes[0] @ (static[:, None] * (1.0 - np.cos(np.sqrt(squares)[:, None] * t)))
     run = model.simulate(t, {"push": np.full(9, 3e-6)}, tolerance=1e-10)
     np.testing.assert_allclose(run["x"], expected, rtol=0, atol=3e-7 * np.abs(expected).max())
+
+
+def test_a_superelement_on_the_ground_falls_by_its_weight():
+    """A mass on springs is let go: it swings about its sag m g / k along all directions of gravity."""
+    gravity, m, k = np.array((3.0, 0.5, -9.81)), 2.0, 300.0
+    spring = np.diag((k, k, k, 40.0, 40.0, 40.0))
+    model = mv.Model("hung", gravity=gravity)
+    model.add_superelement("part", np.diag((*(0.0,) * 6, m, m, m, 0.1, 0.1, 0.1)), None,
+                           np.block([[spring, -spring], [-spring, spring]]), {"base": (0, 0, 0), "tip": (0, 0, 0)},
+                           {"base": "ground"})  # fmt: skip
+    for d in "xyz":
+        model.add_output(d, "part.tip", d)
+    t = np.linspace(0.0, 0.5, 6)
+    run = model.simulate(t)
+    for d, g in zip("xyz", gravity, strict=True):
+        np.testing.assert_allclose(run[d], g * m / k * (1.0 - np.cos(np.sqrt(k / m) * t)), rtol=0, atol=1e-8)

@@ -68,7 +68,7 @@ def variants(node: ast.AST) -> list[tuple[str, ast.AST | None]]:
             result.extend([("dropped condition", first)] if len(rest) == 1 else [])
         case ast.Attribute(value=value, attr="T"):
             result.append(("transpose", value))
-        case ast.Constant(value=float(number)) if number not in (0.0, 1.0):
+        case ast.Constant(value=float(number)) if number not in (0.0, 1.0, 1e-300):  # which guards divisions
             changed("factor", value=1.0 if number in (0.5, 2.0) else 2.0 * number)
         case ast.Subscript(slice=ast.Constant(value=int(index))):
             changed("index", slice=ast.Constant(1 - index if index in (0, 1) else index - 1))
