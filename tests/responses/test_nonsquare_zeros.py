@@ -98,3 +98,25 @@ def test_random_systems_of_first_order_have_none_but_those_made():
     assert not len(mv.StateSpace.from_arrays(a, b, c, np.zeros((3, 2))).transmission_zeros())
     made = mv.StateSpace.from_arrays(a, b, c @ (a + 1.5 * np.eye(6)), c @ b)  # (s + 1.5) C (s - A)^-1 B
     np.testing.assert_allclose(made.transmission_zeros(), [-1.5, -1.5], rtol=1e-6)
+
+
+@pytest.mark.parametrize("coupling", [1.0, 1e-6, 1e-9])
+def test_a_zero_beside_an_output_that_is_hardly_moved(coupling):
+    """An absorber keeps its mass still, m s^2 + c s + k = 0; another output feels another force by a weak spring."""
+    model = mv.Model("absorber")
+    masses, wall = (1.0, 0.1, 1.0, 1.0), (0.0, 0, 0)
+    for i, mass in enumerate(masses):
+        model.add_body(f"b{i}", mass, (1, 1, 1), position=(i + 1.0, 0, 0))
+        model.add_joint(f"j{i}", "prismatic", "ground", f"b{i}", axis=(1, 0, 0))
+    springs = [("ground", "b0", 100.0, 1.0), ("b0", "b1", 20.0, 0.05), ("ground", "b2", 80.0, 0.9),
+               ("b2", "b3", coupling, 0.0), ("ground", "b3", 60.0, 0.7)]  # fmt: skip
+    for first, second, stiffness, damping in springs:
+        start = wall if first == "ground" else (int(first[1]) + 1.0, 0, 0)
+        model.add_spring(f"{first}-{second}", first, second, start, (int(second[1]) + 1.0, 0, 0), stiffness, damping)
+    for body in ("b0", "b2"):
+        model.add_input(f"F.{body}", body, "x")
+    model.add_output("x0", "b0", "x")
+    model.add_output("v0", "b0", "x", quantity="velocity")
+    model.add_output("x3", "b3", "x")
+    zeros = model.linearize().transmission_zeros()
+    np.testing.assert_allclose(zeros, np.roots([0.1, 0.05, 20.0]), rtol=1e-9)

@@ -326,3 +326,21 @@ def test_zeros_on_poles_that_meet():
     assert np.isfinite(values).tolist() == [False, True, False]
     assert values[1] == pytest.approx(3.0 / (1.0 + 1.0j))
     assert resolvent.finite_zeros() == 2
+
+
+@pytest.mark.parametrize(("seed", "below", "above"), [(0, 1, 3), (1, 2, 4), (1, 3, 5)])
+def test_a_spring_beyond_the_force_is_not_strained_in_rest(seed, below, above):
+    """Masses above it pull by their inertia: s^2, and one power more for its velocity, two for its acceleration."""
+    rng = np.random.default_rng(seed)
+    model = mv.Model("chain")
+    for i in range(6):
+        model.add_body(f"b{i}", 10 ** rng.uniform(-1, 1), (1, 1, 1), position=(i + 1.0, 0, 0))
+        model.add_joint(f"j{i}", "prismatic", "ground", f"b{i}", axis=(1, 0, 0))
+        model.add_spring(f"k{i}", f"b{i - 1}" if i else "ground", f"b{i}", (i, 0, 0), (i + 1.0, 0, 0),
+                         stiffness=10 ** rng.uniform(1, 4), damping=0.1 * 10 ** rng.uniform(-1, 1))  # fmt: skip
+    model.add_input("force", f"b{below}", "x")
+    for quantity in ("displacement", "velocity", "acceleration"):
+        model.add_output(quantity, f"b{above}", "x", relative_to=f"b{above - 1}", quantity=quantity)
+    system = model.linearize()
+    for power, quantity in enumerate(system.outputs, start=2):
+        assert np.count_nonzero(system.transmission_zeros(quantity) == 0.0) == power
