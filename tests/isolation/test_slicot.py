@@ -57,6 +57,21 @@ def test_h2_in_closed_form():
         h2_synthesis((a, b, c, d + 1.0), 1, 1, "test")
 
 
+@pytest.mark.parametrize(("effort", "noise", "gauge"), [(3.0, 0.2, 7.0), (0.1, 40.0, 1e-4)])
+def test_h2_with_cost_noise_and_gauge_in_closed_form(effort, noise, gauge):
+    """z = (x, r u), y = g (x + n w2): u = -x / r with a filter of gain 1 / n; a second gauge halves the variance."""
+    a, b, c, d = (matrix.copy() for matrix in INTEGRATOR)
+    c[2], d[1, 2], d[2, 1] = gauge, effort, gauge * noise
+    made = h2_synthesis((a, b, c, d), 1, 1, "test")
+    assert made.A[0, 0] == pytest.approx(-1.0 / effort - 1.0 / noise)
+    assert made.B[0, 0] * made.C[0, 0] == pytest.approx(-1.0 / (effort * noise * gauge))
+    b, c = np.insert(b, 2, 0.0, axis=1), np.vstack((c, 5.0 * c[2:]))
+    d = np.array([[0, 0, 0, 0], [0, 0, 0, effort], [0, gauge * noise, 0, 0], [0, 0, 5.0 * gauge * noise, 0]])
+    both, filtered = h2_synthesis((a, b, c, d), 2, 1, "test"), np.sqrt(2.0) / noise
+    assert both.A[0, 0] == pytest.approx(-1.0 / effort - filtered)
+    np.testing.assert_allclose(both.B[0] * both.C[0, 0] * [1.0, 5.0], -filtered / (2.0 * effort * gauge), rtol=1e-9)
+
+
 def test_the_norm_of_a_hexapods_loop():
     """Of z and forces from base and noise, by our own norm: what SLICOT's controller is said to reach, it reaches."""
     p = strut(damping=60.0)
