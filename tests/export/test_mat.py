@@ -3,6 +3,7 @@
 import shutil
 import subprocess
 
+import mpmath as mp
 import numpy as np
 import pytest
 from scipy.io import loadmat
@@ -104,6 +105,20 @@ def test_octave_refuses_a_file_whose_response_has_changed(tmp_path):
     result = octave(tmp_path, "load_system();")
     assert "the file is damaged" in result.stderr
     assert result.returncode != 0
+
+
+@pytest.mark.parametrize("light", [1.0, 1e-12])
+def test_accelerations_of_masses_far_apart(tmp_path, light):
+    """F = -Ca M^-1 K, G = -Ca M^-1 C, D = Ca M^-1 B of a heavy and a light mass that are coupled."""
+    mass = np.array([[2.0, 0.5 * np.sqrt(light)], [0.5 * np.sqrt(light), light]])
+    stiffness, damping = np.array([[3e3, -1e3], [-1e3, 1e3]]), np.array([[0.4, -0.1], [-0.1, 0.1]])
+    system = mv.System.from_matrices(mass, damping, stiffness, np.eye(2), Ca=[[1.0, 0.0], [2.0, -1.0]])
+    mech = loadmat(mx.to_mat(system, tmp_path / "x.mat"), simplify_cells=True)["mech"]
+    with mp.workdps(40):
+        rows = mp.matrix([[1, 0], [2, -1]]) * mp.inverse(mp.matrix(mass.tolist()))
+        for found, matrix in ((-mech["F"], stiffness), (-mech["G"], damping), (mech["D"], np.eye(2))):
+            exact = np.array((rows * mp.matrix(matrix.tolist())).tolist(), dtype=float)
+            np.testing.assert_allclose(found, exact, rtol=1e-12)
 
 
 def test_an_acceleration_of_what_has_no_mass_leaves_mechss_empty(tmp_path):

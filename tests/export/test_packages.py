@@ -30,10 +30,20 @@ def test_a_target_is_imported_when_it_is_used():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-@pytest.mark.parametrize(("function", "words"), [(mx.to_control, ()), (mx.to_frd, ([1.0],))])
-def test_a_package_that_is_missing_is_asked_for(function, words, monkeypatch):
-    monkeypatch.setitem(sys.modules, "control", None)
-    with pytest.raises(mv.ExportError, match=rf'{function.__name__}: .*control is not.*pip install "control>='):
+ASKED = [
+    ("control", "to_control", ()), ("control", "to_frd", ([1.0],)), ("control", "to_transfer_function", ()),
+    ("control", "named", (None,)), ("control", "with_names", ()), ("control", "augw", ()),
+    ("h5py", "to_hdf5", ("x.h5",)), ("h5py", "from_hdf5", ()), ("casadi", "to_casadi", ()),
+    ("casadi", "to_casadi_eigenvalues", ("k.stiffness",)), ("casadi", "to_casadi_response", ([1.0], "k.stiffness")),
+    ("exudyn", "to_exudyn", ()), pytest.param("fmpy", "check_cosimulation", (None, 1e-3), marks=pytest.mark.slow),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("package", "target", "words"), ASKED)
+def test_a_package_that_is_missing_is_asked_for(package, target, words, monkeypatch):
+    monkeypatch.setitem(sys.modules, package, None)
+    function = getattr(mx, target)
+    with pytest.raises(mv.ExportError, match=rf'{target}: .*{package} is not installed; .*pip install "'):
         function(slider(), *words)
 
 
