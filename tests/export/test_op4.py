@@ -44,7 +44,10 @@ def test_every_bit_is_kept(binary, tmp_path):
             reduced = read_reduced(path, C="BAA")
             assert np.array_equal(reduced.K, system.K)
             assert np.array_equal(reduced.C, system.C)
-            assert mx.check_export(path, system).passed
+            check = mx.check_export(path, system)
+            assert check.passed
+            assert [(item.quantity, item.against) for item in check.comparisons] == [
+                (key, "the model") for key in result]  # fmt: skip
     with pytest.raises(mv.ExportError, match="nothing to write"):
         mx.to_op4(slider((), (), locked=True), path)
 

@@ -20,6 +20,7 @@ SYSTEMS = {
     "one name": (lambda: slider(inputs=("z",), outputs=("z",)), ()),
     "odd names": (lambda: slider(inputs=("a < \"b\" & 'c'",)), ()),
     "locked": (lambda: slider(locked=True), ()),
+    "no name": (lambda: mv.System.from_matrices([[2.0]], [[0.3]], [[50.0]], [[1.0]], [[1.0]], name=""), ()),
 }
 
 
@@ -42,6 +43,7 @@ def test_numbers_in_the_archive_are_those_of_the_binary(case, version, tmp_path)
     path = mx.to_fmu(build(), tmp_path / "x.fmu", version, tunable=tunable).path
     (result, platforms), truth = state_space_in(path), state_space_of_unit(path)
     assert platforms
+    assert result.name == (build().name or "system")
     for key in ("name", "states", "state_units", "inputs", "input_units", "outputs", "output_units"):
         assert getattr(result, key) == getattr(truth, key), key
     for key in "ABCD":
