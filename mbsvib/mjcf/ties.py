@@ -74,7 +74,8 @@ def _close(scene: Scene, i: int, weld: bool) -> None:
 def _couple(scene: Scene, i: int, tendons: Mapping[int, Path | None], of_tendons: bool) -> None:
     file, m = scene.file, scene.file.m
     slope, second_derivative = _slope(scene, i, of_tendons)
-    curvature, terms = None, dict[str, float]()
+    curvature: dict[str, float] | None = None
+    terms: dict[str, float] = {}
     for k, target, factor in ((0, int(m.eq_obj1id[i]), 1.0), (1, int(m.eq_obj2id[i]), -slope)):
         if target < 0 or factor == 0.0:
             continue

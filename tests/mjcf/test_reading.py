@@ -30,6 +30,20 @@ def test_springs_have_the_names_of_what_they_are_in(tmp_path):
     assert [*model.springs] == ["yaw.k", "roll.k", "reach.k", "wrist.k", "belt", "string", "servo.servo"]
 
 
+def test_elements_of_one_name_are_told_apart(tmp_path):
+    """In MuJoCo a body, its joint, a tendon and an actuator may have the same name."""
+    model = mv.load_mjcf(write(tmp_path, world(
+        body('<joint name="a" axis="0 1 0" stiffness="2"/>' + ROD, 'a" gravcomp=".5'),
+        body('<joint name="b" axis="0 1 0"/>' + ROD, "b", "0 1 0"),
+        more='<tendon><fixed name="a" stiffness="3"><joint joint="a" coef="1"/><joint joint="b" coef="2"/></fixed>'
+             '</tendon><equality><joint name="b" joint1="a" joint2="b" polycoef="0 2 0 0 0"/></equality>'
+             '<actuator><position name="a" joint="a" kp="5"/></actuator>')))  # fmt: skip
+    assert [*model.joints] == ["a.joint", "b.joint", "a.wheel.axis"]
+    assert [*model.springs] == ["a.joint.k", "a.tendon", "a.servo"]
+    assert [*model.couplers] == ["a.wheel.turns", "b.tie"]
+    assert [*model.loads] == ["a.gravcomp"]
+
+
 def test_a_double_pendulum(tmp_path):
     """Point masses 3 and 2 kg on threads of 0.5 and 0.7 m."""
     mass = '<inertial pos="0 0 -{}" mass="{}" diaginertia="1e-12 1e-12 1e-12"/>'

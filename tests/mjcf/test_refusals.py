@@ -41,7 +41,12 @@ def sites(words):
      "equality 'c': gapes by 0.3"),
     (world(body('<joint name="a"/>' + ROD, "a"), body('<joint name="b"/>' + ROD),
            more='<equality><joint name="c" joint1="a" joint2="b" polycoef="0 0 2 0 0"/></equality>'),
-     "equality 'c': its polynomial has the slope 0 in this pose, .*joint"),
+     "equality 'c': its polynomial has the slope 0 in this pose, where it locks its first joint"),
+    (world(body('<joint name="a"/>' + ROD, "a"), body('<joint name="b"/>' + ROD),
+           more='<tendon><fixed name="s"><joint joint="a" coef="1"/></fixed><fixed name="t"><joint joint="b" '
+                'coef="1"/></fixed></tendon><equality><tendon name="c" tendon1="s" tendon2="t" polycoef="0 0 2 0 0"/>'
+                '</equality>'),
+     "equality 'c': its polynomial has the slope 0 in this pose, where it locks its first tendon"),
     (PENDULUM.replace("axis", 'actuatorfrcrange="-1 1" axis') + '<actuator><general joint="hinge" biastype="affine" '
      'biasprm="5 0 0"/></actuator>', "joint 'hinge': MuJoCo has 1 N or N m .* makes 5"),
     (sites('<tendon><spatial name="t" stiffness="1" springlength="0 .4"><site site="f"/><site site="g"/></spatial>'
