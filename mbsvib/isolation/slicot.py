@@ -65,7 +65,7 @@ def hinf_synthesis(
     Systems & Control Letters 11 (1988); SLICOT's SB10FD, in a bisection, as that of SLICOT's SB10AD ends early.
     """
     ctrlsys = need_ctrlsys(caller)
-    normal = _normalized(plant, measurements, controls)
+    normal = _normalized(plant, measurements, controls, caller)
     best, low = None, LEAST
     for norm in BEGIN:
         best = _attempt(ctrlsys, normal.matrices, measurements, controls, norm)
@@ -139,7 +139,7 @@ def h2_synthesis(plant: tuple[Array, Array, Array, Array], measurements: int, co
     Source: Zhou, Doyle & Glover, Robust and Optimal Control (1996), section 14.5; SLICOT's SB10HD.
     """
     ctrlsys = need_ctrlsys(caller)
-    normal = _normalized(plant, measurements, controls)
+    normal = _normalized(plant, measurements, controls, caller)
     a, b, c, d = normal.matrices
     performance = c.shape[0] - measurements
     if d[:performance, : b.shape[1] - controls].any():
@@ -182,12 +182,15 @@ class _Normalized:
         return a * self.rate, b * self.rate, self.controls[:, None] * c, self.controls[:, None] * d
 
 
-def _normalized(plant: tuple[Array, Array, Array, Array], measurements: int, controls: int) -> _Normalized:
+def _normalized(
+    plant: tuple[Array, Array, Array, Array], measurements: int, controls: int, caller: str
+) -> _Normalized:  # fmt: skip
     a, b, c, d = (np.array(matrix, dtype=float) for matrix in plant)
+    if not len(a):  # SLICOT returns at once, with any controller
+        raise ResponseError(f"{caller}: the plant has no states; expected one with dynamics, its own or a filter's.")
     o, i = len(c) - measurements, b.shape[1] - controls
     rate = float(np.abs(np.linalg.eigvals(a)).max(initial=0.0)) or float(np.abs(a).max(initial=0.0)) or 1.0
-    if len(a):
-        a, b, c = scaled(a / rate, b / rate, c)
+    a, b, c = scaled(a / rate, b / rate, c)
     size = _size(a, b[:, :i], c[:o], d[:o, :i])
     c[:o], d[:o] = c[:o] / size, d[:o] / size
     cost, noise = np.linalg.norm(d[:o, i:], axis=0), np.linalg.norm(d[o:, :i], axis=1)

@@ -30,7 +30,6 @@ def slope(of: Callable[[float], Array], step: float, sides: int = 0) -> tuple[Ar
         table = [(of(sides * h) - start) / (sides * h) for h in (step * 0.5**k for k in range(ONE_SIDED))]
     else:
         table = [(of(h) - of(-h)) / (2.0 * h) for h in (step * 0.5**k for k in range(LEVELS))]
-    last = table[-1]
     for order in range(1, len(table)):
         factor = 2.0**order if sides else 4.0**order
         last = table[-1]

@@ -251,7 +251,8 @@ def test_struts_of_the_cubic_hexapod_decouple():
     assert np.allclose(ideal.stiffness, np.diag(exact), rtol=1e-12, atol=1e-9 * K)
     assert ideal.coupling < 1e-12
     assert not isolation.struts(library.cubic_hexapod(), "platform", point=(0, 0, 0.3)).coupling < 1e-2
-    assert 0 < ideal.dexterity < 1
+    even = exact / [1, 1, 1, *[ideal.length**2] * 3]  # k J^T J with rotations at the length
+    assert ideal.dexterity == pytest.approx(np.sqrt(even.min() / even.max()), rel=1e-12)
 
 
 def test_struts_of_the_stewart_platform_are_its_static_stiffness():

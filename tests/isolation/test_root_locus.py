@@ -97,3 +97,15 @@ def test_loops_that_are_never_stable_say_so():
     assert plots.root_locus(still).axes
     with pytest.raises(mv.ResponseError):
         still.best(2)
+
+
+def test_a_mode_beside_a_loop_that_is_never_stable_keeps_its_damping():
+    model = active_strut(damping=1.0)
+    model.add_body("other", 2.0, (0.1, 0.1, 0.1), (1, 0, 0.3))
+    model.add_joint("rail", "prismatic", "ground", "other", axis=(0, 0, 1))
+    model.add_spring("mount", "ground", "other", (1, 0, 0), (1, 0, 0.2), 800.0, 4.0)
+    plant = isolation.actuated(model, "payload", "leg", directions="z")
+    locus = isolation.root_locus(plant, lambda g: isolation.velocity_feedback(plant, -g), [10.0, 100.0])
+    assert locus.best(1) == (10.0, pytest.approx(4.0 / (2.0 * np.sqrt(800.0 * 2.0)), rel=1e-9))
+    assert locus.best(2)[1] == -np.inf
+    assert locus.table()["rows"][0][3] == "hardly moves"

@@ -72,6 +72,14 @@ def test_h2_with_cost_noise_and_gauge_in_closed_form(effort, noise, gauge):
     np.testing.assert_allclose(both.B[0] * both.C[0, 0] * [1.0, 5.0], -filtered / (2.0 * effort * gauge), rtol=1e-9)
 
 
+@pytest.mark.parametrize("synthesis", [hinf_synthesis, h2_synthesis])
+def test_a_plant_without_states_is_refused(synthesis):
+    """SLICOT returns at once, with a controller that is none: a norm of 2.97 where 0.24 can be reached."""
+    static = np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((3, 0)), np.array([[0.0, 2.0], [0.0, 0.5], [1.0, 0.0]])
+    with pytest.raises(mv.ResponseError, match="test: the plant has no states"):
+        synthesis(static, 1, 1, "test")
+
+
 def test_the_norm_of_a_hexapods_loop():
     """Of z and forces from base and noise, by our own norm: what SLICOT's controller is said to reach, it reaches."""
     p = strut(damping=60.0)

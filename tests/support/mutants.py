@@ -20,7 +20,8 @@ SWAPS: dict[type[ast.AST], type[ast.AST]] = {
     ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd,
 }  # fmt: skip
 # functions of which the order of arguments says nothing, or without which nothing runs
-SYMMETRIC = {"maximum", "minimum", "max", "min", "isinstance", "zip", "cast", "getattr", "hasattr", "allclose"}
+SYMMETRIC = {"maximum", "minimum", "max", "min", "isinstance", "zip", "cast", "getattr", "hasattr", "allclose", "add",
+             "two_sum"}  # fmt: skip
 
 
 @dataclass(frozen=True)
