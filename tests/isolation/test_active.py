@@ -153,6 +153,8 @@ def test_poles_and_zeros_interlace_in_closed_form():
     poles = np.sqrt(np.linalg.eigvals(np.diag([1 / m1, 1 / m2]) @ [[k1 + k2, -k2], [-k2, k2]])) / (2 * np.pi)
     rate, tension = isolation.collocation(plant, [("lower.actuator", f"lower.{x}") for x in ("rate", "tension")]).pairs
     assert np.allclose(rate.poles, np.sort(poles), rtol=1e-12)
+    stroke = isolation.collocation(plant, [("lower.actuator", "lower.stroke")]).pairs[0]
+    assert (stroke.dual, stroke.interlaced, stroke.passive) == (rate.dual, rate.interlaced, rate.passive) == (True,) * 3
     # rate: the stage held; tension: the lower spring gone
     assert np.allclose(rate.zeros, [np.sqrt(k2 / m2) / (2 * np.pi)], rtol=1e-10)
     assert np.allclose(tension.zeros, [np.sqrt(k2 / m2 + k2 / m1) / (2 * np.pi)], rtol=1e-12)

@@ -244,3 +244,11 @@ def test_sampled_loops_repeat_their_resonances():
     dense = loop.isolation(f).index
     assert result.resonance == pytest.approx(f[dense.argmax()], abs=0.02)
     assert dense.max() <= result.amplification * (1 + 1e-12) <= dense.max() * (1 + 1e-4)
+
+
+@pytest.mark.parametrize("frequency", [1e-3, 5.0, 4e3])
+def test_the_band_of_a_study_is_around_its_poles(frequency):
+    """From a fiftieth of the lowest to twenty times the highest natural frequency, with the resonance itself."""
+    f = isolation.study(one_axis(0.01, frequency), "payload").frequencies
+    np.testing.assert_allclose(f[[0, -1]], frequency * np.array([0.02, 20.0]), rtol=1e-12)
+    assert np.abs(f / (frequency * np.sqrt(1.0 - 0.01**2)) - 1.0).min() < 1e-12

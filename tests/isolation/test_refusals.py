@@ -48,6 +48,7 @@ def front():
 
 
 REFUSALS = [
+    (lambda: isolation.force_feedback_optimum(1.0, 2.0), "pole = 1, zero = 2 rad/s; expected 0 < zero < pole"),
     (lambda: closed().state_space("diagonal"), r"state_space: realization = 'diagonal'; expected one of physical"),
     (lambda: isolation.velocity_feedback(plant(), "strong"), r"velocity_feedback: gain = 'strong'; .*each of 1 leg"),
     (lambda: isolation.study(held(), "payload"), r"nothing vibrates, .*; give frequencies \[Hz\]"),
