@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.self_stress import SelfStress
     from mbsvib.equations.statics import Statics
+    from mbsvib.equations.wrench_pairs import WrenchPairs
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.relative_motion import Triplets
     from mbsvib.mechanism.mechanism import Mechanism
@@ -200,9 +201,9 @@ class _PoseForceChange:
     relative to the joint's axes, ``of_loads`` (6, m) those of the sum of gravity and loads, moments about the origin.
     """
 
-    def __init__(self, statics: Statics, motion: _Motion, paths: ForcePaths) -> None:
-        self._statics, self._motion, self._paths = statics, motion, paths
-        pairs, applied = statics.pairs, statics.applied
+    def __init__(self, statics: Statics, motion: _Motion, paths: ForcePaths, pairs: WrenchPairs | None = None) -> None:
+        pairs, applied = pairs or statics.pairs, statics.applied
+        self._statics, self._motion, self._paths, self._pairs = statics, motion, paths, pairs
         count, loads = len(applied.names), applied.loads
         arm_a, arm_b = (arm[..., None] for arm in pairs.arms(motion.position))
         rotation_a, rotation_b = motion.rotation[:, pairs.first], motion.rotation[:, pairs.second]
@@ -240,8 +241,8 @@ class _PoseForceChange:
         statics, count = self._statics, len(self._statics.applied.names)
         force, torque = np.zeros((2, *statics.pairs.force.shape))
         force[:, count + joints], torque[:, count + joints] = state[:3], state[3:]
-        only_state = replace(statics, pairs=replace(statics.pairs, force=force, torque=torque))
-        return _PoseForceChange(only_state, self._motion, self._paths)
+        only_state = replace(statics.pairs, force=force, torque=torque)
+        return _PoseForceChange(statics, self._motion, self._paths, only_state)
 
     def of_moment_weight(self, stress: SelfStress) -> Array:
         """Return the change (m,) of the weight 1 / L^2 of moments."""
@@ -252,7 +253,7 @@ class _PoseForceChange:
 
     def _add_successive(self, twist: Array) -> None:
         """Joints with two successive rotations: the moment on the angle between both axes rotates with both."""
-        rows, pairs, rotation = self._statics.second_order, self._statics.pairs, self._motion.rotation
+        rows, pairs, rotation = self._statics.second_order, self._pairs, self._motion.rotation
         for pair, first, second, cross in zip(*rows.successive.tolist(), rows.cross.T, strict=True):
             relative = rotation[:, pairs.second[pair]] - rotation[:, pairs.first[pair]]
             e, e2 = rows.rows.moment[:, first], rows.rows.moment[:, second]

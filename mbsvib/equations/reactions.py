@@ -14,6 +14,7 @@ Source: Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems (1989
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,12 +29,11 @@ if TYPE_CHECKING:
     from mbsvib.kinematics.relative_motion import Twists
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Reactions:
     """The map from body wrenches to joint wrenches: by the ``paths`` of the tree, and in loops by locked rows ``phi``.
 
-    ``multiplier_wrenches`` (6 joints, locked rows) are the wrenches in all joints per unit of each multiplier;
-    ``stress`` are the states of self-stress of redundant constraints.
+    ``multiplier_wrenches`` (6 joints, locked rows) are the wrenches in all joints per unit of each multiplier.
     """
 
     paths: ForcePaths
@@ -42,7 +42,11 @@ class Reactions:
     reduction: Reduction
     phi: Array
     multiplier_wrenches: Array
-    stress: tuple[SelfStress, ...]
+
+    @cached_property
+    def stress(self) -> tuple[SelfStress, ...]:
+        """States of self-stress of redundant constraints."""
+        return tuple(of_loops(self.paths, self.cuts, self.reduction, self.phi, self.multiplier_wrenches))
 
     def __call__(self, wrench: Array) -> Array:
         """Return the wrenches in the joints that balance wrenches on the bodies.
@@ -100,7 +104,6 @@ def reactions(
     ``paths.of_locked(cuts)``, if available.
     """
     multiplier_wrenches = paths.of_locked(cuts) if multiplier_wrenches is None else multiplier_wrenches
-    stress = of_loops(paths, cuts, reduction, phi, multiplier_wrenches)
-    return Reactions(paths, coordinates, cuts, reduction, phi, multiplier_wrenches, tuple(stress))
+    return Reactions(paths, coordinates, cuts, reduction, phi, multiplier_wrenches)
 
 

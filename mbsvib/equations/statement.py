@@ -62,35 +62,19 @@ def minimal_rows(
     return result
 
 
-def signed_squares(weights: Weights, rows: Array) -> tuple[Array, Array, Index]:
-    """Return a symmetric form of rows as weighted squares.
-
-    ``rows`` (count, m). Returns ``squares`` (n, m), rows such that the form is the sum of their weighted squares, and
-    ``value, owner`` (n,), signed weights and numbers of their owners.
-    """
-    is_square = weights.first == weights.second
-    products, squares = (~is_square).nonzero()[0], is_square.nonzero()[0]
-    first, second, value = weights.first, weights.second, weights.value
-    factor = value.take(products)[:, None] * rows.take(second.take(products), axis=0)
-    product_rows, product_value = squares_of_products(rows.take(first.take(products), axis=0), factor)
-    return (np.concatenate((rows.take(first.take(squares), axis=0), product_rows)),
-            np.concatenate((value.take(squares), product_value)),
-            weights.owner.take(np.concatenate((squares, products, products))))  # fmt: skip
-
-
 def squares_of_products(first: Array, second: Array) -> tuple[Array, Array]:
     """Return rows and signed weights of squares whose sum is the sum of products of two stacks of rows.
 
-    ``first``, ``second`` (n, m): factors of each product. Returns ``rows`` (2 n, m): sums, then differences; ``value``
-    (2 n,): 1/2, then -1/2; 0 for a product that is zero.
+    ``first``, ``second`` (..., n, m): factors of each product. Returns ``rows`` (..., 2 n, m): sums, then differences;
+    ``value`` (..., 2 n): 1/2, then -1/2; 0 for a product that is zero.
     """
-    first_size, second_size = np.einsum("nm,nm->n", first, first), np.einsum("nm,nm->n", second, second)
+    first_size, second_size = (np.einsum("...nm,...nm->...n", rows, rows) for rows in (first, second))
     zero = first_size * second_size == 0.0
     if np.count_nonzero(zero):
-        first_size[zero] = second_size[zero] = 1.0
-    scale = np.sqrt(np.sqrt(second_size / first_size))[:, None]
+        first_size, second_size = np.where(zero, 1.0, first_size), np.where(zero, 1.0, second_size)
+    scale = np.sqrt(np.sqrt(second_size / first_size))[..., None]
     a, b, half = scale * first, second / scale, np.where(zero, 0.0, 0.5)
-    return np.concatenate((a + b, a - b)), np.concatenate((half, -half))
+    return np.concatenate((a + b, a - b), axis=-2), np.concatenate((half, -half), axis=-1)
 
 
 def antisymmetric(weights: Weights, rows: Array) -> Array | None:

@@ -5,7 +5,8 @@ Source: principle of virtual work; Haug, Computer Aided Kinematics and Dynamics 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Joint
+    from mbsvib.equations.reactions import Reactions
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.second_order_rows import SecondOrderRows
     from mbsvib.equations.self_stress import Undetermined
@@ -33,25 +35,43 @@ if TYPE_CHECKING:
 LEAST_LEVER = POSITION_ROUNDING / BALANCE
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Statics:
-    """The forces at the pose: the ``applied`` wrenches, and the wrench ``joints`` (6, joints) on each second body.
+    """The forces at the pose: the ``applied`` wrenches, and those in joints by ``reactions``, both computed when asked.
 
-    ``pairs`` are the applied wrenches, then those in joints; ``position`` (3, bodies + 1) the centres of mass.
-    ``residual`` (m,) is the unbalanced force along each coordinate, ``size`` (m,) that of the forces that should
-    cancel. ``owners`` are the names for rows of geometric stiffness: all pairs, then all bodies; ``undetermined`` are
-    the forces in joints that redundant constraints do not determine.
+    ``geometry`` are all pairs of wrenches, the applied ones, then those in joints, whose sizes are not there yet;
+    ``tree_wrenches`` (6, joints, 1) are those of joints of the open tree. ``position`` (3, bodies + 1) are the centres
+    of mass. ``residual`` (m,) is the unbalanced force along each coordinate, ``size`` (m,) that of the forces that
+    should cancel. ``owners`` are the names of all pairs.
     """
 
     applied: AppliedWrenches
-    joints: Array
-    pairs: WrenchPairs
+    reactions: Reactions
+    geometry: WrenchPairs
+    tree_wrenches: Array
     position: Array
     second_order: SecondOrderRows
     residual: Array
     size: Array
     owners: tuple[str, ...]
-    undetermined: tuple[Undetermined, ...]
+
+    @cached_property
+    def joints(self) -> Array:
+        """Wrenches (6, joints) in the joints on their second bodies."""
+        return self.reactions.with_loops(self.tree_wrenches)[:, :, 0]
+
+    @cached_property
+    def pairs(self) -> WrenchPairs:
+        """The applied wrenches, then those in joints."""
+        pairs, joints = self.applied.pairs, self.joints
+        return replace(self.geometry, force=np.concatenate((pairs.force, joints[:3]), axis=1),
+                       torque=np.concatenate((pairs.torque, joints[3:]), axis=1))  # fmt: skip
+
+    @property
+    def undetermined(self) -> tuple[Undetermined, ...]:
+        """Forces in joints that redundant constraints do not determine."""
+        names = self.owners[len(self.applied.names) :]
+        return tuple([stress.undetermined(names, {}) for stress in self.reactions.stress])
 
     @property
     def imbalance(self) -> float:

@@ -91,13 +91,13 @@ class Terms(Matrices):
         """Return all terms by their names."""
         return dict(vars(self))
 
-    def with_rows(self, rows: Array, stiffness: Array, owner: Index) -> Terms:
+    def with_rows(self, rows: Array, stiffness: Array, owner: Index, matrix: Array | None = None) -> Terms:
         """Return the terms with more rows of stiffness without damping, K + D^T diag(k) D.
 
         ``rows`` (rows, m): rows in minimal coordinates. ``stiffness``, ``owner`` (rows,): signed values, and numbers of
-        their owners.
+        their owners. ``matrix`` (m, m): their product, where it is known with fewer rounding errors.
         """
-        added = rows.T.dot(stiffness[:, None] * rows)
+        added = rows.T.dot(stiffness[:, None] * rows) if matrix is None else matrix
         return replace(
             self, K=self.K + 0.5 * (added + added.T), elastic_rows=np.concatenate((self.elastic_rows, rows)),
             row_stiffness=np.concatenate((self.row_stiffness, stiffness)),

@@ -44,9 +44,10 @@ def explain(system: Equations, basis: Basis | None = None) -> str:
         from mbsvib.explain.loads import explain_loads
 
         lines += ["loads", *explain_loads(system)]
-    if system.provenance.undetermined:
-        lines.append("forces in joints")
-        lines += [text for forces in system.provenance.undetermined for text in forces.explained()]
+    statics = system.provenance.statics
+    undetermined = system.provenance.undetermined or (() if statics is None else statics.undetermined)
+    if undetermined:
+        lines += ["forces in joints", *(text for forces in undetermined for text in forces.explained())]
     if system.gyroscopic is not None or system.circulatory is not None:
         lines += ["symmetry", *_unsymmetric(system)]
     doubtful = unit_warnings(system.provenance.parts)

@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.display import Displayed
-from mbsvib.equations.geometric_stiffness import forms
+from mbsvib.elements.contribution import Contribution
+from mbsvib.kinematics.mobility import crossed_product
 from mbsvib.linalg.rank import ZERO_SUM
+from mbsvib.sparse.geometric_terms import forms, geometric_terms
+from mbsvib.sparse.load_terms import load_stiffness
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -107,19 +110,42 @@ def energies(system: Equations, shapes: Array | Complex) -> tuple[tuple[str, ...
     """
     springs, statics = system.provenance.springs, system.provenance.statics
     rows = system.row_stiffness[:, None] * np.square(np.abs(system.elastic_rows @ shapes))
-    owners = len(springs) + (len(statics.owners) if statics is not None else 0)
-    sums = _sums_by_owner(rows, system.row_owner, owners)
     names, kinds = list(springs), [ELASTIC] * len(springs)
+    count = 0 if statics is None else len(statics.pairs.first)
+    # rows of all forces together come last: here each force has its own entry
+    energy = _sums_by_owner(rows, np.minimum(system.row_owner, len(springs) + count), len(springs) + count + 1)[:-1]
     if statics is not None:
-        count = len(statics.pairs.first)
-        sums = sums[: len(springs) + count]  # without the sums over bodies: here each force has its own entry
-        sums[len(springs) :] += _of_forms(statics, system.body_motion, shapes)
+        energy[len(springs) :] += _of_forces(system, statics, shapes)
         applied = statics.applied
         names += statics.owners[:count]
         kinds += [LOAD] * applied.loads + [PRELOAD] * (len(applied.names) - applied.loads)
         kinds += [REACTION] * (count - len(applied.names))
-    used = np.flatnonzero(sums.any(axis=1))
-    return tuple([names[i] for i in used]), tuple([kinds[i] for i in used]), sums[used]
+    used = np.flatnonzero(energy.any(axis=1))
+    return tuple([names[i] for i in used]), tuple([kinds[i] for i in used]), energy[used]
+
+
+def _of_forces(system: Equations, statics: Statics, shapes: Array | Complex) -> Array:
+    """Contribution of each pair of forces, (pairs, n): by its lever arms from the centres of mass, and by its turns."""
+    motion = system.body_motion @ shapes
+    motion = np.concatenate((motion, np.zeros((1, *motion.shape[1:]))))
+    pairs, count = statics.pairs, len(statics.pairs.first)
+    parts = [geometric_terms(pairs, statics.applied, statics.second_order, statics.position)
+             .contribution(pairs.force, pairs.torque)]  # fmt: skip
+    of_loads = load_stiffness(statics.applied, statics.position)
+    contribution = Contribution.join(parts if of_loads is None else [*parts, of_loads])
+    rows, weights = contribution.rows, contribution.stiffness
+    moved = [motion[body, :3].transpose(1, 0, 2) + crossed_product(
+        motion[body, 3:].transpose(1, 0, 2), (rows.point - statics.position[:, body])[:, :, None])
+        for body in (rows.first, rows.second)]  # fmt: skip
+    turned = (motion[rows.second, 3:] - motion[rows.first, 3:]).transpose(1, 0, 2)
+    base = np.einsum("cr,crn->rn", rows.force, moved[1] - moved[0]) + np.einsum("cr,crn->rn", rows.moment, turned)
+    sums = np.zeros((contribution.count, base.shape[1]), base.dtype)
+    np.add.at(sums, contribution.row, base)
+    products = (sums[weights.first].conj() * sums[weights.second]).real
+    products *= (weights.value * np.where(weights.first == weights.second, 1.0, 2.0))[:, None]
+    result = _sums_by_owner(products, weights.owner, max(count, 1 + weights.owner.max(initial=0)))
+    # without the sums over bodies: here each force has its own entry
+    return np.asarray(result[:count] + _of_forms(statics, system.body_motion, shapes))
 
 
 def _of_forms(statics: Statics, motion: Array, shapes: Array | Complex) -> Array:

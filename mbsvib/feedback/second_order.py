@@ -45,7 +45,7 @@ def closed_system(system: E, gain: Array, sensors: list[int], actuators: list[in
         elastic_rows=np.concatenate((system.elastic_rows, k_rows, c_rows)),
         row_stiffness=np.concatenate((system.row_stiffness, k_weights, np.zeros(len(c_weights)))),
         row_damping=np.concatenate((system.row_damping, np.zeros(len(k_weights)), c_weights)),
-        row_owner=np.concatenate((system.row_owner, np.full(count, owner))),
+        row_owner=np.concatenate((system.row_owner + (system.row_owner >= owner), np.full(count, owner))),
         gyroscopic=_sum(system.gyroscopic, gyroscopic), circulatory=_sum(system.circulatory, circulatory),
         provenance=replace(system.provenance, springs=(*system.provenance.springs, "controller"), closed_loop=True,
                            truncation=None),

@@ -100,7 +100,7 @@ def twists(topology: Topology, bodies: list[Body]) -> Twists:
     They are in the order in which their joints were added, those of floating bodies last.
     """
     joints = topology.joints
-    order, path = _paths(topology.branches, tuple([len(joint.freedom) for joint in joints]))
+    order, path = order_and_paths(topology.branches, tuple([len(joint.freedom) for joint in joints]))
     names: list[str] = []
     twist: list[tuple[float, ...]] = []
     turns: list[bool] = []
@@ -120,7 +120,9 @@ def twists(topology: Topology, bodies: list[Body]) -> Twists:
 
 
 @lru_cache(maxsize=16)
-def _paths(branches: tuple[Branch, ...], freedoms: tuple[int, ...]) -> tuple[tuple[Branch, ...], NDArray[np.int8]]:
+def order_and_paths(
+    branches: tuple[Branch, ...], freedoms: tuple[int, ...]
+) -> tuple[tuple[Branch, ...], NDArray[np.int8]]:
     """The branches in the order of their coordinates, and ``Twists.path``.
 
     Both depend on nothing but the tree and the numbers of coordinates of its joints, and are cached for mechanisms that

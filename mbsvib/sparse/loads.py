@@ -18,15 +18,15 @@ from mbsvib.elements.contribution import Contribution
 from mbsvib.elements.coupler import refuse_curved
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.force_paths import joint_ends
-from mbsvib.equations.geometric_stiffness import geometric_terms
 from mbsvib.equations.second_order_rows import second_order_rows
 from mbsvib.equations.statics import LEAST_LEVER, unbalanced
-from mbsvib.equations.unsymmetric_stiffness import load_stiffness
 from mbsvib.equations.wrench_pairs import WrenchPairs
 from mbsvib.equations.wrenches import applied_wrenches
 from mbsvib.kinematics.mobility import crossed_product
 from mbsvib.linalg.rank import BALANCE
 from mbsvib.mechanism.topology import FLOATS
+from mbsvib.sparse.geometric_terms import geometric_terms
+from mbsvib.sparse.load_terms import load_stiffness
 from mbsvib.sparse.statement import antisymmetric, signed_squares, unknown_rows
 
 if TYPE_CHECKING:

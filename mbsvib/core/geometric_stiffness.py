@@ -1,0 +1,213 @@
+"""Geometric stiffness: the second derivatives of the work of all forces at a pose.
+
+A pair is what acts with a wrench F between two bodies: a load, a preloaded spring, a cut joint with its multipliers, a
+coupler. With the twists S_k of the joint coordinates, s_k their signs on the way from the first to the second body, and
+J = [s_1 S_1, s_2 S_2, ...] the relative displacement of the pair,
+
+    K = sum over pairs of  J^T H J  +  1/2 F . [s_k S_k, s_l S_l]  for k before l on this way  (and its transpose)
+        + sum over rods of the tree of  F . d2(log X) / dq dq
+
+H are the second derivatives of the pair's own potential to exponential coordinates xi of the relative displacement, F
+the first ones. A joint of the tree is a product of motions, which come one before the other too; only a rod is curved.
+The bracket of twists is [S, S'] = (w x w', w x v' - w' x v), from the Baker-Campbell-Hausdorff series
+
+    log(exp S_1 q_1 exp S_2 q_2 ...) = sum of S_k q_k + 1/2 sum over k before l of [S_k, S_l] q_k q_l + ...
+
+Coordinates common to both bodies of a pair do not count, and no wrench in a joint of the tree is needed.
+
+Source: Murray, Li & Sastry, A Mathematical Introduction to Robotic Manipulation (1994), section 2.2 and appendix A, for
+twists and brackets; Geradin & Cardona, Flexible Multibody Dynamics (2001), for second derivatives of V + lambda . phi.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.linalg.rotations import skew
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array, Index
+    from mbsvib.core.motion_order import MotionOrder
+
+
+@dataclass(frozen=True, slots=True)
+class TwistsAt:
+    """Twists of the joint coordinates: ``angular`` and ``linear`` (..., 3, n) at ``point`` (..., 3, n) [m]; ``path``
+    (bodies + 1, n) are their signs on the way from ground to each body, see ``Twists``.
+    """
+
+    angular: Array
+    linear: Array
+    point: Array
+    path: Array
+
+    def motion(self, first: Index, second: Index, point: Array) -> Array:
+        """Return J (..., 6, p, n): rotation and displacement of second bodies against first ones at points (..., 3, p).
+        """
+        angular, sign = self.angular[..., None, :], self._sign(first, second)
+        turned = cross(angular, point[..., None] - self.point[..., None, :])
+        result = np.empty((*turned.shape[:-3], 6, *turned.shape[-2:]), turned.dtype)
+        np.multiply(angular, sign, out=result[..., :3, :, :])
+        np.add(turned, self.linear[..., None, :], out=result[..., 3:, :, :])
+        result[..., 3:, :, :] *= sign
+        return result
+
+    def _sign(self, first: Index, second: Index) -> Array:
+        return np.asarray(self.path[second] - self.path[first], dtype=float)
+
+
+@dataclass(frozen=True, slots=True)
+class Pairs:
+    """Wrenches between bodies, about their points, and the second derivatives of their potentials there.
+
+    ``first``, ``second`` (p,): numbers of bodies. ``point`` (..., 3, p) [m] moves with the second body. ``wrench`` F
+    (..., 6, p): first derivatives of the potential to (theta, v) [N m, N]. ``hessian`` H (..., p, 6, 6). ``torsion``
+    (..., t, 6, 6) is the tangent without potential of the first t pairs, as of torques and follower forces; None
+    without any.
+    """
+
+    first: Index
+    second: Index
+    point: Array
+    wrench: Array
+    hessian: Array
+    torsion: Array | None = None
+
+    @staticmethod
+    def join(parts: list[Pairs]) -> Pairs:
+        """Return all pairs in one; only the first of them may have a ``torsion``."""
+        if len(parts) == 1:
+            return parts[0]
+        lead = np.broadcast_shapes(*(array.shape[:-k] for part in parts for array, k in (
+            (part.point, 2), (part.wrench, 2), (part.hessian, 3))))  # fmt: skip
+
+        def joined(arrays: list[Array], axis: int, tail: int) -> Array:
+            return np.concatenate([np.broadcast_to(array, (*lead, *array.shape[-tail:])) for array in arrays], axis)
+
+        return Pairs(
+            np.concatenate([part.first for part in parts]), np.concatenate([part.second for part in parts]),
+            joined([part.point for part in parts], -1, 2), joined([part.wrench for part in parts], -1, 2),
+            joined([part.hessian for part in parts], -3, 3), parts[0].torsion,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class GeometricStiffness:
+    """Second derivatives in joint coordinates: ``symmetric`` and ``antisymmetric`` (..., n, n), None where no torque or
+    follower load acts; ``transmitted`` (..., 6, n) is the wrench (moment, force) that each coordinate's joint
+    transmits, about the point of its twist.
+    """
+
+    symmetric: Array
+    antisymmetric: Array | None
+    transmitted: Array
+
+
+def geometric_stiffness(
+    twists: TwistsAt, order: MotionOrder, pairs: Pairs, motion: Array, rod_curvature: Array | None = None
+) -> GeometricStiffness:  # fmt: skip
+    """Return the geometric stiffness of pairs.
+
+    ``motion`` (..., 6, p, n): ``twists.motion`` of the pairs. ``rod_curvature`` (..., rods, 6, f, f): second
+    derivatives of the exponential coordinates of the ``order.rods`` to their own coordinates, world axes.
+    """
+    ways = _ways(twists.path.tobytes(), twists.path.shape, pairs.first.tobytes(), pairs.second.tobytes())
+    rows = np.moveaxis(motion, -3, -2)  # (..., p, 6, n)
+    result = _flat(rows).swapaxes(-1, -2) @ _flat(pairs.hessian @ rows)
+    if len(ways.both):
+        half = _across(pairs, rows, ways)
+        result = result + half + half.swapaxes(-1, -2)
+    force, moment = _transmitted(twists, pairs, ways)
+    bracket = _brackets(twists, order, force, moment, ways)
+    result = result + bracket + bracket.swapaxes(-1, -2)
+    transmitted = np.concatenate((sum(moment), sum(force)), axis=-2)
+    for number, (_, at) in enumerate(order.rods):
+        assert rod_curvature is not None
+        bent = np.einsum("...i,...ifg->...fg", transmitted[..., at[0]], rod_curvature[..., number, :, :, :])
+        result[..., at[:, None], at] += bent
+    antisymmetric = None
+    if pairs.torsion is not None:
+        own = rows[..., : pairs.torsion.shape[-3], :, :]
+        tangent = _flat(own).swapaxes(-1, -2) @ _flat(pairs.torsion @ own)
+        result = result + 0.5 * (tangent + tangent.swapaxes(-1, -2))
+        antisymmetric = 0.5 * (tangent - tangent.swapaxes(-1, -2))
+    return GeometricStiffness(result, antisymmetric, transmitted)
+
+
+@dataclass(frozen=True, slots=True)
+class _Ways:
+    """The ways of pairs between their bodies: ``sign`` (p, n) of the coordinates on them; the ``group`` (p,) of pairs
+    whose bodies have the same ones in common, with the other coordinates ``beyond`` (groups, n); the pairs ``both``
+    (b,) with coordinates on the way to both bodies, and a mask ``up`` (b, n) of those to the first.
+    """
+
+    sign: Array
+    group: Index
+    beyond: Array
+    both: Index
+    up: Array
+
+
+@lru_cache(maxsize=32)
+def _ways(path: bytes, shape: tuple[int, ...], first: bytes, second: bytes) -> _Ways:
+    """The ways of pairs, which depend on nothing but the tree and the bodies."""
+    signs = np.frombuffer(path, np.int8).reshape(shape)
+    a, b = signs[np.frombuffer(first, np.intp)], signs[np.frombuffer(second, np.intp)]
+    sign = (b - a).astype(float)
+    common = (a != 0) & (b != 0)
+    if not len(common):
+        return _Ways(sign, np.zeros(0, dtype=np.intp), np.ones((1, shape[1])), np.zeros(0, dtype=np.intp), common)
+    beyond, group = np.unique(~common, axis=0, return_inverse=True)
+    up = (a != 0) & ~common
+    both = (up.any(axis=1) & ((b != 0) & ~common).any(axis=1)).nonzero()[0]
+    return _Ways(sign, group.reshape(-1), beyond.astype(float), both, up[both])
+
+
+def _across(pairs: Pairs, rows: Array, ways: _Ways) -> Array:
+    """1/2 F . [S_k, S_l] of pairs with k on the way to their first and l on that to their second body."""
+    here = rows[..., ways.both, :, :]
+    before, after = here * ways.up[:, None], here * ~ways.up[:, None]
+    moment, force = (skew(np.swapaxes(pairs.wrench[..., part, ways.both], -1, -2)) for part in (slice(3), slice(3, 6)))
+    # F . [a, b] = -a . X b,  X = [[m]x, [f]x; [f]x, 0]
+    top = np.concatenate((moment, force), axis=-1)
+    matrix = -0.5 * np.concatenate((top, np.concatenate((force, np.zeros_like(force)), axis=-1)), axis=-2)
+    return np.asarray(_flat(before).swapaxes(-1, -2) @ _flat(matrix @ after))
+
+
+def _transmitted(twists: TwistsAt, pairs: Pairs, ways: _Ways) -> tuple[list[Array], list[Array]]:
+    """Forces and moments (..., 3, n) about the points of the twists, by group of pairs."""
+    force = pairs.wrench[..., 3:, :, None] * ways.sign
+    moment = pairs.wrench[..., :3, :, None] * ways.sign
+    moment = moment + cross(pairs.point[..., None] - twists.point[..., None, :], force)
+    groups = [slice(None)] if len(ways.beyond) == 1 else [ways.group == g for g in range(len(ways.beyond))]
+    return [force[..., g, :].sum(axis=-2) for g in groups], [moment[..., g, :].sum(axis=-2) for g in groups]
+
+
+def _brackets(twists: TwistsAt, order: MotionOrder, force: list[Array], moment: list[Array], ways: _Ways) -> Array:
+    """1/2 F_l . [S_k, S_l] (..., n, n) for k before l, with the wrench F_l that l transmits of pairs beyond k."""
+    of_l = [array[..., None, :] for array in (twists.angular, twists.linear, twists.point)]
+    of_k = [array[..., None] for array in (twists.angular, twists.linear, twists.point)]
+    turns = cross(of_k[0], of_l[0])
+    shifts = cross(of_k[0], of_l[1]) - cross(of_l[0], of_k[1] + cross(of_k[0], of_l[2] - of_k[2]))
+    total = 0.0
+    for f, m, beyond in zip(force, moment, ways.beyond, strict=True):
+        one = (m[..., None, :] * turns + f[..., None, :] * shifts).sum(axis=-3)
+        total = total + (one if beyond.all() else one * beyond[:, None])
+    return np.asarray(0.5 * order.before * total)
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return a x b of vectors (..., 3, p, n)."""
+    result = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.multiply(a[..., j, :, :], b[..., k, :, :], out=result[..., i, :, :])
+        result[..., i, :, :] -= a[..., k, :, :] * b[..., j, :, :]
+    return result
+
+
+def _flat(rows: Array) -> Array:
+    return rows.reshape(*rows.shape[:-3], rows.shape[-3] * rows.shape[-2], rows.shape[-1])
