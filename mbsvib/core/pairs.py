@@ -101,7 +101,7 @@ def opening_hessians(joints: Sequence[Joint], axes: Mapping[str, Array], lengths
         length = lengths.get(joint.name, expansions.length_of(joint))
         if np.ndim(length) or length != 1.0:
             constants = expansions.with_length(constants, expansions.opening_units(form), length)
-        parts.append(expansions.turned(np.asarray(axes.get(joint.name, joint.axes)), constants))
+        parts.append(expansions.turned(np.asarray(axes.get(joint.name, joint.axes))[..., None, :, :], constants))
     if not parts:
         return np.zeros((0, 6, 6))
     lead = np.broadcast_shapes(*(part.shape[:-3] for part in parts))

@@ -96,7 +96,8 @@ class Bushing(Connection):
     def batched_fields(self) -> frozenset[str]:
         # rows of a 6x6 matrix change with its values in ways of their own
         matrix = isinstance(self.stiffness[0], tuple) or isinstance(self.damping[0], tuple)
-        return frozenset({"position", "orientation"} if matrix else {"position", "orientation", "stiffness", "damping"})
+        fields = frozenset({"position", "orientation", "preload"})
+        return fields if matrix else fields | {"stiffness", "damping"}
 
     def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
         coefficients = [values.get(field, np.array(getattr(self, field))[..., None]) for field in

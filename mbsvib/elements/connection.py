@@ -6,14 +6,19 @@ from dataclasses import dataclass
 from math import hypot, inf
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
+
 from mbsvib.common import arguments as check
 from mbsvib.elements.part import Part
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
     from mbsvib.elements.deformations import Law
+    from mbsvib.elements.part import Mask
     from mbsvib.elements.preload_form import PreloadForm
 
 
@@ -104,6 +109,13 @@ def line_between(who: str, start: Any, end: Any, hint: str) -> tuple[Vector, Vec
     if not 0.0 < length < inf:
         raise check.refuse(who, "end", end, "a point other than start", hint)
     return a, b, (x / length, y / length, z / length), length
+
+
+def no_line(part: Any, values: Mapping[str, Array]) -> Mask:
+    """Return which variants (v,) of an element have no line between its points, ``values`` (3, v) of some of them."""
+    start, end = (values.get(field, np.array(getattr(part, field))[:, None]) for field in ("start", "end"))
+    line = np.abs(end - start)
+    return np.asarray(~line.any(axis=0) | ~np.isfinite(line).all(axis=0))
 
 
 def line_force(tension: float, line: Vector) -> tuple[float, ...]:

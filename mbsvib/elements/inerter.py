@@ -15,7 +15,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
-from mbsvib.elements.connection import Connection, check_ends, line_between
+from mbsvib.elements.connection import Connection, check_ends, line_between, no_line
 from mbsvib.elements.deformations import Law, length
 from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.part import ParameterField, Part, derived, vector_field
@@ -24,6 +24,8 @@ from mbsvib.elements.rows import columns
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements.part import Mask
     from mbsvib.elements.pose import Pose
 
 
@@ -50,6 +52,11 @@ class Inerter(Connection):
 
     def with_values(self, values: Mapping[str, Any]) -> Inerter:
         return make(**self._arguments_with(values))
+
+    batched_fields = frozenset({"start", "end", "inertance"})
+
+    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
+        return np.asarray(no_line(self, values) | (values.get("inertance", np.ones(1)) <= 0.0))
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         ends = {"start": pose.point(self.first, self.start), "end": pose.point(self.second, self.end)}

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
 
+import numpy as np
+
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements.part import ParameterField, Part, vector_field
@@ -13,6 +15,8 @@ from mbsvib.errors import ModelError
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements.part import Mask
     from mbsvib.elements.pose import Pose
 
 NONE: Vector = (0.0, 0.0, 0.0)
@@ -41,6 +45,13 @@ class Load(Part):
     def with_values(self, values: Mapping[str, Any]) -> Load:
         return make(**self._arguments_with(values))
 
+    batched_fields = frozenset({"force", "torque", "position"})
+
+    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
+        idle = [~np.any(values.get(field, np.array(getattr(self, field))[:, None]), axis=0)
+                for field in ("force", "torque")]  # fmt: skip
+        return np.asarray(idle[0] & idle[1])
+
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         if pose.is_unmoved(self.body):
             return self
@@ -55,6 +66,10 @@ class Gravity(Part):
     """The ``acceleration`` of free fall [m/s^2], world axes, with the parameters ``"gravity.x"``, ...y and ...z."""
 
     acceleration: Vector
+    batched_fields = frozenset({""})
+
+    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
+        return False
 
     def parameter_fields(self) -> Iterator[ParameterField]:
         yield vector_field("", self.acceleration, "m/s^2")

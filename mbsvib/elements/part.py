@@ -146,6 +146,21 @@ class Part:
         """
         return True
 
+    def replaced_fields(self, fields: Mapping[str, Array]) -> Mapping[str, Array]:
+        """Return the values of the part of the same name that replaces it in the equations.
+
+        Parameters
+        ----------
+        fields : mapping of str to array
+            Values by field, with the variants on the last axis.
+
+        Returns
+        -------
+        mapping of str to array
+            The same values by the fields of that part; of a part that nothing replaces, as they are.
+        """
+        return fields
+
     def constructor_kwargs(self) -> dict[str, Any]:
         """Return the arguments of the ``add_...`` call that makes this part, except those at their default."""
         result = {}

@@ -11,7 +11,7 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.common.fast_init import fast_init
-from mbsvib.elements.connection import Connection, check_ends, line_between, line_force
+from mbsvib.elements.connection import Connection, check_ends, line_between, line_force, no_line
 from mbsvib.elements.deformations import Law, length
 from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.part import ParameterField, Part, derived, vector_field
@@ -73,19 +73,14 @@ class Spring(Connection):
     def rest_wrench(self) -> tuple[float, ...]:
         return line_force(self.tension, self.line)
 
-    @property
-    def batched_fields(self) -> frozenset[str]:
-        # the tension follows from the ends if there is a free length
-        ends = frozenset({"start", "end"} if self.free_length is None else ())
-        return ends | {"stiffness", "damping"}
+    batched_fields = frozenset({"start", "end", "stiffness", "damping", "preload", "free_length"})
 
     def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
-        if not values.keys() <= self.batched_fields:
-            return True
-        ends = [values.get(field, np.array(getattr(self, field))[:, None]) for field in ("start", "end")]
-        line = np.abs(ends[1] - ends[0])
         idle = [values.get(field, getattr(self, field)) == 0.0 for field in ("stiffness", "damping")]
-        return np.asarray(~line.any(axis=0) | ~np.isfinite(line).all(axis=0) | (idle[0] & idle[1]))
+        wrong = values.get("free_length", np.zeros(1)) < 0.0
+        if self.free_length is not None:
+            wrong = wrong | idle[0]
+        return np.asarray(no_line(self, values) | (idle[0] & idle[1]) | wrong)
 
     def preload_form(self, size: float) -> PreloadForm | None:
         free: dict[str, Any] = {"free_length": None}

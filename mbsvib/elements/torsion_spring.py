@@ -33,6 +33,8 @@ from mbsvib.linalg.rotations import quaternion
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements.part import Mask
     from mbsvib.elements.pose import Pose
 
 # Sine of half the swing angle below which the swing is a rounding error; squared cosine of half the largest, 3 rad.
@@ -62,6 +64,15 @@ class TorsionSpring(Connection):
 
     def with_values(self, values: Mapping[str, Any]) -> TorsionSpring:
         return make(**self._arguments_with(values))
+
+    batched_fields = frozenset({"stiffness", "damping", "preload"})
+
+    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
+        idle = [np.equal(values.get(field, getattr(self, field) or 0.0), 0.0) for field in sorted(self.batched_fields)]
+        return np.asarray(idle[0] & idle[1] & idle[2])
+
+    def replaced_fields(self, fields: Mapping[str, Array]) -> dict[str, Array]:
+        return {field: np.concatenate((np.zeros((5, len(values))), values[None])) for field, values in fields.items()}
 
     @property
     def rest_wrench(self) -> tuple[float, ...]:

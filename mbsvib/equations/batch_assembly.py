@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import copy
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -10,7 +11,8 @@ import numpy as np
 from mbsvib.common.memory import MANY, keep_freed_memory
 from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
-from mbsvib.equations.batch_geometry import scene_of_variants
+from mbsvib.equations.batch_geometry import moved_bodies, scene_of_variants
+from mbsvib.equations.batch_loads import applied_of_variants, loaded_in_variants, with_loads_of_variants
 from mbsvib.equations.batch_loops import LoopPivots, loop_pivots, reduce_batch
 from mbsvib.equations.batch_one_by_one import one_by_one
 from mbsvib.equations.batch_values import Values, checked
@@ -20,7 +22,7 @@ from mbsvib.equations.inertia import check_mass
 from mbsvib.equations.matrices import matrices
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene as scene_of
-from mbsvib.equations.terms import MATRICES
+from mbsvib.equations.terms import MATRICES, OPTIONAL
 from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.errors import ModelError
 
@@ -55,34 +57,41 @@ def linearize_batch(
     """
     keep_freed_memory(MANY)
     variants = checked(model.parameters, values)
-    expanded_model = expanded(model)
-    is_expanded = expanded_model is not model
-    scene = scene_of(with_maxwell_nodes(expanded_model), cut)
-    nominal = single.assembled(expanded_model, scene, independent, copy(model) if is_expanded else None, form=form)
-    if is_expanded or _adds_by_variant(model, scene, nominal) or _varies_otherwise(scene, variants):
-        return one_by_one(model, nominal, variants, cut, batch)
+    user_model, model = model, expanded(model)
+    scene = scene_of(with_maxwell_nodes(model), cut)
+    nominal = single.assembled(model, scene, independent, copy(user_model), form=form)
+    if _adds_by_variant(model, scene, nominal) or _varies_otherwise(scene, variants):
+        return one_by_one(user_model, nominal, variants, cut, batch)
     pivots = loop_pivots(scene, nominal.provenance.reduction)
     size = _chunk_size(scene, variants)
     chunks = [
-        _matrices(model, scene, variants.slice(start, start + size), pivots, start, nominal.coordinates)
+        _matrices(model, scene, variants.in_equations.slice(start, start + size), pivots, start, nominal.coordinates)
         for start in range(0, variants.count, size)
     ]
-    arrays: dict[str, Any] = {"row_owner": chunks[0]["row_owner"]}
-    for key in (*MATRICES, *FACTORS):
-        array = chunks[0][key]
-        if len(chunks) > 1 and array.ndim == _axes_without_variants(key) + 1:
-            array = np.concatenate([chunk[key] for chunk in chunks])
-        arrays[key] = np.broadcast_to(array, (variants.count, *array.shape[array.ndim - _axes_without_variants(key) :]))
-    closure = None
-    if chunks[0]["closure"] is not None:
-        closure = np.concatenate([chunk["closure"] for chunk in chunks])
-    return batch(nominal=nominal, values=variants, closure=closure, **arrays)
+    arrays = {key: _joined([chunk[key] for chunk in chunks], key, variants.count, size) for key in (
+        *MATRICES, *FACTORS, *OPTIONAL, "closure")}  # fmt: skip
+    loaded = scene.loads is not None or loaded_in_variants(model, variants)
+    return batch(nominal=nominal, values=variants, row_owner=chunks[0]["row_owner"], loaded=loaded, **arrays)
+
+
+def _joined(parts: list[Any], key: str, count: int, size: int) -> Any:
+    """An array of all variants, from those of chunks; those that are constant have no axis of variants there."""
+    present = [part for part in parts if part is not None]
+    if not present:
+        return None
+    axes = {"row_stiffness": 1, "row_damping": 1, "body_motion": 3}.get(key, 2)
+    array = next((part for part in present if part.ndim > axes), present[0])
+    if len(parts) > 1 and array.ndim > axes:
+        none = np.zeros((size, *array.shape[1:]))
+        array = np.concatenate([none[: count - size * k] if part is None else part for k, part in enumerate(parts)])
+    return np.broadcast_to(array, (count, *array.shape[array.ndim - axes :]))
 
 
 def _adds_by_variant(model: Mechanism, scene: Scene, nominal: Equations) -> bool:
-    """Return whether a mechanism has loads, antisymmetric forces, inerters or motions without mass, by variant."""
-    return bool(scene.loads is not None or scene.port.wrench_outputs or model.derived(has_antisymmetric_forces)
-                or scene.springs.inertance is not None or nominal.provenance.separation is not None)  # fmt: skip
+    """Return whether a mechanism has elements whose forces are computed for one variant after the other."""
+    curved = any(coupler.curvatures for coupler in scene.couplers)
+    return bool((scene.shared is not None and scene.shared.base) or scene.port.wrench_outputs or model.derived(has_antisymmetric_forces)
+                or nominal.provenance.separation is not None or curved)  # fmt: skip
 
 
 def _varies_otherwise(scene: Scene, values: Values) -> bool:
@@ -94,16 +103,14 @@ def _varies_otherwise(scene: Scene, values: Values) -> bool:
                for name, fields in values.fields.items())  # fmt: skip
 
 
-def _axes_without_variants(key: str) -> int:
-    """Number of axes of an array of a single system."""
-    return {"row_stiffness": 1, "row_damping": 1, "body_motion": 3}.get(key, 2)
-
-
 def _chunk_size(scene: Scene, values: Values) -> int:
     """Number of variants to compute at once."""
-    if all(fields.keys() <= {"stiffness", "damping"} for fields in values.fields.values()):
+    if scene.loads is None and all(fields.keys() <= {"stiffness", "damping"} for fields in values.fields.values()):
         return values.count
-    return max(16, CHUNK // max(1, scene.coordinates.path.size * 6))
+    rows, n = scene.coordinates.path.shape
+    if scene.loads is not None:
+        rows += len(scene.loads[0].names) + n
+    return max(16, CHUNK // max(1, rows * n * 6))
 
 
 def _matrices(
@@ -111,6 +118,9 @@ def _matrices(
 ) -> dict[str, Any]:
     """The matrices of some variants; constant ones have no axis of variants."""
     scene = scene_of_variants(model, scene, values)
+    if scene.loads is not None or loaded_in_variants(model, values):
+        applied = applied_of_variants(model, values, moved_bodies(scene, values))
+        scene = replace(scene, loads=(applied, None, {}))
     relative = scene.relative()
     reduction = pivots.reduction
     phi = scene.closure(relative)
@@ -118,6 +128,8 @@ def _matrices(
         reduction = reduce_batch(scene, values, phi, pivots, first)
     terms = matrices(scene, relative, reduction)
     _check_masses(terms.M, names, first)
+    if scene.loads is not None:
+        terms = with_loads_of_variants(model, scene, values, terms, reduction, phi, pivots, first)
     return terms.named() | {"closure": None if reduction is pivots.reduction else reduction.matrix}
 
 

@@ -37,9 +37,7 @@ def scene_of_variants(model: Mechanism, scene: Scene, values: Values) -> Scene:
     No line of a distance joint and no 6x6 matrix varies. Arrays (3, n) of vectors become (3, variants, n) where they
     vary, all others (variants, ...).
     """
-    number = scene.topology.body_numbers
-    positions = {number[name]: fields["position"] for name, fields in values.fields.items()
-             if name in number and "position" in fields}  # fmt: skip
+    number, positions = scene.topology.body_numbers, moved_bodies(scene, values)
     position = scene.position
     if positions:
         position = np.repeat(position[None], values.count, axis=0)
@@ -52,7 +50,14 @@ def scene_of_variants(model: Mechanism, scene: Scene, values: Values) -> Scene:
     )  # fmt: skip
 
 
-def _with_values_at(array: Array, at: Any, value: Array, count: int) -> Array:
+def moved_bodies(scene: Scene, values: Values) -> dict[int, Array]:
+    """Return the centres of mass (3, variants) [m] that differ in variants, by the number of the body."""
+    number = scene.topology.body_numbers
+    return {number[name]: fields["position"] for name, fields in values.fields.items()
+            if name in number and "position" in fields}  # fmt: skip
+
+
+def with_values_at(array: Array, at: Any, value: Array, count: int) -> Array:
     """Vectors (3, variants, n) with values (3, variants, ...) in some columns."""
     result = array if array.ndim == 3 else np.repeat(array[:, None], count, axis=1)
     result[:, :, at] = value if value.ndim == 3 else value[:, :, None]
@@ -71,18 +76,18 @@ def _of_parts(
         if "orientation" in fields:
             rotation = exponential(fields["orientation"].T)
             first, second = (
-                _with_values_at(array, columns, np.einsum("vij,jvk->ivk", rotation, _columns(array, columns)),
+                with_values_at(array, columns, np.einsum("vij,jvk->ivk", rotation, _columns(array, columns)),
                                 values.count)
                 for array in (first, second)
             )
         if "position" in fields:
-            point = _with_values_at(point, columns, fields["position"], values.count)
+            point = with_values_at(point, columns, fields["position"], values.count)
         if "start" in fields or "end" in fields:
             start, end = (np.broadcast_to(fields.get(field, np.array(getattr(part, field))[:, None]), (3, values.count))
                           for field in ("start", "end"))  # fmt: skip
             line = end - start
-            first = _with_values_at(first, columns, line / np.sqrt(np.einsum("iv,iv->v", line, line)), values.count)
-            point = _with_values_at(point, columns, start, values.count)
+            first = with_values_at(first, columns, line / np.sqrt(np.einsum("iv,iv->v", line, line)), values.count)
+            point = with_values_at(point, columns, start, values.count)
     return first, second, point
 
 
@@ -96,7 +101,7 @@ def _at_centres(point: Array, bodies: Sequence[tuple[int, Any]], positions: Mapp
     """Points at the new centres of mass of ``bodies``, given by number and columns."""
     for body, columns in bodies:
         if body in positions:
-            point = _with_values_at(point, columns, positions[body], positions[body].shape[1])
+            point = with_values_at(point, columns, positions[body], positions[body].shape[1])
     return point
 
 
@@ -115,7 +120,7 @@ def _twists(scene: Scene, values: Values, positions: Mapping[int, Array]) -> Twi
             pitch = values.fields.get(joint.name, {}).get("pitch")
             if pitch is not None:
                 along = pitch[:, None] * twists.angular[:, None, columns]
-                linear = _with_values_at(linear, columns, along, values.count)
+                linear = with_values_at(linear, columns, along, values.count)
     linear, angular, point = _of_parts((linear, twists.angular, twists.point), owners, values)
     return replace(twists, linear=linear, angular=angular, point=_at_centres(point, at_centre, positions))
 
@@ -131,7 +136,7 @@ def _cuts(scene: Scene, values: Values) -> Cuts | None:
         pitch = values.fields.get(joint.name, {}).get("pitch")
         if pitch is not None:
             row = rows_of_joint[[direction == "z" for direction, _ in joint.locked]]
-            moment = _with_values_at(moment, row, -pitch[:, None] * rows.force[:, None, row], values.count)
+            moment = with_values_at(moment, row, -pitch[:, None] * rows.force[:, None, row], values.count)
     force, moment, point = _of_parts((rows.force, moment, rows.point), owners, values)
     return replace(cuts, rows=Rows(rows.first, rows.second, point, force, moment))
 
@@ -153,6 +158,8 @@ def _springs(scene: Scene, values: Values, number: Mapping[str, int]) -> Element
     rows = springs.rows
     force, moment, point = _of_parts((rows.force, rows.moment, rows.point), owners, values)
     weights = {"stiffness": springs.stiffness, "damping": springs.damping}
+    if springs.inertance is not None:
+        weights["inertance"] = springs.inertance
     for part, columns in owners:
         for field in weights.keys() & values.fields[part.name].keys():
             array, new = weights[field], values.fields[part.name][field]
@@ -160,8 +167,7 @@ def _springs(scene: Scene, values: Values, number: Mapping[str, int]) -> Element
             new = new[None] if new.ndim == 1 else new[springs.unit[columns].argmax(axis=1)]
             array[:, columns] = new.T
             weights[field] = array
-    return replace(springs, rows=Rows(rows.first, rows.second, point, force, moment),
-                   stiffness=weights["stiffness"], damping=weights["damping"])  # fmt: skip
+    return replace(springs, rows=Rows(rows.first, rows.second, point, force, moment), **weights)
 
 
 def _ports(model: Mechanism, port: Ports, positions: Mapping[int, Array], number: Mapping[str, int]) -> Ports:

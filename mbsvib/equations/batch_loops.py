@@ -68,6 +68,25 @@ class LoopPivots:
     reduction: Reduction
     blocks: tuple[Block, ...]
 
+    def multipliers(self, phi: Array, gradient: Array) -> Array:
+        """Return lambda (..., locked rows) with Phi^T lambda = - dV / dq in the dependent coordinates.
+
+        ``phi`` (..., locked rows, n); ``gradient`` (..., n): dV / dq. Redundant rows have none; the stiffness of loads
+        does not depend on this choice.
+        """
+        lead = np.broadcast_shapes(phi.shape[:-2], gradient.shape[:-1])
+        result = np.zeros((*lead, phi.shape[-2]))
+        for block in self.blocks:
+            if r := len(block.dependent):
+                rows, right = block.rows[:r], -gradient[..., block.dependent, None]
+                try:
+                    solution = np.linalg.solve(phi[..., rows[:, None], block.dependent].swapaxes(-1, -2), right)
+                except np.linalg.LinAlgError:  # a variant whose rank was decided anew
+                    rows = block.rows
+                    solution = np.linalg.pinv(phi[..., rows[:, None], block.dependent].swapaxes(-1, -2)) @ right
+                result[..., rows] = solution[..., 0]
+        return result
+
 
 def loop_pivots(scene: Scene, nominal: Reduction) -> LoopPivots:
     """Return the pivots of the nominal pose, which all variants use."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +35,12 @@ class Values:
     by_name: Mapping[str, Array]
     fields: Mapping[str, Mapping[str, Array]]
     parameters: Parameters
+
+    @property
+    def in_equations(self) -> Values:
+        """The values of the parts that replace those of the model in the equations."""
+        parts = self.parameters.parts
+        return replace(self, fields={name: parts[name].replaced_fields(fields) for name, fields in self.fields.items()})
 
     def part(self, name: str, i: int) -> Part:
         """Return a part of variant ``i``."""

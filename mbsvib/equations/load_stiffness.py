@@ -74,7 +74,7 @@ def applied_pairs(applied: AppliedWrenches, position: Array, coordinates: Twists
     if applied.loads:
         parts.append(of_places(pairs.first[loads], pairs.second[loads], end[..., loads], force[..., loads],
                                torque[..., loads], applied.follower))  # fmt: skip
-    weight = applied.weight[..., :-1]
+    weight = leading(applied.weight)[..., :-1]
     if weight.any():
         bodies = np.arange(weight.shape[-1])
         ground = np.full(len(bodies), len(bodies))
@@ -93,12 +93,13 @@ def applied_pairs(applied: AppliedWrenches, position: Array, coordinates: Twists
 
 def load_stiffness(
     scene: Scene, reduction: Reduction, loaded: LoadedPairs, multipliers: Array,
-    axes: Mapping[str, Array] | None = None, lengths: Mapping[str, Array] | None = None,
+    axes: Mapping[str, Array] | None = None, lengths: Mapping[str, Array] | None = None, every: bool = False,
 ) -> LoadStiffness:  # fmt: skip
     """Return the stiffness of the forces at the pose.
 
     ``multipliers`` (..., locked rows): lambda with Phi^T lambda = - dV / dq, those of couplers last. ``axes``
-    (..., 3, 3) and ``lengths`` (...): of cut joints by name, where variants differ in them.
+    (..., 3, 3) and ``lengths`` (...): of cut joints by name, where variants differ in them. If ``every``, rows that are
+    zero are there too.
     """
     twists, order = loaded.twists, motion_order(scene.topology)
     reacting = _reacting(scene, multipliers, axes or {}, lengths or {})
@@ -111,7 +112,9 @@ def load_stiffness(
     matrix, rounding = result.symmetric, _rounding(twists, pairs, order)
     matrix[np.abs(matrix) <= rounding] = 0.0
     upper = np.triu(matrix, 1) + 0.5 * np.triu(np.tril(matrix))
-    used = upper.any(axis=(*range(upper.ndim - 2), upper.ndim - 1)).nonzero()[0]
+    used = np.arange(upper.shape[-1])
+    if not every:
+        used = used[upper.any(axis=-1)]
     identity = np.eye(upper.shape[-1]) if reduction.matrix is None else reduction.matrix
     second = reduction.apply_exactly(upper[..., used, :])
     rows, stiffness = squares_of_products(identity[..., used, :], second)

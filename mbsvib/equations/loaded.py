@@ -46,7 +46,8 @@ class AppliedForces:
     @property
     def reach(self) -> float:
         """Largest coordinate of a point [m], to which the rounding of points is relative."""
-        return max(float(np.abs(self.pairs.start).max(initial=0.0)), float(np.abs(self.paths.position).max(initial=0.0)))
+        points = (self.pairs.start, self.paths.position)
+        return max(float(np.abs(array).max(initial=0.0)) for array in points)
 
 
 def applied_forces(applied: AppliedWrenches, scene: Scene, cache: dict[str, Any]) -> AppliedForces:

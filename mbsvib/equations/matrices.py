@@ -9,7 +9,7 @@ import numpy as np
 from mbsvib.equations.ports import port_matrices
 from mbsvib.equations.terms import Terms
 from mbsvib.kinematics.body_motion import body_motion
-from mbsvib.linalg.products import gram_matrix, weighted_gram
+from mbsvib.linalg.products import concatenated, gram_matrix, weighted_gram
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -63,8 +63,9 @@ def matrices(
         if scene.port.force_outputs:  # nothing else needs more of the elements
             springs = springs.take(which)
     if inertance is not None:
-        others = (inertance == 0.0).nonzero()[0]
-        rows, k, c, owner = rows[others], k[others], c[others], owner[others]
+        inertial = np.asarray(inertance.reshape(-1, inertance.shape[-1]).any(axis=0))
+        others = (~inertial).nonzero()[0]
+        rows, k, c, owner = rows[..., others, :], k[..., others], c[..., others], owner[others]
     if scene.shared is not None:
         base = all_rows[..., ports_end:, :]
         factor = scene.shared.inertia_rows(factor, base)
@@ -72,8 +73,8 @@ def matrices(
     of_ports: Any = port_matrices(scene.port, port_rows, springs, elastic, scene.inertia, factor, scene.position,
                                   scene.shared)  # fmt: skip
     if inertance is not None:  # these rows are zero in a motion with the ground
-        inertial = inertance.nonzero()[0]
-        factor = np.concatenate((factor, np.sqrt(inertance[inertial])[:, None] * elastic[inertial]))
+        added = np.sqrt(inertance[..., inertial])[..., None] * elastic[..., inertial, :]
+        factor = concatenated((factor, added), -2)
     return Terms(
         gram_matrix(factor), weighted_gram(rows, c), weighted_gram(rows, k), **of_ports,
         inertia_factor=factor, elastic_rows=rows, row_stiffness=k, row_damping=c, row_owner=owner, body_motion=motion,

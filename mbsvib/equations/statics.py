@@ -82,22 +82,29 @@ class Statics:
 def balance(wrench: Array, size: Array, motion: Array, reach: float) -> tuple[Array, Array]:
     """Return the forces along the minimal coordinates and the size of the forces that should cancel there.
 
-    ``wrench`` (6, bodies): forces and moments about the centres of mass [N, N m]. ``size`` (2, bodies): sizes of the
-    forces and of the moments that add up to them. ``motion`` (bodies, 6, m): motion of the bodies. ``reach``: largest
-    coordinate of a point [m]. Returns ``residual, size`` (m,): B''^T B'^T W, and the same with the lengths of all
-    vectors [N or N m], or with the rounding of points as lever arm, or that of the motion, if that is larger: the lever
-    arm of a weight about an axis through the centre of mass is only rounding.
+    ``wrench`` (..., 6, bodies): forces and moments about the centres of mass [N, N m]. ``size`` (..., 2, bodies): sizes
+    of the forces and of the moments that add up to them. ``motion`` (..., bodies, 6, m): motion of the bodies.
+    ``reach``: largest coordinate of a point [m]. Returns ``residual, size`` (..., m): B''^T B'^T W, and the same with
+    the lengths of all vectors [N or N m], or with the rounding of points as lever arm, or that of the motion, if that
+    is larger: the lever arm of a weight about an axis through the centre of mass is only rounding.
     """
-    m = motion.shape[-1]
-    vectors = motion.reshape(2 * len(motion), 3, m)
-    lengths = np.sqrt(np.einsum("bcm,bcm->bm", vectors, vectors))
-    translation, rotation = lengths[::2], lengths[1::2]
+    *lead, bodies, _, m = motion.shape
+    vectors = motion.reshape(*lead, 2 * bodies, 3, m)
+    lengths = np.sqrt(np.einsum("...bcm,...bcm->...bm", vectors, vectors))
+    translation, rotation = lengths[..., ::2, :], lengths[..., 1::2, :]
     # bodies that move by rounding of what the others move, as loops let one move alone
     moved = size @ ((translation > 0.0) | (rotation > 0.0))
-    of_motion = moved[0] * translation.max(axis=0, initial=0.0) + moved[1] * rotation.max(axis=0, initial=0.0)
-    rounding_size = LEAST_LEVER * np.maximum(reach * size[0].dot(rotation), of_motion)
-    total = np.maximum(size.T.reshape(-1).dot(lengths), rounding_size)
-    return wrench.T.reshape(-1).dot(motion.reshape(6 * len(motion), m)), total
+    largest = np.stack((translation.max(axis=-2, initial=0.0), rotation.max(axis=-2, initial=0.0)), axis=-2)
+    of_points = (size[..., :1, :] @ rotation)[..., 0, :]
+    rounding_size = LEAST_LEVER * np.maximum(reach * of_points, (moved * largest).sum(axis=-2))
+    total = np.maximum(_dot(size, lengths), rounding_size)
+    return _dot(wrench, motion.reshape(*lead, 6 * bodies, m)), total
+
+
+def _dot(vectors: Array, rows: Array) -> Array:
+    """Sums (..., m) over bodies of their vectors (..., c, bodies) times rows (..., c bodies, m), body by body."""
+    flat = vectors.swapaxes(-1, -2).reshape(*vectors.shape[:-2], 1, rows.shape[-2])
+    return np.asarray((flat @ rows)[..., 0, :])
 
 
 def rounding(stiffness: Array, position: Array, turns: NDArray[np.bool_]) -> Array:

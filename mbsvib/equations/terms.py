@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.fast_init import fast_init
+from mbsvib.linalg.products import concatenated
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
@@ -94,14 +95,15 @@ class Terms(Matrices):
     def with_rows(self, rows: Array, stiffness: Array, owner: Index, matrix: Array | None = None) -> Terms:
         """Return the terms with more rows of stiffness without damping, K + D^T diag(k) D.
 
-        ``rows`` (rows, m): rows in minimal coordinates. ``stiffness``, ``owner`` (rows,): signed values, and numbers of
-        their owners. ``matrix`` (m, m): their product, where it is known with fewer rounding errors.
+        ``rows`` (..., rows, m): rows in minimal coordinates. ``stiffness`` (..., rows): signed values. ``owner``
+        (rows,): numbers of their owners. ``matrix`` (..., m, m): their product, if known with fewer rounding errors.
         """
         added = rows.T.dot(stiffness[:, None] * rows) if matrix is None else matrix
         return replace(
-            self, K=self.K + 0.5 * (added + added.T), elastic_rows=np.concatenate((self.elastic_rows, rows)),
-            row_stiffness=np.concatenate((self.row_stiffness, stiffness)),
-            row_damping=np.concatenate((self.row_damping, np.zeros(len(rows)))),
+            self, K=self.K + 0.5 * (added + added.swapaxes(-1, -2)),
+            elastic_rows=concatenated((self.elastic_rows, rows), -2),
+            row_stiffness=concatenated((self.row_stiffness, stiffness), -1),
+            row_damping=concatenated((self.row_damping, np.zeros(stiffness.shape[-1])), -1),
             row_owner=np.concatenate((self.row_owner, owner)),
         )  # fmt: skip
 

@@ -58,8 +58,10 @@ class WrenchPairs:
 
         ``position`` (3, bodies + 1): centres of mass [m]. Returns ``wrench`` (6, bodies + 1): sums over all pairs [N, N
         m], ground last; ``size`` (2, bodies + 1): sums of the lengths of the forces, and of those of torques and
-        moments of forces.
+        moments of forces. All vectors may have an axis of variants behind the first.
         """
+        if max(array.ndim for array in (self.start, self.end, self.force, self.torque, position)) > 2:
+            return self._on_bodies_of_variants(position)
         body, n = np.concatenate((self.first, self.second)), len(self.first)
         parts = np.empty((9, 2 * n))
         np.negative(self.force, out=parts[:3, :n])
@@ -72,6 +74,23 @@ class WrenchPairs:
         np.add(lengths[1], lengths[2], out=parts[7])
         sums = np.array([np.bincount(body, part, position.shape[1]) for part in parts[:8]], dtype=float)
         return sums[:6], sums[6:]
+
+    def _on_bodies_of_variants(self, position: Array) -> tuple[Array, Array]:
+        wrench: Array | float = 0.0
+        size: Array | float = 0.0
+        for body, point, sign in ((self.first, self.start, -1.0), (self.second, self.end, 1.0)):
+            on_body = np.eye(position.shape[-1])[body]
+            moment = crossed_product(_wide(point) - _wide(position)[..., body], sign * _wide(self.force))
+            force, moment, torque = np.broadcast_arrays(_wide(self.force), moment, _wide(self.torque))
+            lengths = [np.sqrt(np.square(part).sum(axis=0)) for part in (force, moment, torque)]
+            wrench = wrench + np.concatenate((sign * force, moment + sign * torque)) @ on_body
+            size = size + np.stack((lengths[0], lengths[1] + lengths[2])) @ on_body
+        return np.asarray(wrench), np.asarray(size)
+
+
+def _wide(vectors: Array) -> Array:
+    """Vectors (3, n) with an axis of variants."""
+    return vectors[:, None] if vectors.ndim == 2 else vectors
 
 
 def unit_wrenches(rows: Rows, position: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from mbsvib.equations.wrench_pairs import WrenchPairs
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
 
     from numpy.typing import NDArray
 
@@ -41,9 +41,11 @@ class AppliedWrenches:
     def on_bodies(self, position: Array) -> tuple[Array, Array]:
         """Return the sums of weights and pairs on each body and their sizes, as ``WrenchPairs.on_bodies``."""
         wrench, sizes = self.pairs.on_bodies(position)
-        wrench[:3] += self.weight
-        sizes[0] += np.sqrt(np.square(self.weight).sum(axis=0))
-        return wrench, sizes
+        weight = self.weight
+        if max(wrench.ndim, weight.ndim) == 3:
+            wrench, sizes, weight = (array if array.ndim == 3 else array[:, None] for array in (wrench, sizes, weight))
+        length, zero = np.sqrt(np.square(weight).sum(axis=0, keepdims=True)), np.zeros_like(weight)
+        return wrench + np.concatenate((weight, zero)), sizes + np.concatenate((length, zero[:1]))
 
     @property
     def tension(self) -> Index:
@@ -67,8 +69,10 @@ def has_antisymmetric_forces(model: Mechanism) -> bool:
     return bool(model.rotors) or any(part.cross_coupling is not None for part in model.springs.values())
 
 
-def applied_wrenches(model: Mechanism, number: Mapping[str, int]) -> AppliedWrenches:
-    """Return the applied wrenches of a model."""
+def applied_wrenches(
+    model: Mechanism, number: Mapping[str, int], also: Collection[str] = ()
+) -> AppliedWrenches:
+    """Return the applied wrenches of a model; elements ``also`` have one, even if it is zero at the pose."""
     weight = np.zeros((3, len(model.bodies) + 1))
     if model.gravity is not None:
         weight[:, :-1] = np.multiply.outer(model.gravity, [body.mass for body in model.bodies.values()])
@@ -79,7 +83,7 @@ def applied_wrenches(model: Mechanism, number: Mapping[str, int]) -> AppliedWren
         point = load.position or model.bodies[load.body].position
         tuples.append((ground, number[load.body], *point, *point, *load.force, *load.torque))
         names.append(load.name)
-    springs = [spring for spring in model.springs.values() if spring.loaded]
+    springs = [spring for spring in model.springs.values() if spring.loaded or spring.name in also]
     lines = [spring for spring in springs if spring.acts_along_line]
     for spring in (*lines, *(spring for spring in springs if not spring.acts_along_line)):
         points = spring.points or (ORIGIN,)

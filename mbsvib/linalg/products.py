@@ -11,6 +11,8 @@ from mbsvib.common.memory import MANY
 from mbsvib.linalg.rank import ZERO_EIGENVALUE, ZERO_SUM
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
@@ -106,6 +108,12 @@ def eigenrows(matrix: Array) -> tuple[Array, Array]:
     size = np.abs(values)
     values[size <= ZERO_EIGENVALUE * size.max(axis=-1, keepdims=True)] = 0.0
     return values, np.swapaxes(vectors * scale[..., None], -1, -2)
+
+
+def concatenated(arrays: Sequence[Array], axis: int) -> Array:
+    """Return arrays joined along one of their last axes, -1 or -2, of which others have more leading axes."""
+    lead = np.broadcast_shapes(*(array.shape[:axis] for array in arrays))
+    return np.concatenate([np.broadcast_to(array, (*lead, *array.shape[axis:])) for array in arrays], axis)
 
 
 def product_with_zeros(left: Array, right: Array) -> Array:

@@ -1,0 +1,144 @@
+"""Loads of a batch: applied wrenches, balance and geometric stiffness of all variants at once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.equations.batch_geometry import scene_of_variant, with_values_at
+from mbsvib.equations.load_stiffness import applied_pairs, leading, load_stiffness
+from mbsvib.equations.statics import balance, check_balance
+from mbsvib.equations.wrenches import applied_wrenches
+from mbsvib.errors import EquilibriumError
+from mbsvib.linalg.rank import BALANCE
+from mbsvib.linalg.rotations import exponential
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements.connection import Connection
+    from mbsvib.equations.batch_loops import LoopPivots
+    from mbsvib.equations.batch_values import Values
+    from mbsvib.equations.scene import Scene
+    from mbsvib.equations.terms import Terms
+    from mbsvib.equations.wrenches import AppliedWrenches
+    from mbsvib.kinematics.loops import Reduction
+    from mbsvib.mechanism.mechanism import Mechanism
+
+
+def loaded_in_variants(model: Mechanism, values: Values) -> bool:
+    """Return whether a variant has gravity, a load or a preload, even if the nominal model has none."""
+    return bool("gravity" in values.fields and model.gravity is not None) or bool(_preloaded(model, values))
+
+
+def _preloaded(model: Mechanism, values: Values) -> frozenset[str]:
+    """Names of the elements whose preload may differ in variants."""
+    return frozenset(
+        name for name, fields in values.fields.items() if name in model.springs and (
+            "preload" in fields or getattr(model.springs[name], "free_length", None) is not None))  # fmt: skip
+
+
+def applied_of_variants(model: Mechanism, values: Values, positions: Mapping[int, Array]) -> AppliedWrenches:
+    """Return the applied wrenches of all variants; ``positions`` (3, variants): moved centres of mass by number."""
+    number = {name: i for i, name in enumerate((*model.bodies, "ground"))}
+    applied = applied_wrenches(model, number, _preloaded(model, values))
+    pairs, weight = applied.pairs, applied.weight
+    arrays = {key: getattr(pairs, key) for key in ("start", "end", "force", "torque")}
+    for k, name in enumerate(applied.names[: applied.loads]):
+        fields, load = values.fields.get(name, {}), model.loads[name]
+        if load.position is None and number[load.body] in positions:
+            fields = {**fields, "position": positions[number[load.body]]}
+        for field, keys in (("force", ("force",)), ("torque", ("torque",)), ("position", ("start", "end"))):
+            for key in keys if field in fields else ():
+                arrays[key] = with_values_at(arrays[key], slice(k, k + 1), fields[field], values.count)
+    for k, name in enumerate(applied.names[applied.loads :], applied.loads):
+        if name in values.fields:
+            for key, vectors in _of_element(model.springs[name], values.fields[name], values.count).items():
+                arrays[key] = with_values_at(arrays[key], slice(k, k + 1), vectors, values.count)
+    masses = {number[name]: fields["mass"] for name, fields in values.fields.items()
+              if name in model.bodies and "mass" in fields}  # fmt: skip
+    gravity = values.fields.get("gravity", {}).get("")
+    if model.gravity is not None and (gravity is not None or masses):
+        mass = np.array([[body.mass for body in model.bodies.values()] + [0.0]])
+        mass = np.repeat(mass, values.count, axis=0)
+        for body, array in masses.items():
+            mass[:, body] = array
+        direction = np.array(model.gravity)[:, None] if gravity is None else gravity
+        weight = direction[:, :, None] * mass
+    return replace(applied, pairs=replace(pairs, **arrays), weight=weight)
+
+
+def _of_element(part: Connection, fields: Mapping[str, Array], count: int) -> dict[str, Array]:
+    """Points and wrenches (3, variants) of an element with other values of some fields."""
+
+    def value(name: str) -> Array:
+        return np.asarray(fields[name]) if name in fields else np.array(getattr(part, name), dtype=float)[..., None]
+
+    if part.acts_along_line:
+        start, end = value("start"), value("end")
+        line = np.broadcast_to(end - start, (3, count))
+        length = np.sqrt(np.square(line).sum(axis=0))
+        if getattr(part, "free_length", None) is not None:
+            tension = value("stiffness") * (length - value("free_length"))
+        else:
+            tension = value("preload") if getattr(part, "preload", None) is not None else np.zeros(1)
+        return {"start": np.broadcast_to(start, (3, count)), "end": np.broadcast_to(end, (3, count)),
+                "force": -tension / length * line}  # fmt: skip
+    axes = np.array(part.orientation)
+    if "orientation" in fields:
+        axes = exponential(fields["orientation"].T) @ axes
+    wrench: Any = np.broadcast_to(value("preload"), (6, count)).T
+    force, torque = ((axes @ vectors[..., None])[..., 0].T for vectors in (wrench[:, :3], wrench[:, 3:]))
+    point = np.broadcast_to(value("position"), (3, count))
+    return {"start": point, "end": point, "force": force, "torque": torque}
+
+
+def with_loads_of_variants(
+    model: Mechanism, scene: Scene, values: Values, terms: Terms, reduction: Reduction, phi: Array, pivots: LoopPivots,
+    first: int,
+) -> Terms:  # fmt: skip
+    """Return the terms of some variants with the stiffness of their loads; ``first`` is the index of the first."""
+    assert scene.loads is not None
+    applied = scene.loads[0]
+    position = np.concatenate((scene.position, np.zeros((*scene.position.shape[:-2], 1, 3))), axis=-2)
+    wrench, sizes = applied.on_bodies(np.moveaxis(position, -1, 0))
+    reach = max(float(np.abs(array).max(initial=0.0)) for array in (applied.pairs.start, scene.position))
+    residual, size = balance(leading(wrench)[..., :-1], leading(sizes)[..., :-1], terms.body_motion, reach)
+    _check_balance(model, scene, terms, reduction, residual, size, first)
+    loaded = applied_pairs(applied, scene.position, scene.coordinates)
+    multipliers = pivots.multipliers(phi, loaded.gradient)
+    axes, lengths = _of_cut_joints(scene, values)
+    part = load_stiffness(scene, reduction, loaded, multipliers, axes, lengths, every=True)
+    owner = np.full(part.stiffness.shape[-1], len(scene.owners) + len(applied.names) + len(scene.topology.joints))
+    terms = terms.with_rows(part.rows, part.stiffness, owner, part.matrix)
+    return terms.with_antisymmetric(None, part.circulatory)
+
+
+def _of_cut_joints(scene: Scene, values: Values) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Axes (variants, 3, 3) and pitches (variants,) of cut joints by name, where variants differ in them."""
+    axes, lengths = {}, {}
+    for k in scene.topology.cut:
+        joint = scene.topology.joints[k]
+        fields = values.fields.get(joint.name, {})
+        if "orientation" in fields:
+            axes[joint.name] = exponential(fields["orientation"].T) @ np.array(joint.axes)
+        if "pitch" in fields:
+            lengths[joint.name] = fields["pitch"]
+    return axes, lengths
+
+
+def _check_balance(
+    model: Mechanism, scene: Scene, terms: Terms, reduction: Reduction, residual: Array, size: Array, first: int
+) -> None:
+    """Refuse a variant that is not in balance, by index."""
+    for i in np.flatnonzero((np.abs(residual) > BALANCE * size).any(axis=-1)).tolist():
+        at = [array if array.ndim == k else array[i] for array, k in ((residual, 1), (size, 1), (terms.K, 2))]
+        try:
+            check_balance(at[0], at[1], at[2], scene_of_variant(scene, i), reduction, model.name)
+        except EquilibriumError as error:
+            error.args = (f"variant {first + i}: {error}", *error.args[1:])
+            raise
+
