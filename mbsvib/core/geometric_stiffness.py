@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
@@ -124,11 +125,13 @@ def geometric_stiffness(
     force, moment = _transmitted(twists, pairs, ways)
     bracket = _brackets(twists, order, force, moment, ways)
     result = result + bracket + bracket.swapaxes(-1, -2)
-    transmitted = np.concatenate((sum(moment), sum(force)), axis=-2)
+    transmitted = concatenated((sum(moment), sum(force)), -2)  # type: ignore[arg-type]
     for number, (_, at) in enumerate(order.rods):
         assert rod_curvature is not None
         bent = np.einsum("...i,...ifg->...fg", transmitted[..., at[0]], rod_curvature[..., number, :, :, :])
-        result[..., at[:, None], at] += bent
+        of_rod = np.zeros((*bent.shape[:-2], *result.shape[-2:]))
+        of_rod[..., at[:, None], at] = bent
+        result = result + of_rod
     antisymmetric = None
     if pairs.torsion is not None:
         own = rows[..., : pairs.torsion.shape[-3], :, :]

@@ -12,7 +12,9 @@ import numpy as np
 
 from mbsvib.core import expansions
 from mbsvib.core.geometric_stiffness import Pairs
-from mbsvib.linalg.rotations import skew
+from mbsvib.kinematics.couplers import measure
+from mbsvib.linalg.products import concatenated
+from mbsvib.linalg.rotations import frames_along, skew
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -48,7 +50,7 @@ def of_lines(first: Index, second: Index, start: Array, end: Array, force: Array
     """
     line = end - start
     length = np.sqrt((line * line).sum(axis=-2))
-    axes = np.moveaxis(_along_z(line / length[..., None, :]), (0, 1), (-2, -1))
+    axes = frames_along(np.moveaxis(line / length[..., None, :], -2, -1))
     tension = -(force * line).sum(axis=-2) / length
     hessian = expansions.with_length(expansions.of_line(), expansions.line_units(), length)
     hessian = tension[..., None, None] * expansions.turned(axes, hessian)
@@ -79,7 +81,7 @@ class CutJoints:
 
     def pairs(self, point: Array, force: Array, moment: Array, multipliers: Array) -> Pairs:
         """Return the pairs of multipliers (..., rows), rows being ``force``, ``moment`` (..., 3, rows) at ``point``."""
-        work = np.concatenate((moment, force), axis=-2) * multipliers[..., None, :]
+        work = concatenated((moment, force), -2) * multipliers[..., None, :]
         hessian = self.hessian * multipliers[..., None, None]
         return Pairs(
             self.rows.first[self.start], self.rows.second[self.start], point[..., self.start],
@@ -102,48 +104,47 @@ def opening_hessians(joints: Sequence[Joint], axes: Mapping[str, Array], lengths
         if np.ndim(length) or length != 1.0:
             constants = expansions.with_length(constants, expansions.opening_units(form), length)
         parts.append(expansions.turned(np.asarray(axes.get(joint.name, joint.axes))[..., None, :, :], constants))
-    if not parts:
-        return np.zeros((0, 6, 6))
-    lead = np.broadcast_shapes(*(part.shape[:-3] for part in parts))
-    return np.concatenate([np.broadcast_to(part, (*lead, *part.shape[-3:])) for part in parts], axis=-3)
+    return concatenated(parts, -3) if parts else np.zeros((0, 6, 6))
 
 
-def rod_curvature(joint: Joint) -> Array:
-    """Return the second derivatives (6, f, f) of a rod's exponential coordinates to its own ones, world axes."""
-    return _displacement_curvature(joint)
-
-
-def of_measured(rows: Rows, joints: Sequence[tuple[Joint, str, Array]], multipliers: Array) -> Pairs:
+def of_measured(
+    ends: tuple[Index, Index], vectors: tuple[Array, Array, Array], joints: Sequence[tuple[Joint, str]],
+    multipliers: Array, axes: Mapping[str, Array], lengths: Mapping[str, Array],
+) -> Pairs:  # fmt: skip
     """Return the pairs of coordinates of cut joints that couplers measure.
 
-    ``rows`` (t,): these coordinates as relative displacements. ``joints`` (t,): the joint of each, the name of its
-    coordinate, and the rows (f, 6) of all its free directions to (theta, v), world axes. ``multipliers`` (..., t):
-    forces along the coordinates. With xi = S q + 1/2 D q q and the row d of a coordinate, q = d . (xi - 1/2 D q q).
+    ``ends`` (t,): numbers of the bodies. ``vectors`` (..., 3, t): points, forces and moments of these coordinates as
+    relative displacements. ``joints`` (t,): the joint of each, and the name of its coordinate. ``multipliers``
+    (..., t): forces along the coordinates. ``axes``, ``lengths``: as in ``opening_hessians``. With xi = S q + 1/2 D q q
+    and the row d of a coordinate, q = d . (xi - 1/2 D q q).
     """
-    hessian = np.zeros((len(joints), 6, 6))
-    for k, (joint, name, duals) in enumerate(joints):
+    point, force, moment = vectors
+    hessians = []
+    for joint, name in joints:
         own = [direction for direction, _ in joint.freedom].index(name)
-        curvature = _displacement_curvature(joint)
-        hessian[k] = -np.einsum("i,iab,ax,by->xy", duals[own], curvature, duals, duals)
-    wrench = np.concatenate((rows.moment, rows.force)) * multipliers[..., None, :]
-    return Pairs(rows.first, rows.second, rows.point, wrench, hessian * multipliers[..., None, None])
+        duals = np.array([measure(joint, free)[1::-1] for free, _ in joint.freedom]).reshape(-1, 2, 3)
+        frame = axes.get(joint.name)
+        if frame is not None:
+            duals = duals @ (np.array(joint.axes) @ frame.swapaxes(-1, -2))[..., None, :, :]
+        duals = duals.reshape(*duals.shape[:-2], 6)
+        curvature = displacement_curvature(joint, frame, lengths.get(joint.name))
+        hessians.append(-np.einsum("...i,...iab,...ax,...by->...xy", duals[..., own, :], curvature, duals, duals))
+    hessian = concatenated([array[..., None, :, :] for array in hessians], -3)
+    wrench = concatenated((moment, force), -2) * multipliers[..., None, :]
+    return Pairs(*ends, point, wrench, hessian * multipliers[..., None, None])
 
 
-def _displacement_curvature(joint: Joint) -> Array:
+def displacement_curvature(joint: Joint, axes: Array | None = None, length: Array | None = None) -> Array:
+    """Return the second derivatives (..., 6, f, f) of a joint's exponential coordinates to its own ones, world axes.
+
+    ``axes`` (..., 3, 3) and ``length`` (...): where they differ from those of the part.
+    """
     form = expansions.form_of(joint)
     constants = expansions.of_displacement(form)
-    length = expansions.length_of(joint)
-    if length != 1.0:
-        constants = expansions.with_length(constants, expansions.displacement_units(form), length)
-    shape = constants.shape[1:]
-    return np.asarray(np.array(joint.axes) @ constants.reshape(2, 3, -1)).reshape(6, *shape)
-
-
-def _along_z(line: Array) -> Array:
-    """Axes (3, 3, ..., p) whose last column is along unit vectors (..., 3, p)."""
-    x, y, z = (line[..., i, :] for i in range(3))
-    # the image of x and y by the smallest rotation that takes +-z to the line (Frisvad 2012; Duff et al. 2017)
-    sign = np.where(z.real < 0.0, -1.0, 1.0)
-    a = -1.0 / (sign + z)
-    b = x * y * a
-    return np.array([[1.0 + sign * x * x * a, b, x], [sign * b, sign + y * y * a, y], [-sign * x, -y, z]])
+    size = expansions.length_of(joint) if length is None else length
+    if np.ndim(size) or size != 1.0:
+        constants = expansions.with_length(constants, expansions.displacement_units(form), size)
+    frame = np.array(joint.axes) if axes is None else axes
+    f = constants.shape[-1]
+    result = frame[..., None, :, :] @ constants.reshape(*constants.shape[:-3], 2, 3, f * f)
+    return np.asarray(result).reshape(*result.shape[:-3], 6, f, f)

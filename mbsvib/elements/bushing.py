@@ -92,12 +92,7 @@ class Bushing(Connection):
                               map(matrix6, (self.stiffness, self.damping)))  # fmt: skip
         return stiffness, damping
 
-    @property
-    def batched_fields(self) -> frozenset[str]:
-        # rows of a 6x6 matrix change with its values in ways of their own
-        matrix = isinstance(self.stiffness[0], tuple) or isinstance(self.damping[0], tuple)
-        fields = frozenset({"position", "orientation", "preload"})
-        return fields if matrix else fields | {"stiffness", "damping"}
+    batched_fields = frozenset({"position", "orientation", "preload", "stiffness", "damping"})
 
     def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
         coefficients = [values.get(field, np.array(getattr(self, field))[..., None]) for field in

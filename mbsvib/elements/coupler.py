@@ -29,12 +29,16 @@ from dataclasses import dataclass, fields
 from functools import partial
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
+import numpy as np
+
 from mbsvib.common import arguments as check
 from mbsvib.elements.part import ParameterField, Part, derived
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
     from mbsvib.elements.joint import Joint
+    from mbsvib.elements.part import Mask
 
 Terms = tuple[tuple[str, float], ...]
 ROTATIONS, TRANSLATIONS = ("rx", "ry", "rz"), ("x", "y", "z")
@@ -51,6 +55,24 @@ class Coupling(Part):
     def curvatures(self) -> Terms | None:
         """Second derivatives of the relation by coordinates at the reference pose; None if it is linear everywhere."""
         return None
+
+    def coefficients_of(self, values: Mapping[str, Array]) -> Array:
+        """Return the coefficients (terms, variants) of its terms.
+
+        Parameters
+        ----------
+        values : mapping of str to array
+            New values by field, with the variants on the last axis.
+
+        Returns
+        -------
+        array, shape (terms, variants)
+            The coefficients.
+        """
+        return values["coefficient"]
+
+    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
+        return np.asarray(~self.coefficients_of(values).all(axis=0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +95,8 @@ class Coupler(Coupling):
         return {"name": self.name, "coefficients": dict(self.coefficients),
                 "curvature": None if self.curvature is None else dict(self.curvature)}  # fmt: skip
 
+    batched_fields = frozenset({"coefficient"})
+
     def parameter_fields(self) -> Iterator[ParameterField]:
         suffixes = tuple(str(i + 1) for i in range(len(self.coefficients)))
         yield ParameterField("coefficient", tuple(value for _, value in self.coefficients), "-", suffixes)
@@ -93,6 +117,14 @@ class Transmission(Coupling):
     directions = (ROTATIONS, ROTATIONS)
     unit = "-"
     expected = ""
+
+    @property
+    def batched_fields(self) -> frozenset[str]:
+        return frozenset({_names(type(self))[2]})
+
+    def coefficients_of(self, values: Mapping[str, Array]) -> Array:
+        factor = values[_names(type(self))[2]]
+        return np.stack((-factor, np.ones(len(factor))))
 
     def parameter_fields(self) -> Iterator[ParameterField]:
         factor = _names(type(self))[2]

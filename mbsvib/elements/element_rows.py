@@ -13,6 +13,7 @@ import numpy as np
 
 from mbsvib.common.fast_init import fast_init
 from mbsvib.elements.rows import Rows
+from mbsvib.linalg.products import concatenated
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -58,10 +59,11 @@ class ElementRows:
             return parts[0]
         inertance = None
         if any(part.inertance is not None for part in parts):
-            inertance = np.concatenate([np.zeros(len(part.owner)) if part.inertance is None else part.inertance
-                                        for part in parts])  # fmt: skip
-        stiffness, damping, owner, unit = (np.concatenate([getattr(part, key) for part in parts])
-                                           for key in ("stiffness", "damping", "owner", "unit"))  # fmt: skip
+            inertance = concatenated([np.zeros(len(part.owner)) if part.inertance is None else part.inertance
+                                      for part in parts], -1)  # fmt: skip
+        stiffness, damping, owner, unit = (
+            concatenated([getattr(part, key) for part in parts], axis)
+            for key, axis in (("stiffness", -1), ("damping", -1), ("owner", -1), ("unit", -2)))
         return ElementRows(Rows.join([part.rows for part in parts]), stiffness, damping, owner, unit, inertance)
 
     def take(self, which: Index) -> ElementRows:
@@ -71,7 +73,7 @@ class ElementRows:
         return ElementRows(
             self.rows.take(which), self.stiffness.take(which, axis=-1), self.damping.take(which, axis=-1),
             self.owner.take(which), self.unit.take(which, axis=-2),
-            None if self.inertance is None else self.inertance.take(which),
+            None if self.inertance is None else self.inertance.take(which, axis=-1),
         )  # fmt: skip
 
     @property

@@ -103,11 +103,14 @@ class Joint(Part):
     @property
     def batched_fields(self) -> frozenset[str]:
         """Fields whose values many variants can have at once."""
-        # the axes of a rod change with its points in ways of their own
-        return frozenset() if self.is_rod else frozenset({"position", "orientation", "pitch"})
+        return frozenset({"position", "end"} if self.is_rod else {"position", "orientation", "pitch"})
 
     def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
-        return "end" in values or (self.is_rod and "position" in values)
+        if not self.is_rod:
+            return False
+        start, end = (values.get(field, np.array(getattr(self, field))[:, None]) for field in ("position", "end"))
+        line = np.abs(end - start)
+        return np.asarray(~line.any(axis=0) | ~np.isfinite(line).all(axis=0))
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Joint:
         """Return the joint in another pose, with the same free relative motions of its bodies.

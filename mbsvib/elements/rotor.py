@@ -6,11 +6,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
 
+import numpy as np
+
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements.part import ParameterField, Part
 
 if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements.part import Mask
     from mbsvib.elements.pose import Pose
 
 
@@ -34,6 +38,11 @@ class Rotor(Part):
     def with_values(self, values: Mapping[str, Any]) -> Self:
         part = make(**self._arguments_with(values))
         return replace(self, speed=part.speed, inertia=part.inertia)
+
+    batched_fields = frozenset({"speed", "inertia"})
+
+    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
+        return np.asarray(values.get("inertia", np.ones(1)) <= 0.0)
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         return self.constructor_kwargs() | {"axis": pose.rotated_vector(self.body, self.axis)}

@@ -15,6 +15,7 @@ from mbsvib.equations.batch_geometry import moved_bodies, scene_of_variants
 from mbsvib.equations.batch_loads import applied_of_variants, loaded_in_variants, with_loads_of_variants
 from mbsvib.equations.batch_loops import LoopPivots, loop_pivots, reduce_batch
 from mbsvib.equations.batch_one_by_one import one_by_one
+from mbsvib.equations.batch_spin import spins_otherwise, with_spin_of_variants
 from mbsvib.equations.batch_values import Values, checked
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
@@ -60,7 +61,7 @@ def linearize_batch(
     user_model, model = model, expanded(model)
     scene = scene_of(with_maxwell_nodes(model), cut)
     nominal = single.assembled(model, scene, independent, copy(user_model), form=form)
-    if _adds_by_variant(model, scene, nominal) or _varies_otherwise(scene, variants):
+    if _adds_by_variant(model, scene, nominal, variants) or _varies_otherwise(variants):
         return one_by_one(user_model, nominal, variants, cut, batch)
     pivots = loop_pivots(scene, nominal.provenance.reduction)
     size = _chunk_size(scene, variants)
@@ -87,19 +88,18 @@ def _joined(parts: list[Any], key: str, count: int, size: int) -> Any:
     return np.broadcast_to(array, (count, *array.shape[array.ndim - axes :]))
 
 
-def _adds_by_variant(model: Mechanism, scene: Scene, nominal: Equations) -> bool:
+def _adds_by_variant(model: Mechanism, scene: Scene, nominal: Equations, values: Values) -> bool:
     """Return whether a mechanism has elements whose forces are computed for one variant after the other."""
     curved = any(coupler.curvatures for coupler in scene.couplers)
-    return bool((scene.shared is not None and scene.shared.base) or scene.port.wrench_outputs or model.derived(has_antisymmetric_forces)
-                or nominal.provenance.separation is not None or curved)  # fmt: skip
+    shared = scene.shared is not None and bool(scene.shared.base)
+    spin = model.derived(has_antisymmetric_forces) and spins_otherwise(model, values)
+    massless = nominal.provenance.separation is not None
+    return bool(shared or scene.port.wrench_outputs or spin or massless or curved)
 
 
-def _varies_otherwise(scene: Scene, values: Values) -> bool:
-    """Return whether couplers or their joints vary, or fields of parts that many variants cannot have at once."""
-    cut = {scene.topology.joints[k].name for k in scene.topology.cut}
-    of_couplers = {part.name for part in scene.couplers} | cut & {
-        name.rpartition(".")[0] for part in scene.couplers for name, _ in part.terms}  # fmt: skip
-    return any(name in of_couplers or not fields.keys() <= values.parameters.parts[name].batched_fields
+def _varies_otherwise(values: Values) -> bool:
+    """Return whether fields vary that many variants cannot have at once."""
+    return any(not fields.keys() <= values.parameters.parts[name].batched_fields
                for name, fields in values.fields.items())  # fmt: skip
 
 
@@ -130,6 +130,8 @@ def _matrices(
     _check_masses(terms.M, names, first)
     if scene.loads is not None:
         terms = with_loads_of_variants(model, scene, values, terms, reduction, phi, pivots, first)
+    if model.derived(has_antisymmetric_forces):
+        terms = with_spin_of_variants(model, scene, values, terms, reduction)
     return terms.named() | {"closure": None if reduction is pivots.reduction else reduction.matrix}
 
 

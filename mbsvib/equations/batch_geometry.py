@@ -11,21 +11,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.elements.bushing import Bushing, symmetric_part
+from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.families import connection_rows
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.inertia import SpatialInertia, tensor_factors
-from mbsvib.linalg.rotations import exponential
+from mbsvib.linalg.products import eigenrows
+from mbsvib.linalg.rotations import exponential, frames_along
 from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.element_rows import ElementRows
+    from mbsvib.elements import Joint
     from mbsvib.elements.part import Part
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.ports import Ports
     from mbsvib.equations.scene import Scene
+    from mbsvib.kinematics.couplings import Couplings
     from mbsvib.kinematics.loops import Cuts
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.mechanism import Mechanism
@@ -34,7 +38,7 @@ if TYPE_CHECKING:
 def scene_of_variants(model: Mechanism, scene: Scene, values: Values) -> Scene:
     """Return the arrays of a mechanism in all variants.
 
-    No line of a distance joint and no 6x6 matrix varies. Arrays (3, n) of vectors become (3, variants, n) where they
+    No 6x6 matrix varies. Arrays (3, n) of vectors become (3, variants, n) where they
     vary, all others (variants, ...).
     """
     number, positions = scene.topology.body_numbers, moved_bodies(scene, values)
@@ -57,6 +61,33 @@ def moved_bodies(scene: Scene, values: Values) -> dict[int, Array]:
             if name in number and "position" in fields}  # fmt: skip
 
 
+def joint_axes(joints: Sequence[Joint], values: Values) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Return the axes (variants, 3, 3) and the lengths (variants,), of rods or pitches, of joints by name, where
+    variants differ in them.
+    """
+    axes, lengths = {}, {}
+    for joint in joints:
+        fields = values.fields.get(joint.name, {})
+        if "orientation" in fields:
+            axes[joint.name] = exponential(fields["orientation"].T) @ np.array(joint.axes)
+        if "pitch" in fields:
+            lengths[joint.name] = fields["pitch"]
+        if joint.is_rod and fields:
+            rod = rod_ends(joint, values)
+            line = rod[1] - rod[0]
+            lengths[joint.name] = length = np.sqrt(np.square(line).sum(axis=0))
+            axes[joint.name] = frames_along((line / length).T)
+    return axes, lengths
+
+
+def rod_ends(joint: Joint, values: Values) -> tuple[Array, Array]:
+    """Return the points (3, variants) [m] of a rod on its first and on its second body."""
+    fields = values.fields.get(joint.name, {})
+    start, end = (np.broadcast_to(fields.get(field, np.array(getattr(joint, field))[:, None]), (3, values.count))
+                  for field in ("position", "end"))  # fmt: skip
+    return start, end
+
+
 def with_values_at(array: Array, at: Any, value: Array, count: int) -> Array:
     """Vectors (3, variants, n) with values (3, variants, ...) in some columns."""
     result = array if array.ndim == 3 else np.repeat(array[:, None], count, axis=1)
@@ -73,6 +104,16 @@ def _of_parts(
     first, second, point = vectors
     for part, columns in owners:
         fields = values.fields.get(part.name, {})
+        if getattr(part, "is_rod", False) and fields:
+            axes = joint_axes([part], values)[0][part.name]  # type: ignore[list-item]
+            own = np.array(part.axes).T  # type: ignore[attr-defined]
+            first, second = (
+                with_values_at(array, columns, np.einsum("vij,jk->ivk", axes, own @ _columns(array, columns)[:, 0]),
+                               values.count)
+                for array in (first, second)
+            )
+            point = with_values_at(point, columns, rod_ends(part, values)[1], values.count)  # type: ignore[arg-type]
+            continue
         if "orientation" in fields:
             rotation = exponential(fields["orientation"].T)
             first, second = (
@@ -138,7 +179,32 @@ def _cuts(scene: Scene, values: Values) -> Cuts | None:
             row = rows_of_joint[[direction == "z" for direction, _ in joint.locked]]
             moment = with_values_at(moment, row, -pitch[:, None] * rows.force[:, None, row], values.count)
     force, moment, point = _of_parts((rows.force, moment, rows.point), owners, values)
-    return replace(cuts, rows=Rows(rows.first, rows.second, point, force, moment))
+    return replace(cuts, rows=Rows(rows.first, rows.second, point, force, moment), couplings=_couplings(scene, values))
+
+
+def _couplings(scene: Scene, values: Values) -> Couplings | None:
+    couplings = None if scene.cuts is None else scene.cuts.couplings
+    if couplings is None:
+        return None
+    value, known = couplings.value, set(scene.coordinates.names)
+    for i, part in enumerate(scene.couplers):
+        if part.name in values.fields:
+            value = np.repeat(value[None], values.count, axis=0) if value.ndim == 1 else value
+            value[:, couplings.row == i] = part.coefficients_of(values.fields[part.name]).T
+    names = [name.rpartition(".")[0] for part in scene.couplers for name, _ in part.terms if name not in known]
+    joints, rows = {joint.name: joint for joint in scene.topology.joints}, couplings.measured
+    owners = [(joints[name], slice(k, k + 1)) for k, name in enumerate(names)]
+    force, moment, point = _of_parts((rows.force, rows.moment, rows.point), owners, values)
+    axes, _ = joint_axes([joints[name] for name in names], values)
+    skew = []
+    for k, *pair, which in couplings.skew:
+        frame = axes.get(names[k])
+        if frame is not None:
+            turn = frame @ np.array(joints[names[k]].axes).T
+            pair = [np.einsum("vij,jk->ivk", turn, axis) for axis in pair]
+        skew.append((k, pair[0], pair[1], which))
+    measured = Rows(rows.first, rows.second, point, force, moment)
+    return replace(couplings, value=value, measured=measured, skew=tuple(skew))
 
 
 def _springs(scene: Scene, values: Values, number: Mapping[str, int]) -> ElementRows:
@@ -147,14 +213,15 @@ def _springs(scene: Scene, values: Values, number: Mapping[str, int]) -> Element
     varying = [i for i, part in enumerate(parts) if part.name in values.fields]
     if not varying:
         return scene.springs
+    matrices = [i for i in varying if isinstance(scene.elements[i], Bushing) and _has_matrix(scene.elements[i])]
     for i in varying:
         active: dict[str, Any] = {field: tuple((array != 0.0).any(axis=1).astype(float).tolist())
                                 for field, array in values.fields[parts[i].name].items()
                                 if field in ("stiffness", "damping") and array.ndim == 2}  # fmt: skip
-        if active:
+        if active and i not in matrices:
             parts[i] = replace(parts[i], **active)
     springs = scene.springs if parts == list(scene.elements) else connection_rows(parts, number)
-    owners = [(scene.elements[i], (springs.owner == i).nonzero()[0]) for i in varying]
+    owners = [(scene.elements[i], (springs.owner == i).nonzero()[0]) for i in varying if i not in matrices]
     rows = springs.rows
     force, moment, point = _of_parts((rows.force, rows.moment, rows.point), owners, values)
     weights = {"stiffness": springs.stiffness, "damping": springs.damping}
@@ -167,7 +234,38 @@ def _springs(scene: Scene, values: Values, number: Mapping[str, int]) -> Element
             new = new[None] if new.ndim == 1 else new[springs.unit[columns].argmax(axis=1)]
             array[:, columns] = new.T
             weights[field] = array
-    return replace(springs, rows=Rows(rows.first, rows.second, point, force, moment), **weights)
+    springs = replace(springs, rows=Rows(rows.first, rows.second, point, force, moment), **weights)
+    if not matrices:
+        return springs
+    others = springs.take((~np.isin(springs.owner, matrices)).nonzero()[0])
+    return ElementRows.join([others, *(_of_matrix(scene.elements[i], i, number, values) for i in matrices)])
+
+
+def _has_matrix(part: Any) -> bool:
+    return isinstance(part.stiffness[0], tuple) or isinstance(part.damping[0], tuple)
+
+
+def _of_matrix(part: Any, owner: int, number: Mapping[str, int], values: Values) -> ElementRows:
+    """Rows of a bushing with matrices: eigenvectors of its stiffness, then of its damping (symmetric parts)."""
+    fields, count = values.fields[part.name], values.count
+    axes = np.broadcast_to(np.array(part.orientation), (count, 3, 3))
+    if "orientation" in fields:
+        axes = exponential(fields["orientation"].T) @ np.array(part.orientation)
+    point = np.broadcast_to(fields.get("position", np.array(part.position)[:, None]), (3, count))
+    values_of, units = [], []
+    for field in ("stiffness", "damping"):
+        matrix = np.moveaxis(fields[field], -1, 0) if field in fields else np.array(getattr(part, field))
+        if matrix.shape[-2:] != (6, 6):
+            matrix = matrix[..., None] * np.eye(6)
+        value, unit = eigenrows(symmetric_part(np.broadcast_to(matrix, (count, 6, 6))))
+        values_of.append(value)
+        units.append(unit)
+    unit, none = np.concatenate(units, axis=1), np.zeros((count, 6))
+    force, moment = (np.einsum("vij,vrj->ivr", axes, unit[..., half]) for half in (slice(3), slice(3, 6)))
+    bodies = [np.full(12, number[body], dtype=np.intp) for body in (part.first, part.second)]
+    rows = Rows(*bodies, np.repeat(point[:, :, None], 12, axis=2), force, moment)
+    return ElementRows(rows, np.concatenate((values_of[0], none), axis=1), np.concatenate((none, values_of[1]), axis=1),
+                       np.full(12, owner, dtype=np.intp), unit)  # fmt: skip
 
 
 def _ports(model: Mechanism, port: Ports, positions: Mapping[int, Array], number: Mapping[str, int]) -> Ports:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.equations.batch_geometry import scene_of_variant, with_values_at
+from mbsvib.equations.batch_geometry import joint_axes, scene_of_variant, with_values_at
 from mbsvib.equations.load_stiffness import applied_pairs, leading, load_stiffness
 from mbsvib.equations.statics import balance, check_balance
 from mbsvib.equations.wrenches import applied_wrenches
@@ -110,24 +110,11 @@ def with_loads_of_variants(
     _check_balance(model, scene, terms, reduction, residual, size, first)
     loaded = applied_pairs(applied, scene.position, scene.coordinates)
     multipliers = pivots.multipliers(phi, loaded.gradient)
-    axes, lengths = _of_cut_joints(scene, values)
+    axes, lengths = joint_axes(scene.topology.joints, values)
     part = load_stiffness(scene, reduction, loaded, multipliers, axes, lengths, every=True)
     owner = np.full(part.stiffness.shape[-1], len(scene.owners) + len(applied.names) + len(scene.topology.joints))
     terms = terms.with_rows(part.rows, part.stiffness, owner, part.matrix)
     return terms.with_antisymmetric(None, part.circulatory)
-
-
-def _of_cut_joints(scene: Scene, values: Values) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Axes (variants, 3, 3) and pitches (variants,) of cut joints by name, where variants differ in them."""
-    axes, lengths = {}, {}
-    for k in scene.topology.cut:
-        joint = scene.topology.joints[k]
-        fields = values.fields.get(joint.name, {})
-        if "orientation" in fields:
-            axes[joint.name] = exponential(fields["orientation"].T) @ np.array(joint.axes)
-        if "pitch" in fields:
-            lengths[joint.name] = fields["pitch"]
-    return axes, lengths
 
 
 def _check_balance(

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.batch_geometry import scene_of_variant
+from mbsvib.equations.batch_geometry import rod_ends, scene_of_variant
 from mbsvib.equations.locked_loops import check_loops
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, counted
 from mbsvib.kinematics.loops import Cuts, Reduction, reduce
@@ -147,8 +147,12 @@ def _may_jump(scene: Scene, values: Values, pivots: LoopPivots, reduction: Reduc
             if "orientation" in fields:
                 axes = [(exponential(fields["orientation"].T) @ axis).T for axis in axes]
             crossing.append((row, axes[0], axes[1]))
-        nearby = phi_nearby(scene.topology, scene.coordinates, scene.cuts, reduction, scene.position, crossing,
-                            rods_in_loops(scene.topology, scene.coordinates, scene.cuts))  # fmt: skip
+        rods = rods_in_loops(scene.topology, scene.coordinates, scene.cuts)
+        for k, joint in enumerate([joint for joint in scene.topology.joints if joint.is_rod]):
+            if joint.name in values.fields:
+                start, end = (point[..., None] for point in rod_ends(joint, values))
+                rods[k] = replace(rods[k], start=start, end=end)
+        nearby = phi_nearby(scene.topology, scene.coordinates, scene.cuts, reduction, scene.position, crossing, rods)
         for block in pivots.blocks:
             if len(block.rows) > len(block.dependent):
                 remainder = _solved(scene.coordinates, scene.cuts, nearby, block)[1]

@@ -5,15 +5,23 @@ variants in front.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbsvib.core.geometric_stiffness import Pairs, TwistsAt, geometric_stiffness
 from mbsvib.core.motion_order import motion_order
-from mbsvib.core.pairs import CutJoints, of_lines, of_measured, of_places, of_sixes, opening_hessians, rod_curvature
-from mbsvib.equations.statement import squares_of_products
-from mbsvib.kinematics.couplers import measure
+from mbsvib.core.pairs import (
+    CutJoints,
+    displacement_curvature,
+    of_lines,
+    of_measured,
+    of_places,
+    of_sixes,
+    opening_hessians,
+)  # fmt: skip
+from mbsvib.linalg.products import concatenated, squares_of_products
 from mbsvib.linalg.rank import ZERO_FORM, ZERO_SUM
 
 if TYPE_CHECKING:
@@ -93,22 +101,25 @@ def applied_pairs(applied: AppliedWrenches, position: Array, coordinates: Twists
 
 def load_stiffness(
     scene: Scene, reduction: Reduction, loaded: LoadedPairs, multipliers: Array,
-    axes: Mapping[str, Array] | None = None, lengths: Mapping[str, Array] | None = None, every: bool = False,
+    axes: Mapping[str, Array] = MappingProxyType({}), lengths: Mapping[str, Array] = MappingProxyType({}),
+    every: bool = False,
 ) -> LoadStiffness:  # fmt: skip
     """Return the stiffness of the forces at the pose.
 
     ``multipliers`` (..., locked rows): lambda with Phi^T lambda = - dV / dq, those of couplers last. ``axes``
-    (..., 3, 3) and ``lengths`` (...): of cut joints by name, where variants differ in them. If ``every``, rows that are
+    (..., 3, 3) and ``lengths`` (...): of joints by name, where variants differ in them. If ``every``, rows that are
     zero are there too.
     """
     twists, order = loaded.twists, motion_order(scene.topology)
-    reacting = _reacting(scene, multipliers, axes or {}, lengths or {})
+    reacting = _reacting(scene, multipliers, axes, lengths)
     pairs, motion = loaded.pairs, loaded.motion
     if reacting is not None:
         own = twists.motion(reacting.first, reacting.second, reacting.point)
         pairs, motion = Pairs.join([pairs, reacting]), _joined(motion, own)
-    rods = [rod_curvature(scene.topology.joints[joint]) for joint, _ in order.rods]
-    result = geometric_stiffness(twists, order, pairs, motion, np.array(rods) if rods else None)
+    of_rods = [scene.topology.joints[number] for number, _ in order.rods]
+    rods = [displacement_curvature(joint, axes.get(joint.name), lengths.get(joint.name))[..., None, :, :, :]
+            for joint in of_rods]  # fmt: skip
+    result = geometric_stiffness(twists, order, pairs, motion, concatenated(rods, -4) if rods else None)
     matrix, rounding = result.symmetric, _rounding(twists, pairs, order)
     matrix[np.abs(matrix) <= rounding] = 0.0
     upper = np.triu(matrix, 1) + 0.5 * np.triu(np.tril(matrix))
@@ -146,14 +157,10 @@ def _reacting(
         work = multipliers[..., count + couplings.row[terms]] * couplings.value[..., terms]
         known = set(scene.coordinates.names)
         joint_of = {joint.name: joint for joint in topology.joints}
-        measured = []
-        for coupler in scene.couplers:
-            for name, _ in coupler.terms:
-                if name not in known:
-                    owner, _, direction = name.rpartition(".")
-                    duals = [measure(joint_of[owner], free)[1::-1] for free, _ in joint_of[owner].freedom]
-                    measured.append((joint_of[owner], direction, np.array(duals).reshape(-1, 6)))
-        parts.append(of_measured(couplings.measured, measured, work))
+        names = [name.rpartition(".") for coupler in scene.couplers for name, _ in coupler.terms if name not in known]
+        rows, joints = couplings.measured, [(joint_of[owner], direction) for owner, _, direction in names]
+        vectors = leading(rows.point), leading(rows.force), leading(rows.moment)
+        parts.append(of_measured((rows.first, rows.second), vectors, joints, work, axes, lengths))
     return Pairs.join(parts) if parts else None
 
 

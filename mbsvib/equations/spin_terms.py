@@ -19,10 +19,10 @@ from mbsvib.common.arguments import IDENTITY
 from mbsvib.elements.contribution import Contribution, Weights, rotation_rows
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.inertia import inertia_tensor
-from mbsvib.equations.statement import antisymmetric, minimal_rows
 from mbsvib.equations.steady_spin import check_steady, point_of, rows_at_point, spin_together, spin_velocities
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.relative_motion import Twists, relative_motion
+from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
@@ -45,9 +45,7 @@ def spin_contribution(
 
     ``bodies`` and ``elements`` are those of the mechanism in the order of their numbers.
     """
-    if model.rotors:
-        check_steady(model, bodies, elements)
-        _check_base_motion(model)
+    check_spin(model, bodies, elements)
     ground = len(bodies)
     return Contribution.join([
         *(Contribution.of(rotation_rows(np.full(3, i), np.eye(3), ground), gyroscopic=_antisymmetric(-skew(momentum)))
@@ -68,13 +66,69 @@ def _antisymmetric(matrix: Array) -> Weights:
 
 def with_spin(draft: Draft) -> Draft:
     """Return equations of motion with the antisymmetric terms of rotors and elements."""
-    model, scene, reduction, terms = draft.model, draft.scene, draft.reduction, draft.terms
-    part = spin_contribution(model, scene.bodies, scene.elements)
-    rows = minimal_rows(part, scene.coordinates, reduction, terms.body_motion)
-    outputs = _with_forces(model, scene, reduction, terms)
-    terms = replace(terms, Cq=outputs[0], Cv=outputs[1]).with_antisymmetric(
-        antisymmetric(part.gyroscopic, rows), antisymmetric(part.circulatory, rows))  # fmt: skip
-    return replace(draft, terms=terms)
+    model, scene = draft.model, draft.scene
+    check_spin(model, scene.bodies, scene.elements)
+    parts = momenta(model, scene.bodies), cross_couplings(model, scene.bodies, scene.elements)
+    return replace(draft, terms=with_antisymmetric_terms(scene, draft.reduction, draft.terms, *parts))
+
+
+def check_spin(model: Mechanism, bodies: Sequence[Body], elements: Sequence[Connection]) -> None:
+    """Refuse spins that are not steady, and rotation of the ground beside them."""
+    if model.rotors:
+        check_steady(model, bodies, elements)
+        _check_base_motion(model)
+
+
+def with_antisymmetric_terms(
+    scene: Scene, reduction: Reduction, terms: Terms, momenta: Sequence[tuple[int, Array]],
+    couplings: Sequence[CrossCoupling],
+) -> Terms:  # fmt: skip
+    """Return terms with G and N of angular momenta (..., 3) of bodies, and of cross-coupled elements.
+
+    G = sum of -R^T [h]x R over rotations R of bodies, and C_a of elements; N = K_a of elements (antisymmetric parts)
+    """
+    gyroscopic, circulatory = _AntisymmetricSum(), _AntisymmetricSum()
+    for body, momentum in momenta:
+        gyroscopic.add(-skew(momentum), terms.body_motion[..., body, 3:, :])
+    force_of: dict[str, Array] = {}
+    for part in couplings:
+        relative = part.relative(scene.coordinates, reduction)
+        gyroscopic.add(part.damping, relative)
+        circulatory.add(part.stiffness, relative)
+        force_of[part.name] = part.axes.T @ -np.stack((part.stiffness @ relative, part.damping @ relative), axis=-3)
+    changed = [(row, wrench, force_of[scene.elements[owner].name]) for row, owner, wrench in scene.port.force_outputs
+               if scene.elements[owner].name in force_of]  # fmt: skip
+    if changed:
+        outputs = np.stack((terms.Cq, terms.Cv), axis=-3)
+        outputs = np.broadcast_to(outputs, np.broadcast_shapes(outputs.shape, (
+            *changed[0][2].shape[:-2], *outputs.shape[-2:]))).copy()  # fmt: skip
+        for row, wrench, forces in changed:
+            outputs[..., row, :] -= (wrench @ forces)
+        terms = replace(terms, Cq=outputs[..., 0, :, :], Cv=outputs[..., 1, :, :])
+    return terms.with_antisymmetric(gyroscopic.total(), circulatory.total())
+
+
+class _AntisymmetricSum:
+    """The antisymmetric parts of forms R^T A R in sum, with zeros for rounding errors."""
+
+    def __init__(self) -> None:
+        self._sum: Array | float = 0.0
+        self._size: Array | float = 0.0
+
+    def add(self, matrix: Array, rows: Array) -> None:
+        """Add the form of a matrix (..., k, k) and rows (..., k, m)."""
+        part = 0.5 * (matrix - matrix.swapaxes(-1, -2))
+        if part.any():
+            self._sum = self._sum + rows.swapaxes(-1, -2) @ part @ rows
+            self._size = self._size + np.abs(rows).swapaxes(-1, -2) @ np.abs(part) @ np.abs(rows)
+
+    def total(self) -> Array | None:
+        """The sum (..., m, m), None if it is zero."""
+        if isinstance(self._sum, float):
+            return None
+        result = np.asarray(0.5 * (self._sum - self._sum.swapaxes(-1, -2)))
+        result[np.abs(result) <= ZERO_SUM * self._size] = 0.0
+        return result if result.any() else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,10 +154,13 @@ class CrossCoupling:
         return Rows(np.full(6, self.first), np.full(6, self.second), np.repeat(self.point[:, None], 6, axis=1),
                     six[:3], six[3:])  # fmt: skip
 
+    def relative(self, coordinates: Twists, reduction: Reduction) -> Array:
+        """Return the relative displacements (..., 6, m) of its bodies at its point."""
+        return reduction.apply_exactly(relative_motion(coordinates, self.rows).dense(0, 6))
+
     def wrenches(self, coordinates: Twists, reduction: Reduction) -> Array:
         """Return the wrenches (2, 6, m) on the second body per unit of the minimal coordinates, and of their rates."""
-        relative = reduction.apply_exactly(relative_motion(coordinates, self.rows).dense(0, 6))
-        return -np.stack((self.stiffness, self.damping)) @ relative
+        return -np.stack((self.stiffness, self.damping)) @ self.relative(coordinates, reduction)
 
 
 def momenta(model: Mechanism, bodies: Sequence[Body]) -> list[tuple[int, Array]]:
@@ -137,19 +194,6 @@ def cross_couplings(
             axes = np.kron(np.eye(2), np.array(getattr(part, "orientation", IDENTITY)))
             result.append(CrossCoupling(part.name, *ends, np.array(point_of(part)), stiffness, damping, axes))
     return result
-
-
-def _with_forces(model: Mechanism, scene: Scene, reduction: Reduction, terms: Terms) -> tuple[Array, Array]:
-    """Cq and Cv with these forces of elements in outputs that are forces in them."""
-    if not scene.port.force_outputs:
-        return terms.Cq, terms.Cv
-    result = np.stack((terms.Cq, terms.Cv))
-    part_of = {part.name: part for part in cross_couplings(model, scene.bodies, scene.elements)}
-    for row, owner, wrench in scene.port.force_outputs:
-        part = part_of.get(scene.elements[owner].name)
-        if part is not None:
-            result[:, row] -= (part.axes @ wrench) @ part.wrenches(scene.coordinates, reduction)
-    return result[0], result[1]
 
 
 def _check_base_motion(model: Mechanism) -> None:

@@ -111,7 +111,7 @@ def eigenrows(matrix: Array) -> tuple[Array, Array]:
 
 
 def concatenated(arrays: Sequence[Array], axis: int) -> Array:
-    """Return arrays joined along one of their last axes, -1 or -2, of which others have more leading axes."""
+    """Return arrays joined along one of their last axes, -1, -2 ..., some of which have more leading axes."""
     lead = np.broadcast_shapes(*(array.shape[:axis] for array in arrays))
     return np.concatenate([np.broadcast_to(array, (*lead, *array.shape[axis:])) for array in arrays], axis)
 
@@ -121,3 +121,21 @@ def product_with_zeros(left: Array, right: Array) -> Array:
     result: Array = left @ right
     result[np.abs(result) <= ZERO_SUM * (np.abs(left) @ np.abs(right))] = 0.0
     return result
+
+
+def squares_of_products(first: Array, second: Array) -> tuple[Array, Array]:
+    """Return rows and signed weights of squares whose sum is the sum of products of two stacks of rows.
+
+    p q = 1/4 (s p + q/s)^2 - 1/4 (s p - q/s)^2, with s such that s p and q/s have the same size: so a symmetric form
+    remains a sum of weighted squares, from which modes are computed without loss of digits.
+
+    ``first``, ``second`` (..., n, m): factors of each product. Returns ``rows`` (..., 2 n, m): sums, then differences;
+    ``value`` (..., 2 n): 1/2, then -1/2; 0 for a product that is zero.
+    """
+    first_size, second_size = (np.einsum("...nm,...nm->...n", rows, rows) for rows in (first, second))
+    zero = first_size * second_size == 0.0
+    if np.count_nonzero(zero):
+        first_size, second_size = np.where(zero, 1.0, first_size), np.where(zero, 1.0, second_size)
+    scale = np.sqrt(np.sqrt(second_size / first_size))[..., None]
+    a, b, half = scale * first, second / scale, np.where(zero, 0.0, 0.5)
+    return np.concatenate((a + b, a - b), axis=-2), np.concatenate((half, -half), axis=-1)

@@ -28,6 +28,19 @@ def skew(w: Array) -> Array:
     return np.asarray(vectors @ _SKEW).reshape(*vectors.shape, 3)
 
 
+def frames_along(z: Array) -> Array:
+    """Return axes (..., 3, 3) whose third columns are unit vectors (..., 3), as ``common.arguments.frame_along`` does.
+
+    The others are x and y, turned by the smallest rotation that takes the positive or negative z axis to the vector.
+    """
+    x, y, z = np.moveaxis(np.asarray(z), -1, 0)
+    sign = np.where(np.real(z) < -0.5, -1.0, 1.0)
+    share = 1.0 / (1.0 + sign * z)
+    mixed = x * y * share
+    rows = ((1.0 - x * x * share, -sign * mixed, x), (-mixed, sign * (1.0 - y * y * share), y), (-sign * x, -y, z))
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
 def rigid_transport(arm: Array) -> Array:
     """Return matrices (..., 6, 6) that map the motion (u, theta) of a point of a rigid body to that of another point.
 

@@ -44,7 +44,7 @@ def _rotations(layout: Layout, body: Index, along: Array) -> csr_matrix:
 
 
 def signed_squares(weights: Weights, rows: csr_matrix) -> tuple[csr_matrix, Array, Index]:
-    """Return a symmetric form of rows as weighted squares, as ``equations.statement.signed_squares`` does.
+    """Return a symmetric form of rows as weighted squares, see ``linalg.products.squares_of_products``.
 
     Returns rows (n, unknowns), none of them empty, with signed weights (n,), none of them zero, and their owners (n,).
     """

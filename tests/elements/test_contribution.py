@@ -1,13 +1,11 @@
-"""Contributions: sums of weights over rows are the matrices that their definition says, dense and sparse."""
+"""Contributions: sums of weights over rows are the matrices that their definition says."""
 
 import numpy as np
-import pytest
+from scipy.sparse import csr_matrix
 
-from mbsvib.elements.contribution import NONE, Contribution, Weights, displacement_rows, rotation_rows
-from mbsvib.elements.rows import Rows
-from mbsvib.equations.scene import scene
-from mbsvib.equations.statement import antisymmetric, minimal_rows, signed_squares, squares_of_products
-from tests.support.random_models import spatial
+from mbsvib.elements.contribution import NONE, Contribution, Weights, rotation_rows
+from mbsvib.linalg.products import squares_of_products
+from mbsvib.sparse.statement import antisymmetric, signed_squares
 
 RNG = np.random.default_rng(3)
 
@@ -28,7 +26,8 @@ def symmetric(part, rows):
 
 def test_signed_squares_are_the_symmetric_form():
     rows, part = RNG.normal(size=(5, 4)), weights([0, 1, 2, 3, 1], [0, 4, 2, 0, 2])
-    squares, value, owner = signed_squares(part, rows)
+    squares, value, owner = signed_squares(part, csr_matrix(rows))
+    squares = squares.toarray()
     np.testing.assert_allclose(squares.T @ (value[:, None] * squares), symmetric(part, rows), atol=1e-14)
     assert owner.tolist() == [0, 2, 1, 3, 4, 1, 3, 4]
 
@@ -50,36 +49,13 @@ def test_antisymmetric_form():
     rows, part = RNG.normal(size=(4, 3)), weights([0, 2], [1, 3])
     expected = sum(v * (np.outer(rows[i], rows[j]) - np.outer(rows[j], rows[i]))
                    for i, j, v in zip(part.first, part.second, part.value, strict=True))  # fmt: skip
-    result = antisymmetric(part, rows)
+    result = antisymmetric(part, csr_matrix(rows)).toarray()
     np.testing.assert_allclose(result, expected, atol=1e-14)
     assert np.array_equal(result, -result.T)
 
 
-def test_an_antisymmetric_form_that_is_rounding_is_none():
-    axis = RNG.normal(size=3)
-    rows = np.outer([1.0, 1.0 + 1e-16, 3.0], axis)
-    part = Weights(np.array([0, 1]), np.array([2, 2]), np.array([1.0, -1.0]), np.zeros(2, dtype=np.intp))
-    assert antisymmetric(part, rows) is None
-    assert antisymmetric(NONE, rows) is None
-
-
-@pytest.mark.parametrize("loops", [0, 1])
-def test_rows_in_minimal_coordinates(loops):
-    """Turns and shifts of bodies are those of their motion; rows that add up do."""
-    model = spatial(5, bodies=4, loops=loops)
-    system, view = model.linearize(), scene(model)
-    ground, bodies = len(view.bodies), np.array([0, 2, 3])
-    along, point = RNG.normal(size=(3, 3)), RNG.normal(size=(3, 3))
-    rows = Rows.join([rotation_rows(bodies, along, ground), displacement_rows(bodies, along, point, ground)])
-    part = Contribution.of(rows, row=np.array([0, 1, 2, 3, 4, 0]))
-    motion = system.body_motion
-    result = minimal_rows(part, view.coordinates, system.provenance.reduction, motion)
-    turned = np.einsum("in,nim->nm", along, motion[bodies, 3:])
-    arm = point.T - view.position[bodies]
-    moved = motion[bodies, :3] + np.cross(motion[bodies, 3:], arm[:, :, None], axis=1)
-    shifted = np.einsum("in,nim->nm", along, moved)
-    expected = np.array([turned[0] + shifted[2], turned[1], turned[2], shifted[0], shifted[1]])
-    np.testing.assert_allclose(result, expected, atol=1e-13 * np.abs(motion).max())
+def test_an_antisymmetric_form_without_weights_is_none():
+    assert antisymmetric(NONE, csr_matrix((0, 3))) is None
 
 
 def test_joined_contributions_number_their_rows_one_after_the_other():

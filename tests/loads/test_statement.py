@@ -5,7 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.equations import wrenches
-from mbsvib.library import hinged_rod
+from mbsvib.library import hinged_rod, trifilar_pendulum
 from mbsvib.studies import sweep
 
 
@@ -195,3 +195,10 @@ def test_a_pendulum_turns_freely_about_the_vertical_whatever_its_axes(seed):
     assert modes.frequencies[:4].tolist() == [0.0] * 4
     assert modes.frequencies[4:] == pytest.approx([np.sqrt(9.81 * 0.3 / 0.1) / (2 * np.pi)] * 2, rel=1e-13)
     assert modes.stable
+
+
+def test_a_sway_that_symmetry_keeps_apart_is_apart_exactly():
+    """The platform of a trifilar pendulum swings along x by itself: no rounding couples it with its yaw."""
+    system = trifilar_pendulum().linearize()
+    assert not system.K[0, 1:].any()
+    assert system.reachable("yaw", "torque").coordinates == ("wire1.y", "wire1.rz")
