@@ -67,7 +67,8 @@ def form_of(joint: Joint) -> Form:
     """Return the form of a joint."""
     cosine = 0.0
     if joint.successive:
-        cosine = float(np.dot(*joint.rotation_axes))
+        first, second = joint.rotation_axes
+        cosine = float(np.dot(first, second))
     return Form(joint.motion, tuple([name for name, _ in joint.freedom]), joint.successive,
                 cosine if abs(cosine) > NORMAL else 0.0)  # fmt: skip
 
@@ -84,7 +85,7 @@ def length_of(joint: Joint) -> float:
 @lru_cache
 def of_line() -> Array:
     """Second derivatives (6, 6) of the length of a line of unit length along z to the displacement of its end."""
-    return _hessians(lambda x: deformations.length(x, SimpleNamespace(start=BELOW, end=ORIGIN)))[0]
+    return np.asarray(_hessians(lambda x: deformations.length(x, SimpleNamespace(start=BELOW, end=ORIGIN)))[0])
 
 
 @lru_cache
@@ -151,8 +152,8 @@ def turned(axes: Array, hessians: Array) -> Array:
 
 
 def _hessians(function: Any) -> Array:
-    xi = variables(np.zeros(6))
-    return np.array([_hessian(value, 6) for value in function(small(tuple(xi[:3]), tuple(xi[3:]), ORIGIN))])
+    rx, ry, rz, x, y, z = variables(np.zeros(6))
+    return np.array([_hessian(value, 6) for value in function(small((rx, ry, rz), (x, y, z), ORIGIN))])
 
 
 def _hessian(value: Any, count: int) -> Array:

@@ -31,7 +31,9 @@ from mbsvib.linalg.products import concatenated
 from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Index
+    from numpy.typing import NDArray
+
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.core.motion_order import MotionOrder
 
 
@@ -44,7 +46,7 @@ class TwistsAt:
     angular: Array
     linear: Array
     point: Array
-    path: Array
+    path: NDArray[np.int8]
 
     def motion(self, first: Index, second: Index, point: Array) -> Array:
         """Return J (..., 6, p, n): rotation and displacement of second bodies against first ones at points (..., 3, p).
@@ -125,7 +127,7 @@ def geometric_stiffness(
     force, moment = _transmitted(twists, pairs, ways)
     bracket = _brackets(twists, order, force, moment, ways)
     result = result + bracket + bracket.swapaxes(-1, -2)
-    transmitted = concatenated((sum(moment), sum(force)), -2)  # type: ignore[arg-type]
+    transmitted = concatenated((sum(moment), sum(force)), -2)
     for number, (_, at) in enumerate(order.rods):
         assert rod_curvature is not None
         bent = np.einsum("...i,...ifg->...fg", transmitted[..., at[0]], rod_curvature[..., number, :, :, :])
@@ -152,7 +154,7 @@ class _Ways:
     group: Index
     beyond: Array
     both: Index
-    up: Array
+    up: Bools
 
 
 @lru_cache(maxsize=32)

@@ -19,12 +19,12 @@ from mbsvib.linalg.rotations import frames_along, skew
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.elements import Joint
     from mbsvib.elements.rows import Rows
 
 
-def of_places(first: Index, body: Index, point: Array, force: Array, torque: Array, follower: Array) -> Pairs:
+def of_places(first: Index, body: Index, point: Array, force: Array, torque: Array, follower: Bools) -> Pairs:
     """Return the pairs of forces and torques on bodies, fixed in the world or, if ``follower``, in the body.
 
     ``first`` (p,): the ground. ``body`` (p,); ``point``, ``force``, ``torque`` (..., 3, p), world axes; ``follower``
@@ -122,7 +122,7 @@ def of_measured(
     hessians = []
     for joint, name in joints:
         own = [direction for direction, _ in joint.freedom].index(name)
-        duals = np.array([measure(joint, free)[1::-1] for free, _ in joint.freedom]).reshape(-1, 2, 3)
+        duals: Array = np.array([measure(joint, free)[1::-1] for free, _ in joint.freedom]).reshape(-1, 2, 3)
         frame = axes.get(joint.name)
         if frame is not None:
             duals = duals @ (np.array(joint.axes) @ frame.swapaxes(-1, -2))[..., None, :, :]

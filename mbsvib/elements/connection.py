@@ -75,6 +75,26 @@ class Connection(Part):
         """Force per relative acceleration of its ends [kg]."""
         return 0.0
 
+    def row_values(self, fields: Mapping[str, Array], unit: Array) -> Mapping[str, Array]:
+        """Return coefficients of its rows for values of some fields.
+
+        Parameters
+        ----------
+        fields : mapping of str to array
+            Values by field, with the variants on the last axis.
+        unit : array, shape (rows, 6)
+            Directions of the rows in its axes.
+
+        Returns
+        -------
+        mapping of str to array, shape (rows, variants)
+            Values of ``stiffness``, ``damping`` and ``inertance``, as far as they differ.
+        """
+        along = unit.argmax(axis=1)
+        values = {field: fields[field] for field in ("stiffness", "damping", "inertance") if field in fields}
+        return {field: np.repeat(array[None], len(along), axis=0) if array.ndim == 1 else array[along]
+                for field, array in values.items()}  # fmt: skip
+
     def preload_form(self, size: float) -> PreloadForm | None:
         """Return how it can carry a preload.
 

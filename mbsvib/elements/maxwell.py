@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from math import dist
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements import spring
@@ -22,6 +24,8 @@ from mbsvib.errors import ModelError
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements.part import Mask
     from mbsvib.elements.pose import Pose
 
 # Smaller changes of the length, relative to the length, are rounding errors.
@@ -90,6 +94,22 @@ class Maxwell(Connection):
 
     def with_values(self, values: Mapping[str, Any]) -> Maxwell:
         return make(**self._arguments_with(values))
+
+    batched_fields = frozenset({"stiffness", "damping", "static_stiffness", "preload"})
+
+    def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
+        k, c = (values.get(field, np.full(1, getattr(self, field))) for field in ("stiffness", "damping"))
+        return np.asarray((k <= 0.0) | (c < 0.0) | ("preload" in values or "static_stiffness" in values))
+
+    def row_values(self, fields: Mapping[str, Array], unit: Array) -> Mapping[str, Array]:
+        count = len(next(iter(fields.values())))
+        k, c, static = (np.broadcast_to(fields.get(field, getattr(self, field)), (count,))
+                        for field in ("stiffness", "damping", "static_stiffness"))  # fmt: skip
+        stiffness, damping = np.zeros((2, len(unit), count))
+        damper = unit[:, 2] == 0.0
+        stiffness[0], damping[damper] = k, c
+        stiffness[1:][~damper[1:]] = static
+        return {"stiffness": stiffness, "damping": damping}
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Part | dict[str, Any]:
         # the damper deforms until the spring in series is relaxed; only the static spring changes its force

@@ -30,9 +30,9 @@ class BatchEquations(Matrices):
     inputs), ``Cq``, ``Cv``, ``Ca`` (n, outputs, m), ``D`` (n, outputs, inputs). They are read-only, and views of a
     single matrix if they are constant. ``batch[i]`` are the equations of variant i, ``nominal`` those of the model.
     ``values`` are the values that vary. ``closure`` (n, joint coordinates, m) is B'' if the geometry of loops varies,
-    ``provenances`` are those of variants that were linearized one by one; if ``loaded``, the forces at the pose of a
-    variant are computed when it is asked for. ``gyroscopic`` and ``circulatory`` (n, m, m) and ``null_inertia``
-    (n, m, massless) are None if no variant has them.
+    ``provenances`` are those of variants that were linearized one by one; if ``own_decisions``, forces at
+    the pose and massless motions of a variant are described when it is asked for. ``gyroscopic`` and ``circulatory``
+    (n, m, m) and ``null_inertia`` (n, m, massless) are None if no variant has them.
     """
 
     kind: ClassVar[str] = "batch"
@@ -41,7 +41,7 @@ class BatchEquations(Matrices):
     values: Values
     closure: Array | None
     provenances: tuple[Provenance, ...] | None = None
-    loaded: bool = False
+    own_decisions: bool = False
 
     def __post_init__(self) -> None:
         for name in (*MATRICES, *FACTORS, "row_owner", *self._parts):
@@ -172,7 +172,7 @@ class BatchEquations(Matrices):
         if self.provenances is not None:
             return self.provenances[k]
         nominal, values = self.nominal.provenance, self.values
-        if self.loaded and nominal.origin is not None:
+        if self.own_decisions and nominal.origin is not None:
             from mbsvib.equations.assembly import linearized
 
             variant = nominal.origin.with_values({name: float(array[k]) for name, array in values.by_name.items()})

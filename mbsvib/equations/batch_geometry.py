@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Joint
-    from mbsvib.elements.part import Part
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.ports import Ports
     from mbsvib.equations.scene import Scene
@@ -33,6 +32,9 @@ if TYPE_CHECKING:
     from mbsvib.kinematics.loops import Cuts
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.mechanism import Mechanism
+
+# Fields of elements by which there is a row, or none.
+COEFFICIENTS = ("stiffness", "damping", "inertance", "static_stiffness")
 
 
 def scene_of_variants(model: Mechanism, scene: Scene, values: Values) -> Scene:
@@ -96,7 +98,7 @@ def with_values_at(array: Array, at: Any, value: Array, count: int) -> Array:
 
 
 def _of_parts(
-    vectors: tuple[Array, Array, Array], owners: Sequence[tuple[Part, Any]], values: Values
+    vectors: tuple[Array, Array, Array], owners: Sequence[tuple[Any, Any]], values: Values
 ) -> tuple[Array, Array, Array]:
     """Directions of translations and of rotations, and their points (3, n), in all variants; ``owners`` are parts and
     their columns.
@@ -105,14 +107,14 @@ def _of_parts(
     for part, columns in owners:
         fields = values.fields.get(part.name, {})
         if getattr(part, "is_rod", False) and fields:
-            axes = joint_axes([part], values)[0][part.name]  # type: ignore[list-item]
-            own = np.array(part.axes).T  # type: ignore[attr-defined]
+            axes = joint_axes([part], values)[0][part.name]
+            own = np.array(part.axes).T
             first, second = (
                 with_values_at(array, columns, np.einsum("vij,jk->ivk", axes, own @ _columns(array, columns)[:, 0]),
                                values.count)
                 for array in (first, second)
             )
-            point = with_values_at(point, columns, rod_ends(part, values)[1], values.count)  # type: ignore[arg-type]
+            point = with_values_at(point, columns, rod_ends(part, values)[1], values.count)
             continue
         if "orientation" in fields:
             rotation = exponential(fields["orientation"].T)
@@ -215,30 +217,33 @@ def _springs(scene: Scene, values: Values, number: Mapping[str, int]) -> Element
         return scene.springs
     matrices = [i for i in varying if isinstance(scene.elements[i], Bushing) and _has_matrix(scene.elements[i])]
     for i in varying:
-        active: dict[str, Any] = {field: tuple((array != 0.0).any(axis=1).astype(float).tolist())
-                                for field, array in values.fields[parts[i].name].items()
-                                if field in ("stiffness", "damping") and array.ndim == 2}  # fmt: skip
-        if active and i not in matrices:
+        if i not in matrices:
+            active = {field: _active(getattr(parts[i], field), array)
+                      for field, array in values.fields[parts[i].name].items() if field in COEFFICIENTS}  # fmt: skip
             parts[i] = replace(parts[i], **active)
     springs = scene.springs if parts == list(scene.elements) else connection_rows(parts, number)
     owners = [(scene.elements[i], (springs.owner == i).nonzero()[0]) for i in varying if i not in matrices]
     rows = springs.rows
     force, moment, point = _of_parts((rows.force, rows.moment, rows.point), owners, values)
-    weights = {"stiffness": springs.stiffness, "damping": springs.damping}
-    if springs.inertance is not None:
-        weights["inertance"] = springs.inertance
+    weights: dict[str, Any] = {key: value for key, value in zip(COEFFICIENTS, (
+        springs.stiffness, springs.damping, springs.inertance), strict=False) if value is not None}  # fmt: skip
     for part, columns in owners:
-        for field in weights.keys() & values.fields[part.name].keys():
-            array, new = weights[field], values.fields[part.name][field]
-            array = array if array.ndim == 2 else np.repeat(array[None], values.count, axis=0)
-            new = new[None] if new.ndim == 1 else new[springs.unit[columns].argmax(axis=1)]
-            array[:, columns] = new.T
-            weights[field] = array
+        for field, new in part.row_values(values.fields[part.name], springs.unit[columns]).items():
+            if weights[field].ndim == 1:
+                weights[field] = np.repeat(weights[field][None], values.count, axis=0)
+            weights[field][:, columns] = new.T
     springs = replace(springs, rows=Rows(rows.first, rows.second, point, force, moment), **weights)
     if not matrices:
         return springs
     others = springs.take((~np.isin(springs.owner, matrices)).nonzero()[0])
     return ElementRows.join([others, *(_of_matrix(scene.elements[i], i, number, values) for i in matrices)])
+
+
+def _active(nominal: Any, array: Array) -> Any:
+    """Values that are not zero where some variant's is not, so that the element has a row there."""
+    if array.ndim == 2:
+        return tuple((array != 0.0).any(axis=1).astype(float).tolist())
+    return nominal or float(array.any())
 
 
 def _has_matrix(part: Any) -> bool:
@@ -262,8 +267,8 @@ def _of_matrix(part: Any, owner: int, number: Mapping[str, int], values: Values)
         units.append(unit)
     unit, none = np.concatenate(units, axis=1), np.zeros((count, 6))
     force, moment = (np.einsum("vij,vrj->ivr", axes, unit[..., half]) for half in (slice(3), slice(3, 6)))
-    bodies = [np.full(12, number[body], dtype=np.intp) for body in (part.first, part.second)]
-    rows = Rows(*bodies, np.repeat(point[:, :, None], 12, axis=2), force, moment)
+    first, second = (np.full(12, number[body], dtype=np.intp) for body in (part.first, part.second))
+    rows = Rows(first, second, np.repeat(point[:, :, None], 12, axis=2), force, moment)
     return ElementRows(rows, np.concatenate((values_of[0], none), axis=1), np.concatenate((none, values_of[1]), axis=1),
                        np.full(12, owner, dtype=np.intp), unit)  # fmt: skip
 
@@ -307,15 +312,25 @@ def _inertia(scene: Scene, values: Values, number: Mapping[str, int]) -> Spatial
 
 
 def scene_of_variant(scene: Scene, i: int) -> Scene:
-    """Return the geometry of one variant, of joints and loops."""
-    twists, cuts = scene.coordinates, scene.cuts
+    """Return the geometry and the inertia of one variant, of bodies, joints and loops."""
+    twists, cuts, inertia = scene.coordinates, scene.cuts, scene.inertia
     linear, angular, point = (_of_variant(array, i) for array in (twists.linear, twists.angular, twists.point))
     if cuts is not None:
-        rows = cuts.rows
-        cuts = replace(cuts, rows=Rows(rows.first, rows.second, *(
-            _of_variant(array, i) for array in (rows.point, rows.force, rows.moment))))  # fmt: skip
-    return replace(scene, position=scene.position if scene.position.ndim == 2 else scene.position[i], cuts=cuts,
+        couplings = cuts.couplings
+        if couplings is not None:
+            skew = tuple([(k, _of_variant(a, i), _of_variant(b, i), which) for k, a, b, which in couplings.skew])
+            couplings = replace(couplings, value=couplings.value if couplings.value.ndim == 1 else couplings.value[i],
+                                measured=_rows_of_variant(couplings.measured, i), skew=skew)  # fmt: skip
+        cuts = replace(cuts, rows=_rows_of_variant(cuts.rows, i), couplings=couplings)
+    inertia = SpatialInertia(inertia.linear if inertia.linear.ndim == 1 else inertia.linear[i],
+                             inertia.angular if inertia.angular.ndim == 3 else inertia.angular[i])  # fmt: skip
+    position = scene.position if scene.position.ndim == 2 else scene.position[i]
+    return replace(scene, position=position, cuts=cuts, inertia=inertia,
                    coordinates=replace(twists, linear=linear, angular=angular, point=point))  # fmt: skip
+
+
+def _rows_of_variant(rows: Rows, i: int) -> Rows:
+    return Rows(rows.first, rows.second, *(_of_variant(array, i) for array in (rows.point, rows.force, rows.moment)))
 
 
 def _of_variant(array: Array, i: int) -> Array:

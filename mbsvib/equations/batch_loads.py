@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.connection import Connection
     from mbsvib.equations.batch_loops import LoopPivots
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.scene import Scene
@@ -71,7 +70,7 @@ def applied_of_variants(model: Mechanism, values: Values, positions: Mapping[int
     return replace(applied, pairs=replace(pairs, **arrays), weight=weight)
 
 
-def _of_element(part: Connection, fields: Mapping[str, Array], count: int) -> dict[str, Array]:
+def _of_element(part: Any, fields: Mapping[str, Array], count: int) -> dict[str, Array]:
     """Points and wrenches (3, variants) of an element with other values of some fields."""
 
     def value(name: str) -> Array:

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.equations.batch_values import Values
-    from mbsvib.equations.equations import Equations
+    from mbsvib.equations.equations import Equations, Separation
+    from mbsvib.equations.terms import Matrices
     from mbsvib.mechanism.mechanism import Mechanism
 
 B = TypeVar("B", bound=BatchEquations)
@@ -35,6 +36,13 @@ def one_by_one(
 ) -> B:
     """Return a batch of any model, whose variants are linearized one after the other."""
     systems = [_linearized(model, nominal, variants, cut, i) for i in range(variants.count)]
+    provenances = tuple([system.provenance for system in systems])
+    return batch(nominal=nominal, values=variants, closure=None, massless=nominal.massless, provenances=provenances,
+                 **stacked(systems, nominal.dof))  # fmt: skip
+
+
+def stacked(systems: Sequence[Matrices], dof: int) -> dict[str, Any]:
+    """Return the arrays of systems with an axis of variants in front; rows of one owner are in the same places."""
     arrays: dict[str, Any] = {key: np.array([getattr(system, key) for system in systems])
                               for key in (*MATRICES, *FACTORS) if key not in ROWS}  # fmt: skip
     arrays |= {key: _stacked([getattr(system, key) for system in systems]) for key in OPTIONAL}
@@ -42,18 +50,15 @@ def one_by_one(
     width = max(map(len, counts))
     rows_per_owner = np.max([np.pad(count, (0, width - len(count))) for count in counts], axis=0)
     first_row = np.concatenate(([0], np.cumsum(rows_per_owner)))
-    rows, values, damping = (np.zeros((len(systems), first_row[-1], *shape)) for shape in ((nominal.dof,), (), ()))
+    rows, values, damping = (np.zeros((len(systems), first_row[-1], *shape)) for shape in ((dof,), (), ()))
     for i, system in enumerate(systems):
         order = np.argsort(system.row_owner, kind="stable")
         owner = system.row_owner[order]
         row_number = first_row[owner] + np.arange(len(owner)) - np.searchsorted(owner, owner)
         at = (i, row_number)
         rows[at], values[at], damping[at] = (getattr(system, key)[order] for key in ROWS)
-    return batch(
-        nominal=nominal, values=variants, closure=None, elastic_rows=rows, row_stiffness=values, row_damping=damping,
-        row_owner=np.repeat(np.arange(width), rows_per_owner), massless=nominal.massless,
-        provenances=tuple(system.provenance for system in systems), **arrays,
-    )  # fmt: skip
+    return arrays | {"elastic_rows": rows, "row_stiffness": values, "row_damping": damping,
+                     "row_owner": np.repeat(np.arange(width), rows_per_owner)}  # fmt: skip
 
 
 def _linearized(
@@ -65,7 +70,7 @@ def _linearized(
         try:
             variant = model.with_values({name: float(values[i]) for name, values in variants.by_name.items()})
             system = _in_coordinates(variant, nominal, cut)
-            _check_massless(system, nominal)
+            check_massless(system.provenance.separation, nominal)
             check_freedom(system.dof, nominal.dof)
         except MbsvibError as error:
             error.args = (f"variant {i}: {error}", *error.args[1:])
@@ -82,15 +87,16 @@ def _in_coordinates(variant: Mechanism, nominal: Equations, cut: Sequence[str] |
     except ModelError as error:
         if error.field != "independent":
             raise
-        _check_massless(linearized(variant, None, cut), nominal)  # more motions without mass, fewer coordinates
+        # more motions without mass, and so fewer coordinates
+        check_massless(linearized(variant, None, cut).provenance.separation, nominal)
         raise SingularPoseError(f"its loops tie the coordinates {', '.join(nominal.coordinates)} of the nominal pose "
                                 f"to each other. {HELP}") from error  # fmt: skip
     return result
 
 
-def _check_massless(system: Equations, nominal: Equations) -> None:
+def check_massless(separation: Separation | None, nominal: Equations) -> None:
     """Refuse a variant that has other massless motions than the nominal model, by name."""
-    in_variant, in_nominal = _without_mass(system), _without_mass(nominal)
+    in_variant, in_nominal = _without_mass(separation), _without_mass(nominal.provenance.separation)
     if sorted(in_variant.values()) == sorted(in_nominal.values()):
         return  # a motion of several coordinates without mass may be named by any of them
     name = next(name for name in (*in_variant, *in_nominal) if in_variant.get(name) != in_nominal.get(name))
@@ -103,9 +109,8 @@ def _check_massless(system: Equations, nominal: Equations) -> None:
     )  # fmt: skip
 
 
-def _without_mass(system: Equations) -> dict[str, str]:
+def _without_mass(separation: Separation | None) -> dict[str, str]:
     """Description of each motion without mass, by coordinate."""
-    separation = system.provenance.separation
     if separation is None:
         return {}
     return (dict.fromkeys(separation.condensed, "moves no mass and follows from statics")

@@ -27,7 +27,7 @@ def spins_otherwise(model: Mechanism, values: Values) -> bool:
     """
     spinning = {rotor.body for rotor in model.rotors.values() if rotor.inertia is None}
     touched = spinning | {part.name for parts in (model.joints, model.springs) for part in parts.values()
-                          if spinning & {part.first, part.second}}  # type: ignore[attr-defined]  # fmt: skip
+                          if spinning & {part.first, part.second}}  # fmt: skip
     touched |= {part.name for part in model.springs.values() if part.cross_coupling is not None}
     if touched & values.fields.keys():
         return True

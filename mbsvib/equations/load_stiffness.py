@@ -158,9 +158,9 @@ def _reacting(
         known = set(scene.coordinates.names)
         joint_of = {joint.name: joint for joint in topology.joints}
         names = [name.rpartition(".") for coupler in scene.couplers for name, _ in coupler.terms if name not in known]
-        rows, joints = couplings.measured, [(joint_of[owner], direction) for owner, _, direction in names]
-        vectors = leading(rows.point), leading(rows.force), leading(rows.moment)
-        parts.append(of_measured((rows.first, rows.second), vectors, joints, work, axes, lengths))
+        measured, of_names = couplings.measured, [(joint_of[owner], direction) for owner, _, direction in names]
+        vectors = leading(measured.point), leading(measured.force), leading(measured.moment)
+        parts.append(of_measured((measured.first, measured.second), vectors, of_names, work, axes, lengths))
     return Pairs.join(parts) if parts else None
 
 

@@ -74,15 +74,16 @@ def with_loads(draft: Draft) -> Draft:
     """Return equations of motion with the stiffness of loads, and the forces at the pose."""
     scene, reduction, terms = draft.scene, draft.reduction, draft.terms
     assert scene.loads is not None
-    applied, second_order, cache = scene.loads
+    applied, cache = scene.loads
     forces = applied_forces(applied, scene, cache)
     motion = terms.body_motion
     residual, size = balance(forces.wrench[:, :-1], forces.sizes[:, :-1], motion, forces.reach)
     if draft.checked:
         check_balance(residual, size, terms.K, scene, reduction, draft.model.name)
     to_joints = reactions(forces.paths, scene.coordinates, scene.cuts, reduction, draft.phi, forces.multiplier_wrenches)
-    statics = Statics(applied, to_joints, forces.pairs, forces.tree_wrenches, forces.paths.position, second_order,
-                      residual, size, forces.owners)  # fmt: skip
+    coupled = frozenset([name.rpartition(".")[0] for coupler in scene.couplers for name, _ in coupler.terms])
+    statics = Statics(applied, to_joints, forces.pairs, forces.tree_wrenches, forces.paths.position, coupled, residual,
+                      size, forces.owners)  # fmt: skip
     multipliers = np.zeros(0) if scene.cuts is None else to_joints.multipliers(forces.tree_wrenches)[:, 0]
     of_loads = load_stiffness(scene, reduction, forces.loaded, -multipliers)
     everything = np.full(len(of_loads.stiffness), len(scene.owners) + len(forces.owners))

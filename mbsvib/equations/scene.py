@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from mbsvib.elements.coupler import Coupling
     from mbsvib.elements.element_rows import ElementRows
     from mbsvib.equations.inertia import SpatialInertia
-    from mbsvib.equations.second_order_rows import SecondOrderRows
     from mbsvib.equations.wrenches import AppliedWrenches
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.shared_rows import Shared
@@ -41,7 +40,7 @@ class Scene:
     """The arrays of a mechanism from which its matrices are computed.
 
     ``position`` (..., bodies, 3) are the centres of mass; arrays may have an axis of variants, see ``kinematics``.
-    ``loads`` are the applied wrenches, the rows of their second-order terms, and a cache for ``applied_forces``.
+    ``loads`` are the applied wrenches, and a cache for ``applied_forces``.
     """
 
     topology: Topology
@@ -54,7 +53,7 @@ class Scene:
     port: Ports
     inertia: SpatialInertia
     shared: Shared | None = None
-    loads: tuple[AppliedWrenches, SecondOrderRows, dict[str, Any]] | None = None
+    loads: tuple[AppliedWrenches, dict[str, Any]] | None = None
     couplers: tuple[Coupling, ...] = ()
 
     @property
@@ -128,15 +127,11 @@ def scene(model: Mechanism, cut: Sequence[str] | None = None) -> Scene:
     )  # fmt: skip
 
 
-def _loading(model: Mechanism) -> tuple[AppliedWrenches, SecondOrderRows, dict[str, Any]]:
-    """Applied wrenches, rows of second-order terms, and an empty cache."""
-    from mbsvib.equations.second_order_rows import second_order_rows
+def _loading(model: Mechanism) -> tuple[AppliedWrenches, dict[str, Any]]:
+    """Applied wrenches, and an empty cache."""
     from mbsvib.equations.wrenches import applied_wrenches
 
-    number = {name: i for i, name in enumerate((*model.bodies, "ground"))}
-    wrenches = applied_wrenches(model, number)
-    coupled = {name.rpartition(".")[0] for coupler in model.couplers.values() for name, _ in coupler.terms}
-    return wrenches, second_order_rows(wrenches, tuple(model.joints.values()), number, coupled), {}
+    return applied_wrenches(model, {name: i for i, name in enumerate((*model.bodies, "ground"))}), {}
 
 
 def cut_rows(topology: Topology, bodies: Sequence[Body], number: Mapping[str, int]) -> Cuts | None:

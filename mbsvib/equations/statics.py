@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.equations.second_order_rows import SecondOrderRows, second_order_rows
 from mbsvib.errors import EquilibriumError
 from mbsvib.linalg.rank import BALANCE, POSITION_ROUNDING
 
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from mbsvib.elements import Joint
     from mbsvib.equations.reactions import Reactions
     from mbsvib.equations.scene import Scene
-    from mbsvib.equations.second_order_rows import SecondOrderRows
     from mbsvib.equations.self_stress import Undetermined
     from mbsvib.equations.wrench_pairs import WrenchPairs
     from mbsvib.equations.wrenches import AppliedWrenches
@@ -41,8 +41,8 @@ class Statics:
 
     ``geometry`` are all pairs of wrenches, the applied ones, then those in joints, whose sizes are not there yet;
     ``tree_wrenches`` (6, joints, 1) are those of joints of the open tree. ``position`` (3, bodies + 1) are the centres
-    of mass. ``residual`` (m,) is the unbalanced force along each coordinate, ``size`` (m,) that of the forces that
-    should cancel. ``owners`` are the names of all pairs.
+    of mass, ``coupled`` the joints on which couplers act. ``residual`` (m,) is the unbalanced force along each
+    coordinate, ``size`` (m,) that of the forces that should cancel. ``owners`` are the names of all pairs.
     """
 
     applied: AppliedWrenches
@@ -50,7 +50,7 @@ class Statics:
     geometry: WrenchPairs
     tree_wrenches: Array
     position: Array
-    second_order: SecondOrderRows
+    coupled: frozenset[str]
     residual: Array
     size: Array
     owners: tuple[str, ...]
@@ -66,6 +66,12 @@ class Statics:
         pairs, joints = self.applied.pairs, self.joints
         return replace(self.geometry, force=np.concatenate((pairs.force, joints[:3]), axis=1),
                        torque=np.concatenate((pairs.torque, joints[3:]), axis=1))  # fmt: skip
+
+    @cached_property
+    def second_order(self) -> SecondOrderRows:
+        """Rows of relative displacement in the second-order work of all pairs."""
+        topology = self.reactions.paths.topology
+        return second_order_rows(self.applied, topology.joints, topology.body_numbers, self.coupled)
 
     @property
     def undetermined(self) -> tuple[Undetermined, ...]:

@@ -126,7 +126,7 @@ def energies(system: Equations, shapes: Array | Complex) -> tuple[tuple[str, ...
 
 def _of_forces(system: Equations, statics: Statics, shapes: Array | Complex) -> Array:
     """Contribution of each pair of forces, (pairs, n): by its lever arms from the centres of mass, and by its turns."""
-    motion = system.body_motion @ shapes
+    motion: Any = system.body_motion @ shapes
     motion = np.concatenate((motion, np.zeros((1, *motion.shape[1:]))))
     pairs, count = statics.pairs, len(statics.pairs.first)
     parts = [geometric_terms(pairs, statics.applied, statics.second_order, statics.position)

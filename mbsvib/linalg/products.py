@@ -110,7 +110,7 @@ def eigenrows(matrix: Array) -> tuple[Array, Array]:
     return values, np.swapaxes(vectors * scale[..., None], -1, -2)
 
 
-def concatenated(arrays: Sequence[Array], axis: int) -> Array:
+def concatenated(arrays: Sequence[Any], axis: int) -> Any:
     """Return arrays joined along one of their last axes, -1, -2 ..., some of which have more leading axes."""
     lead = np.broadcast_shapes(*(array.shape[:axis] for array in arrays))
     return np.concatenate([np.broadcast_to(array, (*lead, *array.shape[axis:])) for array in arrays], axis)

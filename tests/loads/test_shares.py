@@ -93,3 +93,17 @@ def test_rigid_body_modes_have_no_shares():
     model.add_spring("k", "b0", "b1", (0, 0, 0), (0, 0, 1), stiffness=5.0)
     shares = model.linearize().stiffness_shares().shares
     assert shares.tolist() == [[0.0, pytest.approx(1.0)]]
+
+
+def test_shares_of_a_loop_under_loads_are_those_of_spring_controller_and_joint():
+    """5 N m/rad of a spring, 10 of a controller and 2 kg 9.81 m/s^2 1 m of the weight add up to 34.62 N m/rad."""
+    model = mv.Model("pendulum", gravity=(0, 0, -9.81))
+    model.add_body("rod", 2.0, (0.3, 0.3, 0.1), position=(0, 0, -1.0))
+    model.add_joint("hinge", "revolute", "ground", "rod", (0, 0, 0), axis=(1, 0, 0))
+    model.add_bushing("spring", "ground", "rod", (0, 0, 0), (0, 0, 0, 5.0, 0, 0))
+    model.add_input("torque", "rod", "rx")
+    model.add_output("angle", "rod", "rx")
+    loop = model.linearize().feedback(np.array([[-10.0]]), sensors=["angle"], actuators=["torque"])
+    shares = loop.second_order.stiffness_shares()
+    for name, part in (("spring", 5.0), ("controller", 10.0), ("hinge", 19.62)):
+        np.testing.assert_allclose(shares.of(name), part / 34.62, rtol=1e-12, err_msg=name)

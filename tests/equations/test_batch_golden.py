@@ -1,0 +1,122 @@
+"""Batches of the golden scenes: three variants in all kinds of parameters, each as it is by itself."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.equations import batch_assembly, batch_loads, loaded
+from tests.golden.store import scenes
+
+KEYS = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D", "gyroscopic", "circulatory", "null_inertia")
+COUNT = 3
+# Loops that any other geometry locks: each of these variants is refused by itself.
+LOCKED = ("hunt_174", "hunt_322", "hunt_33", "library_slider_crank")
+
+
+def plain(name):
+    """A scene without forces in joints as outputs, which are computed one variant after the other."""
+    model = mv.load(scenes()[name])
+    outputs = {key: part for key, part in model.outputs.items() if part.element is None or part.element in model.springs}
+    return model.with_parts(outputs=outputs)
+
+
+def other_values(model, rng, share):
+    """Values near those of the model, of some of its parameters."""
+    names = [name for name in model.parameters if rng.random() < share] or list(model.parameters)[:1]
+    result = {}
+    for name in names:
+        value = model.parameters[name]
+        size = abs(value) or 0.05
+        spread = 0.001 * value if "inertia" in name else 0.05 * size
+        if value or not any(word in name for word in ("damping", "mass")):  # no motion gains or loses its mass or damper
+            result[name] = value + spread * rng.uniform(-1.0, 1.0, COUNT)
+    return result
+
+
+@pytest.fixture
+def unbalanced(monkeypatch):
+    """Let poses off balance pass: what is compared is the statement of their forces."""
+    monkeypatch.setattr(loaded, "check_balance", lambda *_: None)
+    monkeypatch.setattr(batch_loads, "check_balance", lambda *_: None)
+
+
+def cases():
+    return [name for name in scenes() if name not in LOCKED and not mv.load(scenes()[name]).composed]
+
+
+@pytest.mark.few(24)
+@pytest.mark.parametrize("name", cases())
+@pytest.mark.usefixtures("unbalanced")
+def test_variants_are_those_of_single_models(name):
+    model, rng = plain(name), np.random.default_rng(11)
+    compared = 0
+    for few in (3, 8, 16):
+        values = other_values(model, rng, few / len(model.parameters))
+        if not values:
+            continue
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                nominal = model.linearize(method="dense")
+                singles = [model.with_values({key: array[i] for key, array in values.items()}).linearize(
+                    independent=nominal.coordinates, method="dense") for i in range(COUNT)]  # fmt: skip
+            except mv.errors.MbsvibError:
+                continue
+            batch = model.linearize(values=values)
+        for i, single in enumerate(singles):
+            assert_same(batch[i], single)
+        compared += 1
+    assert compared, name
+
+
+def assert_same(system, single):
+    assert system.coordinates == single.coordinates
+    for key in KEYS:
+        result, expected = getattr(system, key), getattr(single, key)
+        if result is None or expected is None:
+            left = expected if result is None else result
+            assert left is None or np.abs(left).max() < 1e-13 * np.abs(single.K).max(), key
+            continue
+        np.testing.assert_allclose(result, expected, rtol=0, atol=1e-11 * np.abs(expected).max(initial=0.0), err_msg=key)
+    symmetric = system.K if system.circulatory is None else system.K - system.circulatory
+    of_rows = system.elastic_rows.T @ (system.row_stiffness[:, None] * system.elastic_rows)
+    np.testing.assert_allclose(of_rows, symmetric, rtol=0, atol=1e-13 * np.abs(symmetric).max(initial=1e-300))
+
+
+def everything():
+    """Two bodies with one element of each kind, under gravity and loads, in a loop."""
+    model = mv.Model("everything", gravity=(0.0, 0.0, -9.81))
+    model.add_body("a", 2.0, (1, 1, 1), position=(0, 0, 1))
+    model.add_body("b", 1.0, (1, 1, 1), position=(0, 0, 2))
+    model.add_bushing("foot", "ground", "a", (0, 0, 0), (1e4, 1e4, 1e4, 1e3, 1e3, 1e3), preload=(0, 0, 29.43, 0, 0, 0))
+    model.add_joint("hinge", "revolute", "a", "b", (0, 0, 1.5), axis=(1, 0, 0))
+    model.add_joint("slider", "point_on_plane", "ground", "b", (0, 0, 2), axis=(1, 0, 0))
+    model.add_bushing("back", "a", "b", (0, 0, 1.5), np.diag((0, 0, 0, 900.0, 900.0, 900.0)))
+    model.add_torsion_spring("twist", "a", "b", axis=(1, 0, 0), stiffness=10.0, preload=0.0)
+    model.add_spring("stay", "ground", "b", (0, 0, 5), (0, 0, 2), 50.0, preload=0.0)
+    model.add_inerter("flywheel", "a", "b", (0, 0, 1), (0, 1, 2), 0.1)
+    model.add_rotor("wheel", "a", 30.0, (0, 0, 1), inertia=0.2)
+    model.add_load("push", "a", force=(0, 0, 1.0))
+    model.add_load("pull", "a", force=(0, 0, -1.0))
+    model.add_input("F", "b", "y")
+    model.add_output("y", "b", "y")
+    return model
+
+
+def test_no_kind_of_element_is_linearized_one_variant_after_the_other(monkeypatch):
+    model = everything()
+    values = {"foot.stiffness.x": [1e4, 2e4], "back.stiffness.rx": [900.0, 800.0], "twist.stiffness": [10.0, 20.0],
+              "stay.stiffness": [50.0, 60.0], "flywheel.inertance": [0.1, 0.2], "wheel.speed": [30.0, -90.0],
+              "push.force.z": [1.0, 2.0], "pull.force.z": [-1.0, -2.0], "a.inertia.xx": [1.0, 0.9]}  # fmt: skip
+    singles = [model.with_values({key: array[i] for key, array in values.items()}).linearize() for i in range(2)]
+
+    def refuse(*_):
+        raise AssertionError("one variant after the other")
+
+    monkeypatch.setattr(batch_assembly, "one_by_one", refuse)
+    batch = model.linearize(values=values)
+    for system, single in zip(batch, singles, strict=True):
+        assert_same(system, single)
+    assert batch[1].explain() == singles[1].explain()
