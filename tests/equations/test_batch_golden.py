@@ -18,8 +18,8 @@ LOCKED = ("hunt_174", "hunt_322", "hunt_33", "library_slider_crank")
 def plain(name):
     """A scene without forces in joints as outputs, which are computed one variant after the other."""
     model = mv.load(scenes()[name])
-    outputs = {key: part for key, part in model.outputs.items() if part.element is None or part.element in model.springs}
-    return model.with_parts(outputs=outputs)
+    return model.with_parts(outputs={key: part for key, part in model.outputs.items()
+                                     if part.element is None or part.element in model.springs})  # fmt: skip
 
 
 def other_values(model, rng, share):
@@ -30,7 +30,7 @@ def other_values(model, rng, share):
         value = model.parameters[name]
         size = abs(value) or 0.05
         spread = 0.001 * value if "inertia" in name else 0.05 * size
-        if value or not any(word in name for word in ("damping", "mass")):  # no motion gains or loses its mass or damper
+        if value or not any(word in name for word in ("damping", "mass")):  # all motions keep their mass and dampers
             result[name] = value + spread * rng.uniform(-1.0, 1.0, COUNT)
     return result
 
@@ -79,7 +79,8 @@ def assert_same(system, single):
             left = expected if result is None else result
             assert left is None or np.abs(left).max() < 1e-13 * np.abs(single.K).max(), key
             continue
-        np.testing.assert_allclose(result, expected, rtol=0, atol=1e-11 * np.abs(expected).max(initial=0.0), err_msg=key)
+        allowed = 1e-11 * np.abs(expected).max(initial=0.0)
+        np.testing.assert_allclose(result, expected, rtol=0, atol=allowed, err_msg=key)
     symmetric = system.K if system.circulatory is None else system.K - system.circulatory
     of_rows = system.elastic_rows.T @ (system.row_stiffness[:, None] * system.elastic_rows)
     np.testing.assert_allclose(of_rows, symmetric, rtol=0, atol=1e-13 * np.abs(symmetric).max(initial=1e-300))
