@@ -212,8 +212,10 @@ def _joint(element: ElementTree.Element, name: str, links: dict[str, Link], path
     origin, axes = _frame(element.find("origin"), who, name)
     axis_element = element.find("axis")
     axis = AXIS if axis_element is None else _numbers(axis_element, "xyz", "1 0 0", 3, who, name)
-    if not np.any(axis) and kind in ("revolute", "continuous", "prismatic", "planar"):
-        raise ModelError(f"{who}: axis = (0, 0, 0) is no direction.", element=name, field="axis")
+    if not np.any(axis):
+        if kind in ("revolute", "continuous", "prismatic", "planar"):
+            raise ModelError(f"{who}: axis = (0, 0, 0) is no direction.", element=name, field="axis")
+        axis = AXIS  # of a kind that has none
     damping, friction = (float(_numbers(element.find("dynamics"), key, "0", 1, who, name)[0])
                          for key in ("damping", "friction"))  # fmt: skip
     follows, mimic = element.find("mimic"), None
@@ -221,8 +223,8 @@ def _joint(element: ElementTree.Element, name: str, links: dict[str, Link], path
         factor, offset = (_numbers(follows, key, value, 1, who, name)[0]
                           for key, value in (("multiplier", "1"), ("offset", "0")))  # fmt: skip
         mimic = Mimic(follows.get("joint", ""), float(factor), float(offset))
-    length = np.linalg.norm(axis) or 1.0
-    return Hinge(name, kind, ends[0], ends[1], origin, axes, axis / length, damping, friction, mimic)
+    direction = axis / np.linalg.norm(axis)
+    return Hinge(name, kind, ends[0], ends[1], origin, axes, direction, damping, friction, mimic)
 
 
 def _frame(element: ElementTree.Element | None, who: str, name: str) -> tuple[Array, Array]:

@@ -59,7 +59,8 @@ def load_urdf(
         x y z rx ry rz, z along the axis, where bearings give way too: the joint is then free in all directions, held by
         the bushing.
     damping : float, array-like of shape (6,), or mapping of str to these, optional
-        Likewise [N m s/rad, N s/m]; default: as in the file.
+        Likewise [N m s/rad, N s/m]; default: as in the file. A planar or floating joint takes six values of either;
+        damping that the file gives it is left out with a ``LeftOutWarning``.
     tip : str, optional
         A link whose frame gets forces ``TIP.Fx`` ... ``TIP.Mz`` as inputs and displacements ``TIP.x`` ... ``TIP.rz``.
     floating : bool
@@ -109,17 +110,26 @@ def load_urdf(
     for joint in robot.joints.values():
         if joint.kind != "fixed":
             _add(model, labels[joint.name], joint, groups, frames, _of(stiffness, joint, robot, "stiffness", 0.0),
-                 _of(damping, joint, robot, "damping", joint.damping))  # fmt: skip
+                 _of(damping, joint, robot, "damping", joint.damping if joint.kind in KINDS else 0.0))  # fmt: skip
     for joint in robot.joints.values():
         if joint.mimic is not None:
             follower, leader = labels[joint.name], labels[joint.mimic.joint]
             model.add_coupler(f"{follower}.mimic", {follower: 1.0, leader: -joint.mimic.factor})
     if tip is not None:
         _add_tip(model, tip, groups, frames)
-    rubbing = [repr(joint.name) for joint in robot.joints.values() if joint.kind != "fixed" and joint.friction]
-    if left := {**robot.left, **({"dry friction in": rubbing} if rubbing else {})}:
+    if left := {**robot.left, **_left_of_joints(robot, damping)}:
         warnings.warn(f"{path}: left out: {in_words(left)}.", LeftOutWarning, stacklevel=2)
     return model
+
+
+def _left_of_joints(robot: Robot, damping: Any) -> dict[str, list[str]]:
+    """Joints with friction, and those with a damping in the file that has no direction and is not given otherwise."""
+    moving = [joint for joint in robot.joints.values() if joint.kind != "fixed"]
+    rubbing = [joint for joint in moving if joint.friction]
+    damped = [joint for joint in moving if joint.damping and joint.kind not in KINDS
+              and _of(damping, joint, robot, "damping", None) is None]  # fmt: skip
+    names = {"dry friction in": rubbing, "damping in all directions of": damped}
+    return {what: [repr(joint.name) for joint in joints] for what, joints in names.items() if joints}
 
 
 def _idle(robot: Robot, frames: Iterable[str]) -> list[str]:
@@ -195,15 +205,12 @@ def _add(
     frame = np.array(check.frame_along(check.axis(tuple(z), joint.name, "axis")))
     k, c = np.ravel(stiffness).astype(float), np.ravel(damping).astype(float)
     kind, direction = KINDS.get(joint.kind, ("planar" if joint.kind == "planar" else "free", None))
-    all_directions = max(len(k), len(c)) == 6
-    if all_directions:
+    for field, values in (("stiffness", k), ("damping", c)):
+        if direction is None and len(values) == 1 and values.any():
+            raise ModelError(f"joint '{joint.name}': a {joint.kind} joint takes six values of {field}, x y z rx ry rz, "
+                             f"not one.", element=joint.name, field=field)  # fmt: skip
+    if max(len(k), len(c)) == 6:
         kind = "free"
-    elif direction is None and (k.any() or c.any()):
-        if not k.any():  # the file gives no direction for the damping of a joint with several freedoms
-            c = np.zeros(1)
-        else:
-            raise ModelError(f"joint '{joint.name}': a {joint.kind} joint takes six stiffnesses x y z rx ry rz, not "
-                             f"one.", element=joint.name, field="stiffness")  # fmt: skip
     model.add_joint(name, kind, first, second, at, orientation=frame)
     if k.any() or c.any():
         model.add_bushing(f"{name}.k", first, second, at, _six(k, direction), _six(c, direction), frame)

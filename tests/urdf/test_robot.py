@@ -250,9 +250,41 @@ def test_joints_with_several_freedoms_have_no_position_and_no_single_stiffness(r
     path = robot(link("a") + link("b", 1.0) + joint("j", "floating", "a", "b"))
     with pytest.raises(mv.ModelError, match=r"joint 'j': pose = 0\.5, but a floating joint has no position"):
         mv.load_urdf(path, pose={"j": 0.5})
-    with pytest.raises(mv.ModelError, match="joint 'j': a floating joint takes six stiffnesses x y z rx ry rz"):
-        mv.load_urdf(path, stiffness=10.0)
-    assert mv.load_urdf(path, stiffness=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0), damping=0.1).linearize().dof == 6
+    six = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    for words, field in (({"stiffness": 10.0}, "stiffness"), ({"damping": 0.1}, "damping"),
+                         ({"stiffness": six, "damping": 0.1}, "damping")):  # fmt: skip
+        with pytest.raises(mv.ModelError, match=f"joint 'j': a floating joint takes six values of {field}, x y z rx"):
+            mv.load_urdf(path, **words)
+    spring = mv.load_urdf(path, stiffness=six, damping=six).springs["j.k"]
+    np.testing.assert_array_equal((spring.stiffness, spring.damping), (six, six))
+
+
+@pytest.mark.parametrize("kind", ["floating", "planar"])
+def test_damping_without_direction_is_left_out_with_a_warning(robot, kind):
+    path = robot(link("a") + link("b", 1.0) + joint("j", kind, "a", "b", more='<dynamics damping="3"/>'))
+    with pytest.warns(mv.errors.LeftOutWarning, match=r"left out: damping in all directions of 'j'"):
+        assert not mv.load_urdf(path).springs
+    assert len(mv.load_urdf(path, damping=(1.0,) * 6).springs) == 1
+
+
+def test_a_joint_that_needs_no_axis_may_have_none(robot):
+    """Writers of files give fixed joints an axis of (0, 0, 0)."""
+    path = robot(link("a") + link("b", 2.0) + link("c", 3.0) + joint("j", "floating", "a", "b", axis="0 0 0")
+                 + joint("w", "fixed", "b", "c", axis="0 0 0"))  # fmt: skip
+    system = mv.load_urdf(path).linearize()
+    assert system.dof == 6
+    np.testing.assert_allclose(np.sort(np.linalg.eigvalsh(system.M))[-3:], 5.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("kind", "effort", "motion"), [
+    ("prismatic", "force", "travel"), ("revolute", "torque", "angle"), ("continuous", "torque", "angle"),
+])  # fmt: skip
+def test_ports_act_along_the_axis(robot, kind, effort, motion):
+    """On a spring k a unit force or torque of the joint gives 1 / k, whatever its axis."""
+    path = robot(link("a") + link("b", 2.0) + joint("j", kind, "a", "b", "1 2 3", "0.3 0.2 0.1", "1 -2 2"))
+    system = mv.load_urdf(path, stiffness=40.0).linearize()
+    assert (system.inputs, system.outputs) == ((f"j.{effort}",), (f"j.{motion}",))
+    np.testing.assert_allclose(system.frequency_response([0.0]), [[[1.0 / 40.0]]], rtol=1e-12)
 
 
 def test_faulty_arguments_are_told(tmp_path):
