@@ -160,3 +160,25 @@ def test_thrust_that_turns_along():
     for point in (0.1, 3.0):
         g = space.C @ np.linalg.solve(1j * point * np.eye(12) - space.A, space.B) + space.D
         np.testing.assert_allclose(g[:, 0], [gain / point**4, 1.0 / (30.0j * point)], rtol=1e-10)
+
+
+def test_thrust_that_turns_along_beside_a_vibration():
+    """A stage on rails with its thrust, and fuel on a spring: four integrators in a row, and one pair."""
+    model = mv.Model("rocket")
+    for name, mass in (("frame", 1.0), ("fuel", 4.0)):
+        model.add_body(name, mass, (1, 1, 1), position=(0, 0, 0) if name == "frame" else (0, 1, 0))
+        model.add_joint(f"rail.{name}", "prismatic", "ground", name, axis=(0, 1, 0))
+    model.add_body("stage", 2.0, (3.0, 3.0, 3.0))
+    model.add_joint("hinge", "revolute", "frame", "stage", (0, 0, 0), axis=(0, 0, 1))
+    model.add_spring("slosh", "frame", "fuel", (0, 0, 0), (0, 1, 0), 120.0)
+    model.add_load("thrust", "stage", force=(6.0, 0, 0), follower=True)
+    model.add_input("M", "stage", "rz")
+    model.add_output("y", "stage", "y")
+    system = model.linearize()
+    modes = system.modes()
+    assert np.count_nonzero(modes.eigenvalues == 0.0) == 4
+    np.testing.assert_allclose(modes.natural[-1], np.sqrt(120.0 * (1.0 / 3.0 + 1.0 / 4.0)), rtol=1e-13)
+    w = np.array([0.1, 3.0, 200.0])
+    angle, held, carried = -1.0 / (3.0 * w**2), 120.0 - 3.0 * w**2, 120.0 - 4.0 * w**2
+    np.testing.assert_allclose(system.frequency_response(w)[0, 0], 6.0 * angle * carried / (held * carried - 120.0**2),
+                               rtol=1e-11)  # fmt: skip

@@ -1,0 +1,30 @@
+"""Shapes of modes to the rounding of the equations, where a correction decides."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+
+
+@pytest.mark.parametrize("brake", [1e-6, 1e-2, 1.0, 1e2])
+@pytest.mark.parametrize("span", [1, 3])
+def test_shapes_of_a_free_chain_that_the_ground_brakes_solve_the_equations(span, brake):
+    """Free motions that weak dampers slow take part in all shapes: (lambda^2 M + lambda C + K) phi = 0."""
+    rng, n = np.random.default_rng(1), 5
+    model = mv.Model("chain")
+    for i in range(n):
+        at = (0, 0, i + 0.5)
+        model.add_body(f"b{i}", 10 ** rng.uniform(-span, span), (1, 1, 1), position=(0, 0, i + 1.0))
+        model.add_joint(f"j{i}", "prismatic", "ground", f"b{i}", axis=(1, 0, 0))
+        if i:
+            stiffness, damping = 10 ** rng.uniform(2, 2 + span), 10 ** rng.uniform(0, 1)
+            model.add_bushing(f"k{i}", f"b{i - 1}", f"b{i}", at, (stiffness, 0, 0, 0, 0, 0), (damping, 0, 0, 0, 0, 0))
+        damping = brake * 10 ** rng.uniform(0, 1)
+        model.add_bushing(f"g{i}", "ground", f"b{i}", at, damping=(damping, 0, 0, 0, 0, 0))
+    system = model.linearize()
+    modes = system.modes()
+    moving = modes.pairs[:, 0] != 0.0
+    assert moving.sum() == n - 1
+    for value, shape in zip(modes.pairs[moving, 0], modes.shapes.T[moving], strict=True):
+        terms = [value**2 * system.M @ shape, value * system.C @ shape, system.K @ shape]
+        assert np.abs(sum(terms)).max() <= 1e-13 * max(np.abs(term).max() for term in terms)
