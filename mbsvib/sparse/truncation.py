@@ -55,9 +55,7 @@ def corrected(system: SparseEquations, small: E, count: int) -> E:
             f"correction."
         )
     force = np.asarray(system.input_rows.toarray().T)
-    if rigid:
-        momentum = t.wt @ t.deflated[:, :rigid]
-        force = force - momentum @ (t.rigid.T @ force)
+    force = force - t.wt @ t.deflated[:, :rigid] @ (t.rigid.T @ force)
     full = np.asarray(system.output_rows[0] @ t.flexible(t.factor.solve(t.right(force))))
     phi = basis.shapes[:, basis.rigid :]
     modal = (small.Cq @ phi / basis.square[basis.rigid :]) @ (phi.T @ small.B)

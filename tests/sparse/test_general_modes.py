@@ -28,6 +28,9 @@ def same_modes(dense, result, k, near, rtol=1e-12):
     np.testing.assert_allclose(result.frequencies, expected.frequencies, rtol=rtol)
     np.testing.assert_array_equal(result.growing, expected.growing)
     assert result.errors.max() < rtol
+    pair = np.flatnonzero(result.eigenvalues.imag > 0.0)
+    np.testing.assert_array_equal(result.errors[pair], result.errors[pair + 1])
+    np.testing.assert_array_equal(result.eigenvalues[pair], result.eigenvalues[pair + 1].conj())
 
 
 @pytest.mark.few(1)

@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 
 import mbsvib as mv
 from tests.sparse import scenes
+from tests.support import fast_digits
 from tests.support.sizes import few
 from tests.support.sliding_chain import chain_response, sliding_chain
 from tests.support.transfer_matrix import off_by_less, root
@@ -164,3 +165,27 @@ def test_around_a_frequency_that_all_modes_share():
     frequency = float(model.linearize().modes(1).frequencies[0])
     modes = model.linearize().modes(6, near=frequency)
     assert_allclose(modes.frequencies, frequency, rtol=1e-14)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_error_bounds_of_a_chain_whose_springs_span_twelve_decades(seed):
+    """Against 40 digits: rounding of the solves is part of the bounds."""
+    rng, n = np.random.default_rng(seed), 40
+    k, m = 10.0 ** rng.uniform(0, 12, n), rng.uniform(0.5, 2, n)
+    model = mv.Model("chain")
+    for i in range(n):
+        model.add_body(f"b{i}", m[i], (1, 1, 1), (0, 0, i))
+        model.add_joint(f"j{i}", "prismatic", "ground", f"b{i}", axis=(0, 0, 1))
+        model.add_bushing(f"k{i}", f"b{i - 1}" if i else "ground", f"b{i}", (0, 0, i), (0, 0, k[i], 0, 0, 0))
+    modes = model.linearize(method="sparse").modes(4)
+    with mp.workdps(40):
+        matrix = mp.zeros(n)
+        for i in range(n):
+            for j in (i, i + 1) if i + 1 < n else (i,):
+                matrix[i, i] += mpf(k[j]) / mpf(m[i])
+            if i + 1 < n:
+                matrix[i, i + 1] = -mpf(k[i + 1]) / mpf(m[i])
+                matrix[i + 1, i] = -mpf(k[i + 1]) / mpf(m[i + 1])
+        exact = np.sort([float(mp.sqrt(value.real)) for value in fast_digits.eigenvalues(matrix)])[:4]
+    assert (np.abs(modes.natural / exact - 1.0) <= modes.errors[::2]).all()
+    assert modes.errors.max() < 1e-6

@@ -138,3 +138,26 @@ def test_a_nearly_singular_pose_is_warned_of_and_its_digits_are_not_promised():
     first, second = sparse.modes(1), dense.modes()
     assert first.errors[0] > 1e-11
     assert abs(first.frequencies[0] / second.frequencies[0] - 1) <= first.errors[0] + second.errors[0]
+
+
+@pytest.mark.parametrize("ends", [("ground", "a35"), ("a35", "ground"), ("a35", "b4"), ("b4", "a35")])
+def test_a_long_path_on_either_side_of_a_joint(ends):
+    """Two arms of hinges, of which a ball closes a loop: the first and the second body may be the far one."""
+    model, tip = mv.Model("arms"), {}
+    for arm, links, turn in (("a", 36, 0.05), ("b", 5, -0.03)):
+        at, below = np.array((0.0, 1.0 if arm == "a" else -1.0, 0.0)), "ground"
+        for k in range(links):
+            name, step = f"{arm}{k}", 0.1 * np.array((np.cos(k * turn), np.sin(k * turn), 0.0))
+            model.add_body(name, 1.0, (0.1, 0.1, 0.01), at + 0.5 * step)
+            model.add_joint(f"{name}.j", "revolute", below, name, at)
+            model.add_bushing(f"{name}.k", below, name, at, (0, 0, 0, 0, 0, 50.0 + k))
+            at, below = at + step, name
+        tip[name] = at
+    model.add_joint("close", "spherical", *ends, tip["a35"])
+    model.add_input("F", "a20", (0, 1, 0))
+    model.add_output("y", "b2", (0, 1, 0))
+    model.add_output("z", "a30", (1, 0, 0))
+    dense, sparse = (model.linearize(method=method, cut=["close"]) for method in ("dense", "sparse"))
+    assert sparse.dof == dense.dof == 39
+    expected = dense.frequency_response(OMEGA)
+    assert_allclose(sparse.frequency_response(OMEGA), expected, rtol=0, atol=1e-11 * np.abs(expected).max())

@@ -176,3 +176,17 @@ def test_a_body_on_the_arm_of_another(seat, axis):
             + 2.0 * np.sum(motion[:3] ** 2)
         expected = np.outer(motion * (motion @ wrench), 1.0 / (40.0 - inertia * OMEGA**2))
         assert_allclose(sparse[:, 0], expected, rtol=1e-11, atol=1e-14 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_a_mode_that_diverges_is_among_those_near_its_rate(unit):
+    """Masses by themselves, of which a negative spring lets one diverge with 31 1/s, in any unit of time."""
+    model = mv.Model("row")
+    for k in range(1, 81):
+        model.add_body(f"b{k}", 1.0, (1, 1, 1), (0, 0, k))
+        model.add_joint(f"j{k}", "prismatic", "ground", f"b{k}", axis=(0, 0, 1))
+        model.add_bushing(f"k{k}", "ground", f"b{k}", (0, 0, k),
+                          (0, 0, (k * unit) ** 2 * (-1 if k == 31 else 1), 0, 0, 0))  # fmt: skip
+    result = model.linearize(method="sparse").modes(3, near=30.6 * unit / (2 * np.pi))
+    assert not result.stable
+    assert_allclose(result.eigenvalues / unit, [31, -31, 30j, -30j, 32j, -32j], rtol=1e-10, atol=1e-10)
