@@ -22,7 +22,7 @@ twists and brackets; Geradin & Cardona, Flexible Multibody Dynamics (2001), for 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from mbsvib.core.motion_order import MotionOrder
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TwistsAt:
     """Twists of the joint coordinates: ``angular`` and ``linear`` (..., 3, n) at ``point`` (..., 3, n) [m]; ``path``
     (bodies + 1, n) are their signs on the way from ground to each body, see ``Twists``.
@@ -51,7 +51,8 @@ class TwistsAt:
     def motion(self, first: Index, second: Index, point: Array) -> Array:
         """Return J (..., 6, p, n): rotation and displacement of second bodies against first ones at points (..., 3, p).
         """
-        angular, sign = self.angular[..., None, :], self._sign(first, second)
+        angular = self.angular[..., None, :]
+        sign = np.asarray(self.path[second] - self.path[first], dtype=float)
         turned = cross(angular, point[..., None] - self.point[..., None, :])
         result = np.empty((*turned.shape[:-3], 6, *turned.shape[-2:]), turned.dtype)
         np.multiply(angular, sign, out=result[..., :3, :, :])
@@ -59,8 +60,19 @@ class TwistsAt:
         result[..., 3:, :, :] *= sign
         return result
 
-    def _sign(self, first: Index, second: Index) -> Array:
-        return np.asarray(self.path[second] - self.path[first], dtype=float)
+    @cached_property
+    def brackets(self) -> tuple[Array, Array]:
+        """Brackets [S_k, S_l] (..., 3, n, n) of all pairs of twists about the point of l: rotations, translations."""
+        of_l = [array[..., None, :] for array in (self.angular, self.linear, self.point)]
+        of_k = [array[..., None] for array in (self.angular, self.linear, self.point)]
+        shifts = cross(of_k[0], of_l[1]) - cross(of_l[0], of_k[1] + cross(of_k[0], of_l[2] - of_k[2]))
+        return cross(of_k[0], of_l[0]), shifts
+
+    @cached_property
+    def sizes(self) -> tuple[Array, Array, float]:
+        """Sizes of rotations and translations (..., n), and the largest coordinate of a point [m]."""
+        turns, shifts = (np.sqrt(np.square(array).sum(axis=-2)) for array in (self.angular, self.linear))
+        return turns, shifts, float(np.abs(self.point).max(initial=0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,16 +97,10 @@ class Pairs:
         """Return all pairs in one; only the first of them may have a ``torsion``."""
         if len(parts) == 1:
             return parts[0]
-        lead = np.broadcast_shapes(*(array.shape[:-k] for part in parts for array, k in (
-            (part.point, 2), (part.wrench, 2), (part.hessian, 3))))  # fmt: skip
-
-        def joined(arrays: list[Array], axis: int, tail: int) -> Array:
-            return np.concatenate([np.broadcast_to(array, (*lead, *array.shape[-tail:])) for array in arrays], axis)
-
         return Pairs(
             np.concatenate([part.first for part in parts]), np.concatenate([part.second for part in parts]),
-            joined([part.point for part in parts], -1, 2), joined([part.wrench for part in parts], -1, 2),
-            joined([part.hessian for part in parts], -3, 3), parts[0].torsion,
+            concatenated([part.point for part in parts], -1), concatenated([part.wrench for part in parts], -1),
+            concatenated([part.hessian for part in parts], -3), parts[0].torsion,
         )  # fmt: skip
 
 
@@ -194,10 +200,7 @@ def _transmitted(twists: TwistsAt, pairs: Pairs, ways: _Ways) -> tuple[list[Arra
 
 def _brackets(twists: TwistsAt, order: MotionOrder, force: list[Array], moment: list[Array], ways: _Ways) -> Array:
     """1/2 F_l . [S_k, S_l] (..., n, n) for k before l, with the wrench F_l that l transmits of pairs beyond k."""
-    of_l = [array[..., None, :] for array in (twists.angular, twists.linear, twists.point)]
-    of_k = [array[..., None] for array in (twists.angular, twists.linear, twists.point)]
-    turns = cross(of_k[0], of_l[0])
-    shifts = cross(of_k[0], of_l[1]) - cross(of_l[0], of_k[1] + cross(of_k[0], of_l[2] - of_k[2]))
+    turns, shifts = twists.brackets
     total = 0.0
     for f, m, beyond in zip(force, moment, ways.beyond, strict=True):
         one = (m[..., None, :] * turns + f[..., None, :] * shifts).sum(axis=-3)

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Bools, Index
     from mbsvib.elements import Joint
-    from mbsvib.elements.rows import Rows
 
 
 def of_places(first: Index, body: Index, point: Array, force: Array, torque: Array, follower: Bools) -> Pairs:
@@ -70,23 +69,25 @@ def of_sixes(first: Index, second: Index, point: Array, force: Array, torque: Ar
 
 @dataclass(frozen=True, slots=True)
 class CutJoints:
-    """Cut joints as pairs: ``rows``, the locked ones, of the joints ``number`` (rows,), which begin at ``start``
-    (joints,); ``hessian`` (..., rows, 6, 6) are the second derivatives of their openings, world axes.
+    """Cut joints between the bodies ``first`` and ``second`` (joints,) at their points ``point`` (..., 3, joints).
+
+    ``wrench`` (..., 6, rows) (moment, force) are their locked rows, of the joints ``number`` (rows,), which begin at
+    ``start`` (joints,); ``hessian`` (..., rows, 6, 6) are the second derivatives of their openings, world axes.
     """
 
-    rows: Rows
+    first: Index
+    second: Index
+    point: Array
+    wrench: Array
     number: Index
     start: Index
     hessian: Array
 
-    def pairs(self, point: Array, force: Array, moment: Array, multipliers: Array) -> Pairs:
-        """Return the pairs of multipliers (..., rows), rows being ``force``, ``moment`` (..., 3, rows) at ``point``."""
-        work = concatenated((moment, force), -2) * multipliers[..., None, :]
-        hessian = self.hessian * multipliers[..., None, None]
-        return Pairs(
-            self.rows.first[self.start], self.rows.second[self.start], point[..., self.start],
-            np.add.reduceat(work, self.start, axis=-1), np.add.reduceat(hessian, self.start, axis=-3),
-        )  # fmt: skip
+    def pairs(self, multipliers: Array) -> Pairs:
+        """Return the pairs of multipliers (..., rows)."""
+        wrench = np.add.reduceat(self.wrench * multipliers[..., None, :], self.start, axis=-1)
+        hessian = np.add.reduceat(self.hessian * multipliers[..., None, None], self.start, axis=-3)
+        return Pairs(self.first, self.second, self.point, wrench, hessian)
 
 
 def opening_hessians(joints: Sequence[Joint], axes: Mapping[str, Array], lengths: Mapping[str, Array]) -> Array:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.equations.batch_geometry import joint_axes, scene_of_variant, with_values_at
-from mbsvib.equations.load_stiffness import applied_pairs, leading, load_stiffness
+from mbsvib.equations.load_stiffness import leading, load_stiffness, loaded_pairs
 from mbsvib.equations.statics import balance, check_balance
 from mbsvib.equations.wrenches import applied_wrenches
 from mbsvib.errors import EquilibriumError
@@ -107,10 +107,8 @@ def with_loads_of_variants(
     reach = max(float(np.abs(array).max(initial=0.0)) for array in (applied.pairs.start, scene.position))
     residual, size = balance(leading(wrench)[..., :-1], leading(sizes)[..., :-1], terms.body_motion, reach)
     _check_balance(model, scene, terms, reduction, residual, size, first)
-    loaded = applied_pairs(applied, scene.position, scene.coordinates)
-    multipliers = pivots.multipliers(phi, loaded.gradient)
-    axes, lengths = joint_axes(scene.topology.joints, values)
-    part = load_stiffness(scene, reduction, loaded, multipliers, axes, lengths, every=True)
+    loaded = loaded_pairs(scene, *joint_axes(scene.topology.joints, values))
+    part = load_stiffness(scene, reduction, loaded, pivots.multipliers(phi, loaded.gradient), every=True)
     owner = np.full(part.stiffness.shape[-1], len(scene.owners) + len(applied.names) + len(scene.topology.joints))
     terms = terms.with_rows(part.rows, part.stiffness, owner, part.matrix)
     return terms.with_antisymmetric(None, part.circulatory)

@@ -49,14 +49,22 @@ class LoadStiffness:
 
 @dataclass(frozen=True, slots=True)
 class LoadedPairs:
-    """The applied ``pairs`` with their ``motion`` J (..., 6, p, n), and the generalized forces ``gradient`` (..., n),
-    dV / dq of their potentials.
+    """The applied ``pairs``, and the cut joints without their forces; with the ``motion`` J (..., 6, p, n) of both, and
+    the generalized forces ``gradient`` (..., n), dV / dq of the potentials of the applied ones.
+
+    ``rod_curvature`` (..., rods, 6, f, f): second derivatives of the motions of rods in the tree, None without.
+    ``axes`` (..., 3, 3) and ``lengths`` (...): of joints by name, where variants differ in them.
     """
 
     twists: TwistsAt
+    order: MotionOrder
     pairs: Pairs
+    cut: CutJoints | None
     motion: Array
     gradient: Array
+    rod_curvature: Array | None
+    axes: Mapping[str, Array]
+    lengths: Mapping[str, Array]
 
 
 def twists_at(coordinates: Twists) -> TwistsAt:
@@ -70,11 +78,34 @@ def leading(vectors: Array) -> Array:
     return vectors if vectors.ndim == 2 else vectors.swapaxes(0, 1)
 
 
-def applied_pairs(applied: AppliedWrenches, position: Array, coordinates: Twists) -> LoadedPairs:
-    """Return the pairs of loads, weights and preloads.
+def loaded_pairs(
+    scene: Scene, axes: Mapping[str, Array] = MappingProxyType({}), lengths: Mapping[str, Array] = MappingProxyType({})
+) -> LoadedPairs:
+    """Return the pairs of a scene: loads, weights and preloads, and cut joints.
 
-    ``position`` (..., bodies, 3): centres of mass [m].
+    ``axes`` (..., 3, 3) and ``lengths`` (...): of joints by name, where variants differ in them.
     """
+    assert scene.loads is not None
+    topology, cuts, twists = scene.topology, scene.cuts, twists_at(scene.coordinates)
+    order = motion_order(topology)
+    pairs, cut = _applied(scene.loads[0], scene.position), None
+    motion = twists.motion(pairs.first, pairs.second, pairs.point)
+    gradient = np.einsum("...ip,...ipk->...k", pairs.wrench, motion)
+    if cuts is not None and len(cuts.rows.first):
+        rows, count = cuts.rows, len(cuts.rows.first)
+        hessian = opening_hessians([topology.joints[k] for k in topology.cut], axes, lengths)
+        work = concatenated((leading(rows.moment), leading(rows.force)), -2)
+        cut = CutJoints(rows.first[cuts.start], rows.second[cuts.start], leading(rows.point)[..., cuts.start], work,
+                        cuts.joint[:count], cuts.start, hessian)  # fmt: skip
+        motion = concatenated((motion, twists.motion(cut.first, cut.second, cut.point)), -2)
+    rods = [displacement_curvature(joint, axes.get(joint.name), lengths.get(joint.name))[..., None, :, :, :]
+            for joint in [topology.joints[number] for number, _ in order.rods]]  # fmt: skip
+    curvature = concatenated(rods, -4) if rods else None
+    return LoadedPairs(twists, order, pairs, cut, motion, gradient, curvature, axes, lengths)
+
+
+def _applied(applied: AppliedWrenches, position: Array) -> Pairs:
+    """The pairs of loads, weights and preloads; ``position`` (..., bodies, 3): centres of mass [m]."""
     pairs, loads, lines = applied.pairs, slice(applied.loads), slice(applied.loads, applied.loads + applied.lines)
     others = slice(lines.stop, None)
     start, end, force, torque = (leading(array) for array in (pairs.start, pairs.end, pairs.force, pairs.torque))
@@ -94,39 +125,34 @@ def applied_pairs(applied: AppliedWrenches, position: Array, coordinates: Twists
     if len(applied.names) > lines.stop:
         parts.append(of_sixes(pairs.first[others], pairs.second[others], end[..., others], force[..., others],
                               torque[..., others]))  # fmt: skip
-    joined, twists = Pairs.join(parts), twists_at(coordinates)
-    motion = twists.motion(joined.first, joined.second, joined.point)
-    return LoadedPairs(twists, joined, motion, np.einsum("...ip,...ipk->...k", joined.wrench, motion))
+    return Pairs.join(parts)
 
 
 def load_stiffness(
-    scene: Scene, reduction: Reduction, loaded: LoadedPairs, multipliers: Array,
-    axes: Mapping[str, Array] = MappingProxyType({}), lengths: Mapping[str, Array] = MappingProxyType({}),
-    every: bool = False,
-) -> LoadStiffness:  # fmt: skip
+    scene: Scene, reduction: Reduction, loaded: LoadedPairs, multipliers: Array, every: bool = False
+) -> LoadStiffness:
     """Return the stiffness of the forces at the pose.
 
-    ``multipliers`` (..., locked rows): lambda with Phi^T lambda = - dV / dq, those of couplers last. ``axes``
-    (..., 3, 3) and ``lengths`` (...): of joints by name, where variants differ in them. If ``every``, rows that are
-    zero are there too.
+    ``multipliers`` (..., locked rows): lambda with Phi^T lambda = - dV / dq, those of couplers last. If ``every``, rows
+    that are zero are there too.
     """
-    twists, order = loaded.twists, motion_order(scene.topology)
-    reacting = _reacting(scene, multipliers, axes, lengths)
-    pairs, motion = loaded.pairs, loaded.motion
-    if reacting is not None:
-        own = twists.motion(reacting.first, reacting.second, reacting.point)
-        pairs, motion = Pairs.join([pairs, reacting]), _joined(motion, own)
-    of_rods = [scene.topology.joints[number] for number, _ in order.rods]
-    rods = [displacement_curvature(joint, axes.get(joint.name), lengths.get(joint.name))[..., None, :, :, :]
-            for joint in of_rods]  # fmt: skip
-    result = geometric_stiffness(twists, order, pairs, motion, concatenated(rods, -4) if rods else None)
-    matrix, rounding = result.symmetric, _rounding(twists, pairs, order)
-    matrix[np.abs(matrix) <= rounding] = 0.0
-    upper = np.triu(matrix, 1) + 0.5 * np.triu(np.tril(matrix))
-    used = np.arange(upper.shape[-1])
-    if not every:
-        used = used[upper.any(axis=-1)]
-    identity = np.eye(upper.shape[-1]) if reduction.matrix is None else reduction.matrix
+    pairs, motion = [loaded.pairs], loaded.motion
+    if loaded.cut is not None:
+        pairs.append(loaded.cut.pairs(multipliers[..., : len(loaded.cut.number)]))
+    measured = _measured(scene, loaded, multipliers)
+    if measured is not None:
+        pairs.append(measured)
+        own = loaded.twists.motion(measured.first, measured.second, measured.point)
+        motion = concatenated((motion, own), -2)
+    joined = Pairs.join(pairs)
+    result = geometric_stiffness(loaded.twists, loaded.order, joined, motion, loaded.rod_curvature)
+    matrix = result.symmetric
+    matrix[np.abs(matrix) <= _rounding(loaded.twists, joined)] = 0.0
+    upper = np.triu(matrix)
+    diagonal = np.arange(upper.shape[-1])
+    upper[..., diagonal, diagonal] *= 0.5
+    used = diagonal if every else np.flatnonzero(upper.any(axis=-1))
+    identity = np.eye(len(diagonal)) if reduction.matrix is None else reduction.matrix
     second = reduction.apply_exactly(upper[..., used, :])
     rows, stiffness = squares_of_products(identity[..., used, :], second)
     circulatory = None
@@ -134,52 +160,33 @@ def load_stiffness(
         projected = _projected(result.antisymmetric, reduction)
         circulatory = 0.5 * (projected - projected.swapaxes(-1, -2)) if projected.any() else None
     projected = _projected(matrix, reduction)
-    matrix = 0.5 * (projected + projected.swapaxes(-1, -2))
-    return LoadStiffness(matrix, rows, stiffness, circulatory)
+    return LoadStiffness(0.5 * (projected + projected.swapaxes(-1, -2)), rows, stiffness, circulatory)
 
 
-def _reacting(
-    scene: Scene, multipliers: Array, axes: Mapping[str, Array], lengths: Mapping[str, Array]
-) -> Pairs | None:
-    """The pairs of cut joints, and of couplers that measure coordinates of these; None without any."""
-    cuts, topology = scene.cuts, scene.topology
-    if cuts is None:
+def _measured(scene: Scene, loaded: LoadedPairs, multipliers: Array) -> Pairs | None:
+    """The pairs of coordinates of cut joints that couplers measure; None without any."""
+    cuts = scene.cuts
+    if cuts is None or cuts.couplings is None or not len(cuts.couplings.measured.first):
         return None
-    count, parts = len(cuts.rows.first), []
-    if count:
-        joints = [topology.joints[k] for k in topology.cut]
-        rows = CutJoints(cuts.rows, cuts.joint[:count], cuts.start, opening_hessians(joints, axes, lengths))
-        parts.append(rows.pairs(leading(cuts.rows.point), leading(cuts.rows.force), leading(cuts.rows.moment),
-                                multipliers[..., :count]))  # fmt: skip
-    if cuts.couplings is not None and len(cuts.couplings.measured.first):
-        couplings = cuts.couplings
-        terms = (couplings.column < 0).nonzero()[0]
-        work = multipliers[..., count + couplings.row[terms]] * couplings.value[..., terms]
-        known = set(scene.coordinates.names)
-        joint_of = {joint.name: joint for joint in topology.joints}
-        names = [name.rpartition(".") for coupler in scene.couplers for name, _ in coupler.terms if name not in known]
-        measured, of_names = couplings.measured, [(joint_of[owner], direction) for owner, _, direction in names]
-        vectors = leading(measured.point), leading(measured.force), leading(measured.moment)
-        parts.append(of_measured((measured.first, measured.second), vectors, of_names, work, axes, lengths))
-    return Pairs.join(parts) if parts else None
+    couplings, measured = cuts.couplings, cuts.couplings.measured
+    terms = (couplings.column < 0).nonzero()[0]
+    work = multipliers[..., len(cuts.rows.first) + couplings.row[terms]] * couplings.value[..., terms]
+    known, joint_of = set(scene.coordinates.names), {joint.name: joint for joint in scene.topology.joints}
+    names = [name.rpartition(".") for coupler in scene.couplers for name, _ in coupler.terms if name not in known]
+    of_names = [(joint_of[owner], direction) for owner, _, direction in names]
+    vectors = leading(measured.point), leading(measured.force), leading(measured.moment)
+    return of_measured((measured.first, measured.second), vectors, of_names, work, loaded.axes, loaded.lengths)
 
 
-def _joined(a: Array, b: Array) -> Array:
-    """Motions (..., 6, p, n) of two groups of pairs in one array."""
-    lead = np.broadcast_shapes(a.shape[:-3], b.shape[:-3])
-    return np.concatenate([np.broadcast_to(part, (*lead, *part.shape[-3:])) for part in (a, b)], axis=-2)
-
-
-def _rounding(twists: TwistsAt, pairs: Pairs, order: MotionOrder) -> Array:
+def _rounding(twists: TwistsAt, pairs: Pairs) -> Array:
     """Sizes (..., n, n) up to which second derivatives are rounding of the forces that both coordinates transmit."""
     on_way = (twists.path[pairs.second] != twists.path[pairs.first]).astype(float)
-    moment, force = (np.sqrt(np.square(pairs.wrench[..., part, :]).sum(axis=-2)) @ on_way
-                     for part in (slice(3), slice(3, 6)))  # fmt: skip
-    turns, shifts = (np.sqrt(np.square(array).sum(axis=-2)) for array in (twists.angular, twists.linear))
-    reach = max(float(np.abs(pairs.point).max(initial=0.0)), float(np.abs(twists.point).max(initial=0.0)))
+    lengths = np.square(pairs.wrench)
+    moment, force = (np.sqrt(lengths[..., part, :].sum(axis=-2)) @ on_way for part in (slice(3), slice(3, 6)))
+    turns, shifts, reach = twists.sizes
+    reach = max(reach, float(np.abs(pairs.point).max(initial=0.0)))
     force, moment = (np.minimum(array[..., None], array[..., None, :]) for array in (force, moment))
-    both = turns[..., None] * turns[..., None, :]
-    mixed = turns[..., None] * shifts[..., None, :]
+    both, mixed = turns[..., None] * turns[..., None, :], turns[..., None] * shifts[..., None, :]
     return np.asarray(ZERO_FORM * (force * (mixed + mixed.swapaxes(-1, -2) + reach * both) + moment * both))
 
 

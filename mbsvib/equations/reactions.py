@@ -57,11 +57,15 @@ class Reactions:
         """
         return self.with_loops(self.paths.of_tree(wrench))
 
-    def with_loops(self, tree: Array) -> Array:
-        """Return the wrenches in all joints for those of the open tree, both (6, joints, columns)."""
+    def with_loops(self, tree: Array, multipliers: Array | None = None) -> Array:
+        """Return the wrenches in all joints for those of the open tree, both (6, joints, columns).
+
+        ``multipliers``: those of ``tree``, if they are known.
+        """
         if not self.multiplier_wrenches.shape[1]:
             return tree
-        return self.minimum_norm(tree + (self.multiplier_wrenches @ self.multipliers(tree)).reshape(tree.shape))
+        of_rows = self.multipliers(tree) if multipliers is None else multipliers
+        return self.minimum_norm(tree + (self.multiplier_wrenches @ of_rows).reshape(tree.shape))
 
     def minimum_norm(self, wrench: Array) -> Array:
         """Return the wrenches of least norm with the same effect on the bodies, both (6, joints, columns)."""

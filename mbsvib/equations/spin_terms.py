@@ -95,8 +95,8 @@ def with_antisymmetric_terms(
         relative = part.relative(scene.coordinates, reduction)
         gyroscopic.add(part.damping, relative)
         circulatory.add(part.stiffness, relative)
-        forces = np.broadcast_arrays(part.stiffness @ relative, part.damping @ relative)
-        force_of[part.name] = part.axes.T @ -np.stack(forces, axis=-3)
+        both = np.broadcast_arrays(part.stiffness @ relative, part.damping @ relative)
+        force_of[part.name] = part.axes.T @ -np.stack(both, axis=-3)
     changed = [(row, wrench, force_of[scene.elements[owner].name]) for row, owner, wrench in scene.port.force_outputs
                if scene.elements[owner].name in force_of]  # fmt: skip
     if changed:

@@ -36,12 +36,30 @@ LEAST_LEVER = POSITION_ROUNDING / BALANCE
 
 
 @dataclass(frozen=True)
+class SecondOrderWork:
+    """Rows of relative displacement in the second-order work of all pairs, computed when asked; ``coupled`` are the
+    joints on which couplers act.
+    """
+
+    applied: AppliedWrenches
+    topology: Topology
+    coupled: frozenset[str]
+
+    @cached_property
+    def rows(self) -> SecondOrderRows:
+        """The rows."""
+        topology = self.topology
+        return second_order_rows(self.applied, topology.joints, topology.body_numbers, self.coupled)
+
+
+@dataclass(frozen=True)
 class Statics:
     """The forces at the pose: the ``applied`` wrenches, and those in joints by ``reactions``, both computed when asked.
 
     ``geometry`` are all pairs of wrenches, the applied ones, then those in joints, whose sizes are not there yet;
-    ``tree_wrenches`` (6, joints, 1) are those of joints of the open tree. ``position`` (3, bodies + 1) are the centres
-    of mass, ``coupled`` the joints on which couplers act. ``residual`` (m,) is the unbalanced force along each
+    ``tree_wrenches`` (6, joints, 1) are those of joints of the open tree, ``multipliers`` (locked rows, 1) those of the
+    loops. ``position`` (3, bodies + 1) are the centres
+    of mass, ``work`` has the rows of second-order work. ``residual`` (m,) is the unbalanced force along each
     coordinate, ``size`` (m,) that of the forces that should cancel. ``owners`` are the names of all pairs.
     """
 
@@ -49,8 +67,9 @@ class Statics:
     reactions: Reactions
     geometry: WrenchPairs
     tree_wrenches: Array
+    multipliers: Array
     position: Array
-    coupled: frozenset[str]
+    work: SecondOrderWork
     residual: Array
     size: Array
     owners: tuple[str, ...]
@@ -58,7 +77,7 @@ class Statics:
     @cached_property
     def joints(self) -> Array:
         """Wrenches (6, joints) in the joints on their second bodies."""
-        return self.reactions.with_loops(self.tree_wrenches)[:, :, 0]
+        return self.reactions.with_loops(self.tree_wrenches, self.multipliers)[:, :, 0]
 
     @cached_property
     def pairs(self) -> WrenchPairs:
@@ -67,11 +86,10 @@ class Statics:
         return replace(self.geometry, force=np.concatenate((pairs.force, joints[:3]), axis=1),
                        torque=np.concatenate((pairs.torque, joints[3:]), axis=1))  # fmt: skip
 
-    @cached_property
+    @property
     def second_order(self) -> SecondOrderRows:
         """Rows of relative displacement in the second-order work of all pairs."""
-        topology = self.reactions.paths.topology
-        return second_order_rows(self.applied, topology.joints, topology.body_numbers, self.coupled)
+        return self.work.rows
 
     @property
     def undetermined(self) -> tuple[Undetermined, ...]:

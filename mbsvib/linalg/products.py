@@ -112,7 +112,10 @@ def eigenrows(matrix: Array) -> tuple[Array, Array]:
 
 def concatenated(arrays: Sequence[Any], axis: int) -> Any:
     """Return arrays joined along one of their last axes, -1, -2 ..., some of which have more leading axes."""
-    lead = np.broadcast_shapes(*(array.shape[:axis] for array in arrays))
+    lead, *others = [array.shape[:axis] for array in arrays]
+    if all(other == lead for other in others):
+        return np.concatenate(arrays, axis)
+    lead = np.broadcast_shapes(lead, *others)
     return np.concatenate([np.broadcast_to(array, (*lead, *array.shape[axis:])) for array in arrays], axis)
 
 
