@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations, Removed, Separation, Truncation
     from mbsvib.kinematics.loop_group import LoopGroup
     from mbsvib.responses.basis import Basis
+    from mbsvib.sparse.equations import SparseEquations
 
 _ENOUGH = {
     "products": "eigenvalues of M and K were accurate enough: no singular values of the factors, no Jacobi rotations",
@@ -219,7 +220,7 @@ def skipped(system: Equations, basis: Basis | None = None) -> list[str]:
     elif system.provenance.planar:
         result.append("planar loops with the largest possible constraint rank: neighbouring poses were not checked")
     if not system.row_damping.any():
-        result.append("no damper acts: C is zero and modes are real")
+        result.append(undamped(system))
     if not any(branch.joint == FLOATS for branch in system.provenance.topology.branches):
         result.append("joints connect every body to ground: no free joint was added")
     if system.dof:
@@ -229,6 +230,12 @@ def skipped(system: Equations, basis: Basis | None = None) -> list[str]:
     if system.gyroscopic is None:
         result.append("nothing spins: no gyroscopic terms")
     return result
+
+
+def undamped(system: Equations | SparseEquations) -> str:
+    """Return what follows for equations on which no damper acts."""
+    symmetric = system.gyroscopic is None and system.circulatory is None
+    return f"no damper acts: C {'is zero and modes are real' if symmetric else 'has no symmetric part'}"
 
 
 def _modal_skips(basis: Basis | None) -> list[str]:

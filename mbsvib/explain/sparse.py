@@ -8,7 +8,7 @@ import numpy as np
 
 from mbsvib.common.tables import listed
 from mbsvib.errors import counted
-from mbsvib.explain.dense import rank_decision, removed, separated
+from mbsvib.explain.dense import rank_decision, removed, separated, undamped
 
 if TYPE_CHECKING:
     from mbsvib.sparse.equations import SparseEquations
@@ -29,9 +29,9 @@ def explain(system: SparseEquations) -> str:
     if topology.floating:
         lines.append(f"  floating, with free joints added: {listed([topology.bodies[i] for i in topology.floating])}")
     lines.append(f"  spanning tree: {listed(system.tree) or 'no joint'}")
-    straining = np.zeros(len(system.springs) + len(system.loading), dtype=bool)
-    straining[system.row_owner] = True
-    idle = [name for name, acts in zip(system.springs, straining.tolist(), strict=False) if not acts]
+    owners = system.springs + system.loading
+    acting = {owners[i] for i in np.unique(system.row_owner).tolist()}
+    idle = [name for name in system.springs if name not in acting]
     if system.removed is not None:
         lines += [f"  {text}" for text in removed(system.removed)]
     elif idle:
@@ -91,5 +91,5 @@ def _skipped(system: SparseEquations) -> list[str]:
     if not system.constraints.groups:
         result.append("  no loop: no constraint was checked")
     if not system.row_damping.any():
-        result.append("  no damper acts: modes are real")
+        result.append(f"  {undamped(system)}")
     return result
