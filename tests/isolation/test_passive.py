@@ -255,6 +255,18 @@ def test_struts_of_the_cubic_hexapod_decouple():
     assert ideal.dexterity == pytest.approx(np.sqrt(even.min() / even.max()), rel=1e-12)
 
 
+def test_spread_alternates_in_the_order_of_angles():
+    angles = np.array([0.3, 2.0, -1.0, 1.1, -2.5])
+    model = mv.Model("legs")
+    model.add_body("platform", 1.0, (1, 1, 1), position=(0, 0, 1))
+    for i, angle in enumerate(angles):
+        model.add_spring(f"leg{i}", "ground", "platform", (0, 0, 0), (np.cos(angle), np.sin(angle), 1.0), 100.0)
+    spread = isolation.ring(model, "end")["end.spread"]
+    along = [spread[f"leg{i}.end.y"] * np.cos(angle) - spread[f"leg{i}.end.x"] * np.sin(angle)
+             for i, angle in enumerate(angles)]  # fmt: skip
+    assert np.allclose(np.array(along)[np.argsort(angles)], [-1, 1, -1, 1, -1])
+
+
 def test_struts_of_the_stewart_platform_are_its_static_stiffness():
     ideal = isolation.struts(library.stewart(), "platform")
     published = (2.8371955207e-8, 2.8371955207e-8, 2.0990463026e-8, 5.1862720981e-6, 5.1862720981e-6, 1.7072960141e-6)

@@ -82,6 +82,11 @@ def test_blocks_that_act_one_way():
     assert mu(m) == pytest.approx(3.0)
     assert mu(m, [2, 2]) == pytest.approx(9.0)
     assert mu(np.zeros((2, 2))) == 0.0
+    # one way at the second and third of four frequencies, both ways at the others
+    m = np.array([[3.0, 4.0], [9.0, 0.0]])[:, :, None] * np.ones(4)
+    m[1, 0, 1] = m[0, 1, 2] = 0.0
+    largest = 0.5 * (3.0 + np.sqrt(9.0 + 4.0 * 36.0))  # Perron's eigenvalue
+    assert mu(m) == pytest.approx([largest, 3.0, 3.0, largest], rel=1e-4)
 
 
 @pytest.mark.slow
