@@ -208,6 +208,35 @@ def test_two_released_drives_of_an_arm():
     assert_allclose(np.abs(damped.multipliers()), np.sort(np.exp(0.1 * values.real))[::-1], rtol=1e-9)
 
 
+def wheel():
+    model = mv.Model("wheel", gravity=(0, 0, -9.81))
+    model.add_body("wheel", 2.0, (0.1, 0.1, 0.1), (0.1, 0, 0))
+    model.add_joint("pivot", "revolute", "ground", "wheel", (0, 0, 0), axis=(0, 1, 0))
+    return model
+
+
+@pytest.mark.parametrize("speed", [5.0, -5.0])
+def test_the_period_is_that_of_a_turn(speed):
+    angles = 0.3 + np.sign(speed) * TURN * np.arange(8) / 8
+    found = wheel().cycle("pivot.rz", angles, speed=speed).periodic()
+    assert found.period == pytest.approx(TURN / 5.0, rel=1e-15)
+    assert_allclose(found.K[:, 0, 0], 2.0 * 9.81 * 0.1 * np.sin(angles), atol=1e-12)
+
+
+@pytest.mark.parametrize(("motion", "said"), [
+    (([0.0], 0.0, 0.0), "period = None; expected the period"),
+    (([0.0, 3.0], [1.0, 2.0], 0.0), "period = None; expected the period"),
+    ((TURN * np.arange(8) / 8, -1.0, 0.0), "not evenly spread over one turn"),
+    ((TURN * np.arange(8) / 9, 1.0, 0.0), "not evenly spread over one turn"),
+])  # fmt: skip
+def test_motions_without_a_period_of_their_own(motion, said):
+    with pytest.raises(mv.ModelError, match=said):
+        wheel().cycle(motion={"pivot.rz": motion}).periodic()
+    arm = library.two_link().cycle(motion={"joint1.rz": motion, "joint2.rz": motion})
+    with pytest.raises(mv.ModelError, match="period = None; expected the period"):
+        arm.periodic()
+
+
 @pytest.mark.slow
 def test_mistakes_are_named():
     cycle = driven(12)

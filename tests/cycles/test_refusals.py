@@ -141,3 +141,14 @@ def test_without_casadi(monkeypatch):
     monkeypatch.setattr("mbsvib.api.running.find_spec", lambda name: None)
     with pytest.raises(mv.MbsvibError, match=r"needs CasADi, which is not installed; pip install"):
         library.hoeken().cycle("crank.rz", [0.0], speed=1.0)
+
+
+def test_drives_that_push_have_forces():
+    """2 kg that are lifted with 2 m/s^2 and turned."""
+    model = mv.Model("lift", gravity=(0, 0, -10.0))
+    model.add_body("b", 2.0, (0.1, 0.1, 0.1))
+    model.add_joint("j", "cylindrical", "ground", "b", (0, 0, 0), axis=(0, 0, 1))
+    motion = {"j.z": ([0.0, 1.0], 1.0, 2.0), "j.rz": ([0.0, 1.0], 1.0, 30.0)}
+    assert model.cycle(motion=motion).table()["rows"] == [
+        ("shaking force [N]", "4", "4"), ("shaking moment [N m]", "3", "3"), ("force at j.z [N]", "24", "24"),
+        ("torque at j.rz [N m]", "3", "3")]  # fmt: skip

@@ -111,6 +111,7 @@ def test_a_door_on_two_hinges(length):
     for name, z in (("low", 0.0), ("high", length)):
         model.add_joint(name, "revolute", "ground", "leaf", (0, 0, z), axis=(0, 0, 1))
     cycle = model.cycle("low.rz", [0.0, 0.7], speed=2.0)
+    assert cycle.undetermined == dict.fromkeys(("low", "high"), ("x", "y", "z", "rx", "ry"))
     found = cycle.sensitivities(["leaf.mass", "high.position.z"])
     cos, sin = np.cos([0.0, 0.7]), np.sin([0.0, 0.7])
     moment = 9.81 * length**2 * (0.5 * cos - 0.1 * sin)
