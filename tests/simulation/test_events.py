@@ -82,6 +82,30 @@ def test_rotation_vectors_are_counted_beyond_a_turn(count):
     assert run.coordinates["ball.rz"][-1] == pytest.approx(13.0, rel=1e-9)
 
 
+@pytest.mark.parametrize("torque", [[0.0, 0.2], lambda t: 0.01 * t], ids=["samples", "function"])
+def test_a_torque_that_grows_over_many_turns(torque):
+    """One interval is gone in parts, of which each has its part of the ramp: J a = c t."""
+    model = mv.Model("top")
+    model.add_body("top", 1.0, (0.1, 0.1, 0.1))
+    model.add_joint("ball", "spherical", "ground", "top", (0, 0, 0))
+    model.add_input("torque", "top", "rz")
+    run = model.simulate([0.0, 20.0], {"torque": torque}, initial={"ball.rz": (0.3, 2.0)})
+    off = run.coordinates["ball.rz"][-1] - (0.3 + 2.0 * 20.0 + 0.1 * 20.0**3 / 6.0)
+    assert np.sin(off / 2.0) == pytest.approx(0.0, abs=1e-6)  # but for whole turns
+    assert run.rates["ball.rz"][-1] == pytest.approx(2.0 + 0.1 * 20.0**2 / 2.0, rel=1e-7)
+
+
+def test_functions_are_resolved_between_samples():
+    """m x'' = sin(w t) from rest: x = (t - sin(w t) / w) / (m w)."""
+    model, w = mv.Model("slide"), 40.0
+    model.add_body("b", 2.0, (0.1, 0.1, 0.1))
+    model.add_joint("rail", "prismatic", "ground", "b", axis=(0, 0, 1))
+    model.add_input("F", "b", "z")
+    t = np.array([0.0, 0.4, 2.0])
+    run = model.simulate(t, {"F": lambda t: np.sin(w * t)}, tolerance=1e-10)
+    assert run.coordinates["rail.z"] == pytest.approx((t - np.sin(w * t) / w) / (2.0 * w), abs=1e-9)
+
+
 @pytest.mark.slow
 def test_a_force_ends_a_run_and_is_crossed():
     """A spring's force has no rate that is told: its crossing is bracketed."""
