@@ -47,6 +47,12 @@ def test_superelement_and_beam_between_two_bodies():
     dense, sparse = model.linearize(method="dense").modes(8), model.linearize(method="sparse").modes(8)
     assert sparse.frequencies == pytest.approx(dense.frequencies, rel=1e-10)
     assert sparse.frequencies[0] == dense.frequencies[0] == 0.0
+    expected = model.linearize(method="dense").stiffness_shares()
+    shares = model.linearize(method="sparse").reduced(8).stiffness_shares()
+    assert set(shares.elements) == set(expected.elements)
+    assert len(expected.elements) > 2
+    for name in expected.elements:
+        assert shares.of(name)[:8] == pytest.approx(expected.of(name)[:8], rel=1e-8, abs=1e-10)
 
 
 @pytest.mark.slow

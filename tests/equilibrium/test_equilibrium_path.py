@@ -225,6 +225,21 @@ def test_a_beam_bends_along_the_path():
     assert path.stable.all()
 
 
+@pytest.mark.parametrize(("kind", "coordinate", "unit", "force"), [
+    ("prismatic", "slide.z", "m", "N"), ("revolute", "slide.rz", "rad", "N m"),
+])  # fmt: skip
+def test_units_of_what_is_led_and_of_its_force(kind, coordinate, unit, force):
+    model = mv.Model()
+    model.add_body("b", 1.0, (1, 1, 1))
+    model.add_joint("slide", kind, "ground", "b", (0, 0, 0))
+    model.add_bushing("k", "ground", "b", (0, 0, 0), (0, 0, 5.0, 0, 0, 5.0))
+    path = model.path(coordinate, [0.2])
+    assert path.unit == unit
+    assert path.forces == pytest.approx([1.0])
+    assert f"{coordinate} [{unit}]" in str(path)
+    assert f"force [{force}]" in str(path)
+
+
 def test_messages():
     model = truss(0.5)
     with pytest.raises(mv.ModelError, match=r"'arch\.z' is not a joint coordinate .* Did you mean 'arch\.y'"):

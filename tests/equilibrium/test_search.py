@@ -213,17 +213,24 @@ def test_a_body_that_nothing_holds_is_named():
         equilibrium(model)
 
 
-def test_rigid_motions_in_balance_are_left_alone():
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e12])
+def test_rigid_motions_in_balance_are_left_alone(unit):
+    """In any unit of force; across the boom as well, where its load and that of a spring leave rounding."""
+    along = np.array((0.6, 0.48, 0.64))
     model = mv.Model("satellite")
     for name, x in (("a", 0.0), ("b", 1.0)):
-        model.add_body(name, 2.0, (0.1, 0.1, 0.1), (x, 0, 0))
-    model.add_joint("boom", "prismatic", "a", "b", axis=(1, 0, 0))
-    model.add_spring("k", "a", "b", (0, 0, 0), (1, 0, 0), 100.0, preload=5.0)
+        model.add_body(name, 2.0, (0.1, 0.1, 0.1), x * along)
+    model.add_joint("boom", "prismatic", "a", "b", axis=along)
+    model.add_spring("k", "a", "b", (0, 0, 0), along, 100.0 * unit, preload=5.0 * unit)
+    for name, sign in (("a", -1.0), ("b", 1.0)):
+        model.add_load(name + " pull", name, sign * unit * 3.0 * along)
     result = equilibrium(model)
-    ends = [result.model.bodies[name].position[0] for name in "ab"]
-    assert ends[1] - ends[0] == pytest.approx(0.95, abs=1e-14)
-    assert result.model.springs["k"].preload == pytest.approx(0.0, abs=1e-13)
-    assert np.count_nonzero(result.model.linearize().modes().frequencies) == 1
+    ends = [np.array(result.model.bodies[name].position) for name in "ab"]
+    np.testing.assert_allclose(ends[1] - ends[0], 0.98 * along, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(ends[0], 0.0, rtol=0, atol=1e-12)
+    assert result.model.springs["k"].preload == pytest.approx(3.0 * unit, rel=1e-12)
+    # loads that pull outwards turn the boom back about two axes
+    assert np.count_nonzero(result.model.linearize().modes().frequencies) == 3
 
 
 @pytest.mark.slow

@@ -140,6 +140,19 @@ def test_a_nearly_singular_pose_is_warned_of_and_its_digits_are_not_promised():
     assert abs(first.frequencies[0] / second.frequencies[0] - 1) <= first.errors[0] + second.errors[0]
 
 
+def test_many_long_loops_are_cut_elsewhere(monkeypatch):
+    """A tree of stars has shorter loops; the answers are those of the first tree, with as many loops."""
+    model = scenes.grid(5, 5)
+    first = model.linearize(method="sparse")
+    monkeypatch.setattr("mbsvib.sparse.cuts.LONG", 4)
+    monkeypatch.setattr("mbsvib.sparse.cuts.FEW", 1)
+    system = model.linearize(method="sparse")
+    assert set(system.cut_joints) != set(first.cut_joints)
+    assert len(system.cut_joints) == len(model.joints) - len(model.bodies) == 16
+    expected = first.frequency_response(OMEGA)
+    assert_allclose(system.frequency_response(OMEGA), expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+
+
 @pytest.mark.parametrize("ends", [("ground", "a35"), ("a35", "ground"), ("a35", "b4"), ("b4", "a35")])
 def test_a_long_path_on_either_side_of_a_joint(ends):
     """Two arms of hinges, of which a ball closes a loop: the first and the second body may be the far one."""
