@@ -98,7 +98,7 @@ def stiffness_shares(basis: Basis, modes: Modes | None = None) -> StiffnessShare
     system.provenance.check_mechanism(system.name, "stiffness_shares")
     names, kinds, energy = energies(system, modes.shapes)
     total = energy.sum(axis=0)
-    rigid = np.abs(total) <= ZERO_SUM * np.abs(energy).sum(axis=0)
+    rigid = (modes.natural == 0.0) | (np.abs(total) <= ZERO_SUM * np.abs(energy).sum(axis=0))
     shares = np.where(rigid, 0.0, energy / np.where(rigid, 1.0, total))
     return StiffnessShares(system.name, names, kinds, modes.frequencies, shares)
 
