@@ -65,6 +65,23 @@ def test_a_run_starts_with_rates_of_all_joints_of_a_loop():
         model.simulate([0.0, 0.1], initial=state)
 
 
+def test_a_run_starts_with_all_coordinates_of_a_cut_joint():
+    """The loop of a four-bar is cut at a joint that also slides."""
+    model = library.four_bar()
+    at = model.joints["C"].position
+    model = model.with_parts(joints={name: joint for name, joint in model.joints.items() if name != "C"})
+    model.add_joint("C", "cylindrical", "coupler", "rocker", at, axis=(0, 1, 0))
+    run = model.simulate([0.0, 1e-3], initial={"A.rz": (0.0, 2.0)})
+    state = {name: (0.0, float(run.rates[name][0])) for name in run.coordinates}
+    assert {"C.z", "C.rz"} <= set(state)
+    on = model.simulate([0.0, 1e-3], initial=state)
+    for name in run.coordinates:
+        assert on.coordinates[name] == pytest.approx(run.coordinates[name], abs=1e-9)
+    for name in ("C.z", "C.rz"):
+        with pytest.raises(mv.ModelError, match=rf"{name} is .* leave out one of them"):
+            model.simulate([0.0, 1e-3], initial=state | {name: (0.0, state[name][1] + 1e-2)})
+
+
 KINDS = {"revolute": {"axis": (0.3, -0.5, 0.8)}, "prismatic": {"axis": (1, 2, 3)}, "cylindrical": {"axis": (1, 2, 3)},
          "universal": {"axis": (1, 2, 3), "axis2": (0, 3, -2)}, "planar": {"axis": (1, 2, 3)},
          "screw": {"axis": (1, 2, 3), "pitch": 0.02}}  # fmt: skip
