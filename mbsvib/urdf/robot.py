@@ -241,7 +241,7 @@ def _add_tip(model: Model, tip: str, groups: dict[str, Group], frames: dict[str,
         model.add_output(f"{tip}.{direction}", body, direction, frames[tip][0])
 
 
-def _of(value: Any, joint: Hinge, robot: Robot, field: str, default: float) -> Any:
+def _of(value: Any, joint: Hinge, robot: Robot, field: str, default: float | None) -> Any:
     """One number or six for a joint."""
     if isinstance(value, Mapping):
         _known(field, value, robot)
