@@ -21,12 +21,7 @@ from mbsvib.modes.damped import Damped
 from mbsvib.responses.finite_zeros import finite_zeros
 from mbsvib.responses.general_terms import cleaned
 from mbsvib.responses.modal_sum import ModalSum, modal_sum
-from mbsvib.responses.zero_rounding import (
-    determined_zeros,
-    improved_at_poles,
-    smallest_singular_value,
-    transfer_rounding,
-)
+from mbsvib.responses.zero_rounding import determined_zeros, smallest_singular_value, transfer_rounding
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -70,9 +65,7 @@ def transmission_zeros(basis: Basis, outputs: Names = None, inputs: Names = None
     zeros = _at_rest(system, modal, total, zeros, (sources, results), at_zero)
     if isinstance(total, ModalSum) or total.finite_zeros() != len(zeros) + at_zero:
         rounding = transfer_rounding(system, modal, total, (sources, results), zeros)
-        known = determined_zeros(modal, total, zeros, rounding)
-        zeros, known = improved_at_poles(modal, total, zeros, known)
-        zeros = zeros[known]
+        zeros = zeros[determined_zeros(modal, total, zeros, rounding)]
     zeros = np.concatenate((np.zeros(at_zero), zeros))
     return zeros[np.lexsort((-zeros.imag, np.abs(zeros)))]
 

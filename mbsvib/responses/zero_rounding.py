@@ -25,9 +25,6 @@ if TYPE_CHECKING:
 GROWTH = 1e3
 COARSE = 0.25
 AT_POLE = 1e-6  # zeros so near to a pole are those of uncontrollable or unobservable modes
-# A zero that is this near to a pole, before it is improved, may belong to it; and the distance from the pole at which
-# its residue is taken, as a share of that to 0 or the next pole: the slope of the rest moves the zero by its square.
-MAY_BE_AT_POLE, RESIDUE = 1e-2, 1e-4
 
 
 def determined_zeros(
@@ -45,38 +42,6 @@ def determined_zeros(
         rounding = np.einsum("no,oin,ni->n", np.abs(left), noise, np.abs(right))
         clear = change > GROWTH * np.maximum(value, rounding)
     return np.asarray(clear | (distance <= AT_POLE * size) | (size == 0.0))
-
-
-def improved_at_poles(modal: Damped | General, total: ModalSum | Resolvent, z: Complex, known: NDArray[np.bool_]
-) -> tuple[Complex, NDArray[np.bool_]]:
-    """Improve zeros that rounding leaves undetermined next to poles of almost uncontrollable or unobservable modes.
-
-    With G = R / (s - p) + G_p the zero next to a simple pole p is p - trace(G_p(p)^-1 R) to first order in R. Returns
-    all zeros, and which of them are determined.
-    """
-    poles = np.unique(modal.pairs)
-    if len(poles) < 2:
-        return z, known
-    z, known = z.copy(), known.copy()
-    for i in np.flatnonzero(~known):
-        away = np.abs(poles - z[i])
-        nearest = int(away.argmin())
-        p = poles[nearest]
-        offset = RESIDUE * min(abs(p), float(np.sort(np.abs(poles - p))[1]))
-        cancelled = np.abs(z[known] - p).min(initial=np.inf) <= AT_POLE * abs(p)
-        if cancelled or away[nearest] > MAY_BE_AT_POLE * abs(p) or p == 0.0:
-            continue
-        with np.errstate(all="ignore"):
-            after, before = total.at(p + offset * np.array([1.0, -1.0])).transpose(2, 0, 1)
-            if len(after) != len(after.T) or not np.isfinite(after - before).all():
-                continue
-            residue, rest = 0.5 * offset * (after - before), 0.5 * (after + before)
-            shift = -np.trace(np.linalg.pinv(rest) @ residue)
-        if np.abs(shift) <= AT_POLE * abs(p):
-            z[i], known[i] = p + shift, True
-            if p.imag == 0.0:
-                z[i] = z[i].real
-    return z, known
 
 
 def transfer_rounding(
