@@ -170,3 +170,16 @@ def test_static_correction_beside_follower_loads():
     free = follower_chain(20, 300.0, free=True).linearize(method="sparse")
     with pytest.raises(mv.ResponseError, match=r"stiffness of .* is singular"):
         free.reduced(8, correction=True)
+
+
+@pytest.mark.parametrize("near", [0.0, 0.5, 2.0, 5.0])
+def test_some_dampers_along_a_chain_around_a_frequency(near):
+    """Light damping of a few joints, which couples the modes: those nearest to a frequency [Hz]."""
+    model = mv.Model("chain")
+    for i in range(80):
+        below = f"b{i - 1}" if i else "ground"
+        model.add_body(f"b{i}", 1.0 + 0.1 * (i % 3), (1, 1, 1), (0, 0, i))
+        model.add_joint(f"j{i}", "prismatic", below, f"b{i}", axis=(0, 0, 1))
+        model.add_bushing(f"k{i}", below, f"b{i}", (0, 0, i), (0, 0, 1e3 * (1 + i % 2), 0, 0, 0),
+                          (0, 0, 0.5 * (i % 7 == 3), 0, 0, 0))  # fmt: skip
+    same_modes(model.linearize(method="dense").modes(), model.linearize(method="sparse").modes(3, near=near), 3, near)
