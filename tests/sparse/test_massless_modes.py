@@ -125,3 +125,24 @@ def test_massless_motions_that_are_no_coordinates(count):
     result, expected = sparse.modes(12), dense.modes()
     assert_same_eigenvalues(result.eigenvalues, expected.eigenvalues, rtol=1e-11)
     assert np.isin(np.round(sparse.modes(count).eigenvalues, 8), np.round(expected.eigenvalues, 8)).all()
+
+
+@pytest.mark.parametrize(("links", "light"), [(3, 1), (6, 2)])
+def test_massless_links_under_a_load_that_follows_them(links, light):
+    """A column of hinges whose last links have no mass; the load on them makes K unsymmetric where it is condensed."""
+    model = mv.Model("column")
+    for i in range(links):
+        below, mass = f"b{i - 1}" if i else "ground", float(i + light < links)
+        model.add_body(f"b{i}", mass, (0.1 * mass,) * 3, (i + 0.5, 0, 0))
+        model.add_joint(f"j{i}", "revolute", below, f"b{i}", (i, 0, 0))
+        model.add_bushing(f"k{i}", below, f"b{i}", (i, 0, 0), (0, 0, 0, 0, 0, 300.0 + i))
+    model.add_load("push", f"b{links - 1}", (-20.0, 0, 0), position=(links, 0, 0), follower=True)
+    model.add_input("F", "b0", "y")
+    model.add_output("y", f"b{links - 1}", "y")
+    dense, sparse = (model.linearize(method=method) for method in ("dense", "sparse"))
+    assert sparse.dof == dense.dof == links - light
+    expected = dense.modes().eigenvalues
+    np.testing.assert_allclose(sparse.modes(sparse.dof).eigenvalues, expected, rtol=1e-10, atol=1e-10)
+    omega = np.array([1.0, 7.0, 40.0])
+    np.testing.assert_allclose(sparse.reduced(sparse.dof).frequency_response(omega), dense.frequency_response(omega),
+                               rtol=1e-9)  # fmt: skip
