@@ -9,6 +9,7 @@ from mbsvib.reduction.modal import ModalTruncation
 from mbsvib.reduction.projection import projected
 from mbsvib.reduction.reduced import reduced_equations
 from tests.support.random_models import spatial
+from tests.support.sliding_chain import sliding_chain
 from tests.support.slow_cases import some
 
 METHODS = ("modal", "static-corrected", "craig-bampton")
@@ -53,6 +54,31 @@ def test_an_error_gives_a_small_model(method):
     assert small.dof < system.dof
     assert small.error_bound <= 1e-3 * peak
     assert largest_error(system, small) <= 1e-3 * peak
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", METHODS)
+def test_an_error_gives_the_smallest_model(method):
+    """The first of all orders whose bound is within the error, wherever that lies."""
+    m, k = [1.0, 2.0, 0.5, 3.0], [900.0, 300.0, 500.0, 200.0]
+    system = sliding_chain(m, k, [1e-2 * v for v in k], (0,), [("displacement", 0)]).linearize()
+    least = 1 if method == "craig-bampton" else 0
+    bounds = [system.reduced(order, method=method).error_bound for order in range(least, 5)]
+    for order, bound in enumerate(bounds[1:-1], least + 1):
+        small = system.reduced(error=1.001 * bound, method=method)
+        assert small.dof == least + next(i for i, b in enumerate(bounds) if b <= 1.001 * bound)
+        assert small.dof <= order
+        assert small.error_bound <= 1.001 * bound
+    assert system.reduced(error=1e-6 * bounds[-2], method=method).dof == 4
+
+
+def test_interfaces_of_forces_and_torques_have_their_units():
+    model = mv.library.chain(4, line=(0, 1, 0))
+    model.add_input("torque", "body2", "rz")
+    model.add_input("force", "body2", "x")
+    small = model.linearize()[:, ["torque", "force"]].reduced(4, method="craig-bampton")
+    units = dict(zip(small.coordinates, small.coordinate_units, strict=True))
+    assert (units["at torque"], units["at force"]) == ("rad", "m")
 
 
 def test_all_coordinates_are_the_same_system():
