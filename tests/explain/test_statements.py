@@ -184,3 +184,18 @@ def test_shares_of_stiffness():
     for kind, part in parts.items():
         assert found[kind] == pytest.approx([part / 103.0], rel=1e-12)
     assert str(shares).splitlines()[0] == "Strain energy by element: post"
+
+
+@pytest.mark.parametrize(("count", "more"), [(8, []), (9, ["and 1 more group of loops"]),
+                                             (10, ["and 2 more groups of loops"])])  # fmt: skip
+def test_many_loops_are_counted(count, more):
+    """Doors on two hinges: each is a loop that locks nothing."""
+    model = mv.Model("doors")
+    for i in range(count):
+        model.add_body(f"d{i}", 2.0, (0.1, 0.1, 0.1), (0.5, i, 0.2))
+        for name, z in (("low", 0.0), ("high", 1.0)):
+            model.add_joint(f"{name}{i}", "revolute", "ground", f"d{i}", (0, i, z), axis=(0, 0, 1))
+    found = sections(model.linearize(method="sparse").explain())
+    assert len([line for line in found["loops"] if "constraint rows independent" in line]) == 8
+    assert [line for line in found["loops"] if line.startswith("and")] == more
+    assert NO_LOOP not in found["skipped"]
