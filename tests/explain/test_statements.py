@@ -199,3 +199,11 @@ def test_many_loops_are_counted(count, more):
     assert len([line for line in found["loops"] if "constraint rows independent" in line]) == 8
     assert [line for line in found["loops"] if line.startswith("and")] == more
     assert NO_LOOP not in found["skipped"]
+
+
+def test_the_loop_of_a_planar_linkage():
+    """Three of the five constraints of its last joint say again that it is planar."""
+    cut, rank, *rest = sections(mv.library.four_bar().linearize().explain())["loops"]
+    assert cut == "cut at C (CDOF 2 and 1)"
+    assert rank.startswith("C: 2 of 5 constraint rows independent; smallest pivot kept 5.1e-01, largest dropped ")
+    assert rest == ["redundant: C.z, C.rx, C.ry"]
