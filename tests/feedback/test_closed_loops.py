@@ -10,6 +10,7 @@ import scipy.io as scipy_io
 import mbsvib as mv
 import mbsvib_export as mx
 from mbsvib import isolation, library, plots
+from tests.isolation.scenes import two_masses
 from tests.support import closed_loops as reference
 
 
@@ -111,6 +112,18 @@ def test_static_gains_keep_the_second_order():
     with pytest.raises(mv.ModelError, match=r"a controller acts on .*open_loop"):
         second.eigenvalue_sensitivities()
     assert second.hinf_norm("x", "F").slopes.size == 0
+
+
+def test_outputs_that_feel_the_actuator_in_both_forms():
+    """Tensions of legs hold the forces of the controllers: as rows of positions and velocities, and as states."""
+    p = isolation.actuated(two_masses(), "payload", directions="z")
+    law = isolation.controller([[-300.0, -4e3], [70.0, -90.0]], ["lower.rate", "upper.stroke"],
+                               ["lower.actuator", "upper.actuator"])  # fmt: skip
+    loop, w = p.system.feedback(law), np.array([0.5, 30.0, 200.0])
+    first, second = loop.state_space().frequency_response(w), loop.second_order.frequency_response(w)
+    np.testing.assert_allclose(second, first, rtol=1e-9, atol=1e-12 * np.abs(first).max())
+    tension = loop.outputs.index("lower.tension"), loop.inputs.index("base.z")
+    np.testing.assert_allclose(second[tension], first[tension], rtol=1e-9)
 
 
 def test_gains_without_symmetry_are_circulatory():
@@ -266,6 +279,8 @@ def test_exports(name, tmp_path):
 
 
 REFUSALS = [
+    (lambda: isolation.controller(control.ss([[0.5]], [[1]], [[1]], [[0]], 0.1), ["x"], ["Fx"]),
+     r"discrete \(dt = 0\.1\)"),
     (lambda: chain().feedback(PI), r"a StateSpace, whose signals have no names of 'chain'; expected sensors="),
     (lambda: chain().feedback(PI, "Fx", "x"), r"'Fx' is an input, and no output"),
     (lambda: chain().feedback(PI, "x", "Fxx"), r"input 'Fxx': .*Did you mean 'Fx'"),
