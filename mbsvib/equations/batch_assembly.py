@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -11,23 +11,22 @@ import numpy as np
 from mbsvib.common.memory import MANY, keep_freed_memory
 from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
-from mbsvib.equations.batch_geometry import moved_bodies, scene_of_variant, scene_of_variants
+from mbsvib.equations.batch_geometry import moved_bodies, scene_of_variants
 from mbsvib.equations.batch_loads import applied_of_variants, loaded_in_variants, with_loads_of_variants
 from mbsvib.equations.batch_loops import LoopPivots, loop_pivots, reduce_batch
-from mbsvib.equations.batch_one_by_one import check_massless, one_by_one, stacked
+from mbsvib.equations.batch_massless import Separating
+from mbsvib.equations.batch_one_by_one import one_by_one, stacked
 from mbsvib.equations.batch_spin import spins_otherwise, with_spin_of_variants
 from mbsvib.equations.batch_values import Values, checked
-from mbsvib.equations.draft import Draft
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.inertia import check_mass
-from mbsvib.equations.massless_separation import separated
 from mbsvib.equations.matrices import matrices
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene as scene_of
-from mbsvib.equations.terms import MATRICES, OPTIONAL, Terms
+from mbsvib.equations.terms import MATRICES, OPTIONAL
 from mbsvib.equations.wrenches import has_antisymmetric_forces
-from mbsvib.errors import MbsvibError, ModelError
+from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -36,7 +35,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.equations.scene import Scene
-    from mbsvib.kinematics.loops import Reduction
     from mbsvib.mechanism.mechanism import Mechanism
 
 
@@ -73,14 +71,16 @@ def linearize_batch(
         _matrices(with_nodes, scene, variants.in_equations.slice(start, start + size), pivots, start, nominal)
         for start in range(0, variants.count, size)
     ]
-    if nominal.provenance.separation is not None:
+    own_decisions = bool(scene.loads is not None or loaded_in_variants(model, variants)
+                         or nominal.provenance.separation is not None)  # fmt: skip
+    if "separated" in chunks[0]:
         arrays = stacked([terms for chunk in chunks for terms in chunk["separated"]], nominal.dof)
-        return batch(nominal=nominal, values=variants, closure=None, massless=nominal.massless, own_decisions=True,
-                     **arrays)  # fmt: skip
+        return batch(nominal=nominal, values=variants, closure=None, massless=nominal.massless,
+                     own_decisions=own_decisions, **arrays)  # fmt: skip
     arrays = {key: _joined([chunk[key] for chunk in chunks], key, variants.count, size) for key in (
         *MATRICES, *FACTORS, *OPTIONAL, "closure")}  # fmt: skip
-    loaded = scene.loads is not None or loaded_in_variants(model, variants)
-    return batch(nominal=nominal, values=variants, row_owner=chunks[0]["row_owner"], own_decisions=loaded, **arrays)
+    return batch(nominal=nominal, values=variants, row_owner=chunks[0]["row_owner"], massless=nominal.massless,
+                 own_decisions=own_decisions, **arrays)  # fmt: skip
 
 
 def _joined(parts: list[Any], key: str, count: int, size: int) -> Any:
@@ -142,35 +142,11 @@ def _matrices(
     if model.derived(has_antisymmetric_forces):
         terms = with_spin_of_variants(model, scene, values, terms, reduction)
     if massless:
-        return {"separated": _separated(model, scene, reduction, terms, values.count, first, nominal)}
+        variants = Separating(model, scene, reduction, terms, first, nominal)
+        if not variants.constant:
+            return {"separated": [variants.separated(i) for i in range(values.count)]}
+        terms = variants.with_constant_motions(values.count)
     return terms.named() | {"closure": None if reduction is pivots.reduction else reduction.matrix}
-
-
-def _separated(
-    model: Mechanism, scene: Scene, reduction: Reduction, terms: Terms, count: int, first: int, nominal: Equations
-) -> list[Terms]:
-    """The terms of each variant, in which its motions without mass are separated as in the nominal model."""
-    minimal, result, relative = tuple(reduction.independent.tolist()), [], scene.relative()
-    axes = {item.name: 2 for item in fields(Terms)} | {"row_stiffness": 1, "row_damping": 1, "body_motion": 3}
-    for i in range(count):
-        own = {key: array[i] if isinstance(array, np.ndarray) and array.ndim > axes[key] else array
-               for key, array in terms.named().items()}  # fmt: skip
-        matrix = reduction.matrix if reduction.matrix is None or reduction.matrix.ndim == 2 else reduction.matrix[i]
-        draft = Draft(model, scene_of_variant(scene, i), relative, np.zeros((0, 0)),
-                      replace(reduction, matrix=matrix), minimal, Terms(**own), nominal.coordinates)  # fmt: skip
-        try:
-            try:
-                draft = separated(draft)
-            except ModelError as error:
-                if error.field == "independent":  # more motions without mass than in the nominal model
-                    check_massless(separated(replace(draft, independent=())).separation, nominal)
-                raise
-            check_massless(draft.separation, nominal)
-        except MbsvibError as error:
-            error.args = (f"variant {first + i}: {error}", *error.args[1:])
-            raise
-        result.append(draft.terms)
-    return result
 
 
 def _check_masses(mass: Array, names: tuple[str, ...], first: int) -> None:

@@ -1,0 +1,83 @@
+"""Motions without mass in batches: separated in each variant as in the nominal model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.equations.batch_geometry import scene_of_variant
+from mbsvib.equations.batch_one_by_one import check_massless
+from mbsvib.equations.draft import Draft
+from mbsvib.equations.massless_separation import separated
+from mbsvib.equations.terms import Terms
+from mbsvib.errors import MbsvibError, ModelError
+
+if TYPE_CHECKING:
+    from mbsvib.equations.equations import Equations
+    from mbsvib.equations.scene import Scene
+    from mbsvib.kinematics.loops import Reduction
+    from mbsvib.mechanism.mechanism import Mechanism
+
+# Variants whose dampers hold the motions worse than this (inverse condition) are separated by themselves.
+SUSPECT_DAMPING = 1e-6
+_AXES = {item.name: 2 for item in fields(Terms)} | {"row_stiffness": 1, "row_damping": 1, "body_motion": 3}
+
+
+@dataclass(frozen=True)
+class Separating:
+    """The ``terms`` of some variants, with an axis of variants where they vary, before motions without mass are
+    separated; ``first`` is the index of the first variant.
+    """
+
+    model: Mechanism
+    scene: Scene
+    reduction: Reduction
+    terms: Terms
+    first: int
+    nominal: Equations
+
+    @property
+    def constant(self) -> bool:
+        """Whether these motions move dampers, and are the same in all variants as no inertia and no geometry varies."""
+        separation = self.nominal.provenance.separation
+        return separation is not None and not separation.condensed and self.terms.inertia_factor.ndim == 2
+
+    def with_constant_motions(self, count: int) -> Terms:
+        """Return the terms with the motions of the nominal model, after a check of the dampers of all variants."""
+        null = self.nominal.null_inertia
+        assert null is not None
+        square = np.broadcast_to(null.T @ self.terms.C @ null, (count, null.shape[1], null.shape[1]))
+        size = np.sqrt(np.abs(square).sum(axis=-1))
+        size = np.where(size > 0.0, size, 1.0)
+        values = np.linalg.svd(square / size[..., None] / size[..., None, :], compute_uv=False)
+        for i in np.flatnonzero(~(values[:, -1] > SUSPECT_DAMPING * values[:, 0])).tolist():
+            self.separated(i)
+        return replace(self.terms, massless=self.nominal.massless, null_inertia=null)
+
+    def separated(self, i: int) -> Terms:
+        """Return the terms of a variant with its own separation; an error names the variant by its index."""
+        own = {key: array[i] if isinstance(array, np.ndarray) and array.ndim > _AXES[key] else array
+               for key, array in self.terms.named().items()}  # fmt: skip
+        reduction = self.reduction
+        if reduction.matrix is not None and reduction.matrix.ndim == 3:
+            reduction = replace(reduction, matrix=reduction.matrix[i])
+        scene = scene_of_variant(self.scene, i)
+        draft = Draft(self.model, scene, scene.relative(), np.zeros((0, 0)), reduction,
+                      tuple(reduction.independent.tolist()), Terms(**own), self.nominal.coordinates)  # fmt: skip
+        try:
+            return self._as_nominal(draft).terms
+        except MbsvibError as error:
+            error.args = (f"variant {self.first + i}: {error}", *error.args[1:])
+            raise
+
+    def _as_nominal(self, draft: Draft) -> Draft:
+        try:
+            result = separated(draft)
+        except ModelError as error:
+            if error.field == "independent":  # more motions without mass than in the nominal model
+                check_massless(separated(replace(draft, independent=())).separation, self.nominal)
+            raise
+        check_massless(result.separation, self.nominal)
+        return result
