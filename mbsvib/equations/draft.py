@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Separation
+    from mbsvib.equations.load_stiffness import LoadedPairs
     from mbsvib.equations.reactions import Reactions
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.self_stress import Undetermined
@@ -47,6 +48,7 @@ class Draft:
     statics: Statics | None = None
     undetermined: tuple[Undetermined, ...] = ()
     reactions: Reactions | None = None
+    loaded: LoadedPairs | None = None
     separation: Separation | None = None
 
     @property

@@ -136,18 +136,10 @@ def load_stiffness(
     ``multipliers`` (..., locked rows): lambda with Phi^T lambda = - dV / dq, those of couplers last. If ``every``, rows
     that are zero are there too.
     """
-    pairs, motion = [loaded.pairs], loaded.motion
-    if loaded.cut is not None:
-        pairs.append(loaded.cut.pairs(multipliers[..., : len(loaded.cut.number)]))
-    measured = _measured(scene, loaded, multipliers)
-    if measured is not None:
-        pairs.append(measured)
-        own = loaded.twists.motion(measured.first, measured.second, measured.point)
-        motion = concatenated((motion, own), -2)
-    joined = Pairs.join(pairs)
+    joined, motion = all_pairs(scene, loaded, multipliers)
     result = geometric_stiffness(loaded.twists, loaded.order, joined, motion, loaded.rod_curvature)
     matrix = result.symmetric
-    matrix[np.abs(matrix) <= _rounding(loaded.twists, joined)] = 0.0
+    matrix[np.abs(matrix) <= rounding(loaded.twists, joined)] = 0.0
     upper = np.triu(matrix)
     diagonal = np.arange(upper.shape[-1])
     upper[..., diagonal, diagonal] *= 0.5
@@ -161,6 +153,19 @@ def load_stiffness(
         circulatory = 0.5 * (projected - projected.swapaxes(-1, -2)) if projected.any() else None
     projected = _projected(matrix, reduction)
     return LoadStiffness(0.5 * (projected + projected.swapaxes(-1, -2)), rows, stiffness, circulatory)
+
+
+def all_pairs(scene: Scene, loaded: LoadedPairs, multipliers: Array) -> tuple[Pairs, Array]:
+    """Return the applied pairs, those of cut joints and of couplers with their forces, and their motion J."""
+    pairs, motion = [loaded.pairs], loaded.motion
+    if loaded.cut is not None:
+        pairs.append(loaded.cut.pairs(multipliers[..., : len(loaded.cut.number)]))
+    measured = _measured(scene, loaded, multipliers)
+    if measured is not None:
+        pairs.append(measured)
+        own = loaded.twists.motion(measured.first, measured.second, measured.point)
+        motion = concatenated((motion, own), -2)
+    return Pairs.join(pairs), motion
 
 
 def _measured(scene: Scene, loaded: LoadedPairs, multipliers: Array) -> Pairs | None:
@@ -178,7 +183,7 @@ def _measured(scene: Scene, loaded: LoadedPairs, multipliers: Array) -> Pairs | 
     return of_measured((measured.first, measured.second), vectors, of_names, work, loaded.axes, loaded.lengths)
 
 
-def _rounding(twists: TwistsAt, pairs: Pairs) -> Array:
+def rounding(twists: TwistsAt, pairs: Pairs) -> Array:
     """Sizes (..., n, n) up to which second derivatives are rounding of the forces that both coordinates transmit."""
     on_way = (twists.path[pairs.second] != twists.path[pairs.first]).astype(float)
     lengths = np.square(pairs.wrench)

@@ -98,4 +98,4 @@ def with_loads(draft: Draft) -> Draft:
     if any(coupler.curvatures for coupler in scene.couplers):
         rows, stiffness, owner = curvature_stiffness(scene, draft.reduction, multipliers[:, 0])
         terms = terms.with_rows(rows, stiffness, len(scene.owners) + len(applied.names) + owner)
-    return replace(draft, terms=terms, statics=statics, reactions=to_joints)
+    return replace(draft, terms=terms, statics=statics, reactions=to_joints, loaded=forces.loaded)

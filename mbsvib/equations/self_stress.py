@@ -71,12 +71,14 @@ class Undetermined:
 class SelfStress:
     """States of self-stress in the ``joints`` (j,) of loops that have joints in common, with their ``length`` L [m].
 
-    ``states`` (6, j, r) [N, N m] are orthonormal with moments over L.
+    ``states`` (6, j, r) [N, N m] are orthonormal with moments over L; ``multipliers`` (locked rows, r) are those of the
+    constraints in each, None if they are not known.
     """
 
     joints: Index
     length: float
     states: Array
+    multipliers: Array | None = None
 
     @property
     def weight(self) -> Array:
@@ -133,20 +135,25 @@ def warn(model: str, undetermined: Sequence[Undetermined]) -> None:
             )  # fmt: skip
 
 
-def self_stress(joints: Index, length: float, wrenches: Array) -> SelfStress | None:
+def self_stress(
+    joints: Index, length: float, wrenches: Array, multipliers: Array | None = None
+) -> SelfStress | None:
     """Return orthonormal states of self-stress with the span of given ones.
 
     ``joints`` (j,): numbers of the joints. ``length``: their length L [m]. ``wrenches`` (6, j, r): wrenches in them
-    without resultant on any body, of size one with moments over the length. None if all are zero.
+    without resultant on any body, of size one with moments over the length. ``multipliers`` (locked rows, r): those of
+    the constraints in them. None if all are zero.
     """
     scale = np.repeat((1.0, 1.0 / length), 3)[:, None, None]
     flat = (wrenches * scale).reshape(6 * len(joints), wrenches.shape[2])
-    left, sizes, _ = np.linalg.svd(flat, full_matrices=False)
-    states = left[:, sizes > STRESS_IN_COUPLERS]
+    left, sizes, right = np.linalg.svd(flat, full_matrices=False)
+    nonzero = sizes > STRESS_IN_COUPLERS
+    states = left[:, nonzero]
     if not states.size:
         return None
     states[np.abs(states) <= ZERO_FORM] = 0.0
-    return SelfStress(joints, length, states.reshape(6, len(joints), -1) / scale)
+    of_rows = None if multipliers is None else multipliers @ (right[nonzero].T / sizes[nonzero])
+    return SelfStress(joints, length, states.reshape(6, len(joints), -1) / scale, of_rows)
 
 
 def of_loops(
@@ -175,7 +182,9 @@ def of_loops(
         scale = length * cuts.row_scale(length)[rows, None]
         # combinations of the rows without work on any coordinate
         combinations = np.linalg.qr(scale * phi[np.ix_(rows, columns)], mode="complete")[0][:, len(columns) :]
-        stress = self_stress(joints, length, wrenches[:, joints][:, :, rows] @ (scale * combinations))
+        multipliers = np.zeros((len(phi), combinations.shape[1]))
+        multipliers[rows] = scale * combinations
+        stress = self_stress(joints, length, wrenches[:, joints][:, :, rows] @ multipliers[rows], multipliers)
         if stress is not None:
             result.append(stress)
     return result

@@ -1,0 +1,339 @@
+"""Wrenches in joints by virtual motions: rows of the equations along motions that release a joint.
+
+A joint gets six virtual coordinates v in its axes, which turn with its first body. With the coordinates of loops that
+follow them, x = -A^-1 Phi_v so that the kept constraints stay closed, its wrench w on the second body is
+
+    w . v = (M_v z'' + C_v z' + K_v z) - B_v u
+
+with the rows of the same matrices along v and x. In a loaded pose K_v has the second derivatives of the work of all
+forces to v and the coordinates: axes, lever arms and forces change with the pose. Moments are about the point of the
+second body, which slides with it. The virtual motion of a cut joint opens it: no body moves, its locked rows change.
+
+Source: principle of virtual work; Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems (1989), chapter 6.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.core.geometric_stiffness import Pairs, TwistsAt, geometric_stiffness
+from mbsvib.core.motion_order import MotionOrder
+from mbsvib.equations.base_motion import inertia_of_ground_motion
+from mbsvib.equations.force_paths import carrier_of
+from mbsvib.equations.load_stiffness import leading, rounding
+from mbsvib.kinematics.body_motion import body_motion
+from mbsvib.kinematics.relative_motion import Twists, relative_motion
+from mbsvib.linalg.products import concatenated, product_with_zeros
+from mbsvib.linalg.rank import ZERO_SUM
+from mbsvib.linalg.rotations import skew
+from mbsvib.mechanism.topology import FLOATS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements.rows import Rows
+    from mbsvib.equations.load_stiffness import LoadedPairs
+    from mbsvib.equations.scene import Scene
+    from mbsvib.equations.spin_terms import CrossCoupling
+    from mbsvib.equations.terms import Terms
+    from mbsvib.kinematics.loops import Reduction
+    from mbsvib.mechanism.topology import Branch
+
+Kept = list[tuple["Index", "Index"]]
+
+
+@dataclass(frozen=True, slots=True)
+class VirtualMotions:
+    """Six virtual motions (v = 6 j) of each of the ``joints`` (j,), in their axes: as ``twists`` in the tree, and as
+    changes ``opening`` (..., locked rows, v) of cut joints. ``six`` (..., 6, v) (rotation, translation), world axes,
+    act at ``point`` (..., 3, v).
+    """
+
+    joints: tuple[int, ...]
+    twists: Twists
+    opening: Array
+    six: Array
+    point: Array
+
+
+def virtual_motions(scene: Scene, joints: Sequence[int], axes: Mapping[str, Array], points: Mapping[int, Array]
+                    ) -> VirtualMotions:  # fmt: skip
+    """Return the virtual motions of some joints.
+
+    ``axes`` (..., 3, 3) by name and ``points`` (..., 3) by number: where variants differ in them.
+    """
+    topology, number = scene.topology, scene.topology.body_numbers
+    beyond = _beyond(scene)
+    path = np.zeros((len(scene.coordinates.path), 6 * len(joints)), dtype=np.int8)
+    six, at = [], []
+    opening = np.zeros((scene.locked + len(scene.couplers), 6 * len(joints)))
+    for k, joint in enumerate(joints):
+        part, mine = topology.joints[joint], slice(6 * k, 6 * k + 6)
+        frame = np.asarray(axes.get(part.name, part.axes))
+        both = np.zeros((*frame.shape[:-2], 6, 6))
+        both[..., :3, 3:] = both[..., 3:, :3] = frame  # translations first
+        six.append(both)
+        body = number[part.second] if part.second != "ground" else number[part.first]
+        centre = scene.position[..., body, :] if part.point is None else np.array(part.point)
+        at.append(np.repeat(points.get(joint, centre)[..., None], 6, axis=-1))
+        path[:, mine] = beyond[:, [joint]]
+        if joint in topology.cut:
+            assert scene.cuts is not None
+            rows = np.flatnonzero(scene.cuts.joint[: scene.locked] == topology.cut.index(joint))
+            relative = _along(scene.cuts.rows.take(rows), both, at[-1])
+            measured = _measured_in(scene, part.name, both, at[-1])
+            lead = np.broadcast_shapes(opening.shape[:-2], relative.shape[:-2], measured.shape[:-2])
+            opening = np.broadcast_to(opening, (*lead, *opening.shape[-2:])).copy()
+            opening[..., rows, mine] = -relative
+            opening[..., scene.locked :, mine] = -measured
+    directions, point = concatenated(six, -1), concatenated(at, -1)
+    names = tuple([f"{joint}.{i}" for joint in joints for i in range(6)])
+    twists = Twists(names, trailing(directions[..., 3:, :]), trailing(directions[..., :3, :]), trailing(point), path,
+                    np.zeros(len(names), dtype=bool))  # fmt: skip
+    return VirtualMotions(tuple(joints), twists, opening, directions, point)
+
+
+def _measured_in(scene: Scene, joint: str, six: Array, point: Array) -> Array:
+    """Changes (..., couplers, v) of couplers by motions ``six`` of a cut joint whose coordinates they measure."""
+    couplings = None if scene.cuts is None else scene.cuts.couplings
+    result = np.zeros((len(scene.couplers), six.shape[-1]))
+    if couplings is None:
+        return result
+    known = set(scene.coordinates.names)
+    names = [name.rpartition(".")[0] for part in scene.couplers for name, _ in part.terms if name not in known]
+    of_cut = (couplings.column < 0).nonzero()[0]
+    for k, (name, term) in enumerate(zip(names, of_cut.tolist(), strict=True)):
+        if name == joint:
+            row = _along(couplings.measured.take(slice(k, k + 1)), six, point)[..., 0, :]
+            change = couplings.value[..., term, None] * row
+            result = np.broadcast_to(result, (*change.shape[:-1], *result.shape[-2:])).copy()
+            result[..., couplings.row[term], :] += change
+    return result
+
+
+def _along(rows: Rows, six: Array, point: Array) -> Array:
+    """Relative displacements (..., rows, v) along rows of motions ``six`` (..., 6, v) at points (..., 3, v)."""
+    force, moment, at = leading(rows.force), leading(rows.moment), leading(rows.point)
+    arm = at[..., :, :, None] - point[..., :, None, :]
+    turn = six[..., :3, None, :]
+    moved = six[..., 3:, None, :] + np.cross(np.broadcast_to(turn, arm.shape), arm, axis=-3)
+    return np.asarray((force[..., None] * moved).sum(axis=-3) + (moment[..., None] * turn).sum(axis=-3))
+
+
+def trailing(vectors: Array) -> Array:
+    """Return vectors (variants, 3, n) as (3, variants, n); (3, n) stay as they are."""
+    return np.ascontiguousarray(vectors if vectors.ndim == 2 else vectors.swapaxes(0, 1))
+
+
+def _beyond(scene: Scene) -> Array:
+    """Signs (bodies + 1, joints) of the joints of the tree on the way from ground to each body."""
+    result = np.zeros((len(scene.coordinates.path), len(scene.topology.joints)), dtype=np.int8)
+    for branch in scene.topology.branches:
+        result[branch.body] = result[branch.parent]
+        if branch.joint != FLOATS:
+            result[branch.body, branch.joint] = branch.sign
+    return result
+
+
+@dataclass(frozen=True, slots=True)
+class JointWrenches:
+    """Rows of wrenches (..., v, m) by the coordinates, ``q``, their rates ``v`` and accelerations ``a``, and by the
+    inputs ``u`` (..., v, inputs), along virtual motions.
+    """
+
+    q: Array
+    v: Array
+    a: Array
+    u: Array
+
+
+class VirtualWork:
+    """The work of all forces along virtual motions, in the terms of a scene with the minimal coordinates.
+
+    ``phi`` (..., locked rows, n); ``kept``: rows and dependent coordinates of each group of loops.
+    """
+
+    def __init__(self, scene: Scene, reduction: Reduction, phi: Array, kept: Kept, motions: VirtualMotions) -> None:
+        self._scene, self._reduction, self._motions = scene, reduction, motions
+        opening = motions.opening
+        if scene.cuts is not None and len(phi):
+            of_rows = relative_motion(motions.twists, scene.cuts.rows).dense(0, scene.locked)
+            if scene.cuts.couplings is not None:
+                of_rows = concatenated((of_rows, self._measured()), -2)
+            opening = opening + of_rows
+        lead = np.broadcast_shapes(phi.shape[:-2], opening.shape[:-2])
+        self.following = np.zeros((*lead, reduction_size(scene), opening.shape[-1]))
+        for rows, dependent in kept:
+            if len(dependent):
+                matrix = phi[..., rows[:, None], dependent]
+                self.following[..., dependent, :] = -np.linalg.solve(matrix, opening[..., rows, :])
+
+    def _measured(self) -> Array:
+        """Changes (..., couplers, v) of couplers that measure coordinates of cut joints."""
+        assert self._scene.cuts is not None
+        assert self._scene.cuts.couplings is not None
+        couplings = self._scene.cuts.couplings
+        cut = couplings.column < 0
+        touched = np.zeros((len(couplings.touched), len(self._motions.twists.names)), dtype=bool)
+        of_cut = replace(couplings, row=couplings.row[cut], column=couplings.column[cut],
+                         value=couplings.value[..., cut], touched=touched)  # fmt: skip
+        return of_cut.dense(self._motions.twists)
+
+    def along(self, rows: Rows, in_joints: Array) -> Array:
+        """Relative displacements (..., rows, v) of virtual motions, for rows that are (..., rows, n) in coordinates."""
+        own = relative_motion(self._motions.twists, rows).dense(0, len(rows.first))
+        return np.asarray(own + in_joints @ self.following)
+
+    def at_rest(
+        self, relative: Array, ports: Array, base: Array, momenta: Sequence[tuple[int, Array]],
+        couplings: Sequence[CrossCoupling], terms: Terms,
+    ) -> JointWrenches:  # fmt: skip
+        """Return the wrenches without the forces at the pose; arguments are rows (..., rows, n) of elements, ports and
+        base rows of shared elements, and the parts of spin.
+        """
+        scene, reduction = self._scene, self._reduction
+        sums = [_Sum(), _Sum(), _Sum()]
+        minimal, virtual = reduction.apply_exactly(relative), self.along(scene.springs.rows, relative)
+        for order, value in scene.springs.weights:
+            sums[order].add(virtual, value[..., None] * minimal)
+        motion = body_motion(scene.coordinates, scene.position)
+        of_bodies = body_motion(self._motions.twists, scene.position)
+        flat = motion.reshape(*motion.shape[:-3], -1, motion.shape[-1]) @ self.following
+        of_bodies = of_bodies + flat.reshape(*flat.shape[:-2], *of_bodies.shape[-3:-1], flat.shape[-1])
+        factor = scene.inertia.factor(of_bodies)
+        if scene.shared is not None and scene.shared.base:
+            mine = [len(part.first) for part in scene.shared.base]
+            parts = zip(scene.shared.base, np.split(base, np.cumsum(mine)[:-1], axis=-2), strict=True)
+            moved = np.concatenate([self.along(own, part) for own, part in parts])
+            factor = scene.shared.inertia_rows(factor, moved)
+            if scene.shared.elastic is not None:
+                elastic, start = scene.shared.elastic, 0 if scene.shared.mass is None else mine[0]
+                rows = elastic.composite.of(reduction.apply(base)[start:])
+                for order, value in enumerate((elastic.stiffness, elastic.damping)):
+                    sums[order].add(elastic.composite.of(moved[start:]), value[:, None] * rows)
+        inertial = factor.shape[-2]
+        sums[2].add(factor, terms.inertia_factor[..., :inertial, :])
+        for body, momentum in momenta:
+            turned = product_with_zeros(-skew(momentum), terms.body_motion[..., body, 3:, :])
+            sums[1].add(of_bodies[..., body, 3:, :], turned)
+        for part in couplings:
+            rows = relative_motion(scene.coordinates, part.rows).dense(0, 6)
+            own, other = self.along(part.rows, rows), reduction.apply_exactly(rows)
+            sums[0].add(own, part.stiffness @ other)
+            sums[1].add(own, part.damping @ other)
+        return JointWrenches(*(part.total() for part in sums), self._inputs(ports, factor))
+
+    def _inputs(self, ports: Array, factor: Array) -> Array:
+        """Minus the work (..., v, inputs) of a unit of each input."""
+        scene = self._scene
+        port, forces = scene.port, len(scene.port.force_inputs)
+        rows = port.rows.take(slice(forces))
+        acts = self.along(rows, ports[..., :forces, :])
+        result = np.zeros((*np.broadcast_shapes(acts.shape[:-2], factor.shape[:-2]), acts.shape[-1],
+                           len(port.input_units)))  # fmt: skip
+        result[..., port.force_inputs] = -acts.swapaxes(-1, -2)
+        for column, source in port.base_motions:
+            inertia = inertia_of_ground_motion(source.wrench, source.position, scene.position, scene.inertia,
+                                               scene.shared)  # fmt: skip
+            result[..., column] += (inertia[..., None, :] @ factor)[..., 0, :]
+        return result
+
+    def of_forces(self, loaded: LoadedPairs, pairs: Pairs, motion: Array) -> Array:
+        """Return the rows (..., v, m) of the forces at the pose in ``pairs`` with their ``motion`` (..., 6, p, n)."""
+        scene, motions, n = self._scene, self._motions, motion.shape[-1]
+        twists, v = loaded.twists, motions.six.shape[-1]
+        virtual = TwistsAt(motions.six[..., :3, :], motions.six[..., 3:, :], motions.point, motions.twists.path)
+        extended = TwistsAt(*(concatenated((getattr(twists, key), getattr(virtual, key)), -1)
+                              for key in ("angular", "linear", "point", "path")))  # fmt: skip
+        of_virtual = virtual.motion(pairs.first, pairs.second, pairs.point)
+        result = geometric_stiffness(extended, self._order(loaded.order, twists.path, v), pairs,
+                                     concatenated((motion, of_virtual), -1), loaded.rod_curvature)  # fmt: skip
+        hessian = result.symmetric if result.antisymmetric is None else result.symmetric + result.antisymmetric
+        hessian = np.where(np.abs(hessian) <= rounding(extended, pairs), 0.0, hessian)
+        rows = np.array(hessian[..., n:, :n])
+        for k, joint in enumerate(motions.joints):
+            part, mine = scene.topology.joints[joint], slice(6 * k, 6 * k + 6)
+            six, point = motions.six[..., mine], motions.point[..., 6 * k : 6 * k + 1]
+            first, second = (np.array([scene.topology.body_numbers[body]]) for body in (part.first, part.second))
+            xi = twists.motion(first, second, point)[..., 0, :]
+            if joint in scene.topology.cut:
+                force, rows[..., mine, :] = self._of_cut(loaded, pairs, joint, six, xi)
+            else:
+                force = result.transmitted[..., 3:, n + 6 * k]
+            if not part.is_rod and carrier_of(part, scene.topology.body_numbers) != first[0]:
+                # moments are about a point that moves with the second body
+                slide = skew(np.moveaxis(xi[..., 3:, :], -1, -2)) @ force[..., None, :, None]
+                rows[..., mine, :] -= six[..., :3, :].swapaxes(-1, -2) @ slide[..., 0].swapaxes(-1, -2)
+        back = self.following.swapaxes(-1, -2)
+        result = self._reduction.apply(rows + back @ hessian[..., :n, :n])
+        size = np.abs(rows) + np.abs(back) @ np.abs(hessian[..., :n, :n])
+        if self._reduction.matrix is not None:
+            size = size @ np.abs(self._reduction.matrix)
+        return np.where(np.abs(result) <= ZERO_SUM * size, 0.0, result)
+
+    def _of_cut(self, loaded: LoadedPairs, pairs: Pairs, joint: int, six: Array, xi: Array) -> tuple[Array, Array]:
+        """Force (..., 3) in a cut joint, and its rows (..., 6, n): -v . H xi - 1/2 F . [v, xi]."""
+        topology, cut = self._scene.topology, loaded.cut
+        numbers = [] if cut is None else cut.number[cut.start].tolist()
+        if topology.cut.index(joint) not in numbers or topology.joints[joint].is_rod:
+            lead = xi.shape[:-2]
+            return np.zeros((*lead, 3)), np.zeros((*lead, 6, xi.shape[-1]))
+        i = len(loaded.pairs.first) + numbers.index(topology.cut.index(joint))
+        moment, force = (skew(pairs.wrench[..., part, i]) for part in (slice(3), slice(3, 6)))
+        top = np.concatenate((moment, force), axis=-1)
+        bracket = -np.concatenate((top, np.concatenate((force, np.zeros_like(force)), axis=-1)), axis=-2)
+        matrix = pairs.hessian[..., i, :, :] + 0.5 * bracket
+        return -pairs.wrench[..., 3:, i], -(six.swapaxes(-1, -2) @ matrix @ xi)
+
+    def _order(self, order: MotionOrder, path: Array, v: int) -> MotionOrder:
+        """The order of the coordinates and, behind them, of the virtual motions, each before those of its own joint."""
+        topology, motions, n = self._scene.topology, self._motions, len(order.joint)
+        branch_of: dict[int, Branch] = {branch.joint: branch for branch in topology.branches if branch.joint != FLOATS}
+        before = np.zeros((n + v, n + v))
+        before[:n, :n] = order.before
+        for k, joint in enumerate(motions.joints):
+            if joint not in branch_of:
+                continue
+            mine, branch = np.arange(n + 6 * k, n + 6 * k + 6), branch_of[joint]
+            before[:n, mine] = path[branch.parent, :, None]
+            beyond = motions.twists.path[:, 6 * k]
+            for column, other in enumerate(order.joint.tolist()):
+                if other == joint:
+                    if not topology.joints[joint].is_rod:
+                        at = (mine, column) if branch.sign > 0 else (column, mine)
+                        before[at] = branch.sign
+                elif other != FLOATS:
+                    before[mine, column] = beyond[branch_of[other].parent]
+        sign = np.concatenate((order.sign, np.ones(v)))
+        return MotionOrder(before, np.concatenate((order.joint, np.repeat(motions.joints, 6))), sign, order.rods)
+
+
+def reduction_size(scene: Scene) -> int:
+    """Return the number of joint coordinates."""
+    return len(scene.coordinates.names)
+
+
+class _Sum:
+    """A sum of products V^T R, with zeros for what rounding leaves of terms that cancel."""
+
+    def __init__(self) -> None:
+        self._sum: Array | float = 0.0
+        self._size: Array | float = 0.0
+
+    def add(self, virtual: Array, rows: Array) -> None:
+        """Add the product of rows (..., r, v) and (..., r, m)."""
+        left = virtual.swapaxes(-1, -2)
+        self._sum = self._sum + left @ rows
+        self._size = self._size + np.abs(left) @ np.abs(rows)
+
+    def total(self) -> Array:
+        """The sum (..., v, m)."""
+        result = np.array(self._sum)
+        result[np.abs(result) <= ZERO_SUM * np.asarray(self._size)] = 0.0
+        return result
+
+
