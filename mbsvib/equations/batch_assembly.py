@@ -11,19 +11,21 @@ import numpy as np
 from mbsvib.common.memory import MANY, keep_freed_memory
 from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
-from mbsvib.equations.batch_geometry import moved_bodies, scene_of_variants
+from mbsvib.equations.batch_geometry import joint_axes, moved_bodies, scene_of_variants
 from mbsvib.equations.batch_loads import applied_of_variants, loaded_in_variants, with_loads_of_variants
 from mbsvib.equations.batch_loops import LoopPivots, loop_pivots, reduce_batch
 from mbsvib.equations.batch_massless import Separating
 from mbsvib.equations.batch_one_by_one import one_by_one, stacked
-from mbsvib.equations.batch_spin import spins_otherwise, with_spin_of_variants
+from mbsvib.equations.batch_spin import spin_of_variants, spins_otherwise
 from mbsvib.equations.batch_values import Values, checked
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.inertia import check_mass
+from mbsvib.equations.joint_forces import with_forces_in_joints
 from mbsvib.equations.matrices import matrices
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene as scene_of
+from mbsvib.equations.spin_terms import with_antisymmetric_terms
 from mbsvib.equations.terms import MATRICES, OPTIONAL
 from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.errors import ModelError
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
+    from mbsvib.equations.load_stiffness import LoadedPairs
     from mbsvib.equations.scene import Scene
     from mbsvib.mechanism.mechanism import Mechanism
 
@@ -63,7 +66,7 @@ def linearize_batch(
     with_nodes = with_maxwell_nodes(model)
     scene = scene_of(with_nodes, cut)
     nominal = single.assembled(model, scene, independent, copy(user_model), form=form)
-    if _adds_by_variant(with_nodes, scene, variants) or _varies_otherwise(variants):
+    if _adds_by_variant(with_nodes, scene, variants, nominal) or _varies_otherwise(variants):
         return one_by_one(user_model, nominal, variants, cut, batch)
     pivots = loop_pivots(scene, nominal.provenance.reduction)
     size = _chunk_size(scene, variants)
@@ -96,12 +99,14 @@ def _joined(parts: list[Any], key: str, count: int, size: int) -> Any:
     return np.broadcast_to(array, (count, *array.shape[array.ndim - axes :]))
 
 
-def _adds_by_variant(model: Mechanism, scene: Scene, values: Values) -> bool:
+def _adds_by_variant(model: Mechanism, scene: Scene, values: Values, nominal: Equations) -> bool:
     """Return whether a mechanism has elements whose forces are computed for one variant after the other."""
     curved = any(coupler.curvatures for coupler in scene.couplers)
     shared = scene.shared is not None and bool(scene.shared.base)
     spin = model.derived(has_antisymmetric_forces) and spins_otherwise(model, values)
-    return bool(shared or scene.port.wrench_outputs or spin or curved)
+    redundant = any(group.surplus for group in nominal.provenance.reduction.groups)
+    forces = any(kind == "body" or redundant for _, kind, _, _ in scene.port.wrench_outputs)
+    return bool(shared or forces or spin or curved)
 
 
 def _varies_otherwise(values: Values) -> bool:
@@ -137,10 +142,17 @@ def _matrices(
     massless = nominal.provenance.separation is not None
     if not massless:
         _check_masses(terms.M, nominal.coordinates, first)
+    loaded: tuple[LoadedPairs, Array] | None = None
     if scene.loads is not None:
-        terms = with_loads_of_variants(model, scene, values, terms, reduction, phi, pivots, first)
-    if model.derived(has_antisymmetric_forces):
-        terms = with_spin_of_variants(model, scene, values, terms, reduction)
+        terms, pairs, multipliers = with_loads_of_variants(
+            model, scene, values, terms, reduction, phi, pivots, first)  # fmt: skip
+        loaded = pairs, multipliers
+    spin = spin_of_variants(model, scene, values) if model.derived(has_antisymmetric_forces) else ([], [])
+    if scene.port.wrench_outputs:
+        axes, _ = joint_axes(scene.topology.joints, values)
+        terms = with_forces_in_joints(model, scene, (relative, phi, reduction, pivots.kept), terms, loaded, spin, axes)
+    if any(spin):
+        terms = with_antisymmetric_terms(scene, reduction, terms, *spin)
     if massless:
         variants = Separating(model, scene, reduction, terms, first, nominal)
         if not variants.constant:

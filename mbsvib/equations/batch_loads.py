@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.equations.batch_loops import LoopPivots
     from mbsvib.equations.batch_values import Values
+    from mbsvib.equations.load_stiffness import LoadedPairs
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.terms import Terms
     from mbsvib.equations.wrenches import AppliedWrenches
@@ -98,8 +99,11 @@ def _of_element(part: Any, fields: Mapping[str, Array], count: int) -> dict[str,
 def with_loads_of_variants(
     model: Mechanism, scene: Scene, values: Values, terms: Terms, reduction: Reduction, phi: Array, pivots: LoopPivots,
     first: int,
-) -> Terms:  # fmt: skip
-    """Return the terms of some variants with the stiffness of their loads; ``first`` is the index of the first."""
+) -> tuple[Terms, LoadedPairs, Array]:  # fmt: skip
+    """Return the terms of some variants with the stiffness of their loads, the pairs and the multipliers of the loops.
+
+    ``first`` is the index of the first variant.
+    """
     assert scene.loads is not None
     applied = scene.loads[0]
     position = np.concatenate((scene.position, np.zeros((*scene.position.shape[:-2], 1, 3))), axis=-2)
@@ -108,10 +112,11 @@ def with_loads_of_variants(
     residual, size = balance(leading(wrench)[..., :-1], leading(sizes)[..., :-1], terms.body_motion, reach)
     _check_balance(model, scene, terms, reduction, residual, size, first)
     loaded = loaded_pairs(scene, *joint_axes(scene.topology.joints, values))
-    part = load_stiffness(scene, reduction, loaded, pivots.multipliers(phi, loaded.gradient), every=True)
+    multipliers = pivots.multipliers(phi, loaded.gradient)
+    part = load_stiffness(scene, reduction, loaded, multipliers, every=True)
     owner = np.full(part.stiffness.shape[-1], len(scene.owners) + len(applied.names) + len(scene.topology.joints))
     terms = terms.with_rows(part.rows, part.stiffness, owner, part.matrix)
-    return terms.with_antisymmetric(None, part.circulatory)
+    return terms.with_antisymmetric(None, part.circulatory), loaded, multipliers
 
 
 def _check_balance(

@@ -68,6 +68,11 @@ class LoopPivots:
     reduction: Reduction
     blocks: tuple[Block, ...]
 
+    @property
+    def kept(self) -> list[tuple[Index, Index]]:
+        """The independent rows and the dependent coordinates of each group of loops."""
+        return [(block.rows[: len(block.dependent)], block.dependent) for block in self.blocks]
+
     def multipliers(self, phi: Array, gradient: Array) -> Array:
         """Return lambda (..., locked rows) with Phi^T lambda = - dV / dq in the dependent coordinates.
 

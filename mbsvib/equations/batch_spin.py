@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.spin_terms import check_spin, cross_couplings, with_antisymmetric_terms
+from mbsvib.equations.spin_terms import check_spin, cross_couplings
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements.rotor import Rotor
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.scene import Scene
-    from mbsvib.equations.terms import Terms
-    from mbsvib.kinematics.loops import Reduction
+    from mbsvib.equations.spin_terms import CrossCoupling
     from mbsvib.mechanism.mechanism import Mechanism
 
 
@@ -38,10 +37,10 @@ def spins_otherwise(model: Mechanism, values: Values) -> bool:
     return bool((speeds != speeds[:1]).any())
 
 
-def with_spin_of_variants(
-    model: Mechanism, scene: Scene, values: Values, terms: Terms, reduction: Reduction
-) -> Terms:
-    """Return the terms of some variants with those of rotors and cross-coupled elements."""
+def spin_of_variants(
+    model: Mechanism, scene: Scene, values: Values
+) -> tuple[list[tuple[int, Array]], list[CrossCoupling]]:
+    """Return the angular momenta of rotors and the cross-coupled elements of some variants."""
     number = {body.name: i for i, body in enumerate(scene.bodies)}
     rotors, speed = list(model.rotors.values()), np.zeros(values.count)
     momenta = []
@@ -65,7 +64,7 @@ def with_spin_of_variants(
     for part in cross_couplings(per_speed, scene.bodies, scene.elements):
         none = still.get(part.name, np.zeros((6, 6)))
         couplings.append(replace(part, stiffness=none + speed[:, None, None] * (part.stiffness - none)))
-    return with_antisymmetric_terms(scene, reduction, terms, momenta, couplings)
+    return momenta, couplings
 
 
 def _field(rotor: Rotor, name: str, values: Values) -> Array:

@@ -10,14 +10,14 @@ states S of self-stress and the length in D change: S . D^2 dw = -w . (D^2 dS + 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.equations.base_motion import ground_motion
 from mbsvib.equations.force_paths import carries_nothing, force_paths
 from mbsvib.equations.inertia import inertia_tensor
-from mbsvib.equations.load_stiffness import all_pairs
+from mbsvib.equations.load_stiffness import all_pairs, leading
 from mbsvib.equations.reactions import reactions
 from mbsvib.equations.shared_forces import shared_wrenches
 from mbsvib.equations.virtual_motions import VirtualWork, virtual_motions
@@ -25,25 +25,35 @@ from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.kinematics.mobility import crossed_product
 from mbsvib.linalg.products import product_with_zeros
 from mbsvib.linalg.rotations import skew
+from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body
     from mbsvib.equations.draft import Draft
+    from mbsvib.equations.load_stiffness import LoadedPairs
     from mbsvib.equations.reactions import Reactions
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.self_stress import SelfStress
+    from mbsvib.equations.spin_terms import CrossCoupling
     from mbsvib.equations.statics import Statics
+    from mbsvib.equations.terms import Terms
+    from mbsvib.equations.virtual_motions import Kept
+    from mbsvib.kinematics.loops import Reduction
+    from mbsvib.kinematics.relative_motion import Triplets
     from mbsvib.mechanism.mechanism import Mechanism
+
+    Spin = tuple[Sequence[tuple[int, Array]], Sequence[CrossCoupling]]
 
 
 def with_joint_forces(draft: Draft) -> Draft:
     """Return equations of motion with the rows of outputs that are forces in joints or sums of forces on a body."""
     model, scene, terms = draft.model, draft.scene, draft.terms
     rows = {key: getattr(terms, key).copy() for key in ("Cq", "Cv", "Ca", "D")}
-    outputs, stress = {}, ()
+    outputs: dict[str, tuple[int, Array]] = {}
+    stress: tuple[SelfStress, ...] = ()
     if any(kind == "joint" for _, kind, _, _ in scene.port.wrench_outputs):
         to_joints = draft.reactions or _reactions(draft)
         stress = to_joints.stress
@@ -64,6 +74,64 @@ def with_joint_forces(draft: Draft) -> Draft:
     return replace(draft, terms=replace(terms, **rows), undetermined=undetermined)
 
 
+def with_forces_in_joints(
+    model: Mechanism, scene: Scene, loops: tuple[Triplets, Array, Reduction, Kept], terms: Terms,
+    loaded: tuple[LoadedPairs, Array] | None, spin: Spin, axes: Mapping[str, Array],
+) -> Terms:  # fmt: skip
+    """Return the terms of variants with the rows of outputs that are forces in joints, in loops without redundancy.
+
+    ``loops``: relative displacements, Phi, minimal coordinates, kept rows and dependent coordinates. ``loaded``: pairs
+    and multipliers of forces at the pose. ``axes`` (variants, 3, 3): of joints by name, where variants differ in them.
+    """
+    relative, phi, reduction, kept = loops
+    asked = sorted({number for _, _, number, _ in scene.port.wrench_outputs})
+    points = _points(scene, asked)
+    work = VirtualWork(scene, reduction, phi, kept, virtual_motions(scene, asked, axes, points))
+    rows = work.at_rest(*_rows(scene, relative), *spin, terms)
+    q = rows.q if loaded is None else rows.q + work.of_forces(loaded[0], *all_pairs(scene, *loaded))
+    result: dict[str, Any] = {}
+    for key, values in (("Cq", q), ("Cv", rows.v), ("Ca", rows.a), ("D", rows.u)):
+        matrix = getattr(terms, key)
+        lead = np.broadcast_shapes(matrix.shape[:-2], values.shape[:-2])
+        result[key] = np.broadcast_to(matrix, (*lead, *matrix.shape[-2:])).copy()
+        for row, _, number, wrench in scene.port.wrench_outputs:
+            joint, k = scene.topology.joints[number], 6 * asked.index(number)
+            frame = np.array(joint.axes)
+            direction = np.concatenate((frame @ wrench[:3], frame @ wrench[3:]))
+            zero = carries_nothing(joint, direction, model, loaded=loaded is not None)
+            result[key][..., row, :] = 0.0 if zero else -(wrench @ values[..., k : k + 6, :])
+    return replace(terms, **result)
+
+
+def _points(scene: Scene, joints: Sequence[int]) -> dict[int, Array]:
+    """Points (..., 3) of joints, where they move with the joint or with a body in variants."""
+    result, start = {}, 0
+    twists, topology = leading(scene.coordinates.point), scene.topology
+    number = topology.body_numbers
+    for k in sorted(branch.joint for branch in topology.branches if branch.joint != FLOATS):
+        count = len(topology.joints[k].freedom)
+        if k in joints and count:
+            result[k] = twists[..., start]
+        start += count
+    for k in joints:
+        joint = topology.joints[k]
+        if k in topology.cut and scene.cuts is not None:
+            rows = np.flatnonzero(scene.cuts.joint[: scene.locked] == topology.cut.index(k))
+            if len(rows):
+                result[k] = leading(scene.cuts.rows.point)[..., rows[0]]
+        if k not in result or joint.point is None:
+            body = joint.first if joint.second == "ground" else joint.second
+            result[k] = np.array(joint.point) if joint.point is not None else scene.position[..., number[body], :]
+    return result
+
+
+def _rows(scene: Scene, relative: Triplets) -> tuple[Array, Array, Array]:
+    """Rows (..., rows, n) of elements, ports and base rows of shared elements."""
+    ends = np.cumsum([scene.locked, len(scene.springs.owner), len(scene.port.rows.first)]).tolist()
+    elements, ports, base = (relative.dense(*pair) for pair in zip(ends, [*ends[1:], relative.shape[0]], strict=True))
+    return elements, ports, base
+
+
 def _reactions(draft: Draft) -> Reactions:
     scene = draft.scene
     position = np.concatenate((scene.position, np.zeros((1, 3)))).T
@@ -78,10 +146,7 @@ def _in_joints(draft: Draft, to_joints: Reactions) -> dict[str, dict[int, Array]
     joints = sorted(asked.union(*(part.joints.tolist() for part in stress)))
     motions = virtual_motions(scene, joints, {}, {number: to_joints.paths.point[:, number] for number in joints})
     work = VirtualWork(scene, draft.reduction, draft.phi, kept_rows(draft), motions)
-    relative, start = draft.relative, scene.locked
-    ends = np.cumsum([start, len(scene.springs.owner), len(scene.port.rows.first)]).tolist()
-    elements, ports, base = (relative.dense(*pair) for pair in zip(ends, [*ends[1:], relative.shape[0]], strict=True))
-    rows = work.at_rest(elements, ports, base, *_spin(draft.model, scene), draft.terms)
+    rows = work.at_rest(*_rows(scene, draft.relative), *_spin(draft.model, scene), draft.terms)
     result = {"Cq": rows.q, "Cv": rows.v, "Ca": rows.a, "D": rows.u}
     place = {number: slice(6 * k, 6 * k + 6) for k, number in enumerate(joints)}
     frames = {number: np.array(scene.topology.joints[number].axes) for number in joints}
@@ -110,7 +175,7 @@ def kept_rows(draft: Draft) -> list[tuple[Index, Index]]:
              group.columns[depends[group.columns]]) for group in reduction.groups]  # fmt: skip
 
 
-def _spin(model: Mechanism, scene: Scene) -> tuple[list[tuple[int, Array]], list]:
+def _spin(model: Mechanism, scene: Scene) -> Spin:
     """Angular momenta of rotors and cross-coupled elements."""
     if not model.derived(has_antisymmetric_forces):
         return [], []
@@ -125,7 +190,7 @@ def _least(stress: SelfStress, to_joints: Reactions, statics: Statics) -> Array:
         statics.tree_wrenches.shape)  # fmt: skip
     amount = np.einsum("cjr,cj->r", stress.weight[..., None] * stress.states, tree[:, stress.joints, 0])
     assert stress.multipliers is not None
-    return stress.multipliers @ amount
+    return np.asarray(stress.multipliers @ amount)
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,6 +34,8 @@ from mbsvib.mechanism.topology import FLOATS
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from numpy.typing import NDArray
+
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.rows import Rows
     from mbsvib.equations.load_stiffness import LoadedPairs
@@ -129,7 +131,7 @@ def trailing(vectors: Array) -> Array:
     return np.ascontiguousarray(vectors if vectors.ndim == 2 else vectors.swapaxes(0, 1))
 
 
-def _beyond(scene: Scene) -> Array:
+def _beyond(scene: Scene) -> NDArray[np.int8]:
     """Signs (bodies + 1, joints) of the joints of the tree on the way from ground to each body."""
     result = np.zeros((len(scene.coordinates.path), len(scene.topology.joints)), dtype=np.int8)
     for branch in scene.topology.branches:
@@ -225,7 +227,8 @@ class VirtualWork:
             own, other = self.along(part.rows, rows), reduction.apply_exactly(rows)
             sums[0].add(own, part.stiffness @ other)
             sums[1].add(own, part.damping @ other)
-        return JointWrenches(*(part.total() for part in sums), self._inputs(ports, factor))
+        q, v, a = (part.total() for part in sums)
+        return JointWrenches(q, v, a, self._inputs(ports, factor))
 
     def _inputs(self, ports: Array, factor: Array) -> Array:
         """Minus the work (..., v, inputs) of a unit of each input."""
@@ -250,21 +253,21 @@ class VirtualWork:
         extended = TwistsAt(*(concatenated((getattr(twists, key), getattr(virtual, key)), -1)
                               for key in ("angular", "linear", "point", "path")))  # fmt: skip
         of_virtual = virtual.motion(pairs.first, pairs.second, pairs.point)
-        result = geometric_stiffness(extended, self._order(loaded.order, twists.path, v), pairs,
+        second = geometric_stiffness(extended, self._order(loaded.order, twists.path, v), pairs,
                                      concatenated((motion, of_virtual), -1), loaded.rod_curvature)  # fmt: skip
-        hessian = result.symmetric if result.antisymmetric is None else result.symmetric + result.antisymmetric
+        hessian = second.symmetric if second.antisymmetric is None else second.symmetric + second.antisymmetric
         hessian = np.where(np.abs(hessian) <= rounding(extended, pairs), 0.0, hessian)
         rows = np.array(hessian[..., n:, :n])
         for k, joint in enumerate(motions.joints):
             part, mine = scene.topology.joints[joint], slice(6 * k, 6 * k + 6)
             six, point = motions.six[..., mine], motions.point[..., 6 * k : 6 * k + 1]
-            first, second = (np.array([scene.topology.body_numbers[body]]) for body in (part.first, part.second))
-            xi = twists.motion(first, second, point)[..., 0, :]
+            a, b = (np.array([scene.topology.body_numbers[body]]) for body in (part.first, part.second))
+            xi = twists.motion(a, b, point)[..., 0, :]
             if joint in scene.topology.cut:
                 force, rows[..., mine, :] = self._of_cut(loaded, pairs, joint, six, xi)
             else:
-                force = result.transmitted[..., 3:, n + 6 * k]
-            if not part.is_rod and carrier_of(part, scene.topology.body_numbers) != first[0]:
+                force = second.transmitted[..., 3:, n + 6 * k]
+            if not part.is_rod and carrier_of(part, scene.topology.body_numbers) != a[0]:
                 # moments are about a point that moves with the second body
                 slide = skew(np.moveaxis(xi[..., 3:, :], -1, -2)) @ force[..., None, :, None]
                 rows[..., mine, :] -= six[..., :3, :].swapaxes(-1, -2) @ slide[..., 0].swapaxes(-1, -2)
@@ -273,7 +276,7 @@ class VirtualWork:
         size = np.abs(rows) + np.abs(back) @ np.abs(hessian[..., :n, :n])
         if self._reduction.matrix is not None:
             size = size @ np.abs(self._reduction.matrix)
-        return np.where(np.abs(result) <= ZERO_SUM * size, 0.0, result)
+        return np.asarray(np.where(np.abs(result) <= ZERO_SUM * size, 0.0, result))
 
     def _of_cut(self, loaded: LoadedPairs, pairs: Pairs, joint: int, six: Array, xi: Array) -> tuple[Array, Array]:
         """Force (..., 3) in a cut joint, and its rows (..., 6, n): -v . H xi - 1/2 F . [v, xi]."""
@@ -289,7 +292,7 @@ class VirtualWork:
         matrix = pairs.hessian[..., i, :, :] + 0.5 * bracket
         return -pairs.wrench[..., 3:, i], -(six.swapaxes(-1, -2) @ matrix @ xi)
 
-    def _order(self, order: MotionOrder, path: Array, v: int) -> MotionOrder:
+    def _order(self, order: MotionOrder, path: NDArray[np.int8], v: int) -> MotionOrder:
         """The order of the coordinates and, behind them, of the virtual motions, each before those of its own joint."""
         topology, motions, n = self._scene.topology, self._motions, len(order.joint)
         branch_of: dict[int, Branch] = {branch.joint: branch for branch in topology.branches if branch.joint != FLOATS}

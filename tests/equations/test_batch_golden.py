@@ -15,13 +15,6 @@ COUNT = 3
 LOCKED = ("hunt_174", "hunt_322", "hunt_33", "library_slider_crank")
 
 
-def plain(name):
-    """A scene without forces in joints as outputs, which are computed one variant after the other."""
-    model = mv.load(scenes()[name])
-    return model.with_parts(outputs={key: part for key, part in model.outputs.items()
-                                     if part.element is None or part.element in model.springs})  # fmt: skip
-
-
 def other_values(model, rng, share):
     """Values near those of the model, of some of its parameters."""
     names = [name for name in model.parameters if rng.random() < share] or list(model.parameters)[:1]
@@ -50,7 +43,7 @@ def cases():
 @pytest.mark.parametrize("name", cases())
 @pytest.mark.usefixtures("unbalanced")
 def test_variants_are_those_of_single_models(name):
-    model, rng = plain(name), np.random.default_rng(11)
+    model, rng = mv.load(scenes()[name]), np.random.default_rng(11)
     compared = 0
     for few in (3, 8, 16):
         values = other_values(model, rng, few / len(model.parameters))
