@@ -204,8 +204,9 @@ class VirtualWork:
             sums[order].add(virtual, value[..., None] * minimal)
         motion = body_motion(scene.coordinates, scene.position)
         of_bodies = body_motion(self._motions.twists, scene.position)
-        flat = motion.reshape(*motion.shape[:-3], -1, motion.shape[-1]) @ self.following
-        of_bodies = of_bodies + flat.reshape(*flat.shape[:-2], *of_bodies.shape[-3:-1], flat.shape[-1])
+        *lead, bodies, _, n = motion.shape
+        flat = motion.reshape(*lead, 6 * bodies, n) @ self.following
+        of_bodies = of_bodies + flat.reshape(*flat.shape[:-2], bodies, 6, flat.shape[-1])
         factor = scene.inertia.factor(of_bodies)
         if scene.shared is not None and scene.shared.base:
             mine = [len(part.first) for part in scene.shared.base]
