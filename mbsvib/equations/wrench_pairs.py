@@ -42,13 +42,6 @@ class WrenchPairs:
         keys = WrenchPairs.__slots__
         return WrenchPairs(*(np.concatenate((getattr(a, key), getattr(b, key)), axis=-1) for key in keys))
 
-    def incidence(self, bodies: int) -> tuple[Array, Array]:
-        """Return (n, bodies + 1) for first and for second, 1 where the pair acts on the body."""
-        n = len(self.first)
-        first, second = np.zeros((2, n, bodies + 1))
-        first[np.arange(n), self.first] = second[np.arange(n), self.second] = 1.0
-        return first, second
-
     def arms(self, position: Array) -> tuple[Array, Array]:
         """Return the arms (3, n) from the centres of mass (3, bodies + 1) to ``start`` and to ``end``."""
         return self.start - position[:, self.first], self.end - position[:, self.second]

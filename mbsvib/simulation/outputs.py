@@ -47,6 +47,11 @@ class Measured:
     refused: Mapping[str, str]
     needs_accelerations: bool
 
+    @property
+    def turns(self) -> bool:
+        """Whether an output is a rotation, whose whole turns are counted."""
+        return any(weight.any() for weight in self.weights)
+
     def values(self, time: Array, arguments: tuple[Array, ...]) -> tuple[dict[str, Array], dict[str, Array]]:
         """Return all outputs and their rates by name, (samples,) each.
 

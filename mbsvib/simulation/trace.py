@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 # The largest s^2 (1 - s)^3, and what the fifth degree may add to a smooth motion as a share of how far that goes.
 FIFTH, SMOOTH = 0.0346, 1e-3
+# Largest change of a rate of rotation times an interval [rad] over which whole turns are counted, and smallest interval
+# as a share of the time.
+LARGEST_TURN, LEAST_STEP = 2.0, 1e-9
 
 
 @dataclass(frozen=True)
@@ -81,8 +84,45 @@ class Trace:
         return replace(self, samples=tuple(samples), ended_by=ended_by)
 
     def values(self, samples: Sequence[Sample] | None = None) -> TraceValues:
-        """Return the values at the samples of the run, or at others."""
+        """Return the values at the samples of the run, or at others.
+
+        Whole turns of rotation vectors are counted over samples between them where these are far apart.
+        """
         samples = self.samples if samples is None else samples
+        between, wanted = self._with_turns(samples)
+        result = self._values(between)
+        if len(between) == len(samples):
+            return result
+        outputs, slopes = ({name: array[wanted] for name, array in part.items()}
+                           for part in (result.outputs, result.output_rates))  # fmt: skip
+        return TraceValues(result.coordinates[:, wanted], result.rates[:, wanted], outputs, slopes,
+                           result.kinetic[:, wanted], result.potential[:, wanted], result.work[:, wanted])  # fmt: skip
+
+    def _with_turns(self, samples: Sequence[Sample]) -> tuple[Sequence[Sample], list[int]]:
+        """The samples with others between them, so close that their rates tell the turns, and where they are there.
+
+        The trapezoid of the rates is off by less than their change times the interval.
+        """
+        turns = [name.rpartition(".")[2].startswith("r") for name in self.session.names]
+        counted = self.session.free_rotations or self.measured.turns or self.cut.turns
+        if not counted or not any(turns):
+            return samples, list(range(len(samples)))
+        result, wanted = list(samples[:1]), [0]
+        for target in samples[1:]:
+            stack = [target]
+            while stack:
+                last, following = result[-1].state, stack[-1].state
+                step = following.time - last.time
+                change = float(np.abs(following.qd - last.qd)[turns].max())
+                if step * change <= LARGEST_TURN or step <= LEAST_STEP * abs(following.time):
+                    result.append(stack.pop())
+                else:
+                    stack.append(reached(self.session, result[-1], last.time + 0.5 * step))
+            wanted.append(len(result) - 1)
+        return result, wanted
+
+    def _values(self, samples: Sequence[Sample]) -> TraceValues:
+        """The values at samples in whose order whole turns are counted."""
         states, bases = [sample.state for sample in samples], [sample.chart.bases for sample in samples]
         run = self.session
         q, qd, y = (np.array([getattr(state, name) for state in states]).T for name in ("q", "qd", "y"))
