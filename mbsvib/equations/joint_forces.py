@@ -19,7 +19,7 @@ from mbsvib.equations.force_paths import carries_nothing, force_paths
 from mbsvib.equations.inertia import inertia_tensor
 from mbsvib.equations.load_stiffness import all_pairs, leading
 from mbsvib.equations.reactions import reactions
-from mbsvib.equations.shared_forces import shared_wrenches
+from mbsvib.equations.shared_forces import shared_inertia
 from mbsvib.equations.virtual_motions import VirtualWork, virtual_motions
 from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.kinematics.mobility import crossed_product
@@ -270,9 +270,8 @@ def _set_sums(draft: Draft, rows: Mapping[str, Array]) -> None:
     for column, source in scene.port.base_motions:
         acceleration = ground_motion(source.wrench, source.position, position.T)
         base[:, :, column] = -_inertia(scene.bodies, acceleration[..., None])[:, :, 0]
-    if scene.shared is not None:
-        _, _, of_shared, of_base = shared_wrenches(scene, draft.relative, draft.reduction, position)
-        inertia, base = inertia + of_shared, base + of_base
+    of_shared, base_of_shared = shared_inertia(scene, draft.relative, draft.reduction, position)
+    inertia, base = inertia + of_shared, base + base_of_shared
     gyroscopic = _rotor_wrenches(model, scene, motion)
     for row, kind, body, wrench in scene.port.wrench_outputs:
         if kind != "body":

@@ -48,19 +48,11 @@ class Reactions:
         """States of self-stress of redundant constraints."""
         return tuple(of_loops(self.paths, self.cuts, self.reduction, self.phi, self.multiplier_wrenches))
 
-    def __call__(self, wrench: Array) -> Array:
-        """Return the wrenches in the joints that balance wrenches on the bodies.
-
-        ``wrench`` (6, bodies + 1, columns): forces [N] and moments about the centres of mass [N m] on the bodies, world
-        axes, ground last. Returns (6, joints, columns): force at the joint's point and moment about it, as they act on
-        the joint's second body; its first body takes the opposite.
-        """
-        return self.with_loops(self.paths.of_tree(wrench))
-
     def with_loops(self, tree: Array, multipliers: Array | None = None) -> Array:
         """Return the wrenches in all joints for those of the open tree, both (6, joints, columns).
 
-        ``multipliers``: those of ``tree``, if they are known.
+        Forces at the joints' points and moments about them, as they act on the joints' second bodies; first bodies take
+        the opposite. ``multipliers``: those of ``tree``, if they are known.
         """
         if not self.multiplier_wrenches.shape[1]:
             return tree

@@ -1,4 +1,4 @@
-"""Wrenches of beams and reduced models on their bodies, by stiffness, damping and inertia."""
+"""Wrenches of the mass of beams and reduced models on their bodies."""
 
 from __future__ import annotations
 
@@ -16,35 +16,27 @@ if TYPE_CHECKING:
     from mbsvib.kinematics.shared_rows import Composite
 
 
-def shared_wrenches(
+def shared_inertia(
     scene: Scene, relative: Triplets, reduction: Reduction, position: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Return the wrenches of shared rows on bodies, per unit of q, q', q'' and inputs.
+) -> tuple[Array, Array]:
+    """Return the wrenches of shared mass rows on bodies, per unit of q'' and of inputs.
 
-    ``position`` (3, bodies + 1): centres of mass and the origin [m]. Returns wrenches (6, bodies + 1, m) of
-    stiffness, damping and inertia, and (6, bodies + 1, inputs) of base motion, zero without shared rows.
+    ``position`` (3, bodies + 1): centres of mass and the origin [m]. Returns wrenches (6, bodies + 1, m) of inertia,
+    and (6, bodies + 1, inputs) of base motion, zero without such rows.
     """
     bodies, m = position.shape[1], len(reduction.independent)
-    elastic, damping, inertia = (np.zeros((6, bodies, m)) for _ in range(3))
-    base = np.zeros((6, bodies, len(scene.port.input_units)))
-    shared = scene.shared
-    if shared is None:
-        return elastic, damping, inertia, base
+    inertia, base = np.zeros((6, bodies, m)), np.zeros((6, bodies, len(scene.port.input_units)))
+    mass = None if scene.shared is None else scene.shared.mass
+    if mass is None:
+        return inertia, base
     start = scene.locked + len(scene.springs.owner) + len(scene.port.rows.first)
-    base_rows = reduction.apply(relative.dense(start, relative.shape[0]))
-    count = 0
-    if shared.mass is not None:
-        count = len(shared.mass.rows.first)
-        inertia -= _of_masses(shared.mass, shared.mass.of(base_rows[:count]), position)
-        for column, source in scene.port.base_motions:
-            wrench = np.array(source.wrench)
-            ground_motion = shared.mass.of_ground_motion(wrench[:3], wrench[3:], np.array(source.position))
-            base[:, :, column] -= _of_masses(shared.mass, ground_motion, position)[:, :, 0]
-    if shared.elastic is not None:
-        rows = shared.elastic.composite.of(base_rows[count:])
-        elastic -= _on_bodies(shared.elastic.composite, shared.elastic.stiffness[:, None] * rows, position)
-        damping -= _on_bodies(shared.elastic.composite, shared.elastic.damping[:, None] * rows, position)
-    return elastic, damping, inertia, base
+    base_rows = reduction.apply(relative.dense(start, start + len(mass.rows.first)))
+    inertia -= _of_masses(mass, mass.of(base_rows), position)
+    for column, source in scene.port.base_motions:
+        wrench = np.array(source.wrench)
+        ground_motion = mass.of_ground_motion(wrench[:3], wrench[3:], np.array(source.position))
+        base[:, :, column] -= _of_masses(mass, ground_motion, position)[:, :, 0]
+    return inertia, base
 
 
 def _on_bodies(composite: Composite, forces: Array, position: Array) -> Array:
