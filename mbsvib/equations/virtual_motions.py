@@ -101,20 +101,26 @@ def virtual_motions(scene: Scene, joints: Sequence[int], axes: Mapping[str, Arra
 
 def _measured_in(scene: Scene, joint: str, six: Array, point: Array) -> Array:
     """Changes (..., couplers, v) of couplers by motions ``six`` of a cut joint whose coordinates they measure."""
-    couplings = None if scene.cuts is None else scene.cuts.couplings
     result = np.zeros((len(scene.couplers), six.shape[-1]))
-    if couplings is None:
-        return result
-    known = set(scene.coordinates.names)
-    names = [name.rpartition(".")[0] for part in scene.couplers for name, _ in part.terms if name not in known]
-    of_cut = (couplings.column < 0).nonzero()[0]
-    for k, (name, term) in enumerate(zip(names, of_cut.tolist(), strict=True)):
+    for k, (name, term) in enumerate(_measured_terms(scene)):
         if name == joint:
+            assert scene.cuts is not None
+            assert scene.cuts.couplings is not None
+            couplings = scene.cuts.couplings
             row = _along(couplings.measured.take(slice(k, k + 1)), six, point)[..., 0, :]
             change = couplings.value[..., term, None] * row
             result = np.broadcast_to(result, (*change.shape[:-1], *result.shape[-2:])).copy()
             result[..., couplings.row[term], :] += change
     return result
+
+
+def _measured_terms(scene: Scene) -> list[tuple[str, int]]:
+    """Name of the joint, and number among all terms of couplers, of each coordinate measured in a cut joint."""
+    if scene.cuts is None or scene.cuts.couplings is None:
+        return []
+    known = set(scene.coordinates.names)
+    names = [name.rpartition(".")[0] for part in scene.couplers for name, _ in part.terms if name not in known]
+    return list(zip(names, np.flatnonzero(scene.cuts.couplings.column < 0).tolist(), strict=True))
 
 
 def _along(rows: Rows, six: Array, point: Array) -> Array:
@@ -265,7 +271,7 @@ class VirtualWork:
             a, b = (np.array([scene.topology.body_numbers[body]]) for body in (part.first, part.second))
             xi = twists.motion(a, b, point)[..., 0, :]
             if joint in scene.topology.cut:
-                force, rows[..., mine, :] = self._of_cut(loaded, pairs, joint, six, xi)
+                force, rows[..., mine, :] = self._of_cut(loaded, pairs, joint, six, point)
             else:
                 force = second.transmitted[..., 3:, n + 6 * k]
             if not part.is_rod and carrier_of(part, scene.topology.body_numbers) != a[0]:
@@ -279,19 +285,33 @@ class VirtualWork:
             size = size @ np.abs(self._reduction.matrix)
         return np.asarray(np.where(np.abs(result) <= ZERO_SUM * size, 0.0, result))
 
-    def _of_cut(self, loaded: LoadedPairs, pairs: Pairs, joint: int, six: Array, xi: Array) -> tuple[Array, Array]:
-        """Force (..., 3) in a cut joint, and its rows (..., 6, n): -v . H xi - 1/2 F . [v, xi]."""
-        topology, cut = self._scene.topology, loaded.cut
-        numbers = [] if cut is None else cut.number[cut.start].tolist()
-        if topology.cut.index(joint) not in numbers or topology.joints[joint].is_rod:
-            lead = xi.shape[:-2]
-            return np.zeros((*lead, 3)), np.zeros((*lead, 6, xi.shape[-1]))
-        i = len(loaded.pairs.first) + numbers.index(topology.cut.index(joint))
-        moment, force = (skew(pairs.wrench[..., part, i]) for part in (slice(3), slice(3, 6)))
-        top = np.concatenate((moment, force), axis=-1)
-        bracket = -np.concatenate((top, np.concatenate((force, np.zeros_like(force)), axis=-1)), axis=-2)
-        matrix = pairs.hessian[..., i, :, :] + 0.5 * bracket
-        return -pairs.wrench[..., 3:, i], -(six.swapaxes(-1, -2) @ matrix @ xi)
+    def _of_cut(self, loaded: LoadedPairs, pairs: Pairs, joint: int, six: Array, point: Array) -> tuple[Array, Array]:
+        """Force (..., 3) in a cut joint, and its rows (..., 6, n): -v . H xi - 1/2 F . [v, xi], of the joint and of the
+        couplers that measure it.
+        """
+        scene, n = self._scene, loaded.motion.shape[-1]
+        part = scene.topology.joints[joint]
+        force, rows = np.zeros((1, 3))[0], np.zeros((6, n))
+        for i in () if part.is_rod else self._pairs_of(loaded, joint):
+            at = pairs.point[..., i : i + 1]
+            xi = loaded.twists.motion(pairs.first[[i]], pairs.second[[i]], at)[..., 0, :]
+            moved = skew(np.moveaxis(point - at, -1, -2)) @ np.moveaxis(six[..., :3, :], -1, -2)[..., None]
+            there = concatenated((six[..., :3, :], six[..., 3:, :] + np.moveaxis(moved[..., 0], -1, -2)), -2)
+            moment, turn = (skew(pairs.wrench[..., half, i]) for half in (slice(3), slice(3, 6)))
+            top, bottom = concatenated((moment, turn), -1), concatenated((turn, np.zeros_like(turn)), -1)
+            matrix = pairs.hessian[..., i, :, :] - 0.5 * concatenated((top, bottom), -2)
+            force, rows = force - pairs.wrench[..., 3:, i], rows - there.swapaxes(-1, -2) @ matrix @ xi
+        return force, rows
+
+    def _pairs_of(self, loaded: LoadedPairs, joint: int) -> list[int]:
+        """Numbers of the pairs that act in a cut joint: its own, and those of couplers that measure its coordinates."""
+        scene, count, result = self._scene, len(loaded.pairs.first), []
+        if loaded.cut is not None:
+            own = (loaded.cut.number[loaded.cut.start] == scene.topology.cut.index(joint)).nonzero()[0]
+            result += (count + own).tolist()
+            count += len(loaded.cut.first)
+        return result + [count + k for k, (name, _) in enumerate(_measured_terms(scene))
+                         if name == scene.topology.joints[joint].name]  # fmt: skip
 
     def _order(self, order: MotionOrder, path: NDArray[np.int8], v: int) -> MotionOrder:
         """The order of the coordinates and, behind them, of the virtual motions, each before those of its own joint."""

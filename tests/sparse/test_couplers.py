@@ -61,7 +61,7 @@ def test_random_mechanisms(model):
     assert differ(sparse.reduced(sparse.dof).frequency_response(OMEGA), expected, retained) < 1e-9
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(3)
 @pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")
 @pytest.mark.parametrize("seed", few(range(5), 2))
 @pytest.mark.parametrize("words", [
