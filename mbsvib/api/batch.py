@@ -40,7 +40,8 @@ class Batch(BatchEquations, Displayed):
     inputs), ``Cq``, ``Cv``, ``Ca`` (n, outputs, m), ``D`` (n, outputs, inputs). They are read-only, and views of a
     single matrix where nothing varies. ``batch[i]`` is the system of variant i, ``nominal`` that of the model itself;
     ``values`` holds what varies, and ``closure`` (n, joint coordinates, m) is B'' where the geometry of loops does;
-    ``provenances`` are those of variants that were linearized one by one. ``gyroscopic`` and ``circulatory``
+    ``provenances`` are those of variants that were linearized one by one; if ``own_decisions``, ``batch[i]`` computes
+    what it tells of its forces at the pose and of motions without mass. ``gyroscopic`` and ``circulatory``
     (n, m, m) and ``null_inertia`` (n, m, massless) are None where no variant has them.
     """
 
