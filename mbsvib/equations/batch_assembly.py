@@ -105,7 +105,7 @@ def _adds_by_variant(model: Mechanism, scene: Scene, values: Values, nominal: Eq
     shared = scene.shared is not None and bool(scene.shared.base)
     spin = model.derived(has_antisymmetric_forces) and spins_otherwise(model, values)
     redundant = any(group.surplus for group in nominal.provenance.reduction.groups)
-    forces = any(kind == "body" or redundant for _, kind, _, _ in scene.port.wrench_outputs)
+    forces = redundant and any(kind == "joint" for _, kind, _, _ in scene.port.wrench_outputs)
     return bool(shared or forces or spin or curved)
 
 

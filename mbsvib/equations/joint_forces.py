@@ -16,14 +16,13 @@ import numpy as np
 
 from mbsvib.equations.base_motion import ground_motion
 from mbsvib.equations.force_paths import carries_nothing, force_paths
-from mbsvib.equations.inertia import inertia_tensor
 from mbsvib.equations.load_stiffness import all_pairs, leading
 from mbsvib.equations.reactions import reactions
 from mbsvib.equations.shared_forces import shared_inertia
 from mbsvib.equations.virtual_motions import VirtualWork, virtual_motions
 from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.kinematics.mobility import crossed_product
-from mbsvib.linalg.products import product_with_zeros
+from mbsvib.linalg.products import concatenated, product_with_zeros
 from mbsvib.linalg.rotations import skew
 from mbsvib.mechanism.topology import FLOATS
 
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements import Body
     from mbsvib.equations.draft import Draft
     from mbsvib.equations.load_stiffness import LoadedPairs
     from mbsvib.equations.reactions import Reactions
@@ -67,11 +65,14 @@ def with_joint_forces(draft: Draft) -> Draft:
                 zero = carries_nothing(joint, direction, model, loaded=draft.statics is not None)
                 for key, values in wrenches.items():
                     rows[key][row] = 0.0 if zero else -wrench @ values[number]
+    terms = replace(terms, **rows)
     if any(kind == "body" for _, kind, _, _ in scene.port.wrench_outputs):
-        _set_sums(draft, rows)
+        position = np.concatenate((scene.position, np.zeros((1, 3)))).T
+        inertia, base = shared_inertia(scene, draft.relative, draft.reduction, position)
+        terms = with_sums(scene, terms, _spin(model, scene)[0], (inertia.swapaxes(0, 1), base.swapaxes(0, 1)))
     names = [joint.name for joint in scene.topology.joints]
     undetermined = tuple([part.undetermined(names, outputs) for part in stress])
-    return replace(draft, terms=replace(terms, **rows), undetermined=undetermined)
+    return replace(draft, terms=terms, undetermined=undetermined)
 
 
 def with_forces_in_joints(
@@ -84,7 +85,12 @@ def with_forces_in_joints(
     and multipliers of forces at the pose. ``axes`` (variants, 3, 3): of joints by name, where variants differ in them.
     """
     relative, phi, reduction, kept = loops
-    asked = sorted({number for _, _, number, _ in scene.port.wrench_outputs})
+    outputs = [item for item in scene.port.wrench_outputs if item[1] == "joint"]
+    if len(outputs) < len(scene.port.wrench_outputs):
+        terms = with_sums(scene, terms, spin[0])
+    if not outputs:
+        return terms
+    asked = sorted({number for _, _, number, _ in outputs})
     points = _points(scene, asked)
     work = VirtualWork(scene, reduction, phi, kept, virtual_motions(scene, asked, axes, points))
     rows = work.at_rest(*_rows(scene, relative), *spin, terms)
@@ -94,7 +100,7 @@ def with_forces_in_joints(
         matrix = getattr(terms, key)
         lead = np.broadcast_shapes(matrix.shape[:-2], values.shape[:-2])
         result[key] = np.broadcast_to(matrix, (*lead, *matrix.shape[-2:])).copy()
-        for row, _, number, wrench in scene.port.wrench_outputs:
+        for row, _, number, wrench in outputs:
             joint, k = scene.topology.joints[number], 6 * asked.index(number)
             frame = np.array(joint.axes)
             direction = np.concatenate((frame @ wrench[:3], frame @ wrench[3:]))
@@ -260,63 +266,83 @@ def _moment_weight(draft: Draft, stress: SelfStress, to_joints: Reactions) -> Ar
     return np.asarray(-2.0 / (len(body) * stress.length**4) * np.einsum("cj,cjm->m", from_centre, displacement))
 
 
-def _set_sums(draft: Draft, rows: Mapping[str, Array]) -> None:
-    """Set the rows of sums of all forces on a body: its rate of change of momentum, or minus that of all others."""
-    scene, terms, model = draft.scene, draft.terms, draft.model
-    position = np.concatenate((scene.position, np.zeros((1, 3)))).T
-    motion = np.concatenate((terms.body_motion, np.zeros((1, *terms.body_motion.shape[1:]))))
-    inertia = -_inertia(scene.bodies, motion)
-    base = np.zeros((6, len(motion), len(scene.port.input_units)))
+def with_sums(
+    scene: Scene, terms: Terms, momenta: Sequence[tuple[int, Array]],
+    shared: tuple[Array, Array] | None = None,
+) -> Terms:  # fmt: skip
+    """Return terms with the rows of sums of all forces on a body: its rate of change of momentum, or minus that of all
+    others. Arrays may have an axis of variants in front.
+
+    ``shared``: wrenches (bodies + 1, 6, m) and (bodies + 1, 6, inputs) of masses that several bodies share.
+    """
+    asked = [(row, body, wrench) for row, kind, body, wrench in scene.port.wrench_outputs if kind == "body"]
+    rows = {"Ca": _momentum(scene, terms.body_motion), "D": _of_base_motions(scene),
+            "Cv": _of_rotors(terms.body_motion, momenta)}  # fmt: skip
+    if shared is not None:
+        rows["Ca"], rows["D"] = rows["Ca"] - shared[0], rows["D"] - shared[1]
+    moved = None if scene.loads is None else _of_loads(scene, terms.body_motion)
+    result: dict[str, Any] = {}
+    for key in ("Cq", "Cv", "Ca", "D"):
+        matrix = getattr(terms, key)
+        values = {row: np.zeros(matrix.shape[-1]) for row, _, _ in asked}
+        for row, body, wrench in asked if key in rows else ():
+            on_body = rows[key]
+            of_body = on_body[..., body, :, :] if body < on_body.shape[-3] - 1 else -_about_origin(scene, on_body)
+            values[row] = wrench @ of_body
+        if key == "Cq" and moved is not None:
+            values |= {row: wrench @ moved for row, body, wrench in asked if body == len(scene.bodies)}
+        lead = np.broadcast_shapes(matrix.shape[:-2], *(value.shape[:-1] for value in values.values()))
+        result[key] = np.broadcast_to(matrix, (*lead, *matrix.shape[-2:])).copy()
+        for row, value in values.items():
+            result[key][..., row, :] = value
+    return replace(terms, **result)
+
+
+def _momentum(scene: Scene, motion: Array) -> Array:
+    """Mass times acceleration (..., bodies + 1, 6, n) of motions (..., bodies, 6, n), zero for the ground."""
+    linear, angular = scene.inertia.linear, scene.inertia.angular
+    force = np.square(linear)[..., None, None] * motion[..., :3, :]
+    moment = (angular.swapaxes(-1, -2) @ angular) @ motion[..., 3:, :]
+    both = concatenated((force, moment), -2)
+    return np.concatenate((both, np.zeros((*both.shape[:-3], 1, *both.shape[-2:]))), axis=-3)
+
+
+def _of_base_motions(scene: Scene) -> Array:
+    """Mass times acceleration (..., bodies + 1, 6, inputs) of the bodies with the ground."""
+    columns = np.zeros((*scene.position.shape[:-1], 6, len(scene.port.input_units)))
     for column, source in scene.port.base_motions:
-        acceleration = ground_motion(source.wrench, source.position, position.T)
-        base[:, :, column] = -_inertia(scene.bodies, acceleration[..., None])[:, :, 0]
-    of_shared, base_of_shared = shared_inertia(scene, draft.relative, draft.reduction, position)
-    inertia, base = inertia + of_shared, base + base_of_shared
-    gyroscopic = _rotor_wrenches(model, scene, motion)
-    for row, kind, body, wrench in scene.port.wrench_outputs:
-        if kind != "body":
-            continue
-        rows["Cq"][row] = 0.0
-        for key, wrenches in (("Cv", gyroscopic), ("Ca", inertia), ("D", base)):
-            rows[key][row] = (-wrench @ wrenches[:, body] if body < len(motion) - 1 else
-                              wrench @ _about_origin(wrenches, position))  # fmt: skip
-        if draft.statics is not None and body == len(motion) - 1:
-            rows["Cq"][row] = wrench @ _of_loads(draft.statics, motion, position)
+        columns[..., column] = ground_motion(source.wrench, source.position, scene.position)
+    return _momentum(scene, columns)
 
 
-def _of_loads(statics: Statics, motion: Array, position: Array) -> Array:
-    """Changes (6, m) of the sum of gravity and loads, moments about the origin."""
-    applied, loads = statics.applied, slice(statics.applied.loads)
-    body, end = applied.pairs.second[loads], applied.pairs.end[:, loads]
-    translation, rotation = (motion[:, part].transpose(1, 0, 2) for part in (slice(3), slice(3, 6)))
-    turns = np.where(applied.follower[:, None], rotation[:, body], 0.0)
-    f, t = (vectors[:, loads, None] for vectors in (applied.pairs.force, applied.pairs.torque))
-    force, torque = crossed_product(turns, f), crossed_product(turns, t)
-    shift = translation[:, body] + crossed_product(rotation[:, body], (end - position[:, body])[..., None])
-    moment = torque + crossed_product(shift, f) + crossed_product(end[..., None], force)
-    moment_of_weight = crossed_product(translation, applied.weight[..., None]).sum(axis=1)
-    return np.concatenate((force.sum(axis=1), moment.sum(axis=1) + moment_of_weight))
-
-
-def _rotor_wrenches(model: Mechanism, scene: Scene, motion: Array) -> Array:
-    """Gyroscopic wrenches of rotors on their bodies, (6, bodies + 1, m) per unit of q'."""
-    result = np.zeros((6, len(motion), motion.shape[2]))
-    for body, momentum in _spin(model, scene)[0]:
-        result[3:, body] += product_with_zeros(skew(momentum), motion[body, 3:])
+def _of_rotors(motion: Array, momenta: Sequence[tuple[int, Array]]) -> Array:
+    """Minus the gyroscopic wrenches (..., bodies + 1, 6, m) of rotors per unit of q'."""
+    lead = np.broadcast_shapes(motion.shape[:-3], *(momentum.shape[:-1] for _, momentum in momenta))
+    result = np.zeros((*lead, motion.shape[-3] + 1, 6, motion.shape[-1]))
+    for body, momentum in momenta:
+        result[..., body, 3:, :] -= product_with_zeros(skew(momentum), motion[..., body, 3:, :])
     return result
 
 
-def _about_origin(wrenches: Array, position: Array) -> Array:
-    """The sum of wrenches (6, bodies + 1, n) on all bodies and the ground, moments about the origin."""
-    moment = wrenches[3:] + crossed_product(position[..., None], wrenches[:3])
-    result: Array = np.concatenate((wrenches[:3], moment)).sum(axis=1)
-    return result
+def _about_origin(scene: Scene, wrenches: Array) -> Array:
+    """The sum (..., 6, n) of wrenches (..., bodies + 1, 6, n), moments about the origin."""
+    bodies = wrenches[..., :-1, :, :]
+    moment = wrenches[..., 3:, :].sum(axis=-3) + (skew(scene.position) @ bodies[..., :3, :]).sum(axis=-3)
+    return np.asarray(concatenated((wrenches[..., :3, :].sum(axis=-3), moment), -2))
 
 
-def _inertia(bodies: tuple[Body, ...], motion: Array) -> Array:
-    """Mass times acceleration, (6, bodies + 1, n), of motions (bodies + 1, 6, n)."""
-    result = np.zeros((6, *motion[:, 0].shape))
-    for k, body in enumerate(bodies):
-        result[:3, k] = body.mass * motion[k, :3]
-        result[3:, k] = inertia_tensor(body) @ motion[k, 3:]
-    return result
+def _of_loads(scene: Scene, motion: Array) -> Array:
+    """Changes (..., 6, m) of the sum of gravity and loads, moments about the origin."""
+    assert scene.loads is not None
+    applied, loads = scene.loads[0], slice(scene.loads[0].loads)
+    body = applied.pairs.second[loads]
+    end, f, t = (np.moveaxis(leading(vectors)[..., loads], -1, -2) for vectors in (
+        applied.pairs.end, applied.pairs.force, applied.pairs.torque))  # fmt: skip
+    moved, turned = motion[..., body, :3, :], motion[..., body, 3:, :]
+    turns = np.where(applied.follower[:, None, None], turned, 0.0)
+    force, torque = -skew(f) @ turns, -skew(t) @ turns
+    shift = moved - skew(end - scene.position[..., body, :]) @ turned
+    moment = torque - skew(f) @ shift + skew(end) @ force
+    weight = np.moveaxis(leading(applied.weight)[..., :-1], -1, -2)
+    of_weight = (-skew(weight) @ motion[..., :3, :]).sum(axis=-3)
+    return np.asarray(concatenated((force.sum(axis=-3), moment.sum(axis=-3) + of_weight), -2))
