@@ -39,7 +39,7 @@ def cases():
     return [name for name in scenes() if name not in LOCKED and not mv.load(scenes()[name]).composed]
 
 
-@pytest.mark.few(24)
+@pytest.mark.few(12)
 @pytest.mark.parametrize("name", cases())
 @pytest.mark.usefixtures("unbalanced")
 def test_variants_are_those_of_single_models(name):

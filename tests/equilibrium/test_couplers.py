@@ -115,6 +115,7 @@ def test_a_motor_winds_a_spring_up_by_many_turns_of_its_pinion():
     assert there.linearize().K[0, 0] > 0
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("cut", ["output", "input"])
 @pytest.mark.parametrize("angle", [0.6, 2.0, -4.5])
 def test_a_wheel_behind_a_cardan_shaft(angle, cut):
