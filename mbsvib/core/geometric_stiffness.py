@@ -182,11 +182,15 @@ def _across(pairs: Pairs, rows: Array, ways: _Ways) -> Array:
     """1/2 F . [S_k, S_l] of pairs with k on the way to their first and l on that to their second body."""
     here = rows[..., ways.both, :, :]
     before, after = here * ways.up[:, None], here * ~ways.up[:, None]
-    moment, force = (skew(np.swapaxes(pairs.wrench[..., part, ways.both], -1, -2)) for part in (slice(3), slice(3, 6)))
-    # F . [a, b] = -a . X b,  X = [[m]x, [f]x; [f]x, 0]
-    top = np.concatenate((moment, force), axis=-1)
-    matrix = -0.5 * np.concatenate((top, np.concatenate((force, np.zeros_like(force)), axis=-1)), axis=-2)
+    matrix = 0.5 * bracket_form(np.swapaxes(pairs.wrench[..., ways.both], -1, -2))
     return np.asarray(_flat(before).swapaxes(-1, -2) @ _flat(matrix @ after))
+
+
+def bracket_form(wrench: Array) -> Array:
+    """Return X (..., 6, 6) with F . [a, b] = a . X b of wrenches F = (m, f) (..., 6): X = -[[m]x, [f]x; [f]x, 0]."""
+    moment, force = skew(wrench[..., :3]), skew(wrench[..., 3:])
+    top, bottom = (np.concatenate(blocks, axis=-1) for blocks in ((moment, force), (force, np.zeros_like(force))))
+    return -np.concatenate((top, bottom), axis=-2)
 
 
 def _transmitted(twists: TwistsAt, pairs: Pairs, ways: _Ways) -> tuple[list[Array], list[Array]]:

@@ -131,9 +131,9 @@ def line_between(who: str, start: Any, end: Any, hint: str) -> tuple[Vector, Vec
     return a, b, (x / length, y / length, z / length), length
 
 
-def no_line(part: Any, values: Mapping[str, Array]) -> Mask:
-    """Return which variants (v,) of an element have no line between its points, ``values`` (3, v) of some of them."""
-    start, end = (values.get(field, np.array(getattr(part, field))[:, None]) for field in ("start", "end"))
+def no_line(part: Any, values: Mapping[str, Array], ends: tuple[str, str] = ("start", "end")) -> Mask:
+    """Return which variants (v,) of a part have no line between its points, ``values`` (3, v) of some of them."""
+    start, end = (values.get(field, np.array(getattr(part, field))[:, None]) for field in ends)
     line = np.abs(end - start)
     return np.asarray(~line.any(axis=0) | ~np.isfinite(line).all(axis=0))
 

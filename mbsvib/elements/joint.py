@@ -11,7 +11,7 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import DIRECTIONS, UNIT6, Matrix3, Vector
 from mbsvib.common.fast_init import fast_init
-from mbsvib.elements.connection import check_ends
+from mbsvib.elements.connection import check_ends, no_line
 from mbsvib.elements.joint_kinds import KINDS, NEEDS_NO_POINT, SUBSPACES, Named, Six, subspaces
 from mbsvib.elements.joint_motion import STRAIGHT, Motion
 from mbsvib.elements.part import ParameterField, Part, derived, rotation_field, vector_field
@@ -106,11 +106,7 @@ class Joint(Part):
         return frozenset({"position", "end"} if self.is_rod else {"position", "orientation", "pitch"})
 
     def suspects(self, values: Mapping[str, Array]) -> Mask | bool:
-        if not self.is_rod:
-            return False
-        start, end = (values.get(field, np.array(getattr(self, field))[:, None]) for field in ("position", "end"))
-        line = np.abs(end - start)
-        return np.asarray(~line.any(axis=0) | ~np.isfinite(line).all(axis=0))
+        return self.is_rod and no_line(self, values, ("position", "end"))
 
     def in_pose(self, pose: Pose, relaxed: bool) -> Joint:
         """Return the joint in another pose, with the same free relative motions of its bodies.

@@ -26,7 +26,7 @@ from mbsvib.equations.matrices import matrices
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene as scene_of
 from mbsvib.equations.spin_terms import with_antisymmetric_terms
-from mbsvib.equations.terms import MATRICES, OPTIONAL
+from mbsvib.equations.terms import AXES, MATRICES, OPTIONAL
 from mbsvib.equations.wrenches import has_antisymmetric_forces
 from mbsvib.errors import ModelError
 
@@ -91,7 +91,7 @@ def _joined(parts: list[Any], key: str, count: int, size: int) -> Any:
     present = [part for part in parts if part is not None]
     if not present:
         return None
-    axes = {"row_stiffness": 1, "row_damping": 1, "body_motion": 3}.get(key, 2)
+    axes = AXES.get(key, 2)
     array = next((part for part in present if part.ndim > axes), present[0])
     if len(parts) > 1 and array.ndim > axes:
         none = np.zeros((size, *array.shape[1:]))

@@ -40,8 +40,7 @@ COEFFICIENTS = ("stiffness", "damping", "inertance", "static_stiffness")
 def scene_of_variants(model: Mechanism, scene: Scene, values: Values) -> Scene:
     """Return the arrays of a mechanism in all variants.
 
-    No 6x6 matrix varies. Arrays (3, n) of vectors become (3, variants, n) where they
-    vary, all others (variants, ...).
+    Arrays (3, n) of vectors become (3, variants, n) where they vary, all others (variants, ...).
     """
     number, positions = scene.topology.body_numbers, moved_bodies(scene, values)
     position = scene.position
@@ -188,21 +187,20 @@ def _couplings(scene: Scene, values: Values) -> Couplings | None:
     couplings = None if scene.cuts is None else scene.cuts.couplings
     if couplings is None:
         return None
-    value, known = couplings.value, set(scene.coordinates.names)
+    value = couplings.value
     for i, part in enumerate(scene.couplers):
         if part.name in values.fields:
             value = np.repeat(value[None], values.count, axis=0) if value.ndim == 1 else value
             value[:, couplings.row == i] = part.coefficients_of(values.fields[part.name]).T
-    names = [name.rpartition(".")[0] for part in scene.couplers for name, _ in part.terms if name not in known]
-    joints, rows = {joint.name: joint for joint in scene.topology.joints}, couplings.measured
-    owners = [(joints[name], slice(k, k + 1)) for k, name in enumerate(names)]
+    joints, rows = [joint for joint, _ in scene.measured], couplings.measured
+    owners = [(joint, slice(k, k + 1)) for k, joint in enumerate(joints)]
     force, moment, point = _of_parts((rows.force, rows.moment, rows.point), owners, values)
-    axes, _ = joint_axes([joints[name] for name in names], values)
+    axes, _ = joint_axes(joints, values)
     skew = []
     for k, *pair, which in couplings.skew:
-        frame = axes.get(names[k])
+        frame = axes.get(joints[k].name)
         if frame is not None:
-            turn = frame @ np.array(joints[names[k]].axes).T
+            turn = frame @ np.array(joints[k].axes).T
             pair = [np.einsum("vij,jk->ivk", turn, axis) for axis in pair]
         skew.append((k, pair[0], pair[1], which))
     measured = Rows(rows.first, rows.second, point, force, moment)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +11,7 @@ from mbsvib.equations.batch_geometry import scene_of_variant
 from mbsvib.equations.batch_one_by_one import check_massless
 from mbsvib.equations.draft import Draft
 from mbsvib.equations.massless_separation import separated
-from mbsvib.equations.terms import Terms
+from mbsvib.equations.terms import AXES, Terms
 from mbsvib.errors import MbsvibError, ModelError
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 # Variants whose dampers hold the motions worse than this (inverse condition) are separated by themselves.
 SUSPECT_DAMPING = 1e-6
-_AXES = {item.name: 2 for item in fields(Terms)} | {"row_stiffness": 1, "row_damping": 1, "body_motion": 3}
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ class Separating:
 
     def separated(self, i: int) -> Terms:
         """Return the terms of a variant with its own separation; an error names the variant by its index."""
-        own = {key: array[i] if isinstance(array, np.ndarray) and array.ndim > _AXES[key] else array
+        own = {key: array[i] if isinstance(array, np.ndarray) and array.ndim > AXES[key] else array
                for key, array in self.terms.named().items()}  # fmt: skip
         reduction = self.reduction
         if reduction.matrix is not None and reduction.matrix.ndim == 3:

@@ -176,11 +176,8 @@ def _measured(scene: Scene, loaded: LoadedPairs, multipliers: Array) -> Pairs | 
     couplings, measured = cuts.couplings, cuts.couplings.measured
     terms = (couplings.column < 0).nonzero()[0]
     work = multipliers[..., len(cuts.rows.first) + couplings.row[terms]] * couplings.value[..., terms]
-    known, joint_of = set(scene.coordinates.names), {joint.name: joint for joint in scene.topology.joints}
-    names = [name.rpartition(".") for coupler in scene.couplers for name, _ in coupler.terms if name not in known]
-    of_names = [(joint_of[owner], direction) for owner, _, direction in names]
     vectors = leading(measured.point), leading(measured.force), leading(measured.moment)
-    return of_measured((measured.first, measured.second), vectors, of_names, work, loaded.axes, loaded.lengths)
+    return of_measured((measured.first, measured.second), vectors, scene.measured, work, loaded.axes, loaded.lengths)
 
 
 def rounding(twists: TwistsAt, pairs: Pairs) -> Array:

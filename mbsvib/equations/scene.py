@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements import Body, Bushing, Spring
+    from mbsvib.elements import Body, Bushing, Joint, Spring
     from mbsvib.elements.coupler import Coupling
     from mbsvib.elements.element_rows import ElementRows
     from mbsvib.equations.inertia import SpatialInertia
@@ -60,6 +60,13 @@ class Scene:
     def locked(self) -> int:
         """Number of locked rows of cut joints, which come first among the rows."""
         return len(self.cuts.rows.first) if self.cuts else 0
+
+    @property
+    def measured(self) -> list[tuple[Joint, str]]:
+        """Joint and direction of each coordinate of a cut joint that couplers measure, in their order."""
+        known, joints = set(self.coordinates.names), {joint.name: joint for joint in self.topology.joints}
+        names = [name.rpartition(".") for part in self.couplers for name, _ in part.terms if name not in known]
+        return [(joints[owner], direction) for owner, _, direction in names]
 
     @property
     def owners(self) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.core.geometric_stiffness import Pairs, TwistsAt, geometric_stiffness
+from mbsvib.core.geometric_stiffness import Pairs, TwistsAt, bracket_form, geometric_stiffness
 from mbsvib.core.motion_order import MotionOrder
 from mbsvib.equations.base_motion import inertia_of_ground_motion
 from mbsvib.equations.force_paths import carrier_of
@@ -118,8 +118,7 @@ def _measured_terms(scene: Scene) -> list[tuple[str, int]]:
     """Name of the joint, and number among all terms of couplers, of each coordinate measured in a cut joint."""
     if scene.cuts is None or scene.cuts.couplings is None:
         return []
-    known = set(scene.coordinates.names)
-    names = [name.rpartition(".")[0] for part in scene.couplers for name, _ in part.terms if name not in known]
+    names = [joint.name for joint, _ in scene.measured]
     return list(zip(names, np.flatnonzero(scene.cuts.couplings.column < 0).tolist(), strict=True))
 
 
@@ -168,13 +167,13 @@ class VirtualWork:
     def __init__(self, scene: Scene, reduction: Reduction, phi: Array, kept: Kept, motions: VirtualMotions) -> None:
         self._scene, self._reduction, self._motions = scene, reduction, motions
         opening = motions.opening
-        if scene.cuts is not None and len(phi):
+        if scene.cuts is not None and phi.shape[-2]:
             of_rows = relative_motion(motions.twists, scene.cuts.rows).dense(0, scene.locked)
             if scene.cuts.couplings is not None:
                 of_rows = concatenated((of_rows, self._measured()), -2)
             opening = opening + of_rows
         lead = np.broadcast_shapes(phi.shape[:-2], opening.shape[:-2])
-        self.following = np.zeros((*lead, reduction_size(scene), opening.shape[-1]))
+        self.following = np.zeros((*lead, len(scene.coordinates.names), opening.shape[-1]))
         for rows, dependent in kept:
             if len(dependent):
                 matrix = phi[..., rows[:, None], dependent]
@@ -297,9 +296,7 @@ class VirtualWork:
             xi = loaded.twists.motion(pairs.first[[i]], pairs.second[[i]], at)[..., 0, :]
             moved = skew(np.moveaxis(point - at, -1, -2)) @ np.moveaxis(six[..., :3, :], -1, -2)[..., None]
             there = concatenated((six[..., :3, :], six[..., 3:, :] + np.moveaxis(moved[..., 0], -1, -2)), -2)
-            moment, turn = (skew(pairs.wrench[..., half, i]) for half in (slice(3), slice(3, 6)))
-            top, bottom = concatenated((moment, turn), -1), concatenated((turn, np.zeros_like(turn)), -1)
-            matrix = pairs.hessian[..., i, :, :] - 0.5 * concatenated((top, bottom), -2)
+            matrix = pairs.hessian[..., i, :, :] + 0.5 * bracket_form(pairs.wrench[..., i])
             force, rows = force - pairs.wrench[..., 3:, i], rows - there.swapaxes(-1, -2) @ matrix @ xi
         return force, rows
 
@@ -334,11 +331,6 @@ class VirtualWork:
                     before[mine, column] = beyond[branch_of[other].parent]
         sign = np.concatenate((order.sign, np.ones(v)))
         return MotionOrder(before, np.concatenate((order.joint, np.repeat(motions.joints, 6))), sign, order.rods)
-
-
-def reduction_size(scene: Scene) -> int:
-    """Return the number of joint coordinates."""
-    return len(scene.coordinates.names)
 
 
 class _Sum:
