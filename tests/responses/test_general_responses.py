@@ -179,6 +179,6 @@ def test_thrust_that_turns_along_beside_a_vibration():
     assert np.count_nonzero(modes.eigenvalues == 0.0) == 4
     np.testing.assert_allclose(modes.natural[-1], np.sqrt(120.0 * (1.0 / 3.0 + 1.0 / 4.0)), rtol=1e-13)
     w = np.array([0.1, 3.0, 200.0])
-    angle, held, carried = -1.0 / (3.0 * w**2), 120.0 - 3.0 * w**2, 120.0 - 4.0 * w**2
-    np.testing.assert_allclose(system.frequency_response(w)[0, 0], 6.0 * angle * carried / (held * carried - 120.0**2),
+    angle, held, of_load = -1.0 / (3.0 * w**2), 120.0 - 3.0 * w**2, 120.0 - 4.0 * w**2
+    np.testing.assert_allclose(system.frequency_response(w)[0, 0], 6.0 * angle * of_load / (held * of_load - 120.0**2),
                                rtol=1e-11)  # fmt: skip

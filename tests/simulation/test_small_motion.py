@@ -83,7 +83,7 @@ def test_a_mode_that_moves_no_node(node, coupled):
 
 
 def test_a_superelement_on_the_ground_falls_by_its_weight():
-    """A mass on springs is let go: it swings about its sag m g / k along all directions of gravity."""
+    """A mass on springs is released: it swings about its sag m g / k along all directions of gravity."""
     gravity, m, k = np.array((3.0, 0.5, -9.81)), 2.0, 300.0
     spring = np.diag((k, k, k, 40.0, 40.0, 40.0))
     model = mv.Model("hung", gravity=gravity)
