@@ -99,9 +99,9 @@ def test_fmpy_runs_every_library_model(name, version, tmp_path):
             result.append(slave.get(outputs))
     truth, units = held(space, h, u), np.array(system.output_units)
     error = np.abs(result - truth).max(axis=0, initial=0.0)
-    # some outputs hardly move in that time: each is measured by all of its unit
+    # some outputs hardly move in that time, or not at all: each is measured by all of its unit
     for item in set(system.output_units):
-        assert error[units == item].max() < 1e-12 * np.abs(truth[:, units == item]).max()
+        assert error[units == item].max() <= 1e-12 * np.abs(truth[:, units == item]).max()
     x = rng.standard_normal(len(space.states))
     with unit(file, tmp_path / "unit", "me") as master:
         if version == "2.0":
